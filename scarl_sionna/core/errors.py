@@ -1,0 +1,101 @@
+"""Typed errors: what is wrong, the value with its unit, what is allowed, and the remedy.
+
+Every error raised on bad input derives from :class:`ScarlError`, so that a program can tell a user's mistake from a bug.
+Each one keeps its data as attributes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class ScarlError(Exception):
+    """Base of all errors that scarl-sionna raises on purpose."""
+
+
+class ParameterRangeError(ScarlError, ValueError):
+    """A parameter lies outside its allowed range."""
+
+    def __init__(self, name: str, value: object, allowed: str, remedy: str = "") -> None:
+        self.name, self.value, self.allowed, self.remedy = name, value, allowed, remedy
+        super().__init__(f"{name} = {value} is not allowed (allowed: {allowed})" + (f"; {remedy}" if remedy else ""))
+
+
+class UnknownNameError(ScarlError, KeyError):
+    """A name is not among the known ones."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str], remedy: str = "") -> None:
+        self.kind, self.name, self.known, self.remedy = kind, name, sorted(known), remedy
+        close = get_close_matches(name, self.known, n=1)
+        hint = f"; did you mean '{close[0]}'?" if close else ""
+        listed = ", ".join(self.known) if self.known else "none"
+        super().__init__(f"unknown {kind} '{name}' (known: {listed}){hint}" + (f"; {remedy}" if remedy else ""))
+
+    def __str__(self) -> str:  # KeyError would show the repr
+        return str(self.args[0])
+
+
+class SceneError(ScarlError):
+    """A scene's files are missing, broken or contradict each other."""
+
+    def __init__(self, message: str, path: object = None, remedy: str = "") -> None:
+        self.path, self.remedy = path, remedy
+        where = f"{path}: " if path is not None else ""
+        super().__init__(where + message + (f"; {remedy}" if remedy else ""))
+
+
+class MeshError(SceneError):
+    """A mesh has no faces, vertices that are not finite, or cannot be read."""
+
+
+class MaterialError(ScarlError):
+    """A material is unknown or its entry is not usable."""
+
+
+class MaterialRangeError(MaterialError):
+    """A material has no data at the frequency asked for."""
+
+    def __init__(self, material: str, frequency: float, valid: tuple[float, float], alternatives: Iterable[str]) -> None:
+        self.material, self.frequency, self.valid = material, frequency, valid
+        self.alternatives = sorted(alternatives)
+        super().__init__(
+            f"material '{material}' has no data at {frequency / 1e9:.4g} GHz "
+            f"(valid: {valid[0] / 1e9:.4g}-{valid[1] / 1e9:.4g} GHz); choose one of {', '.join(self.alternatives)} "
+            "or add a sourced entry to a materials.toml"
+        )
+
+
+class TimeRangeError(ScarlError, ValueError):
+    """A time lies outside the interval in which the scene's motion is known."""
+
+    def __init__(self, time: float, start: float, stop: float, what: str) -> None:
+        self.time, self.start, self.stop, self.what = time, start, stop, what
+        super().__init__(
+            f"time {time:.6g} s is outside the motion of {what} ({start:.6g} to {stop:.6g} s); "
+            "ask for a time inside, or extend its trajectory"
+        )
+
+
+class PlacementError(ScarlError, ValueError):
+    """A sensor or an antenna stands where it cannot work, for instance inside a mesh."""
+
+
+class EngineError(ScarlError, RuntimeError):
+    """The ray tracing engine cannot run on this machine."""
+
+
+class OutputError(ScarlError, OSError):
+    """A result cannot be written."""
+
+
+class MissingExtraError(ScarlError, ImportError):
+    """An optional package is needed for what was asked."""
+
+    def __init__(self, package: str, extra: str, purpose: str) -> None:
+        self.package, self.extra, self.purpose = package, extra, purpose
+        super().__init__(f"{purpose} needs the package '{package}'; install it with: pip install 'scarl-sionna[{extra}]'")
+
+
+class ScarlWarning(UserWarning):
+    """A result is outside the range in which its method is right."""

@@ -1,0 +1,131 @@
+"""Rigid poses and the frames of the project.
+
+A pose named `world_from_radar` maps points of the radar's frame into the world: ``p_world = world_from_radar @ p_radar``.
+Frames: `vehicle`, `radar`, `lidar`, `sensor` have x forward, y left, z up; `camera_optical` has x right, y down, z forward.
+Quaternions are [w, x, y, z]; lengths are metres; everything is float64.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from .errors import ParameterRangeError
+
+Array = npt.NDArray[np.float64]
+
+CAMERA_OPTICAL_FROM_SENSOR = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+"""Rotation from a sensor frame (x forward, y left, z up) to the optical frame (x right, y down, z forward)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A rigid transformation: rotation, then translation.
+
+    Parameters
+    ----------
+    position : array_like of float, shape (3,)
+        Origin of the source frame in the target frame [m].
+    quaternion : array_like of float, shape (4,)
+        Rotation [w, x, y, z]; normalised on construction.
+    """
+
+    position: Array = field(default_factory=lambda: np.zeros(3))
+    quaternion: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
+
+    def __post_init__(self) -> None:
+        position = np.array(self.position, dtype=np.float64)
+        quaternion = np.array(self.quaternion, dtype=np.float64)
+        if position.shape != (3,) or not np.isfinite(position).all():
+            raise ParameterRangeError("position", self.position, "three finite coordinates [m]")
+        norm = float(np.linalg.norm(quaternion)) if quaternion.shape == (4,) else 0.0
+        if not np.isfinite(norm) or norm < 1e-12:
+            raise ParameterRangeError("quaternion", self.quaternion, "four finite numbers [w, x, y, z], not all zero")
+        quaternion = quaternion / norm
+        position.setflags(write=False)
+        quaternion.setflags(write=False)
+        object.__setattr__(self, "position", position)
+        object.__setattr__(self, "quaternion", quaternion)
+
+    @classmethod
+    def from_rotation(cls, position: npt.ArrayLike, rotation: npt.ArrayLike) -> Pose:
+        """Return the pose with a 3 x 3 rotation matrix."""
+        quaternion = Rotation.from_matrix(np.asarray(rotation, dtype=np.float64)).as_quat()  # x, y, z, w
+        return cls(np.asarray(position, dtype=np.float64), np.roll(quaternion, 1))
+
+    @classmethod
+    def from_euler(
+        cls, position: npt.ArrayLike, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0
+    ) -> Pose:
+        """Return the pose with intrinsic yaw (about z), pitch (about y, positive = nose down) and roll (about x) [rad]."""
+        quaternion = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
+        return cls(np.asarray(position, dtype=np.float64), np.roll(quaternion, 1))
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation matrix, shape (3, 3); its columns are the source frame's axes in the target frame."""
+        return Rotation.from_quat(np.roll(self.quaternion, -1)).as_matrix()
+
+    @property
+    def matrix(self) -> Array:
+        """Homogeneous matrix, shape (4, 4)."""
+        out = np.eye(4)
+        out[:3, :3] = self.rotation
+        out[:3, 3] = self.position
+        return out
+
+    @property
+    def yaw(self) -> float:
+        """Heading of the x axis about z [rad]."""
+        x_axis = self.rotation[:, 0]
+        return float(np.arctan2(x_axis[1], x_axis[0]))
+
+    def inverse(self) -> Pose:
+        """Return the pose that undoes this one."""
+        rotation = self.rotation.T
+        return Pose.from_rotation(-rotation @ self.position, rotation)
+
+    def apply(self, points: npt.ArrayLike) -> Array:
+        """Map points of shape (..., 3) from the source to the target frame."""
+        return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position
+
+    def rotate(self, vectors: npt.ArrayLike) -> Array:
+        """Map directions of shape (..., 3) from the source to the target frame."""
+        return np.asarray(vectors, dtype=np.float64) @ self.rotation.T
+
+    def __matmul__(self, other: Pose | npt.ArrayLike) -> Pose | Array:
+        """Compose with a pose, or map points."""
+        if isinstance(other, Pose):
+            return Pose.from_rotation(self.apply(other.position), self.rotation @ other.rotation)
+        return self.apply(other)
+
+    def compose(self, other: Pose) -> Pose:
+        """Return the pose ``self @ other``."""
+        return Pose.from_rotation(self.apply(other.position), self.rotation @ other.rotation)
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Return position and quaternion as plain lists, for files."""
+        return {"position": self.position.tolist(), "quaternion": self.quaternion.tolist()}
+
+
+@dataclass(frozen=True, eq=False)
+class Twist:
+    """Velocity of a rigid body: linear velocity of its origin [m/s] and angular velocity [rad/s], both in the world frame."""
+
+    linear: Array = field(default_factory=lambda: np.zeros(3))
+    angular: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        for name in ("linear", "angular"):
+            value = np.array(getattr(self, name), dtype=np.float64)
+            if value.shape != (3,) or not np.isfinite(value).all():
+                raise ParameterRangeError(name, getattr(self, name), "three finite components")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    def velocity_at(self, offset: npt.ArrayLike) -> Array:
+        """Return the velocity [m/s] of points at `offset` (..., 3) [m, world axes] from the body's origin."""
+        return self.linear + np.cross(self.angular, np.asarray(offset, dtype=np.float64))

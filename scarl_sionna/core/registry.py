@@ -1,0 +1,45 @@
+"""Finds sensor classes by the entry points ``scarl.sensors`` so that nothing here imports a sensor package."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any, Protocol
+
+import numpy as np
+
+from .errors import UnknownNameError
+from .pose import Pose, Twist
+
+ENTRY_POINT_GROUP = "scarl.sensors"
+
+
+class Sensor(Protocol):
+    """A sensor looks at a state of the world from a pose and returns a result; it keeps no state of its own."""
+
+    def __init__(self, spec: Any) -> None: ...
+
+    def observe(
+        self, state: Any, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
+    ) -> Any:
+        """Return the sensor's result at the state's time.
+
+        Parameters
+        ----------
+        state : scarl_sionna.world.WorldState
+        world_from_sensor : Pose
+            Sensor frame: x forward, y left, z up.
+        sensor_twist : Twist
+            Velocity of the sensor itself, world axes.
+        seed_generator : numpy.random.Generator
+            The only source of randomness.
+        """
+
+
+@cache
+def sensor_class(kind: str) -> type[Sensor]:
+    """Return the sensor class registered under a kind, for instance ``"radar"``."""
+    found = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
+    if kind not in found:
+        raise UnknownNameError("sensor kind", kind, found, "install the package that registers it under scarl.sensors")
+    return found[kind].load()

@@ -1,0 +1,30 @@
+"""Base of all specifications: frozen, unknown keys forbidden, changed by copy."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from .errors import ParameterRangeError
+
+SpecT = TypeVar("SpecT", bound="Spec")
+
+
+class Spec(BaseModel):
+    """A frozen specification. Bad values raise :class:`ParameterRangeError` with the field, the value and what is allowed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __init__(self, **data: Any) -> None:
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            first = error.errors()[0]
+            name = type(self).__name__ + "." + ".".join(str(part) for part in first["loc"])
+            value = first.get("input")
+            raise ParameterRangeError(name, repr(value)[:80], first["msg"]) from error
+
+    def with_(self: SpecT, **changes: Any) -> SpecT:
+        """Return a copy with some fields changed; the copy is validated again."""
+        return type(self)(**{**{name: getattr(self, name) for name in type(self).model_fields}, **changes})

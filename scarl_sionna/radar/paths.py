@@ -1,0 +1,82 @@
+"""What every channel solver returns: geometric paths between the radar's antennas, exact for each antenna."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class RadarPaths:
+    """Propagation paths of one radar at one instant.
+
+    The length of a path from an antenna at p to one at q is ``|tx_point - p| + inner_length + |rx_point - q|``. For a
+    single scattering both points are the hit point and the inner length is 0; behind a chain of mirror reflections a point
+    is the image of the scatterer. A path of mirror reflections only has no scattering point: its length is
+    ``|rx_image(q) - p|``, and `rx_image` holds the isometry.
+
+    Attributes
+    ----------
+    tx_point, rx_point : ndarray of float64, shape (num_paths, 3)
+        Virtual end points [m, world].
+    inner_length : ndarray of float64, shape (num_paths,)
+        Length between the two end points [m].
+    a : ndarray of complex128, shape (num_paths, 2, 2)
+        Polarimetric transfer between the array centres (the radar frame's origins), without the carrier's phase over the
+        length and without antennas, so that ``|a|**2`` is received over transmitted power of isotropic antennas. Rows:
+        received theta-hat (V), phi-hat (H); columns: transmitted. Spherical basis of the radar frame (z up) at each end.
+        The field at the receiver is ``a * exp(-2j pi f tau)``.
+    length_rate : ndarray of float64, shape (num_paths,)
+        d(length)/dt at the array centres [m/s].
+    length_acceleration : ndarray of float64, shape (num_paths,)
+        Second derivative of the length [m/s2]; zero where a solver keeps to first order (SCaRL's linear motion).
+    instance, interaction : ndarray of int32, shape (num_paths, max_depth)
+        Instance id and kind of each interaction, -1 beyond the path's depth.
+    depth : ndarray of int32, shape (num_paths,)
+        Number of interactions.
+    semantic : ndarray of uint8, shape (num_paths,)
+        Semantic class of the last scatterer.
+    rx_image : ndarray of float64, shape (num_paths, 3, 4), or None
+        For paths of mirror reflections only: isometry that maps the receiver to its image; NaN for other paths.
+    world_from_tx, world_from_rx : Pose
+        Radar frames of the transmitter and of the receiver; equal for a monostatic radar.
+    diagnostics : mapping
+        What the solver chose and left out.
+    """
+
+    tx_point: npt.NDArray[np.float64]
+    rx_point: npt.NDArray[np.float64]
+    inner_length: npt.NDArray[np.float64]
+    a: npt.NDArray[np.complex128]
+    length_rate: npt.NDArray[np.float64]
+    length_acceleration: npt.NDArray[np.float64]
+    instance: npt.NDArray[np.int32]
+    interaction: npt.NDArray[np.int32]
+    depth: npt.NDArray[np.int32]
+    semantic: npt.NDArray[np.uint8]
+    world_from_tx: Pose
+    world_from_rx: Pose
+    rx_image: npt.NDArray[np.float64] | None = None
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def num_paths(self) -> int:
+        """Number of paths."""
+        return int(self.inner_length.shape[0])
+
+    def select(self, index: npt.ArrayLike) -> RadarPaths:
+        """Return the paths of an index, a mask or a slice."""
+        chosen = np.asarray(index) if not isinstance(index, slice) else index
+        changed = {
+            item.name: value[chosen]
+            for item in fields(self)
+            if isinstance(value := getattr(self, item.name), np.ndarray)
+        }
+        rest = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in changed}
+        return RadarPaths(**changed, **rest)
