@@ -44,7 +44,8 @@ class Pose:
         norm = float(np.linalg.norm(quaternion)) if quaternion.shape == (4,) else 0.0
         if not np.isfinite(norm) or norm < 1e-12:
             raise ParameterRangeError("quaternion", self.quaternion, "four finite numbers [w, x, y, z], not all zero")
-        quaternion = quaternion / norm
+        if abs(norm - 1.0) > 1e-15:  # not twice: a pose read from a file keeps its last bit
+            quaternion = quaternion / norm
         position.setflags(write=False)
         quaternion.setflags(write=False)
         object.__setattr__(self, "position", position)
