@@ -1,0 +1,127 @@
+"""The radio material table: values, sources, ranges, user files and errors."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+
+import pytest
+
+from scarl_sionna.core.errors import MaterialError, MaterialRangeError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.units import VACUUM_PERMITTIVITY
+from scarl_sionna.world.materials import RadioMaterial, builtin_materials, load_materials
+
+REQUIRED = {
+    "asphalt", "asphalt_wet", "concrete", "metal", "car_paint", "car_glass", "glass", "rubber", "plastic", "wood",
+    "foliage", "grass", "soil", "brick", "road_paint", "gravel",
+}  # fmt: skip
+
+# ITU-R P.2040-3, Table 3: eps' = a f_GHz^b, sigma = c f_GHz^d.
+ITU_COEFFICIENTS = {
+    "concrete": (5.24, 0.0, 0.0462, 0.7822),
+    "glass": (6.31, 0.0, 0.0036, 1.3394),
+    "wood": (1.99, 0.0, 0.0047, 1.0718),
+    "metal": (1.0, 0.0, 1e7, 0.0),
+}
+
+
+def test_every_material_has_data_over_the_automotive_band() -> None:
+    table = load_materials()
+    assert set(table) >= REQUIRED
+    for name, material in table.items():
+        for frequency in (76e9, 77e9, 81e9):
+            permittivity = material.at(frequency)
+            assert permittivity.real >= 1.0 and permittivity.imag <= 0.0, name
+        assert len(material.source) > 20 and len(material.uncertainty) > 10, name
+
+
+@pytest.mark.parametrize("name", ITU_COEFFICIENTS)
+@pytest.mark.parametrize("frequency", [10e9, 76e9, 77e9, 81e9])
+def test_itu_materials_follow_the_recommendation(name: str, frequency: float) -> None:
+    a, b, c, d = ITU_COEFFICIENTS[name]
+    sigma = c * (frequency / 1e9) ** d
+    expected = complex(a * (frequency / 1e9) ** b, -sigma / (2 * math.pi * frequency * VACUUM_PERMITTIVITY))
+    # The table stores sigma at 77 GHz as a double: the power law agrees to rounding (a few ulp of pow).
+    assert load_materials()[name].at(frequency) == pytest.approx(expected, rel=1e-12)
+
+
+def test_asphalt_is_the_value_of_its_source() -> None:
+    # 3.18 - 0.1j; the file gives the conductivity to 5 digits.
+    assert load_materials()["asphalt"].at(77e9) == pytest.approx(3.18 - 0.1j, abs=1e-6)
+
+
+def test_outside_the_range_is_an_error_with_alternatives() -> None:
+    with pytest.raises(MaterialRangeError, match=r"'asphalt' has no data at 24 GHz .*concrete") as caught:
+        load_materials()["asphalt"].at(24e9)
+    assert caught.value.valid == (76e9, 81e9)
+    assert "concrete" in caught.value.alternatives
+
+
+def test_unknown_name_is_both_a_material_and_a_name_error() -> None:
+    with pytest.raises(MaterialError, match="did you mean 'asphalt'"):
+        load_materials()["asphalt_"]
+    with pytest.raises(UnknownNameError):
+        load_materials()["adamantium"]
+    assert load_materials().get("adamantium") is None
+
+
+def test_a_users_file_adds_and_replaces(tmp_path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        '[snow]\nrelative_permittivity = 1.5\nconductivity = 0.02\nsource = "mine"\nuncertainty = "wide"\n'
+        '[glass]\nrelative_permittivity = 7.0\nconductivity = 1.0\nsource = "mine"\nuncertainty = "wide"\n'
+    )
+    table = load_materials([path])
+    assert table["snow"].relative_permittivity == 1.5
+    assert table["glass"].relative_permittivity == 7.0 and table["glass"].thickness is None
+    assert builtin_materials()["glass"].relative_permittivity == 6.31
+    assert "snow" not in builtin_materials()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[snow]\nrelative_permittivity = 0.5\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n", "relative_permittivity"),
+        ("[snow]\nrelative_permittivity = 1.5\nconductivity = -1\nsource = 's'\nuncertainty = 'u'\n", "conductivity"),
+        ("[snow]\nrelative_permittivity = 1.5\nconductivity = 0\nuncertainty = 'u'\n", "source"),
+        ("[snow]\nrelative_permittivity = nan\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n", "relative_permittivity"),
+        ("[snow]\ncolour = 'white'\nrelative_permittivity = 1\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n", "colour"),
+        ("snow = 3\n", "not a table"),
+        ("[snow\n", "TOML"),
+    ],
+)  # fmt: skip
+def test_a_bad_file_names_the_file_and_the_field(tmp_path, text: str, message: str) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(MaterialError, match=message) as caught:
+        load_materials([path])
+    assert "bad.toml" in str(caught.value)
+
+
+def test_a_missing_file_is_a_material_error(tmp_path) -> None:
+    with pytest.raises(MaterialError, match=r"absent\.toml"):
+        load_materials([tmp_path / "absent.toml"])
+
+
+def test_a_material_is_frozen_and_checks_its_range() -> None:
+    material = load_materials()["glass"]
+    with pytest.raises(Exception, match="frozen"):
+        material.thickness = 1.0  # type: ignore[misc]
+    with pytest.raises(ParameterRangeError, match="frequency_range"):
+        RadioMaterial(
+            name="x", relative_permittivity=1, conductivity=0, source="s", uncertainty="u", frequency_range=(2e9, 1e9)
+        )
+
+
+def test_the_table_needs_no_mitsuba() -> None:
+    # World's package may load the engine, so the module is loaded from its file alone.
+    code = (
+        "import importlib.util, sys, pathlib;"
+        "path = pathlib.Path('scarl_sionna/world/materials.py').resolve();"
+        "spec = importlib.util.spec_from_file_location('materials', path);"
+        "module = importlib.util.module_from_spec(spec); sys.modules['materials'] = module; spec.loader.exec_module(module);"
+        "module.load_materials(); assert not {'mitsuba', 'drjit', 'sionna'} & set(sys.modules), 'engine loaded'"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
