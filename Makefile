@@ -1,0 +1,47 @@
+# `make demo` and `make test` do all set-up themselves: a virtual environment in .venv, the Python packages, and an LLVM.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.scarl-setup-done
+OUT ?= demo_out
+QUALITY ?= draft
+PYTEST_ARGS ?=
+
+.PHONY: help setup demo test test-slow lint format bench clean distclean
+
+help: ## Show this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+$(STAMP): pyproject.toml scripts/setup_env.sh
+	@bash scripts/setup_env.sh $(VENV) && touch $@
+
+setup: $(STAMP) ## Make .venv with all that is needed; does nothing when it is up to date
+
+demo: $(STAMP) ## Simulate a short synchronized dataset and its contact sheet into OUT (demo_out)
+	$(BIN)/scarl-sionna demo --out $(OUT) --quality $(QUALITY)
+
+test: lint ## Run the linters and all tests but the slow ones
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+test-slow: lint ## Run the linters and all tests
+	$(BIN)/python -m pytest --run-slow $(PYTEST_ARGS)
+
+lint: $(STAMP) ## Check style, types and the direction of imports
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(STAMP) ## Format the code
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(STAMP) ## Run the benchmarks: error against time
+	@for file in benchmarks/bench_*.py; do [ -e "$$file" ] || continue; echo "== $$file"; $(BIN)/python "$$file" || exit 1; done
+
+clean: ## Remove caches and outputs, but not .venv
+	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache $(OUT)
+
+distclean: clean ## Remove .venv, too
+	rm -rf $(VENV)

@@ -1,0 +1,100 @@
+"""Synchronized camera, lidar and MIMO radar data of driving scenes, from Mitsuba and Sionna RT.
+
+Public names are imported when they are first used, so ``import scarl_sionna`` is fast and starts no engine.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .core.accuracy import Accuracy
+    from .core.camera_spec import CameraSpec
+    from .core.errors import ScarlError, ScarlWarning
+    from .core.lidar_spec import LidarSpec
+    from .core.pose import Pose, Twist
+    from .core.radar_spec import RadarSpec
+    from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
+    from .fusion import Rig
+    from .generate import observe, simulate
+    from .radar import (
+        RadarPaths,
+        detect,
+        point_targets,
+        quantize,
+        range_doppler,
+        range_doppler_angle,
+        synthesize,
+        virtual_cube,
+    )
+    from .radar.channel import solve_paths
+    from .world import World, WorldState, load_scene
+
+__all__ = [
+    "Accuracy",
+    "CameraSpec",
+    "Frame",
+    "ImageFrame",
+    "LidarScan",
+    "LidarSpec",
+    "Pose",
+    "RadarFrame",
+    "RadarPaths",
+    "RadarSpec",
+    "Rig",
+    "ScarlError",
+    "ScarlWarning",
+    "Twist",
+    "World",
+    "WorldState",
+    "detect",
+    "load_scene",
+    "observe",
+    "point_targets",
+    "quantize",
+    "range_doppler",
+    "range_doppler_angle",
+    "simulate",
+    "solve_paths",
+    "synthesize",
+    "virtual_cube",
+]
+
+_HOME = {
+    ".core.accuracy": ("Accuracy",),
+    ".core.camera_spec": ("CameraSpec",),
+    ".core.errors": ("ScarlError", "ScarlWarning"),
+    ".core.lidar_spec": ("LidarSpec",),
+    ".core.pose": ("Pose", "Twist"),
+    ".core.radar_spec": ("RadarSpec",),
+    ".core.results": ("Frame", "ImageFrame", "LidarScan", "RadarFrame"),
+    ".fusion": ("Rig",),
+    ".generate": ("observe", "simulate"),
+    ".radar": (
+        "RadarPaths", "detect", "point_targets", "quantize", "range_doppler", "range_doppler_angle", "synthesize",
+        "virtual_cube",
+    ),
+    ".radar.channel": ("solve_paths",),
+    ".world": ("World", "WorldState", "load_scene"),
+}  # fmt: skip
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+try:
+    __version__ = version("scarl-sionna")
+except PackageNotFoundError:  # used from a checkout that is not installed
+    __version__ = "0+unknown"
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use (PEP 562)."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'scarl_sionna' has no attribute '{name}'")
+    value = getattr(import_module(_MODULE_OF[name], __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
