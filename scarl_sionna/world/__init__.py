@@ -1,0 +1,5 @@
+"""The only part that touches Mitsuba's and Sionna's state: scenes, materials, motion and ray casting."""
+
+from .scene import Actor, InstanceInfo, PartTable, RayHits, World, WorldState, load_scene, scene_names
+
+__all__ = ["Actor", "InstanceInfo", "PartTable", "RayHits", "World", "WorldState", "load_scene", "scene_names"]

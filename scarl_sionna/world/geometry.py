@@ -1,0 +1,155 @@
+"""Float64 geometry of a state: triangle planes, hit points on them, boxes, and which instance encloses a point.
+
+The engine intersects rays in float32: the triangle that it finds is right, its distance is not good enough for a phase
+at 77 GHz. So the hit point is computed again in float64 on the plane of that triangle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose
+
+Array = npt.NDArray[np.float64]
+
+_PLANE_MISMATCH = 1e-3
+"""A plane hit farther than this from the engine's (relative to 1 m + distance) is not trusted: the ray grazes the plane."""
+_ENCLOSED = 0.75
+"""Winding number from which a point counts as inside. A closed mesh gives 1, an open half space at most 0.5."""
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """Triangles of all parts, part after part.
+
+    Attributes
+    ----------
+    corners : ndarray of float64, shape (num_faces, 3, 3)
+        Vertices [m].
+    normal : ndarray of float64, shape (num_faces, 3)
+        Unit normals by the right-hand rule; zero for a degenerate face.
+    offset : ndarray of float64, shape (num_faces,)
+        normal . vertex [m].
+    first : ndarray of int64, shape (num_parts + 1,)
+        Where each part's faces begin.
+    """
+
+    corners: Array
+    normal: Array
+    offset: Array
+    first: npt.NDArray[np.int64]
+
+    @classmethod
+    def from_meshes(cls, vertices: Sequence[Array], faces: Sequence[npt.NDArray[np.int64]]) -> Triangles:
+        """Join the meshes of all parts."""
+        corners = np.concatenate([v[f] for v, f in zip(vertices, faces, strict=True)])
+        first = np.concatenate([[0], np.cumsum([len(f) for f in faces])]).astype(np.int64)
+        normal, offset = _planes(corners)
+        return cls(corners, normal, offset, first)
+
+    def moved(self, world_from_part: Mapping[int, Pose]) -> Triangles:
+        """Return the triangles with some parts moved from their own frame into the world."""
+        if not world_from_part:
+            return self
+        corners = self.corners.copy()
+        normal, offset = self.normal.copy(), self.offset.copy()
+        for part, pose in world_from_part.items():
+            rows = slice(self.first[part], self.first[part + 1])
+            corners[rows] = pose.apply(self.corners[rows])
+            normal[rows], offset[rows] = _planes(corners[rows])
+        return Triangles(corners, normal, offset, self.first)
+
+    def of_parts(self, parts: Sequence[int]) -> Array:
+        """Return the corners of some parts' faces, shape (n, 3, 3)."""
+        return np.concatenate([self.corners[self.first[p] : self.first[p + 1]] for p in parts])
+
+
+def _planes(corners: Array) -> tuple[Array, Array]:
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+    return normal, np.einsum("ij,ij->i", normal, corners[:, 0])
+
+
+def refine_distance(
+    origins: Array, directions: Array, normal: Array, offset: Array, distance: npt.NDArray[np.float32]
+) -> tuple[Array, Array]:
+    """Return the float64 distance of rays to the planes of the triangles that they hit.
+
+    Parameters
+    ----------
+    origins : ndarray, shape (3,) or (num_hits, 3)
+    directions, normal : ndarray, shape (num_hits, 3)
+    offset : ndarray, shape (num_hits,)
+    distance : ndarray of float32, shape (num_hits,)
+        The engine's distance [m]; kept where the ray runs in the plane, within float64's or float32's reach.
+
+    Returns
+    -------
+    distance : ndarray of float64, shape (num_hits,)
+    cosine : ndarray of float64, shape (num_hits,)
+        direction . normal: negative where the front is hit.
+    """
+    cosine = np.einsum("ij,ij->i", directions, normal)
+    if origins.ndim == 1:
+        height = offset - normal @ origins
+    else:
+        height = offset - np.einsum("ij,ij->i", origins, normal)
+    engine = distance.astype(np.float64)
+    plane = np.divide(height, cosine, out=engine.copy(), where=np.abs(cosine) > 1e-12)
+    trusted = np.abs(plane - engine) <= _PLANE_MISMATCH * (1.0 + engine)
+    return np.where(trusted, plane, engine), cosine
+
+
+def winding_number(point: Array, corners: Array) -> float:
+    """Return how many times a triangle mesh encloses a point: 1 inside a closed mesh, 0 outside, parts between when open.
+
+    References
+    ----------
+    .. [1] A. van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Trans. Biomed. Eng. 30(2), 1983, Eq. (8).
+    """
+    a, b, c = (corners[:, index] - point for index in range(3))
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    numerator = np.einsum("ij,ij->i", a, np.cross(b, c))
+    denominator = (
+        la * lb * lc
+        + np.einsum("ij,ij->i", a, b) * lc
+        + np.einsum("ij,ij->i", b, c) * la
+        + np.einsum("ij,ij->i", c, a) * lb
+    )
+    return float(np.sum(2.0 * np.arctan2(numerator, denominator)) / (4.0 * np.pi))
+
+
+def encloses(point: Array, corners: Array) -> bool:
+    """Return whether a mesh encloses a point, whatever way its faces are turned."""
+    lower, upper = corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)
+    if np.any(point < lower) or np.any(point > upper):
+        return False
+    return abs(winding_number(point, corners)) > _ENCLOSED
+
+
+def upright_box(points: Array, fixed_axes: bool) -> tuple[Pose, Array]:
+    """Return centre pose and extents (length, width, height) of a box around points, with vertical sides.
+
+    `fixed_axes`: along the frame's own axes; otherwise turned about z for the smallest footprint.
+    """
+    low, high = points[:, 2].min(), points[:, 2].max()
+    if fixed_axes:
+        lower, upper = points.min(axis=0), points.max(axis=0)
+        return Pose(position=(lower + upper) / 2.0), upper - lower
+    from trimesh.bounds import oriented_bounds_2D
+
+    try:
+        box_from_plane, extents = oriented_bounds_2D(points[:, :2])
+    except Exception:  # a flat or line-like footprint has no hull
+        return upright_box(points, fixed_axes=True)
+    plane_from_box = np.linalg.inv(box_from_plane)
+    x_axis = plane_from_box[:2, 0]
+    center = plane_from_box[:2, 2]
+    yaw = float(np.arctan2(x_axis[1], x_axis[0]))
+    pose = Pose.from_euler([center[0], center[1], (low + high) / 2.0], yaw=yaw)
+    return pose, np.array([extents[0], extents[1], high - low])

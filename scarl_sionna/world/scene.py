@@ -1,0 +1,414 @@
+"""A driving scene: parts, instances and actors, and its immutable states over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import SceneError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.results import ObjectState
+from scarl_sionna.core.semantics import semantic_id
+
+from .document import InstanceEntry, SceneDocument, read_document
+from .geometry import Triangles, encloses, refine_distance, upright_box
+from .materials import MaterialTable, load_materials
+from .motion import Trajectory
+from .twins import Twin
+
+Array = npt.NDArray[np.float64]
+
+RAYS_PER_BATCH = 1 << 20
+"""Rays that are worked on at once: about 200 MB of temporary arrays."""
+
+
+@dataclass(frozen=True, eq=False)
+class PartTable:
+    """One row for each shape of the XML ("part").
+
+    Attributes
+    ----------
+    name : tuple of str
+        Shape ids.
+    instance : ndarray of int32, shape (num_parts,)
+        Instance ids, >= 1.
+    semantic : ndarray of uint8, shape (num_parts,)
+    material : tuple of str
+        Radio materials.
+    lidar_reflectance : ndarray of float64, shape (num_parts,)
+        Diffuse reflectance at 1550 nm.
+    actor : ndarray of int32, shape (num_parts,)
+        Index into `World.actors`; -1 for a static part.
+    """
+
+    name: tuple[str, ...]
+    instance: npt.NDArray[np.int32]
+    semantic: npt.NDArray[np.uint8]
+    material: tuple[str, ...]
+    lidar_reflectance: Array
+    actor: npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Actor:
+    """A moving instance: name, instance id and its trajectory."""
+
+    name: str
+    instance: int
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class InstanceInfo:
+    """One instance: its parts, and its box in its own frame (actors) or in the world (static)."""
+
+    name: str
+    instance: int
+    semantic: int
+    parts: tuple[int, ...]
+    is_object: bool
+    actor: str | None
+    frame_from_box: Pose
+    size: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RayHits:
+    """Rays that hit something, in ray order.
+
+    Attributes
+    ----------
+    ray : ndarray of int64, shape (num_hits,)
+        Which ray.
+    distance : ndarray of float64, shape (num_hits,)
+        Along the ray [m].
+    point : ndarray of float64, shape (num_hits, 3)
+        Hit point [m, world].
+    normal : ndarray of float64, shape (num_hits, 3)
+        Unit normal of the triangle, towards the ray's origin.
+    cos_incidence : ndarray of float64, shape (num_hits,)
+        Cosine of the angle of incidence.
+    part : ndarray of int32, shape (num_hits,)
+        Row of the part table.
+    velocity : ndarray of float64, shape (num_hits, 3)
+        Velocity of the surface point [m/s, world].
+    """
+
+    ray: npt.NDArray[np.int64]
+    distance: Array
+    point: Array
+    normal: Array
+    cos_incidence: Array
+    part: npt.NDArray[np.int32]
+    velocity: Array
+
+    @property
+    def num_hits(self) -> int:
+        """Number of hits."""
+        return int(self.ray.shape[0])
+
+
+class World:
+    """A loaded scene. Make one with :func:`load_scene`; ask for its states with :meth:`at`."""
+
+    def __init__(self, document: SceneDocument, materials: MaterialTable) -> None:
+        self.document = document
+        self.materials = materials
+        self.name = document.name
+        self.ego = document.ego
+        self.parts, self._entries = _part_table(document, materials)
+        self._twins: dict[str, Twin] = {}
+        self._meshes = dict(zip(self.parts.name, self.twin("optical").mesh_data(), strict=True))
+        self._triangles = Triangles.from_meshes(
+            [mesh.vertices for mesh in self._meshes.values()], [mesh.faces for mesh in self._meshes.values()]
+        )
+        self.actors = tuple(
+            Actor(entry.name, number, entry.trajectory)
+            for number, entry in enumerate(self._entries, start=1)
+            if entry.trajectory is not None
+        )
+        self.instances = {number: self._info(number, entry) for number, entry in enumerate(self._entries, start=1)}
+
+    def _info(self, number: int, entry: InstanceEntry) -> InstanceInfo:
+        parts = tuple(int(part) for part in np.flatnonzero(self.parts.instance == number))
+        vertices = np.concatenate([self._meshes[self.parts.name[part]].vertices for part in parts])
+        is_actor = entry.trajectory is not None
+        frame_from_box, size = upright_box(vertices, fixed_axes=is_actor or not entry.is_object)
+        name = entry.name if is_actor else None
+        return InstanceInfo(
+            entry.name, number, semantic_id(entry.semantic), parts, entry.is_object, name, frame_from_box, size
+        )
+
+    def twin(self, kind: str) -> Twin:
+        """Return a twin of the scene, ``"optical"`` or ``"radio"``, loaded on first use."""
+        if kind not in self._twins:
+            if kind not in ("optical", "radio"):
+                raise UnknownNameError("twin", kind, ("optical", "radio"))
+            self._twins[kind] = Twin(kind, self.document, self.materials, self.parts.name)
+        return self._twins[kind]
+
+    def actor(self, name: str) -> Actor:
+        """Return an actor by name."""
+        for actor in self.actors:
+            if actor.name == name:
+                return actor
+        raise UnknownNameError("actor", name, [actor.name for actor in self.actors])
+
+    @property
+    def time_range(self) -> tuple[float, float]:
+        """Interval in which all trajectories are known [s]; infinite for a static scene."""
+        starts = [actor.trajectory.start for actor in self.actors]
+        stops = [actor.trajectory.stop for actor in self.actors]
+        return max(starts, default=-np.inf), min(stops, default=np.inf)
+
+    def at(self, time: float) -> WorldState:
+        """Return the state at a time.
+
+        Parameters
+        ----------
+        time : float
+            [s], within `time_range`.
+
+        Raises
+        ------
+        TimeRangeError
+            If a trajectory is not known at this time.
+        """
+        if not np.isfinite(time):
+            raise TimeRangeError(time, *self.time_range, what=f"scene '{self.name}'")
+        poses = {actor.name: actor.trajectory.pose(time) for actor in self.actors}
+        twists = {actor.name: actor.trajectory.twist(time) for actor in self.actors}
+        return WorldState(self, float(time), poses, twists)
+
+
+class WorldState:
+    """Poses and velocities of everything at one time; immutable. Made by :meth:`World.at`."""
+
+    def __init__(self, world: World, time: float, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> None:
+        self.world = world
+        self.time = time
+        self._poses = poses
+        self._twists = twists
+
+    def actor_pose(self, name: str) -> Pose:
+        """Return world_from_actor of an actor."""
+        self.world.actor(name)
+        return self._poses[name]
+
+    def actor_twist(self, name: str) -> Twist:
+        """Return the velocity of an actor."""
+        self.world.actor(name)
+        return self._twists[name]
+
+    @cached_property
+    def _triangles(self) -> Triangles:
+        return self.world._triangles.moved(
+            {
+                int(part): self._poses[self.world.actors[actor].name]
+                for part, actor in enumerate(self.world.parts.actor)
+                if actor >= 0
+            }
+        )
+
+    def _applied(self, kind: str) -> Twin:
+        """Return a twin that stands in this state."""
+        parts = self.world.parts
+        owner = {
+            name: self.world.actors[index].name for name, index in zip(parts.name, parts.actor, strict=True) if index >= 0
+        }
+        twin = self.world.twin(kind)
+        twin.apply(
+            self,
+            {name: self._poses[actor] for name, actor in owner.items()},
+            {name: self._twists[actor] for name, actor in owner.items()},
+            self.world._meshes,
+        )
+        return twin
+
+    def optical_scene(self) -> Any:
+        """Return the Mitsuba scene of the RGB variant in this state; use it inside ``variant.optical()``."""
+        return self._applied("optical").mi_scene
+
+    def radio_scene(self) -> Any:
+        """Return the Sionna RT scene in this state, with the velocities set; use it inside ``variant.radio()``."""
+        return self._applied("radio").sionna_scene
+
+    def boxes(self) -> tuple[ObjectState, ...]:
+        """Return the ground truth of every actor and every static object."""
+        states = []
+        for info in self.world.instances.values():
+            if not info.is_object:
+                continue
+            if info.actor is None:
+                box, twist = info.frame_from_box, Twist()
+            else:
+                pose, own = self._poses[info.actor], self._twists[info.actor]
+                box = pose.compose(info.frame_from_box)
+                twist = Twist(own.velocity_at(box.position - pose.position), own.angular)
+            states.append(
+                ObjectState(info.name, info.instance, info.semantic, box, info.size, twist, info.actor is not None)
+            )
+        return tuple(states)
+
+    def cast(
+        self, origins: npt.ArrayLike, directions: npt.ArrayLike, max_distance: float = np.inf, twin: str = "optical"
+    ) -> RayHits:
+        """Intersect rays with the scene.
+
+        Parameters
+        ----------
+        origins : array_like of float, shape (3,) or (num_rays, 3)
+            [m, world].
+        directions : array_like of float, shape (num_rays, 3)
+            Unit vectors [world].
+        max_distance : float
+            Nothing is hit beyond [m].
+        twin : str
+            Which twin is intersected: ``"optical"`` or ``"radio"``. The geometry is the same.
+
+        Returns
+        -------
+        RayHits
+            With distances and points in float64 on the plane of the triangle hit.
+        """
+        origin = np.asarray(origins, dtype=np.float64)
+        direction = np.asarray(directions, dtype=np.float64).reshape(-1, 3)
+        engine = self._applied(twin)
+        triangles = self._triangles
+        batches = []
+        for first in range(0, max(len(direction), 1), RAYS_PER_BATCH):
+            rows = slice(first, min(first + RAYS_PER_BATCH, len(direction)))
+            some_origins = origin if origin.ndim == 1 else origin[rows]
+            batches.append(self._cast_batch(engine, triangles, some_origins, direction[rows], first, max_distance))
+        if len(batches) == 1:
+            return batches[0]
+        joined = (np.concatenate(column) for column in zip(*(vars(batch).values() for batch in batches), strict=True))
+        return RayHits(*joined)
+
+    def _cast_batch(
+        self, engine: Twin, triangles: Triangles, origins: Array, directions: Array, first: int, max_distance: float
+    ) -> RayHits:
+        if len(directions) == 0:
+            return _no_hits()
+        ray, part, face, rough = engine.intersect(origins, directions, max_distance)
+        row = triangles.first[part] + face
+        start = origins if origins.ndim == 1 else origins[ray]
+        direction = directions[ray]
+        normal = triangles.normal[row]
+        distance, cosine = refine_distance(start, direction, normal, triangles.offset[row], rough)
+        normal *= -np.sign(cosine)[:, None]
+        point = start + distance[:, None] * direction
+        velocity = np.zeros_like(point)
+        actor_of_hit = self.world.parts.actor[part]
+        for index in np.unique(actor_of_hit[actor_of_hit >= 0]):
+            name = self.world.actors[index].name
+            mask = actor_of_hit == index
+            velocity[mask] = self._twists[name].velocity_at(point[mask] - self._poses[name].position)
+        return RayHits(ray + first, distance, point, normal, np.minimum(np.abs(cosine), 1.0), part, velocity)
+
+    def inside(self, point: npt.ArrayLike) -> str | None:
+        """Return the name of the instance whose mesh encloses a point [m, world], or None."""
+        where = np.asarray(point, dtype=np.float64)
+        for info in self.world.instances.values():
+            if encloses(where, self._triangles.of_parts(info.parts)):
+                return info.name
+        return None
+
+
+def _no_hits() -> RayHits:
+    none = np.zeros((0, 3))
+    return RayHits(
+        np.zeros(0, np.int64), np.zeros(0), none, none.copy(), np.zeros(0), np.zeros(0, np.int32), none.copy()
+    )
+
+
+def _part_table(document: SceneDocument, materials: MaterialTable) -> tuple[PartTable, list[InstanceEntry]]:
+    """Return the parts, and the instances in the order of their ids (static first, then actors)."""
+    entries = sorted(document.instances, key=lambda entry: entry.trajectory is not None)
+    actors = [entry.name for entry in entries if entry.trajectory is not None]
+    rows = []
+    for number, entry in enumerate(entries, start=1):
+        for shape in entry.shapes:
+            material = document.materials[document.bsdf_of_shape[shape]]
+            actor = actors.index(entry.name) if entry.trajectory is not None else -1
+            rows.append(
+                (shape, number, semantic_id(entry.semantic), materials[material.radio].name,
+                 material.lidar_reflectance, actor)
+            )  # fmt: skip
+    name, instance, semantic, radio, reflectance, actor_index = zip(*rows, strict=True)
+    table = PartTable(
+        name=name,
+        instance=np.array(instance, dtype=np.int32),
+        semantic=np.array(semantic, dtype=np.uint8),
+        material=radio,
+        lidar_reflectance=np.array(reflectance, dtype=np.float64),
+        actor=np.array(actor_index, dtype=np.int32),
+    )
+    return table, entries
+
+
+def scene_names() -> list[str]:
+    """Return the names of the scenes that come with the package."""
+    return sorted(
+        entry.name for entry in files("scenes_xml").iterdir() if (entry / f"{entry.name}.xml").is_file()  # type: ignore[operator]
+    )
+
+
+def _sionna_scenes() -> dict[str, Path]:
+    """Return the scenes that come with Sionna RT, without importing it."""
+    from importlib.util import find_spec
+
+    spec = find_spec("sionna")
+    roots = [Path(place) / "rt" / "scenes" for place in (spec.submodule_search_locations or [])] if spec else []
+    folders = [folder for root in roots if root.is_dir() for folder in root.iterdir()]
+    return {folder.name: folder / f"{folder.name}.xml" for folder in folders if (folder / f"{folder.name}.xml").is_file()}
+
+
+def load_scene(name_or_path: str | Path, materials: MaterialTable | None = None) -> World:
+    """Load a scene.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A scene of ``scenes_xml`` (``"highway_guardrail"``), a scene of Sionna RT (``"simple_street_canyon_with_cars"``),
+        or the path of a Mitsuba or Sionna XML; a ``scene.toml`` beside it states classes, materials and actors.
+    materials : MaterialTable, optional
+        Radio materials; default: the built-in table. See :func:`scarl_sionna.world.materials.load_materials`.
+
+    Returns
+    -------
+    World
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such scene.
+    SceneError, MeshError, MaterialError
+        If its files are missing or broken, or a material is unknown.
+    """
+    return World(read_document(_find_scene(name_or_path)), materials or load_materials())
+
+
+def _find_scene(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    if path.suffix == ".xml":
+        return path
+    if path.is_dir():
+        candidates = sorted(path.glob("*.xml"))
+        if len(candidates) != 1:
+            raise SceneError(f"holds {len(candidates)} XML files", path, "give the path of one XML")
+        return candidates[0]
+    name = str(name_or_path)
+    if name in scene_names():
+        return Path(str(files("scenes_xml") / name / f"{name}.xml"))
+    sionna = _sionna_scenes()
+    if name in sionna:
+        return sionna[name]
+    raise UnknownNameError("scene", name, [*scene_names(), *sionna], "or give the path of a Mitsuba XML")
