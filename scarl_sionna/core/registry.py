@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 import numpy as np
 
+from .camera_spec import CameraSpec
 from .errors import UnknownNameError
+from .lidar_spec import LidarSpec
 from .pose import Pose, Twist
+from .radar_spec import RadarSpec
+from .spec import Spec
 
 ENTRY_POINT_GROUP = "scarl.sensors"
+
+SPEC_TYPES: Mapping[str, type[Spec]] = {"camera": CameraSpec, "lidar": LidarSpec, "radar": RadarSpec}
+"""Specification of each built-in sensor kind. The class of another kind names its own as ``spec_type``."""
 
 
 class Sensor(Protocol):
@@ -43,3 +51,19 @@ def sensor_class(kind: str) -> type[Sensor]:
     if kind not in found:
         raise UnknownNameError("sensor kind", kind, found, "install the package that registers it under scarl.sensors")
     return found[kind].load()
+
+
+def spec_type(kind: str) -> type[Spec]:
+    """Return the specification class of a sensor kind.
+
+    Raises
+    ------
+    UnknownNameError
+        If the kind is neither built in nor registered under the entry points ``scarl.sensors``.
+    """
+    if kind in SPEC_TYPES:
+        return SPEC_TYPES[kind]
+    try:
+        return sensor_class(kind).spec_type  # type: ignore[attr-defined, no-any-return]
+    except UnknownNameError as error:
+        raise UnknownNameError("sensor kind", kind, {*SPEC_TYPES, *error.known}, error.remedy) from None
