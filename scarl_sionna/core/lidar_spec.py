@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .spec import Spec
 
@@ -27,3 +27,18 @@ class LidarSpec(Spec):
         0.0, ge=0.0, description="variance of the distance noise divided by the distance [m2/m]"
     )
     velocity_noise_std: float = Field(0.0, ge=0.0, description="standard deviation of the radial velocity noise [m/s]")
+
+    @model_validator(mode="after")
+    def _check(self) -> LidarSpec:
+        first, last = self.azimuth_fov_deg
+        low, high = self.elevation_fov_deg
+        azimuth, elevation = f"({first:g}, {last:g}) deg", f"({low:g}, {high:g}) deg"
+        if abs(last - first) > 360.0:
+            raise ValueError(f"azimuth_fov_deg of at most a full turn, not {azimuth}")
+        if first == last and self.num_azimuth > 1:
+            raise ValueError(f"azimuth_fov_deg with two different ends, or num_azimuth = 1; {azimuth} is empty")
+        if not -90.0 <= low <= high <= 90.0:
+            raise ValueError(f"elevation_fov_deg = (lowest, highest) within -90 to 90 deg, not {elevation}")
+        if low == high and self.num_elevation > 1:
+            raise ValueError(f"elevation_fov_deg with two different ends, or num_elevation = 1; {elevation} is empty")
+        return self

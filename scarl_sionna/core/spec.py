@@ -21,9 +21,9 @@ class Spec(BaseModel):
             super().__init__(**data)
         except ValidationError as error:
             first = error.errors()[0]
-            name = type(self).__name__ + "." + ".".join(str(part) for part in first["loc"])
-            value = first.get("input")
-            raise ParameterRangeError(name, repr(value)[:80], first["msg"]) from error
+            name = ".".join([type(self).__name__, *(str(part) for part in first["loc"])])
+            value, allowed = first.get("input"), first["msg"].removeprefix("Value error, ")
+            raise ParameterRangeError(name, repr(value)[:80], allowed) from error
 
     def with_(self: SpecT, **changes: Any) -> SpecT:
         """Return a copy with some fields changed; the copy is validated again."""
