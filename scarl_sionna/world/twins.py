@@ -65,7 +65,7 @@ class Twin:
                 else:
                     self.mi_scene = mi.load_string(optical_xml(document), optimize=False)
             except (RuntimeError, TypeError, ValueError) as error:
-                raise SceneError(f"cannot be loaded ({str(error).strip().splitlines()[-1]})", document.path) from error
+                raise _load_error(str(error), document) from error
             self._shapes = {shape.id(): shape for shape in self.mi_scene.shapes()}
             if absent := [name for name in part_names if name not in self._shapes]:
                 raise SceneError(f"the engine did not load shape '{absent[0]}'", document.path)
@@ -211,6 +211,14 @@ def radio_xml(document: SceneDocument, materials: MaterialTable) -> str:
         bsdfs[bsdf_id] = element
     _require(document, bsdfs)
     return twin_xml(document, bsdfs)
+
+
+def _load_error(message: str, document: SceneDocument) -> SceneError:
+    """Return the error that tells what the engine found wrong."""
+    reason = message.strip().splitlines()[-1].split("failed to instantiate", 1)[-1].strip()
+    if "shape plugin" in reason:
+        return MeshError(f"cannot be loaded: {reason}", document.path, "export the mesh again with finite vertices")
+    return SceneError(f"cannot be loaded: {reason}", document.path)
 
 
 def _is_radio(element: ET.Element) -> bool:
