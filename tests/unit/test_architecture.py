@@ -1,0 +1,66 @@
+"""The arrows between the packages hold, and importing the package starts no engine."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import scarl_sionna
+
+REPO = Path(__file__).resolve().parents[2]
+HEAVY = ("mitsuba", "drjit", "sionna", "tensorflow")
+
+
+def imported_by(statement: str) -> set[str]:
+    """Return the top-level modules that a fresh interpreter holds after a statement."""
+    code = f"{statement}\nimport sys\nprint(*sorted({{name.partition('.')[0] for name in sys.modules}}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=REPO, check=True)
+    return set(done.stdout.split())
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import scarl_sionna",
+        "import scarl_sionna; scarl_sionna.RadarSpec; scarl_sionna.Pose; dir(scarl_sionna)",
+        "from scarl_sionna.core import registry, results, seeds, semantics, units",
+        "import scarl_sionna.world",
+        "from scarl_sionna.world import doctor, engine",
+        "import scarl_sionna.cli",
+    ],
+)
+def test_import_starts_no_engine(statement: str) -> None:
+    assert not imported_by(statement) & set(HEAVY)
+
+
+def test_the_check_sees_an_engine() -> None:
+    """The test above can fail: it does see Dr.Jit when it is imported."""
+    assert "drjit" in imported_by("from scarl_sionna.world.engine import ensure_engine; ensure_engine()")
+
+
+def test_import_contracts_hold() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", "from importlinter.cli import lint_imports_command as run; run()", "--no-cache"],
+        capture_output=True, text=True, cwd=REPO, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 broken" in done.stdout
+
+
+def test_public_names_resolve() -> None:
+    for name in scarl_sionna.__all__:
+        assert getattr(scarl_sionna, name) is not None, name
+    assert set(scarl_sionna.__all__) <= set(dir(scarl_sionna))
+
+
+def test_every_public_name_has_one_home() -> None:
+    homes = [name for names in scarl_sionna._HOME.values() for name in names]
+    assert sorted(homes) == sorted(scarl_sionna.__all__)
+
+
+def test_unknown_public_name() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'rader'"):
+        scarl_sionna.rader  # noqa: B018
