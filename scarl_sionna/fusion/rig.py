@@ -1,0 +1,252 @@
+"""Sensors on a vehicle: where each one sits and what it is."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.core.errors import OutputError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.registry import spec_type
+from scarl_sionna.core.spec import Spec
+
+QUALITIES = ("draft", "full")
+"""Named levels of effort: ``"full"`` is the default of every specification, ``"draft"`` is for a look at a scene."""
+
+_NAME = re.compile(r"[A-Za-z0-9_\-]+(/[A-Za-z0-9_\-]+)*")
+_FACING_BACK = (0.0, 0.0, 0.0, 1.0)
+_FACING_FRONT = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class SensorMount:
+    """One sensor of a rig.
+
+    Parameters
+    ----------
+    name : str
+        Unique in the rig; letters, digits, ``_``, ``-``, and ``/`` between groups, for instance ``"front_left/radar"``.
+        It is also the sensor's folder in an export.
+    kind : str
+        ``"radar"``, ``"camera"``, ``"lidar"``, or a kind registered under the entry points ``scarl.sensors``.
+    spec : RadarSpec, CameraSpec or LidarSpec
+        What the sensor is.
+    vehicle_from_sensor : Pose
+        Sensor frame (x forward, y left, z up) in the vehicle frame (origin on the ground below the middle of the car).
+
+    Raises
+    ------
+    ParameterRangeError
+        If the name has other characters, or the specification is not one of this kind.
+    UnknownNameError
+        If the kind is unknown.
+    """
+
+    name: str
+    kind: str
+    spec: Spec
+    vehicle_from_sensor: Pose
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise ParameterRangeError(
+                "SensorMount.name", repr(self.name), "letters, digits, '_', '-', with '/' between groups"
+            )
+        expected = spec_type(self.kind)
+        if not isinstance(self.spec, expected):
+            raise ParameterRangeError(
+                "SensorMount.spec", type(self.spec).__name__, f"a {expected.__name__} for the sensor kind '{self.kind}'"
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for a file."""
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "vehicle_from_sensor": self.vehicle_from_sensor.to_dict(),
+            "spec": self.spec.model_dump(mode="json"),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> SensorMount:
+        """Return the mount of :meth:`to_dict`; `spec` may leave out what keeps its default."""
+        what = f"sensor '{data.get('name', '?')}'"
+        _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec"})
+        pose = data["vehicle_from_sensor"]
+        _check_keys(f"{what} vehicle_from_sensor", pose, required={"position"}, optional={"quaternion"})
+        spec = spec_type(data["kind"])(**(data.get("spec") or {}))
+        return cls(data["name"], data["kind"], spec, Pose(pose["position"], pose.get("quaternion", _FACING_FRONT)))
+
+
+@dataclass(frozen=True)
+class Rig:
+    """All sensors of one vehicle.
+
+    Parameters
+    ----------
+    name : str
+    sensors : tuple of SensorMount
+        Names are unique.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the rig has no sensor or two of the same name.
+    """
+
+    name: str
+    sensors: tuple[SensorMount, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "sensors", tuple(self.sensors))
+        if not self.sensors:
+            raise ParameterRangeError("Rig.sensors", "()", "at least one sensor", "add a SensorMount")
+        names = [mount.name for mount in self.sensors]
+        repeated = sorted({name for name in names if names.count(name) > 1})
+        if repeated:
+            raise ParameterRangeError(
+                "Rig.sensors", f"names {', '.join(repeated)} more than once", "unique sensor names", "rename one of them"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Sensor names in the rig's order."""
+        return tuple(mount.name for mount in self.sensors)
+
+    def __getitem__(self, name: str) -> SensorMount:
+        """Return the sensor of a name."""
+        for mount in self.sensors:
+            if mount.name == name:
+                return mount
+        raise UnknownNameError("sensor", name, self.names)
+
+    def subset(self, *patterns: str, name: str | None = None) -> Rig:
+        """Return the rig of the sensors whose name matches a shell pattern, for instance ``"front_*/radar"``.
+
+        Raises
+        ------
+        UnknownNameError
+            If a pattern matches no sensor.
+        """
+        for pattern in patterns:
+            if not any(fnmatchcase(sensor, pattern) for sensor in self.names):
+                raise UnknownNameError("sensor pattern", pattern, self.names)
+        chosen = tuple(m for m in self.sensors if any(fnmatchcase(m.name, pattern) for pattern in patterns))
+        return Rig(name or self.name, chosen)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for a file."""
+        return {"name": self.name, "sensors": [mount.to_dict() for mount in self.sensors]}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Rig:
+        """Return the rig of :meth:`to_dict`."""
+        _check_keys("rig", data, required={"name", "sensors"})
+        return cls(data["name"], tuple(SensorMount.from_dict(item) for item in data["sensors"]))
+
+    def save(self, path: str | Path) -> None:
+        """Write the rig to a YAML file (``.yaml``, ``.yml``) or a JSON file."""
+        path = Path(path)
+        is_yaml = path.suffix in (".yaml", ".yml")
+        text = yaml.safe_dump(self.to_dict(), sort_keys=False) if is_yaml else json.dumps(self.to_dict(), indent=2)
+        try:
+            path.write_text(text + ("" if is_yaml else "\n"), encoding="utf-8")
+        except OSError as error:
+            raise OutputError(f"cannot write the rig to {path}: {error.strerror}; choose a writable folder") from error
+
+    @classmethod
+    def load(cls, path: str | Path) -> Rig:
+        """Return the rig of a YAML or JSON file."""
+        path = Path(path)
+        try:
+            data = yaml.safe_load(path.read_text(encoding="utf-8"))  # JSON is a subset of YAML
+        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+            raise ParameterRangeError("rig file", path, "a readable YAML or JSON file", str(error)) from error
+        return cls.from_dict(data)
+
+    @classmethod
+    def scarl(cls, quality: str = "full", radar: RadarSpec | None = None) -> Rig:
+        """Return SCaRL's rig: six suites of five synchronized sensors around the car.
+
+        Suites ``front_left``, ``front_center``, ``front_right`` look forward from x = 2.36 m, ``back_left``,
+        ``back_center``, ``back_right`` look backward from x = -2.36 m; y = 0.4, 0, -0.4 m (left is the vehicle's left),
+        z = 0.8 m: just outside a car body of |x| <= 2.3 m. Sensors of a suite: ``rgb``, ``semantic`` (with instances),
+        ``depth``, ``lidar``, ``radar``.
+
+        Parameters
+        ----------
+        quality : str
+            ``"full"``: the default of every specification. ``"draft"``: smaller images with fewer samples, a coarser
+            lidar raster and fewer radar rays.
+        radar : RadarSpec, optional
+            Radar of every suite; default ``RadarSpec.preset("awr1843boost")``, with fewer rays in a draft.
+
+        References
+        ----------
+        .. [1] Nittur Ramesh et al., *SCaRL*, 2024, section 2.4 and Fig. 1: suites 0.4 m apart along a horizontal, in the
+           front and back. The paper prints no heights or distances along the car; those are this project's.
+        """
+        specs = _suite_specs(quality, radar)
+        mounts = []
+        for end, x, quaternion in (("front", 2.36, _FACING_FRONT), ("back", -2.36, _FACING_BACK)):
+            for side, y in (("left", 0.4), ("center", 0.0), ("right", -0.4)):
+                pose = Pose(np.array([x, y, 0.8]), np.array(quaternion))
+                mounts += [SensorMount(f"{end}_{side}/{name}", kind, spec, pose) for name, kind, spec in specs]
+        return cls("scarl", tuple(mounts))
+
+    @classmethod
+    def front(cls, quality: str = "full", radar: RadarSpec | None = None) -> Rig:
+        """Return the ``front_center`` suite of :meth:`scarl` alone."""
+        return cls.scarl(quality, radar).subset("front_center/*", name="front")
+
+    @classmethod
+    def preset(cls, name: str, quality: str = "full") -> Rig:
+        """Return a named rig: one of `RIG_PRESETS`."""
+        if name not in RIG_PRESETS:
+            raise UnknownNameError("rig", name, RIG_PRESETS, "or give the path of a rig file (.yaml or .json)")
+        return RIG_PRESETS[name](quality)
+
+
+RIG_PRESETS: Mapping[str, Callable[[str], Rig]] = {"scarl": Rig.scarl, "front": Rig.front}
+"""Rigs by name, made for a quality."""
+
+
+def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, Spec]]:
+    """Return name, kind and specification of a suite's five sensors."""
+    if quality not in QUALITIES:
+        raise UnknownNameError("quality", quality, QUALITIES)
+    draft = quality == "draft"
+    camera = CameraSpec(width=480, height=270, samples_per_pixel=16) if draft else CameraSpec()
+    lidar = LidarSpec(num_azimuth=300, num_elevation=32) if draft else LidarSpec()
+    if radar is None:
+        radar = RadarSpec.preset("awr1843boost")
+        radar = radar.with_(num_rays=250_000) if draft else radar
+    return [
+        ("rgb", "camera", camera.with_(images=("rgb",))),
+        ("semantic", "camera", camera.with_(images=("semantic", "instance"))),
+        ("depth", "camera", camera.with_(images=("depth",))),
+        ("lidar", "lidar", lidar),
+        ("radar", "radar", radar),
+    ]
+
+
+def _check_keys(what: str, data: Any, required: set[str], optional: set[str] = frozenset()) -> None:  # type: ignore[assignment]
+    """Raise if `data` is not a mapping with the required and no other than the optional keys."""
+    if not isinstance(data, Mapping):
+        raise ParameterRangeError(what, repr(data)[:80], "a mapping with the keys " + ", ".join(sorted(required)))
+    missing, unknown = required - data.keys(), data.keys() - required - optional
+    if missing:
+        raise ParameterRangeError(what, f"without {', '.join(sorted(missing))}", "keys " + ", ".join(sorted(required)))
+    if unknown:
+        raise UnknownNameError(f"key of {what}", sorted(unknown)[0], required | optional)
