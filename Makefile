@@ -18,6 +18,7 @@ $(STAMP): pyproject.toml scripts/setup_env.sh
 	@bash scripts/setup_env.sh $(VENV) && touch $@
 
 setup: $(STAMP) ## Make .venv with all that is needed; does nothing when it is up to date
+	@echo "setup: $(VENV) is ready"
 
 demo: $(STAMP) ## Simulate a short synchronized dataset and its contact sheet into OUT (demo_out)
 	$(BIN)/scarl-sionna demo --out $(OUT) --quality $(QUALITY)
