@@ -1,0 +1,27 @@
+"""Radar: from propagation paths to raw data, maps and points. Nothing in the signal chain imports the engine."""
+
+from __future__ import annotations
+
+from .adc import quantize
+from .angle import RangeDopplerAngle, range_doppler_angle
+from .detection import RadarPoints, detect
+from .noise import add_noise
+from .paths import RadarPaths
+from .points import point_targets
+from .processing import RangeDoppler, range_doppler, virtual_cube
+from .synthesis import synthesize
+
+__all__ = [
+    "RadarPaths",
+    "RadarPoints",
+    "RangeDoppler",
+    "RangeDopplerAngle",
+    "add_noise",
+    "detect",
+    "point_targets",
+    "quantize",
+    "range_doppler",
+    "range_doppler_angle",
+    "synthesize",
+    "virtual_cube",
+]

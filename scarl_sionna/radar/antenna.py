@@ -1,0 +1,157 @@
+"""Antennas of a radar: gains towards paths, lengths and amplitudes of every transmit-receive pair, virtual elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.antenna_pattern import AntennaPattern
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.units import dbm_to_watt
+
+from .paths import RadarPaths
+
+Array = npt.NDArray[np.float64]
+
+
+def azimuth_elevation(vectors: npt.ArrayLike) -> tuple[Array, Array]:
+    """Return azimuth (left positive) and elevation [rad] of vectors (..., 3) in the radar frame."""
+    x, y, z = np.moveaxis(np.asarray(vectors, dtype=np.float64), -1, 0)
+    return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+
+
+def field_gain(pattern: AntennaPattern, vectors: npt.ArrayLike) -> Array:
+    """Return the square root of the power gain towards vectors (..., 3) in the radar frame."""
+    azimuth, elevation = azimuth_elevation(vectors)
+    return 10.0 ** (pattern.gain_db(azimuth, elevation) / 20.0)
+
+
+def virtual_positions(radar: RadarSpec) -> Array:
+    """Return tx + rx position of every channel ``i * num_rx + j``, shape (num_virtual, 3) [m, radar frame].
+
+    In the far field the length of channel c towards the unit vector n is ``2 R - virtual_positions[c] @ n``.
+    """
+    return (radar.tx_array[:, None, :] + radar.rx_array[None, :, :]).reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class PathGeometry:
+    """Paths seen from the antennas of one radar.
+
+    Attributes
+    ----------
+    tx_distance : ndarray of float64, shape (num_tx, num_paths)
+        From each transmitter to the path's first end point [m].
+    rx_distance : ndarray of float64, shape (num_rx, num_paths)
+        From the path's last end point to each receiver [m].
+    inner_length : ndarray of float64, shape (num_paths,) [m]
+    mirror : ndarray of bool, shape (num_paths,)
+        True for paths of mirror reflections only; their lengths stand in `mirror_length`.
+    mirror_length : ndarray of float64, shape (num_tx, num_rx, num_mirror_paths) [m]
+    amplitude : ndarray of complex128, shape (num_paths,)
+        Of the beat signal at the array centres [sqrt(W)].
+    center_distance : tuple of ndarray
+        Distances of the array centres: transmit, receive, and total of the mirror paths [m].
+    """
+
+    tx_distance: Array
+    rx_distance: Array
+    inner_length: Array
+    mirror: npt.NDArray[np.bool_]
+    mirror_length: Array
+    amplitude: npt.NDArray[np.complex128]
+    center_distance: tuple[Array, Array, Array]
+
+    @classmethod
+    def of(cls, paths: RadarPaths, radar: RadarSpec) -> PathGeometry:
+        """Return the geometry of paths for a radar."""
+        tx = paths.world_from_tx.apply(radar.tx_array)
+        rx = paths.world_from_rx.apply(radar.rx_array)
+        tx_center, rx_center = paths.world_from_tx.position, paths.world_from_rx.position
+        if paths.rx_image is None:
+            mirror = np.zeros(paths.num_paths, dtype=bool)
+            image = np.zeros((0, 3, 4))
+        else:
+            mirror = np.isfinite(paths.rx_image).all(axis=(1, 2))
+            image = paths.rx_image[mirror]
+        mirror_length = np.linalg.norm(_image_of(image, rx)[None] - tx[:, None, None, :], axis=-1)
+        tx_vector, rx_vector = paths.tx_point - tx_center, paths.rx_point - rx_center
+        if len(image):
+            image_vector = _image_of(image, rx_center[None])[0] - tx_center
+            tx_vector, rx_vector = tx_vector.copy(), rx_vector.copy()
+            tx_vector[mirror] = image_vector
+            # seen from the receiver, the path arrives from the image of the transmitter under the inverse isometry
+            rx_vector[mirror] = -np.einsum("pji,pj->pi", image[:, :, :3], image_vector)
+            mirror_center = np.linalg.norm(image_vector, axis=-1)
+        else:
+            mirror_center = np.zeros(0)
+        return cls(
+            tx_distance=_distances(paths.tx_point, tx),
+            rx_distance=_distances(paths.rx_point, rx),
+            inner_length=paths.inner_length,
+            mirror=mirror,
+            mirror_length=mirror_length,
+            amplitude=_center_amplitude(paths, radar, tx_vector, rx_vector),
+            center_distance=(
+                np.linalg.norm(paths.tx_point - tx_center, axis=-1),
+                np.linalg.norm(paths.rx_point - rx_center, axis=-1),
+                mirror_center,
+            ),
+        )
+
+    def center_length(self) -> Array:
+        """Return the length between the array centres [m], shape (num_paths,)."""
+        tx, rx, mirror = self.center_distance
+        length = tx + self.inner_length + rx
+        length[self.mirror] = mirror
+        return length
+
+    def length(self, tx: int, rx: int) -> Array:
+        """Return the length of every path for one pair [m], shape (num_paths,)."""
+        length = self.tx_distance[tx] + self.inner_length + self.rx_distance[rx]
+        length[self.mirror] = self.mirror_length[tx, rx]
+        return length
+
+    def pair_amplitude(self, tx: int, rx: int) -> npt.NDArray[np.complex128]:
+        """Return the beat amplitude of every path for one pair [sqrt(W)], its spreading scaled to the pair's distances."""
+        tx_center, rx_center, mirror_center = self.center_distance
+        with np.errstate(divide="ignore", invalid="ignore"):
+            spreading = (tx_center / self.tx_distance[tx]) * (rx_center / self.rx_distance[rx])
+        spreading[self.mirror] = mirror_center / self.mirror_length[tx, rx]
+        if not np.isfinite(spreading).all():
+            index = int(np.flatnonzero(~np.isfinite(spreading))[0])
+            raise ParameterRangeError("paths", f"path {index} ends at an antenna", "end points away from every antenna")
+        return self.amplitude * spreading
+
+
+def _distances(points: Array, antennas: Array) -> Array:
+    """Return the distances between antennas (A, 3) and points (P, 3), shape (A, P)."""
+    out = np.empty((len(antennas), len(points)))
+    for row, antenna in zip(out, antennas, strict=True):
+        difference = points - antenna
+        np.sqrt(np.einsum("ij,ij->i", difference, difference), out=row)
+    return out
+
+
+def _image_of(image: Array, points: Array) -> Array:
+    """Return points (A, 3) under isometries (P, 3, 4), shape (A, P, 3)."""
+    return np.einsum("pij,aj->api", image[:, :, :3], points) + image[None, :, :, 3]
+
+
+def _center_amplitude(
+    paths: RadarPaths, radar: RadarSpec, tx_vector: Array, rx_vector: Array
+) -> npt.NDArray[np.complex128]:
+    """Return the beat amplitude between the array centres [sqrt(W)]: conj of the field, since the beat is tx conj(rx)."""
+    index = {"V": 0, "H": 1}[radar.polarization]
+    tx_gain = field_gain(radar.pattern, _into(paths.world_from_tx, tx_vector))
+    rx_gain = field_gain(radar.pattern, _into(paths.world_from_rx, rx_vector))
+    return np.conj(paths.a[:, index, index]) * (tx_gain * rx_gain * np.sqrt(dbm_to_watt(radar.tx_power_dbm)))
+
+
+def _into(pose: Pose, vectors: Array) -> Array:
+    """Return world vectors (..., 3) in the pose's own axes."""
+    return vectors @ pose.rotation

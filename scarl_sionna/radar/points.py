@@ -1,0 +1,117 @@
+"""Ideal isotropic point targets as radar paths, for tests and for users who bring their own scatterers."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError, PlacementError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.radar_spec import RadarSpec
+
+from .paths import RadarPaths
+
+POINT_INTERACTION = 0
+"""Kind of interaction written for a point target."""
+MIN_DISTANCE = 1e-6
+"""A target nearer than this to the radar's origin has no direction [m]."""
+
+
+def point_targets(
+    positions: npt.ArrayLike,
+    velocities: npt.ArrayLike,
+    rcs: npt.ArrayLike,
+    radar: RadarSpec,
+    pose: Pose,
+    radar_twist: Twist | None = None,
+) -> RadarPaths:
+    r"""Return the paths of ideal isotropic point targets.
+
+    Parameters
+    ----------
+    positions : array_like of float, shape (num_targets, 3)
+        At the start of the frame [m, world].
+    velocities : array_like of float, shape (num_targets, 3)
+        Constant over the frame [m/s, world].
+    rcs : array_like of float, shape (num_targets,)
+        Radar cross-section [m2], >= 0, the same for V and H; nothing is cross-polarised. A scalar holds for all.
+    radar : RadarSpec
+    pose : Pose
+        `world_from_radar` at the start of the frame.
+    radar_twist : Twist, optional
+        Velocity of the radar; at rest if left out. Its rotation within a frame is not modelled.
+
+    Returns
+    -------
+    RadarPaths
+        One path a target, in the order given, of depth 1; `instance` is the target's index + 1.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a shape is wrong, a value is not finite or an RCS is negative.
+    PlacementError
+        If a target stands at the radar's origin.
+
+    Notes
+    -----
+    .. math:: |a| = \lambda \sqrt{\sigma} / ((4 \pi)^{3/2} R^2), \quad
+              L' = 2 v_r, \quad L'' = 2 (|v|^2 - v_r^2) / R
+
+    with v the velocity relative to the radar. The received power is the radar equation's.
+
+    References
+    ----------
+    .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, Eq. (1.6).
+    """
+    points = _rows(positions, "positions")
+    motion = _rows(velocities, "velocities")
+    if len(points) != len(motion):
+        raise ParameterRangeError("velocities", f"{len(motion)} rows", f"{len(points)} rows, one for each position")
+    try:
+        sigma = np.broadcast_to(np.asarray(rcs, dtype=np.float64), (len(points),))
+    except ValueError:
+        raise ParameterRangeError("rcs", f"shape {np.shape(rcs)}", f"a scalar or shape ({len(points)},)") from None
+    if not (np.isfinite(sigma).all() and (sigma >= 0).all()):
+        raise ParameterRangeError("rcs", f"{np.min(sigma)} m2", "finite and >= 0 m2", "give square metres, not dBsm")
+
+    offset = points - pose.position
+    distance = np.linalg.norm(offset, axis=1)
+    if len(points) and distance.min() < MIN_DISTANCE:
+        index = int(distance.argmin())
+        raise PlacementError(
+            f"target {index} stands at the radar's origin ({points[index]} m); move it at least {MIN_DISTANCE} m away"
+        )
+    relative = motion - (radar_twist.linear if radar_twist is not None else 0.0)
+    radial = np.einsum("ij,ij->i", offset, relative) / distance
+    amplitude = radar.wavelength * np.sqrt(sigma) / ((4.0 * np.pi) ** 1.5 * distance**2)
+    count = len(points)
+    return RadarPaths(
+        tx_point=points,
+        rx_point=points.copy(),
+        inner_length=np.zeros(count),
+        a=amplitude[:, None, None] * np.eye(2, dtype=np.complex128),
+        length_rate=2.0 * radial,
+        length_acceleration=2.0 * np.maximum(np.einsum("ij,ij->i", relative, relative) - radial**2, 0.0) / distance,
+        instance=np.arange(1, count + 1, dtype=np.int32)[:, None],
+        interaction=np.full((count, 1), POINT_INTERACTION, dtype=np.int32),
+        depth=np.ones(count, dtype=np.int32),
+        semantic=np.zeros(count, dtype=np.uint8),
+        world_from_tx=pose,
+        world_from_rx=pose,
+    )
+
+
+def _rows(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
+    """Return finite rows of three, or raise."""
+    try:
+        rows = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ParameterRangeError(name, repr(values)[:60], "numbers of shape (num_targets, 3)") from None
+    if rows.size == 0:
+        return np.zeros((0, 3))
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise ParameterRangeError(name, f"shape {rows.shape}", "shape (num_targets, 3)", "wrap a single target in a list")
+    if not np.isfinite(rows).all():
+        raise ParameterRangeError(name, "NaN or infinity", "finite numbers")
+    return rows

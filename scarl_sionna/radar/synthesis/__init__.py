@@ -1,0 +1,116 @@
+"""Beat signal of radar paths: what every transmit-receive pair's converter sees."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.accuracy import DEFAULT_ACCURACY, Accuracy
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.radar_spec import RadarSpec
+
+from ..antenna import PathGeometry
+from ..noise import add_noise
+from ..paths import RadarPaths
+from . import direct, nufft
+
+
+def synthesize(
+    paths: RadarPaths,
+    radar: RadarSpec,
+    rng: np.random.Generator | None = None,
+    accuracy: Accuracy = DEFAULT_ACCURACY,
+    method: Literal["nufft", "direct"] = "nufft",
+) -> npt.NDArray[np.complex64]:
+    r"""Return the de-chirped signal of every receiver, as sampled.
+
+    Parameters
+    ----------
+    paths : RadarPaths
+        Geometry, transfer and motion at the start of the first ramp.
+    radar : RadarSpec
+    rng : numpy.random.Generator, optional
+        Adds the receiver's thermal noise (:func:`add_noise`); left out: no noise.
+    accuracy : Accuracy
+        `synthesis_tolerance` bounds the error relative to the peak.
+    method : {"nufft", "direct"}
+        ``"direct"`` is the exact sum in float64, for reference.
+
+    Returns
+    -------
+    ndarray of complex64, shape (num_rx, num_chirps_total, num_samples)
+        Beat signal [sqrt(W)]: ``abs(sample)**2`` is received power. Row ``m * num_tx + i`` is chirp m of transmitter i.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a path's length or amplitude is not finite, or the method is unknown.
+
+    Warns
+    -----
+    ScarlWarning
+        If paths are longer than twice ``radar.max_range``: the receiver's low-pass filter removes them.
+
+    Notes
+    -----
+    For transmitter i, receiver j and the time t since the first ramp's start, ts since the ramp's own start,
+
+    .. math:: s_{ij}(t) = \sum_p \bar a_p \sqrt{P G_t G_r}\,
+        e^{j 2 \pi (f_0 \tau + S \tau t_s - S \tau^2 / 2)}, \quad
+        \tau(t) = (L_{ij} + L' t + L'' t^2 / 2) / (c + L'/2)
+
+    *Kept*: exact delay of each pair (spherical wavefronts), motion within a ramp, range migration, residual video phase.
+    *Not modelled*: gains and length rates differ between antennas only by the array's extent over the distance and are
+    taken at the array's centre; derivatives of the length above the second.
+
+    References
+    ----------
+    .. [1] A. Nittur Ramesh et al., "SCaRL", eqs. (2) and (3).
+    """
+    if method not in ("nufft", "direct"):
+        raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
+    adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
+    kept = _within_band(paths, radar)
+    for start in range(0, kept.num_paths, nufft.MAX_CHUNK_PATHS):
+        _add_chunk(adc, kept.select(slice(start, start + nufft.MAX_CHUNK_PATHS)), radar, accuracy, method)
+    return adc if rng is None else add_noise(adc, radar, rng)
+
+
+def _within_band(paths: RadarPaths, radar: RadarSpec) -> RadarPaths:
+    """Return the paths whose beat frequency passes the receiver's filter."""
+    for name in ("a", "tx_point", "rx_point", "inner_length", "length_rate", "length_acceleration"):
+        if not np.isfinite(getattr(paths, name)).all():
+            raise ParameterRangeError(f"paths.{name}", "NaN or infinity", "finite values", "check the solver's geometry")
+    length = PathGeometry.of(paths, radar).center_length()
+    beyond = length >= 2.0 * radar.max_range
+    if beyond.any():
+        warnings.warn(
+            f"{int(beyond.sum())} of {paths.num_paths} paths are longer than twice the unambiguous range of "
+            f"{radar.max_range:.4g} m (up to {length.max():.4g} m) and are filtered out before sampling; "
+            "sample faster or sweep less to see them",
+            ScarlWarning,
+            stacklevel=3,
+        )
+    return paths.select(~beyond) if beyond.any() else paths
+
+
+def _add_chunk(
+    adc: npt.NDArray[np.complex64], paths: RadarPaths, radar: RadarSpec, accuracy: Accuracy, method: str
+) -> None:
+    """Add the signal of some paths to `adc`."""
+    geometry = PathGeometry.of(paths, radar)
+    rate, acceleration = paths.length_rate, paths.length_acceleration
+    transform = None
+    if method == "nufft":
+        transform = nufft.Transform(radar, rate, acceleration, accuracy.synthesis_tolerance)
+    for tx in range(radar.num_tx):
+        for rx in range(radar.num_rx):
+            arguments = (geometry.pair_amplitude(tx, rx), geometry.length(tx, rx), rate, acceleration, radar, tx)
+            signal = direct.sum_paths(*arguments) if transform is None else nufft.sum_paths(*arguments, transform)
+            adc[rx, tx :: radar.num_tx] += signal
+
+
+__all__ = ["synthesize"]

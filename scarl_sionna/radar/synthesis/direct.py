@@ -1,0 +1,39 @@
+"""The beat signal as the plain sum over paths in float64: the exact reference of the fast method."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.radar_spec import RadarSpec
+
+from .phase import FrameGrid, beat_cycles, delay_terms
+
+MAX_CHUNK_VALUES = 2_000_000
+"""Complex values held at once."""
+
+
+def sum_paths(
+    amplitude: npt.NDArray[np.complex128],
+    length: npt.NDArray[np.float64],
+    rate: npt.NDArray[np.float64],
+    acceleration: npt.NDArray[np.float64],
+    radar: RadarSpec,
+    tx: int,
+) -> npt.NDArray[np.complex128]:
+    """Return the noise-free beat signal of one pair [sqrt(W)], shape (num_chirps, num_samples)."""
+    grid = FrameGrid(radar)
+    ts = np.arange(radar.num_samples) / radar.sample_rate
+    chirp = np.arange(radar.num_chirps) * radar.doppler_interval + grid.tx_delay(tx)
+    out = np.zeros((radar.num_chirps, radar.num_samples), dtype=np.complex128)
+    delay, delay_rate, delay_acceleration = delay_terms(length, rate, acceleration)
+    rows = max(1, MAX_CHUNK_VALUES // radar.num_samples)
+    for path in range(len(length)):
+        for start in range(0, radar.num_chirps, rows):
+            block = slice(start, start + rows)
+            time = chirp[block, None] + ts[None, :]
+            tau = delay[path] + time * (delay_rate[path] + 0.5 * time * delay_acceleration[path])
+            cycles = beat_cycles(radar, tau, ts)
+            cycles -= np.floor(cycles)
+            out[block] += amplitude[path] * np.exp(2j * np.pi * cycles)
+    return out
