@@ -1,0 +1,105 @@
+"""Trajectories: velocities are the derivatives of the poses, and times outside are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.world.motion import (
+    ConstantTwistTrajectory,
+    StaticTrajectory,
+    WaypointTrajectory,
+    trajectory_from_table,
+)
+
+RADIUS, SPEED = 150.0, 11.0
+
+
+def arc(step: float) -> WaypointTrajectory:
+    times = np.arange(0.0, 6.0 + step / 2, step)
+    angle = SPEED / RADIUS * times
+    points = np.stack([RADIUS * np.sin(angle), RADIUS * (1 - np.cos(angle)), np.zeros_like(angle)], axis=1)
+    return WaypointTrajectory(times, points, name="car")
+
+
+def test_waypoints_are_met() -> None:
+    trajectory = arc(0.5)
+    for time in (0.0, 0.5, 3.0, 6.0):
+        expected = [RADIUS * np.sin(SPEED / RADIUS * time), RADIUS * (1 - np.cos(SPEED / RADIUS * time)), 0.0]
+        np.testing.assert_allclose(trajectory.pose(time).position, expected, atol=1e-12)
+
+
+def test_twist_is_the_derivative_of_the_pose() -> None:
+    trajectory, h = arc(0.5), 1e-5
+    for time in (0.3, 2.71, 5.5):
+        before, after = trajectory.pose(time - h), trajectory.pose(time + h)
+        twist = trajectory.twist(time)
+        # central difference: error h^2/6 * third derivative (< 1e-8) plus rounding 1e-15*100/h (1e-8)
+        np.testing.assert_allclose((after.position - before.position) / (2 * h), twist.linear, atol=1e-7)
+        assert (after.yaw - before.yaw) / (2 * h) == pytest.approx(twist.angular[2], abs=1e-7)
+
+
+def test_circle_has_its_yaw_rate_and_the_heading_of_the_tangent() -> None:
+    trajectory = arc(0.25)
+    # spline error of the second derivative: h^2/12 * |x''''| = 0.25^2/12 * R w^4 = 2e-5 m/s^2, over the speed 2e-6 rad/s
+    assert trajectory.twist(3.1).angular[2] == pytest.approx(SPEED / RADIUS, abs=1e-5)
+    assert trajectory.pose(3.1).yaw == pytest.approx(SPEED / RADIUS * 3.1, abs=1e-6)
+
+
+def test_velocity_is_continuous_over_a_waypoint() -> None:
+    trajectory = WaypointTrajectory([0, 1, 2, 3], [[0, 0, 0], [5, 0, 0], [11, 1, 0], [15, 4, 0]])
+    before, after = trajectory.twist(1.0 - 1e-9), trajectory.twist(1.0 + 1e-9)
+    np.testing.assert_allclose(before.linear, after.linear, atol=1e-6)
+    np.testing.assert_allclose(before.angular, after.angular, atol=1e-6)
+
+
+def test_body_at_rest_looks_along_its_way() -> None:
+    trajectory = WaypointTrajectory([0, 1, 2], [[0, 0, 0], [0, 0, 0], [0, 0, 0]], yaw_deg=[90, 90, 90])
+    assert trajectory.pose(1.5).yaw == pytest.approx(np.pi / 2)
+    parked = WaypointTrajectory([0, 1], [[1, 1, 0], [1, 1, 0]])
+    assert parked.pose(0.5).yaw == 0.0
+    np.testing.assert_array_equal(parked.twist(0.5).linear, np.zeros(3))
+
+
+def test_given_heading_may_pass_180_degrees() -> None:
+    trajectory = WaypointTrajectory([0, 1, 2], [[0, 0, 0]] * 3, yaw_deg=[170, 180, -170])
+    assert trajectory.twist(1.0).angular[2] == pytest.approx(np.radians(10))
+
+
+@pytest.mark.parametrize("time", [-1e-6, 6.0001, np.inf])
+def test_time_outside_is_refused(time: float) -> None:
+    with pytest.raises(TimeRangeError, match=r"outside the motion of 'car' \(0 to 6 s\)"):
+        arc(0.5).pose(time)
+
+
+@pytest.mark.parametrize(
+    ("times", "positions"),
+    [
+        ([0.0], [[0, 0, 0]]),
+        ([0.0, 0.0], [[0, 0, 0], [1, 0, 0]]),
+        ([0.0, 1.0], [[0, 0, 0]]),
+        ([0.0, 1.0], [[0, 0, 0], [np.nan, 0, 0]]),
+    ],
+)
+def test_bad_waypoints_are_refused(times: list[float], positions: list[list[float]]) -> None:
+    with pytest.raises(ParameterRangeError):
+        WaypointTrajectory(times, positions)
+
+
+def test_constant_twist_turns_and_moves() -> None:
+    trajectory = ConstantTwistTrajectory(Pose([1, 2, 0]), Twist([3, 0, 0], [0, 0, 0.5]))
+    pose = trajectory.pose(2.0)
+    np.testing.assert_allclose(pose.position, [7, 2, 0])
+    assert pose.yaw == pytest.approx(1.0)
+
+
+def test_tables() -> None:
+    assert isinstance(trajectory_from_table({"kind": "static", "position": [0, 0, 1]}, "a"), StaticTrajectory)
+    with pytest.raises(UnknownNameError, match="teleport"):
+        trajectory_from_table({"kind": "teleport"}, "a")
+    with pytest.raises(ParameterRangeError, match=r"a\.trajectory\.times"):
+        trajectory_from_table({"kind": "waypoints", "positions": [[0, 0, 0]]}, "a")
+    with pytest.raises(UnknownNameError, match="speed"):
+        trajectory_from_table({"kind": "static", "position": [0, 0, 0], "speed": 3}, "a")
