@@ -1,0 +1,1 @@
+"""Parts that scenes are built from: each module returns meshes, `xml` writes them as a Mitsuba scene."""

@@ -1,0 +1,34 @@
+"""Textures of the scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..generators import textures
+from .layout import LANE_LEFT, PAVEMENT_LEFT, PAVEMENT_RIGHT
+
+
+def write(folder: Path, seed: int) -> None:
+    """Write every texture of the scene into `folder`."""
+    span = PAVEMENT_LEFT - PAVEMENT_RIGHT
+    tracks = tuple(lane + wheel - PAVEMENT_RIGHT for lane in (0.0, LANE_LEFT) for wheel in (-0.78, 0.78))
+    road = textures.asphalt(1024, seed + 1, tracks, span)
+    road[textures.crack_lines(1024, seed + 4)] *= 0.62
+    textures.save(folder / "asphalt.png", road, 48)
+    textures.save(folder / "grass.png", textures.grass(1024, seed + 11), 40)
+    textures.save(folder / "gravel.png", textures.gravel(512, seed + 21), 40)
+    textures.save(folder / "bark.png", textures.bark(256, seed + 31), 40)
+    textures.save(folder / "plaster.png", textures.plaster(512, seed + 41), 64)
+    textures.save(folder / "bricks.png", textures.bricks(512, seed + 51), 64)
+    textures.save(folder / "roof_tiles.png", textures.roof_tiles(512, seed + 61), 64)
+    worn = 0.80 + 0.05 * textures.periodic_noise(512, seed + 71, 0.3, 20.0)
+    chipped = textures.periodic_noise(512, seed + 72, 0.6, 8.0) > 1.9
+    textures.save(folder / "marking.png", np.where(chipped, 0.48, worn), 32)
+    stain = 0.58 + 0.04 * textures.periodic_noise(512, seed + 81, 0.4, 10.0) + 0.05 * textures.periodic_noise(512, seed + 82, 1.4, 1.0, 12.0)
+    textures.save(folder / "concrete.png", textures.tinted(stain, (0.2, 0.2, 0.19), (0.9, 0.89, 0.86)), 48)
+    textures.sign_speed(256).save(folder / "sign_speed.png", optimize=True)
+    textures.sign_bend(256).save(folder / "sign_bend.png", optimize=True)
+    textures.chevrons(512, 128).save(folder / "sign_chevron.png", optimize=True)
+    textures.plate(256, 56, seed + 91).save(folder / "plate.png", optimize=True)
