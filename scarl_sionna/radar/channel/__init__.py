@@ -1,0 +1,71 @@
+"""Channel solvers: from a state of the world to the paths of a radar. One solver a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from scarl_sionna.core.errors import ScarlError, UnknownNameError
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.radar.paths import RadarPaths
+
+from .raycast import solve_raycast
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import WorldState
+
+__all__ = ["SolverUnavailableError", "solve_paths"]
+
+SOLVERS: dict[str, Callable[..., RadarPaths]] = {"raycast": solve_raycast}
+PLANNED = {
+    "sionna": "mirror reflections, diffraction and multipath with Sionna RT's PathSolver",
+    "sbr": "shooting and bouncing rays with physical optics",
+    "scatterers": "scattering centres",
+}
+"""Solvers of the design that this version does not have."""
+
+
+class SolverUnavailableError(ScarlError, NotImplementedError):
+    """A channel solver of the design is not part of this version."""
+
+    def __init__(self, method: str) -> None:
+        self.method, self.available = method, sorted(SOLVERS)
+        super().__init__(
+            f"channel solver '{method}' ({PLANNED[method]}) is not available in this version; "
+            f"use one of {', '.join([*self.available, 'auto'])}"
+        )
+
+
+def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "auto", **options: Any) -> RadarPaths:
+    """Return the propagation paths of a radar in a state of the world.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    pose : Pose
+        world_from_radar.
+    method : str
+        ``"raycast"``: SCaRL's own. ``"auto"`` stands for ``"raycast"`` until another solver exists to choose from.
+        ``"sionna"``, ``"sbr"`` and ``"scatterers"`` belong to the design but not to this version.
+    **options
+        Of the solver; see :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...).
+
+    Returns
+    -------
+    RadarPaths
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such method.
+    SolverUnavailableError
+        If the method is not part of this version.
+    """
+    chosen = "raycast" if method == "auto" else method
+    if chosen in SOLVERS:
+        return SOLVERS[chosen](state, radar, pose, **options)
+    if chosen in PLANNED:
+        raise SolverUnavailableError(chosen)
+    raise UnknownNameError("channel solver", method, [*SOLVERS, "auto", *PLANNED])

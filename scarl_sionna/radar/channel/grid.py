@@ -1,0 +1,74 @@
+"""A fixed grid of rays over a radar's field of view, all of the same solid angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError
+
+
+@dataclass(frozen=True)
+class RayGrid:
+    """Directions through the centres of equal cells in azimuth and sine of elevation.
+
+    Every cell has the solid angle d(azimuth) * d(sin(elevation)), so the area across a ray at distance d is
+    ``d**2 * solid_angle``. Ray ``row * num_azimuth + column`` counts columns from the right (negative azimuth), rows from
+    the bottom. Made by :meth:`over`.
+    """
+
+    azimuth_fov: float
+    elevation_fov: float
+    num_azimuth: int
+    num_elevation: int
+
+    @classmethod
+    def over(cls, azimuth_fov: float, elevation_fov: float, num_rays: int) -> RayGrid:
+        """Return the grid with nearly square cells and at most `num_rays` rays.
+
+        Parameters
+        ----------
+        azimuth_fov, elevation_fov : float
+            Full width and height around the boresight [rad], 0 to pi.
+        num_rays : int
+            >= 1.
+        """
+        if isinstance(num_rays, bool) or int(num_rays) != num_rays or num_rays < 1:
+            raise ParameterRangeError("num_rays", num_rays, "an integer >= 1")
+        for name, value in (("azimuth_fov", azimuth_fov), ("elevation_fov", elevation_fov)):
+            if not 0.0 < value <= np.pi + 1e-12:
+                raise ParameterRangeError(name, f"{value} rad", "0 < value <= pi rad")
+        height = 2.0 * np.sin(elevation_fov / 2.0)
+        num_elevation = int(np.clip(np.round(np.sqrt(num_rays * height / azimuth_fov)), 1, num_rays))
+        return cls(azimuth_fov, elevation_fov, num_rays // num_elevation, num_elevation)
+
+    @property
+    def num_rays(self) -> int:
+        """Number of rays."""
+        return self.num_azimuth * self.num_elevation
+
+    @property
+    def solid_angle(self) -> float:
+        """Solid angle of a cell [sr]."""
+        return self.azimuth_fov * 2.0 * np.sin(self.elevation_fov / 2.0) / self.num_rays
+
+    @property
+    def spacing(self) -> float:
+        """Angle between neighbouring rays at the boresight, the larger of the two [rad]."""
+        return max(self.azimuth_fov / self.num_azimuth, 2.0 * np.sin(self.elevation_fov / 2.0) / self.num_elevation)
+
+    def directions(self, first: int, stop: int) -> npt.NDArray[np.float64]:
+        """Return the unit directions of rays `first` to `stop` in the radar frame, shape (stop - first, 3)."""
+        row, column = np.divmod(np.arange(first, stop), self.num_azimuth)
+        azimuths = self.azimuth_fov * ((np.arange(self.num_azimuth) + 0.5) / self.num_azimuth - 0.5)
+        sines = (
+            2.0 * np.sin(self.elevation_fov / 2.0) * ((np.arange(self.num_elevation) + 0.5) / self.num_elevation - 0.5)
+        )
+        cosines = np.sqrt(1.0 - sines**2)
+        out = np.empty((stop - first, 3))
+        out[:, 0] = cosines[row] * np.cos(azimuths)[column]
+        out[:, 1] = cosines[row] * np.sin(azimuths)[column]
+        out[:, 2] = sines[row]
+        return out

@@ -1,0 +1,273 @@
+"""SCaRL's own method: a fixed grid of rays, each hit one isotropic point target (section 2.3 of the paper).
+
+What it models, how its power is calibrated and where it breaks stands in docs/raycast.md.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core import seeds
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.world.placement import check_placement
+
+from .class_rcs import ClassRcs, class_reflectivity
+from .fresnel import power_reflectance, te_fraction_of_h
+from .grid import RayGrid
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import RayHits, WorldState
+
+Array = npt.NDArray[np.float64]
+RcsModel = Literal["footprint", "per_hit"]
+HitPhase = Literal["rough", "geometric"]
+
+RAYS_PER_BATCH = 1_000_000
+"""Rays cast at once: bounds the memory of a batch to about 300 MB."""
+NEAREST_HIT = 1e-3
+"""The radar equation is not used closer than this [m]; a housing touches nothing nearer."""
+DIFFUSE = 2
+"""Kind of the interaction of a hit, the number of Sionna RT's ``InteractionType.DIFFUSE``."""
+REFERENCE_FOOTPRINT = 4.34e-4
+"""Area of a ray of the default grid (10^6 rays over 120 x 30 deg) at 20 m [m2]: the unit of ``rcs_model="per_hit"``."""
+
+
+@dataclass(frozen=True)
+class _Model:
+    """What turns hits into path amplitudes."""
+
+    radar: RadarSpec
+    pose: Pose
+    gamma: Array
+    rcs_model: RcsModel
+    solid_angle: float
+    reach: float
+    velocity: Array
+
+
+def solve_raycast(
+    state: WorldState,
+    radar: RadarSpec,
+    pose: Pose,
+    *,
+    radar_twist: Twist | None = None,
+    num_rays: int | None = None,
+    max_distance: float | None = None,
+    rcs_model: RcsModel = "footprint",
+    class_rcs: ClassRcs | None = None,
+    hit_phase: HitPhase = "rough",
+) -> RadarPaths:
+    r"""Return the paths to the first surfaces that a fixed grid of rays hits.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+        Field of view, number of rays, carrier and array.
+    pose : Pose
+        world_from_radar.
+    radar_twist : Twist, optional
+        Velocity of the radar, world axes; at rest if not given.
+    num_rays : int, optional
+        Instead of ``radar.num_rays``.
+    max_distance : float, optional
+        Hits beyond are left out [m]; the unambiguous range if not given, since the filter before the converter takes away
+        what lies beyond.
+    rcs_model : {"footprint", "per_hit"}
+        ``"footprint"``: the RCS of a hit is the class reflectivity times the area across its ray, so the power does not
+        depend on the number of rays. ``"per_hit"``: a constant RCS a hit by class, the paper's literal reading; the power
+        grows with the number of rays.
+    class_rcs : mapping of class name to reflectivity, or path of a TOML file, optional
+        Replaces entries of ``rcs_by_class.toml``.
+    hit_phase : {"rough", "geometric"}
+        ``"rough"``: each hit stands for a patch of many unresolved scatterers and gets a fixed random phase, so that
+        powers add in the mean. ``"geometric"``: only the phase of its distance, as in the paper; hits at exactly the same
+        distance (a flat road below a level radar) then add in phase.
+
+    Returns
+    -------
+    RadarPaths
+        One path a hit, in ray order; empty where nothing is hit.
+
+    Raises
+    ------
+    PlacementError
+        If the radar or one of its antennas is inside a mesh.
+    MaterialRangeError
+        If a material that is hit has no data at the carrier frequency.
+
+    Warns
+    -----
+    ScarlWarning
+        If an object in view is smaller than the distance between rays there.
+
+    Notes
+    -----
+    Radar equation with unit antenna gains; the synthesis applies the angle-dependent gains:
+
+    .. math:: |a|^2 = \frac{\sigma \lambda^2}{(4\pi)^3 d^4}, \quad \sigma = \gamma_{class}\, d^2 \Delta\Omega\, R(\theta)
+
+    with the power reflectance R of the part's radio material for the vertical and the horizontal polarisation. The paper
+    prints lambda = f0 / c under its Eq. (4); the wavelength is c / f0.
+
+    *Not modelled*: multiple reflections, coherence between neighbouring hits, shadow of the road bounce, rotation of the
+    array about its centre, acceleration.
+
+    References
+    ----------
+    .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for Autonomous
+           Driving", section 2.3, Eq. (4).
+    """
+    for name, value, known in (
+        ("rcs_model", rcs_model, ("footprint", "per_hit")),
+        ("hit_phase", hit_phase, ("rough", "geometric")),
+    ):
+        if value not in known:
+            raise UnknownNameError(name, value, known)
+    reach = radar.max_range if max_distance is None else max_distance
+    if not reach > 0.0:
+        raise ParameterRangeError("max_distance", f"{reach} m", "> 0 m")
+    _check_antennas(state, radar, pose)
+    fov = np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg)
+    grid = RayGrid.over(*fov, radar.num_rays if num_rays is None else num_rays)
+    _warn_of_small_objects(state, radar, pose, grid, reach)
+    twist = radar_twist or Twist()
+    model = _Model(radar, pose, class_reflectivity(class_rcs), rcs_model, grid.solid_angle, reach, twist.linear)
+    phases = _fixed_phases(hit_phase)
+    clock = {"cast": 0.0, "amplitude": 0.0}
+    batches = []
+    for first in range(0, grid.num_rays, RAYS_PER_BATCH):
+        stop = min(first + RAYS_PER_BATCH, grid.num_rays)
+        start = time.perf_counter()
+        hits = state.cast(pose.position, pose.rotate(grid.directions(first, stop)), max_distance=reach)
+        cast = time.perf_counter()
+        batches.append(_columns(hits, state, model, phases(stop - first)))
+        clock["cast"] += cast - start
+        clock["amplitude"] += time.perf_counter() - cast
+    return _join(batches, pose, grid, clock, {"rcs_model": rcs_model, "hit_phase": hit_phase, "max_distance": reach})
+
+
+def _check_antennas(state: WorldState, radar: RadarSpec, pose: Pose) -> None:
+    check_placement(state, pose.position, "radar")
+    for kind, array in (("tx", radar.tx_array), ("rx", radar.rx_array)):
+        for index, position in enumerate(pose.apply(array)):
+            check_placement(state, position, f"{kind} antenna {index}")
+
+
+def _fixed_phases(hit_phase: HitPhase) -> Callable[[int], Array | None]:
+    """Return what gives the next rays' phases [cycles]: the same for every frame, so a scene at rest stays at rest."""
+    if hit_phase == "geometric":
+        return lambda count: None
+    return seeds.generator(0, "raycast_surface_phase").random
+
+
+def _columns(hits: RayHits, state: WorldState, model: _Model, cycles: Array | None) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of :class:`RadarPaths` for the hits of one batch."""
+    parts = state.world.parts
+    offset = hits.point - model.pose.position
+    distance = np.maximum(np.linalg.norm(offset, axis=1), NEAREST_HIT)
+    direction = offset / distance[:, None]
+    semantic = parts.semantic[hits.part]
+    area = REFERENCE_FOOTPRINT if model.rcs_model == "per_hit" else distance**2 * model.solid_angle
+    reflectance_v, reflectance_h = _reflectances(hits, direction, state, model)
+    spreading = model.gamma[semantic] * area * model.radar.wavelength**2 / ((4.0 * np.pi) ** 3 * distance**4)
+    amplitude = np.sqrt(spreading[:, None] * np.stack([reflectance_v, reflectance_h], axis=1))
+    keep = np.flatnonzero(amplitude.any(axis=1) & (distance < model.reach))
+    a = np.zeros((len(keep), 2, 2), dtype=np.complex128)
+    factor = 1.0 if cycles is None else np.exp(2j * np.pi * cycles[hits.ray[keep]])
+    a[:, 0, 0] = amplitude[keep, 0] * factor
+    a[:, 1, 1] = amplitude[keep, 1] * factor
+    opening = np.einsum("ij,ij->i", hits.velocity[keep] - model.velocity, direction[keep])
+    return {
+        "point": hits.point[keep],
+        "a": a,
+        "length_rate": 2.0 * opening,
+        "instance": parts.instance[hits.part[keep]].astype(np.int32),
+        "semantic": semantic[keep].astype(np.uint8),
+    }
+
+
+def _reflectances(hits: RayHits, direction: Array, state: WorldState, model: _Model) -> tuple[Array, Array]:
+    """Return the power reflectance of each hit for the radar's vertical and horizontal polarisation."""
+    names = state.world.parts.material
+    known = sorted(set(names))
+    material_of_hit = np.array([known.index(name) for name in names], dtype=np.int64)[hits.part]
+    te, tm = np.zeros(len(direction)), np.zeros(len(direction))
+    for index in np.unique(material_of_hit):
+        rows = np.flatnonzero(material_of_hit == index)
+        material = state.world.materials[known[index]]
+        te[rows], tm[rows] = power_reflectance(material, model.radar.start_frequency, hits.cos_incidence[rows])
+    rotation = model.pose.rotation
+    fraction = te_fraction_of_h(direction @ rotation, hits.normal @ rotation)
+    return fraction * tm + (1.0 - fraction) * te, fraction * te + (1.0 - fraction) * tm
+
+
+def _join(
+    batches: list[dict[str, npt.NDArray[Any]]],
+    pose: Pose,
+    grid: RayGrid,
+    clock: dict[str, float],
+    chosen: dict[str, Any],
+) -> RadarPaths:
+    columns = {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
+    count = len(columns["length_rate"])
+    diagnostics = {
+        "method": "raycast",
+        **chosen,
+        "num_rays": grid.num_rays,
+        "num_hits": count,
+        "ray_spacing_deg": float(np.degrees(grid.spacing)),
+        "solid_angle": float(grid.solid_angle),
+        "seconds": clock,
+    }
+    return RadarPaths(
+        tx_point=columns["point"],
+        rx_point=columns["point"],
+        inner_length=np.zeros(count),
+        a=columns["a"],
+        length_rate=columns["length_rate"],
+        length_acceleration=np.zeros(count),
+        instance=columns["instance"][:, None],
+        interaction=np.full((count, 1), DIFFUSE, dtype=np.int32),
+        depth=np.ones(count, dtype=np.int32),
+        semantic=columns["semantic"],
+        world_from_tx=pose,
+        world_from_rx=pose,
+        diagnostics=diagnostics,
+    )
+
+
+def _warn_of_small_objects(state: WorldState, radar: RadarSpec, pose: Pose, grid: RayGrid, reach: float) -> None:
+    """Warn of objects in view that may fall between the rays."""
+    radar_from_world = pose.inverse()
+    small = []
+    for box in state.boxes():
+        x, y, z = radar_from_world.apply(box.world_from_box.position)
+        distance = float(np.linalg.norm((x, y, z)))
+        width = float(np.sort(box.size)[1])  # what a plate or a pole shows at least along one direction
+        in_view = (
+            abs(np.degrees(np.arctan2(y, x))) <= radar.azimuth_fov_deg / 2
+            and abs(np.degrees(np.arcsin(z / max(distance, 1e-9)))) <= radar.elevation_fov_deg / 2
+        )
+        if in_view and distance < reach and 0.0 < width < distance * grid.spacing:
+            small.append((box.name, width, distance))
+    if small:
+        name, width, distance = max(small, key=lambda item: item[2] / item[1])
+        needed = grid.num_rays * (distance * grid.spacing / width) ** 2
+        warnings.warn(
+            f"{len(small)} object(s) in view are smaller than the distance between rays and may be missed, most of all "
+            f"'{name}' ({width:.2f} m at {distance:.0f} m, rays {distance * grid.spacing:.2f} m apart); "
+            f"num_rays >= {needed:.1e} or a narrower field of view would hit it",
+            ScarlWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,82 @@
+"""The radar as a sensor: channel, beat signal, noise, converter, in physical order."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.results import RadarFrame
+
+from .adc import quantize
+from .channel import solve_paths
+from .synthesis import synthesize
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import WorldState
+
+
+class Radar:
+    """A MIMO FMCW radar that looks at a state of the world.
+
+    Parameters
+    ----------
+    spec : RadarSpec
+    method : str
+        Channel solver, see :func:`scarl_sionna.radar.channel.solve_paths`.
+    noise : bool
+        False leaves the receiver's thermal noise out: the ideal sensor.
+    """
+
+    def __init__(self, spec: RadarSpec, method: str = "auto", noise: bool = True) -> None:
+        self.spec = spec
+        self.method = method
+        self.noise = noise
+
+    def observe(
+        self, state: WorldState, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
+    ) -> RadarFrame:
+        """Return the raw data of one frame whose first ramp starts at the state's time.
+
+        Parameters
+        ----------
+        state : WorldState
+        world_from_sensor : Pose
+            Radar frame: x boresight, y left, z up.
+        sensor_twist : Twist
+            Velocity of the radar, world axes.
+        seed_generator : numpy.random.Generator
+            Source of the receiver noise, the only randomness.
+
+        Returns
+        -------
+        RadarFrame
+            `diagnostics` holds what the solver chose, and under ``"seconds"`` the time of each stage.
+
+        Raises
+        ------
+        PlacementError
+            If the radar or one of its antennas is inside a mesh.
+        """
+        paths = solve_paths(state, self.spec, world_from_sensor, self.method, radar_twist=sensor_twist)
+        start = time.perf_counter()
+        adc = synthesize(paths, self.spec, rng=seed_generator if self.noise else None)
+        synthesized = time.perf_counter()
+        codes, scale, num_saturated = quantize(adc, self.spec)
+        seconds = {
+            **paths.diagnostics["seconds"],
+            "synthesize": synthesized - start,
+            "quantize": time.perf_counter() - synthesized,
+        }
+        return RadarFrame(
+            spec=self.spec,
+            world_from_sensor=world_from_sensor,
+            adc_int=codes,
+            adc_scale=scale,
+            num_saturated=num_saturated,
+            num_paths=paths.num_paths,
+            diagnostics={**paths.diagnostics, "seconds": seconds},
+        )
