@@ -9,7 +9,7 @@ from scarl_sionna.core.pose import Pose
 
 
 def require_free_view(state: Any, world_from_sensor: Pose, sensor: str) -> None:
-    """Raise when a sensor stands inside a closed part of the scene.
+    """Raise when a sensor stands inside a closed mesh of the scene.
 
     Parameters
     ----------
@@ -21,12 +21,12 @@ def require_free_view(state: Any, world_from_sensor: Pose, sensor: str) -> None:
     Raises
     ------
     PlacementError
-        With the position and the name of the part.
+        With the position and the name of the instance that encloses it.
     """
-    part = state.inside(world_from_sensor.position)
-    if part is not None:
+    inside = state.inside(world_from_sensor.position)
+    if inside is not None:
         x, y, z = world_from_sensor.position
         raise PlacementError(
-            f"{sensor} at ({x:.3f}, {y:.3f}, {z:.3f}) m in the world is inside part '{part}' at {state.time:.3f} s; "
+            f"{sensor} at ({x:.3f}, {y:.3f}, {z:.3f}) m in the world is inside the mesh of '{inside}' at {state.time:.3f} s; "
             "move it outside of the mesh (for a sensor on a vehicle: in front of the body)"
         )

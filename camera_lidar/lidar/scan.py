@@ -60,7 +60,9 @@ def shot_directions(spec: LidarSpec) -> Array:
     return directions
 
 
-def radial_velocity(surface_velocity: npt.ArrayLike, sensor_velocity: npt.ArrayLike, directions: npt.ArrayLike) -> Array:
+def radial_velocity(
+    surface_velocity: npt.ArrayLike, sensor_velocity: npt.ArrayLike, directions: npt.ArrayLike
+) -> Array:
     r"""Return how fast the distance to surface points opens.
 
     Parameters

@@ -1,0 +1,87 @@
+"""The camera as a sensor: contracts, errors, limits, repeatability."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from camera_lidar import Camera
+from camera_lidar.camera.render import stratified_samples
+from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.core.errors import ParameterRangeError, PlacementError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.semantics import SKY, semantic_id
+from scarl_sionna.world import WorldState, load_scene
+from tests.scenes import Thing, box, plane, write_scene
+
+SPEC = CameraSpec(width=48, height=32, samples_per_pixel=4, horizontal_fov_deg=60.0)
+POSE = Pose([0.0, 0.0, 1.5])
+
+
+@pytest.fixture(scope="module")
+def state(tmp_path_factory: pytest.TempPathFactory) -> WorldState:
+    folder: Path = tmp_path_factory.mktemp("scene")
+    ground = Thing("ground", plane(100.0, 100.0), "Roads", is_object=False)
+    wall = Thing("wall", box((1.0, 4.0, 3.0), (10.5, 0.0, 1.5)), "Wall", "white")
+    return load_scene(write_scene(folder, [ground, wall])).at(0.0)
+
+
+def test_all_images_have_the_promised_shape_and_type(state: WorldState) -> None:
+    frame = Camera(SPEC).observe(state, POSE, Twist(), np.random.default_rng(0))
+    assert frame.spec == SPEC and frame.world_from_sensor is POSE
+    for image, dtype, tail in (
+        (frame.rgb, np.uint8, (3,)), (frame.depth, np.float32, ()), (frame.semantic, np.uint8, ()),
+        (frame.instance, np.uint16, ()),
+    ):  # fmt: skip
+        assert image is not None and image.dtype == dtype and image.shape == (32, 48, *tail)
+
+
+def test_only_the_images_asked_for_are_made(state: WorldState) -> None:
+    frame = Camera(SPEC.with_(images=("instance",))).observe(state, POSE, Twist(), np.random.default_rng(0))
+    assert frame.instance is not None
+    assert frame.rgb is None and frame.depth is None and frame.semantic is None
+    frame = Camera(SPEC.with_(images=("rgb",))).observe(state, POSE, Twist(), np.random.default_rng(0))
+    assert frame.rgb is not None and frame.depth is None
+
+
+def test_sky_has_its_class_no_instance_and_no_depth(state: WorldState) -> None:
+    frame = Camera(SPEC).observe(state, POSE, Twist(), np.random.default_rng(0))
+    assert frame.depth is not None and frame.semantic is not None and frame.instance is not None
+    sky = frame.semantic == SKY
+    assert sky[0].all() and not sky[-1].any()
+    assert np.array_equal(sky, np.isinf(frame.depth)) and np.array_equal(sky, frame.instance == 0)
+
+
+def test_depth_ends_at_the_maximum_distance_but_labels_do_not(state: WorldState) -> None:
+    frame = Camera(SPEC.with_(max_distance=9.0)).observe(state, POSE, Twist(), np.random.default_rng(0))
+    assert frame.depth is not None and frame.semantic is not None
+    wall = frame.semantic == semantic_id("Wall")
+    assert wall.any() and np.isinf(frame.depth[wall]).all()
+
+
+def test_same_seed_gives_the_same_bytes_and_another_seed_other_ones(state: WorldState) -> None:
+    spec = SPEC.with_(images=("rgb",))
+    images = [Camera(spec).observe(state, POSE, Twist(), np.random.default_rng(seed)).rgb for seed in (3, 3, 4)]
+    assert np.array_equal(images[0], images[1])
+    assert not np.array_equal(images[0], images[2])
+
+
+def test_camera_inside_a_mesh_is_refused(state: WorldState) -> None:
+    with pytest.raises(PlacementError, match=r"camera at \(10\.500, 0\.000, 1\.500\) m .*'wall'"):
+        Camera(SPEC).observe(state, Pose([10.5, 0.0, 1.5]), Twist(), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("bad", [{"width": 0}, {"horizontal_fov_deg": 180.0}, {"exposure": 0.0}, {"images": ("xray",)}])
+def test_bad_specifications_are_refused(bad: dict) -> None:
+    with pytest.raises(ParameterRangeError):
+        CameraSpec(**bad)
+
+
+def test_samples_are_rounded_up_to_a_full_grid() -> None:
+    for number in range(1, 300):
+        taken = stratified_samples(number)
+        columns = int(number**0.5)
+        assert number <= taken < number + columns + 1 and taken % columns == 0
+    assert [stratified_samples(n) for n in (1, 4, 16, 64, 1024)] == [1, 4, 16, 64, 1024]
