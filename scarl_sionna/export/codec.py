@@ -23,6 +23,9 @@ from scarl_sionna.core.spec import Spec
 IMAGE_NAMES = ("rgb", "depth", "semantic", "instance")
 LIDAR_NAMES = tuple(item.name for item in fields(LidarScan) if item.name not in ("spec", "world_from_sensor"))
 
+NOT_DATA = ("seconds",)
+"""Diagnostics that are left out, so that the same seed gives the same bytes."""
+
 DEPTH_RATIO = 20_000.0
 """Largest over smallest depth of the 16-bit code; half a step is ln(DEPTH_RATIO) / 65534 / 2 = 7.6e-5 of the depth."""
 DEPTH_FORMULA = (
@@ -74,7 +77,7 @@ def write_result(result: SensorResult, folder: Path) -> dict[str, Any]:
             "adc_scale": float(result.adc_scale),
             "num_saturated": int(result.num_saturated),
             "num_paths": int(result.num_paths),
-            "diagnostics": plain(result.diagnostics),
+            "diagnostics": plain({key: value for key, value in result.diagnostics.items() if key not in NOT_DATA}),
         }
     raise OutputError(
         f"cannot write a result of type {type(result).__name__}; a sensor must return an ImageFrame, LidarScan or RadarFrame"

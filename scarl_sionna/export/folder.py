@@ -5,6 +5,7 @@ A frame is written under a temporary name and renamed when it is whole, so that 
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -293,5 +294,6 @@ def _differences(old: Any, new: Any, name: str = "") -> list[str]:
 
 
 def _output_error(path: Path, error: OSError) -> OutputError:
-    remedy = "free some space" if error.errno in (28, 122) else "choose a folder that you may write to"  # ENOSPC, EDQUOT
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    remedy = "free some space" if full else "choose a folder that you may write to"
     return OutputError(f"cannot write {path}: {error.strerror or error}; {remedy}")

@@ -116,7 +116,10 @@ class Rig:
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
             raise ParameterRangeError(
-                "Rig.sensors", f"names {', '.join(repeated)} more than once", "unique sensor names", "rename one of them"
+                "Rig.sensors",
+                f"names {', '.join(repeated)} more than once",
+                "unique sensor names",
+                "rename one of them",
             )
 
     @property

@@ -55,4 +55,6 @@ class ScenarioSpec(Spec):
         try:
             path.write_text(text, encoding="utf-8")
         except OSError as error:
-            raise OutputError(f"cannot write the scenario to {path}: {error.strerror}; choose a writable folder") from error
+            raise OutputError(
+                f"cannot write the scenario to {path}: {error.strerror}; choose a writable folder"
+            ) from error

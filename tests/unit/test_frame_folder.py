@@ -91,7 +91,9 @@ def test_a_frame_comes_back_as_it_was_written(tmp_path) -> None:
 def test_writing_twice_gives_the_same_bytes(tmp_path) -> None:
     for name in ("a", "b"):
         FrameFolderWriter(tmp_path / name, CONFIGURATION).write(make_frame())
-    files = [{p.relative_to(tmp_path / n): p.read_bytes() for p in (tmp_path / n).rglob("*") if p.is_file()} for n in "ab"]
+    files = [
+        {p.relative_to(tmp_path / n): p.read_bytes() for p in (tmp_path / n).rglob("*") if p.is_file()} for n in "ab"
+    ]
     assert len(files[0]) == 9  # dataset.json, frame.json, 4 images + 1 depth, points, adc
     assert files[0] == files[1]
 

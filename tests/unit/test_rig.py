@@ -51,7 +51,10 @@ def test_full_quality_is_the_default_of_every_spec_and_draft_is_cheaper() -> Non
     assert full["front_center/rgb"].spec == CameraSpec(images=("rgb",))
     assert draft["front_center/radar"].spec.num_rays < full["front_center/radar"].spec.num_rays
     assert draft["front_center/rgb"].spec.width < full["front_center/rgb"].spec.width
-    shots = [rig["front_center/lidar"].spec.num_azimuth * rig["front_center/lidar"].spec.num_elevation for rig in (draft, full)]
+    shots = [
+        rig["front_center/lidar"].spec.num_azimuth * rig["front_center/lidar"].spec.num_elevation
+        for rig in (draft, full)
+    ]
     assert shots[0] < shots[1]
     # the waveform is the paper's at any quality
     assert draft["front_center/radar"].spec.with_(num_rays=1_000_000) == full["front_center/radar"].spec

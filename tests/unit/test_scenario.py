@@ -14,7 +14,9 @@ def test_times_start_at_the_start_and_follow_the_frame_rate() -> None:
 
 @pytest.mark.parametrize("suffix", ["yaml", "json"])
 def test_a_file_gives_the_scenario_back(tmp_path, suffix) -> None:
-    scenario = ScenarioSpec(scene="street_canyon", rig="scarl", num_frames=7, frame_rate=12.5, seed=2**40, quality="full")
+    scenario = ScenarioSpec(
+        scene="street_canyon", rig="scarl", num_frames=7, frame_rate=12.5, seed=2**40, quality="full"
+    )
     scenario.save(tmp_path / f"s.{suffix}")
     assert ScenarioSpec.load(tmp_path / f"s.{suffix}") == scenario
 

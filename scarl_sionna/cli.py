@@ -1,0 +1,169 @@
+"""Command line: argument parsing, progress and messages only."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from scarl_sionna.core.errors import ScarlError
+from scarl_sionna.scenario.spec import ScenarioSpec
+
+if TYPE_CHECKING:
+    from scarl_sionna.generate import RunSummary
+
+EXIT_ERROR = 2
+EXIT_INTERRUPTED = 130
+
+app = typer.Typer(
+    name="scarl-sionna",
+    help="Synchronized synthetic camera, lidar and MIMO radar data of driving scenes.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+_DEFAULTS = ScenarioSpec()
+_STATUS_COLORS = {"ok": "green", "warn": "yellow", "missing": "red"}
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"scarl-sionna {version('scarl-sionna')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _global_options(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+) -> None:
+    context.obj = {"debug": debug}
+
+
+@app.command()
+def demo(
+    context: typer.Context,
+    out: Annotated[Path, typer.Option(help="Folder to write to.")] = Path("demo_out"),
+    scenario: Annotated[
+        Path | None, typer.Option(help="Scenario file (.yaml, .json); the options below win over it.")
+    ] = None,
+    frames: Annotated[int | None, typer.Option(help=f"Number of frames [default: {_DEFAULTS.num_frames}].")] = None,
+    quality: Annotated[str | None, typer.Option(help=f"draft or full [default: {_DEFAULTS.quality}].")] = None,
+    scene: Annotated[
+        str | None, typer.Option(help=f"Scene name or path of an XML file [default: {_DEFAULTS.scene}].")
+    ] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            help="front: one suite of five sensors; scarl: six suites all around; or the path of a rig file "
+            f"[default: {_DEFAULTS.rig}]."
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help=f"Root of all random numbers [default: {_DEFAULTS.seed}].")] = None,
+    frame_rate: Annotated[
+        float | None, typer.Option(help=f"Frames a second [Hz] [default: {_DEFAULTS.frame_rate:g}].")
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Remove the frames in the folder first. Without it they are kept.")
+    ] = False,
+) -> None:
+    """Simulate consecutive frames of a scene, write them to a folder, and draw a contact sheet.
+
+    A run that was stopped goes on where it was: frames of the same settings that are complete are kept.
+    """
+    given = {
+        "num_frames": frames,
+        "quality": quality,
+        "scene": scene,
+        "rig": rig,
+        "seed": seed,
+        "frame_rate": frame_rate,
+    }
+    changes = {name: value for name, value in given.items() if value is not None}
+    with _reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
+        base = ScenarioSpec.load(scenario) if scenario else _DEFAULTS
+        started = perf_counter()
+        summary = _run(base.with_(**changes), out, overwrite)
+        _print_summary(summary, perf_counter() - started)
+
+
+@app.command()
+def info(context: typer.Context) -> None:
+    """Show what was found on this machine, and the remedy for what is missing."""
+    with _reported(context, "stopped"):
+        from scarl_sionna.world.doctor import doctor_report
+
+        table = Table()
+        for title in ("", "found", "status", "remedy"):
+            table.add_column(title, overflow="fold")
+        rows = doctor_report()
+        for row in rows:
+            color = _STATUS_COLORS.get(row.status, "red")
+            table.add_row(escape(row.name), escape(row.found), f"[{color}]{row.status}[/{color}]", escape(row.remedy))
+        Console().print(table)
+        if any(row.status == "missing" for row in rows):
+            raise typer.Exit(1)
+
+
+def _run(scenario: ScenarioSpec, out: Path, overwrite: bool) -> RunSummary:
+    """Run a scenario under a progress bar."""
+    columns = (
+        TextColumn("frames"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), speed_estimate_period=3600.0) as progress:
+        task = progress.add_task("starting", total=scenario.num_frames)
+        from scarl_sionna.generate import run  # takes seconds: under the bar
+
+        def show(stage: str, num_done: float) -> None:
+            progress.update(task, description=stage, completed=num_done)
+
+        return run(scenario, out, overwrite=overwrite, on_stage=show)
+
+
+def _print_summary(summary: RunSummary, seconds: float) -> None:
+    """Print what was done, with the time of each stage."""
+    stages = ", ".join(f"{stage} {taken:.1f}" for stage, taken in summary.timings.items())
+    kept = f", {summary.num_kept} kept from before" if summary.num_kept else ""
+    typer.echo(f"{summary.num_written} frames written{kept} in {seconds:.1f} s ({stages})")
+    typer.echo(f"frames: {summary.folder}   contact sheet: {summary.contact_sheet}")
+
+
+@contextmanager
+def _reported(context: typer.Context, interrupted: str) -> Iterator[None]:
+    """Turn a user's error into one message and exit code 2, and Ctrl-C into a message and 130."""
+    try:
+        yield
+    except ScarlError as error:
+        if context.obj["debug"]:
+            raise
+        _fail(f"error: {error}", EXIT_ERROR)
+    except KeyboardInterrupt:
+        _fail(f"stopped: {interrupted}", EXIT_INTERRUPTED)
+
+
+def _fail(message: str, code: int) -> NoReturn:
+    typer.echo(message, err=True)
+    raise typer.Exit(code)
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,248 @@
+"""Composition root: a world and a rig give frames, a scenario gives a folder of frames with a contact sheet."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from scarl_sionna.core import seeds
+from scarl_sionna.core.errors import PlacementError, TimeRangeError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.registry import Sensor, sensor_class
+from scarl_sionna.core.results import Frame
+from scarl_sionna.core.spec import Spec
+from scarl_sionna.export.contact_sheet import write_contact_sheet
+from scarl_sionna.export.folder import FrameFolderWriter, read_frame
+from scarl_sionna.fusion.labels import count_labels
+from scarl_sionna.fusion.rig import Rig
+from scarl_sionna.scenario.spec import ScenarioSpec
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import World
+
+OnStage = Callable[[str, float], None]
+"""Called with the name of the stage that begins and how many frames are done, parts of a frame included."""
+
+PROVENANCE_PACKAGES = ("scarl-sionna", "sionna-rt", "mitsuba", "drjit", "numpy")
+"""Packages whose version can change a frame's bytes."""
+
+
+def _ignore(stage: str, num_done: float) -> None:
+    """Report nothing."""
+
+
+@lru_cache(maxsize=64)
+def _sensor(kind: str, spec: Spec) -> Sensor:
+    """Return the sensor of a specification; a sensor keeps no state, so that equal ones are shared."""
+    return sensor_class(kind)(spec)
+
+
+def observe(
+    world: World,
+    rig: Rig,
+    time: float = 0.0,
+    seed: int = 0,
+    *,
+    index: int = 0,
+    world_from_vehicle: Pose | None = None,
+    vehicle_twist: Twist | None = None,
+    on_stage: OnStage = _ignore,
+) -> Frame:
+    """Return what every sensor of a rig sees at one instant.
+
+    Parameters
+    ----------
+    world : World
+    rig : Rig
+    time : float
+        [s]; it is rounded to whole nanoseconds, the frame's `timestamp_ns`.
+    seed : int
+        Root of all random numbers, >= 0. A sensor's numbers depend on seed, timestamp and the sensor's name only: not on
+        the order of the sensors and not on the other sensors of the rig.
+    index : int
+        Number of the frame in its sequence.
+    world_from_vehicle : Pose, optional
+        Pose of the vehicle that carries the rig; default: the world's ego actor.
+    vehicle_twist : Twist, optional
+        Its velocity; default: the ego actor's, and standing still where `world_from_vehicle` is given.
+    on_stage : callable
+        Called with each sensor's name before it works, and the part of the frame that is done.
+
+    Returns
+    -------
+    Frame
+
+    Raises
+    ------
+    PlacementError
+        If the world has no ego actor and no pose is given.
+    TimeRangeError
+        If the time lies outside the world's motion.
+    """
+    timestamp_ns = round(time * 1e9)
+    timings: dict[str, float] = {}
+    started = perf_counter()
+    state = world.at(timestamp_ns / 1e9)
+    if world_from_vehicle is None:
+        if world.ego is None:
+            raise PlacementError(
+                f"world '{world.name}' has no ego vehicle that carries the rig; give observe(..., world_from_vehicle=Pose(...))"
+            )
+        world_from_vehicle = state.actor_pose(world.ego)
+        vehicle_twist = vehicle_twist or state.actor_twist(world.ego)
+    vehicle_twist = vehicle_twist or Twist()
+    objects = state.boxes()
+    timings["world"] = perf_counter() - started
+
+    results: dict[str, Any] = {}
+    for position, mount in enumerate(rig.sensors):
+        on_stage(mount.name, position / len(rig.sensors))
+        started = perf_counter()
+        lever = world_from_vehicle.rotate(mount.vehicle_from_sensor.position)
+        results[mount.name] = _sensor(mount.kind, mount.spec).observe(
+            state,
+            world_from_vehicle.compose(mount.vehicle_from_sensor),
+            Twist(vehicle_twist.velocity_at(lever), vehicle_twist.angular),
+            seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name),
+        )
+        timings[mount.kind] = timings.get(mount.kind, 0.0) + perf_counter() - started
+    return Frame(
+        index=index,
+        timestamp_ns=timestamp_ns,
+        seed=seed,
+        world_from_vehicle=world_from_vehicle,
+        vehicle_twist=vehicle_twist,
+        results=results,
+        objects=count_labels(objects, results),
+        timings=timings,
+    )
+
+
+def simulate(
+    world: World,
+    rig: Rig,
+    times: Sequence[float],
+    seed: int = 0,
+    *,
+    skip: Collection[int] = (),
+    on_stage: OnStage = _ignore,
+) -> Iterator[Frame]:
+    """Yield a frame for each time, one after the other, without those whose index is in `skip`.
+
+    A frame does not depend on the frames before it.
+    """
+    for index, time in enumerate(times):
+        if index not in skip:
+            yield observe(world, rig, time, seed, index=index, on_stage=on_stage)
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What :func:`run` did: folder, contact sheet, frames written now and kept from before, seconds by stage."""
+
+    folder: Path
+    contact_sheet: Path
+    num_written: int
+    num_kept: int
+    timings: dict[str, float] = field(default_factory=dict)
+
+
+def run(scenario: ScenarioSpec, out: str | Path, *, overwrite: bool = False, on_stage: OnStage = _ignore) -> RunSummary:
+    """Simulate a scenario and write its frames and a contact sheet of the first frame.
+
+    Parameters
+    ----------
+    scenario : ScenarioSpec
+    out : path
+        Folder to write to. Complete frames that it holds from the same configuration are kept.
+    overwrite : bool
+        Remove the frames that are there first.
+    on_stage : callable
+        Called with the stage's name and the number of finished frames.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written or holds frames of another configuration.
+    TimeRangeError
+        If a frame's time lies outside the scene's motion.
+    UnknownNameError
+        If the scene or the rig is unknown.
+    """
+    timings: dict[str, float] = {}
+    rig = resolve_rig(scenario)
+    writer = FrameFolderWriter(out, configuration(scenario, rig), overwrite=overwrite)
+    times = scenario.times
+    done = writer.complete() & set(range(len(times)))
+    num_kept = num_done = len(done)
+
+    def report(stage: str, part: float = 0.0) -> None:
+        on_stage(stage, num_done + part)
+
+    def add(stage: str, started: float) -> None:
+        timings[stage] = timings.get(stage, 0.0) + perf_counter() - started
+
+    if num_done < len(times):
+        report("scene")
+        started = perf_counter()
+        world = _load_world(scenario)
+        add("scene", started)
+        for frame in simulate(world, rig, times, scenario.seed, skip=done, on_stage=report):
+            report("writing", 1.0)
+            started = perf_counter()
+            writer.write(frame)
+            add("writing", started)
+            for stage, seconds in frame.timings.items():
+                timings[stage] = timings.get(stage, 0.0) + seconds
+            num_done += 1
+    report("contact sheet")
+    started = perf_counter()
+    sheet = writer.out / "contact_sheet.png"
+    write_contact_sheet(read_frame(writer.folder(0)), sheet, title=scenario.scene)
+    add("contact sheet", started)
+    report("done")
+    return RunSummary(writer.out, sheet, num_done - num_kept, num_kept, timings)
+
+
+def resolve_rig(scenario: ScenarioSpec) -> Rig:
+    """Return the scenario's rig: a preset in its quality, or the rig of a file."""
+    if Path(scenario.rig).suffix in (".yaml", ".yml", ".json"):
+        return Rig.load(scenario.rig)
+    return Rig.preset(scenario.rig, scenario.quality)
+
+
+def configuration(scenario: ScenarioSpec, rig: Rig) -> dict[str, Any]:
+    """Return all that decides a frame's bytes, as plain data: not the number of frames, which may grow later."""
+    return {
+        "scene": scenario.scene,
+        "start_time": scenario.start_time,
+        "frame_rate": scenario.frame_rate,
+        "seed": scenario.seed,
+        "rig": rig.to_dict(),
+        "software": {"python": platform.python_version(), **{name: _version(name) for name in PROVENANCE_PACKAGES}},
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _load_world(scenario: ScenarioSpec) -> World:
+    """Load the scene and check that its motion covers all frames."""
+    from scarl_sionna.world import load_scene  # here, so that reading a scenario does not start the engine
+
+    world = load_scene(scenario.scene)
+    start, stop = world.time_range
+    for time in (scenario.times[0], scenario.times[-1]):
+        if not start <= time <= stop:
+            raise TimeRangeError(time, start, stop, f"scene '{scenario.scene}'")
+    return world
