@@ -22,7 +22,7 @@ Status = Literal["ok", "warn", "missing"]
 REQUIRED_SENSORS = ("radar", "camera", "lidar")
 _PACKAGES = (
     "sionna-rt", "mitsuba", "drjit", "numpy", "scipy", "finufft", "pydantic", "trimesh", "pillow", "matplotlib", "rich",
-    "typer",
+    "typer", "pyyaml",
 )  # fmt: skip
 _EXTRAS = {
     "tensorflow": ("tensorflow",), "dask": ("dask", "distributed"), "llvm": ("tadashi",), "viewer": ("rerun-sdk",),

@@ -5,6 +5,7 @@ What touches Dr.Jit runs in a process of its own, because Dr.Jit reads its envir
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -151,6 +152,14 @@ def test_libraries_of_a_wheel_bring_their_companions(tmp_path: Path) -> None:
 )
 def test_modules_that_must_not_come_before_dr_jit(modules: set[str], expected: str | None) -> None:
     assert engine.imported_too_early(modules) == expected
+
+
+@pytest.mark.skipif(importlib.util.find_spec("tensorflow") is None, reason="needs the extra [tensorflow]")
+def test_tensorflow_imported_first_does_not_crash() -> None:
+    """Without the bootstrap the same lines end with a segmentation fault at the first kernel (TensorFlow 2.21)."""
+    done = run("import tensorflow\n" + ENSURE + KERNEL, SCARL_BACKEND="llvm")
+    assert done.returncode == 0, done.stderr
+    assert "maximum 4.0" in done.stdout
 
 
 def test_unknown_backend(monkeypatch: pytest.MonkeyPatch) -> None:
