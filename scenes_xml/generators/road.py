@@ -8,6 +8,9 @@ import numpy as np
 
 from .mesh import Array, Mesh, grid, merge
 
+VERGE_WIDTH = 75.0
+"""Width of the ground beside the pavement that follows the road [m]."""
+
 
 @dataclass(frozen=True)
 class RoadCurve:
@@ -121,21 +124,27 @@ def verge_heights(curve: RoadCurve, s: Array, offsets: Array, edge: float, seed:
     rise = 0.35 * np.clip((distance - 6.0) / 25.0, 0, 1) ** 1.5
     points = curve.point(s[:, None], offsets[None, :])
     roll = 0.12 * smooth_noise(points[..., 0], points[..., 1], seed) * np.clip((distance - 2.0) / 8.0, 0, 1)
-    outer = np.clip((distance - (distance.max() - 14.0)) / 14.0, 0, 1) ** 2 * 2.6
+    outer = np.clip((distance - (VERGE_WIDTH - 14.0)) / 14.0, 0, 1) ** 2 * 2.6
     return ditch + rise + roll - outer
 
 
-def far_ground(radius: float, seed: int, base: float = -1.4) -> Mesh:
-    """Return the ground to the horizon: a disc at `base` [m] that rises to hills beyond 260 m; uv in units of 25 m."""
+def far_height(x: Array, y: Array, seed: int, base: float = -1.4) -> Array:
+    """Return the height [m] of the far ground: level at `base`, rising to hills beyond 330 m from the origin."""
+    far = np.clip((np.hypot(x, y) - 330.0) / 900.0, 0, 1) ** 1.3
+    hills = 26.0 + 15.0 * smooth_noise(x, y, seed, wavelength=700.0) + 5.0 * smooth_noise(x, y, seed + 1, wavelength=230.0)
+    return base + np.maximum(far * hills, 0.0)
+
+
+def far_ground(radius: float, seed: int) -> Mesh:
+    """Return a disc of ground to `radius` [m] with the heights of `far_height`; uv in units of 25 m."""
     r = np.concatenate([[20.0, 80.0, 160.0], np.geomspace(220.0, radius, 26)])
     angle = np.linspace(0, 2 * np.pi, 121)
     x, y = r[:, None] * np.cos(angle), r[:, None] * np.sin(angle)
-    far = np.clip((r - 330.0) / 900.0, 0, 1)[:, None] ** 1.3
-    hills = far * (26.0 + 15.0 * smooth_noise(x, y, seed, wavelength=700.0) + 5.0 * smooth_noise(x, y, seed + 1, wavelength=230.0))
-    points = np.stack([x, y, base + np.maximum(hills, 0.0)], -1)
+    points = np.stack([x, y, far_height(x, y, seed)], -1)
     points[:, -1] = points[:, 0]
-    ring = grid(points, np.stack([x, y], -1) / 25.0)
-    centre = np.vstack([points[0, :-1], [[0.0, 0.0, base]]])
+    ring = grid(points, points[..., :2] / 25.0)
+    middle = np.array([[0.0, 0.0, points[0, 0, 2]]])
+    centre = np.vstack([points[0, :-1], middle])
     k = np.arange(len(angle) - 1)
     fan = np.stack([k, (k + 1) % len(k), np.full(len(k), len(k))], 1).astype(np.int64)
     return merge([ring, Mesh(centre, fan, centre[:, :2] / 25.0)])

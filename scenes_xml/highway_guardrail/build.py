@@ -12,11 +12,11 @@ import numpy as np
 from ..generators import car, mesh
 from ..generators.mesh import Mesh
 from ..generators.xml import Placement, scene_xml
-from . import images, static
+from . import images, roadside, static
 from .cars import CARS
 from .layout import ACTORS, CURVE, SEED, TIMES
 from .materials import MATERIALS
-from .toml import scene_toml
+from .toml import Instance, scene_toml
 
 NAME = "highway_guardrail"
 
@@ -31,7 +31,8 @@ HEAD = (
     '\t\t<film type="hdrfilm">\n\t\t\t<integer name="width" value="960"/>\n\t\t\t<integer name="height" value="540"/>\n'
     '\t\t\t<rfilter type="gaussian"/>\n\t\t</film>\n\t</sensor>',
     '\t<emitter type="sunsky" id="sky">\n\t\t<vector name="sun_direction" x="-0.42" y="0.70" z="0.58"/>\n'
-    '\t\t<float name="turbidity" value="3.2"/>\n\t\t<float name="albedo" value="0.2"/>\n\t</emitter>',
+    '\t\t<float name="turbidity" value="3.2"/>\n\t\t<float name="albedo" value="0.2"/>\n'
+    '\t\t<float name="sun_scale" value="2"/>\n\t\t<float name="sky_scale" value="2"/>\n\t</emitter>',
 )
 """Integrator, default view (front sensor of the ego car at t = 0) and sky."""
 
@@ -39,6 +40,14 @@ ROLES = {
     "glass": "car_glass", "trim": "car_trim", "tyre": "tyre_rubber", "rim": "wheel_rim", "headlamp": "headlamp",
     "taillamp": "taillamp", "chrome": "chrome", "plate": "number_plate",
 }  # fmt: skip
+
+GROUND = (
+    Instance("road", "Roads", ("road_asphalt",), False),
+    Instance("lane_markings", "RoadLine", ("marking_*",), False),
+    Instance("gravel_verges", "Terrain", ("gravel_*",), False),
+    Instance("terrain", "Terrain", ("terrain_*",), False),
+    Instance("guardrail_right", "GuardRail", ("guardrail_*",), True),
+)
 
 
 class Writer:
@@ -81,16 +90,18 @@ def build(folder: Path) -> None:
     """Write the whole scene into `folder`."""
     writer = Writer(folder)
     images.write(folder / "textures", SEED)
+    instances = list(GROUND)
     static.add_road(writer.add)
     static.add_guardrail(writer.add)
-    for placement in static.add_surroundings(writer.add, writer.mesh):
-        writer.placements.append(placement)
+    for shapes, found in roadside.everything(writer.mesh):
+        writer.placements += shapes
+        instances.append(found)
     positions = _add_actors(writer)
     used = {p.bsdf for p in writer.placements}
     bsdfs = {name: bsdf for name, bsdf in MATERIALS.items() if name in used}
     comment = f"{NAME}: written by scenes_xml/{NAME}/build.py; do not edit"
     (folder / f"{NAME}.xml").write_text(scene_xml(comment, HEAD, bsdfs, writer.placements), encoding="utf-8")
-    (folder / "scene.toml").write_text(scene_toml(NAME, bsdfs, positions), encoding="utf-8")
+    (folder / "scene.toml").write_text(scene_toml(NAME, bsdfs, instances, positions), encoding="utf-8")
 
 
 if __name__ == "__main__":

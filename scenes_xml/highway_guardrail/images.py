@@ -32,3 +32,7 @@ def write(folder: Path, seed: int) -> None:
     textures.sign_bend(256).save(folder / "sign_bend.png", optimize=True)
     textures.chevrons(512, 128).save(folder / "sign_chevron.png", optimize=True)
     textures.plate(256, 56, seed + 91).save(folder / "plate.png", optimize=True)
+    tone = np.linspace(0.0, 1.0, 64)[None, :] * np.ones((4, 1))
+    green = textures.tinted(tone, (0.14, 0.23, 0.06), (0.42, 0.50, 0.17))
+    green[:, 58:] = (0.50, 0.50, 0.20)
+    textures.save(folder / "leaves.png", green)

@@ -1,4 +1,4 @@
-"""Everything that stands still: road, ground, guardrail, furniture, buildings, plants."""
+"""The road, its ground and its guardrail."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ..generators import guardrail, road
-from ..generators.mesh import merge
-from ..generators.xml import Placement
+from ..generators.mesh import Mesh, merge
 from . import layout as at
 from .layout import CURVE, SEED
 
 Add = Callable[..., None]
-WriteMesh = Callable[..., str]
 MARKING_HEIGHT = 0.004
 
 
@@ -26,7 +24,7 @@ def add_road(add: Add) -> None:
     pavement = road.strip(CURVE, s, d, np.array([-0.2, 0, 0, 0, 0, 0, 0, 0, -0.2]))
     u = np.broadcast_to((d - right) / span, (len(s), len(d)))
     v = np.broadcast_to(s[:, None] / span, (len(s), len(d)))
-    add("road_asphalt", type(pavement)(pavement.vertices, pavement.faces, np.stack([u, v], -1).reshape(-1, 2)), "asphalt_worn")
+    add("road_asphalt", Mesh(pavement.vertices, pavement.faces, np.stack([u, v], -1).reshape(-1, 2)), "asphalt_worn")
     for name, offset in (("right", at.EDGE_RIGHT + 0.06), ("left", at.EDGE_LEFT - 0.06)):
         across = np.array([offset - 0.06, offset + 0.06])
         add(f"marking_edge_{name}", road.strip(CURVE, s, across, np.full(2, MARKING_HEIGHT)), "road_marking")
@@ -36,7 +34,7 @@ def add_road(add: Add) -> None:
         reach = np.array([-0.08, 0.5, at.GRAVEL])
         d = np.sort(edge + sign * reach)
         add(f"gravel_{name}", road.strip(CURVE, s, d, road.verge_heights(CURVE, s, d, edge, SEED + 5), (2.0, 2.0)), "gravel_verge")
-        reach = np.concatenate([[at.GRAVEL], np.linspace(2.0, 8.0, 9), np.geomspace(9.5, 75.0, 12)])
+        reach = np.concatenate([[at.GRAVEL], np.linspace(2.0, 8.0, 9), np.geomspace(9.5, road.VERGE_WIDTH, 12)])
         d = np.sort(edge + sign * reach)
         heights = road.verge_heights(CURVE, s, d, edge, SEED + 5)
         add(f"terrain_{name}", road.strip(CURVE, s, d, heights, (7.0, 7.0)), "grass_meadow", 60.0)
@@ -51,8 +49,3 @@ def add_guardrail(add: Add) -> None:
     add("guardrail_post_row", guardrail.posts(CURVE, posts, offset), "galvanized_steel")
     noses = [guardrail.end_nose(CURVE, start, offset, forward=-1), guardrail.end_nose(CURVE, stop, offset, forward=1)]
     add("guardrail_end_noses", merge(noses), "galvanized_steel")
-
-
-def add_surroundings(add: Add, write_mesh: WriteMesh) -> list[Placement]:
-    """Add what stands around the road; return the shapes that share meshes."""
-    return []

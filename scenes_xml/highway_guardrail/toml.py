@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from ..generators.mesh import Array
 from ..generators.xml import Bsdf
 from .layout import ACTORS, SEED, TIMES
 
-INSTANCES: tuple[tuple[str, str, tuple[str, ...], bool], ...] = (
-    ("road", "Roads", ("road_asphalt",), False),
-    ("lane_markings", "RoadLine", ("marking_*",), False),
-    ("gravel_verges", "Terrain", ("gravel_*",), False),
-    ("terrain", "Terrain", ("terrain_*",), False),
-    ("guardrail_right", "GuardRail", ("guardrail_*",), True),
-)
-"""Static instances: name, class, shape patterns, has a 3D box."""
+
+@dataclass(frozen=True)
+class Instance:
+    """A static instance: its semantic class, the patterns of its shapes, and whether it has a 3D box."""
+
+    name: str
+    semantic: str
+    shapes: tuple[str, ...]
+    is_object: bool
+
 
 DESCRIPTION = (
     "A two-lane road that bends to the left, a guardrail along its right side, a car ahead that drives away, an oncoming "
@@ -27,7 +30,7 @@ def _quoted(values: tuple[str, ...]) -> str:
     return "[" + ", ".join(f'"{v}"' for v in values) + "]"
 
 
-def scene_toml(name: str, bsdfs: Mapping[str, Bsdf], positions: Mapping[str, Array]) -> str:
+def scene_toml(name: str, bsdfs: Mapping[str, Bsdf], instances: Sequence[Instance], positions: Mapping[str, Array]) -> str:
     """Return the text of scene.toml."""
     lines = [
         "[scene]", f'name = "{name}"', 'title = "Bend with a guardrail"', f'description = "{DESCRIPTION}"',
@@ -35,9 +38,9 @@ def scene_toml(name: str, bsdfs: Mapping[str, Bsdf], positions: Mapping[str, Arr
     ]  # fmt: skip
     for key, b in bsdfs.items():
         lines += [f"[materials.{key}]", f'radio = "{b.radio}"', f"lidar_reflectance = {b.lidar_reflectance:g}", f'source = "{b.source}"', ""]
-    for instance, semantic, patterns, is_object in INSTANCES:
-        lines += ["[[instances]]", f'name = "{instance}"', f'class = "{semantic}"', f"shapes = {_quoted(patterns)}"]
-        lines += [f"object = {str(is_object).lower()}", ""]
+    for item in instances:
+        lines += ["[[instances]]", f'name = "{item.name}"', f'class = "{item.semantic}"', f"shapes = {_quoted(item.shapes)}"]
+        lines += [f"object = {str(item.is_object).lower()}", ""]
     for actor in ACTORS:
         lines += ["[[actors]]", f'name = "{actor.name}"', 'class = "Car"', f'shapes = ["{actor.name}_*"]']
         lines += ["[actors.trajectory]", 'kind = "waypoints"', f"times = [{', '.join(f'{t:g}' for t in TIMES)}]", "positions = ["]
