@@ -10,7 +10,8 @@ import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize, PowerNorm
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -21,9 +22,13 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS, SKY
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.radar import range_doppler_angle, virtual_cube
 
+from .codec import IMAGE_NAMES
+
 DEPTH_MAP = "viridis_r"
 POWER_MAP = "magma"
 NOTHING = "#dfe6ee"
+NEAREST_DEPTH = 1.0
+"""First colour of the depth maps [m]."""
 STYLE = {
     "font.size": 10.0,
     "axes.titlesize": 11.0,
@@ -59,7 +64,7 @@ class RadarMaps:
 
 def radar_maps(frame: RadarFrame) -> RadarMaps:
     """Return the range-Doppler and the range-azimuth map of a radar frame."""
-    rda = range_doppler_angle(virtual_cube(frame.adc, frame.spec), frame.spec)
+    rda = range_doppler_angle(virtual_cube(frame.adc, frame.spec), frame.spec, angle_window="taylor", num_azimuth=128)
     power = rda.data.max(axis=0)
     if rda.elevation is not None:
         power = power.max(axis=-1)
@@ -95,7 +100,7 @@ def write_contact_sheet(
     markers : bool
         Mark the true places of the moving objects on the radar maps.
     dpi : int
-        Pixels an inch of the 16 x 7.4 inch sheet.
+        Pixels an inch of the 16 x 6.9 inch sheet.
 
     Raises
     ------
@@ -105,14 +110,14 @@ def write_contact_sheet(
     suite, chosen = _suite(frame, suite)
     time = frame.timestamp_ns * 1e-9
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(16.0, 7.4), layout="constrained")
+        figure = Figure(figsize=(16.0, 6.9), layout="constrained")
         figure.get_layout_engine().set(w_pad=0.06, h_pad=0.06, wspace=0.02, hspace=0.03)  # type: ignore[union-attr]
         axes = figure.subplots(2, 3, width_ratios=(1.0, 1.0, 0.8))
         for axis in axes.flat:
             axis.set_anchor("N")
         words = [title, f"frame {frame.index}", f"t = {time:.3f} s", suite]
         figure.suptitle("   ·   ".join(word for word in words if word), fontsize=12.5)
-        depth_norm = PowerNorm(0.5, 0.0, max_range)
+        depth_norm = LogNorm(NEAREST_DEPTH, max_range)
         _draw_rgb(axes[0, 0], chosen.get("rgb"))
         _draw_depth(axes[0, 1], chosen.get("depth"), depth_norm)
         _draw_labels(axes[1, 0], chosen.get("semantic"), chosen.get("instance"))
@@ -136,9 +141,9 @@ def _suite(frame: Frame, suite: str | None) -> tuple[str, dict[str, Any]]:
         if name.rpartition("/")[0] != suite:
             continue
         if isinstance(result, ImageFrame):
-            shown = (kind for kind in ("rgb", "depth", "semantic", "instance") if getattr(result, kind) is not None)
+            shown = [kind for kind in IMAGE_NAMES if getattr(result, kind) is not None]
         else:
-            shown = iter(("lidar" if isinstance(result, LidarScan) else "radar",))
+            shown = ["lidar" if isinstance(result, LidarScan) else "radar"]
         for kind in shown:
             chosen.setdefault(kind, result)
     return suite, chosen
@@ -159,7 +164,7 @@ def _draw_depth(axis: Axes, camera: ImageFrame | None, norm: Normalize) -> None:
     shown = np.ma.masked_invalid(camera.depth)
     image = axis.imshow(shown, cmap=_depth_colors(), norm=norm, interpolation="nearest")
     _angle_axes(axis, camera.spec)
-    _colour_bar(axis, image, "depth [m]", extend="max")
+    _depth_bar(axis, image, norm)
 
 
 def _draw_labels(axis: Axes, semantic: ImageFrame | None, instance: ImageFrame | None) -> None:
@@ -196,7 +201,7 @@ def _draw_lidar(axis: Axes, scan: LidarScan | None, norm: Normalize) -> None:
     axis.set_xticks([tick for tick in _TICKS_DEG if min(left, right) <= tick <= max(left, right)])
     axis.set(xlabel="azimuth [deg]", ylabel="elevation [deg]")
     axis.set_box_aspect(9 / 16)
-    _colour_bar(axis, image, "depth [m]", extend="max")
+    _depth_bar(axis, image, norm)
 
 
 def _draw_radar(
@@ -271,7 +276,7 @@ def _angle_axes(axis: Axes, spec: CameraSpec) -> None:
     ):
         pixels = center - focal * np.tan(np.radians(_TICKS_DEG)) - 0.5  # imshow's first pixel is centred on 0
         inside = (pixels >= -0.5) & (pixels <= size - 0.5)
-        set_ticks(pixels[inside], [str(tick) for tick in _TICKS_DEG[inside]])
+        set_ticks(pixels[inside], [f"{tick}".replace("-", "\N{MINUS SIGN}") for tick in _TICKS_DEG[inside]])
     axis.set(xlabel="azimuth [deg]", ylabel="elevation [deg]")
 
 
@@ -289,11 +294,19 @@ def _depth_colors() -> Any:
     return colors
 
 
-def _colour_bar(axis: Axes, image: Any, label: str, extend: str) -> None:
+def _depth_bar(axis: Axes, image: Any, norm: Normalize) -> None:
+    bar = _colour_bar(axis, image, "depth [m]", extend="both")
+    ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if norm.vmin <= tick <= norm.vmax]  # type: ignore[operator]
+    bar.set_ticks(ticks, labels=[str(tick) for tick in ticks])
+    bar.minorticks_off()
+
+
+def _colour_bar(axis: Axes, image: Any, label: str, extend: str) -> Colorbar:
     figure = axis.figure
     bar = figure.colorbar(image, cax=axis.inset_axes((1.02, 0.0, 0.028, 1.0)), extend=extend)
     bar.set_label(label)
     bar.outline.set_linewidth(0.5)
+    return bar
 
 
 def _leave_empty(axis: Axes) -> None:

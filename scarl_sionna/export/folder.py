@@ -33,6 +33,12 @@ FORMAT_VERSION = 1
 _FRAME_FOLDER = re.compile(r"frame_(\d{6,})")
 _PARTIAL = ".partial_"
 
+_RADAR_NUMBERS = (
+    "num_tx", "num_rx", "num_virtual", "num_chirps_total", "num_samples", "chirp_slope", "sample_rate",
+    "doppler_interval", "center_frequency", "range_resolution", "max_range", "velocity_resolution",
+    "unambiguous_velocity",
+)  # fmt: skip
+
 CONVENTIONS = {
     "units": "SI: metres, seconds, radians, watts; another unit stands as suffix of the name",
     "poses": "world_from_sensor maps points of the sensor frame into the world; quaternion [w, x, y, z]",
@@ -230,10 +236,7 @@ def _derived(spec: Spec) -> dict[str, Any]:
     if isinstance(spec, LidarSpec):
         return {"num_azimuth": spec.num_azimuth, "num_elevation": spec.num_elevation}
     if isinstance(spec, RadarSpec):
-        names = ("num_tx", "num_rx", "num_virtual", "num_chirps_total", "num_samples", "chirp_slope", "sample_rate")
-        names += ("doppler_interval", "center_frequency", "range_resolution", "max_range")
-        names += ("velocity_resolution", "unambiguous_velocity")
-        return {name: getattr(spec, name) for name in names}
+        return {name: getattr(spec, name) for name in _RADAR_NUMBERS}
     return {}
 
 
