@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Literal
 
@@ -82,7 +83,7 @@ class RadarSpec(Spec):
         ``"awr1843boost"``: Table 1 of SCaRL, an ideal 12-element virtual line in azimuth.
         ``"awr1843boost_3d"``: the board's own layout, Tx 2 raised by half a wavelength, with time multiplexing.
         """
-        presets = {"awr1843boost": cls, "awr1843boost_3d": cls._board_layout}
+        presets: dict[str, Callable[[], RadarSpec]] = {"awr1843boost": cls, "awr1843boost_3d": cls._board_layout}
         if name not in presets:
             raise UnknownNameError("radar preset", name, presets)
         return presets[name]()
