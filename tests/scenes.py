@@ -46,6 +46,7 @@ class Light:
     kind: str = "constant"
     radiance: float = 1.0
     properties: Mapping[str, float] = field(default_factory=dict)
+    vectors: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
 
 
 DEFAULT_MATERIALS: Mapping[str, Material] = {
@@ -116,6 +117,8 @@ def write_scene(
         ET.SubElement(emitter, "rgb", {"name": "radiance", "value": repr(light.radiance)})
     for key, value in light.properties.items():
         ET.SubElement(emitter, "float", {"name": key, "value": repr(value)})
+    for key, vector in light.vectors.items():
+        ET.SubElement(emitter, "vector", {"name": key, "value": ", ".join(map(repr, vector))})
     path = folder / f"{name}.xml"
     ET.ElementTree(root).write(path)
     (folder / "scene.toml").write_text(_toml(instances, actors, materials, name, ego))

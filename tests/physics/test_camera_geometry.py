@@ -15,7 +15,7 @@ from camera_lidar.camera.render import sensor_dict
 from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.world import load_scene, variant
-from tests.scenes import Light, Thing, ball, box, plane, write_scene
+from tests.scenes import Light, Material, Thing, ball, box, plane, write_scene
 
 POSE = Pose.from_euler([2.0, -1.0, 1.7], yaw=0.4, pitch=0.1, roll=-0.15)
 
@@ -140,3 +140,17 @@ def test_a_grey_plane_under_a_white_sky_renders_its_reflectance(tmp_path: Path) 
     # a plane sees the whole upper half space at radiance 1, so it sends out exactly its reflectance; the estimate is
     # weighted cosine sampling: variance below 0.5**2 a sample, 5 sigma of the mean of 32 * 18 * 64 samples
     assert abs(radiance.mean() - 0.5) < 5 * 0.5 / np.sqrt(32 * 18 * 64)
+
+
+def test_exposure_one_suits_daylight(tmp_path: Path) -> None:
+    spec = CameraSpec(width=16, height=9, horizontal_fov_deg=40.0, samples_per_pixel=256, images=("rgb",))
+    grey_card = Material((0.18, 0.18, 0.18))
+    ground = Thing("ground", plane(4000.0, 4000.0), "Roads", "card")
+    light = Light("sunsky", properties={"turbidity": 3.0}, vectors={"sun_direction": (1.0, 0.0, 1.0)})
+    state = load_scene(write_scene(tmp_path, [ground], materials={"card": grey_card}, light=light)).at(0.0)
+    down = Pose.from_euler([0.0, 0.0, 2.0], pitch=np.pi / 2)
+    image = Camera(spec).observe(state, down, Twist(), np.random.default_rng(1)).rgb
+    assert image is not None
+    # documented: linear 0.18 * 0.36 * 4 = 0.26 in luminance, sRGB 0.547 * 255 = 139. The sunlight is warm: red above, blue
+    # below; +-10 levels hold that (143, 137, 134)
+    assert np.abs(image.mean(axis=(0, 1)) - 139.0).max() < 10.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from camera_lidar.camera.tone import (
-    DAYLIGHT_WHITE_RADIANCE,
+    DAYLIGHT_EXPOSURE,
     SHOULDER_START,
     inverse_tone_curve,
     linear_to_srgb8,
@@ -39,8 +39,8 @@ def test_srgb_reference_values() -> None:
     assert np.allclose(srgb_encode(np.array([0.0, 0.18, 0.5, 1.0])), [0.0, 0.4614, 0.7354, 1.0], atol=5e-5)
 
 
-def test_exposure_one_maps_a_daylight_grey_card_to_118() -> None:
-    card = np.full((1, 1, 3), 0.18 * DAYLIGHT_WHITE_RADIANCE)
+def test_exposure_is_a_factor_and_one_is_daylight() -> None:
+    card = np.full((1, 1, 3), 0.18 / DAYLIGHT_EXPOSURE)  # linear 0.18 is sRGB 118 (IEC 61966-2-1)
     assert linear_to_srgb8(card).tolist() == [[[118, 118, 118]]]
     assert linear_to_srgb8(card / 2.0, exposure=2.0).tolist() == [[[118, 118, 118]]]
 
@@ -51,7 +51,7 @@ def test_not_finite_radiance_is_black_and_bright_is_white() -> None:
 
 
 def test_eight_bits_hold_radiance_to_their_rounding() -> None:
-    radiance = np.linspace(0.01, 0.2, 100)
+    radiance = np.linspace(0.01, 0.2, 100) / DAYLIGHT_EXPOSURE / 0.36
     image = linear_to_srgb8(np.repeat(radiance[:, None], 3, axis=1))
     # half a step of 1/255; d ln(linear)/d(signal) <= 2.4 * 1.055 / (signal + 0.055) at signal >= 0.18 -> 2.1 %
     assert np.allclose(srgb8_to_linear(image)[:, 0], radiance, rtol=0.022)
