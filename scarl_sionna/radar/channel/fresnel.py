@@ -117,30 +117,34 @@ def power_reflectance(material: RadioMaterial, frequency: float, cos_incidence: 
     return np.abs(te) ** 2, np.abs(tm) ** 2
 
 
-def te_fraction_of_h(directions: Real, normals: Real) -> Real:
-    """Return how much of the power of a horizontally polarised wave (along phi-hat) is TE at a surface.
+def te_fraction_of_h(sine_elevation: Real, cos_incidence: Real, normal_up: Real) -> Real:
+    r"""Return how much of the power of a horizontally polarised wave (along phi-hat) is TE at a surface.
 
     The same fraction of a vertically polarised wave (theta-hat) is TM.
 
     Parameters
     ----------
-    directions : ndarray of float64, shape (num_hits, 3)
-        Unit directions of travel, radar frame (z up).
-    normals : ndarray of float64, shape (num_hits, 3)
-        Unit surface normals, radar frame.
+    sine_elevation : ndarray of float64, shape (num_hits,)
+        Component of the unit direction u of travel along the radar's z axis.
+    cos_incidence : ndarray of float64, shape (num_hits,)
+        Cosine of the angle from the surface's normal n, 0 to 1.
+    normal_up : ndarray of float64, shape (num_hits,)
+        Component along the radar's z axis of the unit normal that points towards the radar.
 
     Returns
     -------
     ndarray of float64, shape (num_hits,)
-        0 to 1; 1 where the incidence is normal, since TE and TM do not differ there.
+        0 to 1; 1 where the incidence is normal or the ray runs along z, since there the two do not differ or have no meaning.
+
+    Notes
+    -----
+    With phi-hat along z x u and the TE direction along u x n, by Lagrange's identity
+
+    .. math:: \frac{[(z \times u) \cdot (u \times n)]^2}{|z \times u|^2 |u \times n|^2}
+              = \frac{(u_z \cos\theta + n_z)^2}{(1 - u_z^2)(1 - \cos^2\theta)}
     """
-    x, y, z = directions.T
-    nx, ny, nz = normals.T
-    rho_squared = np.maximum(x * x + y * y, 1e-300)
-    # s = direction x normal; phi_hat = (-y, x, 0) / rho
-    projection = z * (x * nx + y * ny) - rho_squared * nz
-    sine_squared = (y * nz - z * ny) ** 2 + (z * nx - x * nz) ** 2 + (x * ny - y * nx) ** 2
-    fraction = np.ones_like(sine_squared)
-    oblique = sine_squared > 1e-12
-    np.divide(projection**2, rho_squared * sine_squared, out=fraction, where=oblique)
-    return np.clip(fraction, 0.0, 1.0)
+    area_squared = (1.0 - sine_elevation**2) * (1.0 - cos_incidence**2)
+    fraction = np.ones_like(area_squared)
+    numerator = (sine_elevation * cos_incidence + normal_up) ** 2
+    np.divide(numerator, area_squared, out=fraction, where=area_squared > 1e-12)
+    return np.minimum(fraction, 1.0, out=fraction)

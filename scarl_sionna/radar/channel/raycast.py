@@ -149,9 +149,11 @@ def solve_raycast(
     for first in range(0, grid.num_rays, RAYS_PER_BATCH):
         stop = min(first + RAYS_PER_BATCH, grid.num_rays)
         start = time.perf_counter()
-        hits = state.cast(pose.position, pose.rotate(grid.directions(first, stop)), max_distance=reach)
+        rays = grid.directions(first, stop)
+        world_rays = pose.rotate(rays)
+        hits = state.cast(pose.position, world_rays, max_distance=reach)
         cast = time.perf_counter()
-        batches.append(_columns(hits, state, model, phases(stop - first)))
+        batches.append(_columns(hits, world_rays, rays[:, 2], state, model, phases(stop - first)))
         clock["cast"] += cast - start
         clock["amplitude"] += time.perf_counter() - cast
     return _join(batches, pose, grid, clock, {"rcs_model": rcs_model, "hit_phase": hit_phase, "max_distance": reach})
@@ -171,45 +173,46 @@ def _fixed_phases(hit_phase: HitPhase) -> Callable[[int], Array | None]:
     return seeds.generator(0, "raycast_surface_phase").random
 
 
-def _columns(hits: RayHits, state: WorldState, model: _Model, cycles: Array | None) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of :class:`RadarPaths` for the hits of one batch."""
+def _columns(
+    hits: RayHits, world_rays: Array, sine_elevation: Array, state: WorldState, model: _Model, cycles: Array | None
+) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of :class:`RadarPaths` for the hits of one batch; rays in the world frame, and their z in the radar's."""
     parts = state.world.parts
-    offset = hits.point - model.pose.position
-    distance = np.maximum(np.linalg.norm(offset, axis=1), NEAREST_HIT)
-    direction = offset / distance[:, None]
-    semantic = parts.semantic[hits.part]
-    area = REFERENCE_FOOTPRINT if model.rcs_model == "per_hit" else distance**2 * model.solid_angle
-    reflectance_v, reflectance_h = _reflectances(hits, direction, state, model)
-    spreading = model.gamma[semantic] * area * model.radar.wavelength**2 / ((4.0 * np.pi) ** 3 * distance**4)
-    amplitude = np.sqrt(spreading[:, None] * np.stack([reflectance_v, reflectance_h], axis=1))
-    keep = np.flatnonzero(amplitude.any(axis=1) & (distance < model.reach))
+    distance = np.maximum(hits.distance, NEAREST_HIT)
+    scale = model.radar.wavelength**2 / (4.0 * np.pi) ** 3 * model.gamma[parts.semantic][hits.part]
+    if model.rcs_model == "per_hit":
+        power = scale * REFERENCE_FOOTPRINT / distance**4
+    else:
+        power = scale * model.solid_angle / distance**2
+    reflectance_v, reflectance_h = _reflectances(hits, sine_elevation, state, model)
+    keep = np.flatnonzero((power > 0.0) & (reflectance_v + reflectance_h > 0.0) & (distance < model.reach))
+    power, ray, part = power[keep], hits.ray[keep], hits.part[keep]
     a = np.zeros((len(keep), 2, 2), dtype=np.complex128)
-    factor = 1.0 if cycles is None else np.exp(2j * np.pi * cycles[hits.ray[keep]])
-    a[:, 0, 0] = amplitude[keep, 0] * factor
-    a[:, 1, 1] = amplitude[keep, 1] * factor
-    opening = np.einsum("ij,ij->i", hits.velocity[keep] - model.velocity, direction[keep])
+    factor = 1.0 if cycles is None else np.exp(2j * np.pi * cycles[ray])
+    a[:, 0, 0] = np.sqrt(power * reflectance_v[keep]) * factor
+    a[:, 1, 1] = np.sqrt(power * reflectance_h[keep]) * factor
     return {
         "point": hits.point[keep],
         "a": a,
-        "length_rate": 2.0 * opening,
-        "instance": parts.instance[hits.part[keep]].astype(np.int32),
-        "semantic": semantic[keep].astype(np.uint8),
+        "length_rate": 2.0 * np.einsum("ij,ij->i", hits.velocity[keep] - model.velocity, world_rays[ray]),
+        "instance": parts.instance[part].astype(np.int32),
+        "semantic": parts.semantic[part].astype(np.uint8),
     }
 
 
-def _reflectances(hits: RayHits, direction: Array, state: WorldState, model: _Model) -> tuple[Array, Array]:
+def _reflectances(hits: RayHits, sine_elevation: Array, state: WorldState, model: _Model) -> tuple[Array, Array]:
     """Return the power reflectance of each hit for the radar's vertical and horizontal polarisation."""
     names = state.world.parts.material
     known = sorted(set(names))
     material_of_hit = np.array([known.index(name) for name in names], dtype=np.int64)[hits.part]
-    te, tm = np.zeros(len(direction)), np.zeros(len(direction))
-    for index in np.unique(material_of_hit):
+    te, tm = np.zeros(len(material_of_hit)), np.zeros(len(material_of_hit))
+    for index in np.flatnonzero(np.bincount(material_of_hit)):
         rows = np.flatnonzero(material_of_hit == index)
         material = state.world.materials[known[index]]
         te[rows], tm[rows] = power_reflectance(material, model.radar.start_frequency, hits.cos_incidence[rows])
-    rotation = model.pose.rotation
-    fraction = te_fraction_of_h(direction @ rotation, hits.normal @ rotation)
-    return fraction * tm + (1.0 - fraction) * te, fraction * te + (1.0 - fraction) * tm
+    normal_up = hits.normal @ model.pose.rotation[:, 2]
+    fraction = te_fraction_of_h(sine_elevation[hits.ray], hits.cos_incidence, normal_up)
+    return te + fraction * (tm - te), tm + fraction * (te - tm)
 
 
 def _join(
