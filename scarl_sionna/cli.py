@@ -60,21 +60,21 @@ def demo(
     scenario: Annotated[
         Path | None, typer.Option(help="Scenario file (.yaml, .json); the options below win over it.")
     ] = None,
-    frames: Annotated[int | None, typer.Option(help=f"Number of frames [default: {_DEFAULTS.num_frames}].")] = None,
-    quality: Annotated[str | None, typer.Option(help=f"draft or full [default: {_DEFAULTS.quality}].")] = None,
+    frames: Annotated[int | None, typer.Option(help=f"Number of frames (default: {_DEFAULTS.num_frames}).")] = None,
+    quality: Annotated[str | None, typer.Option(help=f"draft or full (default: {_DEFAULTS.quality}).")] = None,
     scene: Annotated[
-        str | None, typer.Option(help=f"Scene name or path of an XML file [default: {_DEFAULTS.scene}].")
+        str | None, typer.Option(help=f"Scene name or path of an XML file (default: {_DEFAULTS.scene}).")
     ] = None,
     rig: Annotated[
         str | None,
         typer.Option(
             help="front: one suite of five sensors; scarl: six suites all around; or the path of a rig file "
-            f"[default: {_DEFAULTS.rig}]."
+            f"(default: {_DEFAULTS.rig})."
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help=f"Root of all random numbers [default: {_DEFAULTS.seed}].")] = None,
+    seed: Annotated[int | None, typer.Option(help=f"Root of all random numbers (default: {_DEFAULTS.seed}).")] = None,
     frame_rate: Annotated[
-        float | None, typer.Option(help=f"Frames a second [Hz] [default: {_DEFAULTS.frame_rate:g}].")
+        float | None, typer.Option(help=f"Frames a second [Hz] (default: {_DEFAULTS.frame_rate:g}).")
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Remove the frames in the folder first. Without it they are kept.")

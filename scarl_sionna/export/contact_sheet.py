@@ -289,9 +289,7 @@ def _edges(instance: npt.NDArray[np.uint16]) -> npt.NDArray[np.bool_]:
 
 
 def _depth_colors() -> Any:
-    colors = mpl.colormaps[DEPTH_MAP].copy()
-    colors.set_bad(NOTHING)
-    return colors
+    return mpl.colormaps[DEPTH_MAP].with_extremes(bad=NOTHING)
 
 
 def _depth_bar(axis: Axes, image: Any, norm: Normalize) -> None:
