@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
 import numpy as np
@@ -16,6 +18,9 @@ from ..antenna import PathGeometry
 from ..noise import add_noise
 from ..paths import RadarPaths
 from . import direct, nufft
+
+MAX_THREADS = 8
+"""Most threads that work on pairs at once: each holds its own strengths and spectra (some 50 MB)."""
 
 
 def synthesize(
@@ -74,8 +79,12 @@ def synthesize(
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     kept = _within_band(paths, radar)
-    for start in range(0, kept.num_paths, nufft.MAX_CHUNK_PATHS):
-        _add_chunk(adc, kept.select(slice(start, start + nufft.MAX_CHUNK_PATHS)), radar, accuracy, method)
+    if method == "direct":
+        _add_chunk(adc, kept, radar, None)
+    else:
+        tolerance = accuracy.synthesis_tolerance
+        for index in nufft.velocity_bins(radar, kept.length_rate, tolerance):
+            _add_chunk(adc, kept.select(index), radar, tolerance)
     return adc if rng is None else add_noise(adc, radar, rng)
 
 
@@ -98,19 +107,28 @@ def _within_band(paths: RadarPaths, radar: RadarSpec) -> RadarPaths:
 
 
 def _add_chunk(
-    adc: npt.NDArray[np.complex64], paths: RadarPaths, radar: RadarSpec, accuracy: Accuracy, method: str
+    adc: npt.NDArray[np.complex64], paths: RadarPaths, radar: RadarSpec, tolerance: float | None
 ) -> None:
-    """Add the signal of some paths to `adc`."""
+    """Add the signal of some paths to `adc`: exact without a tolerance, else by NUFFT."""
     geometry = PathGeometry.of(paths, radar)
     rate, acceleration = paths.length_rate, paths.length_acceleration
-    transform = None
-    if method == "nufft":
-        transform = nufft.Transform(radar, rate, acceleration, accuracy.synthesis_tolerance)
-    for tx in range(radar.num_tx):
-        for rx in range(radar.num_rx):
-            arguments = (geometry.pair_amplitude(tx, rx), geometry.length(tx, rx), rate, acceleration, radar, tx)
-            signal = direct.sum_paths(*arguments) if transform is None else nufft.sum_paths(*arguments, transform)
-            adc[rx, tx :: radar.num_tx] += signal
+    transform = None if tolerance is None else nufft.Transform(radar, rate, acceleration, tolerance)
+
+    def add_pair(pair: tuple[int, int]) -> None:
+        tx, rx = pair
+        arguments = (geometry.pair_amplitude(tx, rx), geometry.length(tx, rx), rate, acceleration, radar, tx)
+        signal = direct.sum_paths(*arguments) if transform is None else nufft.sum_paths(*arguments, transform)
+        adc[rx, tx :: radar.num_tx] += signal
+
+    pairs = [(tx, rx) for tx in range(radar.num_tx) for rx in range(radar.num_rx)]
+    workers = min(_num_cores(), len(pairs), MAX_THREADS)
+    with ThreadPoolExecutor(workers) as pool:  # pairs write to rows of their own, so the bytes do not depend on the order
+        list(pool.map(add_pair, pairs))
+
+
+def _num_cores() -> int:
+    """Return the processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 __all__ = ["synthesize"]

@@ -1,14 +1,19 @@
-r"""The beat signal by non-uniform FFT, with range migration kept to a proven bound.
+r"""The beat signal by non-uniform FFT, with range migration kept to a known bound.
 
 Each path is a tone over fast and slow time, times a residual phase that depends on the rate u of its delay (and on its
-bend b) and on the sample only. For every sample that factor is a smooth function of (u, b), so it is interpolated between a
-few Chebyshev nodes: one transform a node, with the same points, and one known phase screen a node. With k the largest
-residual phase [rad] about the middle of a box, K nodes leave at most ``4 sum_{n >= K} |J_n(k)|`` of a path's amplitude.
+bend b) and on the sample only: at 70 m/s some 2 rad at the corners of a frame. For every sample that factor is a smooth
+function of (u, b), so it is a short series of Chebyshev polynomials in (u, b) with one known screen over the samples each,
+and each term of the series is one transform of the same points. With k the largest residual phase [rad] about the middle of
+a box, terms from K on hold at most ``2 sum_{n >= K} |J_n(k)|`` of a path's amplitude. A term whose screen is small needs
+few digits, so it runs in float32 with a narrow kernel.
 """
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import finufft
 import numpy as np
@@ -16,6 +21,7 @@ import numpy.typing as npt
 from scipy.special import jv
 
 from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .phase import FrameGrid, delay_terms
 
@@ -23,11 +29,26 @@ Array = npt.NDArray[np.float64]
 
 MAX_CHUNK_PATHS = 200_000
 """Paths transformed at once: bounds the memory."""
-SINGLE_PRECISION_LIMIT = 3e-4
-"""Smallest tolerance for which the transform may run in float32: its points are rounded to 2**-24 of a turn, times 512 modes."""
+MAX_BINS = 16
+"""Most velocity bins tried."""
 MAX_NODES = 64
+SPREAD_COST, FFT_COST = 110e-9, 4.0e-8
+"""Measured seconds a path and a sample of one transform; only their ratio matters (benchmarks/synthesis.py)."""
+TRANSFORM_SHARE, SERIES_SHARE = 0.6, 0.4
+"""Shares of the tolerance: the errors of all transforms together, and the terms left out of the series."""
+EPS_TO_ERROR = {"complex128": 13.0, "complex64": 15.0}
+"""Measured largest error of a lone tone over the transform's `eps`, at upsampling 1.25."""
+SINGLE_ERROR = 4e-4
+"""Smallest error that a float32 transform is trusted with: its points are rounded to 2**-24 of a turn, times 512 modes."""
+COARSE_ERROR = 5e-3
+"""Terms that allow this error go to a transform of their own with a narrower kernel."""
 
 
+FFTW_ESTIMATE = 64
+"""Plans chosen without timing: 0 (measure) is 1.7 times faster but takes over 1 s a size and may differ between two runs."""
+
+
+@lru_cache(maxsize=512)
 def num_nodes(phase: float, tolerance: float) -> int:
     """Return how many Chebyshev nodes interpolate exp(1j * phase * p), p in [-1, 1], within a tolerance."""
     for count in range(1, MAX_NODES):
@@ -37,8 +58,8 @@ def num_nodes(phase: float, tolerance: float) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Interpolation:
-    """Chebyshev nodes of one variable over an interval."""
+class Chebyshev:
+    """Chebyshev polynomials T_0 .. T_(count-1) over an interval."""
 
     low: float
     high: float
@@ -46,21 +67,56 @@ class Interpolation:
 
     @property
     def nodes(self) -> Array:
-        """The nodes, shape (count,)."""
-        angle = (np.arange(self.count) + 0.5) * np.pi / self.count
-        return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * np.cos(angle)
+        """Roots of T_count, shape (count,)."""
+        return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * np.cos(self._angle)
 
-    def weights(self, values: Array) -> Array:
-        """Return the weight of each node for each value, shape (count, num_values)."""
+    @property
+    def _angle(self) -> Array:
+        return (np.arange(self.count) + 0.5) * np.pi / self.count
+
+    @property
+    def coefficients(self) -> Array:
+        """Matrix from values at the nodes to coefficients of the series, shape (count, count)."""
+        matrix = np.cos(np.arange(self.count)[:, None] * self._angle[None, :]) * (2.0 / self.count)
+        matrix[0] *= 0.5
+        return matrix
+
+    def polynomials(self, values: Array) -> Array:
+        """Return the polynomials at values, shape (count, num_values)."""
+        out = np.ones((self.count, len(values)))
         if self.count == 1:
-            return np.ones((1, len(values)))
-        unit = (2.0 * values - (self.low + self.high)) / (self.high - self.low)
-        angle = (np.arange(self.count) + 0.5) * np.pi / self.count
-        order = np.arange(self.count)
-        polynomials = np.cos(order[:, None] * np.arccos(np.clip(unit, -1.0, 1.0))[None, :])
-        scale = np.full(self.count, 2.0 / self.count)
-        scale[0] = 1.0 / self.count
-        return (np.cos(order[None, :] * angle[:, None]) * scale) @ polynomials
+            return out
+        out[1] = (2.0 * values - (self.low + self.high)) / (self.high - self.low)
+        for order in range(2, self.count):
+            out[order] = 2.0 * out[1] * out[order - 1] - out[order - 2]
+        return out
+
+
+def velocity_bins(radar: RadarSpec, rate: Array, tolerance: float) -> list[npt.NDArray[np.intp]]:
+    """Return the paths in bins of their length rate, as many bins as make the transforms cheapest.
+
+    A narrow bin needs few terms, and every bin needs its own transforms.
+    """
+    if not len(rate):
+        return []
+    low, span = float(rate.min()), float(np.ptp(rate))
+    half_phase = np.pi * np.abs(FrameGrid(radar).residual_cycles(span / SPEED_OF_LIGHT, 0.0)).max()
+    fft = radar.num_samples * radar.num_chirps * FFT_COST
+    best_cost, best = np.inf, np.zeros(len(rate), dtype=np.intp)
+    for count in range(1, MAX_BINS + 1):
+        index = np.zeros_like(best)
+        if span > 0:
+            index = np.minimum(((rate - low) * (count / span)).astype(np.intp), count - 1)
+        used = np.count_nonzero(np.bincount(index, minlength=count))
+        terms = num_nodes(half_phase / count, SERIES_SHARE * tolerance)
+        cost = terms * (len(rate) * SPREAD_COST + used * fft)
+        if cost < best_cost:
+            best_cost, best = cost, index
+        if terms <= 2:
+            break
+    order = np.argsort(best, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(best[order])) + 1)
+    return [part[start : start + MAX_CHUNK_PATHS] for part in parts for start in range(0, len(part), MAX_CHUNK_PATHS)]
 
 
 def sum_paths(
@@ -86,63 +142,107 @@ def sum_paths(
     return transform.run(strength, turn_x, turn_y, middle_rate, grid.bend(delay, delay_acceleration))
 
 
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Terms of the series that share one plan: their orders in (u, b), screens (T, chirps, samples) and precision."""
+
+    order: npt.NDArray[np.intp]
+    screens: npt.NDArray[np.complexfloating]
+    dtype: str
+    eps: float
+
+
 class Transform:
-    """The nodes and the plan that all pairs of a radar share for one chunk of paths."""
+    """The series and the plans that all pairs of a radar share for one bin of paths."""
 
     def __init__(self, radar: RadarSpec, rate: Array, acceleration: Array, tolerance: float) -> None:
         grid = FrameGrid(radar)
         _, delay_rate, delay_acceleration = delay_terms(np.zeros_like(rate), rate, acceleration)
         first = delay_rate + grid.center_time(0) * delay_acceleration
         last = delay_rate + grid.center_time(radar.num_tx - 1) * delay_acceleration
-        bends = grid.bend(np.zeros_like(rate), delay_acceleration)
-        span = 2.0 * radar.frame_time * radar.chirp_slope / radar.start_frequency  # delay's part in the bend, generously
-        self.rate = self._nodes(
-            min(first.min(), last.min()), max(first.max(), last.max()), lambda u: grid.residual_cycles(u, 0.0), tolerance
-        )
-        low, high = bends.min(), bends.max()
-        margin = span * max(abs(low), abs(high))
-        self.bend = self._nodes(low - margin, high + margin, lambda b: grid.residual_cycles(0.0, b), tolerance)
-        self.screens = np.stack(
-            [
-                np.exp(2j * np.pi * grid.residual_cycles(u, b))
-                for u in self.rate.nodes
-                for b in self.bend.nodes
-            ]
-        )
-        single = tolerance >= SINGLE_PRECISION_LIMIT
-        self.dtype = np.complex64 if single else np.complex128
-        self.real = np.float32 if single else np.float64
-        self.plan = finufft.Plan(
-            1,
-            (radar.num_chirps, radar.num_samples),
-            n_trans=len(self.screens),
-            eps=max(0.1 * tolerance, 1e-6 if single else 1e-14),
-            isign=1,
-            dtype="complex64" if single else "complex128",
-            fftw=0,
-            upsampfac=1.25 if tolerance > 1e-8 else 2.0,
-        )
+        rates = np.minimum(first, last).min(), np.maximum(first, last).max()
+        # the bend is smaller than the acceleration by the delay's part in it, at most that of the largest range
+        shrink = grid.bend(np.float64(radar.num_samples / radar.sample_rate + radar.ramp_time), np.float64(1.0))
+        bends = [scale * edge for scale in (1.0, shrink) for edge in (delay_acceleration.min(), delay_acceleration.max())]
+        self._rate = _series(rates[0], rates[1], lambda u: grid.residual_cycles(u, 0.0), tolerance)
+        self._bend = _series(min(bends), max(bends), lambda b: grid.residual_cycles(0.0, b), tolerance)
+        self._shape = (radar.num_chirps, radar.num_samples)
+        self._batches = self._batch(grid, tolerance)
+        self._local = threading.local()
 
-    @staticmethod
-    def _nodes(low: float, high: float, cycles, tolerance: float) -> Interpolation:
-        """Return nodes over an interval, as many as the residual phase within it needs."""
-        phase = np.pi * np.ptp([cycles(low), cycles(high)], axis=0).max()
-        count = num_nodes(float(phase), 0.25 * tolerance)
-        return Interpolation(low, high, count)
+    def _batch(self, grid: FrameGrid, tolerance: float) -> list[_Batch]:
+        """Return the terms of the series, batched by the precision that they need."""
+        at_nodes = np.array(
+            [[np.exp(2j * np.pi * grid.residual_cycles(u, b)) for b in self._bend.nodes] for u in self._rate.nodes]
+        )
+        screens = np.einsum("kl,lbs->kbs", self._rate.coefficients, at_nodes.reshape(*at_nodes.shape[:2], -1), optimize=True)
+        if self._bend.count > 1:
+            screens = np.einsum("cb,kbs->kcs", self._bend.coefficients, screens, optimize=True)
+        screens = screens.reshape(-1, *self._shape)
+        size = np.abs(screens).max(axis=(1, 2))
+        by_size = np.argsort(size, kind="stable")
+        dropped = by_size[: int(np.searchsorted(np.cumsum(size[by_size]), 0.5 * SERIES_SHARE * tolerance))]
+        kept = np.setdiff1d(np.arange(len(size)), dropped)
+        allowed = TRANSFORM_SHARE * tolerance / (size[kept] * len(kept) ** 0.5)
+        single = allowed >= SINGLE_ERROR
+        coarse = allowed >= COARSE_ERROR
+        batches = []
+        for chosen, dtype in ((~single, "complex128"), (single & ~coarse, "complex64"), (coarse, "complex64")):
+            if chosen.any():
+                eps = float(allowed[chosen].min()) / EPS_TO_ERROR[dtype]
+                eps = max(eps, 1e-14 if dtype == "complex128" else 1e-5)
+                batches.append(_Batch(kept[chosen], screens[kept[chosen]].astype(dtype), dtype, min(eps, 0.01)))
+        return batches
+
+    def _plans(self) -> list[finufft.Plan]:
+        """Return the calling thread's plans. They run on that thread alone, so that sums keep their order: same bytes."""
+        if not hasattr(self._local, "plans"):
+            self._local.plans = [
+                finufft.Plan(
+                    1,
+                    self._shape,
+                    n_trans=len(batch.order),
+                    eps=batch.eps,
+                    isign=1,
+                    dtype=batch.dtype,
+                    nthreads=1,
+                    fftw=FFTW_ESTIMATE,
+                    upsampfac=1.25 if batch.eps > 1e-8 else 2.0,
+                )
+                for batch in self._batches
+            ]
+        return self._local.plans
 
     def run(
         self, strength: npt.NDArray[np.complex128], turn_x: Array, turn_y: Array, rate: Array, bend: Array
     ) -> npt.NDArray[np.complex128]:
         """Return the sum of all tones with their residual phase, shape (num_chirps, num_samples)."""
-        weights = self.rate.weights(rate)
-        if self.bend.count > 1:
-            weights = (weights[:, None, :] * self.bend.weights(bend)[None, :, :]).reshape(len(self.screens), -1)
-        self.plan.setpts(_angle(turn_y, self.real), _angle(turn_x, self.real))
-        spectra = self.plan.execute((weights * strength).astype(self.dtype))
-        spectra = spectra.reshape(self.screens.shape)
-        return np.einsum("kmn,kmn->mn", self.screens, spectra)
+        over_rate = self._rate.polynomials(rate)
+        over_bend = self._bend.polynomials(bend)
+        angle_y, angle_x = _angle(turn_y), _angle(turn_x)
+        out = np.zeros(self._shape, dtype=np.complex128)
+        for batch, plan in zip(self._batches, self._plans(), strict=True):
+            real = np.float64 if batch.dtype == "complex128" else np.float32
+            points = strength.astype(batch.dtype)
+            strengths = np.empty((len(batch.order), len(points)), dtype=batch.dtype)
+            for row, order in zip(strengths, batch.order, strict=True):
+                weight = over_rate[order // self._bend.count]
+                if self._bend.count > 1:
+                    weight = weight * over_bend[order % self._bend.count]
+                np.multiply(points, weight.astype(real), out=row)
+            plan.setpts(angle_y.astype(real), angle_x.astype(real))
+            spectra = plan.execute(strengths).reshape(batch.screens.shape)
+            spectra *= batch.screens
+            out += spectra.sum(axis=0)
+        return out
 
 
-def _angle(turns: Array, dtype: type) -> npt.NDArray[np.floating]:
+def _series(low: float, high: float, cycles: Callable[[float], Array], tolerance: float) -> Chebyshev:
+    """Return the polynomials over an interval, as many as the residual phase within it needs."""
+    phase = np.pi * np.ptp([cycles(low), cycles(high)], axis=0).max()
+    return Chebyshev(low, high, num_nodes(float(phase), SERIES_SHARE * tolerance))
+
+
+def _angle(turns: Array) -> Array:
     """Return turns as an angle in [-pi, pi]."""
-    return (2.0 * np.pi * (turns - np.rint(turns))).astype(dtype)
+    return 2.0 * np.pi * (turns - np.rint(turns))
