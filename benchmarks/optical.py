@@ -1,0 +1,189 @@
+"""Camera and lidar: time of every image and of a scan, and the error of the RGB image against time.
+
+    python benchmarks/optical.py [--scene highway_guardrail] [--figures docs/figures] [--quick]
+
+Each time is the median of repeated runs after two warm-ups in this process ("warm"); the first run is given apart ("cold",
+with kernel compilation). The error of an image is its rms difference to a 1024-sample reference with another seed, in levels
+of the 8-bit sRGB image, which is what a user sees; the reference's own error is taken out in quadrature.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from camera_lidar import Camera, Lidar
+from camera_lidar.camera.render import sensor_dict, stratified_samples
+from camera_lidar.camera.tone import linear_to_srgb8
+from camera_lidar.lidar import camera_maps, range_view
+from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.world import load_scene, variant
+
+FRONT = Pose([2.45, 0.0, 0.7])  # vehicle_from_sensor: in the middle of the front bumper
+REFERENCE_SPP = 1024
+
+
+def measure(run: Callable[[], Any], repeats: int = 5) -> tuple[float, float, float]:
+    """Return cold, median warm wall time and median warm CPU time [s]."""
+    start = time.perf_counter()
+    run()
+    cold = time.perf_counter() - start
+    run()
+    walls, cpus = [], []
+    for _ in range(repeats):
+        wall, cpu = time.perf_counter(), time.process_time()
+        run()
+        walls.append(time.perf_counter() - wall)
+        cpus.append(time.process_time() - cpu)
+    return cold, float(np.median(walls)), float(np.median(cpus))
+
+
+def report(name: str, times: tuple[float, float, float], what: str) -> None:
+    cold, warm, cpu = times
+    print(f"{name:44s} cold {cold:7.2f} s   warm {warm:7.3f} s   cpu {cpu:7.2f} s   {what}", flush=True)
+
+
+def time_sensors(state: Any, world_from_vehicle: Pose, repeats: int) -> None:
+    """Print the times of label images, RGB, a frame of six cameras, a lidar scan and its maps."""
+    front = world_from_vehicle.compose(FRONT)
+
+    def observe(sensor: Camera | Lidar, pose: Pose = front) -> Any:
+        return sensor.observe(state, pose, Twist(), np.random.default_rng(0))
+
+    labels = Camera(CameraSpec(width=1280, height=720, images=("depth", "semantic", "instance")))
+    report("depth + semantic + instance, 1280 x 720", measure(lambda: observe(labels), repeats), "target 0.5 s")
+    scanner = Lidar(LidarSpec(num_azimuth=4000, num_elevation=250))
+    report("lidar, 10^6 shots, all fields", measure(lambda: observe(scanner), repeats), "target 2 s")
+    scan = observe(scanner)
+    camera = CameraSpec(width=1280, height=720)
+    report("range view of that scan", measure(lambda: range_view(scan), repeats), f"{scan.num_points} returns")
+    report("camera maps of that scan", measure(lambda: camera_maps(scan, camera, front), repeats), "1280 x 720")
+    for spp in (4, 16, 64):
+        rgb = Camera(CameraSpec(samples_per_pixel=spp, images=("rgb",)))
+        times = measure(lambda rgb=rgb: observe(rgb), max(1, repeats // 2))
+        report(f"RGB 960 x 540, {spp} samples", times, f"{960 * 540 * spp / times[1] / 1e6:.1f} M paths/s")
+    draft = Camera(CameraSpec(width=640, height=360, samples_per_pixel=16))
+    offsets = [(x, y) for x in (2.45, -2.45) for y in (0.4, 0.0, -0.4)]
+    poses = [world_from_vehicle.compose(Pose.from_euler([x, y, 0.7], yaw=0.0 if x > 0 else np.pi)) for x, y in offsets]
+    times = measure(lambda: [observe(draft, pose) for pose in poses], 1)
+    report("six cameras, all images, 640 x 360, 16 spp", times, "kernels are shared: no compilation for a new pose")
+
+
+def render(state: Any, spec: CameraSpec, pose: Pose, sampler: str, seed: int) -> tuple[np.ndarray, float]:
+    """Return linear radiance and the time of one image with a given sampler."""
+    scene = state.optical_scene()
+    with variant.optical() as mi:
+        description = sensor_dict(spec, pose)
+        description["sampler"]["type"] = sampler
+        sensor = mi.load_dict(description)
+        integrator = mi.load_dict({"type": "path", "max_depth": spec.max_depth})
+        start = time.perf_counter()
+        samples = stratified_samples(spec.samples_per_pixel)
+        image = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=seed, spp=samples))
+        return image, time.perf_counter() - start
+
+
+def measure_quality(state: Any, pose: Pose, counts: tuple[int, ...]) -> dict[str, list[tuple[int, float, float]]]:
+    """Return (samples, rms error [levels], time [s]) of each sampler against the reference."""
+    spec = CameraSpec(width=320, height=180)
+    references = [
+        linear_to_srgb8(render(state, spec.with_(samples_per_pixel=REFERENCE_SPP // 2), pose, "multijitter", seed)[0])
+        for seed in (101, 102)
+    ]
+    reference = np.mean(references, axis=0)
+    reference_variance = np.mean(np.subtract(*map(np.float64, references)) ** 2) / 4.0  # of the mean of two halves
+    print(f"reference: rms {np.sqrt(reference_variance):.2f} levels of its own")
+    results: dict[str, list[tuple[int, float, float]]] = {}
+    for sampler in ("independent", "multijitter"):
+        render(state, spec.with_(samples_per_pixel=1), pose, sampler, 0)  # compile
+        for count in counts:
+            image, seconds = render(state, spec.with_(samples_per_pixel=count), pose, sampler, 7)
+            squared = np.mean((linear_to_srgb8(image) - reference) ** 2) - reference_variance
+            error = float(np.sqrt(max(squared, 0.0)))
+            results.setdefault(sampler, []).append((count, error, seconds))
+            print(f"{sampler:12s} {count:5d} samples   error {error:6.2f} levels   {seconds:6.2f} s", flush=True)
+    return results
+
+
+def plot_quality(results: dict[str, list[tuple[int, float, float]]], path: Path) -> None:
+    """Draw the work-precision chart."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(6.5, 4.2), layout="constrained")
+    for sampler, rows in results.items():
+        _, errors, seconds = zip(*rows, strict=True)
+        axes.loglog(seconds, errors, "o-", label=f"{sampler}{' (used)' if sampler == 'multijitter' else ''}")
+        for count, error, second in rows:
+            axes.annotate(str(count), (second, error), textcoords="offset points", xytext=(4, 5), fontsize=8)
+    axes.set(xlabel="time of one image of 320 x 180 [s]", ylabel="rms error [levels of 255, sRGB]")
+    axes.set_title(f"RGB image: error against time; labels: samples a pixel ({os.cpu_count()} CPUs)")
+    axes.grid(True, which="both", alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=130)
+
+
+def plot_maps(state: Any, pose: Pose, path: Path) -> None:
+    """Draw a scan's maps beside the camera's images."""
+    import matplotlib.pyplot as plt
+
+    scan = Lidar(LidarSpec()).observe(state, pose, Twist(), np.random.default_rng(0))
+    spec = CameraSpec(width=480, height=270, samples_per_pixel=64)
+    frame = Camera(spec).observe(state, pose, Twist(), np.random.default_rng(0))
+    own, projected = range_view(scan), camera_maps(scan, spec, pose, radius_px=1)
+    first, last = scan.spec.azimuth_fov_deg
+    extent = (last, first, *scan.spec.elevation_fov_deg)
+    figure, axes = plt.subplots(3, 2, figsize=(11, 8), layout="constrained")
+    assert frame.rgb is not None and frame.depth is not None
+    axes[0, 0].imshow(frame.rgb)
+    axes[0, 0].set_title("camera, RGB")
+    shown = axes[0, 1].imshow(np.where(np.isfinite(frame.depth), frame.depth, np.nan), vmax=100, cmap="viridis_r")
+    figure.colorbar(shown, ax=axes[0, 1], label="depth [m]")
+    axes[0, 1].set_title("camera, depth")
+    velocity = {"cmap": "RdBu_r", "vmin": -20, "vmax": 20}
+    panels = (
+        (axes[1, 0], projected.depth, "lidar in the camera's image, depth", "[m]", {"vmax": 100, "cmap": "viridis_r"}),
+        (axes[1, 1], projected.radial_velocity, "lidar in the camera's image, Doppler", "[m/s]", velocity),
+        (axes[2, 0], own.radial_velocity, "range view, Doppler (lidar at rest)", "[m/s]", velocity),
+        (axes[2, 1], 10 * np.log10(np.where(own.filled, own.intensity, np.nan)), "range view, intensity", "[dB]", {}),
+    )
+    for axis, data, title, unit, style in panels:
+        in_degrees = {"extent": extent, "aspect": "auto"} if "range view" in title else {}
+        shown = axis.imshow(np.where(np.isfinite(data), data, np.nan), interpolation="nearest", **style, **in_degrees)
+        figure.colorbar(shown, ax=axis, label=unit)
+        axis.set_title(title)
+        axis.set(xlabel="azimuth [deg]", ylabel="elevation [deg]") if in_degrees else axis.set(
+            xlabel="column [px]", ylabel="row [px]"
+        )
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scene", default="highway_guardrail")
+    parser.add_argument("--time", type=float, default=0.5, help="[s]")
+    parser.add_argument("--figures", type=Path, default=None, help="folder for the figures")
+    parser.add_argument("--quick", action="store_true", help="fewer repeats and no chart of 256 samples")
+    options = parser.parse_args()
+    world = load_scene(options.scene)
+    state = world.at(options.time)
+    vehicle = state.actor_pose(world.ego) if world.ego else Pose()
+    print(f"scene {world.name}, {len(world.parts.name)} parts, {os.cpu_count()} CPUs, load {os.getloadavg()[0]:.1f}")
+    time_sensors(state, vehicle, repeats=2 if options.quick else 5)
+    front = vehicle.compose(FRONT)
+    results = measure_quality(state, front, (1, 4, 16, 64) if options.quick else (1, 4, 16, 64, 256))
+    if options.figures:
+        options.figures.mkdir(parents=True, exist_ok=True)
+        plot_quality(results, options.figures / "camera_quality.png")
+        plot_maps(state, front, options.figures / "lidar_maps.png")
+
+
+if __name__ == "__main__":
+    main()
