@@ -252,6 +252,17 @@ def _activate(library: Llvm, refused: list[str]) -> None:
     os.environ[_LIBLLVM_VARIABLE] = library.path
 
 
+def _complete_typing() -> None:
+    """Give Python 3.10 the name ``typing.Self``: Sionna RT 2.2 allows that Python, but imports the name from there."""
+    if sys.version_info < (3, 11):
+        import typing
+
+        import typing_extensions
+
+        if not hasattr(typing, "Self"):
+            typing.Self = typing_extensions.Self
+
+
 def _check_loaded(backend: str) -> None:
     """Raise if Dr.Jit, now imported, cannot run a backend."""
     import drjit as dr
@@ -301,4 +312,5 @@ def ensure_engine() -> str:
             found = f" (found: {'; '.join(refused)})" if refused else ""
             raise EngineError(f"no LLVM >= {MIN_LLVM} on this machine{found}; {llvm_remedy()}")
     _check_loaded(backend)
+    _complete_typing()
     return backend
