@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from scarl_sionna.core.errors import ScarlError
+from scarl_sionna.core.errors import ScarlError, ScarlWarning
 from scarl_sionna.scenario.spec import ScenarioSpec
 
 if TYPE_CHECKING:
@@ -136,7 +137,21 @@ def _run(scenario: ScenarioSpec, out: Path, overwrite: bool) -> RunSummary:
         def show(stage: str, num_done: float) -> None:
             progress.update(task, description=stage, completed=num_done)
 
-        return run(scenario, out, overwrite=overwrite, on_stage=show)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ScarlWarning)
+            summary = run(scenario, out, overwrite=overwrite, on_stage=show)
+    for item in caught:
+        if not issubclass(item.category, ScarlWarning):
+            warnings.warn_explicit(item.message, item.category, item.filename, item.lineno)
+    _print_warnings([str(item.message) for item in caught if issubclass(item.category, ScarlWarning)])
+    return summary
+
+
+def _print_warnings(messages: list[str]) -> None:
+    """Print the first warning, and how many more there are."""
+    if messages:
+        more = f" (and {len(messages) - 1} more warnings)" if len(messages) > 1 else ""
+        typer.echo(f"warning: {messages[0]}{more}", err=True)
 
 
 def _print_summary(summary: RunSummary, seconds: float) -> None:

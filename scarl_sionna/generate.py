@@ -204,7 +204,7 @@ def run(scenario: ScenarioSpec, out: str | Path, *, overwrite: bool = False, on_
     report("contact sheet")
     started = perf_counter()
     sheet = writer.out / "contact_sheet.png"
-    write_contact_sheet(read_frame(writer.folder(0)), sheet, title=scenario.scene)
+    write_contact_sheet(read_frame(writer.folder(0)), sheet, title=Path(scenario.scene).stem)
     add("contact sheet", started)
     report("done")
     return RunSummary(writer.out, sheet, num_done - num_kept, num_kept, timings)

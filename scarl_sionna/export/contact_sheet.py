@@ -180,8 +180,8 @@ def _draw_labels(axis: Axes, semantic: ImageFrame | None, instance: ImageFrame |
     by_size = [int(i) for i in ids[np.argsort(-counts)] if i != SKY][:10]
     patches = [Patch(facecolor=SEMANTIC_COLORS[i] / 255.0, edgecolor="0.3", label=SEMANTIC_CLASSES[i]) for i in by_size]
     axis.legend(
-        handles=patches, loc="upper right", ncols=2, fontsize=7.5, framealpha=0.85, handlelength=1.0, columnspacing=1.0,
-        labelspacing=0.25, borderpad=0.4,
+        handles=patches, loc="lower center", ncols=5, fontsize=7.0, framealpha=0.85, handlelength=0.9, handletextpad=0.5,
+        columnspacing=0.9, labelspacing=0.25, borderpad=0.4, borderaxespad=0.3,
     )  # fmt: skip
 
 
