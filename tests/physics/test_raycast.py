@@ -48,7 +48,7 @@ def _rcs(paths, radar: RadarSpec, column: int = 0):
 def test_hits_lie_on_the_wall_along_the_rays(tmp_path) -> None:
     state, radar = _world(tmp_path, _wall()).at(0.0), _radar()
     pose = Pose.from_euler([0.25, -0.5, 0.125], yaw=0.1, pitch=-0.05)
-    paths = solve_paths(state, radar, pose, "raycast")
+    paths = solve_paths(state, radar, pose, "raycast", hits_per_cell=None)
     grid = RayGrid.over(np.radians(20.0), np.radians(10.0), radar.num_rays)
     assert paths.num_paths == grid.num_rays
     # Exact intersection of a line with the plane x = WALL_X, in float64.
@@ -95,7 +95,9 @@ def test_every_hit_of_a_wall_has_the_reflectance_of_its_angle_and_polarisation(
     tmp_path, material: str, permittivity: complex, thickness: float | None
 ) -> None:
     radar = _radar(azimuth_fov_deg=120.0, elevation_fov_deg=60.0, num_rays=2_000)
-    paths = solve_paths(_world(tmp_path, _wall(material)).at(0.0), radar, Pose(), class_rcs={"Wall": 1.0})
+    paths = solve_paths(
+        _world(tmp_path, _wall(material)).at(0.0), radar, Pose(), class_rcs={"Wall": 1.0}, hits_per_cell=None
+    )
     unit = paths.tx_point / np.linalg.norm(paths.tx_point, axis=1, keepdims=True)
     perpendicular = np.cross(unit, [-1.0, 0.0, 0.0])
     perpendicular /= np.linalg.norm(perpendicular, axis=1, keepdims=True)
@@ -116,7 +118,7 @@ def test_every_hit_of_a_wall_has_the_reflectance_of_its_angle_and_polarisation(
 
 def test_power_of_a_wall_is_the_integral_of_the_radar_equation(tmp_path) -> None:
     radar = _radar(azimuth_fov_deg=60.0, elevation_fov_deg=30.0, num_rays=40_000)
-    paths = solve_paths(_world(tmp_path, _wall()).at(0.0), radar, Pose(), "raycast")
+    paths = solve_paths(_world(tmp_path, _wall()).at(0.0), radar, Pose(), "raycast", hits_per_cell=None)
     gamma = class_reflectivity()[semantic_id("Wall")]
 
     def density(sine_elevation: float, azimuth: float) -> float:
@@ -184,7 +186,9 @@ def test_nothing_beyond_the_unambiguous_range_comes_back(tmp_path) -> None:
 
 def test_constant_rcs_per_hit_does_not_depend_on_distance(tmp_path) -> None:
     radar = _radar()
-    paths = solve_paths(_world(tmp_path, _wall("steel")).at(0.0), radar, Pose(), rcs_model="per_hit")
+    paths = solve_paths(
+        _world(tmp_path, _wall("steel")).at(0.0), radar, Pose(), rcs_model="per_hit", hits_per_cell=None
+    )
     rcs, _ = _rcs(paths, radar, column=1)
     # gamma times the reference footprint of 4.34 cm2; metal takes less than 0.3 % at these angles.
     assert rcs == pytest.approx(np.full(len(rcs), 0.3 * 4.34e-4), rel=3e-3)

@@ -26,7 +26,7 @@ def test_far_oblique_wall_has_distances_in_float64(tmp_path) -> None:
     mesh = plane(1.0, 1.0)
     mesh.vertices = corners
     state = load_scene(write_scene(tmp_path, [Thing("wall", mesh, "Wall", "steel")])).at(0.0)
-    paths = solve_paths(state, RADAR, Pose([0.1, 0.2, 0.3]), max_distance=400.0)
+    paths = solve_paths(state, RADAR, Pose([0.1, 0.2, 0.3]), max_distance=400.0, hits_per_cell=None)
     assert paths.num_paths > 19_000
     # On the plane to rounding of float64 (250 m * 2.2e-16 * a few operations); float32 alone would give 1.5e-5 m.
     assert np.abs(paths.tx_point[:, 0] + paths.tx_point[:, 1] - 250.0).max() < 1e-11
@@ -41,7 +41,9 @@ def test_steps_of_a_twentieth_wavelength_turn_the_phase_by_as_much(tmp_path) -> 
     )  # fmt: skip
     world = load_scene(write_scene(tmp_path, actors=[actor]))
     pose = Pose.from_euler([0, 0, 0], yaw=0.02)
-    lengths = [_lengths(solve_paths(world.at(k * step), RADAR, pose, num_rays=400)) for k in range(21)]
+    lengths = [
+        _lengths(solve_paths(world.at(k * step), RADAR, pose, num_rays=400, hits_per_cell=None)) for k in range(21)
+    ]
     cosine = 200.0 / (lengths[0] / 2.0)
     turned = WAVENUMBER * np.diff(np.stack(lengths), axis=0)
     # Two ways: 4 pi / 20 for each step along the ray, 1 / cos for oblique rays. Meshes near the origin are exact in
@@ -67,7 +69,9 @@ def test_level_radar_over_flat_ground_adds_powers_when_rough_and_amplitudes_when
 
     def gain(hit_phase: str) -> tuple[float, int]:
         """Return coherent over incoherent power of the rows in the mean, and hits in a row."""
-        paths = solve_paths(state, RADAR, Pose([0, 0, 0.5]), hit_phase=hit_phase, max_distance=100.0)
+        paths = solve_paths(
+            state, RADAR, Pose([0, 0, 0.5]), hit_phase=hit_phase, max_distance=100.0, hits_per_cell=None
+        )
         signal = paths.a[:, 0, 0] * np.exp(-1j * WAVENUMBER * _lengths(paths))
         _, row = np.unique(np.round(_lengths(paths), 6), return_inverse=True)
         sums = np.bincount(row, signal.real) + 1j * np.bincount(row, signal.imag)

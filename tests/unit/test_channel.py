@@ -191,7 +191,7 @@ def test_batches_of_paths_join_to_the_whole(state, monkeypatch) -> None:
 
 
 def test_phase_of_hits_is_random_when_rough_and_zero_when_geometric(state) -> None:
-    rough = solve_paths(state, RADAR, Pose())
+    rough = solve_paths(state, RADAR, Pose(), hits_per_cell=None)
     geometric = solve_paths(state, RADAR, Pose(), hit_phase="geometric")
     assert np.array_equal(geometric.a.imag, np.zeros_like(geometric.a.imag)) and (geometric.a.real >= 0).all()
     # A unit phase factor: the magnitude is kept to rounding.
@@ -209,4 +209,4 @@ def test_same_seed_same_frame_and_noise_can_be_left_out(state) -> None:
     assert one.adc_int.tobytes() == two.adc_int.tobytes() != other.adc_int.tobytes()
     assert ideal.adc_int.tobytes() == observe(5, noise=False).adc_int.tobytes() != one.adc_int.tobytes()
     assert one.adc_int.shape == (4, 24, 32, 2) and one.num_paths > 0 and one.num_saturated == 0
-    assert set(one.diagnostics["seconds"]) == {"cast", "amplitude", "synthesize", "quantize"}
+    assert set(one.diagnostics["seconds"]) == {"cast", "amplitude", "thin", "synthesize", "quantize"}

@@ -24,6 +24,7 @@ from scarl_sionna.world.placement import check_placement
 from .class_rcs import ClassRcs, class_reflectivity
 from .fresnel import power_reflectance, te_fraction_of_h
 from .grid import RayGrid
+from .thinning import ResolutionCells, thin
 
 if TYPE_CHECKING:
     from scarl_sionna.world import RayHits, WorldState
@@ -38,6 +39,8 @@ NEAREST_HIT = 1e-3
 """The radar equation is not used closer than this [m]; a housing touches nothing nearer."""
 DIFFUSE = 2
 """Kind of the interaction of a hit, the number of Sionna RT's ``InteractionType.DIFFUSE``."""
+DEFAULT_HITS_PER_CELL = 8
+"""Kept hits of a cell; sixteen cells make a resolution cell of the radar. Chart in docs/raycast.md."""
 REFERENCE_FOOTPRINT = 4.34e-4
 """Area of a ray of the default grid (10^6 rays over 120 x 30 deg) at 20 m [m2]: the unit of ``rcs_model="per_hit"``."""
 
@@ -66,6 +69,7 @@ def solve_raycast(
     rcs_model: RcsModel = "footprint",
     class_rcs: ClassRcs | None = None,
     hit_phase: HitPhase = "rough",
+    hits_per_cell: int | None = DEFAULT_HITS_PER_CELL,
 ) -> RadarPaths:
     r"""Return the paths to the first surfaces that a fixed grid of rays hits.
 
@@ -93,11 +97,15 @@ def solve_raycast(
         ``"rough"``: each hit stands for a patch of many unresolved scatterers and gets a fixed random phase, so that
         powers add in the mean. ``"geometric"``: only the phase of its distance, as in the paper; hits at exactly the same
         distance (a flat road below a level radar) then add in phase.
+    hits_per_cell : int, optional
+        Of the rough hits of one instance that the radar cannot tell apart (half a bin in range, velocity and direction), at
+        most this many are kept, with the power of all; see :mod:`scarl_sionna.radar.channel.thinning`. None keeps every
+        hit. Geometric hits are always kept.
 
     Returns
     -------
     RadarPaths
-        One path a hit, in ray order; empty where nothing is hit.
+        In ray order; empty where nothing is hit.
 
     Raises
     ------
@@ -134,6 +142,8 @@ def solve_raycast(
     ):
         if value not in known:
             raise UnknownNameError(name, value, known)
+    if hits_per_cell is not None and (isinstance(hits_per_cell, bool) or hits_per_cell < 1):
+        raise ParameterRangeError("hits_per_cell", hits_per_cell, "an integer >= 1, or None for all hits")
     reach = radar.max_range if max_distance is None else max_distance
     if not reach > 0.0:
         raise ParameterRangeError("max_distance", f"{reach} m", "> 0 m")
@@ -144,7 +154,7 @@ def solve_raycast(
     twist = radar_twist or Twist()
     model = _Model(radar, pose, class_reflectivity(class_rcs), rcs_model, grid.solid_angle, reach, twist.linear)
     phases = _fixed_phases(hit_phase)
-    clock = {"cast": 0.0, "amplitude": 0.0}
+    clock = {"cast": 0.0, "amplitude": 0.0, "thin": 0.0}
     batches = []
     for first in range(0, grid.num_rays, RAYS_PER_BATCH):
         stop = min(first + RAYS_PER_BATCH, grid.num_rays)
@@ -153,10 +163,18 @@ def solve_raycast(
         world_rays = pose.rotate(rays)
         hits = state.cast(pose.position, world_rays, max_distance=reach)
         cast = time.perf_counter()
-        batches.append(_columns(hits, world_rays, rays[:, 2], state, model, phases(stop - first)))
+        batches.append(_columns(hits, rays, world_rays, state, model, phases(stop - first)))
         clock["cast"] += cast - start
         clock["amplitude"] += time.perf_counter() - cast
-    return _join(batches, pose, grid, clock, {"rcs_model": rcs_model, "hit_phase": hit_phase, "max_distance": reach})
+    columns = {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
+    chosen = {"rcs_model": rcs_model, "hit_phase": hit_phase, "max_distance": reach, "hits_per_cell": None}
+    chosen["num_hits"] = len(columns["length_rate"])
+    if hits_per_cell is not None and hit_phase == "rough":
+        start = time.perf_counter()
+        columns = _thinned(columns, model, hits_per_cell)
+        chosen["hits_per_cell"] = hits_per_cell
+        clock["thin"] = time.perf_counter() - start
+    return _paths(columns, pose, grid, clock, chosen)
 
 
 def _check_antennas(state: WorldState, radar: RadarSpec, pose: Pose) -> None:
@@ -174,9 +192,9 @@ def _fixed_phases(hit_phase: HitPhase) -> Callable[[int], Array | None]:
 
 
 def _columns(
-    hits: RayHits, world_rays: Array, sine_elevation: Array, state: WorldState, model: _Model, cycles: Array | None
+    hits: RayHits, rays: Array, world_rays: Array, state: WorldState, model: _Model, cycles: Array | None
 ) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of :class:`RadarPaths` for the hits of one batch; rays in the world frame, and their z in the radar's."""
+    """Return the columns of :class:`RadarPaths` for the hits of one batch of rays, given in the radar and the world frame."""
     parts = state.world.parts
     distance = np.maximum(hits.distance, NEAREST_HIT)
     scale = model.radar.wavelength**2 / (4.0 * np.pi) ** 3 * model.gamma[parts.semantic][hits.part]
@@ -184,7 +202,7 @@ def _columns(
         power = scale * REFERENCE_FOOTPRINT / distance**4
     else:
         power = scale * model.solid_angle / distance**2
-    reflectance_v, reflectance_h = _reflectances(hits, sine_elevation, state, model)
+    reflectance_v, reflectance_h = _reflectances(hits, rays[:, 2], state, model)
     keep = np.flatnonzero((power > 0.0) & (reflectance_v + reflectance_h > 0.0) & (distance < model.reach))
     power, ray, part = power[keep], hits.ray[keep], hits.part[keep]
     a = np.zeros((len(keep), 2, 2), dtype=np.complex128)
@@ -197,7 +215,24 @@ def _columns(
         "length_rate": 2.0 * np.einsum("ij,ij->i", hits.velocity[keep] - model.velocity, world_rays[ray]),
         "instance": parts.instance[part].astype(np.int32),
         "semantic": parts.semantic[part].astype(np.uint8),
+        "distance": distance[keep],
+        "ray": rays[ray],
     }
+
+
+def _thinned(columns: dict[str, npt.NDArray[Any]], model: _Model, hits_per_cell: int) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of fewer hits with the same mean power in each of the radar's resolution cells."""
+    x, y, z = columns["ray"].T
+    cells = ResolutionCells.of(model.radar)
+    cell = cells.number(columns["distance"], columns["length_rate"] / 2.0, y, z, columns["instance"])
+    entry = 0 if model.radar.polarization == "V" else 1
+    gain_db = model.radar.pattern.gain_db(np.arctan2(y, x), np.arcsin(np.clip(z, -1.0, 1.0)))
+    received = np.abs(columns["a"][:, entry, entry]) ** 2 * 10.0 ** (gain_db / 5.0)
+    tiny = np.finfo(np.float64).tiny ** 0.5
+    kept, growth = thin(cell, np.maximum(received, tiny), hits_per_cell)
+    columns = {name: column[kept] for name, column in columns.items()}
+    columns["a"] *= np.sqrt(growth)[:, None, None]
+    return columns
 
 
 def _reflectances(hits: RayHits, sine_elevation: Array, state: WorldState, model: _Model) -> tuple[Array, Array]:
@@ -215,20 +250,14 @@ def _reflectances(hits: RayHits, sine_elevation: Array, state: WorldState, model
     return te + fraction * (tm - te), tm + fraction * (te - tm)
 
 
-def _join(
-    batches: list[dict[str, npt.NDArray[Any]]],
-    pose: Pose,
-    grid: RayGrid,
-    clock: dict[str, float],
-    chosen: dict[str, Any],
+def _paths(
+    columns: dict[str, npt.NDArray[Any]], pose: Pose, grid: RayGrid, clock: dict[str, float], chosen: dict[str, Any]
 ) -> RadarPaths:
-    columns = {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
     count = len(columns["length_rate"])
     diagnostics = {
         "method": "raycast",
         **chosen,
         "num_rays": grid.num_rays,
-        "num_hits": count,
         "ray_spacing_deg": float(np.degrees(grid.spacing)),
         "solid_angle": float(grid.solid_angle),
         "seconds": clock,
