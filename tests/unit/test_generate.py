@@ -31,7 +31,9 @@ RIG = Rig(
         SensorMount("front/camera", "camera", CAMERA, Pose([2.0, 0.0, 1.0])),
         SensorMount("front/lidar", "lidar", LIDAR, Pose([2.0, 0.0, 1.0])),
         SensorMount("front/radar", "radar", RADAR, Pose([2.0, 0.0, 1.0])),
-        SensorMount("left/lidar", "lidar", LIDAR.with_(range_noise_variance_per_metre=0.0), Pose([1.0, 0.8, 1.0], TURN)),
+        SensorMount(
+            "left/lidar", "lidar", LIDAR.with_(range_noise_variance_per_metre=0.0), Pose([1.0, 0.8, 1.0], TURN)
+        ),
     ),
 )
 
