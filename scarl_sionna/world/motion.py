@@ -20,8 +20,13 @@ _REST_SPEED = 1e-3
 class Trajectory(Protocol):
     """Pose and velocity of a rigid body over time; `start` and `stop` bound the times that may be asked for [s]."""
 
-    start: float
-    stop: float
+    @property
+    def start(self) -> float:
+        """First time at which the motion is known [s]."""
+
+    @property
+    def stop(self) -> float:
+        """Last time at which the motion is known [s]."""
 
     def pose(self, time: float) -> Pose:
         """Return world_from_actor at a time [s]."""
