@@ -65,7 +65,7 @@ def _roof(house: House) -> Mesh:
     parts = []
     for shift, flip in ((thick, False), (0.0, True)):
         points = np.array([[(px, oy, oz + shift) for oy, oz in outline] for px in (-x, x)])
-        uv = np.array([[(px / 3.0, d / 3.0) for d in along] for px in (-x, x)])
+        uv = np.array([[(px / 3.0, abs(d - along[1]) / 3.0) for d in along] for px in (-x, x)])
         plane = grid(points, uv)
         parts.append(plane.flipped() if flip else plane)
     ends = {}

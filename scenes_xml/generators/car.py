@@ -35,8 +35,10 @@ class CarShape:
         Where the windows begin (at the belt) and end (at the roof).
     cabin_base_width, cabin_top_width : float
         Half widths.
-    pillars : tuple of (start, stop)
-        Glazed intervals along the side, 0 = front to 1 = rear.
+    glazing : tuple of (start, stop)
+        Side windows along the cabin, 0 = front to 1 = rear.
+    cladding : bool
+        True if the sills, the rims of the wheel arches and the lower bumpers are black plastic.
     """
 
     length: float
@@ -57,6 +59,7 @@ class CarShape:
     tail_slope: float = 0.05
     nose_slope: float = 0.13
     spokes: int = 5
+    cladding: bool = False
     lamp_height: float = 0.66
     tail_lamp: tuple[float, float] = (0.76, 0.93)
     extra: dict[str, float] = field(default_factory=dict)
@@ -139,19 +142,25 @@ def _shell_ring(shape: CarShape, x: float, inset: float, deck: PchipInterpolator
     return np.column_stack([np.full(len(ring), x), ring])
 
 
-def shell(shape: CarShape) -> Mesh:
-    """Return the closed lower body with its wheel arches."""
+def shell(shape: CarShape) -> tuple[Mesh, Mesh]:
+    """Return the painted and the black part of the lower body with its wheel arches; together they are closed."""
     xs, insets = _stations(shape)
     z = np.array(shape.deck)
     deck = PchipInterpolator(z[:, 0], z[:, 1])
     rings = np.stack([_shell_ring(shape, float(x), float(i), deck) for x, i in zip(xs, insets, strict=True)])
     parts = [grid(_deform(shape, rings), close_columns=True)]
+    columns = rings.shape[1]
+    column = np.repeat(np.tile(np.arange(columns), len(rings) - 1), 2)
+    black = [np.minimum(column, columns - 1 - column) < (6 if shape.cladding else 3)]
     for ring, flip in ((rings[0], False), (rings[-1], True)):
         centre = np.array([ring[0, 0], 0.0, 0.5 * (ring[:, 2].min() + ring[:, 2].max())])
         levels = [centre + (ring - centre) * t for t in (1.0, 0.86, 0.66, 0.42, 0.2, 0.0)]
         cap = grid(_deform(shape, np.stack(levels)), close_columns=True)
-        parts.append(cap.flipped() if not flip else cap)
-    return outward(weld(merge(parts)))
+        black.append(np.zeros(len(cap.faces), bool))
+        parts.append(cap if flip else cap.flipped())
+    whole, is_black = outward(merge(parts)), np.concatenate(black)
+    painted, dark = (weld(Mesh(whole.vertices, whole.faces[chosen])) for chosen in (~is_black, is_black))
+    return painted, dark
 
 
 def _roof(shape: CarShape, x: Array, y: Array) -> Array:
@@ -241,8 +250,8 @@ def wheel(shape: CarShape, x: float, left: bool) -> tuple[Mesh, Mesh, Mesh]:
         (r - 0.008, half * 0.86), (r - 0.03, half), (rim + 0.02, half), (rim, half * 0.9), (rim - 0.012, 0.0)])  # fmt: skip
     dark = np.array([(0.0005, -0.07), (rim, -0.075), (rim, 0.03), (0.0005, 0.035)])
     lip = np.array([(rim - 0.022, 0.06), (rim - 0.006, 0.099), (rim + 0.006, 0.099), (rim + 0.004, 0.085), (rim - 0.022, 0.03)])
-    bright = [revolve(np.vstack([lip, lip[:1]])[::-1], 32, "y")]
-    bright.append(revolve(np.array([(0.0005, 0.02), (0.055, 0.03), (0.055, 0.075), (0.035, 0.088), (0.0005, 0.09)]), 16, "y"))
+    bright = [revolve(np.vstack([lip, lip[:1]])[::-1], 24, "y")]
+    bright.append(revolve(np.array([(0.0005, 0.02), (0.055, 0.03), (0.055, 0.075), (0.035, 0.088), (0.0005, 0.09)]), 12, "y"))
     for k in range(shape.spokes):
         spoke = box((rim - 0.03, 0.03, 0.052), ((rim - 0.03) / 2 + 0.018, 0.068, 0.0))
         taper = np.where(spoke.vertices[:, 0] > 0.15, 0.72, 1.25)
@@ -252,7 +261,7 @@ def wheel(shape: CarShape, x: float, left: bool) -> tuple[Mesh, Mesh, Mesh]:
         turned = np.column_stack([c * vertices[:, 0] - s * vertices[:, 2], vertices[:, 1], s * vertices[:, 0] + c * vertices[:, 2]])
         bright.append(outward(Mesh(turned, spoke.faces)))
     bright = [outward(m) for m in bright]
-    parts = [outward(revolve(np.vstack([tyre, tyre[:1]]), 36, "y")), merge(bright), outward(revolve(dark, 24, "y"))]
+    parts = [outward(revolve(np.vstack([tyre, tyre[:1]]), 28, "y")), merge(bright), outward(revolve(dark, 24, "y"))]
     y = shape.width / 2 - 0.022 - half
     placed = []
     for part in parts:
@@ -283,36 +292,40 @@ def build(shape: CarShape) -> dict[str, tuple[Mesh, str]]:
 
     Roles: ``paint``, ``glass``, ``trim``, ``tyre``, ``rim``, ``headlamp``, ``taillamp``, ``chrome``, ``plate``.
     """
-    lower = shell(shape)
+    lower, dark = shell(shape)
     painted, glazed, black = cabin(shape)
     body = merge([lower, painted])
-    whole = merge([lower, painted, glazed, black])
+    whole = merge([lower, dark, painted, glazed, black])
     wheels = [wheel(shape, x, left) for x in (shape.front_axle, shape.rear_axle) for left in (True, False)]
     tyres, rims, wells = (merge([w[k] for w in wheels]) for k in range(3))
     mirror = _mirror(shape)
     mirrors = [Mesh(mirror.vertices, mirror.faces), Mesh(mirror.vertices, mirror.faces).mirrored_y()]
-    h, w, lamp = shape.half_length, shape.width / 2, shape.lamp_height
+    w, lamp = shape.width / 2, shape.lamp_height
     front, rear = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
     heads, tails, trims, chromes, plates = [], [], [], [], []
     lo, hi = shape.tail_lamp
     for side in (1.0, -1.0):
         outline = [(0.52 * w, lamp - 0.035), (0.93 * w, lamp - 0.005), (0.95 * w, lamp + 0.075), (0.55 * w, lamp + 0.03)]
         heads.append(panel(whole, outline, front, side, rise=0.006))
-        outline = [(0.60 * w, lo), (0.955 * w, lo + 0.01), (0.95 * w, hi), (0.56 * w, hi - 0.03)]
+        inner = shape.extra.get("tail_lamp_inner", 0.58)
+        outline = [(inner * w, lo), (0.95 * w, lo + 0.01), (0.945 * w, hi), ((inner - 0.03) * w, hi - 0.03)]
         tails.append(panel(whole, outline, rear, side, rise=0.006))
         trims.append(panel(whole, [(0.62 * w, 0.31), (0.88 * w, 0.33), (0.89 * w, 0.42), (0.66 * w, 0.40)], front, side, rise=0.004))
     trims.append(panel(whole, [(-0.46 * w, lamp - 0.10), (0.46 * w, lamp - 0.10), (0.50 * w, lamp + 0.015), (-0.50 * w, lamp + 0.015)], front, 1.0, 0.004))
     trims.append(panel(whole, [(-0.50 * w, 0.27), (0.50 * w, 0.27), (0.56 * w, 0.40), (-0.56 * w, 0.40)], front, 1.0, rise=0.004))
-    trims.append(panel(whole, [(-0.80 * w, 0.28), (0.80 * w, 0.28), (0.84 * w, 0.40), (-0.84 * w, 0.40)], rear, 1.0, rise=0.004))
+    top, reach = (0.46, 0.80) if shape.cladding else (0.40, 0.72)
+    trims.append(panel(whole, [(-reach * w, 0.30), (reach * w, 0.30), (reach * w, top), (-reach * w, top)], rear, 1.0, rise=0.004))
     chromes.append(panel(whole, [(-0.07, lamp - 0.06), (0.07, lamp - 0.06), (0.07, lamp - 0.02), (-0.07, lamp - 0.02)], front, 1.0, rise=0.010))
     for direction, z in ((front, 0.475), (rear, shape.extra.get("plate_z", 0.56))):
         plates.append(panel(whole, [(-0.26, z - 0.055), (0.26, z - 0.055), (0.26, z + 0.055), (-0.26, z + 0.055)], direction, 1.0, rise=0.005, with_uv=True))
+    for z in (0.49, hi + 0.012):
+        trims.append(panel(whole, [(-0.72 * w, z), (0.72 * w, z), (0.72 * w, z + 0.008), (-0.72 * w, z + 0.008)], rear, 1.0, 0.002))
     trims.append(strips(whole, _shut_lines(shape), 0.007, 0.0015))
     chromes.append(strips(whole, _handles(shape), 0.026, 0.016))
     parts = {
         "body": (merge([body, *mirrors]), "paint"),
         "glass": (glazed, "glass"),
-        "trim": (merge([black, wells, *trims]), "trim"),
+        "trim": (merge([dark, black, wells, *trims]), "trim"),
         "tyres": (tyres, "tyre"),
         "rims": (rims, "rim"),
         "headlamps": (merge(heads), "headlamp"),
@@ -320,7 +333,6 @@ def build(shape: CarShape) -> dict[str, tuple[Mesh, str]]:
         "chrome": (merge(chromes), "chrome"),
         "plates": (merge(plates), "plate"),
     }
-    del h
     return parts
 
 

@@ -46,7 +46,7 @@ def panel(
     side: float,
     rise: float = 0.005,
     with_uv: bool = False,
-    cells: tuple[int, int] = (4, 10),
+    cells: tuple[int, int] = (4, 9),
 ) -> Mesh:
     """Return a four-sided panel lying `rise` [m] above the body, projected along +-x.
 
@@ -71,7 +71,7 @@ def panel(
     on_body = start + distance[..., None] * direction
     front, back = on_body - rise * direction, on_body + 0.01 * direction
     facing = -direction[0] * side
-    uv = np.stack([u if facing > 0 else 1 - u, v], -1) if with_uv else None
+    uv = np.stack([u if facing > 0 else 1 - u, 1 - v], -1) if with_uv else None
     order = slice(None) if facing < 0 else slice(None, None, -1)
     return _slab(front[:, order], back[:, order], None if uv is None else uv[:, order])
 
@@ -82,7 +82,7 @@ def strips(body: Mesh, lines: Sequence[Array], width: float, rise: float) -> Mes
     direction = np.array([0.0, -1.0, 0.0])
     for line in lines:
         length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
-        at = np.linspace(0, length[-1], max(3, int(length[-1] / 0.07)))
+        at = np.linspace(0, length[-1], max(3, int(length[-1] / 0.12)))
         path = np.column_stack([np.interp(at, length, line[:, k]) for k in range(2)])
         tangent = np.gradient(path, axis=0)
         tangent /= np.linalg.norm(tangent, axis=1)[:, None]

@@ -36,7 +36,7 @@ def _face(outline: Array, z: float, x: float, thickness: float = 0.012) -> tuple
     span = np.ptp(outline, axis=0)
     low = outline.min(0)
     flat = np.vstack([outline, outline.mean(0)])
-    uv = (flat - low) / span * [-1.0, 1.0] + [1.0, 0.0]
+    uv = 1.0 - (flat - low) / span  # v = 0 is the upper edge of an image
     front = Mesh(np.vstack([ring, centre]), fan, uv)
     back = ring + [thickness, 0.0, 0.0]
     rim = grid(np.stack([ring, back]), close_columns=True)

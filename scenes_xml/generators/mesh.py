@@ -222,6 +222,17 @@ def finish(mesh: Mesh, crease_deg: float = 35.0) -> Mesh:
     return Mesh(joint.vertices[table[:, 0]], corner.reshape(-1, 3).astype(np.int64), uv, normals)
 
 
+def levelled(mesh: Mesh, share: float) -> Mesh:
+    """Return smooth ground whose shading normals keep only `share` of their tilt.
+
+    Seen at grazing incidence, an interpolated normal behind a crest would face away from the viewer and render black.
+    """
+    ground = finish(mesh, 60.0)
+    assert ground.normals is not None
+    tilted = ground.normals * [share, share, 1.0]
+    return replace(ground, normals=tilted / np.linalg.norm(tilted, axis=1)[:, None])
+
+
 def _crease_normals(faces: Faces, normal: Array, area: Array, cos_crease: float) -> Array:
     """Return one normal for each corner, shape (3 num_faces, 3): area-weighted over the neighbours within the crease."""
     corner_vertex = faces.reshape(-1)

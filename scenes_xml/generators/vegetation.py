@@ -102,19 +102,21 @@ def _trunk(shape: TreeShape, centres: Array, generator: np.random.Generator) -> 
     return merge(branches)
 
 
-def woods(positions: Array, heights: Array, seed: int) -> Mesh:
-    """Return far trees as bumpy crowns that reach the ground; positions (n, 3) and heights (n,) [m]; uv picks the colour."""
+def woods(positions: Array, heights: Array, seed: int, leaves: int = 80) -> dict[str, Mesh]:
+    """Return ``core`` and ``leaves`` of far trees at positions (n, 3) with heights (n,) [m]; few, large leaf clumps."""
     generator = np.random.default_rng(seed)
-    parts = []
+    cores, cards = [], []
     for i, (p, h) in enumerate(zip(positions, heights, strict=True)):
-        tone = generator.uniform(0.05, 0.95)
-        for k, (lift, share) in enumerate(((0.42, 0.46), (0.66, 0.34))):
-            radii = np.array([0.42 * h, 0.42 * h, share * h]) * generator.uniform(0.8, 1.15, 3) * (1.0 - 0.25 * k)
-            shift = generator.normal(0, 0.07 * h, 3) * [1, 1, 0.3]
-            crown = blob(p + shift + [0, 0, lift * h], radii, seed * 7919 + 2 * i + k, 6, 10, 0.22)
-            colour = np.column_stack([np.full(len(crown.vertices), tone), np.full(len(crown.vertices), 0.5)])
-            parts.append(Mesh(crown.vertices, crown.faces, colour))
-    return merge(parts)
+        middle = p + [0.0, 0.0, 0.55 * h]
+        extent = np.array([0.34, 0.34, 0.45]) * h * generator.uniform(0.85, 1.15, 3)
+        cores.append(blob(middle, 0.88 * extent, seed * 7919 + i, 5, 8, 0.2))
+        around = _unit(generator.standard_normal((leaves, 3)))
+        lumps = 1.0 + 0.16 * np.sin(around @ generator.normal(0, 5.0, (3, 2))).sum(1, keepdims=True)
+        normals = _unit(around + 0.5 * generator.standard_normal(around.shape))
+        normals *= np.sign(np.einsum("ij,ij->i", normals, around))[:, None]
+        sizes = 0.16 * h * generator.uniform(0.6, 1.2, leaves)
+        cards.append(_cards(middle + around * lumps * extent * 0.94, normals, around, sizes, generator))
+    return {"core": merge(cores), "leaves": merge(cards)}
 
 
 def tufts(feet: Array, seed: int, blades: int = 7, height: float = 0.22) -> Mesh:

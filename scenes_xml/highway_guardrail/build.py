@@ -89,6 +89,8 @@ def _add_actors(writer: Writer) -> dict[str, np.ndarray]:
 def build(folder: Path) -> None:
     """Write the whole scene into `folder`."""
     writer = Writer(folder)
+    for old in (folder / "meshes").glob("*.ply"):
+        old.unlink()
     images.write(folder / "textures", SEED)
     instances = list(GROUND)
     static.add_road(writer.add)

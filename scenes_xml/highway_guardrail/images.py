@@ -16,8 +16,8 @@ def write(folder: Path, seed: int) -> None:
     tracks = tuple(lane + wheel - PAVEMENT_RIGHT for lane in (0.0, LANE_LEFT) for wheel in (-0.78, 0.78))
     road = textures.asphalt(1024, seed + 1, tracks, span)
     road[textures.crack_lines(1024, seed + 4)] *= 0.62
-    textures.save(folder / "asphalt.png", road, 48)
-    textures.save(folder / "grass.png", textures.grass(1024, seed + 11), 40)
+    textures.save(folder / "asphalt.png", road, 32)
+    textures.save(folder / "grass.png", textures.grass(768, seed + 11), 28)
     textures.save(folder / "gravel.png", textures.gravel(512, seed + 21), 40)
     textures.save(folder / "bark.png", textures.bark(256, seed + 31), 40)
     textures.save(folder / "plaster.png", textures.plaster(512, seed + 41), 64)

@@ -37,7 +37,7 @@ class ActorPlan:
 
 
 ACTORS = (
-    ActorPlan("ego", 0.0, LANE_RIGHT, 11.0, "car_paint_silver"),
-    ActorPlan("car_ahead", 21.0, LANE_RIGHT, 19.0, "car_paint_red"),
-    ActorPlan("oncoming", 38.0, LANE_LEFT, -12.0, "car_paint_blue"),
+    ActorPlan("ego", 0.0, LANE_RIGHT, 11.0, "car_paint_blue"),
+    ActorPlan("car_ahead", 21.0, LANE_RIGHT, 19.0, "car_paint_silver"),
+    ActorPlan("oncoming", 38.0, LANE_LEFT, -12.0, "car_paint_red"),
 )

@@ -6,7 +6,7 @@ from ..generators.xml import Bsdf
 
 TYPICAL = "estimate, typical of this surface at 1550 nm"
 ROUGH = {"roughness": 0.85, "specular": 0.25}
-PAINT = {"roughness": 0.32, "specular": 0.5, "clearcoat": 1.0, "clearcoat_gloss": 0.96}
+PAINT = {"roughness": 0.32, "specular": 0.5, "clearcoat": 1.0, "clearcoat_gloss": 0.85}
 
 
 def _principled(radio: str, lidar: float, color: tuple[float, float, float], source: str = TYPICAL, **floats: float) -> Bsdf:
@@ -28,14 +28,14 @@ MATERIALS: dict[str, Bsdf] = {
     "concrete_grey": _textured("concrete", 0.35, "concrete.png"),
     "car_paint_blue": _principled("car_paint", 0.30, (0.012, 0.045, 0.16), "estimate, dark paint with clear coat", **PAINT),
     "car_paint_red": _principled("car_paint", 0.45, (0.36, 0.012, 0.014), "estimate, red paint with clear coat", **PAINT),
-    "car_paint_silver": _principled("car_paint", 0.55, (0.50, 0.52, 0.54), "estimate, metallic paint", metallic=0.55, **PAINT),
-    "car_glass": _principled("car_glass", 0.04, (0.012, 0.015, 0.016), "estimate, tinted glass: nearly all light is mirrored or absorbed", roughness=0.04, specular=0.6),
+    "car_paint_silver": _principled("car_paint", 0.55, (0.62, 0.63, 0.64), "estimate, metallic paint", metallic=0.25, **PAINT),
+    "car_glass": _principled("car_glass", 0.04, (0.012, 0.015, 0.016), "estimate, tinted glass: nearly all light is mirrored or absorbed", roughness=0.07, specular=0.6),
     "car_trim": _principled("plastic", 0.08, (0.014, 0.014, 0.015), roughness=0.45, specular=0.5),
     "tyre_rubber": _principled("rubber", 0.05, (0.018, 0.018, 0.018), roughness=0.8, specular=0.3),
     "wheel_rim": _principled("metal", 0.50, (0.55, 0.56, 0.58), roughness=0.28, metallic=0.9),
     "headlamp": _principled("plastic", 0.35, (0.62, 0.65, 0.68), roughness=0.08, metallic=0.45, clearcoat=1.0),
-    "taillamp": _principled("plastic", 0.40, (0.36, 0.006, 0.008), roughness=0.15, clearcoat=1.0),
-    "chrome": _principled("metal", 0.50, (0.72, 0.73, 0.74), roughness=0.14, metallic=1.0),
+    "taillamp": _principled("plastic", 0.40, (0.42, 0.006, 0.008), roughness=0.15, clearcoat=1.0),
+    "chrome": _principled("metal", 0.50, (0.72, 0.73, 0.74), roughness=0.25, metallic=1.0),
     "number_plate": _textured("plastic", 0.60, "plate.png", roughness=0.4, specular=0.4),
     "bark": _textured("wood", 0.45, "bark.png", "estimate, dry bark"),
     "leaves": _textured("foliage", 0.45, "leaves.png", "estimate, green leaves between the water bands", roughness=0.55, specular=0.35),

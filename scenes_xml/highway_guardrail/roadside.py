@@ -46,7 +46,7 @@ class Kit:
             Placement(f"{name}_{part}", file, bsdfs.get(part, self.bsdfs[part]), yaw, where, scale)
             for part, file in self.files.items()
         ]
-        return shapes, Instance(name, semantic, (f"{name}_*",), True)
+        return shapes, Instance(name, semantic, tuple(p.shape for p in shapes), True)
 
 
 def everything(write: WriteMesh) -> Iterator[Group]:
@@ -124,16 +124,17 @@ def _road_distance(x: Array, y: Array) -> Array:
 def _fields(write: WriteMesh) -> Iterator[Group]:
     """Yield far woods and the grass tufts of the verges."""
     generator = np.random.default_rng(SEED + 8)
-    angle, r = generator.uniform(0, 2 * np.pi, 900), generator.uniform(150.0, 430.0, 900)
+    angle, r = generator.uniform(0, 2 * np.pi, 700), generator.uniform(150.0, 330.0, 700)
     x, y = r * np.cos(angle), r * np.sin(angle)
-    clumps = road.smooth_noise(x, y, SEED + 9, wavelength=150.0)
-    keep = np.flatnonzero((_road_distance(x, y) > 82.0) & (clumps > -0.25))[:230]
+    clumps = road.smooth_noise(x, y, SEED + 9, wavelength=90.0)
+    clumps[_road_distance(x, y) < 84.0] = -np.inf
+    keep = np.sort(np.argsort(-clumps, kind="stable")[:120])
     feet = np.column_stack([x, y, road.far_height(x, y, SEED + 6) - 0.6])[keep]
     forest = vegetation.woods(feet, generator.uniform(9.0, 16.0, len(keep)), SEED + 10)
-    file = write("woods_crowns", forest, 80.0)
-    yield [Placement("woods_crowns", file, "leaves")], Instance("woods", "Vegetation", ("woods_*",), False)
-    count = 1500
-    s = generator.uniform(-12.0, 75.0, count) if count else np.zeros(0)
+    shapes = [Placement(f"woods_{p}", write(f"woods_{p}", m, 80.0), "leaves_shade" if p == "core" else "leaves") for p, m in forest.items()]
+    yield shapes, Instance("woods", "Vegetation", ("woods_*",), False)
+    count = 1000
+    s = generator.uniform(-12.0, 70.0, count)
     distance = at.GRAVEL + 0.05 + 7.0 * generator.uniform(0, 1, count) ** 1.7
     right = generator.uniform(0, 1, count) < 0.6
     offset = np.where(right, at.PAVEMENT_RIGHT - distance, at.PAVEMENT_LEFT + distance)

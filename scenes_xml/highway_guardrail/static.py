@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..generators import guardrail, road
-from ..generators.mesh import Mesh, merge
+from ..generators.mesh import Mesh, levelled, merge
 from . import layout as at
 from .layout import CURVE, SEED
 
@@ -37,8 +37,8 @@ def add_road(add: Add) -> None:
         reach = np.concatenate([[at.GRAVEL], np.linspace(2.0, 8.0, 9), np.geomspace(9.5, road.VERGE_WIDTH, 12)])
         d = np.sort(edge + sign * reach)
         heights = road.verge_heights(CURVE, s, d, edge, SEED + 5)
-        add(f"terrain_{name}", road.strip(CURVE, s, d, heights, (7.0, 7.0)), "grass_meadow", 60.0)
-    add("terrain_far", road.far_ground(2500.0, SEED + 6), "grass_meadow", 60.0)
+        add(f"terrain_{name}", levelled(road.strip(CURVE, s, d, heights, (7.0, 7.0)), 0.08), "grass_meadow")
+    add("terrain_far", levelled(road.far_ground(2500.0, SEED + 6), 0.25), "grass_meadow")
 
 
 def add_guardrail(add: Add) -> None:
