@@ -107,6 +107,7 @@ def range_doppler_angle(
     num_doppler_bins: int | None = None,
     num_azimuth: int | None = None,
     num_elevation: int = 11,
+    compensate_motion: bool = True,
 ) -> RangeDopplerAngle:
     """Return power over Doppler, range, azimuth and, where the array has a vertical extent, elevation.
 
@@ -115,7 +116,7 @@ def range_doppler_angle(
     cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples)
         From :func:`virtual_cube` [sqrt(W)].
     radar : RadarSpec
-    window, doppler_window, num_range_bins, num_doppler_bins
+    window, doppler_window, num_range_bins, num_doppler_bins, compensate_motion
         As in :func:`range_doppler`.
     angle_window : str, optional
         Over the elements of a uniform line; ``"rect"`` if left out. Other arrays are not tapered.
@@ -141,7 +142,7 @@ def range_doppler_angle(
     direction's y component. A spherical wavefront blurs the beam of an array of extent D nearer than 2 D^2 / wavelength
     (0.27 m for the default array); the peak stays at the direction from the array's centre.
     """
-    rd = range_doppler(cube, radar, window, doppler_window, num_range_bins, num_doppler_bins)
+    rd = range_doppler(cube, radar, window, doppler_window, num_range_bins, num_doppler_bins, compensate_motion)
     line = uniform_line(radar)
     if num_azimuth is None:
         num_azimuth = _default_azimuths(radar)
