@@ -63,6 +63,12 @@ class Triangles:
             normal[rows], offset[rows] = _planes(corners[rows])
         return Triangles(corners, normal, offset, self.first)
 
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the lower and the upper corner of every part's axis-parallel box, each of shape (num_parts, 3)."""
+        vertices = self.corners.reshape(-1, 3)
+        starts = 3 * self.first[:-1]
+        return np.minimum.reduceat(vertices, starts), np.maximum.reduceat(vertices, starts)
+
     def of_parts(self, parts: Sequence[int]) -> Array:
         """Return the corners of some parts' faces, shape (n, 3, 3)."""
         return np.concatenate([self.corners[self.first[p] : self.first[p + 1]] for p in parts])

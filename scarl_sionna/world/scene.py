@@ -217,6 +217,10 @@ class WorldState:
             }
         )
 
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
+        return self._triangles.bounds()
+
     def _applied(self, kind: str) -> Twin:
         """Return a twin that stands in this state."""
         parts = self.world.parts
@@ -316,8 +320,11 @@ class WorldState:
     def inside(self, point: npt.ArrayLike) -> str | None:
         """Return the name of the instance whose mesh encloses a point [m, world], or None."""
         where = np.asarray(point, dtype=np.float64)
+        lower, upper = self._bounds
         for info in self.world.instances.values():
-            if encloses(where, self._triangles.of_parts(info.parts)):
+            parts = list(info.parts)
+            near = np.all(where >= lower[parts].min(axis=0)) and np.all(where <= upper[parts].max(axis=0))
+            if near and encloses(where, self._triangles.of_parts(info.parts)):
                 return info.name
         return None
 
