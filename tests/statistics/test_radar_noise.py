@@ -1,0 +1,75 @@
+"""Moments of the receiver's noise and the false-alarm rate of the detector."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.seeds import generator
+from scarl_sionna.radar import add_noise, quantize, range_doppler, virtual_cube
+from scarl_sionna.radar.detection import cfar
+from tests.oracles import link
+
+RADAR = RadarSpec()
+SHAPE = (4, 768, 512)
+
+
+@pytest.fixture(scope="module")
+def noise():
+    return add_noise(np.zeros(SHAPE, dtype=np.complex64), RADAR, generator(0, "radar_noise", frame=0))
+
+
+def test_power_is_ktbf(noise):
+    expected = link.noise_power(RADAR.sample_rate, 10**1.2)
+    count = noise.size
+    # 1 % of the issue; sigma of the mean of 1.6e6 exponential powers is 0.08 %, so this is 12 sigma
+    assert np.mean(np.abs(noise.astype(np.complex128)) ** 2) == pytest.approx(expected, rel=0.01)
+    assert abs(np.mean(noise.astype(np.complex128))) < 5.0 * np.sqrt(expected / count)
+
+
+def test_i_and_q_are_equal_independent_gaussians(noise):
+    sample = noise.reshape(-1)[:200_000].astype(np.complex128)
+    sigma = np.sqrt(link.noise_power(RADAR.sample_rate, 10**1.2) / 2.0)
+    for part in (sample.real, sample.imag):
+        assert scipy.stats.kstest(part / sigma, "norm").pvalue > 1e-4
+    correlation = np.corrcoef(sample.real, sample.imag)[0, 1]
+    assert abs(correlation) < 5.0 / np.sqrt(len(sample))
+    lag = np.vdot(sample[:-1], sample[1:]) / np.vdot(sample, sample).real
+    assert abs(lag) < 5.0 / np.sqrt(len(sample))
+
+
+def test_floor_of_a_cell(noise):
+    rd = range_doppler(virtual_cube(noise, RADAR), RADAR)
+    # 12 x 131,072 cells, a Hann window in two dimensions leaves 1 in 2.25 independent: sigma 0.12 %
+    assert rd.power.mean() == pytest.approx(rd.noise_power, rel=0.01)
+
+
+@pytest.mark.parametrize("window", ["rect", "hann"])
+@pytest.mark.parametrize("pfa", [1e-2, 1e-3])
+def test_false_alarm_rate(window, pfa):
+    alarms, cells = 0, 0
+    for seed in range(6):
+        draw = add_noise(np.zeros((4, 384, 512), dtype=np.complex64), RADAR, np.random.default_rng(seed))
+        small = RADAR.with_(num_chirps=128)
+        rd = range_doppler(virtual_cube(draw, small), small, window=window)
+        found = cfar(rd, pfa)
+        alarms += int(found.sum())
+        cells += found.size
+    # alarms of neighbouring cells under Hann come in clusters of up to 2.25: sigma grows by its root; 5 sigma.
+    # the effective number of training cells is an approximation of their sum's distribution: 5 % on top
+    sigma = np.sqrt(cells * pfa * (2.25 if window == "hann" else 1.0))
+    assert abs(alarms - cells * pfa) < 5.0 * sigma + 0.05 * cells * pfa
+
+
+def test_quantization_noise():
+    radar = RADAR.with_(adc_bits=8)
+    rng = np.random.default_rng(2)
+    amplitude = 0.5 * np.sqrt(10 ** ((radar.adc_full_scale_dbm - 30) / 10))
+    tone = (amplitude * np.exp(2j * np.pi * rng.random(200_000))).astype(np.complex64)
+    codes, scale, saturated = quantize(tone, radar)
+    error = codes.astype(np.float64) @ [1.0, 1j] * scale - tone
+    assert saturated == 0
+    # uniform in +- half a step for each of I and Q; over 64 steps of a random phase the bound of 2 % is 5 sigma
+    assert np.mean(np.abs(error) ** 2) == pytest.approx(scale**2 / 6.0, rel=0.02)
