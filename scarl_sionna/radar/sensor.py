@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,12 +30,21 @@ class Radar:
         Channel solver, see :func:`scarl_sionna.radar.channel.solve_paths`.
     noise : bool
         False leaves the receiver's thermal noise out: the ideal sensor.
+    solver_options : mapping, optional
+        Options of the solver, for instance ``{"hits_per_cell": None}``.
     """
 
-    def __init__(self, spec: RadarSpec, method: str = "auto", noise: bool = True) -> None:
+    def __init__(
+        self,
+        spec: RadarSpec,
+        method: str = "auto",
+        noise: bool = True,
+        solver_options: Mapping[str, Any] | None = None,
+    ) -> None:
         self.spec = spec
         self.method = method
         self.noise = noise
+        self.solver_options = dict(solver_options or {})
 
     def observe(
         self, state: WorldState, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
@@ -61,7 +71,8 @@ class Radar:
         PlacementError
             If the radar or one of its antennas is inside a mesh.
         """
-        paths = solve_paths(state, self.spec, world_from_sensor, self.method, radar_twist=sensor_twist)
+        options = {"radar_twist": sensor_twist, **self.solver_options}
+        paths = solve_paths(state, self.spec, world_from_sensor, self.method, **options)
         start = time.perf_counter()
         adc = synthesize(paths, self.spec, rng=seed_generator if self.noise else None)
         synthesized = time.perf_counter()

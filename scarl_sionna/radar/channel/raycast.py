@@ -178,10 +178,23 @@ def solve_raycast(
 
 
 def _check_antennas(state: WorldState, radar: RadarSpec, pose: Pose) -> None:
+    """Refuse a radar or an antenna inside a mesh.
+
+    An antenna is inside only if the line to it from the radar's origin, which is outside, meets a surface: so only those
+    antennas are tested further.
+    """
     check_placement(state, pose.position, "radar")
-    for kind, array in (("tx", radar.tx_array), ("rx", radar.rx_array)):
-        for index, position in enumerate(pose.apply(array)):
-            check_placement(state, position, f"{kind} antenna {index}")
+    arms = np.concatenate([radar.tx_array, radar.rx_array])
+    length = np.linalg.norm(arms, axis=1)
+    reaching = np.flatnonzero(length > 0.0)
+    if len(reaching) == 0:
+        return
+    hits = state.cast(
+        pose.position, pose.rotate(arms[reaching] / length[reaching, None]), max_distance=2.0 * length.max()
+    )
+    for antenna in reaching[hits.ray[hits.distance <= length[reaching][hits.ray] * (1.0 + 1e-6)]]:
+        kind, index = ("tx", antenna) if antenna < radar.num_tx else ("rx", antenna - radar.num_tx)
+        check_placement(state, pose.apply(arms[antenna]), f"{kind} antenna {index}")
 
 
 def _fixed_phases(hit_phase: HitPhase) -> Callable[[int], Array | None]:
