@@ -22,6 +22,7 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS, SKY
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.radar import range_doppler_angle, virtual_cube
 
+from .atomic import whole_file
 from .codec import IMAGE_NAMES
 
 DEPTH_MAP = "viridis_r"
@@ -124,7 +125,8 @@ def write_contact_sheet(
         _draw_lidar(axes[1, 1], chosen.get("lidar"), depth_norm)
         _draw_radar(axes[0, 2], axes[1, 2], frame, chosen.get("radar"), max_range, markers)
         try:
-            figure.savefig(path, dpi=dpi, metadata={"Software": None})
+            with whole_file(Path(path)) as partial:
+                figure.savefig(partial, format="png", dpi=dpi, metadata={"Software": None})
         except OSError as error:
             raise OutputError(
                 f"cannot write {path}: {error.strerror}; choose a folder that you may write to"

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import errno
 import json
-import os
 import re
 import shutil
 from collections.abc import Mapping
@@ -26,12 +25,12 @@ from scarl_sionna.core.results import Frame, ObjectState
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS
 from scarl_sionna.core.spec import Spec
 
+from .atomic import PARTIAL, partial_path, whole_file
 from .codec import DEPTH_FORMULA, plain, read_pose, read_result, write_result
 
 FORMAT = "scarl-frame-folder"
 FORMAT_VERSION = 1
 _FRAME_FOLDER = re.compile(r"frame_(\d{6,})")
-_PARTIAL = ".partial_"
 
 _RADAR_NUMBERS = (
     "num_tx", "num_rx", "num_virtual", "num_chirps_total", "num_samples", "chirp_slope", "sample_rate",
@@ -78,7 +77,7 @@ class FrameFolderWriter:
         self._mounts = {item["name"]: item for item in self.configuration["rig"]["sensors"]}
         try:
             self.out.mkdir(parents=True, exist_ok=True)
-            for stale in self.out.glob(f"{_PARTIAL}*"):  # what a killed run left
+            for stale in self.out.glob(f"{PARTIAL}*"):  # what a killed run left
                 if stale.is_dir():
                     shutil.rmtree(stale)
                 else:
@@ -111,7 +110,7 @@ class FrameFolderWriter:
             If the frame is there, or cannot be written (no permission, disk full); nothing is left of it then.
         """
         target = self.folder(frame.index)
-        partial = self.out / f"{_PARTIAL}{target.name}_{os.getpid()}"
+        partial = partial_path(target)
         try:
             partial.mkdir()
             _write_json(partial / "frame.json", self._frame(frame, partial))
@@ -274,13 +273,9 @@ def _read_object(data: Mapping[str, Any]) -> ObjectState:
 
 
 def _write_json(path: Path, data: Any) -> None:
-    """Write JSON under a temporary name first; numbers are written so that they read back exactly."""
-    partial = path.with_name(f"{_PARTIAL}{path.name}_{os.getpid()}")
-    try:
+    """Write JSON, whole or not at all; numbers are written so that they read back exactly."""
+    with whole_file(path) as partial:
         partial.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _differences(old: Any, new: Any, name: str = "") -> list[str]:
