@@ -15,7 +15,9 @@ __all__ = ["scene_names", "scene_path"]
 
 def scene_names() -> tuple[str, ...]:
     """Return the names of the scenes in this package, sorted."""
-    return tuple(sorted(p.parent.name for p in _ROOT.glob("*/scene.toml") if (p.parent / f"{p.parent.name}.xml").exists()))
+    return tuple(
+        sorted(p.parent.name for p in _ROOT.glob("*/scene.toml") if (p.parent / f"{p.parent.name}.xml").exists())
+    )
 
 
 def scene_path(name: str) -> Path:

@@ -106,8 +106,20 @@ def house(shape: House) -> dict[str, Mesh]:
         doors.append(_on_side(shape, box((0.10, width, height + 0.2), (0.0, along, height / 2 - 0.1)), side))
         frames.append(_on_side(shape, box((0.18, width + 0.24, 0.12), (0.0, along, height + 0.06)), side))
         for edge in (-1.0, 1.0):
-            frames.append(_on_side(shape, box((0.18, 0.12, height + 0.2), (0.0, along + edge * (width / 2 + 0.06), height / 2 - 0.1)), side))
+            frames.append(
+                _on_side(
+                    shape,
+                    box((0.18, 0.12, height + 0.2), (0.0, along + edge * (width / 2 + 0.06), height / 2 - 0.1)),
+                    side,
+                )
+            )
     walls = [_walls(shape)]
     if shape.chimney:
         walls.append(box((0.6, 0.6, 1.8), (shape.length * 0.22, shape.depth * 0.12, shape.ridge + 0.1)))
-    return {"walls": merge(walls), "roof": _roof(shape), "frames": merge(frames), "panes": merge(panes), "doors": merge(doors)}
+    return {
+        "walls": merge(walls),
+        "roof": _roof(shape),
+        "frames": merge(frames),
+        "panes": merge(panes),
+        "doors": merge(doors),
+    }

@@ -95,7 +95,7 @@ def _stations(shape: CarShape) -> tuple[Array, Array]:
     edges = np.array([-arch - 0.003, arch + 0.003])
     wheels = np.concatenate([[axle + d for d in (*around, *edges)] for axle in (shape.front_axle, shape.rear_axle)])
     h = shape.half_length
-    middle = np.linspace(shape.rear_axle + arch + 0.12, shape.front_axle - arch - 0.12, 11)
+    middle = np.linspace(shape.rear_axle + arch + 0.12, shape.front_axle - arch - 0.12, 9)
     r = 0.12
     bend = np.radians([90.0, 72.0, 52.0, 30.0, 0.0])
     round_front = h - r + r * np.sin(bend)
@@ -178,7 +178,9 @@ def _cabin_outline(base: tuple[float, float], half: float, bow: float, breaks: A
     front_x = front - bow * across**2
     corner = 0.17 * (front - rear) / 2.6
     x_side = front - bow - corner + breaks * (rear + 0.6 * bow + 0.7 * corner - (front - bow - corner))
-    y_side = half * (1.0 - taper * np.clip((breaks - 0.35) / 0.65, 0, 1) ** 2 - 0.02 * np.clip(0.2 - breaks, 0, 1) / 0.2)
+    y_side = half * (
+        1.0 - taper * np.clip((breaks - 0.35) / 0.65, 0, 1) ** 2 - 0.02 * np.clip(0.2 - breaks, 0, 1) / 0.2
+    )
     rear_across = np.array([0.84, 0.58, 0.3, 0.0])
     rear_x = rear + 0.6 * bow * rear_across**2
     x = np.concatenate([front_x, x_side, rear_x])
@@ -247,21 +249,27 @@ def wheel(shape: CarShape, x: float, left: bool) -> tuple[Mesh, Mesh, Mesh]:
     rim = r - 0.095
     tyre = np.array([
         (rim, -half * 0.9), (rim + 0.02, -half), (r - 0.03, -half), (r - 0.008, -half * 0.86), (r, -half * 0.6), (r, half * 0.6),
-        (r - 0.008, half * 0.86), (r - 0.03, half), (rim + 0.02, half), (rim, half * 0.9), (rim - 0.012, 0.0)])  # fmt: skip
+        (r - 0.008, half * 0.86), (r - 0.03, half), (rim + 0.02, half), (rim, half * 0.9)])  # fmt: skip
     dark = np.array([(0.0005, -0.07), (rim, -0.075), (rim, 0.03), (0.0005, 0.035)])
-    lip = np.array([(rim - 0.022, 0.06), (rim - 0.006, 0.099), (rim + 0.006, 0.099), (rim + 0.004, 0.085), (rim - 0.022, 0.03)])
-    bright = [revolve(np.vstack([lip, lip[:1]])[::-1], 24, "y")]
-    bright.append(revolve(np.array([(0.0005, 0.02), (0.055, 0.03), (0.055, 0.075), (0.035, 0.088), (0.0005, 0.09)]), 12, "y"))
+    lip = np.array(
+        [(rim - 0.022, 0.06), (rim - 0.006, 0.099), (rim + 0.006, 0.099), (rim + 0.004, 0.085), (rim - 0.022, 0.03)]
+    )
+    bright = [revolve(np.vstack([lip, lip[:1]])[::-1], 18, "y")]
+    bright.append(
+        revolve(np.array([(0.0005, 0.02), (0.055, 0.03), (0.055, 0.075), (0.035, 0.088), (0.0005, 0.09)]), 12, "y")
+    )
     for k in range(shape.spokes):
         spoke = box((rim - 0.03, 0.03, 0.052), ((rim - 0.03) / 2 + 0.018, 0.068, 0.0))
         taper = np.where(spoke.vertices[:, 0] > 0.15, 0.72, 1.25)
         vertices = spoke.vertices * np.column_stack([np.ones_like(taper), np.ones_like(taper), taper])
         angle = 2 * np.pi * k / shape.spokes + 0.31
         c, s = np.cos(angle), np.sin(angle)
-        turned = np.column_stack([c * vertices[:, 0] - s * vertices[:, 2], vertices[:, 1], s * vertices[:, 0] + c * vertices[:, 2]])
+        turned = np.column_stack(
+            [c * vertices[:, 0] - s * vertices[:, 2], vertices[:, 1], s * vertices[:, 0] + c * vertices[:, 2]]
+        )
         bright.append(outward(Mesh(turned, spoke.faces)))
     bright = [outward(m) for m in bright]
-    parts = [outward(revolve(np.vstack([tyre, tyre[:1]]), 28, "y")), merge(bright), outward(revolve(dark, 24, "y"))]
+    parts = [outward(revolve(np.vstack([tyre, tyre[:1]]), 24, "y")), merge(bright), outward(revolve(dark, 16, "y"))]
     y = shape.width / 2 - 0.022 - half
     placed = []
     for part in parts:
@@ -305,21 +313,65 @@ def build(shape: CarShape) -> dict[str, tuple[Mesh, str]]:
     heads, tails, trims, chromes, plates = [], [], [], [], []
     lo, hi = shape.tail_lamp
     for side in (1.0, -1.0):
-        outline = [(0.52 * w, lamp - 0.035), (0.93 * w, lamp - 0.005), (0.95 * w, lamp + 0.075), (0.55 * w, lamp + 0.03)]
+        outline = [
+            (0.52 * w, lamp - 0.035),
+            (0.93 * w, lamp - 0.005),
+            (0.95 * w, lamp + 0.075),
+            (0.55 * w, lamp + 0.03),
+        ]
         heads.append(panel(whole, outline, front, side, rise=0.006))
         inner = shape.extra.get("tail_lamp_inner", 0.58)
-        outline = [(inner * w, lo), (0.95 * w, lo + 0.01), (0.945 * w, hi), ((inner - 0.03) * w, hi - 0.03)]
+        outline = [(inner * w, lo), (0.92 * w, lo + 0.01), (0.915 * w, hi), ((inner - 0.03) * w, hi - 0.03)]
         tails.append(panel(whole, outline, rear, side, rise=0.006))
-        trims.append(panel(whole, [(0.62 * w, 0.31), (0.88 * w, 0.33), (0.89 * w, 0.42), (0.66 * w, 0.40)], front, side, rise=0.004))
-    trims.append(panel(whole, [(-0.46 * w, lamp - 0.10), (0.46 * w, lamp - 0.10), (0.50 * w, lamp + 0.015), (-0.50 * w, lamp + 0.015)], front, 1.0, 0.004))
-    trims.append(panel(whole, [(-0.50 * w, 0.27), (0.50 * w, 0.27), (0.56 * w, 0.40), (-0.56 * w, 0.40)], front, 1.0, rise=0.004))
+        trims.append(
+            panel(
+                whole, [(0.62 * w, 0.31), (0.88 * w, 0.33), (0.89 * w, 0.42), (0.66 * w, 0.40)], front, side, rise=0.004
+            )
+        )
+    trims.append(
+        panel(
+            whole,
+            [(-0.46 * w, lamp - 0.10), (0.46 * w, lamp - 0.10), (0.50 * w, lamp + 0.015), (-0.50 * w, lamp + 0.015)],
+            front,
+            1.0,
+            0.004,
+        )
+    )
+    trims.append(
+        panel(whole, [(-0.50 * w, 0.27), (0.50 * w, 0.27), (0.56 * w, 0.40), (-0.56 * w, 0.40)], front, 1.0, rise=0.004)
+    )
     top, reach = (0.46, 0.80) if shape.cladding else (0.40, 0.72)
-    trims.append(panel(whole, [(-reach * w, 0.30), (reach * w, 0.30), (reach * w, top), (-reach * w, top)], rear, 1.0, rise=0.004))
-    chromes.append(panel(whole, [(-0.07, lamp - 0.06), (0.07, lamp - 0.06), (0.07, lamp - 0.02), (-0.07, lamp - 0.02)], front, 1.0, rise=0.010))
+    trims.append(
+        panel(
+            whole, [(-reach * w, 0.335), (reach * w, 0.335), (reach * w, top), (-reach * w, top)], rear, 1.0, rise=0.004
+        )
+    )
+    chromes.append(
+        panel(
+            whole,
+            [(-0.07, lamp - 0.06), (0.07, lamp - 0.06), (0.07, lamp - 0.02), (-0.07, lamp - 0.02)],
+            front,
+            1.0,
+            rise=0.010,
+        )
+    )
     for direction, z in ((front, 0.475), (rear, shape.extra.get("plate_z", 0.56))):
-        plates.append(panel(whole, [(-0.26, z - 0.055), (0.26, z - 0.055), (0.26, z + 0.055), (-0.26, z + 0.055)], direction, 1.0, rise=0.005, with_uv=True))
+        plates.append(
+            panel(
+                whole,
+                [(-0.26, z - 0.055), (0.26, z - 0.055), (0.26, z + 0.055), (-0.26, z + 0.055)],
+                direction,
+                1.0,
+                rise=0.005,
+                with_uv=True,
+            )
+        )
     for z in (0.49, hi + 0.012):
-        trims.append(panel(whole, [(-0.72 * w, z), (0.72 * w, z), (0.72 * w, z + 0.008), (-0.72 * w, z + 0.008)], rear, 1.0, 0.002))
+        trims.append(
+            panel(
+                whole, [(-0.72 * w, z), (0.72 * w, z), (0.72 * w, z + 0.008), (-0.72 * w, z + 0.008)], rear, 1.0, 0.002
+            )
+        )
     trims.append(strips(whole, _shut_lines(shape), 0.007, 0.0015))
     chromes.append(strips(whole, _handles(shape), 0.026, 0.016))
     parts = {
@@ -348,7 +400,14 @@ def _shut_lines(shape: CarShape) -> list[Array]:
     a_pillar = min(front - 0.40 - length * a0, shape.front_axle - arch - 0.08)
     sill = 0.27
     lines = [np.array([(x, sill), (x, 0.5), (x - 0.01, belt)]) for x in (a_pillar, b_pillar)]
-    top_rear = np.array([(c_pillar + 0.16, sill), (c_pillar + 0.15, 0.45), (c_pillar, shape.wheel_radius + arch + 0.02), (c_pillar - 0.02, belt)])
+    top_rear = np.array(
+        [
+            (c_pillar + 0.16, sill),
+            (c_pillar + 0.15, 0.45),
+            (c_pillar, shape.wheel_radius + arch + 0.02),
+            (c_pillar - 0.02, belt),
+        ]
+    )
     return [*lines, top_rear, np.array([(a_pillar, sill), (b_pillar, sill), (c_pillar + 0.16, sill)])]
 
 

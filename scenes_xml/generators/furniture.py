@@ -71,7 +71,11 @@ def sign(kind: str, height: float = 2.15) -> dict[str, Mesh]:
     top = height + outline[:, 1].max() - 0.02
     poles = [tube(np.array([(0.0, y, -0.3), (0.0, y, 0.5 * top), (0.0, y, top)]), 0.038, 12) for y in feet]
     clamps = [box((0.05, 0.10, 0.03), (-0.022, y, height + dz)) for y in feet for dz in (-0.12, 0.12)]
-    return {"face": front, "back": back, "pole": merge([*(Mesh(p.vertices, p.faces) for p in poles), *(Mesh(c.vertices, c.faces) for c in clamps)])}
+    return {
+        "face": front,
+        "back": back,
+        "pole": merge([*(Mesh(p.vertices, p.faces) for p in poles), *(Mesh(c.vertices, c.faces) for c in clamps)]),
+    }
 
 
 def lamp_post(height: float = 8.0, reach: float = 1.8) -> dict[str, Mesh]:

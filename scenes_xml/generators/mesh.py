@@ -151,7 +151,9 @@ def tube(path: Array, radius: float | Array, segments: int = 10) -> Mesh:
     v = np.cross(tangent, u)
     angle = np.arange(segments) * 2.0 * np.pi / segments
     radii = np.broadcast_to(np.asarray(radius, float), (len(path),))[:, None, None]
-    ring = path[:, None] + radii * (np.cos(angle)[None, :, None] * u[:, None] + np.sin(angle)[None, :, None] * v[:, None])
+    ring = path[:, None] + radii * (
+        np.cos(angle)[None, :, None] * u[:, None] + np.sin(angle)[None, :, None] * v[:, None]
+    )
     length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))]
     uv = np.stack(np.meshgrid(length, np.arange(segments) / segments, indexing="ij")[::-1], -1)
     body = grid(ring, uv, close_columns=True)

@@ -87,7 +87,9 @@ class RoadCurve:
         return self.point(np.interp(times, fine, s), offset)
 
 
-def strip(curve: RoadCurve, s: Array, offsets: Array, heights: Array, uv_scale: tuple[float, float] = (1.0, 1.0)) -> Mesh:
+def strip(
+    curve: RoadCurve, s: Array, offsets: Array, heights: Array, uv_scale: tuple[float, float] = (1.0, 1.0)
+) -> Mesh:
     """Return a strip along the curve with the cross-section (`offsets`, `heights`) [m]; offsets grow to the left.
 
     `heights` may be (num_offsets,) or (num_s, num_offsets).  Texture: u = offset / uv_scale[0], v = s / uv_scale[1].
@@ -131,14 +133,16 @@ def verge_heights(curve: RoadCurve, s: Array, offsets: Array, edge: float, seed:
 def far_height(x: Array, y: Array, seed: int, base: float = -1.4) -> Array:
     """Return the height [m] of the far ground: level at `base`, rising to hills beyond 330 m from the origin."""
     far = np.clip((np.hypot(x, y) - 330.0) / 900.0, 0, 1) ** 1.3
-    hills = 26.0 + 15.0 * smooth_noise(x, y, seed, wavelength=700.0) + 5.0 * smooth_noise(x, y, seed + 1, wavelength=230.0)
+    hills = (
+        26.0 + 15.0 * smooth_noise(x, y, seed, wavelength=700.0) + 5.0 * smooth_noise(x, y, seed + 1, wavelength=230.0)
+    )
     return base + np.maximum(far * hills, 0.0)
 
 
 def far_ground(radius: float, seed: int) -> Mesh:
     """Return a disc of ground to `radius` [m] with the heights of `far_height`; uv in units of 25 m."""
-    r = np.concatenate([[20.0, 80.0, 160.0], np.geomspace(220.0, radius, 26)])
-    angle = np.linspace(0, 2 * np.pi, 121)
+    r = np.concatenate([[20.0, 80.0, 160.0], np.geomspace(220.0, radius, 22)])
+    angle = np.linspace(0, 2 * np.pi, 109)
     x, y = r[:, None] * np.cos(angle), r[:, None] * np.sin(angle)
     points = np.stack([x, y, far_height(x, y, seed)], -1)
     points[:, -1] = points[:, 0]

@@ -73,7 +73,11 @@ def grass(size: int, seed: int) -> Array:
 
 def gravel(size: int, seed: int) -> Array:
     """Return fine gravel, shape (size, size, 3)."""
-    value = 0.5 + 0.17 * periodic_noise(size, seed, 0.2, 40.0, 200.0) + 0.05 * periodic_noise(size, seed + 1, 1.0, 1.0, 20.0)
+    value = (
+        0.5
+        + 0.17 * periodic_noise(size, seed, 0.2, 40.0, 200.0)
+        + 0.05 * periodic_noise(size, seed + 1, 1.0, 1.0, 20.0)
+    )
     return tinted(value, (0.26, 0.24, 0.21), (0.74, 0.71, 0.66))
 
 
@@ -108,7 +112,7 @@ def roof_tiles(size: int, seed: int, rows: int = 10, columns: int = 12) -> Array
     generator = np.random.default_rng(seed)
     v, u = np.meshgrid((np.arange(size) + 0.5) / size * rows, (np.arange(size) + 0.5) / size * columns, indexing="ij")
     tone = generator.uniform(-1, 1, (rows, columns))[np.floor(v).astype(int), np.floor(u).astype(int)]
-    value = 0.45 + 0.14 * tone + 0.20 * np.sin(np.pi * (u % 1)) - 0.35 * np.exp(-((v % 1) / 0.12) ** 2)
+    value = 0.45 + 0.14 * tone + 0.20 * np.sin(np.pi * (u % 1)) - 0.35 * np.exp(-(((v % 1) / 0.12) ** 2))
     return tinted(value, (0.20, 0.10, 0.08), (0.66, 0.36, 0.27))
 
 
@@ -155,7 +159,10 @@ def chevrons(width: int, height: int) -> Image.Image:
     for k in range(4):
         x = (0.04 + 0.25 * k) * w
         a = 0.125 * w
-        draw.polygon([(x, h / 2), (x + a, 0), (x + 2 * a * 0.95, 0), (x + 0.95 * a, h / 2), (x + 2 * a * 0.95, h), (x + a, h)], fill=(196, 18, 28))
+        draw.polygon(
+            [(x, h / 2), (x + a, 0), (x + 2 * a * 0.95, 0), (x + 0.95 * a, h / 2), (x + 2 * a * 0.95, h), (x + a, h)],
+            fill=(196, 18, 28),
+        )
     return image.resize((width, height), Image.Resampling.LANCZOS)
 
 

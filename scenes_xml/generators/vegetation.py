@@ -57,7 +57,9 @@ def _cards(centres: Array, normals: Array, outward: Array, sizes: Array, generat
     u = _unit(np.cross(normals, spin))
     v = np.cross(normals, u)
     half = sizes[:, None] / 2
-    corners = np.stack([centres - 1.25 * half * u, centres - 0.8 * half * v, centres + 1.25 * half * u, centres + 0.8 * half * v], 1)
+    corners = np.stack(
+        [centres - 1.25 * half * u, centres - 0.8 * half * v, centres + 1.25 * half * u, centres + 0.8 * half * v], 1
+    )
     count = len(centres)
     base = 4 * np.arange(count)[:, None]
     faces = np.concatenate([base + [0, 1, 2], base + [0, 2, 3]]).astype(np.int64)
@@ -75,12 +77,17 @@ def tree(shape: TreeShape, seed: int) -> dict[str, Mesh]:
     direction = _unit(generator.standard_normal((shape.blobs, 3)))
     reach = generator.uniform(0.35, 0.72, (shape.blobs, 1))
     centres = middle + direction * reach * extent
-    radii = generator.uniform(0.30, 0.44, shape.blobs)[:, None] * extent * generator.uniform(0.85, 1.1, (shape.blobs, 3))
+    radii = (
+        generator.uniform(0.30, 0.44, shape.blobs)[:, None] * extent * generator.uniform(0.85, 1.1, (shape.blobs, 3))
+    )
     core = merge([blob(c, 0.80 * r, seed * 101 + i) for i, (c, r) in enumerate(zip(centres, radii, strict=True))])
     which = generator.integers(0, shape.blobs, 3 * shape.leaves)
     around = _unit(generator.standard_normal((3 * shape.leaves, 3)))
     points = centres[which] + around * radii[which] * generator.uniform(0.82, 1.10, (len(which), 1))
-    depth = np.min(np.linalg.norm((points[:, None] - centres) / radii, axis=2) + 10.0 * (np.arange(shape.blobs) == which[:, None]), axis=1)
+    depth = np.min(
+        np.linalg.norm((points[:, None] - centres) / radii, axis=2) + 10.0 * (np.arange(shape.blobs) == which[:, None]),
+        axis=1,
+    )
     outer = np.flatnonzero(depth > 0.85)[: shape.leaves]  # leaves inside another blob cannot be seen
     normals = _unit(around[outer] + 0.55 * generator.standard_normal((len(outer), 3)))
     normals *= np.sign(np.einsum("ij,ij->i", normals, around[outer]))[:, None]
@@ -90,7 +97,9 @@ def tree(shape: TreeShape, seed: int) -> dict[str, Mesh]:
 
 
 def _trunk(shape: TreeShape, centres: Array, generator: np.random.Generator) -> Mesh:
-    z = np.array([-0.3, 0.0, 0.25, 0.8, 1.6, shape.crown_base, shape.crown_base + 0.45 * (shape.height - shape.crown_base)])
+    z = np.array(
+        [-0.3, 0.0, 0.25, 0.8, 1.6, shape.crown_base, shape.crown_base + 0.45 * (shape.height - shape.crown_base)]
+    )
     lean = np.cumsum(generator.normal(0.0, 0.05, (len(z), 2)), axis=0)
     radius = shape.trunk_radius * np.array([1.5, 1.35, 1.1, 1.0, 0.92, 0.8, 0.35])
     stem = tube(np.column_stack([lean - lean[1], z]), radius, 12)
@@ -133,7 +142,10 @@ def tufts(feet: Array, seed: int, blades: int = 7, height: float = 0.22) -> Mesh
     width = 0.007 + 0.02 * tall[:, None]
     bend = start + (0.35 * lean * tall)[:, None] * out + (0.6 * tall)[:, None] * up
     tip = start + (lean * tall)[:, None] * out + tall[:, None] * up
-    corners = np.stack([start - width * side / 2, start + width * side / 2, bend + width * side * 0.4, bend - width * side * 0.4, tip], 1)
+    corners = np.stack(
+        [start - width * side / 2, start + width * side / 2, bend + width * side * 0.4, bend - width * side * 0.4, tip],
+        1,
+    )
     base = 5 * np.arange(n)[:, None]
     faces = np.concatenate([base + [0, 1, 2], base + [0, 2, 3], base + [3, 2, 4]]).astype(np.int64)
     normals = np.repeat(_unit(out * 0.5 + up), 5, axis=0)

@@ -26,7 +26,11 @@ def write(folder: Path, seed: int) -> None:
     worn = 0.80 + 0.05 * textures.periodic_noise(512, seed + 71, 0.3, 20.0)
     chipped = textures.periodic_noise(512, seed + 72, 0.6, 8.0) > 1.9
     textures.save(folder / "marking.png", np.where(chipped, 0.48, worn), 32)
-    stain = 0.58 + 0.04 * textures.periodic_noise(512, seed + 81, 0.4, 10.0) + 0.05 * textures.periodic_noise(512, seed + 82, 1.4, 1.0, 12.0)
+    stain = (
+        0.58
+        + 0.04 * textures.periodic_noise(512, seed + 81, 0.4, 10.0)
+        + 0.05 * textures.periodic_noise(512, seed + 82, 1.4, 1.0, 12.0)
+    )
     textures.save(folder / "concrete.png", textures.tinted(stain, (0.2, 0.2, 0.19), (0.9, 0.89, 0.86)), 48)
     textures.sign_speed(256).save(folder / "sign_speed.png", optimize=True)
     textures.sign_bend(256).save(folder / "sign_bend.png", optimize=True)

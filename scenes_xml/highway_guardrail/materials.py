@@ -9,7 +9,9 @@ ROUGH = {"roughness": 0.85, "specular": 0.25}
 PAINT = {"roughness": 0.32, "specular": 0.5, "clearcoat": 1.0, "clearcoat_gloss": 0.85}
 
 
-def _principled(radio: str, lidar: float, color: tuple[float, float, float], source: str = TYPICAL, **floats: float) -> Bsdf:
+def _principled(
+    radio: str, lidar: float, color: tuple[float, float, float], source: str = TYPICAL, **floats: float
+) -> Bsdf:
     return Bsdf("principled", radio, lidar, source, color=color, floats=floats)
 
 

@@ -33,7 +33,9 @@ def _pose(s: float, offset: float, turn_deg: float = 0.0) -> tuple[float, tuple[
 class Kit:
     """Meshes written once, to be placed many times."""
 
-    def __init__(self, write: WriteMesh, prefix: str, parts: Mapping[str, Mesh], bsdfs: Mapping[str, str], crease: float = 40.0) -> None:
+    def __init__(
+        self, write: WriteMesh, prefix: str, parts: Mapping[str, Mesh], bsdfs: Mapping[str, str], crease: float = 40.0
+    ) -> None:
         self.files = {part: write(f"{prefix}_{part}", mesh, crease) for part, mesh in parts.items()}
         self.bsdfs = bsdfs
 
@@ -91,22 +93,36 @@ def _lamps_and_barriers(write: WriteMesh) -> Iterator[Group]:
 
 
 def _buildings(write: WriteMesh) -> Iterator[Group]:
-    bsdfs = {"walls": "plaster_wall", "roof": "roof_tile", "frames": "painted_wood", "panes": "window_pane", "doors": "door_wood"}
-    openings = [(side, y, z, 1.1, 1.35) for side in ("front", "back") for y in (-4.6, -2.3, 2.3, 4.6) for z in (1.0, 3.75)]
+    bsdfs = {
+        "walls": "plaster_wall",
+        "roof": "roof_tile",
+        "frames": "painted_wood",
+        "panes": "window_pane",
+        "doors": "door_wood",
+    }
+    openings = [
+        (side, y, z, 1.1, 1.35) for side in ("front", "back") for y in (-4.6, -2.3, 2.3, 4.6) for z in (1.0, 3.75)
+    ]
     openings += [(side, y, z, 1.0, 1.35) for side in ("left", "right") for y in (-2.0, 2.0) for z in (1.0, 3.75)]
     openings += [(side, 0.0, 6.1, 0.9, 1.0) for side in ("left", "right")]
     openings += [(side, 0.0, 3.75, 1.1, 1.35) for side in ("front", "back")]
     house = building.House(12.0, 8.5, 5.6, 9.2, openings, [("front", 0.0, 1.1, 2.2), ("back", 0.0, 1.1, 2.2)])
     yield Kit(write, "house", building.house(house), bsdfs).place("house", "Building", 47.0, -23.0, 12.0)
     high = [(side, y, 3.2, 1.6, 0.8) for side in ("front", "back") for y in (-8.0, -4.8, 4.8, 8.0)]
-    barn = building.House(22.0, 11.0, 4.8, 8.6, high, [("front", 0.0, 3.6, 3.6), ("left", 0.0, 3.2, 3.4)], 0.6, 2.0, chimney=False)
-    yield Kit(write, "barn", building.house(barn), {**bsdfs, "walls": "brick_wall"}).place("barn", "Building", 42.0, 34.0, 28.0)
+    barn = building.House(
+        22.0, 11.0, 4.8, 8.6, high, [("front", 0.0, 3.6, 3.6), ("left", 0.0, 3.2, 3.4)], 0.6, 2.0, chimney=False
+    )
+    yield Kit(write, "barn", building.house(barn), {**bsdfs, "walls": "brick_wall"}).place(
+        "barn", "Building", 42.0, 34.0, 28.0
+    )
 
 
 def _trees(write: WriteMesh) -> Iterator[Group]:
     bsdfs = {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}
     tall = Kit(write, "tree_a", vegetation.tree(vegetation.TreeShape(9.5, 3.3, 2.4), SEED + 3), bsdfs, 60.0)
-    broad = Kit(write, "tree_b", vegetation.tree(vegetation.TreeShape(7.0, 3.0, 1.9, 0.14, 14, 3600), SEED + 4), bsdfs, 60.0)
+    broad = Kit(
+        write, "tree_b", vegetation.tree(vegetation.TreeShape(7.0, 3.0, 1.9, 0.14, 14, 3600), SEED + 4), bsdfs, 60.0
+    )
     places = (
         (tall, 30.0, -12.5, 10.0, 1.0), (broad, 39.5, -14.5, 75.0, 0.9), (tall, 66.0, -15.0, 200.0, 1.1), (broad, 84.0, -12.0, 140.0, 1.0),
         (broad, 22.0, 16.5, 30.0, 1.0), (tall, 33.0, 19.5, 260.0, 1.05), (tall, 60.0, 17.0, 120.0, 0.95), (broad, -18.0, -13.0, 300.0, 1.1),
@@ -131,7 +147,10 @@ def _fields(write: WriteMesh) -> Iterator[Group]:
     keep = np.sort(np.argsort(-clumps, kind="stable")[:120])
     feet = np.column_stack([x, y, road.far_height(x, y, SEED + 6) - 0.6])[keep]
     forest = vegetation.woods(feet, generator.uniform(9.0, 16.0, len(keep)), SEED + 10)
-    shapes = [Placement(f"woods_{p}", write(f"woods_{p}", m, 80.0), "leaves_shade" if p == "core" else "leaves") for p, m in forest.items()]
+    shapes = [
+        Placement(f"woods_{p}", write(f"woods_{p}", m, 80.0), "leaves_shade" if p == "core" else "leaves")
+        for p, m in forest.items()
+    ]
     yield shapes, Instance("woods", "Vegetation", ("woods_*",), False)
     count = 1000
     s = generator.uniform(-12.0, 70.0, count)
@@ -143,4 +162,7 @@ def _fields(write: WriteMesh) -> Iterator[Group]:
     dry = generator.uniform(0, 1, count) < 0.3
     for name, chosen, bsdf in (("green", ~dry, "grass_blades"), ("dry", dry, "grass_dry")):
         file = write(f"tufts_{name}", vegetation.tufts(points[chosen], SEED + 12 + int(name == "dry")))
-        yield [Placement(f"tufts_{name}", file, bsdf)], Instance(f"grass_tufts_{name}", "Vegetation", (f"tufts_{name}",), False)
+        yield (
+            [Placement(f"tufts_{name}", file, bsdf)],
+            Instance(f"grass_tufts_{name}", "Vegetation", (f"tufts_{name}",), False),
+        )

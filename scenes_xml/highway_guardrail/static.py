@@ -33,12 +33,16 @@ def add_road(add: Add) -> None:
     for name, edge, sign in (("right", right, -1.0), ("left", left, 1.0)):
         reach = np.array([-0.08, 0.5, at.GRAVEL])
         d = np.sort(edge + sign * reach)
-        add(f"gravel_{name}", road.strip(CURVE, s, d, road.verge_heights(CURVE, s, d, edge, SEED + 5), (2.0, 2.0)), "gravel_verge")
+        add(
+            f"gravel_{name}",
+            road.strip(CURVE, s, d, road.verge_heights(CURVE, s, d, edge, SEED + 5), (2.0, 2.0)),
+            "gravel_verge",
+        )
         reach = np.concatenate([[at.GRAVEL], np.linspace(2.0, 8.0, 9), np.geomspace(9.5, road.VERGE_WIDTH, 12)])
         d = np.sort(edge + sign * reach)
         heights = road.verge_heights(CURVE, s, d, edge, SEED + 5)
         add(f"terrain_{name}", levelled(road.strip(CURVE, s, d, heights, (7.0, 7.0)), 0.08), "grass_meadow")
-    add("terrain_far", levelled(road.far_ground(2500.0, SEED + 6), 0.25), "grass_meadow")
+    add("terrain_far", road.far_ground(2500.0, SEED + 6), "grass_meadow", 0.5)  # flat: crests seen from below
 
 
 def add_guardrail(add: Add) -> None:

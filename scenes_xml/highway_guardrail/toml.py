@@ -30,20 +30,38 @@ def _quoted(values: tuple[str, ...]) -> str:
     return "[" + ", ".join(f'"{v}"' for v in values) + "]"
 
 
-def scene_toml(name: str, bsdfs: Mapping[str, Bsdf], instances: Sequence[Instance], positions: Mapping[str, Array]) -> str:
+def scene_toml(
+    name: str, bsdfs: Mapping[str, Bsdf], instances: Sequence[Instance], positions: Mapping[str, Array]
+) -> str:
     """Return the text of scene.toml."""
     lines = [
         "[scene]", f'name = "{name}"', 'title = "Bend with a guardrail"', f'description = "{DESCRIPTION}"',
         'license = "Apache-2.0"', f'source = "built by scenes_xml/{name}/build.py"', f"seed = {SEED}", 'ego = "ego"', "",
     ]  # fmt: skip
     for key, b in bsdfs.items():
-        lines += [f"[materials.{key}]", f'radio = "{b.radio}"', f"lidar_reflectance = {b.lidar_reflectance:g}", f'source = "{b.source}"', ""]
+        lines += [
+            f"[materials.{key}]",
+            f'radio = "{b.radio}"',
+            f"lidar_reflectance = {b.lidar_reflectance:g}",
+            f'source = "{b.source}"',
+            "",
+        ]
     for item in instances:
-        lines += ["[[instances]]", f'name = "{item.name}"', f'class = "{item.semantic}"', f"shapes = {_quoted(item.shapes)}"]
+        lines += [
+            "[[instances]]",
+            f'name = "{item.name}"',
+            f'class = "{item.semantic}"',
+            f"shapes = {_quoted(item.shapes)}",
+        ]
         lines += [f"object = {str(item.is_object).lower()}", ""]
     for actor in ACTORS:
         lines += ["[[actors]]", f'name = "{actor.name}"', 'class = "Car"', f'shapes = ["{actor.name}_*"]']
-        lines += ["[actors.trajectory]", 'kind = "waypoints"', f"times = [{', '.join(f'{t:g}' for t in TIMES)}]", "positions = ["]
+        lines += [
+            "[actors.trajectory]",
+            'kind = "waypoints"',
+            f"times = [{', '.join(f'{t:g}' for t in TIMES)}]",
+            "positions = [",
+        ]
         lines += [f"    [{x + 0.0:.6f}, {y + 0.0:.6f}, {z + 0.0:.6f}]," for x, y, z in positions[actor.name].round(6)]
         lines += ["]", ""]
     return "\n".join(lines)
