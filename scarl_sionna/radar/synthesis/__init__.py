@@ -79,12 +79,12 @@ def synthesize(
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     kept = _within_band(paths, radar)
-    if method == "direct":
-        _add_chunk(adc, kept, radar, None)
-    else:
-        tolerance = accuracy.synthesis_tolerance
-        for index in nufft.velocity_bins(radar, kept.length_rate, tolerance):
-            _add_chunk(adc, kept.select(index), radar, tolerance)
+    groups: list[tuple[npt.NDArray[np.intp] | slice, nufft.Box | None]] = [(slice(None), None)]
+    tolerance = accuracy.synthesis_tolerance
+    if method == "nufft":
+        groups = list(nufft.partition(radar, kept.length_rate, kept.length_acceleration, tolerance))
+    for index, box in groups:
+        _add_group(adc, kept.select(index), radar, None if box is None else nufft.Transform(radar, box, tolerance))
     return adc if rng is None else add_noise(adc, radar, rng)
 
 
@@ -106,13 +106,12 @@ def _within_band(paths: RadarPaths, radar: RadarSpec) -> RadarPaths:
     return paths.select(~beyond) if beyond.any() else paths
 
 
-def _add_chunk(
-    adc: npt.NDArray[np.complex64], paths: RadarPaths, radar: RadarSpec, tolerance: float | None
+def _add_group(
+    adc: npt.NDArray[np.complex64], paths: RadarPaths, radar: RadarSpec, transform: nufft.Transform | None
 ) -> None:
-    """Add the signal of some paths to `adc`: exact without a tolerance, else by NUFFT."""
+    """Add the signal of some paths to `adc`: by their transform, or by the plain sum."""
     geometry = PathGeometry.of(paths, radar)
     rate, acceleration = paths.length_rate, paths.length_acceleration
-    transform = None if tolerance is None else nufft.Transform(radar, rate, acceleration, tolerance)
 
     def add_pair(pair: tuple[int, int]) -> None:
         tx, rx = pair

@@ -11,7 +11,6 @@ few digits, so it runs in float32 with a narrow kernel.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -31,9 +30,11 @@ MAX_CHUNK_PATHS = 200_000
 """Paths transformed at once: bounds the memory."""
 MAX_BINS = 16
 """Most velocity bins tried."""
-MAX_NODES = 64
-SPREAD_COST, FFT_COST = 110e-9, 4.0e-8
-"""Measured seconds a path and a sample of one transform; only their ratio matters (benchmarks/synthesis.py)."""
+MAX_TERMS = 24
+"""Longest series; a group of paths that needs more is split. Bounds the memory: a term's screen has the frame's size."""
+SPREAD_COST, FFT_COST, DIRECT_COST = 110e-9, 4.0e-8, 4.0e-8
+"""Measured seconds: a path of one transform, a sample of one transform, a sample of a path of the plain sum. Only their
+ratios matter."""
 TRANSFORM_SHARE, SERIES_SHARE = 0.6, 0.4
 """Shares of the tolerance: the errors of all transforms together, and the terms left out of the series."""
 EPS_TO_ERROR = {"complex128": 13.0, "complex64": 15.0}
@@ -51,10 +52,10 @@ FFTW_ESTIMATE = 64
 @lru_cache(maxsize=512)
 def num_nodes(phase: float, tolerance: float) -> int:
     """Return how many Chebyshev nodes interpolate exp(1j * phase * p), p in [-1, 1], within a tolerance."""
-    for count in range(1, MAX_NODES):
-        if 4.0 * np.abs(jv(np.arange(count, count + 40), phase)).sum() <= tolerance:
-            return count
-    return MAX_NODES
+    count = max(1, int(phase))  # |J_n(k)| falls with n from n = k on only
+    while 4.0 * np.abs(jv(np.arange(count, count + 40), phase)).sum() > tolerance:
+        count += 1
+    return count
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,15 +93,70 @@ class Chebyshev:
         return out
 
 
-def velocity_bins(radar: RadarSpec, rate: Array, tolerance: float) -> list[npt.NDArray[np.intp]]:
-    """Return the paths in bins of their length rate, as many bins as make the transforms cheapest.
+@dataclass(frozen=True)
+class Box:
+    """Range of the delay's rate and bend over some paths, and how many terms the series needs in each."""
 
-    A narrow bin needs few terms, and every bin needs its own transforms.
+    rates: tuple[float, float]
+    bends: tuple[float, float]
+    num_terms: tuple[int, int]
+    phases: tuple[float, float]
+
+    @classmethod
+    def of(cls, radar: RadarSpec, rate: Array, acceleration: Array, tolerance: float) -> Box:
+        """Return the box of some paths (rate and acceleration of their lengths)."""
+        grid = FrameGrid(radar)
+        _, delay_rate, delay_acceleration = delay_terms(np.zeros_like(rate), rate, acceleration)
+        first = delay_rate + grid.center_time(0) * delay_acceleration
+        last = delay_rate + grid.center_time(radar.num_tx - 1) * delay_acceleration
+        rates = float(np.minimum(first, last).min()), float(np.maximum(first, last).max())
+        # the bend is smaller than the acceleration by the delay's part in it, at most that of the largest range
+        shrink = grid.bend(np.float64(radar.num_samples / radar.sample_rate + radar.ramp_time), np.float64(1.0))
+        edges = [s * float(e) for s in (1.0, shrink) for e in (delay_acceleration.min(), delay_acceleration.max())]
+        bends = min(edges), max(edges)
+        phases = tuple(
+            float(np.pi * np.ptp([grid.residual_cycles(*low, True), grid.residual_cycles(*high, True)], axis=0).max())
+            for low, high in (((rates[0], 0.0), (rates[1], 0.0)), ((0.0, bends[0]), (0.0, bends[1])))
+        )
+        terms = tuple(num_nodes(phase, SERIES_SHARE * tolerance) for phase in phases)
+        return cls(rates, bends, terms, phases)  # type: ignore[arg-type]
+
+
+def partition(
+    radar: RadarSpec, rate: Array, acceleration: Array, tolerance: float
+) -> list[tuple[npt.NDArray[np.intp], Box | None]]:
+    """Return the paths in groups of similar motion, each with its box, or None where the plain sum is cheaper.
+
+    A narrow group needs few terms, and every group needs transforms of its own. Paths that bend (their length has a second
+    derivative) are split until their series is short.
     """
-    if not len(rate):
-        return []
+    samples = radar.num_samples * radar.num_chirps
+    waiting = _velocity_bins(radar, rate, tolerance) if len(rate) else []
+    groups: list[tuple[npt.NDArray[np.intp], Box | None]] = []
+    while waiting:
+        index = waiting.pop(0)
+        if len(index) > MAX_CHUNK_PATHS:
+            waiting[:0] = np.array_split(index, -(-len(index) // MAX_CHUNK_PATHS))
+            continue
+        box = Box.of(radar, rate[index], acceleration[index], tolerance)
+        terms = box.num_terms[0] * box.num_terms[1]
+        if len(index) * samples * DIRECT_COST <= terms * (len(index) * SPREAD_COST + samples * FFT_COST):
+            groups.append((index, None))
+            continue
+        by_phase = [rate[index], acceleration[index]][:: 1 if box.phases[0] >= box.phases[1] else -1]
+        values = by_phase[0] if np.ptp(by_phase[0]) > 0 else by_phase[1]
+        if terms <= MAX_TERMS or np.ptp(values) == 0:
+            groups.append((index, box))
+        else:
+            upper = values > 0.5 * (values.min() + values.max())
+            waiting[:0] = [index[~upper], index[upper]]
+    return groups
+
+
+def _velocity_bins(radar: RadarSpec, rate: Array, tolerance: float) -> list[npt.NDArray[np.intp]]:
+    """Return the paths in equal intervals of their length rate, as many as make the transforms cheapest."""
     low, span = float(rate.min()), float(np.ptp(rate))
-    half_phase = np.pi * np.abs(FrameGrid(radar).residual_cycles(span / SPEED_OF_LIGHT, 0.0)).max()
+    half_phase = np.pi * np.abs(FrameGrid(radar).residual_cycles(span / SPEED_OF_LIGHT, 0.0, True)).max()
     fft = radar.num_samples * radar.num_chirps * FFT_COST
     best_cost, best = np.inf, np.zeros(len(rate), dtype=np.intp)
     for count in range(1, MAX_BINS + 1):
@@ -115,8 +171,7 @@ def velocity_bins(radar: RadarSpec, rate: Array, tolerance: float) -> list[npt.N
         if terms <= 2:
             break
     order = np.argsort(best, kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(best[order])) + 1)
-    return [part[start : start + MAX_CHUNK_PATHS] for part in parts for start in range(0, len(part), MAX_CHUNK_PATHS)]
+    return np.split(order, np.flatnonzero(np.diff(best[order])) + 1)
 
 
 def sum_paths(
@@ -155,19 +210,11 @@ class _Batch:
 class Transform:
     """The series and the plans that all pairs of a radar share for one bin of paths."""
 
-    def __init__(self, radar: RadarSpec, rate: Array, acceleration: Array, tolerance: float) -> None:
-        grid = FrameGrid(radar)
-        _, delay_rate, delay_acceleration = delay_terms(np.zeros_like(rate), rate, acceleration)
-        first = delay_rate + grid.center_time(0) * delay_acceleration
-        last = delay_rate + grid.center_time(radar.num_tx - 1) * delay_acceleration
-        rates = np.minimum(first, last).min(), np.maximum(first, last).max()
-        # the bend is smaller than the acceleration by the delay's part in it, at most that of the largest range
-        shrink = grid.bend(np.float64(radar.num_samples / radar.sample_rate + radar.ramp_time), np.float64(1.0))
-        bends = [scale * edge for scale in (1.0, shrink) for edge in (delay_acceleration.min(), delay_acceleration.max())]
-        self._rate = _series(rates[0], rates[1], lambda u: grid.residual_cycles(u, 0.0), tolerance)
-        self._bend = _series(min(bends), max(bends), lambda b: grid.residual_cycles(0.0, b), tolerance)
+    def __init__(self, radar: RadarSpec, box: Box, tolerance: float) -> None:
+        self._rate = Chebyshev(*box.rates, box.num_terms[0])
+        self._bend = Chebyshev(*box.bends, box.num_terms[1])
         self._shape = (radar.num_chirps, radar.num_samples)
-        self._batches = self._batch(grid, tolerance)
+        self._batches = self._batch(FrameGrid(radar), tolerance)
         self._local = threading.local()
 
     def _batch(self, grid: FrameGrid, tolerance: float) -> list[_Batch]:
@@ -235,12 +282,6 @@ class Transform:
             spectra *= batch.screens
             out += spectra.sum(axis=0)
         return out
-
-
-def _series(low: float, high: float, cycles: Callable[[float], Array], tolerance: float) -> Chebyshev:
-    """Return the polynomials over an interval, as many as the residual phase within it needs."""
-    phase = np.pi * np.ptp([cycles(low), cycles(high)], axis=0).max()
-    return Chebyshev(low, high, num_nodes(float(phase), SERIES_SHARE * tolerance))
 
 
 def _angle(turns: Array) -> Array:

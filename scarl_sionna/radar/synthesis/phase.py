@@ -87,13 +87,15 @@ class FrameGrid:
         center = self.radar.start_frequency + self.radar.chirp_slope * self.ts_center
         return acceleration * (1.0 - self.radar.chirp_slope * delay / center)
 
-    def residual_cycles(self, rate: float, bend: float) -> Array:
+    def residual_cycles(self, rate: float, bend: float, edges_only: bool = False) -> Array:
         """Return what the expansion leaves for one rate and bend [cycles], shape (num_chirps, num_samples).
 
+        `edges_only` takes the first and the last sample and chirp, where it is largest.
         ``S x (u q + b q**2 / 2) + (f0 + S ts_center) b q**2 / 2 - S (u q + b q**2 / 2)**2 / 2``.
         """
-        x = self.x[None, :]
-        q = x + self.y[:, None]
+        x, y = (self.x[[0, -1]], self.y[[0, -1]]) if edges_only else (self.x, self.y)
+        x = x[None, :]
+        q = x + y[:, None]
         slope = self.radar.chirp_slope
         change = q * (rate + 0.5 * bend * q)
         center = self.radar.start_frequency + slope * self.ts_center
