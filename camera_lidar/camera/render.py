@@ -19,6 +19,10 @@ NEAR_CLIP = 0.01
 FAR_CLIP = 1e6
 """Nothing farther is seen [m]; the sky has no distance."""
 
+ROULETTE_DEPTH = 3
+"""Segments after which a light path ends at random (unbiased Russian roulette). 3 takes a quarter less time than Mitsuba's 5 for
+2 % more noise; 2 gains nothing more (docs/camera.md)."""
+
 _SENSOR_FROM_CAMERA_MITSUBA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Columns: Mitsuba's camera axes (x left, y up, z forward) in the sensor frame (x forward, y left, z up)."""
 
@@ -62,6 +66,11 @@ def sensor_dict(spec: CameraSpec, world_from_sensor: Pose) -> dict[str, Any]:
         }
 
 
+def integrator_dict(spec: CameraSpec) -> dict[str, Any]:
+    """Return Mitsuba's path tracer with the camera's longest light path, for ``mi.load_dict``."""
+    return {"type": "path", "max_depth": spec.max_depth, "rr_depth": ROULETTE_DEPTH}
+
+
 def render_radiance(
     state: Any, spec: CameraSpec, world_from_sensor: Pose, seed_generator: np.random.Generator
 ) -> npt.NDArray[np.float32]:
@@ -91,7 +100,7 @@ def render_radiance(
     scene = state.optical_scene()
     with variant.optical() as mi:
         sensor = mi.load_dict(sensor_dict(spec, world_from_sensor))
-        integrator = mi.load_dict({"type": "path", "max_depth": spec.max_depth})
+        integrator = mi.load_dict(integrator_dict(spec))
         image = mi.render(
             scene, sensor=sensor, integrator=integrator, seed=seed, spp=stratified_samples(spec.samples_per_pixel)
         )

@@ -104,10 +104,12 @@ def camera_maps(scan: LidarScan, spec: CameraSpec, world_from_camera: Pose, radi
     u, v = footprint.reshape(-1, 2).T
     inside = (u >= 0) & (u < spec.width) & (v >= 0) & (v < spec.height)
     row, cell = row[inside], (v * spec.width + u)[inside]
-    nearest_first = np.lexsort((depth[row], cell))
-    first = np.r_[True, np.diff(cell[nearest_first]) > 0] if row.size else np.zeros(0, dtype=bool)
-    chosen = nearest_first[first]
-    return _fill(scan, cell[chosen], row[chosen], depth[row[chosen]], (spec.height, spec.width))
+    far_first = np.argsort(-depth[row], kind="stable")
+    nearest = np.full(spec.height * spec.width, -1, dtype=np.int64)
+    nearest[cell[far_first]] = row[far_first]  # of repeated indices the last one, so the nearest, stays
+    cell = np.flatnonzero(nearest >= 0)
+    row = nearest[cell]
+    return _fill(scan, cell, row, depth[row], (spec.height, spec.width))
 
 
 def _fill(
