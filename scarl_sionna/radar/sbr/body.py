@@ -1,0 +1,110 @@
+"""The mesh that scatters: float64 triangles without degenerate ones, which of them share a plane, and the ray caster."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import MeshError
+from scarl_sionna.world.geometry import Triangles
+
+from .caster import Caster
+
+Array = npt.NDArray[np.float64]
+
+_THIN = 1e-9
+"""A face whose height is below this part of the mesh's size is degenerate: it has no area and no sure normal."""
+_SAME_PLANE = 1e-6
+"""Faces whose normals (and, in radii, whose offsets) agree within this lie in one plane: 1 um of a metre."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A triangle mesh ready for shooting and bouncing rays.
+
+    Attributes
+    ----------
+    triangles : Triangles
+        Float64 faces, none degenerate.
+    plane : ndarray of int64, shape (num_faces,)
+        Number of the plane in which each face lies.
+    one_sided : bool
+        Whether the mesh is closed and its normals point outwards, so that only front faces can be lit.
+    num_degenerate : int
+        Faces without area that were left out.
+    caster : Caster
+    """
+
+    triangles: Triangles
+    plane: npt.NDArray[np.int64]
+    one_sided: bool
+    num_degenerate: int
+    caster: Caster
+
+    @classmethod
+    def from_mesh(cls, vertices: npt.ArrayLike, faces: npt.ArrayLike) -> Body:
+        """Make a body from vertices (n, 3) [m] and faces (m, 3).
+
+        Raises
+        ------
+        MeshError
+            If there is no face with an area, a vertex is not finite, or a face names a vertex that is not there.
+        """
+        points = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
+        index = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
+        if not len(index):
+            raise MeshError("the mesh has no faces", remedy="give a triangle mesh, not a point cloud or a curve")
+        if index.min() < 0 or index.max() >= len(points):
+            raise MeshError(f"a face names vertex {index.max()} of a mesh with {len(points)} vertices")
+        if not np.all(np.isfinite(points[index])):
+            count = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
+            raise MeshError(f"{count} vertices are not finite (NaN or infinite)", remedy="repair the mesh")
+        corners = points[index]
+        kept = ~_degenerate(corners)
+        if not kept.any():
+            raise MeshError(f"all {len(index)} faces of the mesh have no area", remedy="repair the mesh")
+        outward = _is_closed(index) and _volume(corners) > 0.0
+        triangles = Triangles.from_meshes([corners[kept].reshape(-1, 3)], [np.arange(3 * kept.sum()).reshape(-1, 3)])
+        caster = Caster(triangles.corners)
+        plane = _planes(triangles, caster)
+        return cls(triangles, plane, outward, int((~kept).sum()), caster)
+
+    @property
+    def size(self) -> float:
+        """Largest extent along an axis [m]."""
+        points = self.triangles.corners.reshape(-1, 3)
+        return float((points.max(axis=0) - points.min(axis=0)).max())
+
+
+def _degenerate(corners: Array) -> npt.NDArray[np.bool_]:
+    sides = corners - np.roll(corners, 1, axis=1)
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    twice_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    return twice_area <= _THIN * size * longest
+
+
+def _is_closed(faces: npt.NDArray[np.int64]) -> bool:
+    """Return whether each edge is used once in each direction: closed, and all normals on the same side."""
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    count = edges.max() + 1
+    forward = np.sort(edges[:, 0] * count + edges[:, 1])
+    backward = np.sort(edges[:, 1] * count + edges[:, 0])
+    return bool(np.array_equal(forward, backward) and np.all(np.diff(forward) > 0))
+
+
+def _volume(corners: Array) -> float:
+    a, b, c = (corners[:, i] - corners[0, 0] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def _planes(triangles: Triangles, caster: Caster) -> npt.NDArray[np.int64]:
+    """Number the planes; the two sides of a plane have one number."""
+    normal = triangles.normal
+    height = (triangles.offset - normal @ caster.center) / caster.radius
+    pivot = np.abs(normal).argmax(axis=1)
+    sign = np.sign(normal[np.arange(len(normal)), pivot])
+    key = np.column_stack([normal * sign[:, None], height * sign])
+    return np.unique(np.round(key / _SAME_PLANE).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)

@@ -1,0 +1,178 @@
+"""Cutting ray tubes until each one meets a single thing.
+
+A tube has a triangular footprint. Rays probe it on a lattice; where all of them meet the same thing (the same plane, or
+nothing), the tube stays whole, however large it is. Where they do not, it is halved, and a small tube that straddles an edge is
+cut along that edge, whose place is found by bisection with further rays. So partly hit tubes do not set the error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+LabelOf = Callable[[Array, Index], Index]
+"""Maps points (n, 3) on footprints and the rows of their tubes to what the tubes' rays meet there."""
+
+_LARGEST_LATTICE = 8
+"""Segments along the longest side of a tube that is probed at once; a longer tube is halved first."""
+_INSET = 1e-3
+"""Probes stand this part of the tube's size inside its border, which may be an edge shared with another face."""
+_POINT_LIKE = 0.125
+"""Tubes below this part of the edge spacing are probed by one ray: what they straddle is too small to matter."""
+_CORNER_LEVELS = 2
+"""Further halvings of a tube over which three things meet."""
+_BISECTIONS = 11
+"""The place of an edge is found to 2^-11 of the edge spacing."""
+
+
+def refine(
+    corners: Array, rows: Index, label_of: LabelOf, spacing: Array, edge_spacing: Array, max_rays: int
+) -> Iterator[tuple[Array, Index, Index]]:
+    """Cut tubes until each one has one label.
+
+    Parameters
+    ----------
+    corners : ndarray of float64, shape (num_tubes, 3, 3)
+        Footprints [m].
+    rows : ndarray of int64, shape (num_tubes,)
+        Row of each tube in the tables of the caller; pieces inherit it.
+    label_of : callable
+        What the rays of a tube meet, at points of its footprint.
+    spacing, edge_spacing : ndarray of float64, shape (num_tubes,)
+        Largest distance of the probes, and size down to which straddling tubes are halved [m].
+    max_rays : int
+        Rays worked at once.
+
+    Yields
+    ------
+    corners, rows, labels
+        Pieces that together cover the tubes.
+    """
+    per_batch = max(max_rays // len(_lattice(_LARGEST_LATTICE)), 1)
+    stack = [
+        (corners[i : i + per_batch], rows[i : i + per_batch], spacing[i : i + per_batch], edge_spacing[i : i + per_batch])
+        for i in range(0, len(corners), per_batch)
+    ][::-1]
+    while stack:
+        tri, row, wide, fine = stack.pop()
+        longest = _longest_side(tri)
+        long = longest > _LARGEST_LATTICE * wide
+        pieces, uneven = _probe(tri[~long], row[~long], wide[~long], fine[~long], longest[~long], label_of)
+        if len(pieces[0]):
+            yield pieces
+        again = np.concatenate([np.flatnonzero(long), np.flatnonzero(~long)[uneven]])
+        if len(again):
+            halves = _halve(tri[again])
+            rest = (halves, *(np.concatenate([a[again], a[again]]) for a in (row, wide, fine)))
+            stack += [tuple(a[i : i + per_batch] for a in rest) for i in range(0, len(halves), per_batch)]  # type: ignore[misc]
+
+
+def _probe(
+    tri: Array, row: Index, wide: Array, fine: Array, longest: Array, label_of: LabelOf
+) -> tuple[tuple[Array, Index, Index], Index]:
+    """Return the pieces that are settled, and the numbers of the tubes to halve."""
+    segments = np.clip(np.ceil(longest / wide), 1, _LARGEST_LATTICE).astype(np.int64)
+    segments[longest <= _POINT_LIKE * fine] = 0
+    inner = _inset(tri)
+    points, start = _probe_points(inner, segments)
+    count = np.diff(np.append(start, len(points)))
+    labels = label_of(points, np.repeat(row, count))
+    if not len(tri):
+        return (tri, row, labels), np.zeros(0, dtype=np.int64)
+    same = np.minimum.reduceat(labels, start) == np.maximum.reduceat(labels, start)
+    straddles = ~same & (longest <= fine)
+    cut, corner = _cut(tri, inner, row, labels, start, np.flatnonzero(straddles), longest / fine, label_of)
+    parts = [(tri[same], row[same], labels[start[same]]), *cut]
+    settled = tuple(np.concatenate([part[i] for part in parts]) for i in range(3))
+    return settled, np.concatenate([np.flatnonzero(~same & ~straddles), corner])  # type: ignore[return-value]
+
+
+def _cut(
+    tri: Array, inner: Array, row: Index, labels: Index, start: Index, chosen: Index, size: Array, label_of: LabelOf
+) -> tuple[list[tuple[Array, Index, Index]], Index]:
+    """Cut the chosen tubes along the edge that they straddle; the second result are those to halve once more."""
+    at_corner = labels[start[chosen, None] + np.arange(3)]
+    equal = at_corner == np.roll(at_corner, -1, axis=1)  # corner i against i + 1
+    two = equal.sum(axis=1) == 1
+    one = equal.all(axis=1)
+    three = ~two & ~one
+    again = three & (size[chosen] > 0.5**_CORNER_LEVELS)
+    rest = (three & ~again) | one
+    small = chosen[rest]
+    whole = np.where(one[rest], at_corner[rest, 0], labels[start[small] + 3])
+    pieces = [(tri[small], row[small], whole)]
+    if two.any():
+        odd = (equal[two].argmax(axis=1) + 2) % 3
+        pieces += _along_edge(tri[chosen[two]], inner[chosen[two]], row[chosen[two]], at_corner[two], odd, label_of)
+    return pieces, chosen[again]
+
+
+def _along_edge(
+    tri: Array, inner: Array, row: Index, at_corner: Index, odd: Index, label_of: LabelOf
+) -> list[tuple[Array, Index, Index]]:
+    """Cut triangles one corner of which (`odd`) has another label than the other two."""
+    order = (odd[:, None] + np.arange(3)) % 3
+    pick = np.arange(len(tri))[:, None]
+    tri, inner, label = tri[pick, order], inner[pick, order], at_corner[pick, order]
+    low = np.zeros((len(tri), 2))
+    high = np.ones((len(tri), 2))
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2.0
+        points = inner[:, :1] + middle[:, :, None] * (inner[:, 1:] - inner[:, :1])
+        found = label_of(points.reshape(-1, 3), np.repeat(row, 2)).reshape(-1, 2)
+        inside = found == label[:, :1]
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    border = tri[:, :1] + ((low + high) / 2.0)[:, :, None] * (tri[:, 1:] - tri[:, :1])
+    tip = np.stack([tri[:, 0], border[:, 0], border[:, 1]], axis=1)
+    near = np.stack([border[:, 0], tri[:, 1], tri[:, 2]], axis=1)
+    far = np.stack([border[:, 0], tri[:, 2], border[:, 1]], axis=1)
+    return [(tip, row, label[:, 0]), (near, row, label[:, 1]), (far, row, label[:, 1])]
+
+
+def _longest_side(tri: Array) -> Array:
+    return np.asarray(np.linalg.norm(tri - np.roll(tri, 1, axis=1), axis=2).max(axis=1))
+
+
+def _inset(tri: Array) -> Array:
+    center = tri.mean(axis=1, keepdims=True)
+    return np.asarray(tri + _INSET * (center - tri))
+
+
+def _halve(tri: Array) -> Array:
+    """Cut triangles in two across their longest side."""
+    sides = np.linalg.norm(np.roll(tri, -1, axis=1) - tri, axis=2)  # from corner i to i + 1
+    order = (sides.argmax(axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(tri[np.arange(len(tri))[:, None], order], 1, 0)
+    middle = (a + b) / 2.0
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+@cache
+def _lattice(segments: int) -> Array:
+    """Return barycentric coordinates of the probes: the corners first; for one segment also the centroid."""
+    corner = np.eye(3)
+    if segments == 0:
+        return np.full((1, 3), 1.0 / 3.0)
+    if segments == 1:
+        return np.vstack([corner, np.full((1, 3), 1.0 / 3.0)])
+    nodes = [(i, j, segments - i - j) for i in range(segments + 1) for j in range(segments + 1 - i)]
+    inside = [node for node in nodes if max(node) < segments]
+    return np.vstack([corner, np.array(inside, dtype=np.float64) / segments])
+
+
+_OFFSETS = np.cumsum([0] + [len(_lattice(n)) for n in range(_LARGEST_LATTICE + 1)])
+_TABLE = np.vstack([_lattice(n) for n in range(_LARGEST_LATTICE + 1)])
+
+
+def _probe_points(tri: Array, segments: Index) -> tuple[Array, Index]:
+    """Return the probes of all tubes, tube after tube, and where each tube's begin."""
+    count = np.diff(_OFFSETS)[segments]
+    start = np.cumsum(count) - count
+    owner = np.repeat(np.arange(len(tri)), count)
+    entry = np.arange(len(owner)) - start[owner] + _OFFSETS[segments][owner]
+    return np.einsum("pi,pij->pj", _TABLE[entry], tri[owner]), start
