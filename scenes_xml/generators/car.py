@@ -343,7 +343,7 @@ def build(shape: CarShape) -> dict[str, tuple[Mesh, str]]:
     top, reach = (0.46, 0.80) if shape.cladding else (0.40, 0.72)
     trims.append(
         panel(
-            whole, [(-reach * w, 0.335), (reach * w, 0.335), (reach * w, top), (-reach * w, top)], rear, 1.0, rise=0.004
+            whole, [(-reach * w, 0.335), (reach * w, 0.335), (reach * w, top), (-reach * w, top)], rear, 1.0, rise=0.008
         )
     )
     chromes.append(

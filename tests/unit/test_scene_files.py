@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tomllib
 import trimesh
 from PIL import Image
 from scipy.interpolate import CubicSpline
 
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.toml_file import read_toml
 from scenes_xml import scene_names, scene_path
 
 XML = scene_path("highway_guardrail")
 FOLDER = XML.parent
 ROOT = ET.parse(XML).getroot()
 SHAPES = {shape.get("id"): shape for shape in ROOT.findall("shape")}
-TOML = tomllib.loads((FOLDER / "scene.toml").read_text(encoding="utf-8"))
+TOML = read_toml(FOLDER / "scene.toml")
 CARS = ("ego", "car_ahead", "oncoming")
 MESHES = sorted(path.name for path in (FOLDER / "meshes").glob("*.ply"))
 RADIO = set(
