@@ -116,9 +116,10 @@ def test_every_hit_of_a_wall_has_the_reflectance_of_its_angle_and_polarisation(
     assert not paths.a[:, 0, 1].any() and not paths.a[:, 1, 0].any()
 
 
-def test_power_of_a_wall_is_the_integral_of_the_radar_equation(tmp_path) -> None:
+@pytest.mark.parametrize(("grid", "tolerance"), [("regular", 1e-5), ("staggered", 1e-4)])
+def test_power_of_a_wall_is_the_integral_of_the_radar_equation(tmp_path, grid: str, tolerance: float) -> None:
     radar = _radar(azimuth_fov_deg=60.0, elevation_fov_deg=30.0, num_rays=40_000)
-    paths = solve_paths(_world(tmp_path, _wall()).at(0.0), radar, Pose(), "raycast", hits_per_cell=None)
+    paths = solve_paths(_world(tmp_path, _wall()).at(0.0), radar, Pose(), "raycast", hits_per_cell=None, grid=grid)
     gamma = class_reflectivity()[semantic_id("Wall")]
 
     def density(sine_elevation: float, azimuth: float) -> float:
@@ -133,8 +134,9 @@ def test_power_of_a_wall_is_the_integral_of_the_radar_equation(tmp_path) -> None
 
     edge = np.sin(np.radians(15.0))
     exact, _ = dblquad(density, -np.radians(30.0), np.radians(30.0), -edge, edge, epsabs=0, epsrel=1e-7)
-    # Midpoint rule with cells h = 3.7e-3 rad: relative error about h^2 / 24 f''/f with f''/f of order 4: 2e-6.
-    assert (np.abs(paths.a[:, 0, 0]) ** 2).sum() == pytest.approx(exact, rel=1e-5)
+    # Midpoint rule with cells h = 3.7e-3 rad: relative error about h^2 / 24 f''/f with f''/f of order 4: 2e-6. Staggered
+    # rays leave the mean of a slope over a cell (1 in 270) times the discrepancy of 283 columns (about 3 / 283): 4e-5.
+    assert (np.abs(paths.a[:, 0, 0]) ** 2).sum() == pytest.approx(exact, rel=tolerance)
 
 
 def test_ground_clutter_of_a_range_cell_is_gamma_times_its_area(tmp_path) -> None:

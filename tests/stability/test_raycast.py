@@ -70,8 +70,7 @@ def test_level_radar_over_flat_ground_adds_powers_when_rough_and_amplitudes_when
     def gain(hit_phase: str) -> tuple[float, int]:
         """Return coherent over incoherent power of the rows in the mean, and hits in a row."""
         paths = solve_paths(
-            state, RADAR, Pose([0, 0, 0.5]), hit_phase=hit_phase, max_distance=100.0, hits_per_cell=None
-        )
+@@
         signal = paths.a[:, 0, 0] * np.exp(-1j * WAVENUMBER * _lengths(paths))
         _, row = np.unique(np.round(_lengths(paths), 6), return_inverse=True)
         sums = np.bincount(row, signal.real) + 1j * np.bincount(row, signal.imag)
@@ -85,3 +84,18 @@ def test_level_radar_over_flat_ground_adds_powers_when_rough_and_amplitudes_when
     assert geometric == pytest.approx(in_a_row, rel=0.01)
     # Rough: a row's power over its mean is exponential with mean 1 and variance 1: 5 sigma over about 47 rows.
     assert rough == pytest.approx(1.0, abs=5 / np.sqrt(47))
+
+
+def test_staggered_rays_hit_a_road_at_all_distances(tmp_path) -> None:
+    """Rows of a regular grid are circles on a flat ground, farther apart than a range bin from 16 m on."""
+    ground = Thing("ground", plane(256.0, 256.0, (0, 0, 0), (0, 0, 1)), "Roads", "grey")
+    state = load_scene(write_scene(tmp_path, [ground])).at(0.0)
+    radar = RadarSpec(num_rays=1_000_000)
+    edges = np.arange(20.0, 60.0, radar.range_resolution)
+    empty = {}
+    for grid in ("regular", "staggered"):
+        paths = solve_paths(state, radar, Pose([0, 0, 0.5]), grid=grid)
+        empty[grid] = int((np.histogram(_lengths(paths) / 2, edges)[0] == 0).sum())
+    # 80 bins; the rows at h / sine of elevation between 20 and 60 m number 0.5 (1/20 - 1/60) / 1.04e-3 = 16.
+    assert empty["regular"] >= 80 - 17
+    assert empty["staggered"] == 0

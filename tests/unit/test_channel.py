@@ -76,8 +76,10 @@ def test_shapes_types_and_order(state) -> None:
     for name in ("instance", "interaction"):
         assert getattr(paths, name).shape == (count, 1) and getattr(paths, name).dtype == np.int32
     assert paths.depth.dtype == np.int32 and paths.semantic.dtype == np.uint8 and paths.rx_image is None
-    elevation = np.arcsin(paths.tx_point[:, 2] / np.linalg.norm(paths.tx_point, axis=1))
-    assert (np.diff(elevation) > -1e-9).all()  # ray order: rows from the bottom
+    grid = RayGrid.over(np.radians(RADAR.azimuth_fov_deg), np.radians(RADAR.elevation_fov_deg), RADAR.num_rays)
+    sine = paths.tx_point[:, 2] / np.linalg.norm(paths.tx_point, axis=1)
+    row = np.floor((sine / (2 * np.sin(np.radians(RADAR.elevation_fov_deg) / 2)) + 0.5) * grid.num_elevation + 1e-9)
+    assert (np.diff(row) >= 0).all()  # ray order: rows from the bottom
 
 
 def test_nothing_in_view_gives_no_paths_and_a_silent_frame(state) -> None:
@@ -122,7 +124,7 @@ def test_bad_numbers_are_refused(state, options: dict[str, float]) -> None:
         solve_paths(state, RADAR, Pose(), **options)
 
 
-@pytest.mark.parametrize("options", [{"rcs_model": "lambert"}, {"hit_phase": "smooth"}])
+@pytest.mark.parametrize("options", [{"rcs_model": "lambert"}, {"hit_phase": "smooth"}, {"grid": "random"}])
 def test_unknown_options_are_refused(state, options: dict[str, str]) -> None:
     with pytest.raises(UnknownNameError, match=next(iter(options))):
         solve_paths(state, RADAR, Pose(), **options)
@@ -176,6 +178,18 @@ def test_grid_covers_the_field_of_view_with_equal_cells(fov_deg: tuple[int, int]
     assert np.abs(rays[:, 2]).max() <= np.sin(elevation_fov / 2) + 1e-15
     if num_rays > 900:
         assert 0.8 < (azimuth_fov / grid.num_azimuth) / (2 * np.sin(elevation_fov / 2) / grid.num_elevation) < 1.25
+
+
+@pytest.mark.parametrize("staggered", [True, False])
+def test_each_cell_has_one_ray(staggered: bool) -> None:
+    grid = RayGrid.over(2.0, 0.5, 5_000, staggered)
+    rays = grid.directions(0, grid.num_rays)
+    column = (np.arctan2(rays[:, 1], rays[:, 0]) / 2.0 + 0.5) * grid.num_azimuth
+    row = (rays[:, 2] / (2 * np.sin(0.25)) + 0.5) * grid.num_elevation
+    cells = np.floor(row + 1e-9) * grid.num_azimuth + np.floor(column)
+    assert np.array_equal(cells, np.arange(grid.num_rays))
+    centred = np.abs(row % 1.0 - 0.5) < 1e-9
+    assert centred.all() if not staggered else centred.mean() < 0.02
 
 
 def test_batches_of_rays_join_to_the_whole_grid() -> None:

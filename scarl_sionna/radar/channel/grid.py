@@ -9,23 +9,28 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
 
+GOLDEN_FRACTION = (np.sqrt(5.0) - 1.0) / 2.0
+"""Fractional parts of its multiples fill 0 to 1 as evenly as any sequence (Weyl, three-gap theorem)."""
+
 
 @dataclass(frozen=True)
 class RayGrid:
-    """Directions through the centres of equal cells in azimuth and sine of elevation.
+    """One direction in each of equal cells in azimuth and sine of elevation.
 
     Every cell has the solid angle d(azimuth) * d(sin(elevation)), so the area across a ray at distance d is
     ``d**2 * solid_angle``. Ray ``row * num_azimuth + column`` counts columns from the right (negative azimuth), rows from
-    the bottom. Made by :meth:`over`.
+    the bottom. Rays of a staggered grid are shifted up or down within their cells, column by column, so that a level road
+    is hit at all distances and not in circles only; those of a regular grid go through the centres. Made by :meth:`over`.
     """
 
     azimuth_fov: float
     elevation_fov: float
     num_azimuth: int
     num_elevation: int
+    staggered: bool = True
 
     @classmethod
-    def over(cls, azimuth_fov: float, elevation_fov: float, num_rays: int) -> RayGrid:
+    def over(cls, azimuth_fov: float, elevation_fov: float, num_rays: int, staggered: bool = True) -> RayGrid:
         """Return the grid with nearly square cells and at most `num_rays` rays.
 
         Parameters
@@ -34,6 +39,8 @@ class RayGrid:
             Full width and height around the boresight [rad], 0 to pi.
         num_rays : int
             >= 1.
+        staggered : bool
+            False: rays through the centres of the cells.
         """
         if isinstance(num_rays, bool) or int(num_rays) != num_rays or num_rays < 1:
             raise ParameterRangeError("num_rays", num_rays, "an integer >= 1")
@@ -42,7 +49,7 @@ class RayGrid:
                 raise ParameterRangeError(name, f"{value} rad", "0 < value <= pi rad")
         height = 2.0 * np.sin(elevation_fov / 2.0)
         num_elevation = int(np.clip(np.round(np.sqrt(num_rays * height / azimuth_fov)), 1, num_rays))
-        return cls(azimuth_fov, elevation_fov, num_rays // num_elevation, num_elevation)
+        return cls(azimuth_fov, elevation_fov, num_rays // num_elevation, num_elevation, staggered)
 
     @property
     def num_rays(self) -> int:
@@ -62,13 +69,13 @@ class RayGrid:
     def directions(self, first: int, stop: int) -> npt.NDArray[np.float64]:
         """Return the unit directions of rays `first` to `stop` in the radar frame, shape (stop - first, 3)."""
         row, column = np.divmod(np.arange(first, stop), self.num_azimuth)
-        azimuths = self.azimuth_fov * ((np.arange(self.num_azimuth) + 0.5) / self.num_azimuth - 0.5)
-        sines = (
-            2.0 * np.sin(self.elevation_fov / 2.0) * ((np.arange(self.num_elevation) + 0.5) / self.num_elevation - 0.5)
-        )
+        columns = np.arange(self.num_azimuth)
+        azimuths = self.azimuth_fov * ((columns + 0.5) / self.num_azimuth - 0.5)
+        place = (columns * GOLDEN_FRACTION + 0.5) % 1.0 if self.staggered else np.full(self.num_azimuth, 0.5)
+        sines = 2.0 * np.sin(self.elevation_fov / 2.0) * ((row + place[column]) / self.num_elevation - 0.5)
         cosines = np.sqrt(1.0 - sines**2)
         out = np.empty((stop - first, 3))
-        out[:, 0] = cosines[row] * np.cos(azimuths)[column]
-        out[:, 1] = cosines[row] * np.sin(azimuths)[column]
-        out[:, 2] = sines[row]
+        out[:, 0] = cosines * np.cos(azimuths)[column]
+        out[:, 1] = cosines * np.sin(azimuths)[column]
+        out[:, 2] = sines
         return out

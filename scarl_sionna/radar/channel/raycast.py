@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 RcsModel = Literal["footprint", "per_hit"]
 HitPhase = Literal["rough", "geometric"]
+GridKind = Literal["staggered", "regular"]
 
 RAYS_PER_BATCH = 1_000_000
 """Rays cast at once: bounds the memory of a batch to about 300 MB."""
@@ -70,6 +71,7 @@ def solve_raycast(
     class_rcs: ClassRcs | None = None,
     hit_phase: HitPhase = "rough",
     hits_per_cell: int | None = DEFAULT_HITS_PER_CELL,
+    grid: GridKind = "staggered",
 ) -> RadarPaths:
     r"""Return the paths to the first surfaces that a fixed grid of rays hits.
 
@@ -101,6 +103,9 @@ def solve_raycast(
         Of the rough hits of one instance that the radar cannot tell apart (half a bin in range, velocity and direction), at
         most this many are kept, with the power of all; see :mod:`scarl_sionna.radar.channel.thinning`. None keeps every
         hit. Geometric hits are always kept.
+    grid : {"staggered", "regular"}
+        ``"staggered"``: fixed rays at the same azimuths whose elevation is shifted within the cell, column by column, so
+        that a road is hit at all distances. ``"regular"``: through the centres of the cells.
 
     Returns
     -------
@@ -139,6 +144,7 @@ def solve_raycast(
     for name, value, known in (
         ("rcs_model", rcs_model, ("footprint", "per_hit")),
         ("hit_phase", hit_phase, ("rough", "geometric")),
+        ("grid", grid, ("staggered", "regular")),
     ):
         if value not in known:
             raise UnknownNameError(name, value, known)
@@ -149,17 +155,17 @@ def solve_raycast(
         raise ParameterRangeError("max_distance", f"{reach} m", "> 0 m")
     _check_antennas(state, radar, pose)
     fov = np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg)
-    grid = RayGrid.over(*fov, radar.num_rays if num_rays is None else num_rays)
-    _warn_of_small_objects(state, radar, pose, grid, reach)
+    rays_of = RayGrid.over(*fov, radar.num_rays if num_rays is None else num_rays, staggered=grid == "staggered")
+    _warn_of_small_objects(state, radar, pose, rays_of, reach)
     twist = radar_twist or Twist()
-    model = _Model(radar, pose, class_reflectivity(class_rcs), rcs_model, grid.solid_angle, reach, twist.linear)
+    model = _Model(radar, pose, class_reflectivity(class_rcs), rcs_model, rays_of.solid_angle, reach, twist.linear)
     phases = _fixed_phases(hit_phase)
     clock = {"cast": 0.0, "amplitude": 0.0, "thin": 0.0}
     batches = []
-    for first in range(0, grid.num_rays, RAYS_PER_BATCH):
-        stop = min(first + RAYS_PER_BATCH, grid.num_rays)
+    for first in range(0, rays_of.num_rays, RAYS_PER_BATCH):
+        stop = min(first + RAYS_PER_BATCH, rays_of.num_rays)
         start = time.perf_counter()
-        rays = grid.directions(first, stop)
+        rays = rays_of.directions(first, stop)
         world_rays = pose.rotate(rays)
         hits = state.cast(pose.position, world_rays, max_distance=reach)
         cast = time.perf_counter()
@@ -167,14 +173,20 @@ def solve_raycast(
         clock["cast"] += cast - start
         clock["amplitude"] += time.perf_counter() - cast
     columns = {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
-    chosen = {"rcs_model": rcs_model, "hit_phase": hit_phase, "max_distance": reach, "hits_per_cell": None}
+    chosen = {
+        "rcs_model": rcs_model,
+        "hit_phase": hit_phase,
+        "grid": grid,
+        "max_distance": reach,
+        "hits_per_cell": None,
+    }
     chosen["num_hits"] = len(columns["length_rate"])
     if hits_per_cell is not None and hit_phase == "rough":
         start = time.perf_counter()
         columns = _thinned(columns, model, hits_per_cell)
         chosen["hits_per_cell"] = hits_per_cell
         clock["thin"] = time.perf_counter() - start
-    return _paths(columns, pose, grid, clock, chosen)
+    return _paths(columns, pose, rays_of, clock, chosen)
 
 
 def _check_antennas(state: WorldState, radar: RadarSpec, pose: Pose) -> None:
