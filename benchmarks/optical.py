@@ -129,7 +129,7 @@ def plot_quality(results: dict[str, list[tuple[int, float, float]]], path: Path)
         xlabel=f"CPU time of one image of {QUALITY.width} x {QUALITY.height} [s]",
         ylabel="rms error [levels of 255, sRGB]",
     )
-    axes.set_title(f"RGB image: error against time; numbers: samples a pixel")
+    axes.set_title("RGB image: error against time; numbers: samples a pixel")
     axes.grid(True, which="both", alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=130)
