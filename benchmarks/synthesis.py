@@ -1,0 +1,166 @@
+"""Beat signal synthesis: error against time, and against the plain sum and Sionna RT's ``Paths.cfr``.
+
+    python benchmarks/synthesis.py [--paths 100000] [--chart-paths 4000] [--rounds 3] [--figure FILE.png] [--no-sionna]
+
+One process, interleaved rounds, the fastest of each; the first call apart. Points at random ranges, directions and radial
+velocities within +-70 m/s (the hardest case) and within 30 m/s (a drive). The plain sum runs on fewer paths, ``Paths.cfr``
+on the paths of a street of Sionna RT and on fewer samples; both are scaled by paths x samples x pairs, which is their
+cost's law, and are marked so. CPU seconds stand beside wall seconds, since another load on the machine changes only these.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import resource
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.radar import RadarPaths, point_targets, synthesize
+
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
+
+
+def random_points(radar: RadarSpec, count: int, slowest: float, fastest: float) -> RadarPaths:
+    """Return points all over the range, moving along the line of sight, with equal received powers."""
+    rng = np.random.default_rng(0)
+    distance, azimuth = rng.uniform(3.0, 250.0, count), rng.uniform(-1.0, 1.0, count)
+    direction = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(count)], axis=1)
+    velocity = rng.uniform(slowest, fastest, count)[:, None] * direction
+    paths = point_targets(distance[:, None] * direction, velocity, 1e-3 * distance**4, radar, Pose())
+    return replace(paths, length_acceleration=np.zeros(count))
+
+
+def timed(call: Callable[[], np.ndarray]) -> tuple[np.ndarray, float, float]:
+    """Return the result, wall and CPU seconds."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    result = call()
+    return result, time.perf_counter() - wall, time.process_time() - cpu
+
+
+def chart(count: int, rounds: int) -> list[tuple[float, float, float, float]]:
+    """Return (tolerance, error over peak, wall, CPU seconds) of one pair, all against one exact sum."""
+    radar = RadarSpec(tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))
+    paths = random_points(radar, count, -70.0, 70.0)
+    exact, wall, cpu = timed(lambda: synthesize(paths, radar, method="direct"))
+    print(f"exact sum of {count} paths, one pair: {wall:.2f} s wall, {cpu:.2f} s CPU")
+    best = {tolerance: (np.inf, np.inf, np.inf) for tolerance in TOLERANCES}
+    for _ in range(rounds):
+        for tolerance in TOLERANCES:
+            accuracy = Accuracy(synthesis_tolerance=tolerance)
+            signal, wall, cpu = timed(lambda accuracy=accuracy: synthesize(paths, radar, accuracy=accuracy))
+            error = float(np.abs(signal - exact).max() / np.abs(exact).max())
+            best[tolerance] = (error, min(wall, best[tolerance][1]), min(cpu, best[tolerance][2]))
+    return [(tolerance, *values) for tolerance, values in best.items()]
+
+
+def cfr_cost() -> tuple[float, int]:
+    """Return seconds of ``Paths.cfr`` a path and sample, and the paths of Sionna RT's street that it was measured on."""
+    from scarl_sionna.world import variant
+
+    with variant.radio():
+        import sionna.rt as rt
+
+        scene = rt.load_scene(rt.scene.simple_street_canyon, merge_shapes=False)
+        scene.frequency = 3.5e9  # its materials have no data at 77 GHz; the frequency does not change the cost
+        array = rt.PlanarArray(num_rows=1, num_cols=1, pattern="iso", polarization="V")
+        scene.tx_array = scene.rx_array = array
+        scene.add(rt.Transmitter("tx", position=[-30.0, 0.0, 2.0]))
+        scene.add(rt.Receiver("rx", position=[20.0, 3.0, 2.0]))
+        paths = rt.PathSolver()(scene, max_depth=4, samples_per_src=10**5, diffuse_reflection=True)
+        count = int(np.prod(np.asarray(paths.tau.numpy()).shape))
+        frequencies = np.linspace(0.0, 3e8, 64).astype(np.float32)
+        fastest = np.inf
+        for _ in range(4):  # the first compiles
+            _, wall, _ = timed(
+                lambda: paths.cfr(frequencies, sampling_frequency=26e3, num_time_steps=16, out_type="numpy")
+            )
+            fastest = min(fastest, wall)
+    return fastest / (count * 64 * 16), count
+
+
+def machine() -> str:
+    """Return what the figures were measured on."""
+    parts = [f"{len(os.sched_getaffinity(0))} cores", platform.machine(), f"Python {platform.python_version()}"]
+    return ", ".join(parts + [f"{name} {version(name)}" for name in ("numpy", "scipy", "finufft", "sionna-rt")])
+
+
+def main() -> None:
+    """Print the tables and draw the chart."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--paths", type=int, default=100_000)
+    parser.add_argument("--chart-paths", type=int, default=4_000)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--figure", type=Path)
+    parser.add_argument("--no-sionna", action="store_true")
+    options = parser.parse_args()
+    radar = RadarSpec()
+    cells = radar.num_virtual * radar.num_chirps * radar.num_samples
+    print(machine(), f"load {os.getloadavg()[0]:.1f}")
+
+    cases = {"+-70 m/s": (-70.0, 70.0), "-30..0 m/s": (-30.0, 0.0)}
+    few = random_points(radar, 100, -70.0, 70.0)
+    rows: dict[str, list[tuple[float, float]]] = {}
+    for round_index in range(options.rounds):
+        for label, (slowest, fastest) in cases.items():
+            paths = random_points(radar, options.paths, slowest, fastest)
+            for tolerance in (1e-4, 1e-5):
+                accuracy = Accuracy(synthesis_tolerance=tolerance)
+                _, wall, cpu = timed(lambda p=paths, a=accuracy: synthesize(p, radar, accuracy=a))
+                name = f"NUFFT, {label}, tolerance {tolerance:g}"
+                rows.setdefault(name, []).append((wall, cpu))
+        if round_index == 0:
+            _, wall, cpu = timed(lambda: synthesize(few, radar, method="direct"))
+            scale = options.paths / few.num_paths
+            rows["plain sum (scaled from 100 paths)"] = [(wall * scale, cpu * scale)]
+    if not options.no_sionna:
+        cost, count = cfr_cost()
+        wall = cost * options.paths * cells
+        rows[f"sionna.rt Paths.cfr (scaled from {count} paths, 64 x 16 samples)"] = [(wall, float("nan"))]
+    print(f"\n| {options.paths} paths, 12 channels, 512 x 256 | first [s] | fastest wall [s] | CPU [s] |\n|---|---|---|---|")
+    for name, values in rows.items():
+        print(f"| {name} | {values[0][0]:.3g} | {min(v[0] for v in values):.3g} | {min(v[1] for v in values):.3g} |")
+    print(f"\npeak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB\n")
+
+    points = chart(options.chart_paths, options.rounds)
+    print("\n| tolerance | error over peak [dB] | wall [s] | CPU [s] |\n|---|---|---|---|")
+    for tolerance, error, wall, cpu in points:
+        print(f"| {tolerance:g} | {20 * np.log10(error):.1f} | {wall:.3f} | {cpu:.3f} |")
+    if options.figure:
+        draw(points, options.chart_paths, options.figure)
+
+
+def draw(points: list[tuple[float, float, float, float]], count: int, file: Path) -> None:
+    """Write the work-precision chart."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
+    axes.plot([p[3] for p in points], [20 * np.log10(p[1]) for p in points], "o-", color="tab:blue")
+    for tolerance, error, _, cpu in points:
+        axes.annotate(f"{tolerance:g}", (cpu, 20 * np.log10(error)), (6, 4), textcoords="offset points")
+    axes.axhline(-80.0, color="tab:red", linewidth=1.0, label="required: -80 dB")
+    axes.set(
+        xlabel="CPU time [s]", ylabel="largest error over peak [dB]",
+        title=f"{count} paths within ±70 m/s, one channel, 512 × 256; numbers: tolerance",
+    )  # fmt: skip
+    axes.title.set_fontsize(9)
+    axes.legend()
+    axes.grid(alpha=0.3)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file, dpi=150)
+
+
+if __name__ == "__main__":
+    main()
