@@ -193,7 +193,8 @@ def frame_folders(out: str | Path) -> list[Path]:
 def read_frame(folder: str | Path) -> Frame:
     """Return the frame of a folder that :class:`FrameFolderWriter` wrote.
 
-    All is as it was written, but depth, which is within 7.6e-5 of its value (see `codec.encode_depth`), and `timings`.
+    All is as it was written, but depth, which is within 7.6e-5 of its value (see `codec.encode_depth`), and
+    the times that something took (`timings`, the solver's ``seconds``), which are not stored.
 
     Raises
     ------

@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.errors import OutputError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError, UnknownNameError
 from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.radar_spec import RadarSpec
@@ -154,9 +154,20 @@ class Rig:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Rig:
-        """Return the rig of :meth:`to_dict`."""
+        """Return the rig of :meth:`to_dict`.
+
+        Raises
+        ------
+        ParameterRangeError, UnknownNameError
+            If a key is missing or unknown, or a value is not allowed.
+        """
         _check_keys("rig", data, required={"name", "sensors"})
-        return cls(data["name"], tuple(SensorMount.from_dict(item) for item in data["sensors"]))
+        try:
+            return cls(str(data["name"]), tuple(SensorMount.from_dict(item) for item in data["sensors"]))
+        except ScarlError:
+            raise
+        except (TypeError, ValueError) as error:  # a number where a list belongs, a text where a number belongs, ...
+            raise ParameterRangeError("rig", repr(dict(data))[:80], "the form of Rig.to_dict()", str(error)) from error
 
     def save(self, path: str | Path) -> None:
         """Write the rig to a YAML file (``.yaml``, ``.yml``) or a JSON file."""

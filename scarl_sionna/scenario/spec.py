@@ -43,7 +43,7 @@ class ScenarioSpec(Spec):
             data = yaml.safe_load(path.read_text(encoding="utf-8"))  # JSON is a subset of YAML
         except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
             raise ParameterRangeError("scenario file", path, "a readable YAML or JSON file", str(error)) from error
-        if not isinstance(data, dict):
+        if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
             raise ParameterRangeError("scenario file", path, "keys " + ", ".join(cls.model_fields))
         return cls(**data)
 

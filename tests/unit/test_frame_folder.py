@@ -166,6 +166,21 @@ def test_a_frame_that_fails_in_the_middle_leaves_nothing(tmp_path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["dataset.json"]
 
 
+def test_a_frame_that_the_system_does_not_take_leaves_nothing(tmp_path) -> None:
+    """Files are limited to 1 kB by the kernel, so that a write fails in the middle as on a full disk."""
+    resource = pytest.importorskip("resource")
+    writer = FrameFolderWriter(tmp_path, CONFIGURATION)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1024, before[1]))
+    try:
+        with pytest.raises(OutputError, match="cannot write"):
+            writer.write(make_frame())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [path.name for path in tmp_path.iterdir()] == ["dataset.json"]
+    assert read_frame(writer.write(make_frame())).index == 0
+
+
 def test_a_frame_that_is_there_is_not_written_over(tmp_path) -> None:
     writer = FrameFolderWriter(tmp_path, CONFIGURATION)
     writer.write(make_frame())

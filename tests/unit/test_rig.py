@@ -137,6 +137,12 @@ def test_a_name_that_is_no_safe_folder_is_refused(name) -> None:
         ("{name: a, sensors: [{name: x, kind: radar, spec: {bandwith: 1}, vehicle_from_sensor: {position: [1, 2, 3]}}]}",
          r"RadarSpec\.bandwith"),
         ("{", "readable YAML or JSON"),
+        ("{name: a, sensors: 3}", r"the form of Rig\.to_dict"),
+        ("{name: a, sensors: [{name: 5, kind: radar, vehicle_from_sensor: {position: [1, 2, 3]}}]}", "form of Rig"),
+        ("{name: a, sensors: [{name: x, kind: 7, vehicle_from_sensor: {position: [1, 2, 3]}}]}", "form of Rig"),
+        ("{name: a, sensors: [{name: x, kind: radar, vehicle_from_sensor: {position: far}}]}", "form of Rig"),
+        ("{name: a, sensors: [{name: x, kind: radar, spec: [1], vehicle_from_sensor: {position: [1, 2, 3]}}]}",
+         "form of Rig"),
     ],
 )  # fmt: skip
 def test_a_bad_file_says_what_is_wrong(tmp_path, text, message) -> None:

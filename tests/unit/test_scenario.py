@@ -40,7 +40,7 @@ def test_bad_values_are_refused(changes, message) -> None:
         ScenarioSpec(**changes)
 
 
-@pytest.mark.parametrize("text", ["- 1", "num_frames: [", "num_frames: 0", "color: red"])
+@pytest.mark.parametrize("text", ["- 1", "num_frames: [", "num_frames: 0", "color: red", "1: 2"])
 def test_a_bad_file_is_refused(tmp_path, text) -> None:
     path = tmp_path / "s.yaml"
     path.write_text(text)
