@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.radar_spec import RadarSpec
 
-from .phase import FrameGrid, beat_cycles, delay_terms
+from .phase import FrameGrid, beat_cycles, delay_terms, phasor
 
 MAX_CHUNK_VALUES = 2_000_000
 """Complex values held at once."""
@@ -33,7 +33,5 @@ def sum_paths(
             block = slice(start, start + rows)
             time = chirp[block, None] + ts[None, :]
             tau = delay[path] + time * (delay_rate[path] + 0.5 * time * delay_acceleration[path])
-            cycles = beat_cycles(radar, tau, ts)
-            cycles -= np.floor(cycles)
-            out[block] += amplitude[path] * np.exp(2j * np.pi * cycles)
+            out[block] += amplitude[path] * phasor(beat_cycles(radar, tau, ts))
     return out

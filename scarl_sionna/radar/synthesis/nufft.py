@@ -22,7 +22,7 @@ from scipy.special import jv
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
-from .phase import FrameGrid, delay_terms
+from .phase import FrameGrid, delay_terms, phasor
 
 Array = npt.NDArray[np.float64]
 
@@ -192,8 +192,7 @@ def sum_paths(
     # the transform counts modes from -(N // 2); the middle of the samples lies half a mode higher if N is even
     half_x = 0.5 * (1 - radar.num_samples % 2)
     half_y = 0.5 * (1 - radar.num_chirps % 2)
-    cycles = constant + half_x * turn_x + half_y * turn_y
-    strength = amplitude * np.exp(2j * np.pi * (cycles - np.floor(cycles)))
+    strength = amplitude * phasor(constant + half_x * turn_x + half_y * turn_y)
     return transform.run(strength, turn_x, turn_y, middle_rate, grid.bend(delay, delay_acceleration))
 
 
@@ -220,7 +219,7 @@ class Transform:
     def _batch(self, grid: FrameGrid, tolerance: float) -> list[_Batch]:
         """Return the terms of the series, batched by the precision that they need."""
         at_nodes = np.array(
-            [[np.exp(2j * np.pi * grid.residual_cycles(u, b)) for b in self._bend.nodes] for u in self._rate.nodes]
+            [[phasor(grid.residual_cycles(u, b)) for b in self._bend.nodes] for u in self._rate.nodes]
         )
         screens = np.einsum("kl,lbs->kbs", self._rate.coefficients, at_nodes.reshape(*at_nodes.shape[:2], -1), optimize=True)
         if self._bend.count > 1:
