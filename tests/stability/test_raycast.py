@@ -70,7 +70,8 @@ def test_level_radar_over_flat_ground_adds_powers_when_rough_and_amplitudes_when
     def gain(hit_phase: str) -> tuple[float, int]:
         """Return coherent over incoherent power of the rows in the mean, and hits in a row."""
         paths = solve_paths(
-@@
+            state, RADAR, Pose([0, 0, 0.5]), grid="regular", hit_phase=hit_phase, max_distance=100.0, hits_per_cell=None
+        )
         signal = paths.a[:, 0, 0] * np.exp(-1j * WAVENUMBER * _lengths(paths))
         _, row = np.unique(np.round(_lengths(paths), 6), return_inverse=True)
         sums = np.bincount(row, signal.real) + 1j * np.bincount(row, signal.imag)
