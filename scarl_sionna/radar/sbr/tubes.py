@@ -8,7 +8,6 @@ cut along that edge, whose place is found by bisection with further rays. So par
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +19,8 @@ LabelOf = Callable[[Array, Index], Index]
 
 _LARGEST_LATTICE = 8
 """Segments along the longest side of a tube that is probed at once; a longer tube is halved first."""
+_SLIVER_SEGMENTS = (4, 8, 16, 32, 64)
+"""The same for a tube narrower than the spacing, which is probed along its sides only."""
 _INSET = 1e-3
 """Probes stand this part of the tube's size inside its border, which may be an edge shared with another face."""
 _POINT_LIKE = 0.125
@@ -53,16 +54,15 @@ def refine(
     corners, rows, labels
         Pieces that together cover the tubes.
     """
-    per_batch = max(max_rays // len(_lattice(_LARGEST_LATTICE)), 1)
+    per_batch = max(max_rays // _COUNTS.max(), 1)
     stack = [
         (corners[i : i + per_batch], rows[i : i + per_batch], spacing[i : i + per_batch], edge_spacing[i : i + per_batch])
         for i in range(0, len(corners), per_batch)
     ][::-1]
     while stack:
         tri, row, wide, fine = stack.pop()
-        longest = _longest_side(tri)
-        long = longest > _LARGEST_LATTICE * wide
-        pieces, uneven = _probe(tri[~long], row[~long], wide[~long], fine[~long], longest[~long], label_of)
+        longest, layout, long = _layout(tri, wide, fine)
+        pieces, uneven = _probe(tri[~long], row[~long], fine[~long], longest[~long], layout[~long], label_of)
         if len(pieces[0]):
             yield pieces
         again = np.concatenate([np.flatnonzero(long), np.flatnonzero(~long)[uneven]])
@@ -72,16 +72,27 @@ def refine(
             stack += [tuple(a[i : i + per_batch] for a in rest) for i in range(0, len(halves), per_batch)]  # type: ignore[misc]
 
 
+def _layout(tri: Array, wide: Array, fine: Array) -> tuple[Array, Index, npt.NDArray[np.bool_]]:
+    """Return each tube's longest side, its layout of probes, and whether it is too long to be probed as it is."""
+    sides = np.roll(tri, -1, axis=1) - tri
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    height = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / longest
+    segments = np.maximum(np.ceil(longest / wide), 1)
+    layout = np.minimum(segments, _LARGEST_LATTICE).astype(np.int64)
+    layout[longest <= _POINT_LIKE * fine] = 0
+    sliver = (segments > 2) & (height <= wide)
+    step = np.searchsorted(_SLIVER_SEGMENTS, segments[sliver])
+    layout[sliver] = _LARGEST_LATTICE + 1 + np.minimum(step, len(_SLIVER_SEGMENTS) - 1)
+    return longest, layout, segments > np.where(sliver, _SLIVER_SEGMENTS[-1], _LARGEST_LATTICE)
+
+
 def _probe(
-    tri: Array, row: Index, wide: Array, fine: Array, longest: Array, label_of: LabelOf
+    tri: Array, row: Index, fine: Array, longest: Array, layout: Index, label_of: LabelOf
 ) -> tuple[tuple[Array, Index, Index], Index]:
     """Return the pieces that are settled, and the numbers of the tubes to halve."""
-    segments = np.clip(np.ceil(longest / wide), 1, _LARGEST_LATTICE).astype(np.int64)
-    segments[longest <= _POINT_LIKE * fine] = 0
     inner = _inset(tri)
-    points, start = _probe_points(inner, segments)
-    count = np.diff(np.append(start, len(points)))
-    labels = label_of(points, np.repeat(row, count))
+    points, start = _probe_points(inner, layout)
+    labels = label_of(points, np.repeat(row, _COUNTS[layout]))
     if not len(tri):
         return (tri, row, labels), np.zeros(0, dtype=np.int64)
     same = np.minimum.reduceat(labels, start) == np.maximum.reduceat(labels, start)
@@ -134,10 +145,6 @@ def _along_edge(
     return [(tip, row, label[:, 0]), (near, row, label[:, 1]), (far, row, label[:, 1])]
 
 
-def _longest_side(tri: Array) -> Array:
-    return np.asarray(np.linalg.norm(tri - np.roll(tri, 1, axis=1), axis=2).max(axis=1))
-
-
 def _inset(tri: Array) -> Array:
     center = tri.mean(axis=1, keepdims=True)
     return np.asarray(tri + _INSET * (center - tri))
@@ -152,7 +159,6 @@ def _halve(tri: Array) -> Array:
     return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
 
 
-@cache
 def _lattice(segments: int) -> Array:
     """Return barycentric coordinates of the probes: the corners first; for one segment also the centroid."""
     corner = np.eye(3)
@@ -165,14 +171,26 @@ def _lattice(segments: int) -> Array:
     return np.vstack([corner, np.array(inside, dtype=np.float64) / segments])
 
 
-_OFFSETS = np.cumsum([0] + [len(_lattice(n)) for n in range(_LARGEST_LATTICE + 1)])
-_TABLE = np.vstack([_lattice(n) for n in range(_LARGEST_LATTICE + 1)])
+def _border(segments: int) -> Array:
+    """Return barycentric coordinates of probes along the three sides, the corners first."""
+    part = np.arange(1, segments)[:, None] / segments
+    corner = np.eye(3)
+    return np.vstack([corner, *((1.0 - part) * corner[i] + part * corner[(i + 1) % 3] for i in range(3))])
 
 
-def _probe_points(tri: Array, segments: Index) -> tuple[Array, Index]:
+_LAYOUTS = [_lattice(n) for n in range(_LARGEST_LATTICE + 1)] + [_border(n) for n in _SLIVER_SEGMENTS]
+_COUNTS = np.array([len(layout) for layout in _LAYOUTS])
+_OFFSETS = np.cumsum(_COUNTS) - _COUNTS
+_TABLE = np.vstack(_LAYOUTS)
+
+
+def _probe_points(tri: Array, layout: Index) -> tuple[Array, Index]:
     """Return the probes of all tubes, tube after tube, and where each tube's begin."""
-    count = np.diff(_OFFSETS)[segments]
+    count = _COUNTS[layout]
     start = np.cumsum(count) - count
     owner = np.repeat(np.arange(len(tri)), count)
-    entry = np.arange(len(owner)) - start[owner] + _OFFSETS[segments][owner]
-    return np.einsum("pi,pij->pj", _TABLE[entry], tri[owner]), start
+    weight = _TABLE[np.arange(len(owner)) - start[owner] + _OFFSETS[layout][owner]]
+    points = weight[:, :1] * tri[owner, 0]
+    points += weight[:, 1:2] * tri[owner, 1]
+    points += weight[:, 2:] * tri[owner, 2]
+    return points, start
