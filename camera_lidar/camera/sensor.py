@@ -9,8 +9,8 @@ import numpy as np
 from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ImageFrame
+from scarl_sionna.world.placement import check_placement
 
-from ..placement import require_free_view
 from .labels import render_labels
 from .render import render_rgb
 
@@ -46,7 +46,7 @@ class Camera:
         PlacementError
             If the camera is inside a closed mesh.
         """
-        require_free_view(state, world_from_sensor, "camera")
+        check_placement(state, world_from_sensor.position, "camera")
         wanted = set(self.spec.images)
         rgb = render_rgb(state, self.spec, world_from_sensor, seed_generator) if "rgb" in wanted else None
         labels = render_labels(state, self.spec, world_from_sensor) if wanted - {"rgb"} else None

@@ -9,8 +9,8 @@ import numpy as np
 from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
+from scarl_sionna.world.placement import check_placement
 
-from ..placement import require_free_view
 from .receiver import receive
 from .scan import radial_velocity, return_intensity, shot_directions
 
@@ -46,7 +46,7 @@ class Lidar:
         PlacementError
             If the lidar is inside a closed mesh.
         """
-        require_free_view(state, world_from_sensor, "lidar")
+        check_placement(state, world_from_sensor.position, "lidar")
         spec, parts = self.spec, state.world.parts
         sensor_directions = shot_directions(spec)
         directions = world_from_sensor.rotate(sensor_directions)

@@ -50,11 +50,15 @@ class InstanceEntry:
     shapes: tuple[str, ...]
     is_object: bool
     trajectory: Trajectory | None = None
+    is_room: bool = False
 
 
 @dataclass(frozen=True)
 class SceneDocument:
-    """A scene's description; `root` is the parsed XML, with file names made absolute."""
+    """A scene's description.
+
+    `root` is the parsed XML, with file names made absolute; `is_foreign` is true where no scene.toml states the classes.
+    """
 
     name: str
     path: Path
@@ -64,6 +68,7 @@ class SceneDocument:
     bsdf_of_shape: dict[str, str]
     ego: str | None = None
     info: dict[str, Any] = field(default_factory=dict)
+    is_foreign: bool = False
 
 
 def read_document(path: Path) -> SceneDocument:
@@ -106,6 +111,7 @@ def read_document(path: Path) -> SceneDocument:
         bsdf_of_shape=bsdf_of_shape,
         ego=ego,
         info=info,
+        is_foreign=not table,
     )
 
 
@@ -205,9 +211,9 @@ def _guess_class(shape_id: str) -> str:
 def _instances_from_table(table: dict[str, Any], shapes: tuple[str, ...], path: Path) -> tuple[InstanceEntry, ...]:
     owner: dict[str, str] = {}
     entries = []
-    for kind, defaults in (("instances", {"object": True}), ("actors", {})):
+    for kind, own_keys in (("instances", {"object", "room"}), ("actors", set())):
         for row in table.get(kind, []):
-            entries.append(_instance(row, kind, {*defaults, "name", "class", "shapes"}, shapes, owner, path))
+            entries.append(_instance(row, kind, own_keys | {"name", "class", "shapes"}, shapes, owner, path))
     names = [entry.name for entry in entries]
     if repeated := {name for name in names if names.count(name) > 1}:
         raise SceneError(f"two instances have the name '{sorted(repeated)[0]}'", path)
@@ -239,7 +245,8 @@ def _instance(
             raise SceneError(f"shape '{shape}' belongs to both '{owner[shape]}' and '{name}'", path)
         owner[shape] = name
     if kind == "instances":
-        return InstanceEntry(name, row["class"], tuple(members), bool(row.get("object", True)))
+        is_room = bool(row.get("room", False))
+        return InstanceEntry(name, row["class"], tuple(members), bool(row.get("object", True)), is_room=is_room)
     trajectory = trajectory_from_table(row.get("trajectory", {}), name)
     return InstanceEntry(name, row["class"], tuple(members), True, trajectory)
 

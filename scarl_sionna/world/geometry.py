@@ -138,6 +138,15 @@ def encloses(point: Array, corners: Array) -> bool:
     return abs(winding_number(point, corners)) > _ENCLOSED
 
 
+def even_directions(count: int) -> Array:
+    """Return unit vectors spread evenly over the sphere (Fibonacci lattice), shape (count, 3)."""
+    index = np.arange(count) + 0.5
+    z = 1.0 - 2.0 * index / count
+    azimuth = np.pi * (1.0 + np.sqrt(5.0)) * index
+    radius = np.sqrt(1.0 - z * z)
+    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), z], axis=1)
+
+
 def upright_box(points: Array, fixed_axes: bool) -> tuple[Pose, Array]:
     """Return centre pose and extents (length, width, height) of a box around points, with vertical sides.
 

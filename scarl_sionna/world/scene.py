@@ -18,13 +18,17 @@ from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
 
 from .document import InstanceEntry, SceneDocument, read_document
-from .geometry import Triangles, encloses, refine_distance, upright_box
+from .geometry import Triangles, encloses, even_directions, refine_distance, upright_box
 from .materials import MaterialTable, load_materials
 from .motion import Trajectory
 from .twins import Twin
 
 Array = npt.NDArray[np.float64]
 
+SMALLEST_ROOM = 2.0
+"""In a scene without scene.toml, a mesh with all sides at least this long [m] that holds everything is taken for a room."""
+_SPHERE = even_directions(256)
+"""Rays that look for a way out of an actor."""
 RAYS_PER_BATCH = 1 << 20
 """Rays that are worked on at once: about 200 MB of temporary arrays."""
 
@@ -74,6 +78,7 @@ class InstanceInfo:
     semantic: int
     parts: tuple[int, ...]
     is_object: bool
+    is_room: bool
     actor: str | None
     frame_from_box: Pose
     size: Array
@@ -142,9 +147,17 @@ class World:
         is_actor = entry.trajectory is not None
         frame_from_box, size = upright_box(vertices, fixed_axes=is_actor or not entry.is_object)
         name = entry.name if is_actor else None
+        is_room = entry.is_room or (self.document.is_foreign and self._holds_all(vertices))
         return InstanceInfo(
-            entry.name, number, semantic_id(entry.semantic), parts, entry.is_object, name, frame_from_box, size
+            entry.name, number, semantic_id(entry.semantic), parts, entry.is_object, is_room, name, frame_from_box, size
         )
+
+    def _holds_all(self, vertices: Array) -> bool:
+        """Return whether the bounding box of an instance is room-sized and holds the whole scene."""
+        lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+        corners = self._triangles.corners.reshape(-1, 3)
+        whole = np.all(corners.min(axis=0) >= lower) and np.all(corners.max(axis=0) <= upper)
+        return bool(whole and np.all(upper - lower >= SMALLEST_ROOM))
 
     def twin(self, kind: str) -> Twin:
         """Return a twin of the scene, ``"optical"`` or ``"radio"``, loaded on first use."""
@@ -318,13 +331,21 @@ class WorldState:
         return RayHits(ray + first, distance, point, normal, np.minimum(np.abs(cosine), 1.0), part, velocity)
 
     def inside(self, point: npt.ArrayLike) -> str | None:
-        """Return the name of the instance whose mesh encloses a point [m, world], or None."""
+        """Return the name of the instance whose mesh encloses a point [m, world], or None.
+
+        An actor made of several shells (a cabin behind separate panes) encloses a point from which no ray gets out. Rooms
+        (``room = true`` in scene.toml) are there to be stood in and do not count.
+        """
         where = np.asarray(point, dtype=np.float64)
         lower, upper = self._bounds
         for info in self.world.instances.values():
             parts = list(info.parts)
             near = np.all(where >= lower[parts].min(axis=0)) and np.all(where <= upper[parts].max(axis=0))
-            if near and encloses(where, self._triangles.of_parts(info.parts)):
+            if not near or info.is_room:
+                continue
+            if encloses(where, self._triangles.of_parts(info.parts)):
+                return info.name
+            if info.actor is not None and np.isin(self.cast(where, _SPHERE).part, parts).sum() == len(_SPHERE):
                 return info.name
         return None
 

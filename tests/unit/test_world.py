@@ -113,6 +113,23 @@ def test_inside(world: World) -> None:
     assert world.at(2.0).inside([10, 0, 1.0]) is None  # the car has left
 
 
+def test_cabin_behind_separate_panes_is_inside() -> None:
+    highway = load_scene("highway_guardrail")
+    state = highway.at(0.0)
+    assert state.inside([0.0, 0.0, 1.0]) == "ego"
+    assert state.inside([2.36, 0.0, 0.8]) is None  # where the rig's front sensors stand
+    assert state.inside([0.0, 0.0, 0.05]) is None  # under the car
+
+
+def test_room_may_be_stood_in(tmp_path: Path) -> None:
+    assert load_scene("box").at(0.0).inside([0, 0, 1.0]) is None  # Sionna's room of 10 x 10 x 5 m, no scene.toml
+    path = write_scene(tmp_path, [Thing("hall", box((8, 8, 4)), "Building")])
+    assert load_scene(path).at(0.0).inside([0, 0, 0]) == "hall"
+    toml = tmp_path / "scene.toml"
+    toml.write_text(toml.read_text().replace("object = true", "object = true\nroom = true"))
+    assert load_scene(path).at(0.0).inside([0, 0, 0]) is None
+
+
 def test_time_outside(world: World) -> None:
     with pytest.raises(TimeRangeError, match="'car'"):
         world.at(2.5)
