@@ -73,10 +73,10 @@ class PathGeometry:
         rx = paths.world_from_rx.apply(radar.rx_array)
         tx_center, rx_center = paths.world_from_tx.position, paths.world_from_rx.position
         if paths.rx_image is None:
-            mirror = np.zeros(paths.num_paths, dtype=bool)
+            mirror: npt.NDArray[np.bool_] = np.zeros(paths.num_paths, dtype=np.bool_)
             image = np.zeros((0, 3, 4))
         else:
-            mirror = np.isfinite(paths.rx_image).all(axis=(1, 2))
+            mirror = np.asarray(np.isfinite(paths.rx_image).all(axis=(1, 2)))
             image = paths.rx_image[mirror]
         mirror_length = np.linalg.norm(_image_of(image, rx)[None] - tx[:, None, None, :], axis=-1)
         tx_vector, rx_vector = paths.tx_point - tx_center, paths.rx_point - rx_center

@@ -175,9 +175,11 @@ def _points(
     rd = rda.range_doppler
     num_doppler, num_range = power.shape
     near = np.clip([range_index - 1, range_index, range_index + 1], 0, num_range - 1)
-    range_offset = tone_offset(*power[doppler_index, near], rd.window[0], radar.num_samples, num_range)
+    below, here, above = power[doppler_index, near]
+    range_offset = tone_offset(below, here, above, rd.window[0], radar.num_samples, num_range)
     around = np.array([doppler_index - 1, doppler_index, doppler_index + 1]) % num_doppler
-    doppler_offset = tone_offset(*power[around, range_index], rd.window[1], radar.num_chirps, num_doppler)
+    below, here, above = power[around, range_index]
+    doppler_offset = tone_offset(below, here, above, rd.window[1], radar.num_chirps, num_doppler)
     distance = (range_index + range_offset) * (rd.range[1] - rd.range[0])
     velocity = rd.radial_velocity[0] + (doppler_index + doppler_offset) * (rd.radial_velocity[1] - rd.radial_velocity[0])
     snapshot = rd.data[:, doppler_index, range_index].T.astype(np.complex128)

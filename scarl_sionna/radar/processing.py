@@ -125,13 +125,13 @@ def cell_noise_power(radar: RadarSpec, window: str | None = "hann", doppler_wind
 def range_axis(radar: RadarSpec, num_range_bins: int | None = None) -> Array:
     """Return the distances of the range bins [m]."""
     count = radar.num_samples if num_range_bins is None else num_range_bins
-    return np.arange(count) * (radar.max_range / count)
+    return np.arange(count, dtype=np.float64) * (radar.max_range / count)
 
 
 def doppler_axis(radar: RadarSpec, num_doppler_bins: int | None = None) -> Array:
     """Return the radial velocities of the Doppler bins [m/s], rising, positive when opening."""
     count = radar.num_chirps if num_doppler_bins is None else num_doppler_bins
-    return (np.arange(count) - count // 2) * (2.0 * radar.unambiguous_velocity / count)
+    return np.arange(-(count // 2), count - count // 2, dtype=np.float64) * (2.0 * radar.unambiguous_velocity / count)
 
 
 def range_doppler(
