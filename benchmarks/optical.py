@@ -10,13 +10,12 @@ of the 8-bit sRGB image, which is what a user sees; the reference's own error is
 from __future__ import annotations
 
 import argparse
-import os
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from harness import Timing, machine, measure
 
 from camera_lidar import Camera, Lidar
 from camera_lidar.camera.render import integrator_dict, sensor_dict, stratified_samples
@@ -32,24 +31,8 @@ REFERENCE_SPP = 1024
 QUALITY = CameraSpec(width=192, height=108)  # small, so that the reference takes a minute
 
 
-def measure(run: Callable[[], Any], repeats: int = 5) -> tuple[float, float, float]:
-    """Return cold, median warm wall time and median warm CPU time [s]."""
-    start = time.perf_counter()
-    run()
-    cold = time.perf_counter() - start
-    run()
-    walls, cpus = [], []
-    for _ in range(repeats):
-        wall, cpu = time.perf_counter(), time.process_time()
-        run()
-        walls.append(time.perf_counter() - wall)
-        cpus.append(time.process_time() - cpu)
-    return cold, float(np.median(walls)), float(np.median(cpus))
-
-
-def report(name: str, times: tuple[float, float, float], what: str) -> None:
-    cold, warm, cpu = times
-    print(f"{name:44s} cold {cold:7.2f} s   warm {warm:7.3f} s   cpu {cpu:7.2f} s   {what}", flush=True)
+def report(name: str, timing: Timing, what: str) -> None:
+    print(f"{name:44s} {timing}   {what}", flush=True)
 
 
 def time_sensors(state: Any, world_from_vehicle: Pose, repeats: int) -> None:
@@ -70,7 +53,7 @@ def time_sensors(state: Any, world_from_vehicle: Pose, repeats: int) -> None:
     for spp in (4, 16):
         rgb = Camera(CameraSpec(samples_per_pixel=spp, images=("rgb",)))
         times = measure(lambda rgb=rgb: observe(rgb), max(1, repeats // 2))
-        report(f"RGB 960 x 540, {spp} samples", times, f"{960 * 540 * spp / times[1] / 1e6:.1f} M paths/s")
+        report(f"RGB 960 x 540, {spp} samples", times, f"{960 * 540 * spp / times.wall / 1e6:.1f} M paths/s")
     draft = Camera(CameraSpec(width=640, height=360, samples_per_pixel=16))
     offsets = [(x, y) for x in (2.45, -2.45) for y in (0.4, 0.0, -0.4)]
     poses = [world_from_vehicle.compose(Pose.from_euler([x, y, 0.7], yaw=0.0 if x > 0 else np.pi)) for x, y in offsets]
@@ -180,7 +163,8 @@ def main() -> None:
     world = load_scene(options.scene)
     state = world.at(options.time)
     vehicle = state.actor_pose(world.ego) if world.ego else Pose()
-    print(f"scene {world.name}, {len(world.parts.name)} parts, {os.cpu_count()} CPUs, load {os.getloadavg()[0]:.1f}")
+    print(machine())
+    print(f"scene {world.name}, {len(world.parts.name)} parts")
     time_sensors(state, vehicle, repeats=2 if options.quick else 5)
     front = vehicle.compose(FRONT)
     results = measure_quality(state, front, (1, 4, 16, 64) if options.quick else (1, 4, 16, 64, 256))

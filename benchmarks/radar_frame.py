@@ -11,14 +11,12 @@ peak. Both from the same run. ``0`` hits a cell stands for every hit.
 from __future__ import annotations
 
 import argparse
-import os
-import platform
-import resource
 import time
 import warnings
 
 import numpy as np
 import numpy.typing as npt
+from harness import machine, peak_memory
 
 import scarl_sionna as ss
 from scarl_sionna.radar.paths import RadarPaths
@@ -96,7 +94,8 @@ def main() -> None:
     )
     reference = expected_map(finest, spec)
     strong = reference > reference.max() * 1e-6
-    print(f"{platform.machine()}, {os.cpu_count()} threads; {strong.sum()} cells compared")
+    print(machine())
+    print(f"{strong.sum()} cells compared")
     print(
         f"{'rays':>9} {'hits/cell':>9} {'paths':>8} {'cold s':>7} {'warm s':>7} {'rms dB':>7} {'95 % dB':>8}  stages [s]"
     )
@@ -123,7 +122,7 @@ def main() -> None:
                 f"  {stages}",
                 flush=True,
             )
-    print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB")
+    print(f"peak memory {peak_memory():.2f} GiB")
     if arguments.figure:
         draw(results, arguments.figure)
 
