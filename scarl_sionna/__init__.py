@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         virtual_cube,
     )
     from .radar.channel import solve_paths
+    from .radar.rcs import rcs
     from .world import World, WorldState, load_scene
 
 __all__ = [
@@ -56,6 +57,7 @@ __all__ = [
     "quantize",
     "range_doppler",
     "range_doppler_angle",
+    "rcs",
     "simulate",
     "solve_paths",
     "synthesize",
@@ -77,6 +79,7 @@ _HOME = {
         "virtual_cube",
     ),
     ".radar.channel": ("solve_paths",),
+    ".radar.rcs": ("rcs",),
     ".world": ("World", "WorldState", "load_scene"),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

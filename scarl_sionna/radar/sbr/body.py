@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
 
 from scarl_sionna.core.errors import MeshError
 from scarl_sionna.world.geometry import Triangles
@@ -16,6 +20,8 @@ Array = npt.NDArray[np.float64]
 
 _THIN = 1e-9
 """A face whose height is below this part of the mesh's size is degenerate: it has no area and no sure normal."""
+_LARGEST_SEARCH = 200_000_000
+"""Pairs of a face and a corner of the convex hull up to which `free` is searched: 0.5 s; beyond, rays find out."""
 _SAME_PLANE = 1e-6
 """Faces whose normals (and, in radii, whose offsets) agree within this lie in one plane: 1 um of a metre."""
 
@@ -31,7 +37,10 @@ class Body:
     plane : ndarray of int64, shape (num_faces,)
         Number of the plane in which each face lies.
     one_sided : bool
-        Whether the mesh is closed and its normals point outwards, so that only front faces can be lit.
+        Whether every part of the mesh is closed and its normals point outwards, so that only front faces can be lit.
+    free : ndarray of bool, shape (num_faces, 2)
+        Whether nothing of the mesh stands in front of a face's plane, on the side of its normal and on the other one: then
+        nothing can shadow it, and what it reflects meets nothing.
     num_degenerate : int
         Faces without area that were left out.
     caster : Caster
@@ -40,6 +49,7 @@ class Body:
     triangles: Triangles
     plane: npt.NDArray[np.int64]
     one_sided: bool
+    free: npt.NDArray[np.bool_]
     num_degenerate: int
     caster: Caster
 
@@ -65,11 +75,11 @@ class Body:
         kept = ~_degenerate(corners)
         if not kept.any():
             raise MeshError(f"all {len(index)} faces of the mesh have no area", remedy="repair the mesh")
-        outward = _is_closed(index) and _volume(corners) > 0.0
+        outward = _is_outward(corners)
         triangles = Triangles.from_meshes([corners[kept].reshape(-1, 3)], [np.arange(3 * kept.sum()).reshape(-1, 3)])
         caster = Caster(triangles.corners)
         plane = _planes(triangles, caster)
-        return cls(triangles, plane, outward, int((~kept).sum()), caster)
+        return cls(triangles, plane, outward, _free(triangles, caster), int((~kept).sum()), caster)
 
     @property
     def size(self) -> float:
@@ -86,25 +96,50 @@ def _degenerate(corners: Array) -> npt.NDArray[np.bool_]:
     return twice_area <= _THIN * size * longest
 
 
-def _is_closed(faces: npt.NDArray[np.int64]) -> bool:
-    """Return whether each edge is used once in each direction: closed, and all normals on the same side."""
+def _is_outward(corners: Array) -> bool:
+    """Return whether every part of a mesh is closed and has its normals outside.
+
+    Closed: each edge is used once in each direction, after vertices at the same place have been joined.
+    """
+    points, joined = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    faces = joined.reshape(-1, 3).astype(np.int64)
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    count = edges.max() + 1
-    forward = np.sort(edges[:, 0] * count + edges[:, 1])
-    backward = np.sort(edges[:, 1] * count + edges[:, 0])
-    return bool(np.array_equal(forward, backward) and np.all(np.diff(forward) > 0))
-
-
-def _volume(corners: Array) -> float:
-    a, b, c = (corners[:, i] - corners[0, 0] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+    forward = np.sort(edges[:, 0] * len(points) + edges[:, 1])
+    backward = np.sort(edges[:, 1] * len(points) + edges[:, 0])
+    if not np.array_equal(forward, backward) or np.any(np.diff(forward) == 0):
+        return False
+    graph = coo_array((np.ones(len(edges), dtype=bool), (edges[:, 0], edges[:, 1])), shape=(len(points),) * 2)
+    part = connected_components(graph, directed=False)[1][faces[:, 0]]
+    first = np.unique(part, return_index=True)[1]
+    a, b, c = (corners[:, i] - corners[first[part], 0] for i in range(3))
+    volume = np.bincount(part, np.einsum("ij,ij->i", a, np.cross(b, c)))
+    return bool(np.all(volume > 0.0))
 
 
 def _planes(triangles: Triangles, caster: Caster) -> npt.NDArray[np.int64]:
-    """Number the planes; the two sides of a plane have one number."""
+    """Return the number of each face's plane; its two sides have one number."""
     normal = triangles.normal
     height = (triangles.offset - normal @ caster.center) / caster.radius
     pivot = np.abs(normal).argmax(axis=1)
     sign = np.sign(normal[np.arange(len(normal)), pivot])
     key = np.column_stack([normal * sign[:, None], height * sign])
     return np.unique(np.round(key / _SAME_PLANE).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _free(triangles: Triangles, caster: Caster) -> npt.NDArray[np.bool_]:
+    """Return whether the mesh has nothing above each face's plane, and nothing below it."""
+    normal = triangles.normal
+    corners = (np.unique(triangles.corners.reshape(-1, 3), axis=0) - caster.center) / caster.radius
+    with suppress(QhullError, ValueError):  # a flat mesh has no hull; all its corners do as well
+        corners = corners[ConvexHull(corners).vertices]
+    result = np.zeros((len(normal), 2), dtype=bool)
+    if len(normal) * len(corners) > _LARGEST_SEARCH:
+        return result
+    offset = (triangles.offset - normal @ caster.center) / caster.radius
+    rows = max(1_000_000 // len(corners), 1)
+    for first in range(0, len(normal), rows):
+        part = slice(first, first + rows)
+        height = normal[part] @ corners.T - offset[part, None]
+        result[part, 0] = height.max(axis=1) <= _SAME_PLANE
+        result[part, 1] = height.min(axis=1) >= -_SAME_PLANE
+    return result

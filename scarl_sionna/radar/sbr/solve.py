@@ -157,11 +157,11 @@ def _add_bounce(result: Complex, body: Body, bounce: Bounce, plan: _Plan, settin
         tube = rows[position]
         front = np.einsum("ij,ij->i", tubes.normal[tube], plan.observer[view]) > 0.0
         if bounce.depth == 1:
-            free = plan.backward[view] | ~front
-            _radiate(result, bounce, plan, tube[free], view[free], tubes.corners[tube[free]])
-            tested = ~free
+            seen = plan.backward[view] | ~front | tubes.free[tube]
         else:
-            tested = front
+            seen = front & tubes.free[tube]
+        _radiate(result, bounce, plan, tube[seen], view[seen], tubes.corners[tube[seen]])
+        tested = front & ~seen
         _add_visible(result, body, bounce, plan, tube[tested], view[tested], settings)
 
 

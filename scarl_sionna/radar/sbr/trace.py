@@ -57,6 +57,8 @@ class Tubes:
         The wave's phase at r is -k (path + direction . r) [m].
     incident : ndarray of complex128, shape (num_tubes, 3, 2)
         Electric field without that phase, of the V and the H wave.
+    free : ndarray of bool, shape (num_tubes,)
+        Whether nothing of the mesh stands in front of the lit side.
     """
 
     corners: Array
@@ -65,6 +67,7 @@ class Tubes:
     normal: Array
     path: Array
     incident: npt.NDArray[np.complex128]
+    free: npt.NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.wave)
@@ -136,7 +139,7 @@ def _facing(body: Body, waves: Waves, settings: SbrSettings) -> Iterator[Tubes]:
         wave += first
         yield Tubes(
             body.triangles.corners[face], wave, waves.direction[wave], normal[face] * side[:, None],
-            np.zeros(len(wave)), waves.field[wave].astype(np.complex128),
+            np.zeros(len(wave)), waves.field[wave].astype(np.complex128), body.free[face, (side < 0).astype(np.int64)],
         )  # fmt: skip
 
 
@@ -151,6 +154,9 @@ def _lit(body: Body, waves: Waves, tubes: Tubes, settings: SbrSettings) -> Itera
     def shadowed(points: Array, rows: Index) -> Index:
         return body.caster.blocked(points, -tubes.direction[rows], tubes.normal[rows]).astype(np.int64)
 
+    if tubes.free.any():
+        yield tubes.take(np.flatnonzero(tubes.free))
+        tubes = tubes.take(np.flatnonzero(~tubes.free))
     sizes = _sizes(waves, tubes.wave, settings)
     for corners, rows, dark in refine(tubes.corners, np.arange(len(tubes)), shadowed, *sizes, settings.max_rays):
         lit = dark == 0
@@ -166,8 +172,9 @@ def _next(body: Body, waves: Waves, bounce: Bounce, settings: SbrSettings) -> It
         face = body.caster.first_face(points, bounce.onward[rows], tubes.normal[rows])
         return np.where(face == MISS, MISS, body.plane[face])
 
-    sizes = _sizes(waves, tubes.wave, settings)
-    for corners, rows, plane in refine(tubes.corners, np.arange(len(tubes)), plane_met, *sizes, settings.max_rays):
+    chosen = np.flatnonzero(~tubes.free)
+    sizes = _sizes(waves, tubes.wave[chosen], settings)
+    for corners, rows, plane in refine(tubes.corners[chosen], chosen, plane_met, *sizes, settings.max_rays):
         face = plane_face[plane]
         direction = bounce.onward[rows]
         cosine = np.einsum("ij,ij->i", direction, triangles.normal[face])
@@ -182,5 +189,5 @@ def _next(body: Body, waves: Waves, bounce: Bounce, settings: SbrSettings) -> It
         turn = np.einsum("ij,ij->i", tubes.direction[rows] - direction, corners[:, 0])
         yield Tubes(
             landed, tubes.wave[rows], direction, -normal * np.sign(cosine)[:, None],
-            tubes.path[rows] + turn, bounce.reflected[rows],
+            tubes.path[rows] + turn, bounce.reflected[rows], body.free[face, (cosine > 0).astype(np.int64)],
         )  # fmt: skip

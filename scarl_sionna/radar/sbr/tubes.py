@@ -8,6 +8,7 @@ cut along that edge, whose place is found by bisection with further rays. So par
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -55,10 +56,7 @@ def refine(
         Pieces that together cover the tubes.
     """
     per_batch = max(max_rays // _COUNTS.max(), 1)
-    stack = [
-        (corners[i : i + per_batch], rows[i : i + per_batch], spacing[i : i + per_batch], edge_spacing[i : i + per_batch])
-        for i in range(0, len(corners), per_batch)
-    ][::-1]
+    stack = _batches((corners, rows, spacing, edge_spacing), per_batch)[::-1]
     while stack:
         tri, row, wide, fine = stack.pop()
         longest, layout, long = _layout(tri, wide, fine)
@@ -68,8 +66,11 @@ def refine(
         again = np.concatenate([np.flatnonzero(long), np.flatnonzero(~long)[uneven]])
         if len(again):
             halves = _halve(tri[again])
-            rest = (halves, *(np.concatenate([a[again], a[again]]) for a in (row, wide, fine)))
-            stack += [tuple(a[i : i + per_batch] for a in rest) for i in range(0, len(halves), per_batch)]  # type: ignore[misc]
+            stack += _batches((halves, *(np.tile(a[again], 2) for a in (row, wide, fine))), per_batch)
+
+
+def _batches(arrays: tuple[Any, ...], size: int) -> list[tuple[Any, ...]]:
+    return [tuple(array[i : i + size] for array in arrays) for i in range(0, len(arrays[0]), size)]
 
 
 def _layout(tri: Array, wide: Array, fine: Array) -> tuple[Array, Index, npt.NDArray[np.bool_]]:

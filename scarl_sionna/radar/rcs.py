@@ -1,0 +1,347 @@
+"""Radar cross section of a mesh by shooting and bouncing rays with physical optics, monostatic and bistatic.
+
+How right it is, against what, and where it breaks stands in docs/rcs.md.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
+from scarl_sionna.world.materials import MaterialTable, RadioMaterial, builtin_materials
+
+from .sbr import DEFAULT_SBR, Body, Looks, SbrSettings, Surface, scattering_matrices
+
+if TYPE_CHECKING:
+    import trimesh
+
+Real = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Mesh: TypeAlias = "trimesh.Trimesh | str | Path | Body"
+Material: TypeAlias = "str | complex | RadioMaterial"
+
+POLARIZATIONS = ("VV", "HH", "VH", "HV")
+"""Receive letter first; V is along theta_hat, H along phi_hat."""
+SMALLEST_SIZE = 3.0
+"""Largest extent [wavelengths] below which physical optics is more than some 0.2 dB off even for a plate head-on."""
+LARGEST_SIZE = 200.0
+"""Largest extent [m] above which a mesh is taken to be in another unit than metres."""
+
+
+def rcs(
+    mesh: Mesh,
+    frequency: npt.ArrayLike,
+    theta: npt.ArrayLike,
+    phi: npt.ArrayLike,
+    polarization: str = "VV",
+    material: Material = "metal",
+    theta_s: npt.ArrayLike | None = None,
+    phi_s: npt.ArrayLike | None = None,
+    *,
+    materials: MaterialTable | None = None,
+    settings: SbrSettings = DEFAULT_SBR,
+) -> Real:
+    r"""Return the far-field radar cross section of a mesh.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh, path or Body
+        Triangle mesh [m]; a `Body` is a mesh that has been made ready once.
+    frequency : array_like of float
+        [Hz]. It is broadcast with the angles, and so are they with each other.
+    theta, phi : array_like of float
+        Direction from the target to the transmitter: from +z, and from +x in the xy plane [rad].
+    polarization : {"VV", "HH", "VH", "HV"}
+        Receive letter first; V is along theta_hat, H along phi_hat.
+    material : str, complex or RadioMaterial
+        "metal" (or "pec") is a perfect conductor; another name is one of `materials`; a number is the relative permittivity of
+        a half space, with an imaginary part <= 0. A material with a thickness is a layer with air behind.
+    theta_s, phi_s : array_like of float, optional
+        Direction from the target to the receiver [rad]; one that is not given is the transmitter's.
+    materials : MaterialTable, optional
+        Where a name is looked up; by default the built-in table.
+    settings : SbrSettings
+        Bounces, and how densely rays probe the mesh.
+
+    Returns
+    -------
+    ndarray of float64
+        [m2], of the shape to which frequency and angles broadcast.
+
+    Raises
+    ------
+    MeshError
+        If the mesh cannot be read, has no faces, or has vertices that are not finite.
+    ParameterRangeError
+        If a frequency is not positive or an angle or permittivity is not usable.
+    UnknownNameError
+        If the polarisation is unknown, or (as `UnknownMaterialError`) the material.
+    MaterialRangeError
+        If the material has no data at a frequency.
+
+    Warns
+    -----
+    ScarlWarning
+        If the target is smaller than 3 wavelengths or larger than 200 m, or faces without area were left out.
+
+    Notes
+    -----
+    .. math:: \sigma = 4 \pi |S|^2
+
+    *Validity*: targets above 3 wavelengths, within some 20 dB of their peaks. *Not modelled*: edge diffraction, creeping
+    waves, what passes through a dielectric, rough surfaces. *Convergence*: docs/rcs.md.
+
+    References
+    ----------
+    .. [1] H. Ling, R.-C. Chou, S.-W. Lee, "Shooting and Bouncing Rays", IEEE Trans. Antennas Propag. 37(2), 1989.
+    """
+    receive, transmit = _polarization(polarization)
+    matrix = scattering_matrix(
+        mesh, frequency, theta, phi, material, theta_s, phi_s, materials=materials, settings=settings
+    )
+    return np.asarray(4.0 * np.pi * np.abs(matrix[..., receive, transmit]) ** 2)
+
+
+def scattering_matrix(
+    mesh: Mesh,
+    frequency: npt.ArrayLike,
+    theta: npt.ArrayLike,
+    phi: npt.ArrayLike,
+    material: Material = "metal",
+    theta_s: npt.ArrayLike | None = None,
+    phi_s: npt.ArrayLike | None = None,
+    *,
+    materials: MaterialTable | None = None,
+    settings: SbrSettings = DEFAULT_SBR,
+) -> Complex:
+    r"""Return the far-field scattering matrix of a mesh; parameters, errors and warnings as of :func:`rcs`.
+
+    Returns
+    -------
+    ndarray of complex128, shape (..., 2, 2)
+        S [m], receive polarisation (V, H) before transmit. The scattered field is :math:`S e^{-jkr} / r` for an incident
+        field of 1 V/m whose phase is zero at the origin of the mesh's frame (time dependence e^{+jwt}). Both
+        directions of a bistatic pair use theta_hat and phi_hat of their own direction.
+    """
+    arrays = [np.asarray(a, dtype=np.float64) for a in (frequency, theta, phi)]
+    arrays.append(arrays[1] if theta_s is None else np.asarray(theta_s, dtype=np.float64))
+    arrays.append(arrays[2] if phi_s is None else np.asarray(phi_s, dtype=np.float64))
+    _check_values(arrays)
+    wide = np.broadcast_arrays(*arrays)
+    columns = [a.reshape(-1) for a in wide]
+    parts = _surfaces(material, columns[0], materials)
+    body = load_body(mesh)
+    result = np.zeros((len(columns[0]), 2, 2), dtype=np.complex128)
+    if len(result):
+        _check_size(body, columns[0])
+        for surface, rows in parts:
+            result[rows] = scattering_matrices(body, surface, Looks(*(column[rows] for column in columns)), settings)
+    return result.reshape((*wide[0].shape, 2, 2))
+
+
+def load_body(mesh: Mesh) -> Body:
+    """Make a mesh ready for many calls of :func:`rcs`.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read or the mesh is not usable.
+    """
+    if isinstance(mesh, Body):
+        return mesh
+    path = Path(mesh) if isinstance(mesh, str | Path) else None
+    triangles: Any = mesh if path is None else _read(path)
+    try:
+        body = Body.from_mesh(triangles.vertices, triangles.faces)
+    except MeshError as error:
+        if path is None:
+            raise
+        raise MeshError(str(error), path) from error
+    if body.num_degenerate:
+        name = f"{path}: " if path else ""
+        warnings.warn(f"{name}{body.num_degenerate} faces without area were left out", ScarlWarning, stacklevel=2)
+    return body
+
+
+def _read(path: Path) -> Any:
+    import trimesh
+
+    if not path.is_file():
+        raise MeshError("there is no such file", path, "check the path")
+    try:
+        mesh = trimesh.load(path, force="mesh", process=False)
+    except Exception as error:  # each reader of trimesh raises its own
+        raise MeshError(f"cannot be read as a mesh ({error})", path, "give a PLY, OBJ, STL or glTF file") from error
+    if not isinstance(mesh, trimesh.Trimesh):
+        raise MeshError("the mesh has no faces", path, "give a triangle mesh, not a point cloud or a curve")
+    return mesh
+
+
+def _polarization(name: str) -> tuple[int, int]:
+    if name not in POLARIZATIONS:
+        raise UnknownNameError("polarization", str(name), POLARIZATIONS, "the receive letter stands first")
+    return "VH".index(name[0]), "VH".index(name[1])
+
+
+def _check_values(arrays: Sequence[Real]) -> None:
+    frequency = arrays[0]
+    bad = frequency[~((frequency > 0.0) & np.isfinite(frequency))]
+    if bad.size:
+        raise ParameterRangeError("frequency", f"{bad.flat[0]} Hz", "> 0 Hz and finite")
+    for name, angle in zip(("theta", "phi", "theta_s", "phi_s"), arrays[1:], strict=True):
+        bad = angle[~np.isfinite(angle)]
+        if bad.size:
+            raise ParameterRangeError(name, f"{bad.flat[0]} rad", "finite")
+
+
+def _check_size(body: Body, frequency: Real) -> None:
+    wavelength = SPEED_OF_LIGHT / float(frequency.min())
+    if body.size > LARGEST_SIZE:
+        warnings.warn(
+            f"the mesh is {body.size:.4g} m across; is it in millimetres? Lengths are metres, and the RCS of a plate "
+            "grows with the fourth power of its size",
+            ScarlWarning, stacklevel=4,
+        )  # fmt: skip
+    elif body.size < SMALLEST_SIZE * wavelength:
+        warnings.warn(
+            f"the mesh is {body.size:.4g} m across, {body.size / wavelength:.2g} wavelengths; below {SMALLEST_SIZE:g} "
+            "physical optics is wrong by decibels: use a full-wave solver, or check the unit of the mesh",
+            ScarlWarning, stacklevel=4,
+        )  # fmt: skip
+
+
+def _surfaces(
+    material: Material, frequency: Real, materials: MaterialTable | None
+) -> list[tuple[Surface, npt.NDArray[np.int64]]]:
+    """Return surfaces and the rows for which each is valid: one for a conductor, else one a frequency."""
+    entry: Any = material
+    if isinstance(material, str):
+        if material.lower() in ("metal", "pec"):
+            return [(Surface(), np.arange(len(frequency)))]
+        entry = (materials if materials is not None else builtin_materials())[material]
+    elif not isinstance(material, RadioMaterial):
+        entry = _permittivity(material)
+    parts = []
+    for value in np.unique(frequency):
+        if isinstance(entry, RadioMaterial):
+            surface = Surface(entry.at(float(value)), entry.thickness, float(value))
+        else:
+            surface = Surface(entry, None, float(value))
+        parts.append((surface, np.flatnonzero(frequency == value)))
+    return parts
+
+
+def _permittivity(value: Any) -> complex:
+    try:
+        number = complex(value)
+    except (TypeError, ValueError):
+        raise ParameterRangeError(
+            "material", repr(value), "a name, a RadioMaterial or a complex permittivity"
+        ) from None
+    if not (np.isfinite(number) and number.real >= 1.0 and number.imag <= 0.0):
+        raise ParameterRangeError(
+            "material", number, "relative permittivity with real part >= 1 and imaginary part <= 0",
+            "losses are a negative imaginary part (time dependence e^{+jwt})",
+        )  # fmt: skip
+    return number
+
+
+@dataclass(frozen=True, eq=False)
+class RcsCut:
+    """Monostatic RCS over one angle.
+
+    Attributes
+    ----------
+    angle_deg : ndarray of float64, shape (num_angles,)
+        phi of an azimuth cut, theta of an elevation cut [deg].
+    rcs : ndarray of float64, shape (num_polarizations, num_angles)
+        [m2].
+    polarizations : tuple of str
+    cut : {"azimuth", "elevation"}
+    frequency : float
+        [Hz].
+    """
+
+    angle_deg: Real
+    rcs: Real
+    polarizations: tuple[str, ...]
+    cut: str
+    frequency: float
+
+    @property
+    def rcs_dbsm(self) -> Real:
+        """RCS [dBsm]; -200 dBsm stands for nothing."""
+        return power_to_db(self.rcs, -200.0)
+
+    def table(self) -> str:
+        """Return the cut as text with comma-separated columns."""
+        head = ("phi_deg" if self.cut == "azimuth" else "theta_deg", *(f"{p}_dbsm" for p in self.polarizations))
+        rows = np.column_stack([self.angle_deg, *self.rcs_dbsm])
+        return "\n".join([",".join(head), *(",".join([f"{r[0]:g}", *(f"{v:.3f}" for v in r[1:])]) for r in rows)])
+
+    def plot(self, path: str | Path) -> None:
+        """Draw the cut into an image file (PNG, PDF or SVG by its name)."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(8.0, 4.5), layout="constrained")
+        axes = figure.add_subplot()
+        levels = self.rcs_dbsm
+        for name, level in zip(self.polarizations, levels, strict=True):
+            axes.plot(self.angle_deg, level, label=name, linewidth=1.0)
+        axes.set_ylim(max(levels.max() - 60.0, levels.min()) - 2.0, levels.max() + 3.0)
+        axes.set_xlabel("azimuth phi [deg]" if self.cut == "azimuth" else "polar angle theta [deg]")
+        axes.set_ylabel("RCS [dBsm]")
+        axes.set_title(f"{self.cut} cut at {self.frequency / 1e9:g} GHz")
+        axes.grid(alpha=0.3)
+        axes.legend()
+        figure.savefig(path)
+
+
+def rcs_cut(
+    mesh: Mesh,
+    frequency: float,
+    cut: Literal["azimuth", "elevation"] = "azimuth",
+    polarizations: Sequence[str] = ("VV", "HH"),
+    material: Material = "metal",
+    *,
+    step_deg: float = 1.0,
+    fixed_angle_deg: float | None = None,
+    materials: MaterialTable | None = None,
+    settings: SbrSettings = DEFAULT_SBR,
+) -> RcsCut:
+    """Return the monostatic RCS over a full turn of phi, or over theta from 0 to 180 deg.
+
+    Parameters
+    ----------
+    mesh, frequency, material, materials, settings
+        As of :func:`rcs`.
+    cut : {"azimuth", "elevation"}
+        Turns phi from -180 to 180 deg at a fixed theta (90 deg), or theta at a fixed phi (0 deg).
+    polarizations : sequence of str
+    step_deg : float
+        [deg], above 0 and at most 180.
+    fixed_angle_deg : float, optional
+        The angle that does not turn [deg].
+    """
+    if cut not in ("azimuth", "elevation"):
+        raise UnknownNameError("cut", str(cut), ("azimuth", "elevation"))
+    if not 0.0 < step_deg <= 180.0:
+        raise ParameterRangeError("step_deg", f"{step_deg} deg", "above 0 and at most 180 deg")
+    pairs = [_polarization(name) for name in polarizations]
+    start = -180.0 if cut == "azimuth" else 0.0
+    count = int(np.floor((180.0 - start) / step_deg + 1e-9)) + 1
+    angle = start + step_deg * np.arange(count, dtype=np.float64)
+    other = fixed_angle_deg if fixed_angle_deg is not None else (90.0 if cut == "azimuth" else 0.0)
+    turned, fixed = np.deg2rad(angle), np.deg2rad(other)
+    theta, phi = (fixed, turned) if cut == "azimuth" else (turned, fixed)
+    matrix = scattering_matrix(mesh, frequency, theta, phi, material, materials=materials, settings=settings)
+    sigma = np.stack([np.asarray(4.0 * np.pi * np.abs(matrix[:, r, t]) ** 2, dtype=np.float64) for r, t in pairs])
+    return RcsCut(angle, sigma, tuple(polarizations), cut, float(frequency))
