@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,10 +14,68 @@ from scarl_sionna.core.radar_spec import RadarSpec
 
 from .paths import RadarPaths
 
+if TYPE_CHECKING:
+    from scarl_sionna.world import WorldState
+
 POINT_INTERACTION = 0
 """Kind of interaction written for a point target."""
 MIN_DISTANCE = 1e-6
 """A target nearer than this to the radar's origin has no direction [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointScatterers:
+    """Ideal isotropic point scatterers.
+
+    Parameters
+    ----------
+    positions : array_like of float, shape (num_points, 3)
+        At the start of the frame [m, world].
+    velocities : array_like of float, shape (num_points, 3)
+        Constant over the frame [m/s, world].
+    rcs : array_like of float, shape (num_points,)
+        Radar cross-section [m2], >= 0, the same for V and H; nothing is cross-polarised. A scalar holds for all.
+    instance : array_like of int, shape (num_points,), optional
+        Labels; the index + 1 if left out.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a shape is wrong, a value is not finite or an RCS is negative.
+    """
+
+    positions: npt.NDArray[np.float64]
+    velocities: npt.NDArray[np.float64]
+    rcs: npt.NDArray[np.float64]
+    instance: npt.NDArray[np.int32] | None = None
+
+    def __post_init__(self) -> None:
+        points, motion = _rows(self.positions, "positions"), _rows(self.velocities, "velocities")
+        if len(points) != len(motion):
+            raise ParameterRangeError("velocities", f"{len(motion)} rows", f"{len(points)} rows, one for each position")
+        try:
+            sigma = np.broadcast_to(np.asarray(self.rcs, dtype=np.float64), (len(points),))
+        except ValueError:
+            shape = f"a scalar or shape ({len(points)},)"
+            raise ParameterRangeError("rcs", f"shape {np.shape(self.rcs)}", shape) from None
+        if not (np.isfinite(sigma).all() and (sigma >= 0).all()):
+            raise ParameterRangeError("rcs", f"{np.min(sigma)} m2", "finite and >= 0 m2", "give square metres, not dBsm")
+        label = np.arange(1, len(points) + 1) if self.instance is None else np.asarray(self.instance)
+        if label.shape != (len(points),):
+            raise ParameterRangeError("instance", f"shape {label.shape}", f"shape ({len(points)},)")
+        for name, value in (("positions", points), ("velocities", motion), ("rcs", sigma)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "instance", label.astype(np.int32))
+
+    def require_apart(self, origin: npt.ArrayLike) -> None:
+        """Raise :class:`PlacementError` if a point stands at a radar's origin [m, world]."""
+        distance = np.linalg.norm(self.positions - np.asarray(origin), axis=1)
+        if len(distance) and distance.min() < MIN_DISTANCE:
+            index = int(distance.argmin())
+            raise PlacementError(
+                f"target {index} stands at the radar's origin ({self.positions[index]} m); "
+                f"move it at least {MIN_DISTANCE} m away"
+            )
 
 
 def point_targets(
@@ -24,6 +85,8 @@ def point_targets(
     radar: RadarSpec,
     pose: Pose,
     radar_twist: Twist | None = None,
+    state: WorldState | None = None,
+    **options: Any,
 ) -> RadarPaths:
     r"""Return the paths of ideal isotropic point targets.
 
@@ -40,11 +103,16 @@ def point_targets(
         `world_from_radar` at the start of the frame.
     radar_twist : Twist, optional
         Velocity of the radar; at rest if left out. Its rotation within a frame is not modelled.
+    state : WorldState, optional
+        Surroundings: the paths to the targets are then traced in them, with occlusion and mirror reflections (two-ray
+        ground, ghosts); free space if left out.
+    **options
+        Of :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna`, with a `state` only.
 
     Returns
     -------
     RadarPaths
-        One path a target, in the order given, of depth 1; `instance` is the target's index + 1.
+        In free space one path a target, in the order given, of depth 1; `instance` is the target's index + 1.
 
     Raises
     ------
@@ -64,24 +132,19 @@ def point_targets(
     ----------
     .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, Eq. (1.6).
     """
-    points = _rows(positions, "positions")
-    motion = _rows(velocities, "velocities")
-    if len(points) != len(motion):
-        raise ParameterRangeError("velocities", f"{len(motion)} rows", f"{len(points)} rows, one for each position")
-    try:
-        sigma = np.broadcast_to(np.asarray(rcs, dtype=np.float64), (len(points),))
-    except ValueError:
-        raise ParameterRangeError("rcs", f"shape {np.shape(rcs)}", f"a scalar or shape ({len(points)},)") from None
-    if not (np.isfinite(sigma).all() and (sigma >= 0).all()):
-        raise ParameterRangeError("rcs", f"{np.min(sigma)} m2", "finite and >= 0 m2", "give square metres, not dBsm")
+    targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
+    targets.require_apart(pose.position)
+    if state is not None:
+        from .channel.sionna_paths import solve_sionna
 
+        return solve_sionna(
+            state, radar, pose, radar_twist=radar_twist, scatterers=targets, **{"environment": False, **options}
+        )
+    if options:
+        raise ParameterRangeError("options", ", ".join(sorted(options)), "none in free space", "give a state")
+    points, motion, sigma = targets.positions, targets.velocities, targets.rcs
     offset = points - pose.position
     distance = np.linalg.norm(offset, axis=1)
-    if len(points) and distance.min() < MIN_DISTANCE:
-        index = int(distance.argmin())
-        raise PlacementError(
-            f"target {index} stands at the radar's origin ({points[index]} m); move it at least {MIN_DISTANCE} m away"
-        )
     relative = motion - (radar_twist.linear if radar_twist is not None else 0.0)
     radial = np.einsum("ij,ij->i", offset, relative) / distance
     amplitude = radar.wavelength * np.sqrt(sigma) / ((4.0 * np.pi) ** 1.5 * distance**2)

@@ -144,6 +144,11 @@ class Twin:
         if local.size:
             self._params[key] = mi.Float(pose.rotate(local).astype(np.float32).ravel())
 
+    def part_of_number(self, number: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Return the part of each of the engine's shape numbers, -1 for none."""
+        known = (number >= 0) & (number < len(self._part_of_registry))
+        return np.where(known, self._part_of_registry[np.where(known, number, 0)], -1).astype(np.int64)
+
     def _object(self, name: str) -> Any:
         import sionna.rt as rt
 

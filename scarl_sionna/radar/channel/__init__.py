@@ -11,15 +11,15 @@ from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 
 from .raycast import solve_raycast
+from .sionna_paths import PathBufferOverflowError, solve_sionna
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
 
-__all__ = ["SolverUnavailableError", "solve_paths"]
+__all__ = ["PathBufferOverflowError", "SolverUnavailableError", "solve_paths"]
 
-SOLVERS: dict[str, Callable[..., RadarPaths]] = {"raycast": solve_raycast}
+SOLVERS: dict[str, Callable[..., RadarPaths]] = {"raycast": solve_raycast, "sionna": solve_sionna}
 PLANNED = {
-    "sionna": "mirror reflections, diffraction and multipath with Sionna RT's PathSolver",
     "sbr": "shooting and bouncing rays with physical optics",
     "scatterers": "scattering centres",
 }
@@ -48,9 +48,11 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
         world_from_radar.
     method : str
         ``"raycast"``: SCaRL's own. ``"auto"`` stands for ``"raycast"`` until another solver exists to choose from.
-        ``"sionna"``, ``"sbr"`` and ``"scatterers"`` belong to the design but not to this version.
+        ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"`` and ``"scatterers"`` belong to the design but not to
+        this version.
     **options
-        Of the solver; see :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...).
+        Of the solver; see :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...) and
+        :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna`.
 
     Returns
     -------

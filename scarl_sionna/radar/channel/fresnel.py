@@ -92,6 +92,73 @@ def layer_reflection(
     return coefficients[0], coefficients[1]
 
 
+def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
+    """Return the reflection coefficients of a material, TE and TM: of one layer if it has a thickness, else a half space.
+
+    Parameters
+    ----------
+    material : RadioMaterial
+    frequency : float
+        [Hz].
+    cos_incidence : array_like of float
+        Cosine of the angle from the normal, 0 to 1.
+
+    Raises
+    ------
+    MaterialRangeError
+        If the material has no data at this frequency.
+    """
+    permittivity = material.at(frequency)
+    if material.thickness is None:
+        return halfspace_reflection(permittivity, cos_incidence)
+    return layer_reflection(permittivity, cos_incidence, material.thickness, frequency)
+
+
+def transmission(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
+    r"""Return the transmission coefficients of a material, TE and TM; zero for a half space.
+
+    They stand for the layer in place of the same thickness of air along the straight ray, so 1 is a layer that is not there.
+
+    Parameters
+    ----------
+    material : RadioMaterial
+    frequency : float
+        [Hz].
+    cos_incidence : array_like of float
+        Cosine of the angle from the normal, 0 to 1.
+
+    Raises
+    ------
+    MaterialRangeError
+        If the material has no data at this frequency.
+
+    Notes
+    -----
+    .. math:: T = \frac{(1 - \Gamma^2) e^{-jq}}{1 - \Gamma^2 e^{-2jq}} e^{j k d \cos\theta}
+
+    with Gamma of the half space and q as in :func:`layer_reflection`. The last factor takes away the phase of the air that
+    the layer replaces. *Not modelled*: the sideways shift of the ray.
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.2040-3, section 2.2.2.2, single-layer slab.
+    """
+    cosine = np.asarray(cos_incidence, dtype=np.float64)
+    permittivity = material.at(frequency)
+    if material.thickness is None:
+        nothing = np.zeros(cosine.shape, dtype=np.complex128)
+        return nothing, nothing.copy()
+    depth = 2.0 * np.pi * material.thickness * frequency / SPEED_OF_LIGHT
+    phase = depth * np.sqrt(permittivity - (1.0 - cosine**2) + 0j)
+    once = np.exp(-1j * phase)
+    coefficients = []
+    for gamma in halfspace_reflection(permittivity, cosine):
+        denominator = 1.0 - gamma**2 * once**2
+        ratio = np.divide((1.0 - gamma**2) * once, denominator, out=np.zeros_like(denominator), where=denominator != 0)
+        coefficients.append(ratio * np.exp(1j * depth * cosine))
+    return coefficients[0], coefficients[1]
+
+
 def power_reflectance(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Real, Real]:
     """Return the power reflectances of a material, TE and TM, each 0 to 1.
 
@@ -109,11 +176,7 @@ def power_reflectance(material: RadioMaterial, frequency: float, cos_incidence: 
     MaterialRangeError
         If the material has no data at this frequency.
     """
-    permittivity = material.at(frequency)
-    if material.thickness is None:
-        te, tm = halfspace_reflection(permittivity, cos_incidence)
-    else:
-        te, tm = layer_reflection(permittivity, cos_incidence, material.thickness, frequency)
+    te, tm = reflection(material, frequency, cos_incidence)
     return np.abs(te) ** 2, np.abs(tm) ** 2
 
 

@@ -153,7 +153,7 @@ def solve_raycast(
     reach = radar.max_range if max_distance is None else max_distance
     if not reach > 0.0:
         raise ParameterRangeError("max_distance", f"{reach} m", "> 0 m")
-    _check_antennas(state, radar, pose)
+    check_antennas(state, radar, pose)
     fov = np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg)
     rays_of = RayGrid.over(*fov, radar.num_rays if num_rays is None else num_rays, staggered=grid == "staggered")
     _warn_of_small_objects(state, radar, pose, rays_of, reach)
@@ -189,8 +189,8 @@ def solve_raycast(
     return _paths(columns, pose, rays_of, clock, chosen)
 
 
-def _check_antennas(state: WorldState, radar: RadarSpec, pose: Pose) -> None:
-    """Refuse a radar or an antenna inside a mesh.
+def check_antennas(state: WorldState, radar: RadarSpec, pose: Pose, twin: str = "optical") -> None:
+    """Refuse a radar or an antenna inside a mesh; `twin` is the one that rays are cast in.
 
     An antenna is inside only if the line to it from the radar's origin, which is outside, meets a surface: so only those
     antennas are tested further.
@@ -202,7 +202,7 @@ def _check_antennas(state: WorldState, radar: RadarSpec, pose: Pose) -> None:
     if len(reaching) == 0:
         return
     hits = state.cast(
-        pose.position, pose.rotate(arms[reaching] / length[reaching, None]), max_distance=2.0 * length.max()
+        pose.position, pose.rotate(arms[reaching] / length[reaching, None]), max_distance=2.0 * length.max(), twin=twin
     )
     for antenna in reaching[hits.ray[hits.distance <= length[reaching][hits.ray] * (1.0 + 1e-6)]]:
         kind, index = ("tx", antenna) if antenna < radar.num_tx else ("rx", antenna - radar.num_tx)

@@ -1,0 +1,62 @@
+"""Tells where a mirror reflection is not to be trusted: mirrors smaller than the first Fresnel zone on them."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.world.path_tracing import SPECULAR, mirror_extent
+
+from .legs import Legs
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import WorldState
+
+Array = npt.NDArray[np.float64]
+
+
+def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
+    r"""Return the smaller diameter of the first Fresnel zone at each interaction [m], shape (num_legs, max_depth).
+
+    .. math:: 2 \sqrt{\lambda d_1 d_2 / (d_1 + d_2)}
+
+    with the lengths d1, d2 of the path before and behind. Along the plane of incidence the zone is longer by 1 / cos(theta).
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.526-15, section 2.1.
+    """
+    line = np.concatenate([np.broadcast_to(start, (len(legs.length), 1, 3)), legs.point], axis=1)
+    before = np.cumsum(np.linalg.norm(np.diff(line, axis=1), axis=2), axis=1)
+    behind = np.maximum(legs.length[:, None] - before, 0.0)
+    return 2.0 * np.sqrt(wavelength * before * behind / np.maximum(before + behind, 1e-12))
+
+
+def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tuple[Legs, Array]]) -> int:
+    """Warn once of the mirror that is smallest against its Fresnel zone, and return the number of such reflections."""
+    extents: dict[tuple[int, int], float] = {}
+    num_small, worst = 0, (1.0, 0.0, 0.0, -1)
+    for legs, start in mirrors:
+        zones = zone_diameters(legs, start, wavelength)
+        for leg, k in zip(*np.nonzero(legs.kind == SPECULAR), strict=True):
+            key = int(legs.part[leg, k]), int(legs.face[leg, k])
+            if key not in extents:
+                extents[key] = mirror_extent(state, *key)
+            extent, zone = extents[key], float(zones[leg, k])
+            if extent < zone:
+                num_small += 1
+                worst = min(worst, (extent / zone, extent, zone, key[0]))
+    if num_small:
+        name = state.world.instances[int(state.world.parts.instance[worst[3]])].name
+        warnings.warn(
+            f"{num_small} mirror reflection(s) at surfaces smaller than the first Fresnel zone, most of all '{name}': a flat "
+            f"face of {worst[1]:.2g} m where the zone is {worst[2]:.2g} m across. The mirror amplitude ignores the size and "
+            "the curvature of a surface, so these echoes are wrong, most often too strong; use method='sbr' for such objects",
+            ScarlWarning,
+            stacklevel=4,
+        )
+    return num_small

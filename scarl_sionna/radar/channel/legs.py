@@ -1,0 +1,137 @@
+"""Legs: coherent paths of mirror reflections and panes from a radar to points, exact in float64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.world.path_tracing import DIFFUSE, REFRACTION, SPECULAR, TracedPaths, surface_velocity
+
+from .images import Chain, directions, material_coefficients, spherical_basis, transfer
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import WorldState
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Station:
+    """One end of a radar link: position [m], velocity [m/s], and axes as columns of `rotation`, all in the world."""
+
+    position: Array
+    velocity: Array
+    rotation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Legs:
+    """Paths from a station to end points.
+
+    Attributes
+    ----------
+    target : ndarray of int64, shape (num_legs,)
+        Which end point; rising.
+    kind, part, face : ndarray, shape (num_legs, max_depth)
+        As in :class:`TracedPaths`.
+    point : ndarray of float64, shape (num_legs, max_depth, 3)
+        Interaction points [m, world].
+    image : ndarray of float64, shape (num_legs, 3)
+        Image of the end point seen from the station [m, world].
+    isometry : ndarray of float64, shape (num_legs, 3, 4)
+        Maps the end point to its image.
+    length, rate, acceleration : ndarray of float64, shape (num_legs,)
+        [m], [m/s], [m/s2].
+    transfer : ndarray of complex128, shape (num_legs, 2, 2)
+        Without spreading; rows: at the end point, columns: at the station.
+    """
+
+    target: npt.NDArray[np.int64]
+    kind: npt.NDArray[np.int32]
+    part: npt.NDArray[np.int64]
+    face: npt.NDArray[np.int64]
+    point: Array
+    image: Array
+    isometry: Array
+    length: Array
+    rate: Array
+    acceleration: Array
+    transfer: npt.NDArray[np.complex128]
+
+    @property
+    def depth(self) -> npt.NDArray[np.int32]:
+        """Number of interactions, shape (num_legs,)."""
+        return np.count_nonzero(self.kind, axis=1).astype(np.int32)
+
+    def select(self, index: npt.NDArray[np.bool_]) -> Legs:
+        """Return the legs of a mask."""
+        return Legs(**{name: value[index] for name, value in vars(self).items()})
+
+
+def chain_of(traced: TracedPaths, rows: npt.NDArray[np.bool_] | slice = slice(None)) -> Chain:
+    """Return the mirrors and panes of traced paths."""
+    kind = traced.kind[rows]
+    return Chain(kind == SPECULAR, kind == REFRACTION, traced.normal[rows], traced.offset[rows])
+
+
+def legs_of(
+    state: WorldState, traced: TracedPaths, station: Station, ends: Array, end_velocity: Array, end_rotation: Array,
+    frequency: float,
+) -> Legs:  # fmt: skip
+    """Return the coherent ones of traced paths with their geometry in float64.
+
+    Parameters
+    ----------
+    state : WorldState
+    traced : TracedPaths
+        From `station` to `ends`.
+    station : Station
+    ends, end_velocity : ndarray of float64, shape (num_targets, 3)
+        [m], [m/s], world.
+    end_rotation : ndarray of float64, shape (3, 3)
+        Axes of the frame in which the polarisation at the end points is given, as columns.
+    frequency : float
+        [Hz].
+
+    Returns
+    -------
+    Legs
+        In the order of `traced`, without paths that nothing passes through and those that miss a plane in float64.
+
+    Raises
+    ------
+    MaterialRangeError
+        If a material that is met has no data at this frequency.
+    """
+    rows = ~(traced.kind == DIFFUSE).any(axis=1)
+    chain, target, part = chain_of(traced, rows), traced.target[rows], traced.part[rows]
+    end = ends[target]
+    images = chain.images(end)
+    point, right = chain.vertices(station.position, images)
+    travel = directions(station.position, point, end)
+    last = np.take_along_axis(travel, traced.depth[rows][:, None, None].astype(np.int64), axis=1)[:, 0]
+    known = sorted(set(state.world.parts.material))
+    material = np.array([known.index(name) for name in state.world.parts.material], dtype=np.int64)
+    through = transfer(
+        chain,
+        travel,
+        spherical_basis(station.rotation, travel[:, 0]),
+        spherical_basis(end_rotation, -last),
+        material_coefficients(
+            [state.world.materials[name] for name in known], np.where(part >= 0, material[part], -1), frequency
+        ),
+    )
+    surfaces = surface_velocity(state, part.ravel(), point.reshape(-1, 3)).reshape(point.shape)
+    relative = chain.image_velocity(end_velocity[target], surfaces) - station.velocity
+    ahead = images[:, 0] - station.position
+    length = np.linalg.norm(ahead, axis=1)
+    rate = np.einsum("pi,pi->p", ahead, relative) / length
+    across = np.maximum(np.einsum("pi,pi->p", relative, relative) - rate**2, 0.0)
+    legs = Legs(
+        target, traced.kind[rows], part, traced.face[rows], point, images[:, 0], chain.isometry(), length, rate,
+        across / length, through,
+    )  # fmt: skip
+    return legs.select(right & (np.abs(through) > 0.0).any(axis=(1, 2)))

@@ -1,0 +1,331 @@
+"""Multipath of a radar by Sionna RT's PathSolver: which surfaces a path touches is Sionna's, the rest is float64 image method.
+
+What it models and where it breaks stands in docs/sionna_paths.md.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from scarl_sionna.core.errors import ParameterRangeError, ScarlError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.spec import Spec
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.points import POINT_INTERACTION, PointScatterers
+from scarl_sionna.world import variant
+from scarl_sionna.world.path_tracing import TracedPaths, trace_paths
+from scarl_sionna.world.placement import check_placement
+
+from .diffuse import diffuse_columns
+from .fresnel_zone import warn_of_small_mirrors
+from .legs import Legs, Station, legs_of
+from .raycast import check_antennas
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import WorldState
+
+Array = npt.NDArray[np.float64]
+Columns = dict[str, npt.NDArray[Any]]
+
+
+class PathBufferOverflowError(ScarlError):
+    """Sionna RT found more candidates than its buffer holds, so paths are missing."""
+
+    def __init__(self, max_num_paths: int) -> None:
+        self.max_num_paths = max_num_paths
+        super().__init__(
+            f"the path solver filled its buffer of max_num_paths = {max_num_paths} candidates, so paths may be missing; "
+            f"raise max_num_paths, or ask for less with max_depth, num_samples or fewer scatterers "
+            "(on_overflow='warn' goes on with what was found)"
+        )
+
+
+class SionnaSettings(Spec):
+    """Knobs of the solver; docs/sionna_paths.md has the table of paths found against time."""
+
+    max_depth: int = Field(2, ge=0, le=8, description="most interactions of a path, of each leg for scatterers")
+    num_samples: int = Field(
+        200_000, ge=1, le=100_000_000,
+        description="rays over the whole sphere that look for surfaces: one smaller than 3.5 / sqrt(num_samples) rad "
+        "as seen from the radar can be missed",
+    )  # fmt: skip
+    max_num_paths: int = Field(1_000_000, ge=1, le=100_000_000, description="candidates that the solver can hold")
+    on_overflow: Literal["raise", "warn"] = "raise"
+    specular: bool = Field(True, description="mirror reflections")
+    diffuse: bool = Field(False, description="diffuse scattering with Sionna RT's patterns, amplitudes in float32")
+    refraction: bool = Field(False, description="straight passage through layers")
+    max_distance: float | None = Field(
+        None, gt=0.0, description="half of the longest length [m]; None: the unambiguous range"
+    )
+    seed: int = Field(0, ge=0, le=2**32 - 1, description="of the solver's choice between kinds of interaction")
+
+
+def solve_sionna(
+    state: WorldState,
+    radar: RadarSpec,
+    pose: Pose,
+    *,
+    radar_twist: Twist | None = None,
+    rx_pose: Pose | None = None,
+    rx_twist: Twist | None = None,
+    scatterers: PointScatterers | None = None,
+    environment: bool = True,
+    **options: Any,
+) -> RadarPaths:
+    r"""Return the paths that Sionna RT's deterministic PathSolver finds, with float64 geometry and amplitudes.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    pose : Pose
+        world_from_radar of the transmitter.
+    radar_twist : Twist, optional
+        Its velocity, world axes; at rest if not given. Rotation within a frame is not modelled.
+    rx_pose : Pose, optional
+        world_from_radar of a separate receiver (bistatic); the transmitter's if not given.
+    rx_twist : Twist, optional
+        Velocity of the separate receiver.
+    scatterers : PointScatterers, optional
+        Point targets in the scene: every pair of a way there and a way back is a path (two-ray, ghosts of type 1 and 2).
+    environment : bool
+        Also the paths from the radar to itself, or to the other radar, that touch no scatterer.
+    **options
+        Fields of :class:`SionnaSettings`.
+
+    Returns
+    -------
+    RadarPaths
+        Environment first, then by scatterer, way there and way back; empty where nothing is found. Paths through a
+        scatterer have depth k + 1 + m and the interaction kind ``POINT_INTERACTION`` at the scatterer.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such option.
+    ParameterRangeError
+        If an option's value is out of its range.
+    PathBufferOverflowError
+        If the solver's buffer was filled (``on_overflow="raise"``).
+    PlacementError
+        If the radar or one of its antennas is inside a mesh, or a scatterer stands at the radar.
+    MaterialRangeError
+        If a material that a path meets has no data at the carrier frequency.
+
+    Warns
+    -----
+    ScarlWarning
+        If a mirror is smaller than the first Fresnel zone on it, once, naming the worst; if the buffer was filled
+        (``on_overflow="warn"``).
+
+    Notes
+    -----
+    A mirror path of length L, and a path through a scatterer with ways L1 and L2:
+
+    .. math:: a = \frac{\lambda}{4\pi L} J, \quad
+              a = \frac{\lambda \sqrt{\sigma}}{(4\pi)^{3/2} L_1 L_2} J_2^T J_1
+
+    with J the product of the reflections' Jones matrices at each end in the radar's spherical basis; J of the way back is
+    the transpose of the way there (reciprocity).
+
+    *Not modelled*: size and curvature of mirrors, diffraction, scattering from one scatterer to another.
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.2040-3, section 2.2.
+    """
+    if unknown := sorted(set(options) - set(SionnaSettings.model_fields)):
+        raise UnknownNameError("option of the sionna solver", unknown[0], SionnaSettings.model_fields)
+    settings = SionnaSettings(**options)
+    if rx_twist is not None and rx_pose is None:
+        raise ParameterRangeError("rx_twist", "given without rx_pose", "an rx_pose with it", "monostatic: radar_twist")
+    tx = _station(pose, radar_twist)
+    rx = tx if rx_pose is None else _station(rx_pose, rx_twist)
+    if rx_pose is not None:
+        check_placement(state, rx_pose.position, "receiving radar")
+    solver = _Solver(state, radar, settings)
+    blocks: list[Columns] = []
+    with variant.radio():
+        check_antennas(state, radar, pose, twin="radio")
+        if environment:
+            blocks.extend(solver.environment(tx, rx))
+        if scatterers is not None:
+            for end in (tx, rx):
+                scatterers.require_apart(end.position)
+            blocks.append(solver.scattered(tx, rx, scatterers))
+    if solver.overflow:
+        error = PathBufferOverflowError(settings.max_num_paths)
+        if settings.on_overflow == "raise":
+            raise error
+        warnings.warn(str(error), ScarlWarning, stacklevel=2)
+    num_small = warn_of_small_mirrors(state, radar.wavelength, solver.mirrors)
+    columns = _joined(blocks)
+    reach = radar.max_range if settings.max_distance is None else settings.max_distance
+    keep = columns.pop("total") < 2.0 * reach
+    diagnostics = {
+        "method": "sionna",
+        **settings.model_dump(),
+        "max_distance": reach,
+        "num_candidates": solver.num_candidates,
+        "overflow": solver.overflow,
+        "num_small_mirrors": num_small,
+        "seconds": solver.clock,
+    }
+    paths = RadarPaths(**columns, world_from_tx=pose, world_from_rx=rx_pose or pose, diagnostics=diagnostics)
+    return paths.select(keep)
+
+
+def _station(pose: Pose, twist: Twist | None) -> Station:
+    return Station(pose.position, (twist or Twist()).linear, pose.rotation)
+
+
+class _Solver:
+    """One solve: what was asked, and what it cost."""
+
+    def __init__(self, state: WorldState, radar: RadarSpec, settings: SionnaSettings) -> None:
+        self.state, self.radar, self.settings = state, radar, settings
+        self.clock = {"trace": 0.0, "geometry": 0.0}
+        self.num_candidates, self.overflow = 0, False
+        self.mirrors: list[tuple[Legs, Array]] = []
+
+    def _trace(self, source: Array, targets: Array, diffuse: bool) -> TracedPaths:
+        asked = self.settings
+        start = time.perf_counter()
+        traced = trace_paths(
+            self.state, source, targets, max_depth=asked.max_depth, num_samples=asked.num_samples,
+            max_num_paths=asked.max_num_paths, specular=asked.specular, diffuse=diffuse, refraction=asked.refraction,
+            seed=asked.seed,
+        )  # fmt: skip
+        self.clock["trace"] += time.perf_counter() - start
+        self.num_candidates = max(self.num_candidates, traced.num_candidates)
+        self.overflow |= traced.overflow
+        return traced
+
+    def _legs(self, traced: TracedPaths, station: Station, ends: Array, velocity: Array, rotation: Array) -> Legs:
+        start = time.perf_counter()
+        legs = legs_of(self.state, traced, station, ends, velocity, rotation, self.radar.start_frequency)
+        self.mirrors.append((legs, station.position))
+        self.clock["geometry"] += time.perf_counter() - start
+        return legs
+
+    def environment(self, tx: Station, rx: Station) -> list[Columns]:
+        """Return the paths from radar to radar."""
+        traced = self._trace(tx.position, rx.position[None], self.settings.diffuse)
+        legs = self._legs(traced, tx, rx.position[None], rx.velocity[None], rx.rotation)
+        blocks = [self._mirror_columns(legs, tx, rx)]
+        if self.settings.diffuse:
+            blocks.append(diffuse_columns(self.state, traced, tx, rx, self.radar.wavelength))
+        return blocks
+
+    def _mirror_columns(self, legs: Legs, tx: Station, rx: Station) -> Columns:
+        parts = self.state.world.parts
+        depth, count = legs.depth, len(legs.length)
+        if self.settings.max_depth:
+            row = np.arange(count)
+            first, last = legs.point[:, 0], legs.point[row, np.maximum(depth - 1, 0)]
+            last_part = legs.part[row, np.maximum(depth - 1, 0)]
+        else:
+            first = last = np.broadcast_to(rx.position, (count, 3))
+            last_part = np.full(count, -1, dtype=np.int64)
+        middle = np.broadcast_to((tx.position + rx.position) / 2.0, (count, 3))  # of a line of sight
+        first, last = (np.where(depth[:, None] > 0, point, middle) for point in (first, last))
+        ends = np.linalg.norm(first - tx.position, axis=1) + np.linalg.norm(last - rx.position, axis=1)
+        return {
+            "tx_point": first,
+            "rx_point": last,
+            "inner_length": np.maximum(legs.length - ends, 0.0),
+            "a": legs.transfer * (self.radar.wavelength / (4.0 * np.pi * legs.length))[:, None, None],
+            "length_rate": legs.rate,
+            "length_acceleration": legs.acceleration,
+            "instance": np.where(legs.part >= 0, parts.instance[legs.part], -1),
+            "interaction": np.where(legs.part >= 0, legs.kind, -1),
+            "depth": depth,
+            "semantic": np.where(last_part >= 0, parts.semantic[last_part], 0),
+            "rx_image": legs.isometry,
+            "total": legs.length,
+        }
+
+    def scattered(self, tx: Station, rx: Station, points: PointScatterers) -> Columns:
+        """Return the paths through scatterers: all pairs of a way there and a way back."""
+        ends, velocity = points.positions, points.velocities
+        there = self._legs(self._trace(tx.position, ends, False), tx, ends, velocity, tx.rotation)
+        back = there
+        if rx is not tx:
+            back = self._legs(self._trace(rx.position, ends, False), rx, ends, velocity, tx.rotation)
+        out, home = _pairs(there.target, back.target, len(ends))
+        target = there.target[out]
+        spreading = self.radar.wavelength * np.sqrt(points.rcs[target]) / (4.0 * np.pi) ** 1.5
+        spreading = spreading / (there.length[out] * back.length[home])
+        assert points.instance is not None  # set by its constructor
+        instance = self.state.world.parts.instance
+        labels = [np.where(legs.part >= 0, instance[legs.part], -1) for legs in (there, back)]
+        kinds = [np.where(legs.part >= 0, legs.kind, -1) for legs in (there, back)]
+        count = len(target)
+        return {
+            "tx_point": there.image[out],
+            "rx_point": back.image[home],
+            "inner_length": np.zeros(count),
+            "a": np.einsum("pki,pkj->pij", back.transfer[home], there.transfer[out]) * spreading[:, None, None],
+            "length_rate": there.rate[out] + back.rate[home],
+            "length_acceleration": there.acceleration[out] + back.acceleration[home],
+            "instance": _chained(labels[0][out], points.instance[target], labels[1][home]),
+            "interaction": _chained(kinds[0][out], np.full(count, POINT_INTERACTION), kinds[1][home]),
+            "depth": there.depth[out] + 1 + back.depth[home],
+            "semantic": np.zeros(count),
+            "rx_image": np.full((count, 3, 4), np.nan),
+            "total": there.length[out] + back.length[home],
+        }
+
+
+def _pairs(
+    there: npt.NDArray[np.int64], back: npt.NDArray[np.int64], num_targets: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return all pairs of rows of two rising columns with the same target."""
+    count = np.bincount(back, minlength=num_targets)
+    first = np.concatenate([[0], np.cumsum(count)])
+    repeats = count[there]
+    out = np.repeat(np.arange(len(there)), repeats)
+    within = np.arange(len(out)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
+    return out, first[there[out]] + within
+
+
+def _chained(out: npt.NDArray[Any], middle: npt.NDArray[Any], home: npt.NDArray[Any]) -> npt.NDArray[np.int32]:
+    """Return labels along the way: there, the scatterer, and back in reverse order, -1 behind the last."""
+    columns = np.concatenate([out, middle[:, None], home[:, ::-1]], axis=1)
+    return np.take_along_axis(columns, np.argsort(columns == -1, axis=1, kind="stable"), axis=1).astype(np.int32)
+
+
+_TYPES = {"instance": np.int32, "interaction": np.int32, "depth": np.int32, "semantic": np.uint8}
+
+
+def _joined(blocks: list[Columns]) -> Columns:
+    """Return the columns of all blocks, labels padded with -1 to the longest path."""
+    width = max([1, *(block["instance"].shape[1] for block in blocks)])
+    for block in blocks:
+        for name in ("instance", "interaction"):
+            block[name] = np.pad(block[name], [(0, 0), (0, width - block[name].shape[1])], constant_values=-1)
+    if not blocks:
+        blocks = [_no_columns(width)]
+    return {
+        name: np.ascontiguousarray(np.concatenate([block[name] for block in blocks])).astype(
+            _TYPES.get(name, blocks[0][name].dtype)
+        )
+        for name in blocks[0]
+    }
+
+
+def _no_columns(width: int) -> Columns:
+    none = {name: np.zeros(0) for name in ("inner_length", "length_rate", "length_acceleration", "total")}
+    none |= {name: np.zeros((0, 3)) for name in ("tx_point", "rx_point")}
+    none |= {name: np.zeros((0, width), np.int32) for name in ("instance", "interaction")}
+    return {
+        **none, "a": np.zeros((0, 2, 2), np.complex128), "depth": np.zeros(0), "semantic": np.zeros(0),
+        "rx_image": np.zeros((0, 3, 4)),
+    }  # fmt: skip
