@@ -101,6 +101,7 @@ def measure_quality(state: Any, pose: Pose, counts: tuple[int, ...]) -> dict[str
 def plot_quality(results: dict[str, list[tuple[int, float, float]]], path: Path) -> None:
     """Draw the work-precision chart."""
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     figure, axes = plt.subplots(figsize=(6.5, 4.2), layout="constrained")
     for sampler, rows in results.items():
@@ -113,6 +114,11 @@ def plot_quality(results: dict[str, list[tuple[int, float, float]]], path: Path)
         ylabel="rms error [levels of 255, sRGB]",
     )
     axes.set_title("RGB image: error against time; numbers: samples a pixel")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
+    axes.set_yticks([1, 2, 5, 10, 20, 50], ["1", "2", "5", "10", "20", "50"])
+    axes.margins(0.08)
     axes.grid(True, which="both", alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=130)
