@@ -11,8 +11,8 @@ class Accuracy(Spec):
     """Tolerances of the radar's signal synthesis."""
 
     synthesis_tolerance: float = Field(
-        1e-5, gt=1e-14, lt=1.0,
-        description="largest error of the synthesized beat signal relative to its peak; docs/performance.md",
+        1e-4, gt=1e-14, lt=1.0,
+        description="largest error of the synthesized beat signal relative to its peak; docs/performance_synthesis.md",
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from scarl_sionna.core.radar_spec import RadarSpec
 from ..antenna import PathGeometry
 from ..noise import add_noise
 from ..paths import RadarPaths
-from . import direct, nufft
+from . import direct, groups
 
 MAX_THREADS = 8
 """Most threads that work on pairs at once: each holds its own strengths and spectra (some 50 MB)."""
@@ -78,46 +78,56 @@ def synthesize(
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
-    kept = _within_band(paths, radar)
-    groups: list[tuple[npt.NDArray[np.intp] | slice, nufft.Box | None]] = [(slice(None), None)]
-    tolerance = accuracy.synthesis_tolerance
+    kept, geometry = _within_band(paths, radar)
+    partition: list[tuple[npt.NDArray[np.intp], groups.Method | None]] = [(np.arange(kept.num_paths), None)]
     if method == "nufft":
-        groups = list(nufft.partition(radar, kept.length_rate, kept.length_acceleration, tolerance))
-    for index, box in groups:
-        _add_group(adc, kept.select(index), radar, None if box is None else nufft.Transform(radar, box, tolerance))
+        motion = (kept.length_rate, kept.length_acceleration)
+        partition = groups.partition(radar, geometry.center_length(), *motion, accuracy.synthesis_tolerance)
+    for index, transform in partition:
+        whole = len(index) == kept.num_paths
+        group = kept if whole else kept.select(index)
+        _add_group(adc, group, geometry if whole else PathGeometry.of(group, radar), radar, transform)
     return adc if rng is None else add_noise(adc, radar, rng)
 
 
-def _within_band(paths: RadarPaths, radar: RadarSpec) -> RadarPaths:
-    """Return the paths whose beat frequency passes the receiver's filter."""
+def _within_band(paths: RadarPaths, radar: RadarSpec) -> tuple[RadarPaths, PathGeometry]:
+    """Return the paths whose beat frequency passes the receiver's filter, and their geometry."""
     for name in ("a", "tx_point", "rx_point", "inner_length", "length_rate", "length_acceleration"):
         if not np.isfinite(getattr(paths, name)).all():
             raise ParameterRangeError(f"paths.{name}", "NaN or infinity", "finite values", "check the solver's geometry")
-    length = PathGeometry.of(paths, radar).center_length()
+    geometry = PathGeometry.of(paths, radar)
+    length = geometry.center_length()
     beyond = length >= 2.0 * radar.max_range
-    if beyond.any():
-        warnings.warn(
-            f"{int(beyond.sum())} of {paths.num_paths} paths are longer than twice the unambiguous range of "
-            f"{radar.max_range:.4g} m (up to {length.max():.4g} m) and are filtered out before sampling; "
-            "sample faster or sweep less to see them",
-            ScarlWarning,
-            stacklevel=3,
-        )
-    return paths.select(~beyond) if beyond.any() else paths
+    if not beyond.any():
+        return paths, geometry
+    warnings.warn(
+        f"{int(beyond.sum())} of {paths.num_paths} paths are longer than twice the unambiguous range of "
+        f"{radar.max_range:.4g} m (up to {length.max():.4g} m) and are filtered out before sampling; "
+        "sample faster or sweep less to see them",
+        ScarlWarning,
+        stacklevel=3,
+    )
+    kept = paths.select(~beyond)
+    return kept, PathGeometry.of(kept, radar)
 
 
 def _add_group(
-    adc: npt.NDArray[np.complex64], paths: RadarPaths, radar: RadarSpec, transform: nufft.Transform | None
+    adc: npt.NDArray[np.complex64],
+    paths: RadarPaths,
+    geometry: PathGeometry,
+    radar: RadarSpec,
+    transform: groups.Method | None,
 ) -> None:
     """Add the signal of some paths to `adc`: by their transform, or by the plain sum."""
-    geometry = PathGeometry.of(paths, radar)
-    rate, acceleration = paths.length_rate, paths.length_acceleration
+    motion = paths.length_rate, paths.length_acceleration
 
     def add_pair(pair: tuple[int, int]) -> None:
         tx, rx = pair
-        arguments = (geometry.pair_amplitude(tx, rx), geometry.length(tx, rx), rate, acceleration, radar, tx)
-        signal = direct.sum_paths(*arguments) if transform is None else nufft.sum_paths(*arguments, transform)
-        adc[rx, tx :: radar.num_tx] += signal
+        amplitude, length = geometry.pair_amplitude(tx, rx), geometry.length(tx, rx)
+        if transform is None:
+            adc[rx, tx :: radar.num_tx] += direct.sum_paths(amplitude, length, *motion, radar, tx)
+        else:
+            adc[rx, tx :: radar.num_tx] += transform.signal(amplitude, length, *motion, tx)
 
     pairs = [(tx, rx) for tx in range(radar.num_tx) for rx in range(radar.num_rx)]
     workers = min(_num_cores(), len(pairs), MAX_THREADS)

@@ -20,21 +20,11 @@ import numpy.typing as npt
 from scipy.special import jv
 
 from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .phase import FrameGrid, delay_terms, phasor
 
 Array = npt.NDArray[np.float64]
 
-MAX_CHUNK_PATHS = 200_000
-"""Paths transformed at once: bounds the memory."""
-MAX_BINS = 16
-"""Most velocity bins tried."""
-MAX_TERMS = 24
-"""Longest series; a group of paths that needs more is split. Bounds the memory: a term's screen has the frame's size."""
-SPREAD_COST, FFT_COST, DIRECT_COST = 110e-9, 4.0e-8, 4.0e-8
-"""Measured seconds: a path of one transform, a sample of one transform, a sample of a path of the plain sum. Only their
-ratios matter."""
 TRANSFORM_SHARE, SERIES_SHARE = 0.6, 0.4
 """Shares of the tolerance: the errors of all transforms together, and the terms left out of the series."""
 EPS_TO_ERROR = {"complex128": 13.0, "complex64": 15.0}
@@ -111,7 +101,7 @@ class Box:
         last = delay_rate + grid.center_time(radar.num_tx - 1) * delay_acceleration
         rates = float(np.minimum(first, last).min()), float(np.maximum(first, last).max())
         # the bend is smaller than the acceleration by the delay's part in it, at most that of the largest range
-        shrink = grid.bend(np.float64(radar.num_samples / radar.sample_rate + radar.ramp_time), np.float64(1.0))
+        shrink = float(grid.bend(radar.num_samples / radar.sample_rate + radar.ramp_time, 1.0))
         edges = [s * float(e) for s in (1.0, shrink) for e in (delay_acceleration.min(), delay_acceleration.max())]
         bends = min(edges), max(edges)
         phases = tuple(
@@ -120,80 +110,6 @@ class Box:
         )
         terms = tuple(num_nodes(phase, SERIES_SHARE * tolerance) for phase in phases)
         return cls(rates, bends, terms, phases)  # type: ignore[arg-type]
-
-
-def partition(
-    radar: RadarSpec, rate: Array, acceleration: Array, tolerance: float
-) -> list[tuple[npt.NDArray[np.intp], Box | None]]:
-    """Return the paths in groups of similar motion, each with its box, or None where the plain sum is cheaper.
-
-    A narrow group needs few terms, and every group needs transforms of its own. Paths that bend (their length has a second
-    derivative) are split until their series is short.
-    """
-    samples = radar.num_samples * radar.num_chirps
-    waiting = _velocity_bins(radar, rate, tolerance) if len(rate) else []
-    groups: list[tuple[npt.NDArray[np.intp], Box | None]] = []
-    while waiting:
-        index = waiting.pop(0)
-        if len(index) > MAX_CHUNK_PATHS:
-            waiting[:0] = np.array_split(index, -(-len(index) // MAX_CHUNK_PATHS))
-            continue
-        box = Box.of(radar, rate[index], acceleration[index], tolerance)
-        terms = box.num_terms[0] * box.num_terms[1]
-        if len(index) * samples * DIRECT_COST <= terms * (len(index) * SPREAD_COST + samples * FFT_COST):
-            groups.append((index, None))
-            continue
-        by_phase = [rate[index], acceleration[index]][:: 1 if box.phases[0] >= box.phases[1] else -1]
-        values = by_phase[0] if np.ptp(by_phase[0]) > 0 else by_phase[1]
-        if terms <= MAX_TERMS or np.ptp(values) == 0:
-            groups.append((index, box))
-        else:
-            upper = values > 0.5 * (values.min() + values.max())
-            waiting[:0] = [index[~upper], index[upper]]
-    return groups
-
-
-def _velocity_bins(radar: RadarSpec, rate: Array, tolerance: float) -> list[npt.NDArray[np.intp]]:
-    """Return the paths in equal intervals of their length rate, as many as make the transforms cheapest."""
-    low, span = float(rate.min()), float(np.ptp(rate))
-    half_phase = np.pi * np.abs(FrameGrid(radar).residual_cycles(span / SPEED_OF_LIGHT, 0.0, True)).max()
-    fft = radar.num_samples * radar.num_chirps * FFT_COST
-    best_cost, best = np.inf, np.zeros(len(rate), dtype=np.intp)
-    for count in range(1, MAX_BINS + 1):
-        index = np.zeros_like(best)
-        if span > 0:
-            index = np.minimum(((rate - low) * (count / span)).astype(np.intp), count - 1)
-        used = np.count_nonzero(np.bincount(index, minlength=count))
-        terms = num_nodes(half_phase / count, SERIES_SHARE * tolerance)
-        cost = terms * (len(rate) * SPREAD_COST + used * fft)
-        if cost < best_cost:
-            best_cost, best = cost, index
-        if terms <= 2:
-            break
-    order = np.argsort(best, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(best[order])) + 1)
-
-
-def sum_paths(
-    amplitude: npt.NDArray[np.complex128],
-    length: Array,
-    rate: Array,
-    acceleration: Array,
-    radar: RadarSpec,
-    tx: int,
-    transform: Transform,
-) -> npt.NDArray[np.complex128]:
-    """Return the noise-free beat signal of one pair [sqrt(W)], shape (num_chirps, num_samples)."""
-    grid = FrameGrid(radar)
-    delay, delay_rate, delay_acceleration = delay_terms(length, rate, acceleration)
-    constant, over_x, over_y, middle_rate = grid.expand(delay, delay_rate, delay_acceleration, tx)
-    turn_x = over_x / radar.sample_rate
-    turn_y = over_y * radar.doppler_interval
-    # the transform counts modes from -(N // 2); the middle of the samples lies half a mode higher if N is even
-    half_x = 0.5 * (1 - radar.num_samples % 2)
-    half_y = 0.5 * (1 - radar.num_chirps % 2)
-    strength = amplitude * phasor(constant + half_x * turn_x + half_y * turn_y)
-    return transform.run(strength, turn_x, turn_y, middle_rate, grid.bend(delay, delay_acceleration))
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +128,7 @@ class Transform:
     def __init__(self, radar: RadarSpec, box: Box, tolerance: float) -> None:
         self._rate = Chebyshev(*box.rates, box.num_terms[0])
         self._bend = Chebyshev(*box.bends, box.num_terms[1])
+        self._radar = radar
         self._shape = (radar.num_chirps, radar.num_samples)
         self._batches = self._batch(FrameGrid(radar), tolerance)
         self._local = threading.local()
@@ -259,7 +176,22 @@ class Transform:
             ]
         return self._local.plans
 
-    def run(
+    def signal(
+        self, amplitude: npt.NDArray[np.complex128], length: Array, rate: Array, acceleration: Array, tx: int
+    ) -> npt.NDArray[np.complex128]:
+        """Return the noise-free beat signal of one pair [sqrt(W)], shape (num_chirps, num_samples)."""
+        radar, grid = self._radar, FrameGrid(self._radar)
+        delay, delay_rate, delay_acceleration = delay_terms(length, rate, acceleration)
+        constant, over_x, over_y, middle_rate = grid.expand(delay, delay_rate, delay_acceleration, tx)
+        turn_x = over_x / radar.sample_rate
+        turn_y = over_y * radar.doppler_interval
+        # the transform counts modes from -(N // 2); the middle of the samples lies half a mode higher if N is even
+        half_x = 0.5 * (1 - radar.num_samples % 2)
+        half_y = 0.5 * (1 - radar.num_chirps % 2)
+        strength = amplitude * phasor(constant + half_x * turn_x + half_y * turn_y)
+        return self._run(strength, turn_x, turn_y, middle_rate, grid.bend(delay, delay_acceleration))
+
+    def _run(
         self, strength: npt.NDArray[np.complex128], turn_x: Array, turn_y: Array, rate: Array, bend: Array
     ) -> npt.NDArray[np.complex128]:
         """Return the sum of all tones with their residual phase, shape (num_chirps, num_samples)."""

@@ -28,7 +28,7 @@ def delay_terms(length: Array, rate: Array, acceleration: Array) -> tuple[Array,
     return length / speed, rate / speed, acceleration / speed
 
 
-def beat_cycles(radar: RadarSpec, delay: Array, ts: Array) -> Array:
+def beat_cycles(radar: RadarSpec, delay: Array, ts: Array | float) -> Array:
     """Return the phase of the beat signal in cycles, exact."""
     slope = radar.chirp_slope
     return radar.start_frequency * delay + slope * delay * (ts - 0.5 * delay)
@@ -56,13 +56,13 @@ class FrameGrid:
     def x(self) -> Array:
         """Fast time about the middle of the samples [s], shape (num_samples,)."""
         count = self.radar.num_samples
-        return (np.arange(count) - (count - 1) / 2.0) / self.radar.sample_rate
+        return np.asarray((np.arange(count) - (count - 1) / 2.0) / self.radar.sample_rate, dtype=np.float64)
 
     @property
     def y(self) -> Array:
         """Slow time about the middle of the chirps [s], shape (num_chirps,)."""
         count = self.radar.num_chirps
-        return (np.arange(count) - (count - 1) / 2.0) * self.radar.doppler_interval
+        return np.asarray((np.arange(count) - (count - 1) / 2.0) * self.radar.doppler_interval, dtype=np.float64)
 
     @property
     def ts_center(self) -> float:
@@ -87,14 +87,14 @@ class FrameGrid:
         time = self.center_time(tx)
         middle = delay + time * (rate + 0.5 * time * acceleration)
         middle_rate = rate + time * acceleration
-        constant = beat_cycles(radar, middle, np.float64(self.ts_center))
+        constant = beat_cycles(radar, middle, self.ts_center)
         over_y = middle_rate * (radar.start_frequency + slope * (self.ts_center - middle))
         return constant, over_y + slope * middle, over_y, middle_rate
 
-    def bend(self, delay: Array, acceleration: Array) -> Array:
+    def bend(self, delay: Array | float, acceleration: Array | float) -> Array:
         """Return the acceleration scaled by the part of the residual that depends on the delay itself."""
         center = self.radar.start_frequency + self.radar.chirp_slope * self.ts_center
-        return acceleration * (1.0 - self.radar.chirp_slope * delay / center)
+        return np.asarray(acceleration) * (1.0 - self.radar.chirp_slope * delay / center)
 
     def residual_cycles(self, rate: float, bend: float, edges_only: bool = False) -> Array:
         """Return what the expansion leaves for one rate and bend [cycles], shape (num_chirps, num_samples).
