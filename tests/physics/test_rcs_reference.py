@@ -45,11 +45,11 @@ def test_same_theory(name):
     Measured: means 0.001 to 0.011 dB, 95th percentiles 0.001 to 0.048 dB (0.021 and 0.094 in the trihedral's cross-polar).
     The reference itself has rays every lambda/60, whose area of an edge is uncertain by that much.
     """
-    cut = oracle.table(f"sbr_{name}")
+    cut, full_wave = oracle.table(f"sbr_{name}"), oracle.table(f"mom_{name}")
     found = levels_db(name, cut)
     for channel in CHANNEL:
         reference = cut[f"{channel}_dBlam2"]
-        if reference.max() < -40.0:  # a cross-polar channel that is empty by symmetry
+        if full_wave[f"{channel}_dBlam2"].max() < -40.0:  # empty by symmetry; the reference's rays leave up to -3 dB
             assert found[channel].max() < -40.0
             continue
         strong = reference > reference.max() - 20.0
