@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import ConvexHull, QhullError
 
 from scarl_sionna.core.errors import EngineError
 
@@ -29,8 +30,6 @@ MIN_SEGMENT = 1e-2
 """Sionna RT drops paths with a segment shorter than this [m] (``MIN_SEGMENT_LENGTH``)."""
 LANES_PER_BATCH = 1 << 24
 """Depth times rays times targets of one call of the solver: its arrays of candidates then stay below 1 GB."""
-_SAME_VERTEX = 1e-3
-"""Paths whose vertices agree within this [m] are one path that was found on two triangles or two coincident parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +70,12 @@ class TracedPaths:
     def depth(self) -> npt.NDArray[np.int32]:
         """Number of interactions, shape (num_paths,)."""
         return np.count_nonzero(self.kind, axis=1).astype(np.int32)
+
+    def of_targets(self, first: int, stop: int | None = None) -> TracedPaths:
+        """Return the paths to a range of the targets, counted from its first."""
+        rows = (self.target >= first) & (self.target < (np.inf if stop is None else stop))
+        arrays: dict[str, Any] = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return replace(self, **{**arrays, "target": self.target[rows] - first})
 
 
 class _CountingGenerator:
@@ -156,7 +161,7 @@ def trace_paths(
     joined["part"] = np.where(touched, joined["part"], -1)
     joined["face"] = np.where(touched, joined["face"], -1)
     joined["vertex"] = np.where(touched[..., None], joined["vertex"], 0.0)
-    joined = _unique(joined)
+    joined = _ordered(joined)
     triangles = state._triangles
     touched = joined["kind"] != NONE
     row = np.where(touched, triangles.first[joined["part"]] + joined["face"], 0)
@@ -243,30 +248,14 @@ def _no_columns(max_depth: int) -> dict[str, npt.NDArray[Any]]:
     }
 
 
-def _unique(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-    """Return the paths in canonical order, mirror paths that were found twice only once.
-
-    The solver tells candidates apart by rounded planes, so a reflection on the edge between two triangles of a wall, or
-    where two parts coincide, can come twice.
-    """
+def _ordered(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    """Return the paths in canonical order: target, depth, kinds, parts, faces, vertices."""
     count = len(columns["target"])
     keys = [columns["target"], np.count_nonzero(columns["kind"], axis=1)]
     for name in ("kind", "part", "face", "vertex"):
-        keys.extend(columns[name].reshape(count, columns[name][:1].size).T if count else ())
-    order = np.lexsort(keys[::-1]) if count else np.zeros(0, np.int64)
-    columns = {name: column[order] for name, column in columns.items()}
-    keep = np.ones(count, dtype=bool)
-    coherent = ~(columns["kind"] == DIFFUSE).any(axis=1)
-    seen: dict[tuple[Any, ...], list[Array]] = {}
-    for index in np.flatnonzero(coherent):
-        key = (int(columns["target"][index]), columns["kind"][index].tobytes())
-        others = seen.setdefault(key, [])
-        vertex = columns["vertex"][index]
-        if any(np.abs(vertex - other).max(initial=0.0) < _SAME_VERTEX for other in others):
-            keep[index] = False
-        else:
-            others.append(vertex)
-    return {name: column[keep] for name, column in columns.items()}
+        keys.extend(columns[name].reshape(count, -1).T if count else ())
+    order = np.lexsort(keys[::-1])
+    return {name: column[order] for name, column in columns.items()}
 
 
 def surface_velocity(state: WorldState, part: npt.NDArray[np.int64], point: Array) -> Array:
@@ -303,6 +292,16 @@ def mirror_extent(state: WorldState, part: int, face: int) -> float:
     normal, offset = triangles.normal[rows], triangles.offset[rows]
     sign = np.sign(normal @ normal[face])
     flat = (np.abs(normal @ normal[face]) > 1.0 - 5e-7) & (np.abs(offset * sign - offset[face]) < 1e-3)
-    corners = triangles.corners[rows][flat].reshape(-1, 3)
-    _, _, axes = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)
-    return float(np.sort(np.ptp(corners @ axes.T, axis=0))[1])
+    return _narrowest(triangles.corners[rows][flat].reshape(-1, 3), normal[face])
+
+
+def _narrowest(points: Array, normal: Array) -> float:
+    """Return the smallest width of the convex hull of points in a plane; zero where they lie on a line."""
+    across = np.cross(np.eye(3)[np.abs(normal).argmin()], normal)
+    across /= max(float(np.linalg.norm(across)), 1e-300)
+    flat = (points - points.mean(axis=0)) @ np.stack([across, np.cross(normal, across)], axis=1)
+    try:
+        hull = ConvexHull(flat)
+    except QhullError:
+        return 0.0
+    return float(np.ptp(flat[hull.vertices] @ hull.equations[:, :2].T, axis=0).min())

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+SAME_POINT = 1e-3
+"""Paths whose interaction points agree within this [m] are one path, found on two triangles or two coincident parts."""
+
 
 @dataclass(frozen=True, eq=False)
 class Station:
@@ -99,7 +102,8 @@ def legs_of(
     Returns
     -------
     Legs
-        In the order of `traced`, without paths that nothing passes through and those that miss a plane in float64.
+        In the order of `traced`, without paths that nothing passes through, those that miss a plane in float64, and
+        those that are there already.
 
     Raises
     ------
@@ -134,4 +138,22 @@ def legs_of(
         target, traced.kind[rows], part, traced.face[rows], point, images[:, 0], chain.isometry(), length, rate,
         across / length, through,
     )  # fmt: skip
-    return legs.select(right & (np.abs(through) > 0.0).any(axis=(1, 2)))
+    legs = legs.select(right & (np.abs(through) > 0.0).any(axis=(1, 2)))
+    return legs.select(_first_of_equals(legs))
+
+
+def _first_of_equals(legs: Legs) -> npt.NDArray[np.bool_]:
+    """Return which legs stay when each geometric path is to be there once.
+
+    The engine tells candidates apart by rounded planes and takes whatever surface within a centimetre it then meets. So a
+    reflection on the edge between two triangles, or where parts coincide, can come twice.
+    """
+    keep = np.ones(len(legs.length), dtype=bool)
+    seen: dict[tuple[int, bytes], list[Array]] = {}
+    for index, (target, kind, point) in enumerate(zip(legs.target, legs.kind, legs.point, strict=True)):
+        others = seen.setdefault((int(target), kind.tobytes()), [])
+        if any(np.abs(point - other).max(initial=0.0) < SAME_POINT for other in others):
+            keep[index] = False
+        else:
+            others.append(point)
+    return keep

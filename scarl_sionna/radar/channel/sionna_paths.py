@@ -151,15 +151,12 @@ def solve_sionna(
     if rx_pose is not None:
         check_placement(state, rx_pose.position, "receiving radar")
     solver = _Solver(state, radar, settings)
-    blocks: list[Columns] = []
+    if scatterers is not None:
+        scatterers.require_apart(tx.position)
+        scatterers.require_apart(rx.position)
     with variant.radio():
         check_antennas(state, radar, pose, twin="radio")
-        if environment:
-            blocks.extend(solver.environment(tx, rx))
-        if scatterers is not None:
-            for end in (tx, rx):
-                scatterers.require_apart(end.position)
-            blocks.append(solver.scattered(tx, rx, scatterers))
+        blocks = solver.solve(tx, rx, scatterers, environment)
     if solver.overflow:
         error = PathBufferOverflowError(settings.max_num_paths)
         if settings.on_overflow == "raise":
@@ -215,13 +212,25 @@ class _Solver:
         self.clock["geometry"] += time.perf_counter() - start
         return legs
 
-    def environment(self, tx: Station, rx: Station) -> list[Columns]:
-        """Return the paths from radar to radar."""
-        traced = self._trace(tx.position, rx.position[None], self.settings.diffuse)
-        legs = self._legs(traced, tx, rx.position[None], rx.velocity[None], rx.rotation)
-        blocks = [self._mirror_columns(legs, tx, rx)]
-        if self.settings.diffuse:
+    def solve(self, tx: Station, rx: Station, points: PointScatterers | None, environment: bool) -> list[Columns]:
+        """Return the columns of all paths asked for; what leaves the transmitter is traced at once."""
+        ends = np.zeros((0, 3)) if points is None else points.positions
+        own = rx.position[None]
+        blocks = []
+        if self.settings.diffuse and environment:
+            traced = self._trace(tx.position, own, True)
+            blocks.append(self._mirror_columns(self._legs(traced, tx, own, rx.velocity[None], rx.rotation), tx, rx))
             blocks.append(diffuse_columns(self.state, traced, tx, rx, self.radar.wavelength))
+            environment = False
+        targets = np.concatenate([own, ends]) if environment else ends
+        if len(targets) == 0:
+            return blocks
+        traced = self._trace(tx.position, targets, False)
+        if environment:
+            legs = self._legs(traced.of_targets(0, 1), tx, own, rx.velocity[None], rx.rotation)
+            blocks.append(self._mirror_columns(legs, tx, rx))
+        if points is not None:
+            blocks.append(self._scattered(traced.of_targets(int(environment)), tx, rx, points))
         return blocks
 
     def _mirror_columns(self, legs: Legs, tx: Station, rx: Station) -> Columns:
@@ -252,10 +261,10 @@ class _Solver:
             "total": legs.length,
         }
 
-    def scattered(self, tx: Station, rx: Station, points: PointScatterers) -> Columns:
+    def _scattered(self, traced: TracedPaths, tx: Station, rx: Station, points: PointScatterers) -> Columns:
         """Return the paths through scatterers: all pairs of a way there and a way back."""
         ends, velocity = points.positions, points.velocities
-        there = self._legs(self._trace(tx.position, ends, False), tx, ends, velocity, tx.rotation)
+        there = self._legs(traced, tx, ends, velocity, tx.rotation)
         back = there
         if rx is not tx:
             back = self._legs(self._trace(rx.position, ends, False), rx, ends, velocity, tx.rotation)
