@@ -40,6 +40,8 @@ SINGLE_ROUNDING = 1.2e-5
 SINGLE_POINT_ERROR = 2.2e-7
 """Error of a lone tone from float32 points over the cells of both axes: they are rounded to 2**-25 of a turn, two times.
 Measured: 2.3e-4 for 768 + 1084 cells."""
+MIN_TOLERANCE = 1e-9
+"""Smallest tolerance of the method: float64 phases and the table of the kernel's transform hold no more."""
 MAX_CELLS = 8_000_000
 """Largest grid: bounds the memory."""
 KERNEL_CELLS, KERNEL_SHIFTS = 64, 8
@@ -125,7 +127,7 @@ class Layout:
             else:
                 terms.append(name)
         cell, shape = cls._grid(radar, doppler[1] + 1e-6 * largest, x, q, tolerance)
-        if budget < 0.0 or shape[0] * shape[1] > MAX_CELLS:
+        if tolerance < MIN_TOLERANCE or budget < 0.0 or shape[0] * shape[1] > MAX_CELLS:
             return None
         return cls(reference, doppler, squared, migration, tuple(terms), phases, cell, shape)
 
