@@ -11,7 +11,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.world.path_tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths, surface_velocity
 from scarl_sionna.world.twins import RADIO_FREQUENCY
 
-from .images import Chain, directions, spherical_basis
+from .images import Chain, spherical_basis
 from .legs import Station
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def diffuse_columns(
         behind = _part_of_chain(kind, normal, offset, column > last[:, None])
         reverse = Chain(*(value[:, ::-1] for value in vars(behind).values()))
         tx_point, rx_point = before.images(point[row, first])[:, 0], reverse.images(point[row, last])[:, 0]
-    travel = directions(tx.position, point, rx.position)
+    travel = _directions(tx.position, point, rx.position)
     steps = np.linalg.norm(np.diff(point, axis=1), axis=2) if width > 1 else np.zeros((count, 0))
     column = np.arange(max(width - 1, 0))
     inner = np.sum(steps, axis=1, where=(column >= first[:, None]) & (column < last[:, None]))
@@ -74,6 +74,17 @@ def diffuse_columns(
         "rx_image": np.full((count, 3, 4), np.nan),
         "total": total,
     }
+
+
+def _directions(start: Array, points: Array, end: Array) -> Array:
+    """Return the unit directions of travel, shape (num_paths, max_depth + 1, 3); zero where two points agree."""
+    count = len(points)
+    line = np.concatenate(
+        [np.broadcast_to(start, (count, 3))[:, None], points, np.broadcast_to(end, (count, 3))[:, None]], axis=1
+    )
+    step = np.diff(line, axis=1)
+    length = np.linalg.norm(step, axis=2, keepdims=True)
+    return np.divide(step, length, out=np.zeros_like(step), where=length > 0.0)
 
 
 def _part_of_chain(

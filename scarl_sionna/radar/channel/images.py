@@ -19,6 +19,8 @@ from .fresnel import reflection, transmission
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
+SLACK = 0.05
+"""Interaction points may be this far out of order along the ray [m]: small against every Fresnel zone at a radar's range."""
 _HEAD_ON = 1e-9
 """Below this sine of the angle of incidence any tangent serves as the TE direction."""
 
@@ -62,10 +64,26 @@ class Chain:
             seen[:, k] = seen[:, k + 1] - shift[:, None] * self.normal[:, k]
         return seen
 
+    def travel(self, start: Array, images: Array) -> Array:
+        """Return the unit directions of travel, shape (num_paths, max_depth + 1, 3).
+
+        They come from the images, not from the interaction points: those of a path into a right-angled corner coincide.
+        Beyond a path's depth the last direction stands.
+        """
+        direction = images[:, 0] - start
+        direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+        out = [direction]
+        for k in range(self.max_depth):
+            n = np.where(self.mirror[:, k, None], self.normal[:, k], 0.0)
+            direction = direction - 2.0 * np.einsum("pi,pi->p", n, direction)[:, None] * n
+            out.append(direction)
+        return np.stack(out, axis=1)
+
     def vertices(self, start: Array, images: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
         """Return the interaction points, shape (num_paths, max_depth, 3) [m], and which paths meet all planes in order.
 
-        Beyond a path's depth the end point stands.
+        Beyond a path's depth the end point stands. Points may be `SLACK` out of order: in a right-angled corner they are
+        one, up to rounding.
         """
         points = np.empty((self.num_paths, self.max_depth, 3))
         here = np.broadcast_to(start, (self.num_paths, 3)).copy()
@@ -76,7 +94,8 @@ class Chain:
             slope = np.einsum("pi,pi->p", self.normal[:, k], ahead)
             height = self.offset[:, k] - np.einsum("pi,pi->p", self.normal[:, k], here)
             share = np.divide(height, slope, out=np.ones_like(slope), where=used & (slope != 0.0))
-            right &= ~used | ((share > 0.0) & (share < 1.0))
+            slack = SLACK / np.maximum(np.linalg.norm(ahead, axis=1), SLACK)
+            right &= ~used | ((share > -slack) & (share < 1.0 + slack))
             here = np.where(used[:, None], here + share[:, None] * ahead, here)
             points[:, k] = np.where(used[:, None], here, images[:, -1])
         return points, right
@@ -103,17 +122,6 @@ class Chain:
             closing = np.einsum("pi,pi->p", n, velocity - surface_velocity[:, k])
             velocity -= 2.0 * closing[:, None] * n
         return velocity
-
-
-def directions(start: Array, points: Array, end: Array) -> Array:
-    """Return the unit directions of travel, shape (num_paths, max_depth + 1, 3); zero where two points agree."""
-    count = len(points)
-    line = np.concatenate(
-        [np.broadcast_to(start, (count, 3))[:, None], points, np.broadcast_to(end, (count, 3))[:, None]], axis=1
-    )
-    step = np.diff(line, axis=1)
-    length = np.linalg.norm(step, axis=2, keepdims=True)
-    return np.divide(step, length, out=np.zeros_like(step), where=length > 0.0)
 
 
 def spherical_basis(rotation: Array, direction: Array) -> Array:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.world.path_tracing import DIFFUSE, REFRACTION, SPECULAR, TracedPaths, surface_velocity
 
-from .images import Chain, directions, material_coefficients, spherical_basis, transfer
+from .images import Chain, material_coefficients, spherical_basis, transfer
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
@@ -69,8 +69,8 @@ class Legs:
         """Number of interactions, shape (num_legs,)."""
         return np.count_nonzero(self.kind, axis=1).astype(np.int32)
 
-    def select(self, index: npt.NDArray[np.bool_]) -> Legs:
-        """Return the legs of a mask."""
+    def select(self, index: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> Legs:
+        """Return the legs of a mask or an index."""
         return Legs(**{name: value[index] for name, value in vars(self).items()})
 
 
@@ -102,8 +102,8 @@ def legs_of(
     Returns
     -------
     Legs
-        In the order of `traced`, without paths that nothing passes through, those that miss a plane in float64, and
-        those that are there already.
+        Sorted by target, depth, kinds, parts and points, without paths that nothing passes through, those that miss a
+        plane in float64, and those that are there already.
 
     Raises
     ------
@@ -115,15 +115,14 @@ def legs_of(
     end = ends[target]
     images = chain.images(end)
     point, right = chain.vertices(station.position, images)
-    travel = directions(station.position, point, end)
-    last = np.take_along_axis(travel, traced.depth[rows][:, None, None].astype(np.int64), axis=1)[:, 0]
+    travel = chain.travel(station.position, images)
     known = sorted(set(state.world.parts.material))
     material = np.array([known.index(name) for name in state.world.parts.material], dtype=np.int64)
     through = transfer(
         chain,
         travel,
         spherical_basis(station.rotation, travel[:, 0]),
-        spherical_basis(end_rotation, -last),
+        spherical_basis(end_rotation, -travel[:, -1]),
         material_coefficients(
             [state.world.materials[name] for name in known], np.where(part >= 0, material[part], -1), frequency
         ),
@@ -139,7 +138,17 @@ def legs_of(
         across / length, through,
     )  # fmt: skip
     legs = legs.select(right & (np.abs(through) > 0.0).any(axis=(1, 2)))
-    return legs.select(_first_of_equals(legs))
+    legs = legs.select(_first_of_equals(legs))
+    return legs.select(_order(legs))
+
+
+def _order(legs: Legs) -> npt.NDArray[np.int64]:
+    """Return the canonical order: target, depth, kinds, parts, points."""
+    keys: list[npt.NDArray[Any]] = [legs.target, legs.depth]
+    for column in (legs.kind, legs.part, legs.point):
+        if column.size:
+            keys.extend(np.reshape(column, (len(legs.length), -1)).T)
+    return np.lexsort(keys[::-1])
 
 
 def _first_of_equals(legs: Legs) -> npt.NDArray[np.bool_]:
