@@ -26,8 +26,8 @@ _INSET = 1e-3
 """Probes stand this part of the tube's size inside its border, which may be an edge shared with another face."""
 _POINT_LIKE = 0.125
 """Tubes below this part of the edge spacing are probed by one ray: what they straddle is too small to matter."""
-_CORNER_LEVELS = 2
-"""Further halvings of a tube over which three things meet."""
+_CORNER_SIZE = 0.125
+"""Tubes in which more than two things meet are halved on, down to this part of the edge spacing."""
 _BISECTIONS = 11
 """The place of an edge is found to 2^-11 of the edge spacing."""
 
@@ -111,39 +111,48 @@ def _cut(
     at_corner = labels[start[chosen, None] + np.arange(3)]
     equal = at_corner == np.roll(at_corner, -1, axis=1)  # corner i against i + 1
     two = equal.sum(axis=1) == 1
-    one = equal.all(axis=1)
-    three = ~two & ~one
-    again = three & (size[chosen] > 0.5**_CORNER_LEVELS)
-    rest = (three & ~again) | one
+    large = size[chosen] > _CORNER_SIZE
+    again = [chosen[~two & large]]
+    rest = ~two & ~large
     small = chosen[rest]
-    whole = np.where(one[rest], at_corner[rest, 0], labels[start[small] + 3])
+    whole = np.where(equal[rest, 0], at_corner[rest, 0], labels[start[small] + 3])
     pieces = [(tri[small], row[small], whole)]
     if two.any():
         odd = (equal[two].argmax(axis=1) + 2) % 3
-        pieces += _along_edge(tri[chosen[two]], inner[chosen[two]], row[chosen[two]], at_corner[two], odd, label_of)
-    return pieces, chosen[again]
+        halved = chosen[two]
+        cut, clean = _along_edge(tri[halved], inner[halved], row[halved], at_corner[two], odd, label_of)
+        kept = clean | ~large[two]
+        pieces += [(corners[kept], rows[kept], label[kept]) for corners, rows, label in cut]
+        again.append(halved[~kept])
+    return pieces, np.concatenate(again)
 
 
 def _along_edge(
     tri: Array, inner: Array, row: Index, at_corner: Index, odd: Index, label_of: LabelOf
-) -> list[tuple[Array, Index, Index]]:
-    """Cut triangles one corner of which (`odd`) has another label than the other two."""
+) -> tuple[list[tuple[Array, Index, Index]], npt.NDArray[np.bool_]]:
+    """Cut triangles one corner of which (`odd`) has another label than the other two.
+
+    The second result says where the cut is clean: beyond it the other two corners' label begins at once.
+    """
     order = (odd[:, None] + np.arange(3)) % 3
     pick = np.arange(len(tri))[:, None]
     tri, inner, label = tri[pick, order], inner[pick, order], at_corner[pick, order]
     low = np.zeros((len(tri), 2))
     high = np.ones((len(tri), 2))
+    beyond = label[:, 1:]
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0
         points = inner[:, :1] + middle[:, :, None] * (inner[:, 1:] - inner[:, :1])
         found = label_of(points.reshape(-1, 3), np.repeat(row, 2)).reshape(-1, 2)
         inside = found == label[:, :1]
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+        beyond = np.where(inside, beyond, found)
     border = tri[:, :1] + ((low + high) / 2.0)[:, :, None] * (tri[:, 1:] - tri[:, :1])
     tip = np.stack([tri[:, 0], border[:, 0], border[:, 1]], axis=1)
     near = np.stack([border[:, 0], tri[:, 1], tri[:, 2]], axis=1)
     far = np.stack([border[:, 0], tri[:, 2], border[:, 1]], axis=1)
-    return [(tip, row, label[:, 0]), (near, row, label[:, 1]), (far, row, label[:, 1])]
+    pieces = [(tip, row, label[:, 0]), (near, row, label[:, 1]), (far, row, label[:, 1])]
+    return pieces, (beyond == label[:, 1:]).all(axis=1)
 
 
 def _inset(tri: Array) -> Array:
