@@ -1,0 +1,153 @@
+"""Speed and error of ss.rcs: a sphere of 9,000 triangles, a plain NumPy tracer of the same physics, and the knobs.
+
+Run: ``python benchmarks/rcs.py [sphere] [numpy] [knobs]`` (all three by default, about two minutes on two cores).
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.harness import machine, measure, peak_memory
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.radar.rcs import load_body, rcs, scattering_matrix
+from scarl_sionna.radar.sbr import Body, SbrSettings
+
+FREQUENCY = 76.5e9
+THETA, PHI = 1.0, 0.5
+
+
+def dbsm(sigma) -> float:
+    return float(10 * np.log10(sigma))
+
+
+def sphere(radius: float) -> trimesh.Trimesh:
+    """Return a sphere of 9,024 triangles."""
+    return trimesh.creation.uv_sphere(radius=radius, count=[48, 96])
+
+
+def with_rays(body: Body) -> Body:
+    """Return the body without the knowledge that nothing stands in front of its faces: every face is probed by rays."""
+    return replace(body, free=np.zeros_like(body.free))
+
+
+def numpy_tracer(mesh: trimesh.Trimesh, spacing: float, wavelength: float, chunk: int = 256) -> tuple[float, int]:
+    """Return the co-polar RCS of a metal body by shooting rays in plain NumPy, and the number of rays.
+
+    A square tube of side h around each ray of a grid, one bounce of physical optics with the phase integrated over the
+    tube's footprint, and the reflected ray tested against the mesh. Each ray is tested against each triangle.
+    """
+    k = 2 * np.pi / wavelength
+    r_hat = np.array([np.sin(THETA) * np.cos(PHI), np.sin(THETA) * np.sin(PHI), np.cos(THETA)])
+    u = np.cross([0.0, 0.0, 1.0], r_hat)
+    u /= np.linalg.norm(u)
+    v = np.cross(r_hat, u)
+    reach = float(np.linalg.norm(mesh.vertices, axis=1).max())
+    h = spacing * wavelength
+    axis = np.arange(-reach, reach + h, h)
+    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    origins = grid[:, :1] * u + grid[:, 1:] * v + 2 * reach * r_hat
+    total = 0j
+    for first in range(0, len(origins), chunk):
+        start = origins[first : first + chunk]
+        face, distance = _brute_force(mesh.triangles, start, np.broadcast_to(-r_hat, start.shape))
+        hit = face >= 0
+        points, normal = start[hit] - distance[hit, None] * r_hat, mesh.face_normals[face[hit]]
+        cosine = normal @ r_hat
+        slopes = [normal @ axis / cosine for axis in (u, v)]
+        footprint = np.sinc(k * h * slopes[0] / np.pi) * np.sinc(k * h * slopes[1] / np.pi)
+        onward = 2 * cosine[:, None] * normal - r_hat
+        again, _ = _brute_force(mesh.triangles, points + 1e-6 * normal, onward)
+        assert not np.any(again >= 0)  # a sphere is convex
+        total += np.sum(h * h * footprint * np.exp(2j * k * points @ r_hat))
+    return float(4 * np.pi * abs(k / (2 * np.pi) * total) ** 2), len(origins)
+
+
+def _brute_force(triangles, origins, directions):
+    """Return the first triangle of each ray (-1: none) and its distance, after Moeller and Trumbore."""
+    a, edge_b, edge_c = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    p = np.cross(directions[:, None, :], edge_c[None])
+    determinant = np.einsum("rtk,tk->rt", p, edge_b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = origins[:, None, :] - a[None]
+        x = np.einsum("rtk,rtk->rt", t, p) / determinant
+        q = np.cross(t, edge_b[None])
+        y = np.einsum("rk,rtk->rt", directions, q) / determinant
+        distance = np.einsum("tk,rtk->rt", edge_c, q) / determinant
+        distance = np.where((x >= 0) & (y >= 0) & (x + y <= 1) & (distance > 1e-9), distance, np.inf)
+    face = distance.argmin(axis=1)
+    nearest = distance[np.arange(len(face)), face]
+    return np.where(np.isfinite(nearest), face, -1), nearest
+
+
+def bench_sphere() -> None:
+    print("\nSphere of 9,024 triangles at 76.5 GHz, one ray per wavelength, one angle (bar: 3 CPU seconds)")
+    for radius in (0.5, 1.0):
+        mesh = sphere(radius)
+        body = load_body(mesh)
+        for name, case in (("faces with nothing in front need no rays", body), ("every face probed", with_rays(body))):
+            timing = measure(lambda case=case: rcs(case, FREQUENCY, THETA, PHI), repeats=3)
+            level = dbsm(rcs(case, FREQUENCY, THETA, PHI))
+            print(f"  radius {radius} m, {name:40s} {timing}   {level:8.4f} dBsm")
+        print(f"  radius {radius} m, {'mesh made ready (once)':40s} {measure(lambda mesh=mesh: load_body(mesh), 3)}")
+
+
+def bench_numpy(radius: float = 0.15) -> None:
+    mesh = sphere(radius)
+    body = load_body(mesh)
+    print(f"\nThe same sphere of radius {radius} m against a plain NumPy tracer (each ray against each triangle)")
+    exact = dbsm(rcs(with_rays(body), FREQUENCY, THETA, PHI, settings=SbrSettings(edge_spacing=1 / 16)))
+    for name, case in (("ss.rcs, every face probed", with_rays(body)), ("ss.rcs", body)):
+        timing = measure(lambda case=case: rcs(case, FREQUENCY, THETA, PHI), repeats=3)
+        print(f"  {name:40s} {timing}   error {dbsm(rcs(case, FREQUENCY, THETA, PHI)) - exact:+8.4f} dB")
+        if case is not body:
+            slowest = timing.cpu
+    result = []
+    timing = measure(lambda: result.append(numpy_tracer(mesh, 1.0, SPEED_OF_LIGHT / FREQUENCY)), 1, 0)
+    sigma, count = result[-1]
+    print(f"  {'NumPy, ' + str(count) + ' rays':40s} {timing}   error {dbsm(sigma) - exact:+8.4f} dB")
+    print(f"  ratio of CPU seconds, every face probed: {timing.cpu / slowest:.0f} (bar: 20)")
+
+
+def bench_knobs() -> None:
+    print("\nKnobs: error of the scattering matrix relative to its largest entry, CPU seconds an angle")
+    wavelength = SPEED_OF_LIGHT / 77e9
+    corner = trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]], [[0, 1, 2], [0, 2, 3], [0, 3, 1]])
+    half = 20 * wavelength
+    plate = trimesh.Trimesh(
+        [[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]], [[0, 1, 2], [0, 2, 3]]
+    )
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=4 * wavelength).apply_translation([0, 0, 4.8 * wavelength])
+    angles = (np.array([0.5, 0.9]), np.array([0.2, 0.7]))
+    for name, mesh in (("trihedral, leg 0.1 m", corner), ("ball on a plate", trimesh.util.concatenate([plate, ball]))):
+        body = load_body(mesh)
+        finest = SbrSettings(ray_spacing=0.5, edge_spacing=1 / 32)
+        reference = scattering_matrix(body, 77e9, *angles, settings=finest)
+        print(f"  {name}")
+        for ray, edge in ((8, 4), (4, 2), (2, 1), (1, 0.5), (1, 0.25), (1, 0.125), (0.25, 0.25), (4, 0.25)):
+            settings = SbrSettings(ray_spacing=ray, edge_spacing=edge)
+            timing = measure(lambda s=settings, b=body: scattering_matrix(b, 77e9, *angles, settings=s), 1, 0)
+            found = scattering_matrix(body, 77e9, *angles, settings=settings)
+            error = np.abs(found - reference).max() / np.abs(reference).max()
+            mark = "  <- default" if settings == SbrSettings() else ""
+            print(
+                f"    ray_spacing {ray:5g}  edge_spacing {edge:6g}  error {error:.1e}  cpu {timing.cpu / 2:.3f} s{mark}"
+            )
+
+
+def main() -> None:
+    chosen = sys.argv[1:] or ["sphere", "numpy", "knobs"]
+    print(machine())
+    for name in chosen:
+        {"sphere": bench_sphere, "numpy": bench_numpy, "knobs": bench_knobs}[name]()
+    print(f"\nlargest memory {peak_memory():.2f} GiB")
+
+
+if __name__ == "__main__":
+    main()
