@@ -91,6 +91,7 @@ def test_two_ray_nulls_of_metal(tmp_path) -> None:
     assert level.min(axis=1).max() < -40.0  # half a step aside: 2 pi n 5e-5 = 4e-3 for n = 12, to the fourth power -96 dB
 
 
+@pytest.mark.slow
 def test_two_ray_extrema_of_asphalt(asphalt) -> None:
     steps = np.linspace(-0.002, 0.002, 21)
     columns = [(pol, name) for pol in "HV" for name in ("min_x_m", "max_x_m")]
