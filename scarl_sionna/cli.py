@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from scarl_sionna.core.errors import ScarlError, ScarlWarning
+from scarl_sionna.core.errors import OutputError, ScarlError, ScarlWarning
 from scarl_sionna.scenario.spec import ScenarioSpec
 
 if TYPE_CHECKING:
@@ -99,6 +99,37 @@ def demo(
         started = perf_counter()
         summary = _run(base.with_(**changes), out, overwrite)
         _print_summary(summary, perf_counter() - started)
+
+
+@app.command()
+def rcs(
+    context: typer.Context,
+    mesh: Annotated[Path, typer.Argument(help="Triangle mesh in metres (PLY, OBJ, STL, glTF).")],
+    freq: Annotated[float, typer.Option(help="Frequency [Hz].")] = 77e9,
+    cut: Annotated[
+        str, typer.Option(help="azimuth: phi from -180 to 180 deg at theta 90; elevation: theta from 0 to 180 at phi 0.")
+    ] = "azimuth",
+    fixed: Annotated[float | None, typer.Option(help="The angle that does not turn [deg].")] = None,
+    step: Annotated[float, typer.Option(help="Step of the angle [deg].")] = 1.0,
+    polarization: Annotated[str, typer.Option(help="Receive letter first; several with commas.")] = "VV,HH",
+    material: Annotated[str, typer.Option(help="metal, or another radio material by name.")] = "metal",
+    plot: Annotated[Path | None, typer.Option(help="Image file (default: the mesh's name with _rcs.png).")] = None,
+) -> None:
+    """Print the monostatic radar cross section of a mesh over angle [dBsm], and plot it."""
+    with _reported(context, "nothing was written"):
+        from scarl_sionna.radar.rcs import rcs_cut  # takes seconds
+
+        names = [name.strip() for name in polarization.split(",") if name.strip()]
+        console = Console(stderr=True)
+        with console.status(f"radar cross section of {mesh.name} at {freq / 1e9:g} GHz, every {step:g} deg"):
+            result = rcs_cut(mesh, freq, cut, names, material, step_deg=step, fixed_angle_deg=fixed)  # type: ignore[arg-type]
+        typer.echo(result.table())
+        target = plot or Path(f"{mesh.stem}_rcs.png")
+        try:
+            result.plot(target)
+        except OSError as error:
+            raise OutputError(f"cannot write {target}: {error.strerror}; choose a file that you may write to") from error
+        console.print(f"plot: {target}", highlight=False)
 
 
 @app.command()
