@@ -136,10 +136,12 @@ def _free(triangles: Triangles, caster: Caster) -> npt.NDArray[np.bool_]:
     if len(normal) * len(corners) > _LARGEST_SEARCH:
         return result
     offset = (triangles.offset - normal @ caster.center) / caster.radius
-    rows = max(1_000_000 // len(corners), 1)
+    plain = normal.astype(np.float32)  # in radii: rounded to 6e-8, far below the tolerance
+    across = np.ascontiguousarray(corners.T, dtype=np.float32)
+    rows = max(200_000 // len(corners), 1)  # a block that stays in the cache
     for first in range(0, len(normal), rows):
         part = slice(first, first + rows)
-        height = normal[part] @ corners.T - offset[part, None]
-        result[part, 0] = height.max(axis=1) <= _SAME_PLANE
-        result[part, 1] = height.min(axis=1) >= -_SAME_PLANE
+        height = plain[part] @ across
+        result[part, 0] = height.max(axis=1) <= offset[part] + _SAME_PLANE
+        result[part, 1] = height.min(axis=1) >= offset[part] - _SAME_PLANE
     return result
