@@ -36,7 +36,8 @@ class PointScatterers:
     rcs : array_like of float, shape (num_points,)
         Radar cross-section [m2], >= 0, the same for V and H; nothing is cross-polarised. A scalar holds for all.
     instance : array_like of int, shape (num_points,), optional
-        Labels; the index + 1 if left out.
+        Instance ids, for points that belong to an instance of a scene; if left out, the index + 1 in free space and new
+        ids behind the scene's own in a scene.
 
     Raises
     ------
@@ -60,12 +61,13 @@ class PointScatterers:
             raise ParameterRangeError("rcs", f"shape {np.shape(self.rcs)}", shape) from None
         if not (np.isfinite(sigma).all() and (sigma >= 0).all()):
             raise ParameterRangeError("rcs", f"{np.min(sigma)} m2", "finite and >= 0 m2", "give square metres, not dBsm")
-        label = np.arange(1, len(points) + 1) if self.instance is None else np.asarray(self.instance)
-        if label.shape != (len(points),):
-            raise ParameterRangeError("instance", f"shape {label.shape}", f"shape ({len(points)},)")
+        if self.instance is not None:
+            label = np.asarray(self.instance)
+            if label.shape != (len(points),):
+                raise ParameterRangeError("instance", f"shape {label.shape}", f"shape ({len(points)},)")
+            object.__setattr__(self, "instance", label.astype(np.int32))
         for name, value in (("positions", points), ("velocities", motion), ("rcs", sigma)):
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "instance", label.astype(np.int32))
 
     def require_apart(self, origin: npt.ArrayLike) -> None:
         """Raise :class:`PlacementError` if a point stands at a radar's origin [m, world]."""
@@ -112,7 +114,8 @@ def point_targets(
     Returns
     -------
     RadarPaths
-        In free space one path a target, in the order given, of depth 1; `instance` is the target's index + 1.
+        In free space one path a target, in the order given, of depth 1; `instance` is the target's index + 1. In a scene
+        see :func:`solve_sionna`; the targets' ids follow the scene's own.
 
     Raises
     ------

@@ -9,6 +9,7 @@ from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import MaterialRangeError, ParameterRangeError, PlacementError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.fresnel import transmission
@@ -65,6 +66,12 @@ def test_shapes_types_and_labels(state) -> None:
     assert set(paths.diagnostics) >= {"method", "num_samples", "max_depth", "overflow", "num_candidates", "seconds"}
 
 
+def test_points_of_an_instance_carry_its_class(state) -> None:
+    points = PointScatterers([[8.0, 1.0, 0.5]] * 2, np.zeros((2, 3)), 1.0, instance=[1, 77])
+    paths = solve_sionna(state, RADAR, Pose(), scatterers=points, environment=False, max_depth=0)
+    assert paths.semantic.tolist() == [semantic_id("Wall"), 0]
+
+
 def test_nothing_to_reflect_gives_no_paths_and_a_silent_frame(state) -> None:
     away = Pose([-40.0, 60.0, 30.0])
     for depth in (0, 2):
@@ -88,8 +95,9 @@ def test_free_space_equals_the_ideal_points(state) -> None:
     pose, twist = Pose.from_euler([0.1, 0.2, 0.3], yaw=0.2, pitch=0.1, roll=0.4), Twist([3.0, 0.0, 0.0])
     ideal = point_targets(points, motion, sigma, RADAR, pose, twist)
     traced = point_targets(points, motion, sigma, RADAR, pose, twist, state=state, max_depth=0)
-    for name in ("tx_point", "rx_point", "length_rate", "length_acceleration", "depth", "instance"):
+    for name in ("tx_point", "rx_point", "length_rate", "length_acceleration", "depth"):
         assert np.allclose(getattr(traced, name), getattr(ideal, name), rtol=1e-12, atol=1e-12), name
+    assert ideal.instance.tolist() == [[1], [2]] and traced.instance.tolist() == [[4], [5]]  # the scene has 1 to 3
     assert np.allclose(traced.a, ideal.a, rtol=1e-12, atol=1e-12 * np.abs(ideal.a).max())
 
 

@@ -288,8 +288,10 @@ class _Solver:
         target = there.target[out]
         spreading = self.radar.wavelength * np.sqrt(points.rcs[target]) / (4.0 * np.pi) ** 1.5
         spreading = spreading / (there.length[out] * back.length[home])
-        assert points.instance is not None  # set by its constructor
-        instance = self.state.world.parts.instance
+        instance, known = self.state.world.parts.instance, self.state.world.instances
+        new = max(known, default=0) + 1 + np.arange(len(ends))
+        label = new if points.instance is None else points.instance.astype(np.int64)
+        semantic = np.array([known[int(number)].semantic if int(number) in known else 0 for number in label], dtype=np.uint8)
         labels = [np.where(legs.part >= 0, instance[legs.part], -1) for legs in (there, back)]
         kinds = [np.where(legs.part >= 0, legs.kind, -1) for legs in (there, back)]
         count = len(target)
@@ -300,10 +302,10 @@ class _Solver:
             "a": np.einsum("pki,pkj->pij", back.transfer[home], there.transfer[out]) * spreading[:, None, None],
             "length_rate": there.rate[out] + back.rate[home],
             "length_acceleration": there.acceleration[out] + back.acceleration[home],
-            "instance": _chained(labels[0][out], points.instance[target], labels[1][home]),
+            "instance": _chained(labels[0][out], label[target], labels[1][home]),
             "interaction": _chained(kinds[0][out], np.full(count, POINT_INTERACTION), kinds[1][home]),
             "depth": there.depth[out] + 1 + back.depth[home],
-            "semantic": np.zeros(count),
+            "semantic": semantic[target],
             "rx_image": np.full((count, 3, 4), np.nan),
             "total": there.length[out] + back.length[home],
         }
