@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -14,6 +19,7 @@ from scarl_sionna.radar.sbr.phase import triangle_phase_integral
 from scarl_sionna.world.materials import RadioMaterial, UnknownMaterialError
 from tests.oracles import rcs as oracle
 
+REPO = Path(__file__).resolve().parents[2]
 F77 = 77e9
 PLATE = trimesh.Trimesh(0.1 * np.array(oracle.PLATE_MESH[0]), oracle.PLATE_MESH[1], process=False)
 CORNER = trimesh.Trimesh(0.1 * np.array(oracle.TRIHEDRAL_MESH[0]), oracle.TRIHEDRAL_MESH[1], process=False)
@@ -56,6 +62,16 @@ def test_same_bytes_twice():
     angle = np.linspace(0.3, 1.2, 7)
     first = scattering_matrix(CORNER, F77, angle, 0.7)
     assert first.tobytes() == scattering_matrix(CORNER, F77, angle, 0.7).tobytes()
+
+
+def test_same_bytes_in_another_process():
+    code = (
+        "import hashlib, tests.unit.test_rcs as t;"
+        "print(hashlib.sha256(t.scattering_matrix(t.CORNER, t.F77, [0.4, 0.9], 0.7).tobytes()).hexdigest())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=REPO, check=True)
+    here = scattering_matrix(CORNER, F77, [0.4, 0.9], 0.7)
+    assert done.stdout.split()[-1] == hashlib.sha256(here.tobytes()).hexdigest()
 
 
 def test_batches_do_not_change_the_result():

@@ -21,7 +21,7 @@ class SbrSettings(Spec):
         description="tubes that straddle an edge are halved down to this size [wavelengths] and then cut along it",
     )  # fmt: skip
     max_rays: int = Field(
-        1_000_000, ge=1000, description="rays and tubes worked at once: bounds the memory to some 500 MB"
+        1_000_000, ge=1000, description="rays and tubes worked at once: bounds the memory (docs/rcs.md)"
     )
 
     @model_validator(mode="after")
