@@ -188,6 +188,27 @@ def test_ego_double_bounce(tmp_path) -> None:
     assert np.allclose(bounce.a[0], expected * np.eye(2), rtol=1e-12, atol=abs(expected) * 1e-12)
 
 
+def test_ego_double_bounce_of_a_point(tmp_path) -> None:
+    """The same off a point scatterer: it scatters twice, with the own front as a mirror between."""
+    distance, velocity, setback, rcs = 12.0, -4.0, 0.25, 3.0
+    front = Thing("ego_front", plane(8.0, 8.0, (-setback, 0, 0), (1, 0, 0)), "Car", "steel")
+    state = scene(tmp_path, front).at(0.0)
+    points = PointScatterers([[distance, 0, 0]], [[velocity, 0, 0]], rcs)
+    options = {"scatterers": points, "environment": False, "max_depth": 1, **FEW}
+    once = solve_sionna(state, RADAR, Pose(), **options)
+    paths = solve_sionna(state, RADAR, Pose(), double_bounce=True, **options)
+    assert paths.num_paths == 2 * once.num_paths == 8  # each way there and back, by the front or not
+    bounce = paths.select([paths.interaction.tolist().index([0, 1, 0, -1, -1])])
+    expected_range, expected_velocity = oracle.ego_double_bounce(distance, velocity, setback)
+    assert abs(lengths(bounce)[0] / 2 - expected_range) < 1e-9  # bar 1 mm
+    assert abs(bounce.length_rate[0] / 2 - expected_velocity) < 1e-9  # bar 1e-3 m/s
+    # Radar equation of the first scattering, and spherical spreading from its field over the way to the front and back
+    expected = np.sqrt(rcs / (4 * np.pi)) / (2 * (distance + setback))
+    ratio = bounce.a[0] / once.a[0, 0, 0]
+    assert abs(20 * np.log10(abs(ratio[0, 0]) / expected)) < 0.009  # bar 0.05 dB; metal reflects 0.008 dB less than all
+    assert np.allclose(ratio, -abs(ratio[0, 0]) * np.eye(2), rtol=2e-3, atol=1e-12)  # turned by the mirror, for V and H
+
+
 def test_bistatic_pair_over_ground(tmp_path) -> None:
     state = scene(tmp_path, ground("asphalt")).at(0.0)
     pose, rx_pose = Pose([0, 0, 0.5]), Pose.from_euler([30, 8, 1.25], yaw=np.pi)

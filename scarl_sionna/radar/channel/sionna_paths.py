@@ -19,7 +19,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import POINT_INTERACTION, PointScatterers
+from scarl_sionna.radar.points import PointScatterers
 from scarl_sionna.world import variant
 from scarl_sionna.world.path_tracing import TracedPaths, trace_paths
 from scarl_sionna.world.placement import check_placement
@@ -28,6 +28,7 @@ from .diffuse import diffuse_columns
 from .fresnel_zone import warn_of_small_mirrors
 from .legs import Legs, Station, legs_of
 from .raycast import check_antennas
+from .scattering import joined_legs, scattered_columns
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
@@ -66,6 +67,9 @@ class SionnaSettings(Spec):
     specular: bool = Field(True, description="mirror reflections")
     diffuse: bool = Field(False, description="diffuse scattering with Sionna RT's patterns, amplitudes in float32")
     refraction: bool = Field(False, description="straight passage through layers")
+    double_bounce: bool = Field(
+        False, description="scatterers also with a mirror and themselves again (target - own car - target); a trace for each"
+    )  # fmt: skip
     max_distance: float | None = Field(
         None, gt=0.0, description="half of the longest length [m]; None: the unambiguous range"
     )
@@ -108,8 +112,8 @@ def solve_sionna(
     Returns
     -------
     RadarPaths
-        Environment first, then by scatterer, way there and way back; empty where nothing is found. Paths through a
-        scatterer have depth k + 1 + m and the interaction kind ``POINT_INTERACTION`` at the scatterer.
+        Environment first, then by scatterer, way there and way back, double bounces last; empty where nothing is found.
+        Paths through a scatterer have depth k + 1 + m and the interaction kind ``POINT_INTERACTION`` at the scatterer.
 
     Raises
     ------
@@ -233,7 +237,7 @@ class _Solver:
             legs = self._legs(_at_one_target(traced.of_targets(0, len(own))), tx, own[:1], rx.velocity[None], rx.rotation)
             blocks.insert(0, self._mirror_columns(legs, tx, rx))
         if points is not None:
-            blocks.append(self._scattered(traced.of_targets(len(targets) - len(ends)), tx, rx, points))
+            blocks.extend(self._scattered(traced.of_targets(len(targets) - len(ends)), tx, rx, points))
         return blocks
 
     def _own_targets(self, tx: Array, rx: Array) -> Array:
@@ -277,56 +281,26 @@ class _Solver:
             "total": legs.length,
         }
 
-    def _scattered(self, traced: TracedPaths, tx: Station, rx: Station, points: PointScatterers) -> Columns:
+    def _scattered(self, traced: TracedPaths, tx: Station, rx: Station, points: PointScatterers) -> list[Columns]:
         """Return the paths through scatterers: all pairs of a way there and a way back."""
         ends, velocity = points.positions, points.velocities
         there = self._legs(traced, tx, ends, velocity, tx.rotation)
         back = there
         if rx is not tx:
             back = self._legs(self._trace(rx.position, ends, False), rx, ends, velocity, tx.rotation)
-        out, home = _pairs(there.target, back.target, len(ends))
-        target = there.target[out]
-        spreading = self.radar.wavelength * np.sqrt(points.rcs[target]) / (4.0 * np.pi) ** 1.5
-        spreading = spreading / (there.length[out] * back.length[home])
-        instance, known = self.state.world.parts.instance, self.state.world.instances
-        new = max(known, default=0) + 1 + np.arange(len(ends))
-        label = new if points.instance is None else points.instance.astype(np.int64)
-        semantic = np.array([known[int(number)].semantic if int(number) in known else 0 for number in label], dtype=np.uint8)
-        labels = [np.where(legs.part >= 0, instance[legs.part], -1) for legs in (there, back)]
-        kinds = [np.where(legs.part >= 0, legs.kind, -1) for legs in (there, back)]
-        count = len(target)
-        return {
-            "tx_point": there.image[out],
-            "rx_point": back.image[home],
-            "inner_length": np.zeros(count),
-            "a": np.einsum("pki,pkj->pij", back.transfer[home], there.transfer[out]) * spreading[:, None, None],
-            "length_rate": there.rate[out] + back.rate[home],
-            "length_acceleration": there.acceleration[out] + back.acceleration[home],
-            "instance": _chained(labels[0][out], label[target], labels[1][home]),
-            "interaction": _chained(kinds[0][out], np.full(count, POINT_INTERACTION), kinds[1][home]),
-            "depth": there.depth[out] + 1 + back.depth[home],
-            "semantic": semantic[target],
-            "rx_image": np.full((count, 3, 4), np.nan),
-            "total": there.length[out] + back.length[home],
-        }
+        blocks = [scattered_columns(self.state, self.radar.wavelength, points, there, back)]
+        if self.settings.double_bounce and len(ends):
+            between = joined_legs([self._to_itself(index, points, tx.rotation) for index in range(len(ends))])
+            blocks.append(scattered_columns(self.state, self.radar.wavelength, points, there, back, between))
+        return blocks
 
-
-def _pairs(
-    there: npt.NDArray[np.int64], back: npt.NDArray[np.int64], num_targets: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return all pairs of rows of two rising columns with the same target."""
-    count = np.bincount(back, minlength=num_targets)
-    first = np.concatenate([[0], np.cumsum(count)])
-    repeats = count[there]
-    out = np.repeat(np.arange(len(there)), repeats)
-    within = np.arange(len(out)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
-    return out, first[there[out]] + within
-
-
-def _chained(out: npt.NDArray[Any], middle: npt.NDArray[Any], home: npt.NDArray[Any]) -> npt.NDArray[np.int32]:
-    """Return labels along the way: there, the scatterer, and back in reverse order, -1 behind the last."""
-    columns = np.concatenate([out, middle[:, None], home[:, ::-1]], axis=1)
-    return np.take_along_axis(columns, np.argsort(columns == -1, axis=1, kind="stable"), axis=1).astype(np.int32)
+    def _to_itself(self, index: int, points: PointScatterers, rotation: Array) -> Legs:
+        """Return the ways of a scatterer by mirrors back to itself."""
+        position, velocity = points.positions[index], points.velocities[index]
+        targets = self._own_targets(position, position)
+        traced = _at_one_target(self._trace(position, targets, False))
+        legs = self._legs(traced, Station(position, velocity, rotation), targets[:1], velocity[None], rotation)
+        return replace(legs, target=np.full(len(legs.target), index, dtype=np.int64))
 
 
 def _at_one_target(traced: TracedPaths) -> TracedPaths:
