@@ -47,7 +47,7 @@ def test_auto_is_raycast(state) -> None:
     assert auto.diagnostics["method"] == "raycast" and _bytes(auto) == _bytes(raycast)
 
 
-@pytest.mark.parametrize("method", ["sbr", "scatterers"])
+@pytest.mark.parametrize("method", ["scatterers"])
 def test_a_planned_solver_says_that_it_is_not_there(state, method: str) -> None:
     with pytest.raises(
         SolverUnavailableError, match=f"'{method}' .* not available in this version; use one of .*raycast, .*sionna, .*auto"

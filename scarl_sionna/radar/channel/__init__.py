@@ -11,6 +11,7 @@ from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 
 from .raycast import solve_raycast
+from .sbr import solve_sbr
 from .sionna_paths import PathBufferOverflowError, solve_sionna
 
 if TYPE_CHECKING:
@@ -18,9 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["PathBufferOverflowError", "SolverUnavailableError", "solve_paths"]
 
-SOLVERS: dict[str, Callable[..., RadarPaths]] = {"raycast": solve_raycast, "sionna": solve_sionna}
+SOLVERS: dict[str, Callable[..., RadarPaths]] = {"raycast": solve_raycast, "sionna": solve_sionna, "sbr": solve_sbr}
 PLANNED = {
-    "sbr": "shooting and bouncing rays with physical optics",
     "scatterers": "scattering centres",
 }
 """Solvers of the design that this version does not have."""
@@ -48,11 +48,11 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
         world_from_radar.
     method : str
         ``"raycast"``: SCaRL's own. ``"auto"`` stands for ``"raycast"`` until another solver exists to choose from.
-        ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"`` and ``"scatterers"`` belong to the design but not to
-        this version.
+        ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"`` belongs
+        to the design but not to this version.
     **options
-        Of the solver; see :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...) and
-        :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna`.
+        Of the solver; see :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...),
+        :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna` and :func:`scarl_sionna.radar.channel.sbr.solve_sbr`.
 
     Returns
     -------

@@ -1,0 +1,107 @@
+"""Which triangle a ray meets first, and the float64 planes of all triangles of a state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from .geometry import Triangles, refine_distance
+
+if TYPE_CHECKING:
+    from .scene import World, WorldState
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+MISS = -1
+"""Face of a ray that meets nothing."""
+RAYS_PER_BATCH = 1 << 20
+"""Rays worked at once: some 100 MB."""
+_SAME_PLANE = 1e-6
+"""Faces of one part whose unit normals and offsets [m] agree within this have one plane number."""
+
+_numbers: WeakKeyDictionary[World, Index] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class FaceTable:
+    """Triangles of a state.
+
+    Attributes
+    ----------
+    triangles : Triangles
+        Float64, world frame.
+    part : ndarray of int64, shape (num_faces,)
+        Row of the part table.
+    plane : ndarray of int64, shape (num_faces,)
+        Faces of one part that lie in one plane, whichever way they are turned, have one number.
+    """
+
+    triangles: Triangles
+    part: Index
+    plane: Index
+
+
+def face_table(state: WorldState) -> FaceTable:
+    """Return the triangles of a state; plane numbers are the same at all times."""
+    world = state.world
+    first = world._triangles.first
+    part = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    if world not in _numbers:
+        _numbers[world] = _plane_numbers(world._triangles, part)
+    return FaceTable(state._triangles, part, _numbers[world])
+
+
+def _plane_numbers(triangles: Triangles, part: Index) -> Index:
+    normal = triangles.normal
+    pivot = np.abs(normal).argmax(axis=1)
+    sign = np.where(normal[np.arange(len(normal)), pivot] < 0.0, -1.0, 1.0)
+    rounded = np.round(np.column_stack([normal, triangles.offset]) * (sign / _SAME_PLANE)[:, None]).astype(np.int64)
+    keys = np.column_stack([part, rounded])
+    order = np.lexsort(keys.T)
+    new = np.any(np.diff(keys[order], axis=0) != 0, axis=1)
+    number = np.empty(len(keys), dtype=np.int64)
+    number[order] = np.concatenate([[0], np.cumsum(new)])
+    return number
+
+
+def first_faces(
+    state: WorldState, origins: npt.ArrayLike, directions: Array, twin: str = "optical"
+) -> tuple[Index, Array]:
+    """Return the face that each ray meets first and how far away its plane is.
+
+    Parameters
+    ----------
+    state : WorldState
+    origins : array_like of float, shape (3,) or (num_rays, 3)
+        [m, world].
+    directions : ndarray of float64, shape (num_rays, 3)
+        Unit vectors [world].
+    twin : {"optical", "radio"}
+
+    Returns
+    -------
+    face : ndarray of int64, shape (num_rays,)
+        Row of :class:`FaceTable`, or `MISS`.
+    distance : ndarray of float64, shape (num_rays,)
+        To the face's plane in float64 [m]; infinite where nothing is met.
+    """
+    origin = np.asarray(origins, dtype=np.float64)
+    triangles, engine = state._triangles, state._applied(twin)
+    face = np.full(len(directions), MISS, dtype=np.int64)
+    distance = np.full(len(directions), np.inf)
+    for first in range(0, len(directions), RAYS_PER_BATCH):
+        stop = min(first + RAYS_PER_BATCH, len(directions))
+        start = origin if origin.ndim == 1 else origin[first:stop]
+        ray, part, local, rough = engine.intersect(start, directions[first:stop], np.inf)
+        row = triangles.first[part] + local
+        here = start if start.ndim == 1 else start[ray]
+        exact, _ = refine_distance(
+            here, directions[first:stop][ray], triangles.normal[row], triangles.offset[row], rough
+        )
+        face[first + ray], distance[first + ray] = row, exact
+    return face, distance
