@@ -12,6 +12,7 @@ from scarl_sionna.radar.paths import RadarPaths
 
 from .raycast import solve_raycast
 from .sbr import solve_sbr
+from .scatterers import solve_scatterers
 from .sionna_paths import PathBufferOverflowError, solve_sionna
 
 if TYPE_CHECKING:
@@ -19,10 +20,13 @@ if TYPE_CHECKING:
 
 __all__ = ["PathBufferOverflowError", "SolverUnavailableError", "solve_paths"]
 
-SOLVERS: dict[str, Callable[..., RadarPaths]] = {"raycast": solve_raycast, "sionna": solve_sionna, "sbr": solve_sbr}
-PLANNED = {
-    "scatterers": "scattering centres",
+SOLVERS: dict[str, Callable[..., RadarPaths]] = {
+    "raycast": solve_raycast,
+    "sionna": solve_sionna,
+    "sbr": solve_sbr,
+    "scatterers": solve_scatterers,
 }
+PLANNED: dict[str, str] = {}
 """Solvers of the design that this version does not have."""
 
 

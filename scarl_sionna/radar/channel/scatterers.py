@@ -1,0 +1,253 @@
+"""Radar paths from scattering centres: no ray is traced but one for each group of centres, to see what hides it.
+
+What it is right for, where it breaks and what it costs stands in docs/scatterers.md.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.points import MIN_DISTANCE, POINT_INTERACTION
+from scarl_sionna.radar.scatterers import ScattererModel
+
+from .images import spherical_basis
+from .raycast import check_antennas
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import WorldState
+
+Array = npt.NDArray[np.float64]
+Columns = dict[str, npt.NDArray[Any]]
+
+GROUP_SIZE = 0.5
+"""Centres of one cube of this side share one ray of occlusion [m]; a car has some 30 such groups."""
+_NO_DETUNING = 0.01
+"""A model is used without a warning within this part of its frequency."""
+
+
+def solve_scatterers(
+    state: WorldState,
+    radar: RadarSpec,
+    pose: Pose,
+    *,
+    models: Mapping[str, ScattererModel] | None = None,
+    radar_twist: Twist | None = None,
+    max_distance: float | None = None,
+    group_size: float = GROUP_SIZE,
+    placements: Mapping[str, Pose] | None = None,
+) -> RadarPaths:
+    r"""Return the paths to the scattering centres of the objects that have a model.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    pose : Pose
+        world_from_radar.
+    models : mapping of name to ScattererModel
+        For actors and static objects by their names. The body frame of an actor's model is the actor's frame; that of a static
+        object is the world frame, in which its mesh stands, unless `placements` says otherwise. What has no model gives no
+        path (it still hides what is behind it) and is named in ``diagnostics["left_out"]``.
+    radar_twist : Twist, optional
+        Velocity of the radar; at rest if left out. Its rotation within a frame is not modelled.
+    max_distance : float, optional
+        Centres beyond are left out [m]; the unambiguous range if not given.
+    group_size : float
+        Side of the cubes whose centres share one ray of occlusion [m].
+    placements : mapping of name to Pose, optional
+        Frame of the model in that of the actor, or in the world for a static object: for a model such as
+        ``ScattererModel.tr38901("car")``, whose origin is its centre.
+
+    Returns
+    -------
+    RadarPaths
+        One path a centre, of depth 1, sorted by instance and length.
+
+    Raises
+    ------
+    ParameterRangeError
+        If no model is given or a number is out of range.
+    UnknownNameError
+        If a model's name is not in the scene.
+    PlacementError
+        If the radar or one of its antennas is inside a mesh.
+
+    Warns
+    -----
+    ScarlWarning
+        If an object is seen from outside of its model's aspects, is nearer than the model's ``nearest_distance``, or the model's
+        frequency or cells do not fit the radar: the message names the object and the better method.
+
+    Notes
+    -----
+    .. math:: a = \frac{\lambda}{4 \pi R^2} A_n(u_n), \quad L' = 2 d \cdot v, \quad
+              L'' = 2 (|v|^2 - (d \cdot v)^2) / R + 2 d \cdot (\omega \times (\omega \times r))
+
+    with each centre's own distance R, direction u and velocity v relative to the radar, so an object in the near field is right
+    as long as each cell is in its own far field. *Not modelled*: multipath with the surroundings, part-hidden cells.
+    """
+    start = time.perf_counter()
+    if not models:
+        raise ParameterRangeError(
+            "models", models, "at least one name with a ScattererModel",
+            "compile one with compile_scatterers(mesh), or take ScattererModel.tr38901('car')",
+        )  # fmt: skip
+    reach = radar.max_range if max_distance is None else max_distance
+    for name, value in (("max_distance", reach), ("group_size", group_size)):
+        if not value > 0.0:
+            raise ParameterRangeError(name, f"{value} m", "> 0 m")
+    numbers = _numbers(state, models)
+    check_antennas(state, radar, pose)
+    twist = radar_twist or Twist()
+    blocks = []
+    for name, model in models.items():
+        frame = (placements or {}).get(name, Pose())
+        block = _columns(state, radar, pose, twist, (name, numbers[name]), model, frame)
+        blocks.append(_in_view(block, radar, pose, reach))
+    columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    hidden = _hidden(state, pose, columns, group_size)
+    columns = {name: column[~hidden] for name, column in columns.items()}
+    order = np.lexsort((*columns["point"].T, columns["distance"], columns["instance"]))
+    columns = {name: column[order] for name, column in columns.items()}
+    left_out = [info.name for info in state.world.instances.values() if info.name not in models]
+    return _paths(columns, pose, {
+        "method": "scatterers", "max_distance": reach, "group_size": group_size, "num_hidden": int(hidden.sum()),
+        "models": {name: dict(model.error) for name, model in models.items()}, "left_out": left_out,
+        "seconds": time.perf_counter() - start,
+    })  # fmt: skip
+
+
+def _numbers(state: WorldState, models: Mapping[str, ScattererModel]) -> dict[str, int]:
+    """Return the instance id of each model's object."""
+    known = {info.name: number for number, info in state.world.instances.items()}
+    for name in models:
+        if name not in known:
+            raise UnknownNameError("object with a scatterer model", name, known)
+    return {name: known[name] for name in models}
+
+
+def _columns(
+    state: WorldState, radar: RadarSpec, pose: Pose, radar_twist: Twist, what: tuple[str, int], model: ScattererModel,
+    frame: Pose,
+) -> Columns:  # fmt: skip
+    """Return the columns of one object's centres."""
+    name, number = what
+    info = state.world.instances[number]
+    body, twist = Pose(), Twist()
+    if info.actor is not None:
+        body, twist = state.actor_pose(info.actor), state.actor_twist(info.actor)
+    world_from_model = body.compose(frame)
+    point = world_from_model.apply(model.centers)
+    offset = point - pose.position
+    distance = np.maximum(np.linalg.norm(offset, axis=1), MIN_DISTANCE)
+    direction = offset / distance[:, None]
+    toward = -direction @ world_from_model.rotation
+    matrix = model.matrices(toward)
+    _warn(name, radar, model, toward, distance, matrix)
+    body_basis = spherical_basis(world_from_model.rotation, -direction)
+    radar_basis = spherical_basis(pose.rotation, direction)
+    turn = np.einsum("nri,nbi->nrb", radar_basis, body_basis)
+    scale = radar.wavelength / (4.0 * np.pi * distance**2)
+    arm = point - body.position
+    relative = twist.velocity_at(arm) - radar_twist.linear
+    radial = np.einsum("ni,ni->n", direction, relative)
+    centripetal = np.cross(twist.angular, np.cross(twist.angular, arm))
+    across = np.maximum(np.einsum("ni,ni->n", relative, relative) - radial**2, 0.0)
+    return {
+        "point": point,
+        "direction": direction,
+        "distance": distance,
+        "a": np.einsum("nrb,nbc,ntc->nrt", turn, matrix, turn) * scale[:, None, None],
+        "length_rate": 2.0 * radial,
+        "length_acceleration": 2.0 * (across / distance + np.einsum("ni,ni->n", direction, centripetal)),
+        "instance": np.full(len(point), number, dtype=np.int32),
+        "semantic": np.full(len(point), info.semantic, dtype=np.uint8),
+    }
+
+
+def _warn(
+    name: str, radar: RadarSpec, model: ScattererModel, toward: Array, distance: Array, matrix: npt.NDArray[np.complex128]
+) -> None:
+    """Warn of each way in which a model is used outside of what it is right for."""
+    sounding = np.abs(matrix).any(axis=(1, 2))
+    outside = ~model.inside(toward) & sounding
+    reasons = []
+    if outside.any():
+        reasons.append(
+            f"{outside.sum()} of {sounding.sum()} centres are seen from outside of the model's aspects, whose nearest is used; "
+            "compile more aspects, or use method='sbr'"
+        )
+    nearest = float(distance.min(initial=np.inf))
+    if nearest < model.nearest_distance:
+        reasons.append(
+            f"it is {nearest:.3g} m away, nearer than the {model.nearest_distance:.3g} m from which cells of {model.cell:g} m are "
+            "in their far field; compile with a smaller voxel, or use method='sbr'"
+        )
+    if abs(radar.center_frequency - model.frequency) > _NO_DETUNING * model.frequency:
+        reasons.append(
+            f"the model is for {model.frequency / 1e9:.4g} GHz and the radar at {radar.center_frequency / 1e9:.4g} GHz; compile it "
+            "for the radar's frequency"
+        )
+    if model.error and model.cell > 2.0 * radar.range_resolution:
+        reasons.append(
+            f"its cells of {model.cell:g} m are wider than two range cells of the radar ({radar.range_resolution:.3g} m each); "
+            "compile with a smaller voxel, or use method='sbr'"
+        )
+    for reason in reasons:
+        warnings.warn(f"scatterers of '{name}': {reason}", ScarlWarning, stacklevel=4)
+
+
+def _in_view(columns: Columns, radar: RadarSpec, pose: Pose, reach: float) -> Columns:
+    """Leave out centres that return nothing, are too far, or out of the field of view."""
+    x, y, z = (columns["direction"] @ pose.rotation).T
+    seen = (np.abs(np.arctan2(y, x)) <= np.radians(radar.azimuth_fov_deg) / 2.0) & (columns["distance"] < reach)
+    seen &= np.abs(np.arcsin(np.clip(z, -1.0, 1.0))) <= np.radians(radar.elevation_fov_deg) / 2.0
+    seen &= columns["a"].any(axis=(1, 2))
+    return {name: column[seen] for name, column in columns.items()}
+
+
+def _hidden(state: WorldState, pose: Pose, columns: Columns, group_size: float) -> npt.NDArray[np.bool_]:
+    """Return the centres of groups whose strongest centre is behind another instance; its own body hides nothing here."""
+    count = len(columns["distance"])
+    if not count:
+        return np.zeros(0, dtype=bool)
+    cube = np.floor(columns["point"] / group_size).astype(np.int64)
+    group = np.unique(np.column_stack([cube, columns["instance"]]), axis=0, return_inverse=True)[1].reshape(-1)
+    power = np.sum(np.abs(columns["a"]) ** 2, axis=(1, 2))
+    order = np.lexsort((-power, group))
+    leader = order[np.flatnonzero(np.diff(group[order], prepend=-1))]
+    distance = columns["distance"][leader]
+    hits = state.cast(pose.position, columns["direction"][leader], max_distance=float(distance.max()))
+    other = state.world.parts.instance[hits.part] != columns["instance"][leader][hits.ray]
+    dark = np.zeros(len(leader), dtype=bool)
+    dark[hits.ray[other & (hits.distance < distance[hits.ray])]] = True
+    return np.asarray(dark[group])
+
+
+def _paths(columns: Columns, pose: Pose, diagnostics: dict[str, Any]) -> RadarPaths:
+    count = len(columns["distance"])
+    return RadarPaths(
+        tx_point=columns["point"],
+        rx_point=columns["point"].copy(),
+        inner_length=np.zeros(count),
+        a=columns["a"],
+        length_rate=columns["length_rate"],
+        length_acceleration=columns["length_acceleration"],
+        instance=columns["instance"][:, None],
+        interaction=np.full((count, 1), POINT_INTERACTION, dtype=np.int32),
+        depth=np.ones(count, dtype=np.int32),
+        semantic=columns["semantic"],
+        world_from_tx=pose,
+        world_from_rx=pose,
+        diagnostics=diagnostics,
+    )
