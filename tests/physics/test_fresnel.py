@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.radar.channel.fresnel import (
+from scarl_sionna.radar.fresnel import (
     halfspace_reflection,
     layer_reflection,
     power_reflectance,

@@ -11,8 +11,8 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.fresnel import reflection
 from scarl_sionna.radar.channel.sbr_settings import SbrChannelSettings
+from scarl_sionna.radar.fresnel import reflection
 from scarl_sionna.world import load_scene
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer

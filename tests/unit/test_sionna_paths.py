@@ -12,8 +12,8 @@ from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.fresnel import transmission
 from scarl_sionna.radar.channel.sionna_paths import solve_sionna
+from scarl_sionna.radar.fresnel import transmission
 from scarl_sionna.radar.points import PointScatterers, point_targets
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.world import load_scene, variant

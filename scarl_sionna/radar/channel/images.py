@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.radar.fresnel import reflection, transmission
 from scarl_sionna.world.materials import RadioMaterial
-
-from .fresnel import reflection, transmission
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

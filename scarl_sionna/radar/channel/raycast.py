@@ -18,11 +18,11 @@ from scarl_sionna.core import seeds
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.radar.fresnel import power_reflectance, te_fraction_of_h
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.world.placement import check_placement
 
 from .class_rcs import ClassRcs, class_reflectivity
-from .fresnel import power_reflectance, te_fraction_of_h
 from .grid import RayGrid
 from .thinning import ResolutionCells, thin
 

@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.radar.channel.fresnel import halfspace_reflection, layer_reflection
+from scarl_sionna.radar.fresnel import halfspace_reflection, layer_reflection
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
