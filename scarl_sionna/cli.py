@@ -121,8 +121,13 @@ def rcs(
 
         names = [name.strip() for name in polarization.split(",") if name.strip()]
         console = Console(stderr=True)
-        with console.status(f"radar cross section of {mesh.name} at {freq / 1e9:g} GHz, every {step:g} deg"):
-            result = rcs_cut(mesh, freq, cut, names, material, step_deg=step, fixed_angle_deg=fixed)  # type: ignore[arg-type]
+        columns = (TextColumn("angles"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
+        with Progress(*columns, TimeRemainingColumn(), console=console) as progress:
+            task = progress.add_task("rcs", total=None)
+            result = rcs_cut(
+                mesh, freq, cut, names, material, step_deg=step, fixed_angle_deg=fixed,  # type: ignore[arg-type]
+                on_progress=lambda done, total: progress.update(task, completed=done, total=total),
+            )  # fmt: skip
         typer.echo(result.table())
         target = plot or Path(f"{mesh.stem}_rcs.png")
         try:

@@ -6,7 +6,7 @@ How right it is, against what, and where it breaks stands in docs/rcs.md.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -32,6 +32,8 @@ POLARIZATIONS = ("VV", "HH", "VH", "HV")
 """Receive letter first; V is along theta_hat, H along phi_hat."""
 SMALLEST_SIZE = 3.0
 """Largest extent [wavelengths] below which physical optics is more than some 0.2 dB off even for a plate head-on."""
+ANGLES_AT_ONCE = 8
+"""Angles of a cut between two reports of progress."""
 LARGEST_SIZE = 200.0
 """Largest extent [m] above which a mesh is taken to be in another unit than metres."""
 
@@ -316,6 +318,7 @@ def rcs_cut(
     fixed_angle_deg: float | None = None,
     materials: MaterialTable | None = None,
     settings: SbrSettings = DEFAULT_SBR,
+    on_progress: Callable[[int, int], None] | None = None,
 ) -> RcsCut:
     """Return the monostatic RCS over a full turn of phi, or over theta from 0 to 180 deg.
 
@@ -330,6 +333,8 @@ def rcs_cut(
         [deg], above 0 and at most 180.
     fixed_angle_deg : float, optional
         The angle that does not turn [deg].
+    on_progress : callable, optional
+        Called with the number of angles done and of all, after every few angles.
     """
     if cut not in ("azimuth", "elevation"):
         raise UnknownNameError("cut", str(cut), ("azimuth", "elevation"))
@@ -340,8 +345,16 @@ def rcs_cut(
     count = int(np.floor((180.0 - start) / step_deg + 1e-9)) + 1
     angle = start + step_deg * np.arange(count, dtype=np.float64)
     other = fixed_angle_deg if fixed_angle_deg is not None else (90.0 if cut == "azimuth" else 0.0)
-    turned, fixed = np.deg2rad(angle), np.deg2rad(other)
+    turned, fixed = np.deg2rad(angle), np.deg2rad([other])
     theta, phi = (fixed, turned) if cut == "azimuth" else (turned, fixed)
-    matrix = scattering_matrix(mesh, frequency, theta, phi, material, materials=materials, settings=settings)
+    body = load_body(mesh)
+    pieces = []
+    for first in range(0, count, ANGLES_AT_ONCE):
+        rows = slice(first, first + ANGLES_AT_ONCE)
+        some = (theta, phi[rows]) if cut == "azimuth" else (theta[rows], phi)
+        pieces.append(scattering_matrix(body, frequency, *some, material, materials=materials, settings=settings))
+        if on_progress is not None:
+            on_progress(min(first + ANGLES_AT_ONCE, count), count)
+    matrix = np.concatenate(pieces)
     sigma = np.stack([np.asarray(4.0 * np.pi * np.abs(matrix[:, r, t]) ** 2, dtype=np.float64) for r, t in pairs])
     return RcsCut(angle, sigma, tuple(polarizations), cut, float(frequency))

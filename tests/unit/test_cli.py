@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib.metadata
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
+from tests.scenes import box
 
 RUNNER = CliRunner()
 
@@ -15,9 +17,9 @@ RUNNER = CliRunner()
 def test_help_names_what_exists_and_nothing_else() -> None:
     result = RUNNER.invoke(app, ["--help"])
     assert result.exit_code == 0
-    for word in ("demo", "info", "--version"):
+    for word in ("demo", "info", "rcs", "--version"):
         assert word in result.stdout
-    for word in ("export", "preview", "rcs", "bench", "calibrate"):
+    for word in ("export", "preview", "bench", "calibrate"):
         assert word not in result.stdout
 
 
@@ -73,3 +75,32 @@ def test_a_number_that_is_none_is_a_usage_error() -> None:
     result = RUNNER.invoke(app, ["demo", "--frames", "many"])
     assert result.exit_code == 2
     assert "--frames" in result.stderr
+
+
+def test_rcs_prints_and_plots_a_cut(tmp_path: Path) -> None:
+    box((0.1, 0.1, 0.002)).export(tmp_path / "plate.ply")
+    plot = tmp_path / "cut.png"
+    arguments = ["rcs", str(tmp_path / "plate.ply"), "--cut", "elevation", "--step", "10", "--plot", str(plot)]
+    result = RUNNER.invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    rows = [line.split(",") for line in result.stdout.splitlines()]
+    assert rows[0] == ["theta_deg", "VV_dbsm", "HH_dbsm"] and len(rows) == 1 + 19
+    # plate of 10 cm at 77 GHz head-on: 4 pi A^2 / lambda^2 = 19.1855 dBsm, exact in physical optics
+    assert float(rows[1][1]) == pytest.approx(19.1855, abs=1e-3)
+    assert plot.stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["lost.ply"], "there is no such file"),
+        (["plate.ply", "--polarization", "XX"], "unknown polarization 'XX'"),
+        (["plate.ply", "--freq", "-1"], "frequency = -1.0 Hz"),
+        (["plate.ply", "--material", "kryptonite"], "unknown radio material 'kryptonite'"),
+    ],
+)
+def test_rcs_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    box((0.1, 0.1, 0.002)).export("plate.ply")
+    result = RUNNER.invoke(app, ["rcs", *arguments])
+    assert result.exit_code == 2 and message in result.output
