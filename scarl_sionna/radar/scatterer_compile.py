@@ -241,17 +241,18 @@ def _fill(
     place = found.place()
     cube = np.floor(place / voxel).astype(np.int64) + _ORIGIN
     packed = (cube[:, 0] << 42) | (cube[:, 1] << 21) | cube[:, 2]
-    block.keys, which = np.unique(packed, return_inverse=True)
+    order = np.argsort(packed, kind="stable")
+    found, place = found.take(order), place[order]
+    block.keys, first, which = np.unique(packed[order], return_index=True, return_inverse=True)
+    which = which.reshape(-1)
     count = len(block.keys)
-    reference = _middle(block.keys, voxel)[which.reshape(-1)]
+    reference = _middle(block.keys, voxel)[which]
     amplitude = found.amplitude.reshape(-1, 4)
     block.values = np.zeros((len(block.elevations), len(block.azimuths), count, 4), np.complex128)
-    for i, row in enumerate(block.elevations):
+    for i, row in enumerate(block.elevations if count else ()):
         for j, column in enumerate(block.azimuths):
             strength = found.strength(direction_of(azimuth[column], elevation[row]), frequency, reference)
-            for entry in range(4):
-                part = strength * amplitude[:, entry]
-                block.values[i, j, :, entry] = np.bincount(which, part.real, count) + 1j * np.bincount(which, part.imag, count)
+            block.values[i, j] = np.add.reduceat(strength[:, None] * amplitude, first, axis=0)
     power = np.abs(found.strength(toward, frequency, reference)) ** 2 * np.sum(np.abs(amplitude) ** 2, axis=1)
     block.weight = np.bincount(which, power, count)
     block.moment = np.stack([np.bincount(which, power * place[:, axis], count) for axis in range(3)], axis=1)

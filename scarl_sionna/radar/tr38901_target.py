@@ -51,6 +51,7 @@ def tr38901_model(object_type: str, frequency: float, model_type: int = 2) -> Sc
     with variant.radio() as mi:
         from sionna.rt.rcs import TR38901SensingTarget
         from sionna.rt.rcs.tr38901 import OBJECT_TYPES, get_target_parameters
+        from sionna.rt.utils import rotation_matrix
 
         if name not in OBJECT_TYPES:
             raise UnknownNameError("TR 38.901 target", object_type, [*OBJECT_TYPES, *ALIASES])
@@ -64,10 +65,12 @@ def tr38901_model(object_type: str, frequency: float, model_type: int = 2) -> Sc
         elevation = np.radians(np.arange(-90.0, 90.0 + ASPECT_STEP_DEG / 2.0, ASPECT_STEP_DEG))
         view = direction_of(azimuth[None, :], elevation[:, None])
         flat = np.ascontiguousarray(view.reshape(-1, 3).T.astype(np.float32))
-        outward = mi.Vector3f(flat)
-        sigma = np.stack(
-            [np.asarray(rcs(-outward, outward).numpy(), dtype=np.float64) for rcs in points.rcs_callables], axis=1
-        )
+        columns = []
+        for number, rcs in enumerate(points.rcs_callables):  # each point has axes of its own, along which its lobe is stated
+            turn = rotation_matrix(mi.Point3f(*(float(angle[number]) for angle in points.lcs_orientations)))
+            outward = mi.Vector3f(turn.T @ mi.Vector3f(flat))
+            columns.append(np.asarray(rcs(-outward, outward).numpy(), dtype=np.float64))
+    sigma = np.stack(columns, axis=1)
     cross = 10.0 ** (-parameters.xpr_mean_db / 20.0)
     pattern = np.array([[1.0, cross], [cross, 1.0]])
     amplitude = np.sqrt(sigma / (4.0 * np.pi))[:, :, None, None] * pattern

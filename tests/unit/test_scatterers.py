@@ -1,0 +1,162 @@
+"""Scatterer models: table, file, errors and warnings."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+import trimesh
+
+import scarl_sionna as ss
+from scarl_sionna.core.errors import ParameterRangeError, SceneError, UnknownNameError
+from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.scatterer_compile import compile_scatterers
+from scarl_sionna.radar.scatterers import ScattererModel, direction_of
+from tests.scenes import Thing, write_scene
+
+RADAR = ss.RadarSpec.preset("awr1843boost")
+
+
+def plate(size: float = 0.2) -> trimesh.Trimesh:
+    half = size / 2.0
+    corners = [[0, -half, -half], [0, half, -half], [0, half, half], [0, -half, half]]
+    return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
+
+
+def one_point(**changes: object) -> ScattererModel:
+    azimuth = np.radians(np.arange(-180.0, 180.0, 10.0))
+    values: dict[str, object] = {
+        "centers": np.array([[0.5, 0.2, 0.1]]), "azimuth": azimuth, "elevation": np.radians([-20.0, 20.0]),
+        "amplitude": np.broadcast_to(np.eye(2, dtype=np.complex64), (2, len(azimuth), 1, 2, 2)),
+        "frequency": RADAR.center_frequency, "cell": 0.1, "nearest_distance": 5.0,
+    }  # fmt: skip
+    return ScattererModel(**{**values, **changes})  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def compiled() -> ScattererModel:
+    return compile_scatterers(plate(), azimuths_deg=(-5, 5), azimuth_step_deg=0.5, voxel=0.05, progress=False)
+
+
+def test_save_and_load_keep_every_value(compiled, tmp_path):
+    compiled.save(tmp_path / "plate.npz")
+    back = ScattererModel.load(tmp_path / "plate.npz")
+    for name in ("centers", "azimuth", "elevation", "amplitude"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(compiled, name))
+    assert back.frequency == compiled.frequency
+    assert back.cell == compiled.cell
+    assert back.nearest_distance == compiled.nearest_distance
+    assert back.elevation_reach == compiled.elevation_reach
+    assert back.error == compiled.error
+    assert back.provenance == compiled.provenance
+
+
+def test_compiling_twice_gives_the_same_bytes(compiled):
+    again = compile_scatterers(plate(), azimuths_deg=(-5, 5), azimuth_step_deg=0.5, voxel=0.05, progress=False)
+    assert again.amplitude.tobytes() == compiled.amplitude.tobytes()
+    assert again.centers.tobytes() == compiled.centers.tobytes()
+
+
+def test_a_file_that_is_no_model_is_refused(tmp_path):
+    (tmp_path / "x.npz").write_bytes(b"nothing")
+    with pytest.raises(SceneError, match="no scatterer model"):
+        ScattererModel.load(tmp_path / "x.npz")
+
+
+def test_interpolation_is_linear_and_wraps_around():
+    azimuth = np.radians(np.arange(-180.0, 180.0, 90.0))
+    values = np.zeros((1, 4, 1, 2, 2), np.complex64)
+    values[0, :, 0, 0, 0] = [4.0, 1.0, 2.0, 3.0]
+    model = one_point(azimuth=azimuth, elevation=np.zeros(1), amplitude=values)
+    for angle, wanted in ((-180.0, 4.0), (-135.0, 2.5), (45.0, 2.5), (135.0, 3.5), (180.0, 4.0)):
+        got = model.matrices(direction_of(np.radians(angle), 0.0))[0, 0, 0]
+        assert got == pytest.approx(wanted, abs=1e-6)  # complex64 holds the table
+
+
+def test_an_aspect_outside_of_the_table_is_refused_in_the_far_field(compiled):
+    with pytest.raises(ParameterRangeError, match="azimuth -5 to 5 deg"):
+        compiled.scattering_matrix(np.pi / 2, np.radians(6.0))
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"frequency": 0.0}, "frequency"),
+        ({"voxel": 0.0}, "voxel"),
+        ({"azimuth_step_deg": -1.0}, "azimuth_step_deg"),
+        ({"trace_step_deg": 0.0}, "trace_step_deg"),
+        ({"elevations_deg": [89.0]}, "elevations_deg"),
+        ({"elevations_deg": [2.0, 1.0]}, "elevations_deg"),
+        ({"azimuths_deg": (5.0, -5.0)}, "azimuths_deg"),
+    ],
+)
+def test_bad_numbers_are_refused(options, text):
+    with pytest.raises(ParameterRangeError, match=text):
+        compile_scatterers(plate(), progress=False, **options)
+
+
+def test_a_step_too_wide_for_the_voxel_is_told():
+    with pytest.warns(ss.ScarlWarning, match=r"azimuth step of 5 deg .* only mean powers are right"):
+        compile_scatterers(plate(), azimuths_deg=(-5, 5), azimuth_step_deg=5.0, voxel=0.25, progress=False, num_checks=0)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    box = trimesh.creation.box((0.4, 0.4, 0.4))
+    wall = trimesh.creation.box((0.1, 4.0, 4.0))
+    wall.apply_translation((60.0, 0.0, 0.0))
+    moving = {"kind": "constant_twist", "position": [20.0, 0.0, 0.0], "velocity": [3.0, 1.0, 0.0], "angular_velocity_z": 0.5}
+    behind = {"kind": "static", "position": [80.0, 0.0, 0.0]}
+    actors = [Thing("target", box, "Car", trajectory=moving), Thing("behind", box, "Car", trajectory=behind)]
+    path = write_scene(tmp_path_factory.mktemp("scatterers"), [Thing("wall", wall, "Wall")], actors=actors)
+    return ss.load_scene(path)
+
+
+def solve(world, models, **options):
+    return solve_paths(world.at(0.0), RADAR, ss.Pose(), method="scatterers", models=models, **options)
+
+
+def test_paths_stand_where_the_body_is_and_move_with_it(world):
+    paths = solve(world, {"target": one_point()})
+    point = np.array([20.5, 0.2, 0.1])
+    np.testing.assert_allclose(paths.tx_point[0], point, atol=1e-12)  # rounding of float64 at 20 m
+    velocity = np.array([3.0, 1.0, 0.0]) + np.cross([0.0, 0.0, 0.5], [0.5, 0.2, 0.1])
+    distance = np.linalg.norm(point)
+    assert paths.length_rate[0] == pytest.approx(2.0 * velocity @ point / distance, abs=1e-12)
+    power = RADAR.wavelength**2 * 4.0 * np.pi / ((4.0 * np.pi) ** 3 * distance**4)  # radar equation, S = 1 m: 4 pi m2
+    assert abs(paths.a[0, 0, 0]) ** 2 == pytest.approx(power, rel=1e-6)  # complex64 table
+    assert paths.instance[0, 0] == next(n for n, i in world.instances.items() if i.name == "target")
+
+
+def test_an_object_behind_a_wall_gives_no_path_and_its_own_body_hides_nothing(world):
+    inside = one_point(centers=np.array([[0.0, 0.0, 0.0]]))  # within its own mesh
+    paths = solve(world, {"target": inside, "behind": inside}, max_distance=100.0)
+    assert paths.num_paths == 1
+    assert paths.diagnostics["num_hidden"] == 1
+
+
+def test_leaving_the_models_range_is_told(world):
+    low = one_point(elevation=np.radians([10.0, 20.0]))
+    with pytest.warns(ss.ScarlWarning, match=r"'target'.*outside of the model's aspects.*method='sbr'"):
+        solve(world, {"target": low})
+    with pytest.warns(ss.ScarlWarning, match=r"'target'.*nearer than the 50 m.*method='sbr'"):
+        solve(world, {"target": one_point(nearest_distance=50.0)})
+    with pytest.warns(ss.ScarlWarning, match=r"'target'.*24 GHz"):
+        solve(world, {"target": one_point(frequency=24e9)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ss.ScarlWarning)
+        solve(world, {"target": one_point()})
+
+
+def test_wrong_models_are_refused(world):
+    with pytest.raises(ParameterRangeError, match="compile_scatterers"):
+        solve(world, None)
+    with pytest.raises(UnknownNameError, match="tarqet"):
+        solve(world, {"tarqet": one_point()})
+
+
+def test_same_bytes_twice(world):
+    first, second = (solve(world, {"target": one_point(), "behind": one_point()}) for _ in range(2))
+    assert first.a.tobytes() == second.a.tobytes()
+    assert first.tx_point.tobytes() == second.tx_point.tobytes()
