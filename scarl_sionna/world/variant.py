@@ -22,18 +22,34 @@ def mitsuba() -> Any:
     return mi
 
 
+class _Blocks:
+    """Which variant the blocks below left behind, so that a switch back is made only where somebody notices.
+
+    A switch takes 0.2 s, since Mitsuba reloads its Python modules. A variant that the caller chose is given back at the
+    end of the outermost block; one that an earlier block of ours left is not.
+    """
+
+    depth = 0
+    left: str | None = None
+
+
 @contextmanager
 def _variant(name: str) -> Iterator[Any]:
-    """Switch to a variant for a block and back, also from no variant at all."""
+    """Switch to a variant for a block; give back what the caller, or an enclosing block, had chosen."""
     mi = mitsuba()
     previous = mi.variant()
+    give_back = previous is not None and (_Blocks.depth > 0 or previous != _Blocks.left)
     if previous != name:
         mi.set_variant(name)
+    _Blocks.depth += 1
     try:
         yield mi
     finally:
-        if previous is not None and previous != name:
+        _Blocks.depth -= 1
+        if give_back and previous != name:
             mi.set_variant(previous)
+        elif _Blocks.depth == 0 and not give_back:
+            _Blocks.left = name
 
 
 def use(twin: str) -> Any:

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.errors import MaterialError, MeshError, SceneError, TimeRangeError, UnknownNameError
-from scarl_sionna.world import World, load_scene
+from scarl_sionna.world import World, load_scene, variant
 from scarl_sionna.world.variant import mitsuba, optical, radio
 from tests.scenes import Thing, box, plane, write_scene
 
@@ -92,6 +92,28 @@ def test_variant_is_given_back(world: World) -> None:
         with radio():
             assert mi.variant().endswith("mono_polarized")
         assert mi.variant().endswith("ad_rgb")
+
+
+def test_variant_of_the_caller_is_given_back_and_ours_is_left(world: World) -> None:
+    mi = mitsuba()
+    mi.set_variant("scalar_rgb")  # the caller's own choice
+    with radio():
+        pass
+    assert mi.variant() == "scalar_rgb"
+    with optical():
+        pass
+    assert mi.variant() == "scalar_rgb"
+    with radio():
+        mine = mi.variant()
+    mi.set_variant(mine)  # as if nobody but us had ever chosen one
+    with radio():
+        with optical():
+            pass
+        assert mi.variant() == mine  # an enclosing block gets its own back
+    variant._Blocks.left = mine  # no caller's choice for the tests that follow
+    with optical():
+        pass
+    assert mi.variant().endswith("ad_rgb")  # left: nobody chose the other one
 
 
 def test_boxes(world: World) -> None:
