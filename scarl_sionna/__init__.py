@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     )
     from .radar.channel import solve_paths
     from .radar.rcs import rcs
+    from .radar.scatterer_compile import compile_scatterers
+    from .radar.scatterers import ScattererModel
     from .world import World, WorldState, load_scene
 
 __all__ = [
@@ -47,9 +49,11 @@ __all__ = [
     "Rig",
     "ScarlError",
     "ScarlWarning",
+    "ScattererModel",
     "Twist",
     "World",
     "WorldState",
+    "compile_scatterers",
     "detect",
     "load_scene",
     "observe",
@@ -80,6 +84,8 @@ _HOME = {
     ),
     ".radar.channel": ("solve_paths",),
     ".radar.rcs": ("rcs",),
+    ".radar.scatterer_compile": ("compile_scatterers",),
+    ".radar.scatterers": ("ScattererModel",),
     ".world": ("World", "WorldState", "load_scene"),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

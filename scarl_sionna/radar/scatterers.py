@@ -9,18 +9,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, SceneError
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-
-if TYPE_CHECKING:
-    from scarl_sionna.radar.scatterer_compile import compile_scatterers
-
-__all__ = ["ScattererModel", "compile_scatterers"]
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -252,12 +247,3 @@ def _between(grid: Array, value: Array) -> tuple[npt.NDArray[np.int64], npt.NDAr
     width = grid[high] - grid[low]
     share = np.divide(value - grid[low], width, out=np.zeros_like(value), where=width > 0.0)
     return low, high, np.clip(share, 0.0, 1.0)
-
-
-def __getattr__(name: str) -> Any:
-    """Import the compiler on first use, since it needs the ray tracing engine."""
-    if name == "compile_scatterers":
-        from .scatterer_compile import compile_scatterers
-
-        return compile_scatterers
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
