@@ -271,7 +271,7 @@ def _assemble(
     weight, moment = np.zeros(len(keys)), np.zeros((len(keys), 3))
     strongest, total = np.zeros(len(keys)), 0.0
     for block in blocks:
-        at = np.searchsorted(keys, block.keys)
+        at: Index = np.searchsorted(keys, block.keys).astype(np.int64)
         weight[at] += block.weight
         moment[at] += block.moment
         power = np.sum(np.abs(block.values) ** 2, axis=3)
@@ -284,7 +284,7 @@ def _assemble(
     wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
     amplitude = np.zeros((len(elevation), len(azimuth), len(kept), 2, 2), dtype=np.complex64)
     for block in blocks:
-        at = np.searchsorted(keys, block.keys)
+        at = np.searchsorted(keys, block.keys).astype(np.int64)
         used = number[at] >= 0
         view = direction_of(azimuth[block.azimuths][None], elevation[block.elevations][:, None])
         moved = np.exp(2j * wavenumber * (view @ (middle - centers)[at[used]].T))
@@ -301,9 +301,9 @@ def range_profile(response: Complex) -> Array:
 
 def check_frequencies(model: ScattererModel) -> Array:
     """Return frequencies whose range profile holds the body once: the check's cells are at least as wide as the voxels."""
-    extent = np.linalg.norm(model.provenance["extent"]) + 4.0 * model.cell
+    extent = float(np.linalg.norm(model.provenance["extent"])) + 4.0 * model.cell
     step = SPEED_OF_LIGHT / (2.0 * extent)
-    count = int(max(CHECK_CELLS, 8)) if extent / CHECK_CELLS >= model.cell else int(max(extent / model.cell, 8))
+    count = max(min(CHECK_CELLS, int(extent / model.cell)), 8)
     return np.asarray(model.frequency + step * (np.arange(count) - count // 2))
 
 
