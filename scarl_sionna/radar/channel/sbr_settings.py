@@ -31,7 +31,7 @@ class SbrChannelSettings(Spec):
         "smaller can be missed as an obstacle or as the next thing hit",
     )  # fmt: skip
     edge_spacing: float = Field(
-        0.25,
+        0.125,
         gt=0.0,
         le=4.0,
         description="patches that straddle an edge are halved to this, same unit, then cut along it",
