@@ -61,7 +61,7 @@ def compile_scatterers(
     elevations_deg: Sequence[float] = (0.0,),
     voxel: float = 0.25,
     trace_step_deg: float = 1.0,
-    material: Material | Sequence[Material] = "metal",
+    material: Material = "metal",
     materials: MaterialTable | None = None,
     settings: SbrSettings = COMPILE_SBR,
     num_checks: int = 4,
@@ -86,8 +86,8 @@ def compile_scatterers(
     trace_step_deg : float
         Rays are traced once for all aspects within half of this in azimuth and in elevation; between, what is lit is kept and only
         its phases are turned [deg]. A step smaller than that of the aspects traces each of them.
-    material : str, complex or RadioMaterial, or a sequence with one for each face
-        As of :func:`scarl_sionna.radar.rcs.rcs`.
+    material : str, complex or RadioMaterial
+        Of the whole mesh, as of :func:`scarl_sionna.radar.rcs.rcs`.
     materials : MaterialTable, optional
     settings : SbrSettings
         Bounces and rays.
@@ -115,7 +115,7 @@ def compile_scatterers(
     Notes
     -----
     Deterministic: the same input gives the same bytes. *Not modelled*: what the mesh's physical optics does not have (edge
-    diffraction, creeping waves, transmission), and the change of a centre's amplitude over the radar's band.
+    diffraction, creeping waves, transmission), parts of different materials, and the change of a centre's amplitude over the radar's band.
     """
     azimuth, elevation = _grid(azimuths_deg, azimuth_step_deg, elevations_deg)
     if not (0.0 < frequency < np.inf):
@@ -126,7 +126,7 @@ def compile_scatterers(
         raise ParameterRangeError("trace_step_deg", f"{trace_step_deg} deg", "> 0 deg")
     _warn_of_steps(azimuth, elevation, voxel, frequency)
     body = load_body(mesh)
-    body, surface = surface_of(body, material, frequency, materials)
+    surface = surface_of(material, frequency, materials)
     blocks = list(_blocks(azimuth, elevation, np.radians(trace_step_deg)))
     keys = np.zeros(0, np.int64)
     for block in _shown(blocks, progress):
@@ -179,8 +179,6 @@ def _reach(body: Body, wavelength: float) -> float:
 
 
 def _name(material: Any) -> str:
-    if isinstance(material, Sequence) and not isinstance(material, str):
-        return ", ".join(sorted({_name(item) for item in material}))
     return str(getattr(material, "name", material))
 
 
@@ -254,8 +252,9 @@ def _fill(
             strength = found.strength(direction_of(azimuth[column], elevation[row]), frequency, reference)
             block.values[i, j] = np.add.reduceat(strength[:, None] * amplitude, first, axis=0)
     power = np.abs(found.strength(toward, frequency, reference)) ** 2 * np.sum(np.abs(amplitude) ** 2, axis=1)
-    block.weight = np.bincount(which, power, count)
-    block.moment = np.stack([np.bincount(which, power * place[:, axis], count) for axis in range(3)], axis=1)
+    block.weight = np.asarray(np.bincount(which, power, count), dtype=np.float64)
+    moment = [np.bincount(which, power * place[:, axis], count) for axis in range(3)]
+    block.moment = np.asarray(np.stack(moment, axis=1), dtype=np.float64)
 
 
 def _middle(keys: Index, voxel: float) -> Array:

@@ -80,9 +80,9 @@ class Footprints:
         return np.asarray(-0.25j * k / np.pi * integral * np.exp(2j * k * ((self.offset - reference) @ toward)))
 
 
-def surface_of(body: Body, material: Any, frequency: float, materials: MaterialTable | None) -> tuple[Body, Surface]:
-    """Return a body and what its faces are made of at a frequency."""
-    return body, _surfaces(material, np.array([float(frequency)]), materials)[0][0]
+def surface_of(material: Any, frequency: float, materials: MaterialTable | None) -> Surface:
+    """Return what a material, given as in :func:`scarl_sionna.radar.rcs.rcs`, reflects like at a frequency."""
+    return _surfaces(material, np.array([float(frequency)]), materials)[0][0]
 
 
 def footprints(body: Body, surface: Surface, toward: Array, frequency: float, settings: SbrSettings) -> Footprints:
