@@ -160,3 +160,15 @@ def test_same_bytes_twice(world):
     first, second = (solve(world, {"target": one_point(), "behind": one_point()}) for _ in range(2))
     assert first.a.tobytes() == second.a.tobytes()
     assert first.tx_point.tobytes() == second.tx_point.tobytes()
+
+
+def test_the_peak_of_the_range_doppler_map_is_where_the_scene_says(world):
+    paths = solve(world, {"target": one_point()})
+    rd = ss.range_doppler(ss.virtual_cube(ss.synthesize(paths, RADAR), RADAR), RADAR)
+    power = np.sum(np.abs(rd.data) ** 2, axis=0)
+    row, column = np.unravel_index(power.argmax(), power.shape)
+    # the peak of one target is at the bin nearest to it; range and velocity couple by much less than a bin here
+    assert abs(rd.range[column] - np.linalg.norm([20.5, 0.2, 0.1])) <= np.diff(rd.range)[0]
+    span = np.ptp(rd.radial_velocity) + np.diff(rd.radial_velocity)[0]
+    apart = (rd.radial_velocity[row] - paths.length_rate[0] / 2.0 + span / 2.0) % span - span / 2.0
+    assert abs(apart) <= np.diff(rd.radial_velocity)[0]

@@ -52,11 +52,12 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
         world_from_radar.
     method : str
         ``"raycast"``: SCaRL's own. ``"auto"`` stands for ``"raycast"`` until another solver exists to choose from.
-        ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"`` belongs
-        to the design but not to this version.
+        ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"``: the
+        scattering centres of the objects that have a model.
     **options
         Of the solver; see :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...),
-        :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna` and :func:`scarl_sionna.radar.channel.sbr.solve_sbr`.
+        :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna`, :func:`scarl_sionna.radar.channel.sbr.solve_sbr` and
+        :func:`scarl_sionna.radar.channel.scatterers.solve_scatterers` (`models`).
 
     Returns
     -------
