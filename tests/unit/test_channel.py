@@ -15,7 +15,7 @@ from scarl_sionna.core.errors import (
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SKY, semantic_id
-from scarl_sionna.radar.channel import PLANNED, SolverUnavailableError, solve_paths
+from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.class_rcs import class_reflectivity
 from scarl_sionna.radar.channel.grid import RayGrid
 from scarl_sionna.radar.sensor import Radar
@@ -45,15 +45,6 @@ def _bytes(paths) -> bytes:
 def test_auto_is_raycast(state) -> None:
     auto, raycast = solve_paths(state, RADAR, Pose()), solve_paths(state, RADAR, Pose(), "raycast")
     assert auto.diagnostics["method"] == "raycast" and _bytes(auto) == _bytes(raycast)
-
-
-def test_a_planned_solver_says_that_it_is_not_there(state, monkeypatch) -> None:
-    method = "full_wave"  # none is planned at present
-    monkeypatch.setitem(PLANNED, method, "method of moments")
-    with pytest.raises(
-        SolverUnavailableError, match=f"'{method}' .* not available in this version; use one of .*raycast, .*sionna, .*auto"
-    ):
-        solve_paths(state, RADAR, Pose(), method)
 
 
 @pytest.mark.parametrize("method", ["raycats", "", "Raycast"])

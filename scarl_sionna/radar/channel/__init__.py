@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from scarl_sionna.core.errors import ScarlError, UnknownNameError
+from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
@@ -18,7 +18,7 @@ from .sionna_paths import PathBufferOverflowError, solve_sionna
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
 
-__all__ = ["PathBufferOverflowError", "SolverUnavailableError", "solve_paths"]
+__all__ = ["PathBufferOverflowError", "solve_paths"]
 
 SOLVERS: dict[str, Callable[..., RadarPaths]] = {
     "raycast": solve_raycast,
@@ -26,19 +26,6 @@ SOLVERS: dict[str, Callable[..., RadarPaths]] = {
     "sbr": solve_sbr,
     "scatterers": solve_scatterers,
 }
-PLANNED: dict[str, str] = {}
-"""Solvers of the design that this version does not have."""
-
-
-class SolverUnavailableError(ScarlError, NotImplementedError):
-    """A channel solver of the design is not part of this version."""
-
-    def __init__(self, method: str) -> None:
-        self.method, self.available = method, sorted(SOLVERS)
-        super().__init__(
-            f"channel solver '{method}' ({PLANNED[method]}) is not available in this version; "
-            f"use one of {', '.join([*self.available, 'auto'])}"
-        )
 
 
 def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "auto", **options: Any) -> RadarPaths:
@@ -51,7 +38,7 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     pose : Pose
         world_from_radar.
     method : str
-        ``"raycast"``: SCaRL's own. ``"auto"`` stands for ``"raycast"`` until another solver exists to choose from.
+        ``"raycast"``: SCaRL's own. ``"auto"`` stands for ``"raycast"`` until there are rules to choose by.
         ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"``: the
         scattering centres of the objects that have a model.
     **options
@@ -67,12 +54,8 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     ------
     UnknownNameError
         If there is no such method.
-    SolverUnavailableError
-        If the method is not part of this version.
     """
     chosen = "raycast" if method == "auto" else method
-    if chosen in SOLVERS:
-        return SOLVERS[chosen](state, radar, pose, **options)
-    if chosen in PLANNED:
-        raise SolverUnavailableError(chosen)
-    raise UnknownNameError("channel solver", method, [*SOLVERS, "auto", *PLANNED])
+    if chosen not in SOLVERS:
+        raise UnknownNameError("channel solver", method, [*SOLVERS, "auto"])
+    return SOLVERS[chosen](state, radar, pose, **options)
