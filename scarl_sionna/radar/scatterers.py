@@ -195,7 +195,9 @@ class ScattererModel:
         OutputError
             If it cannot be written.
         """
-        texts = {name: json.dumps(dict(getattr(self, name)), sort_keys=True) for name in ("error", "provenance")}
+        texts: dict[str, Any] = {
+            name: json.dumps(dict(getattr(self, name)), sort_keys=True) for name in ("error", "provenance")
+        }
         numbers = (self.frequency, self.cell, self.nearest_distance, self.elevation_reach)
         try:
             with Path(path).open("wb") as file:
