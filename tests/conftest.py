@@ -7,6 +7,11 @@ import os
 os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("ci", derandomize=True)  # the same examples in every run, so that a failure is the change's own
+if os.environ.get("CI"):
+    settings.load_profile("ci")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

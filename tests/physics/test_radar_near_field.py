@@ -36,7 +36,7 @@ def test_line_of_192_elements(distance, azimuth_deg, first, last):
     measured = np.angle(sample[[0, 191]] * np.conj(sample[192]))
     # the vector's one-way phase is -k (r - R); the beat signal carries the opposite
     difference = np.angle(np.exp(1j * (measured + np.array([first, last]))))
-    assert np.abs(difference).max() < 1e-3  # vector's tolerance; NUFFT 1e-5, complex64 1e-7
+    assert np.abs(difference).max() < 1e-3  # vector's tolerance; NUFFT 1e-4, complex64 1e-7
 
 
 def test_lengths_and_phases_of_3_by_4_pairs():
