@@ -89,13 +89,5 @@ class OutputError(ScarlError, OSError):
     """A result cannot be written."""
 
 
-class MissingExtraError(ScarlError, ImportError):
-    """An optional package is needed for what was asked."""
-
-    def __init__(self, package: str, extra: str, purpose: str) -> None:
-        self.package, self.extra, self.purpose = package, extra, purpose
-        super().__init__(f"{purpose} needs the package '{package}'; install it with: pip install 'scarl-sionna[{extra}]'")
-
-
 class ScarlWarning(UserWarning):
     """A result is outside the range in which its method is right."""

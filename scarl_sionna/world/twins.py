@@ -72,6 +72,7 @@ class Twin:
             self._part_of_registry = self._registry_table(mi)
             self._params = mi.traverse(self.mi_scene)
         self._applied: object = None
+        self._local_normals: dict[str, Array] = {}
 
     def _load_radio(self, document: SceneDocument, materials: MaterialTable) -> None:
         import sionna.rt as rt
@@ -136,8 +137,6 @@ class Twin:
         key = f"{name}.vertex_normals"
         if key not in self._params:
             return
-        if not hasattr(self, "_local_normals"):
-            self._local_normals: dict[str, Array] = {}
         if name not in self._local_normals:
             self._local_normals[name] = np.array(self._params[key], dtype=np.float64).reshape(-1, 3)
         local = self._local_normals[name]

@@ -20,8 +20,8 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.radar.fresnel import power_reflectance, te_fraction_of_h
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.world.placement import check_placement
 
+from .antennas import check_antennas
 from .class_rcs import ClassRcs, class_reflectivity
 from .grid import RayGrid
 from .thinning import ResolutionCells, thin
@@ -187,26 +187,6 @@ def solve_raycast(
         chosen["hits_per_cell"] = hits_per_cell
         clock["thin"] = time.perf_counter() - start
     return _paths(columns, pose, rays_of, clock, chosen)
-
-
-def check_antennas(state: WorldState, radar: RadarSpec, pose: Pose, twin: str = "optical") -> None:
-    """Refuse a radar or an antenna inside a mesh; `twin` is the one that rays are cast in.
-
-    An antenna is inside only if the line to it from the radar's origin, which is outside, meets a surface: so only those
-    antennas are tested further.
-    """
-    check_placement(state, pose.position, "radar")
-    arms = np.concatenate([radar.tx_array, radar.rx_array])
-    length = np.linalg.norm(arms, axis=1)
-    reaching = np.flatnonzero(length > 0.0)
-    if len(reaching) == 0:
-        return
-    hits = state.cast(
-        pose.position, pose.rotate(arms[reaching] / length[reaching, None]), max_distance=2.0 * length.max(), twin=twin
-    )
-    for antenna in reaching[hits.ray[hits.distance <= length[reaching][hits.ray] * (1.0 + 1e-6)]]:
-        kind, index = ("tx", antenna) if antenna < radar.num_tx else ("rx", antenna - radar.num_tx)
-        check_placement(state, pose.apply(arms[antenna]), f"{kind} antenna {index}")
 
 
 def _fixed_phases(hit_phase: HitPhase) -> Callable[[int], Array | None]:

@@ -24,7 +24,7 @@ from scarl_sionna.radar.sbr import Surface
 from scarl_sionna.world.face_tracing import FaceTable, face_table
 from scarl_sionna.world.path_tracing import DIFFUSE, SPECULAR, surface_velocity
 
-from .raycast import check_antennas
+from .antennas import check_antennas
 from .sbr_fields import Surfaces, radiated
 from .sbr_patches import PatchSize
 from .sbr_settings import DEFAULT_SBR_CHANNEL, SbrChannelSettings

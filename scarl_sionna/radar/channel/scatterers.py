@@ -20,8 +20,8 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import MIN_DISTANCE, POINT_INTERACTION
 from scarl_sionna.radar.scatterers import ScattererModel
 
+from .antennas import check_antennas
 from .images import spherical_basis
-from .raycast import check_antennas
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState

@@ -24,10 +24,10 @@ from scarl_sionna.world import variant
 from scarl_sionna.world.path_tracing import TracedPaths, trace_paths
 from scarl_sionna.world.placement import check_placement
 
+from .antennas import check_antennas
 from .diffuse import diffuse_columns
 from .fresnel_zone import warn_of_small_mirrors
 from .legs import Legs, Station, legs_of
-from .raycast import check_antennas
 from .scattering import joined_legs, scattered_columns
 
 if TYPE_CHECKING:
