@@ -89,5 +89,13 @@ class OutputError(ScarlError, OSError):
     """A result cannot be written."""
 
 
+class MissingPackageError(ScarlError, ImportError):
+    """An optional package is not installed."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        self.package, self.extra = package, extra
+        super().__init__(f"package '{package}' is not installed; pip install 'scarl-sionna[{extra}]'")
+
+
 class ScarlWarning(UserWarning):
     """A result is outside the range in which its method is right."""
