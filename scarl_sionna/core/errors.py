@@ -97,5 +97,14 @@ class MissingPackageError(ScarlError, ImportError):
         super().__init__(f"package '{package}' is not installed; pip install 'scarl-sionna[{extra}]'")
 
 
+class DatasetError(ScarlError):
+    """A dataset is not there, is damaged, is of a newer schema, or lacks what is asked for."""
+
+    def __init__(self, message: str, path: object = None, remedy: str = "") -> None:
+        self.path, self.remedy = path, remedy
+        where = f"{path}: " if path is not None else ""
+        super().__init__(where + message + (f"; {remedy}" if remedy else ""))
+
+
 class ScarlWarning(UserWarning):
     """A result is outside the range in which its method is right."""
