@@ -1,0 +1,129 @@
+"""True boxes of a frame: relative to a pose, whether a point is inside, and how much of a box a camera sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
+from scarl_sionna.core.results import Frame, ImageFrame, ObjectState
+
+Array = npt.NDArray[np.float64]
+
+EGO_OFFSET = 0.5
+"""An object whose centre is within this of the vehicle's origin, forward and left, is the vehicle itself [m]."""
+OCCLUSION_MARGIN = 0.1
+"""A surface hides a box if it is nearer than the box by more than this [m]."""
+_GRID = 96  # at most this many rays a side of a box's bounding rectangle: visibility to about 1 %
+_NEAR = 0.05
+
+_CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+def is_ego(frame: Frame, item: ObjectState) -> bool:
+    """Return whether an object of a frame is the vehicle that carries the rig."""
+    offset = frame.world_from_vehicle.inverse().apply(item.world_from_box.position)
+    return bool(item.is_actor and np.all(np.abs(offset[:2]) < EGO_OFFSET))
+
+
+def other_objects(frame: Frame) -> list[ObjectState]:
+    """Return the objects of a frame without the vehicle that carries the rig."""
+    return [item for item in frame.objects if not is_ego(frame, item)]
+
+
+def corners(item: ObjectState) -> Array:
+    """Return the corners of a box, shape (8, 3) [m, world]."""
+    return item.world_from_box.apply(_CORNERS * item.size)
+
+
+def points_inside(item: ObjectState, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Return which points (N, 3) [m, world] are inside a box or on its surface."""
+    local = item.world_from_box.inverse().apply(points)
+    return np.all(np.abs(local) <= item.size / 2.0, axis=-1)
+
+
+def box_rows(frame: Frame, objects: Iterable[ObjectState]) -> dict[str, npt.NDArray[np.generic]]:
+    """Return objects as arrays, one row an object, in the vehicle frame.
+
+    Returns
+    -------
+    dict
+        ``boxes`` float32 (M, 10): x, y, z of the centre [m], length, width, height [m], yaw [rad] and the velocity over ground
+        along the vehicle's axes [m/s]; ``box_semantic`` uint8 (M,); ``box_instance`` int32 (M,).
+    """
+    objects = list(objects)
+    vehicle_from_world = frame.world_from_vehicle.inverse()
+    rows = np.zeros((len(objects), 10), dtype=np.float32)
+    for row, item in zip(rows, objects, strict=True):
+        pose = vehicle_from_world.compose(item.world_from_box)
+        row[:3], row[3:6], row[6] = pose.position, item.size, pose.yaw
+        row[7:] = vehicle_from_world.rotate(item.twist.linear)
+    return {
+        "boxes": rows,
+        "box_semantic": np.array([item.semantic for item in objects], dtype=np.uint8),
+        "box_instance": np.array([item.instance for item in objects], dtype=np.int32),
+    }
+
+
+def is_pinhole(spec: CameraSpec) -> bool:
+    """Return whether a camera's images follow its matrix K alone, without a lens model."""
+    return getattr(spec, "projection", "pinhole") == "pinhole" and not getattr(spec, "distortion", None)
+
+
+def visible_fraction(item: ObjectState, image: ImageFrame) -> float:
+    """Return the part of a box's outline that lies in an image and that nothing nearer hides.
+
+    Parameters
+    ----------
+    item : ObjectState
+    image : ImageFrame
+        Of a pinhole camera. Its `depth` tells what hides the box; without it only the image's border cuts the box.
+
+    Returns
+    -------
+    float
+        0 to 1. Rays through a grid over the box's bounding rectangle, also outside of the image, are cut with the
+        box: the share of those that hit it inside the image with no surface 0.1 m or more in front of the box.
+    """
+    camera_from_box = image.world_from_sensor.inverse().compose(item.world_from_box)
+    optical = CAMERA_OPTICAL_FROM_SENSOR @ camera_from_box.apply(_CORNERS * item.size).T
+    if optical[2].max() < _NEAR:
+        return 0.0
+    matrix = image.spec.intrinsics
+    u, v = _grid(matrix, optical, image.spec)
+    rays = np.stack([(u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1], np.ones_like(u)], axis=-1)
+    enter, leave = _slabs(rays @ CAMERA_OPTICAL_FROM_SENSOR, camera_from_box, item.size / 2.0)
+    hit = (enter <= leave) & (leave > _NEAR)
+    total = np.count_nonzero(hit)
+    if not total:
+        return 0.0
+    column, line = np.floor(u).astype(int), np.floor(v).astype(int)
+    seen = hit & (column >= 0) & (column < image.spec.width) & (line >= 0) & (line < image.spec.height)
+    if image.depth is not None:
+        seen[seen] = image.depth[line[seen], column[seen]] >= np.maximum(enter[seen], _NEAR) - OCCLUSION_MARGIN
+    return float(np.count_nonzero(seen) / total)
+
+
+def _grid(matrix: Array, optical: Array, spec: CameraSpec) -> tuple[Array, Array]:
+    """Return pixel coordinates of a grid over the rectangle around a box's corners, shape (num_u, num_v) each."""
+    if optical[2].min() < _NEAR:  # part of the box is behind the camera: its outline has no bounds
+        low, high = np.array([-spec.width, -spec.height]), np.array([2.0 * spec.width, 2.0 * spec.height])
+    else:
+        pixel = (matrix @ optical)[:2] / optical[2]
+        low, high = pixel.min(axis=1), pixel.max(axis=1)
+    count = np.clip(np.ceil(high - low).astype(int), 8, _GRID)
+    u, v = (a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(low, high, count, strict=True))
+    return tuple(np.meshgrid(u, v, indexing="ij"))  # type: ignore[return-value]
+
+
+def _slabs(directions: Array, camera_from_box: Pose, half: Array) -> tuple[Array, Array]:
+    """Return where rays from the camera enter and leave a box, in multiples of the direction (..., 3), camera axes."""
+    box_from_camera = camera_from_box.inverse()
+    local = box_from_camera.rotate(directions)
+    local = np.where(np.abs(local) < 1e-12, 1e-12, local)
+    first = (-half - box_from_camera.position) / local
+    second = (half - box_from_camera.position) / local
+    return np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)

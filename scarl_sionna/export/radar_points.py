@@ -1,0 +1,59 @@
+"""Radar points of a stored frame: detections of its cube, with the vehicle's own motion taken out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.results import Frame, RadarFrame
+from scarl_sionna.radar import RadarPoints, detect, range_doppler_angle, virtual_cube
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SensedPoints:
+    """Detections of one radar frame.
+
+    Attributes
+    ----------
+    points : RadarPoints
+    direction : ndarray of float64, shape (num_points, 3)
+        Unit vectors towards the points, radar frame.
+    compensated_velocity : ndarray of float64, shape (num_points,)
+        Radial velocity over ground: the sensor's own motion taken out, positive when opening [m/s].
+    """
+
+    points: RadarPoints
+    direction: Array
+    compensated_velocity: Array
+
+
+def radar_points(radar: RadarFrame, pfa: float = 1e-6) -> RadarPoints:
+    """Return the detections of a radar frame."""
+    return detect(range_doppler_angle(virtual_cube(radar.adc, radar.spec), radar.spec), radar.spec, pfa=pfa)
+
+
+def sensor_velocity(frame: Frame, world_from_sensor: Pose) -> Array:
+    """Return a sensor's velocity over ground in its own axes [m/s], shape (3,)."""
+    lever = world_from_sensor.position - frame.world_from_vehicle.position
+    twist: Twist = frame.vehicle_twist
+    return world_from_sensor.inverse().rotate(twist.velocity_at(lever))
+
+
+def sensed_points(frame: Frame, radar: RadarFrame, pfa: float = 1e-6) -> SensedPoints:
+    """Return the detections of a radar of a frame, with radial velocities over ground.
+
+    What stands still has a compensated velocity of 0, up to a multiple of the radar's unambiguous interval.
+    """
+    points = radar_points(radar, pfa)
+    direction = points.position / np.maximum(points.range, 1e-9)[:, None]
+    own = direction @ sensor_velocity(frame, radar.world_from_sensor)
+    interval = 2.0 * radar.spec.unambiguous_velocity
+    over_ground = points.radial_velocity + own
+    # a fast vehicle aliases the still world: take the value of the measured one's class nearest to standing still
+    over_ground -= interval * np.rint(over_ground / interval)
+    return SensedPoints(points, direction, over_ground)

@@ -1,0 +1,1 @@
+"""Exporters to the formats that people use, one a file."""

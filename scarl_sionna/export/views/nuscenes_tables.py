@@ -1,0 +1,122 @@
+"""Constant tables of nuScenes, what our classes become in them, and tokens.
+
+References
+----------
+.. [1] H. Caesar et al., "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020, and its schema page.
+.. [2] W. K. Fong et al., "Panoptic nuScenes", 2021: the 32 classes of lidarseg.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import numpy as np
+
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+
+TABLES = (
+    "category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose", "log", "scene",
+    "sample", "sample_data", "sample_annotation", "map",
+)  # fmt: skip
+"""Tables that the reader of nuScenes requires."""
+
+CATEGORIES = (
+    "noise", "animal", "human.pedestrian.adult", "human.pedestrian.child", "human.pedestrian.construction_worker",
+    "human.pedestrian.personal_mobility", "human.pedestrian.police_officer", "human.pedestrian.stroller",
+    "human.pedestrian.wheelchair", "movable_object.barrier", "movable_object.debris",
+    "movable_object.pushable_pullable", "movable_object.trafficcone", "static_object.bicycle_rack", "vehicle.bicycle",
+    "vehicle.bus.bendy", "vehicle.bus.rigid", "vehicle.car", "vehicle.construction", "vehicle.emergency.ambulance",
+    "vehicle.emergency.police", "vehicle.motorcycle", "vehicle.trailer", "vehicle.truck", "flat.driveable_surface",
+    "flat.other", "flat.sidewalk", "flat.terrain", "static.manmade", "static.other", "static.vegetation", "vehicle.ego",
+)  # fmt: skip
+"""Category names; the index is the lidarseg label."""
+
+CATEGORY_OF_CLASS = {
+    "Unlabeled": "noise", "Roads": "flat.driveable_surface", "SideWalks": "flat.sidewalk", "Building": "static.manmade",
+    "Wall": "static.manmade", "Fence": "static.manmade", "Pole": "static.manmade", "TrafficLight": "static.manmade",
+    "TrafficSign": "static.manmade", "Vegetation": "static.vegetation", "Terrain": "flat.terrain", "Sky": "noise",
+    "Pedestrian": "human.pedestrian.adult", "Rider": "human.pedestrian.adult", "Car": "vehicle.car",
+    "Truck": "vehicle.truck", "Bus": "vehicle.bus.rigid", "Train": "static.other", "Motorcycle": "vehicle.motorcycle",
+    "Bicycle": "vehicle.bicycle", "Static": "static.other", "Dynamic": "movable_object.pushable_pullable",
+    "Other": "static.other", "Water": "flat.other", "RoadLine": "flat.driveable_surface", "Ground": "flat.other",
+    "Bridge": "static.manmade", "RailTrack": "flat.other", "GuardRail": "static.manmade",
+}  # fmt: skip
+"""Category of each of our semantic classes."""
+
+LIDARSEG_LABEL = np.array([CATEGORIES.index(CATEGORY_OF_CLASS[name]) for name in SEMANTIC_CLASSES], dtype=np.uint8)
+"""Lidarseg label by semantic id."""
+
+VISIBILITY_LEVELS = (("v0-40", 0.4), ("v40-60", 0.6), ("v60-80", 0.8), ("v80-100", 1.0))
+ATTRIBUTES = {
+    "cycle.with_rider": "a rider is on it", "cycle.without_rider": "no rider is on it",
+    "pedestrian.moving": "faster than 0.5 m/s", "pedestrian.standing": "slower than 0.5 m/s",
+    "vehicle.moving": "faster than 0.5 m/s", "vehicle.stopped": "slower than 0.5 m/s, of an object that can move",
+    "vehicle.parked": "a static object of the scene",
+}  # fmt: skip
+MOVING_SPEED = 0.5
+"""An object faster than this counts as moving [m/s]."""
+
+CHANNEL_PLACES = {
+    "front_left": "FRONT_LEFT", "front_center": "FRONT", "front_right": "FRONT_RIGHT",
+    "back_left": "BACK_LEFT", "back_center": "BACK", "back_right": "BACK_RIGHT", "front": "FRONT", "back": "BACK",
+}  # fmt: skip
+
+
+def token(*parts: object) -> str:
+    """Return the token of a record: 32 hexadecimal digits that depend on its names only."""
+    return hashlib.md5("\x1f".join(map(str, parts)).encode(), usedforsecurity=False).hexdigest()
+
+
+def category_table() -> list[dict[str, Any]]:
+    """Return the category records, with the lidarseg label as ``index``."""
+    return [
+        {"token": token("category", name), "name": name, "description": "", "index": index}
+        for index, name in enumerate(CATEGORIES)
+    ]
+
+
+def attribute_table() -> list[dict[str, Any]]:
+    """Return the attribute records."""
+    return [{"token": token("attribute", n), "name": n, "description": text} for n, text in ATTRIBUTES.items()]
+
+
+def visibility_table() -> list[dict[str, Any]]:
+    """Return the visibility records."""
+    return [
+        {"token": str(index + 1), "level": level, "description": f"visible part of the box's outline, {level[1:]} %"}
+        for index, (level, _) in enumerate(VISIBILITY_LEVELS)
+    ]
+
+
+def visibility_token(fraction: float) -> str:
+    """Return the visibility token of a visible part between 0 and 1."""
+    return str(1 + sum(fraction > limit for _, limit in VISIBILITY_LEVELS[:-1]))
+
+
+def attribute_tokens(category: str, speed: float, is_actor: bool) -> list[str]:
+    """Return the attribute of an object of a category: none for what has none in nuScenes."""
+    moving = speed > MOVING_SPEED
+    if category in ("vehicle.bicycle", "vehicle.motorcycle"):
+        name = "cycle.with_rider" if moving else "cycle.without_rider"
+    elif category.startswith("vehicle."):
+        name = "vehicle.moving" if moving else "vehicle.stopped" if is_actor else "vehicle.parked"
+    elif category.startswith("human."):
+        name = "pedestrian.moving" if moving else "pedestrian.standing"
+    else:
+        return []
+    return [token("attribute", name)]
+
+
+def has_boxes(category: str) -> bool:
+    """Return whether nuScenes gives boxes to a category."""
+    return (
+        category.startswith(("human.", "vehicle.", "movable_object.", "static_object.")) and category != "vehicle.ego"
+    )
+
+
+def channel(prefix: str, sensor: str) -> str:
+    """Return the channel of a sensor: ``front_left/rgb`` is ``CAM_FRONT_LEFT``, ``roof/rgb`` is ``CAM_ROOF_RGB``."""
+    suite = sensor.rpartition("/")[0] or sensor
+    place = CHANNEL_PLACES.get(suite)
+    return f"{prefix}_{place}" if place else f"{prefix}_{sensor}".upper().replace("/", "_").replace("-", "_")

@@ -1,0 +1,183 @@
+"""What an exporter reads: scenes of frames in time order, and the rig that made them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, overload
+
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.results import Frame
+from scarl_sionna.export.folder import FORMAT, frame_folders, read_frame
+
+OnProgress = Callable[[int, int], None]
+"""Called with the number of finished frames and of all frames."""
+
+
+def no_progress(done: int, total: int) -> None:
+    """Report nothing."""
+
+
+class Frames(Protocol):
+    """Frames by index, read when they are asked for."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Frame: ...
+
+
+@dataclass(frozen=True)
+class SceneFrames:
+    """One drive: a name and its frames in time order."""
+
+    name: str
+    frames: Frames
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.frames)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames, one after the other; none is kept."""
+        return (self.frames[index] for index in range(len(self.frames)))
+
+
+@dataclass(frozen=True)
+class FrameSource:
+    """Scenes of one rig.
+
+    Parameters
+    ----------
+    rig : mapping
+        `Rig.to_dict()`.
+    scenes : sequence of SceneFrames
+    splits : mapping of str to list of str
+        Scene names by split; may be empty.
+    """
+
+    rig: Mapping[str, Any]
+    scenes: Sequence[SceneFrames]
+    splits: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    @property
+    def num_frames(self) -> int:
+        """Number of frames of all scenes."""
+        return sum(len(scene) for scene in self.scenes)
+
+    @property
+    def mounts(self) -> dict[str, Mapping[str, Any]]:
+        """Rig entries by sensor name."""
+        return {mount["name"]: mount for mount in self.rig["sensors"]}
+
+    def vehicle_from_sensor(self, name: str) -> Pose:
+        """Return where a sensor sits on the vehicle."""
+        pose = self.mounts[name]["vehicle_from_sensor"]
+        return Pose(pose["position"], pose.get("quaternion", (1.0, 0.0, 0.0, 0.0)))
+
+    def subset(self, scenes: Sequence[str] = (), num_frames: int | None = None) -> FrameSource:
+        """Return some scenes by name (none given: all), and the first frames of each.
+
+        Raises
+        ------
+        UnknownNameError, ParameterRangeError
+            If a scene is unknown or the number is below 1.
+        """
+        if num_frames is not None and num_frames < 1:
+            raise ParameterRangeError("num_frames", num_frames, ">= 1")
+        known = {scene.name: scene for scene in self.scenes}
+        for name in scenes:
+            if name not in known:
+                raise UnknownNameError("scene", name, known)
+        chosen = [known[name] for name in scenes] if scenes else list(self.scenes)
+        if num_frames is not None:
+            chosen = [SceneFrames(scene.name, _First(scene.frames, num_frames)) for scene in chosen]
+        return FrameSource(self.rig, chosen, self.splits)
+
+
+@dataclass(frozen=True)
+class _First:
+    """The first frames of a sequence."""
+
+    frames: Frames
+    count: int
+
+    def __len__(self) -> int:
+        return min(self.count, len(self.frames))
+
+    def __getitem__(self, index: int) -> Frame:
+        return self.frames[index]
+
+
+@dataclass(frozen=True)
+class _FolderFrames:
+    """Frames of a folder that `FrameFolderWriter` wrote."""
+
+    folders: Sequence[Path]
+
+    def __len__(self) -> int:
+        return len(self.folders)
+
+    def __getitem__(self, index: int) -> Frame:
+        return read_frame(self.folders[index])
+
+
+@dataclass(frozen=True)
+class _DatasetFrames:
+    """Frames of a dataset of the native store, whole ones."""
+
+    scene: Any
+
+    def __len__(self) -> int:
+        return len(self.scene)
+
+    def __getitem__(self, index: int) -> Frame:
+        return self.scene[index].to_frame()  # type: ignore[no-any-return]
+
+
+@overload
+def as_source(data: FrameSource) -> FrameSource: ...
+@overload
+def as_source(data: Any) -> FrameSource: ...
+def as_source(data: Any) -> FrameSource:
+    """Return what an exporter reads.
+
+    Parameters
+    ----------
+    data : FrameSource, dataset of `open_dataset`, or path
+        A path is a dataset of the native store (also a URL), or a folder of frames that ``scarl-sionna demo`` wrote.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a path is no such folder, or a folder of frames holds none.
+    """
+    if isinstance(data, FrameSource):
+        return data
+    if isinstance(data, str | Path):
+        if _is_frame_folder(Path(data)):
+            return _frame_folder(Path(data))
+        from scarl_sionna.export.dataset import open_dataset
+
+        data = open_dataset(data)
+    scenes = [SceneFrames(name, _DatasetFrames(data.scene(name))) for name in data.scenes]
+    return FrameSource(data.rig, scenes, getattr(data, "splits", None) or {})
+
+
+def _is_frame_folder(path: Path) -> bool:
+    try:
+        text = (path / "dataset.json").read_text(encoding="utf-8")
+        return bool(json.loads(text).get("format") == FORMAT)
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+def _frame_folder(path: Path) -> FrameSource:
+    folders = frame_folders(path)
+    if not folders:
+        raise ParameterRangeError("dataset", path, "a folder with at least one complete frame", "simulate it first")
+    configuration = json.loads((path / "dataset.json").read_text(encoding="utf-8"))["configuration"]
+    name = Path(str(configuration.get("scene", "scene"))).stem
+    return FrameSource(configuration["rig"], [SceneFrames(name, _FolderFrames(folders))])
