@@ -34,8 +34,8 @@ SMALLEST_LIFT = 1e-6
 SAME_DISTANCE = 1e-5
 """What is met this near to a point (relative to 1 m + distance) is the point itself: float32 directions are 6e-8 off, which a
 face at grazing incidence makes larger."""
-PROBES_PER_BATCH = 10_000_000
-"""Bound of :func:`refine`, which reckons with its densest lattice; patches of the default size take a tenth of it: some 10^6 rays."""
+PROBES_PER_BATCH = 1_000_000
+"""Rays of :func:`refine` worked at once."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,12 +3,15 @@
 A tube has a triangular footprint. Rays probe it on a lattice; where all of them meet the same thing (the same plane, or
 nothing), the tube stays whole, however large it is. Where they do not, it is halved, and a small tube that straddles an edge is
 cut along that edge, whose place is found by bisection with further rays. So partly hit tubes do not set the error.
+
+Tubes wait in pools, one for each number of halvings and one for those to cut, so that every call of the engine has many rays.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +20,11 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 LabelOf = Callable[[Array, Index], Index]
 """Maps points (n, 3) on footprints and the rows of their tubes to what the tubes' rays meet there."""
+Pieces: TypeAlias = "tuple[Array, Index, Index]"
+"""Corners, rows and labels."""
 
+BISECTIONS = 11
+"""By default the place of an edge is found to 2^-11 of the edge spacing."""
 _LARGEST_LATTICE = 8
 """Segments along the longest side of a tube that is probed at once; a longer tube is halved first."""
 _SLIVER_SEGMENTS = (4, 8, 16, 32, 64)
@@ -28,13 +35,19 @@ _POINT_LIKE = 0.125
 """Tubes below this part of the edge spacing are probed by one ray: what they straddle is too small to matter."""
 _CORNER_SIZE = 0.125
 """Tubes in which more than two things meet are halved on, down to this part of the edge spacing."""
-_BISECTIONS = 11
-"""The place of an edge is found to 2^-11 of the edge spacing."""
+_CUT = 1 << 20
+"""Pool of the tubes that are cut along an edge: the last one to be worked on."""
 
 
 def refine(
-    corners: Array, rows: Index, label_of: LabelOf, spacing: Array, edge_spacing: Array, max_rays: int
-) -> Iterator[tuple[Array, Index, Index]]:
+    corners: Array,
+    rows: Index,
+    label_of: LabelOf,
+    spacing: Array,
+    edge_spacing: Array,
+    max_rays: int,
+    bisections: int = BISECTIONS,
+) -> Iterator[Pieces]:
     """Cut tubes until each one has one label.
 
     Parameters
@@ -49,34 +62,126 @@ def refine(
         Largest distance of the probes, and size down to which straddling tubes are halved [m].
     max_rays : int
         Rays worked at once.
+    bisections : int
+        The place of an edge is found to 2^-bisections of the tube that it cuts.
 
     Yields
     ------
     corners, rows, labels
         Pieces that together cover the tubes.
     """
-    per_batch = max(max_rays // _COUNTS.max(), 1)
-    stack = _batches((corners, rows, spacing, edge_spacing), per_batch)[::-1]
-    while stack:
-        tri, row, wide, fine = stack.pop()
-        longest, layout, long = _layout(tri, wide, fine)
-        pieces, uneven = _probe(tri[~long], row[~long], fine[~long], longest[~long], layout[~long], label_of)
-        if len(pieces[0]):
-            yield pieces
-        again = np.concatenate([np.flatnonzero(long), np.flatnonzero(~long)[uneven]])
-        if len(again):
-            halves = _halve(tri[again])
-            stack += _batches((halves, *(np.tile(a[again], 2) for a in (row, wide, fine))), per_batch)
+    pools = _Pools(max_rays)
+    pools.put(0, _Waiting.of(corners, rows, spacing, edge_spacing))
+    while pools:
+        number, tubes = pools.take()
+        if number == _CUT:
+            pieces, again = _along_edge(tubes, label_of, bisections)
+            yield from pieces
+            number >>= 1  # their halves have pools of their own
+        else:
+            pieces, again, straddling = _probe(tubes, label_of)
+            yield from pieces
+            pools.put(_CUT, straddling)
+        pools.put(number + 1, again.halved())
 
 
-def _batches(arrays: tuple[Any, ...], size: int) -> list[tuple[Any, ...]]:
-    return [tuple(array[i : i + size] for array in arrays) for i in range(0, len(arrays[0]), size)]
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    """Tubes that wait to be probed, or with `label` and `odd` to be cut.
+
+    `label` (n, 3) is what the corners meet, `odd` the corner that meets another thing than the two others.
+    """
+
+    tri: Array
+    row: Index
+    wide: Array
+    fine: Array
+    longest: Array
+    layout: Index
+    label: Index | None = None
+    odd: Index | None = None
+
+    @classmethod
+    def of(cls, tri: Array, row: Index, wide: Array, fine: Array) -> _Waiting:
+        longest, layout = _layout(tri, wide, fine)
+        return cls(tri, row, wide, fine, longest, layout)
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def take(self, some: Index | slice) -> _Waiting:
+        return _Waiting(*(None if column is None else column[some] for column in vars(self).values()))
+
+    def to_cut(self, some: Index, label: Index, odd: Index) -> _Waiting:
+        columns = list(vars(self).values())[:-2]
+        return _Waiting(*(column[some] for column in columns), label, odd)
+
+    def without_cut(self, some: Index) -> _Waiting:
+        return _Waiting(*(column[some] for column in list(vars(self).values())[:-2]))
+
+    def halved(self) -> _Waiting:
+        """Cut tubes in two across their longest side."""
+        sides = np.roll(self.tri, -1, axis=1) - self.tri  # from corner i to i + 1
+        order = (np.einsum("nij,nij->ni", sides, sides).argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(self.tri[np.arange(len(self))[:, None], order], 1, 0)
+        middle = (a + b) / 2.0
+        halves = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+        return _Waiting.of(halves, *(np.tile(column, 2) for column in (self.row, self.wide, self.fine)))
+
+    @property
+    def rays(self) -> Index:
+        """Rays with which each is worked on at once."""
+        return _COUNTS[self.layout] if self.odd is None else np.full(len(self), 2)
+
+    @classmethod
+    def joined(cls, parts: list[_Waiting]) -> _Waiting:
+        if len(parts) == 1:
+            return parts[0]
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return cls(*(None if column[0] is None else np.concatenate(column) for column in columns))
 
 
-def _layout(tri: Array, wide: Array, fine: Array) -> tuple[Array, Index, npt.NDArray[np.bool_]]:
-    """Return each tube's longest side, its layout of probes, and whether it is too long to be probed as it is."""
+@dataclass(eq=False)
+class _Pools:
+    """Tubes by the number of times that they were halved, in batches of at most `limit` rays.
+
+    The pool of the smallest tubes that fills a batch goes first, which bounds the memory; where none does, that of the largest.
+    """
+
+    limit: int
+    parts: dict[int, list[_Waiting]] = field(default_factory=dict)
+    weight: dict[int, int] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.parts)
+
+    def put(self, number: int, tubes: _Waiting) -> None:
+        if not len(tubes):
+            return
+        done = np.cumsum(tubes.rays)
+        edges = np.searchsorted(done // self.limit, np.arange(1, done[-1] // self.limit + 1))
+        for first, last in zip([0, *edges], [*edges, len(tubes)], strict=True):
+            if last > first:
+                self.parts.setdefault(number, []).append(tubes.take(slice(first, last)))
+        self.weight[number] = self.weight.get(number, 0) + int(done[-1])
+
+    def take(self) -> tuple[int, _Waiting]:
+        full = [number for number, weight in self.weight.items() if weight >= self.limit]
+        number = max(full) if full else min(self.weight)
+        waiting, chosen, weight = self.parts[number], [], 0
+        while waiting and (not chosen or weight + int(waiting[-1].rays.sum()) <= self.limit):
+            chosen.append(waiting.pop())
+            weight += int(chosen[-1].rays.sum())
+        self.weight[number] -= weight
+        if not waiting:
+            del self.parts[number], self.weight[number]
+        return number, _Waiting.joined(chosen)
+
+
+def _layout(tri: Array, wide: Array, fine: Array) -> tuple[Array, Index]:
+    """Return each tube's longest side and its layout of probes, `_TOO_LONG` for a tube that is halved before it is probed."""
     sides = np.roll(tri, -1, axis=1) - tri
-    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    longest = np.sqrt(np.einsum("nij,nij->ni", sides, sides).max(axis=1, initial=0.0))
     height = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / longest
     segments = np.maximum(np.ceil(longest / wide), 1)
     layout = np.minimum(segments, _LARGEST_LATTICE).astype(np.int64)
@@ -84,89 +189,80 @@ def _layout(tri: Array, wide: Array, fine: Array) -> tuple[Array, Index, npt.NDA
     sliver = (segments > 2) & (height <= wide)
     step = np.searchsorted(_SLIVER_SEGMENTS, segments[sliver])
     layout[sliver] = _LARGEST_LATTICE + 1 + np.minimum(step, len(_SLIVER_SEGMENTS) - 1)
-    return longest, layout, segments > np.where(sliver, _SLIVER_SEGMENTS[-1], _LARGEST_LATTICE)
+    layout[segments > np.where(sliver, _SLIVER_SEGMENTS[-1], _LARGEST_LATTICE)] = _TOO_LONG
+    return longest, layout
 
 
-def _probe(
-    tri: Array, row: Index, fine: Array, longest: Array, layout: Index, label_of: LabelOf
-) -> tuple[tuple[Array, Index, Index], Index]:
-    """Return the pieces that are settled, and the numbers of the tubes to halve."""
-    inner = _inset(tri)
-    points, start = _probe_points(inner, layout)
-    labels = label_of(points, np.repeat(row, _COUNTS[layout]))
-    if not len(tri):
-        return (tri, row, labels), np.zeros(0, dtype=np.int64)
+def _probe(tubes: _Waiting, label_of: LabelOf) -> tuple[list[Pieces], _Waiting, _Waiting]:
+    """Return the pieces that are settled, the tubes to halve, and those to cut along an edge."""
+    short = np.flatnonzero(tubes.layout != _TOO_LONG)
+    long = np.flatnonzero(tubes.layout == _TOO_LONG)
+    if not len(short):
+        return [], tubes, tubes.take(short)
+    probed = tubes.take(short) if len(long) else tubes
+    points, start = _probe_points(_inset(probed.tri), probed.layout)
+    labels = label_of(points, np.repeat(probed.row, _COUNTS[probed.layout]))
     same = np.minimum.reduceat(labels, start) == np.maximum.reduceat(labels, start)
-    straddles = ~same & (longest <= fine)
-    cut, corner = _cut(tri, inner, row, labels, start, np.flatnonzero(straddles), longest / fine, label_of)
-    parts = [(tri[same], row[same], labels[start[same]]), *cut]
-    settled = tuple(np.concatenate([part[i] for part in parts]) for i in range(3))
-    return settled, np.concatenate([np.flatnonzero(~same & ~straddles), corner])  # type: ignore[return-value]
-
-
-def _cut(
-    tri: Array, inner: Array, row: Index, labels: Index, start: Index, chosen: Index, size: Array, label_of: LabelOf
-) -> tuple[list[tuple[Array, Index, Index]], Index]:
-    """Cut the chosen tubes along the edge that they straddle; the second result are those to halve once more."""
-    at_corner = labels[start[chosen, None] + np.arange(3)]
+    pieces = [(probed.tri[same], probed.row[same], labels[start[same]])] if same.any() else []
+    uneven = np.flatnonzero(~same)
+    fine = probed.longest[uneven] <= probed.fine[uneven]
+    small, halve = uneven[fine], uneven[~fine]
+    at_corner = labels[start[small, None] + np.arange(3)]
     equal = at_corner == np.roll(at_corner, -1, axis=1)  # corner i against i + 1
     two = equal.sum(axis=1) == 1
-    large = size[chosen] > _CORNER_SIZE
-    again = [chosen[~two & large]]
-    rest = ~two & ~large
-    small = chosen[rest]
-    whole = np.where(equal[rest, 0], at_corner[rest, 0], labels[start[small] + 3])
-    pieces = [(tri[small], row[small], whole)]
-    if two.any():
-        odd = (equal[two].argmax(axis=1) + 2) % 3
-        halved = chosen[two]
-        cut, clean = _along_edge(tri[halved], inner[halved], row[halved], at_corner[two], odd, label_of)
-        kept = clean | ~large[two]
-        pieces += [(corners[kept], rows[kept], label[kept]) for corners, rows, label in cut]
-        again.append(halved[~kept])
-    return pieces, np.concatenate(again)
+    large = _above_corner_size(probed.take(small))
+    rest = np.flatnonzero(~two & ~large)
+    if len(rest):
+        tiny = small[rest]
+        whole = np.where(equal[rest, 0], at_corner[rest, 0], labels[start[tiny] + 3])
+        pieces.append((probed.tri[tiny], probed.row[tiny], whole))
+    again = np.concatenate([long, short[halve], short[small[~two & large]]])
+    odd = (equal[two].argmax(axis=1) + 2) % 3
+    return pieces, tubes.take(again), probed.to_cut(small[two], at_corner[two], odd)
 
 
-def _along_edge(
-    tri: Array, inner: Array, row: Index, at_corner: Index, odd: Index, label_of: LabelOf
-) -> tuple[list[tuple[Array, Index, Index]], npt.NDArray[np.bool_]]:
-    """Cut triangles one corner of which (`odd`) has another label than the other two.
+def _above_corner_size(tubes: _Waiting) -> npt.NDArray[np.bool_]:
+    return np.asarray(tubes.longest > _CORNER_SIZE * tubes.fine)
 
-    The second result says where the cut is clean: beyond it the other two corners' label begins at once.
+
+def _along_edge(tubes: _Waiting, label_of: LabelOf, bisections: int) -> tuple[list[Pieces], _Waiting]:
+    """Cut tubes one corner of which (`odd`) has another label than the other two.
+
+    A cut is clean where beyond it the other two corners' label begins at once; the second result are the tubes where it does
+    not, which are halved once more.
     """
-    order = (odd[:, None] + np.arange(3)) % 3
-    pick = np.arange(len(tri))[:, None]
-    tri, inner, label = tri[pick, order], inner[pick, order], at_corner[pick, order]
+    assert tubes.label is not None and tubes.odd is not None
+    order = (tubes.odd[:, None] + np.arange(3)) % 3
+    pick = np.arange(len(tubes))[:, None]
+    tri, label = tubes.tri[pick, order], tubes.label[pick, order]
+    inner = _inset(tri)
+    arms = inner[:, 1:] - inner[:, :1]
+    rows = np.repeat(tubes.row, 2)
     low = np.zeros((len(tri), 2))
     high = np.ones((len(tri), 2))
     beyond = label[:, 1:]
-    for _ in range(_BISECTIONS):
+    for _ in range(bisections):
         middle = (low + high) / 2.0
-        points = inner[:, :1] + middle[:, :, None] * (inner[:, 1:] - inner[:, :1])
-        found = label_of(points.reshape(-1, 3), np.repeat(row, 2)).reshape(-1, 2)
+        points = inner[:, :1] + middle[:, :, None] * arms
+        found = label_of(points.reshape(-1, 3), rows).reshape(-1, 2)
         inside = found == label[:, :1]
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
         beyond = np.where(inside, beyond, found)
-    border = tri[:, :1] + ((low + high) / 2.0)[:, :, None] * (tri[:, 1:] - tri[:, :1])
-    tip = np.stack([tri[:, 0], border[:, 0], border[:, 1]], axis=1)
-    near = np.stack([border[:, 0], tri[:, 1], tri[:, 2]], axis=1)
-    far = np.stack([border[:, 0], tri[:, 2], border[:, 1]], axis=1)
-    pieces = [(tip, row, label[:, 0]), (near, row, label[:, 1]), (far, row, label[:, 1])]
-    return pieces, (beyond == label[:, 1:]).all(axis=1)
+    kept = (beyond == label[:, 1:]).all(axis=1) | ~_above_corner_size(tubes)
+    border = tri[kept, :1] + ((low + high) / 2.0)[kept, :, None] * (tri[kept, 1:] - tri[kept, :1])
+    one, two, three = np.moveaxis(tri[kept], 1, 0)
+    row, label = tubes.row[kept], label[kept]
+    pieces = [
+        (np.stack([one, border[:, 0], border[:, 1]], axis=1), row, label[:, 0]),
+        (np.stack([border[:, 0], two, three], axis=1), row, label[:, 1]),
+        (np.stack([border[:, 0], three, border[:, 1]], axis=1), row, label[:, 1]),
+    ]
+    return pieces if len(row) else [], tubes.without_cut(np.flatnonzero(~kept))
 
 
 def _inset(tri: Array) -> Array:
     center = tri.mean(axis=1, keepdims=True)
     return np.asarray(tri + _INSET * (center - tri))
-
-
-def _halve(tri: Array) -> Array:
-    """Cut triangles in two across their longest side."""
-    sides = np.linalg.norm(np.roll(tri, -1, axis=1) - tri, axis=2)  # from corner i to i + 1
-    order = (sides.argmax(axis=1)[:, None] + np.arange(3)) % 3
-    a, b, c = np.moveaxis(tri[np.arange(len(tri))[:, None], order], 1, 0)
-    middle = (a + b) / 2.0
-    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
 
 
 def _lattice(segments: int) -> Array:
@@ -189,7 +285,8 @@ def _border(segments: int) -> Array:
 
 
 _LAYOUTS = [_lattice(n) for n in range(_LARGEST_LATTICE + 1)] + [_border(n) for n in _SLIVER_SEGMENTS]
-_COUNTS = np.array([len(layout) for layout in _LAYOUTS])
+_TOO_LONG = len(_LAYOUTS)
+_COUNTS = np.array([*(len(layout) for layout in _LAYOUTS), 1])
 _OFFSETS = np.cumsum(_COUNTS) - _COUNTS
 _TABLE = np.vstack(_LAYOUTS)
 
