@@ -132,8 +132,7 @@ def plot_maps(state: Any, pose: Pose, path: Path) -> None:
     spec = CameraSpec(width=480, height=270, samples_per_pixel=64)
     frame = Camera(spec).observe(state, pose, Twist(), np.random.default_rng(0))
     own, projected = range_view(scan), camera_maps(scan, spec, pose, radius_px=1)
-    first, last = scan.spec.azimuth_fov_deg
-    extent = (last, first, *scan.spec.elevation_fov_deg)
+    extent = scan.spec.view_deg
     figure, axes = plt.subplots(3, 2, figsize=(11, 8), layout="constrained")
     assert frame.rgb is not None and frame.depth is not None
     axes[0, 0].imshow(frame.rgb)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from .maps import LidarMaps, camera_maps, range_view
+from .pattern import shot_directions, shot_times
 from .receiver import receive
-from .scan import radial_velocity, raster_angles, return_intensity, shot_directions
+from .scan import radial_velocity, return_intensity
 from .sensor import Lidar
 
 __all__ = [
@@ -13,8 +14,8 @@ __all__ = [
     "camera_maps",
     "radial_velocity",
     "range_view",
-    "raster_angles",
     "receive",
     "return_intensity",
     "shot_directions",
+    "shot_times",
 ]

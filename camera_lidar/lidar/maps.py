@@ -13,7 +13,6 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import LidarScan
 
 from ..camera.projection import camera_optical_from_world, project
-from .scan import raster_angles
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +52,16 @@ class LidarMaps:
 
 
 def range_view(scan: LidarScan) -> LidarMaps:
-    """Return the maps in the lidar's own raster, shape (num_elevation, num_azimuth).
+    """Return the maps in the lidar's own view, shape `scan.spec.scan.grid_shape`: (num_elevation, num_azimuth).
 
-    Row 0 is the highest elevation line and column 0 the azimuth farthest to the left, whatever the firing order.
+    Row 0 is the highest elevation and column 0 the azimuth farthest to the left, whatever the firing order; of several returns in
+    a cell the nearest shows. A scan without a grid of its own (Risley, table) is binned over its field of view.
     """
-    spec = scan.spec
-    line, column = np.divmod(scan.shot.astype(np.int64), spec.num_azimuth)
-    azimuth, _ = raster_angles(spec)
-    if azimuth[-1] > azimuth[0]:
-        column = spec.num_azimuth - 1 - column
-    cell = (spec.num_elevation - 1 - line) * spec.num_azimuth + column
-    return _fill(scan, cell, np.arange(scan.num_points), scan.position[:, 0], (spec.num_elevation, spec.num_azimuth))
+    shape = scan.spec.scan.grid_shape
+    shot_row, shot_column = scan.spec.scan.cells()
+    cell = (shot_row * shape[1] + shot_column)[scan.shot]
+    cell, row = _nearest(cell, scan.distance, shape)
+    return _fill(scan, cell, row, scan.position[row, 0], shape)
 
 
 def camera_maps(scan: LidarScan, spec: CameraSpec, world_from_camera: Pose, radius_px: int = 0) -> LidarMaps:
@@ -104,12 +102,20 @@ def camera_maps(scan: LidarScan, spec: CameraSpec, world_from_camera: Pose, radi
     u, v = footprint.reshape(-1, 2).T
     inside = (u >= 0) & (u < spec.width) & (v >= 0) & (v < spec.height)
     row, cell = row[inside], (v * spec.width + u)[inside]
-    far_first = np.argsort(-depth[row], kind="stable")
-    nearest = np.full(spec.height * spec.width, -1, dtype=np.int64)
-    nearest[cell[far_first]] = row[far_first]  # of repeated indices the last one, so the nearest, stays
-    cell = np.flatnonzero(nearest >= 0)
-    row = nearest[cell]
+    cell, kept = _nearest(cell, depth[row], (spec.height, spec.width))
+    row = row[kept]
     return _fill(scan, cell, row, depth[row], (spec.height, spec.width))
+
+
+def _nearest(
+    cell: npt.NDArray[np.int64], distance: npt.NDArray[np.floating], shape: tuple[int, int]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return the cells that are filled, rising, and the entry with the smallest distance in each (z-buffer)."""
+    far_first = np.argsort(-distance, kind="stable")
+    nearest = np.full(shape[0] * shape[1], -1, dtype=np.int64)
+    nearest[cell[far_first]] = far_first  # of repeated indices the last one, so the nearest, stays
+    filled = np.flatnonzero(nearest >= 0)
+    return filled, nearest[filled]
 
 
 def _fill(

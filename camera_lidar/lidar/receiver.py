@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.lidar_receiver import ScarlReceiver
 
 Array = npt.NDArray[np.float64]
 
@@ -32,8 +32,9 @@ class Received:
 
 
 def receive(
-    spec: LidarSpec,
-    shot: npt.NDArray[np.integer],
+    receiver: ScarlReceiver,
+    num_slots: int,
+    slot: npt.NDArray[np.integer],
     distance: Array,
     radial_velocity: Array,
     intensity: Array,
@@ -43,14 +44,16 @@ def receive(
 
     Parameters
     ----------
-    spec : LidarSpec
+    receiver : ScarlReceiver
         A zero in `drop_out_intensity`, `range_noise_variance_per_metre` or `velocity_noise_std` switches that effect off exactly.
-    shot : ndarray of int, shape (num_returns,)
-        Number of the shot of each return, below num_elevation * num_azimuth.
+    num_slots : int
+        Places for returns of the scan, taken or not: shots times returns a shot.
+    slot : ndarray of int, shape (num_returns,)
+        Which one each return takes.
     distance, radial_velocity, intensity : ndarray of float64, shape (num_returns,)
         Ideal values [m], [m/s], [relative].
     seed_generator : numpy.random.Generator
-        Gives every effect a stream of its own with one draw a shot, so that neither switching an effect nor a return more or
+        Gives every effect a stream of its own with one draw a slot, so that neither switching an effect nor a return more or
         less changes the noise of the others.
 
     Returns
@@ -69,21 +72,20 @@ def receive(
     .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for Autonomous
        Driving", section 2.2: annihilation by intensity, AWGN with variance proportional to distance.
     """
-    num_shots = spec.num_elevation * spec.num_azimuth
     seeds = seed_generator.integers(2**63, size=3)  # always drawn: the streams do not depend on what is switched on
     drop_out, range_noise, velocity_noise = (np.random.Generator(np.random.PCG64(int(seed))) for seed in seeds)
 
     kept = np.arange(distance.shape[0])
-    if spec.drop_out_intensity > 0.0:
-        probability = -np.expm1(-intensity / spec.drop_out_intensity)
-        kept = np.flatnonzero(drop_out.random(num_shots)[shot] < probability)
+    if receiver.drop_out_intensity > 0.0:
+        probability = -np.expm1(-intensity / receiver.drop_out_intensity)
+        kept = np.flatnonzero(drop_out.random(num_slots)[slot] < probability)
     measured_distance = distance[kept]
-    if spec.range_noise_variance_per_metre > 0.0:
-        std = np.sqrt(spec.range_noise_variance_per_metre * measured_distance)
-        measured_distance = measured_distance + std * range_noise.standard_normal(num_shots)[shot[kept]]
+    if receiver.range_noise_variance_per_metre > 0.0:
+        std = np.sqrt(receiver.range_noise_variance_per_metre * measured_distance)
+        measured_distance = measured_distance + std * range_noise.standard_normal(num_slots)[slot[kept]]
         measured_distance = np.maximum(measured_distance, 0.0)
     measured_velocity = radial_velocity[kept]
-    if spec.velocity_noise_std > 0.0:
-        noise = velocity_noise.standard_normal(num_shots)[shot[kept]]
-        measured_velocity = measured_velocity + spec.velocity_noise_std * noise
+    if receiver.velocity_noise_std > 0.0:
+        noise = velocity_noise.standard_normal(num_slots)[slot[kept]]
+        measured_velocity = measured_velocity + receiver.velocity_noise_std * noise
     return Received(kept, measured_distance, measured_velocity)

@@ -1,63 +1,11 @@
-"""Where a lidar shoots, and what comes back in the ideal case. Pure numpy.
-
-Azimuth is positive to the left, elevation positive upwards, both in the sensor frame (x forward, y left, z up). Shot number =
-elevation line * num_azimuth + azimuth column; line 0 is the lowest, column 0 the first azimuth.
-"""
+"""What comes back from a surface in the ideal case. Pure numpy."""
 
 from __future__ import annotations
-
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.lidar_spec import LidarSpec
-
 Array = npt.NDArray[np.float64]
-
-FULL_TURN_DEG = 360.0
-
-
-def _evenly(first: float, last: float, number: int) -> Array:
-    """Return `number` values from first to last, both included; the middle for one value."""
-    return np.linspace(first, last, number) if number > 1 else np.array([(first + last) / 2.0])
-
-
-def raster_angles(spec: LidarSpec) -> tuple[Array, Array]:
-    """Return azimuth of every column and elevation of every line [rad].
-
-    Both ends of a field of view are shot at, but for a full turn, whose end is its start. One single column or line looks
-    along the middle.
-    """
-    first, last = spec.azimuth_fov_deg
-    if abs(last - first) >= FULL_TURN_DEG:
-        azimuth = first + (last - first) * np.arange(spec.num_azimuth) / spec.num_azimuth
-    else:
-        azimuth = _evenly(first, last, spec.num_azimuth)
-    return np.radians(azimuth), np.radians(_evenly(*spec.elevation_fov_deg, spec.num_elevation))
-
-
-@lru_cache(maxsize=4)
-def shot_directions(spec: LidarSpec) -> Array:
-    """Return the unit direction of every shot in the sensor frame, in firing order.
-
-    Parameters
-    ----------
-    spec : LidarSpec
-
-    Returns
-    -------
-    ndarray of float64, shape (num_elevation * num_azimuth, 3)
-        Read-only: lidars of one kind share it.
-    """
-    azimuth, elevation = raster_angles(spec)
-    elevation = elevation[:, None]
-    x = np.cos(elevation) * np.cos(azimuth)
-    y = np.cos(elevation) * np.sin(azimuth)
-    z = np.broadcast_to(np.sin(elevation), x.shape)
-    directions = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    directions.setflags(write=False)
-    return directions
 
 
 def radial_velocity(

@@ -11,8 +11,9 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.world.placement import check_placement
 
+from .pattern import shot_directions
 from .receiver import receive
-from .scan import radial_velocity, return_intensity, shot_directions
+from .scan import radial_velocity, return_intensity
 
 
 class Lidar:
@@ -53,8 +54,8 @@ class Lidar:
         hits = state.cast(world_from_sensor.position, directions, max_distance=spec.max_distance)
         velocity = radial_velocity(hits.velocity, sensor_twist.linear, directions[hits.ray])
         reflectance = parts.lidar_reflectance[hits.part]
-        intensity = return_intensity(reflectance, hits.cos_incidence, hits.distance, spec.atmospheric_attenuation)
-        received = receive(spec, hits.ray, hits.distance, velocity, intensity, seed_generator)
+        intensity = return_intensity(reflectance, hits.cos_incidence, hits.distance, spec.extinction)
+        received = receive(spec.receiver, spec.num_shots, hits.ray, hits.distance, velocity, intensity, seed_generator)
         kept = received.kept
         shot, part = hits.ray[kept], hits.part[kept]
         normal = hits.normal[kept] @ world_from_sensor.rotation  # world -> sensor

@@ -33,6 +33,11 @@ class ImageFrame:
         Index into `core.semantics.SEMANTIC_CLASSES`; Sky where nothing is hit.
     instance : ndarray of uint16, shape (height, width)
         Instance id; 0 where nothing is hit.
+    normal : ndarray of float32, shape (height, width, 3)
+        Unit surface normal in the sensor frame (x forward, y left, z up), towards the camera; zeros where nothing is hit.
+    flow : ndarray of float32, shape (height, width, 2)
+        Way [px] (column, row) of the surface point in a pixel within the next ``spec.flow_interval`` seconds; NaN where
+        nothing is hit, or where the point leaves what the lens sees. It may lead out of the image.
     """
 
     spec: CameraSpec
@@ -41,11 +46,17 @@ class ImageFrame:
     depth: npt.NDArray[np.float32] | None = None
     semantic: npt.NDArray[np.uint8] | None = None
     instance: npt.NDArray[np.uint16] | None = None
+    normal: npt.NDArray[np.float32] | None = None
+    flow: npt.NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class LidarScan:
-    """Returns of one lidar, one row a return, in firing order.
+    """Returns of one lidar, one row a return, in the order of the shot numbers and of the distance in each shot.
+
+    What the receiver measured (distance, radial velocity, position, carrier-to-noise ratio) holds its noise; labels, normal, incidence
+    and reflectance are those of the surface. A return from fog or rain and a false alarm have instance 0, class Unlabeled,
+    reflectance 0 and a zero normal.
 
     Attributes
     ----------
@@ -53,20 +64,31 @@ class LidarScan:
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).
     shot : ndarray of int32, shape (num_points,)
-        Index of the shot: elevation line * num_azimuth + azimuth column.
+        Number of the shot in the order of `spec.scan`.
     position : ndarray of float32, shape (num_points, 3)
-        In the sensor frame [m].
+        In the sensor frame at the shot's own time, or at the timestamp if `spec.deskew` [m].
     distance : ndarray of float32, shape (num_points,)
         Along the ray [m].
     radial_velocity : ndarray of float32, shape (num_points,)
-        Positive when opening; from the target's and the sensor's motion [m/s].
+        Positive when opening; from the target's and the sensor's motion [m/s]. NaN where a single chirp cannot tell.
     intensity : ndarray of float32, shape (num_points,)
-        Received power relative to a normally hit white diffuser at 1 m without atmosphere.
+        Received power relative to a normally hit white diffuser at 1 m without atmosphere; a heterodyne receiver adds speckle and
+        noise to it.
     cos_incidence : ndarray of float32, shape (num_points,)
     normal : ndarray of float32, shape (num_points, 3)
-        Surface normal in the sensor frame, towards the sensor.
+        Surface normal in the sensor frame of `position`, towards the sensor.
     semantic : ndarray of uint8, shape (num_points,)
     instance : ndarray of uint16, shape (num_points,)
+    time : ndarray of float32, shape (num_points,)
+        Time of the shot after the frame's timestamp [s].
+    return_index : ndarray of uint8, shape (num_points,)
+        0 for the first return of its shot, 1 for the next farther one, ...
+    reflectance : ndarray of float32, shape (num_points,)
+        Diffuse reflectance of the surface at the lidar's wavelength.
+    cnr : ndarray of float32, shape (num_points,)
+        Measured carrier-to-noise ratio of the beat after the transform of one chirp, linear; NaN if the receiver has none.
+    beat_signal : ndarray of complex64, shape (num_shots, 2, num_samples), or None
+        Up and down chirp of every shot in units of the noise's standard deviation a sample; only on request.
     """
 
     spec: LidarSpec
@@ -80,6 +102,11 @@ class LidarScan:
     normal: npt.NDArray[np.float32]
     semantic: npt.NDArray[np.uint8]
     instance: npt.NDArray[np.uint16]
+    time: npt.NDArray[np.float32] | None = None
+    return_index: npt.NDArray[np.uint8] | None = None
+    reflectance: npt.NDArray[np.float32] | None = None
+    cnr: npt.NDArray[np.float32] | None = None
+    beat_signal: npt.NDArray[np.complex64] | None = None
 
     @property
     def num_points(self) -> int:

@@ -67,7 +67,7 @@ def write_result(result: SensorResult, folder: Path) -> dict[str, Any]:
     if isinstance(result, ImageFrame):
         return _write_images(result, folder)
     if isinstance(result, LidarScan):
-        np.savez_compressed(folder / "points.npz", **{name: getattr(result, name) for name in LIDAR_NAMES})
+        np.savez_compressed(folder / "points.npz", **_lidar_arrays(result))
         return {"type": "lidar", "files": {"points": "points.npz"}, "num_points": result.num_points}
     if isinstance(result, RadarFrame):
         np.savez_compressed(folder / "adc.npz", adc_int=result.adc_int, adc_scale=np.float64(result.adc_scale))
@@ -84,6 +84,11 @@ def write_result(result: SensorResult, folder: Path) -> dict[str, Any]:
     )
 
 
+def _lidar_arrays(scan: LidarScan) -> dict[str, npt.NDArray[Any]]:
+    """Return the arrays of a scan that are there."""
+    return {name: getattr(scan, name) for name in LIDAR_NAMES if getattr(scan, name) is not None}
+
+
 def read_result(data: Mapping[str, Any], spec: Spec, folder: Path) -> SensorResult:
     """Return the result of :func:`write_result`."""
     pose = read_pose(data["world_from_sensor"])
@@ -94,7 +99,7 @@ def read_result(data: Mapping[str, Any], spec: Spec, folder: Path) -> SensorResu
     if data["type"] == "lidar":
         assert isinstance(spec, LidarSpec)
         with np.load(folder / data["files"]["points"]) as arrays:
-            return LidarScan(spec, pose, **{name: arrays[name] for name in LIDAR_NAMES})
+            return LidarScan(spec, pose, **{name: arrays[name] for name in LIDAR_NAMES if name in arrays})
     assert isinstance(spec, RadarSpec)
     with np.load(folder / data["files"]["adc"]) as arrays:
         adc_int, adc_scale = arrays["adc_int"], float(arrays["adc_scale"])

@@ -193,10 +193,13 @@ def _draw_lidar(axis: Axes, scan: LidarScan | None, norm: Normalize) -> None:
         return _leave_empty(axis)
     spec = scan.spec
     grid = np.full((spec.num_elevation, spec.num_azimuth), np.inf)
-    grid[np.divmod(scan.shot, spec.num_azimuth)] = scan.position[:, 0]
-    (left, right), (bottom, top) = spec.azimuth_fov_deg, spec.elevation_fov_deg
+    row, column = spec.scan.cells()
+    order = np.argsort(-scan.position[:, 0], kind="stable")  # of several returns in a cell the nearest stays
+    shot = scan.shot[order]
+    grid[row[shot], column[shot]] = scan.position[order, 0]
+    left, right, bottom, top = spec.view_deg
     image = axis.imshow(
-        np.ma.masked_invalid(grid), cmap=_depth_colors(), norm=norm, extent=(left, right, bottom, top), origin="lower",
+        np.ma.masked_invalid(grid), cmap=_depth_colors(), norm=norm, extent=(left, right, bottom, top), origin="upper",
         interpolation="nearest", aspect="auto",
     )  # fmt: skip
     axis.set_xlim(max(left, right), min(left, right))  # left is left

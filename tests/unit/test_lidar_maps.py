@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from camera_lidar.lidar.maps import camera_maps, range_view
-from camera_lidar.lidar.scan import shot_directions
+from camera_lidar.lidar.pattern import shot_directions
 from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.lidar_spec import LidarSpec

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from camera_lidar.lidar.scan import radial_velocity, raster_angles, return_intensity, shot_directions
+from camera_lidar.lidar.pattern import shot_directions
+from camera_lidar.lidar.scan import radial_velocity, return_intensity
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.lidar_spec import LidarSpec
 
@@ -24,17 +25,17 @@ def test_raster_runs_from_the_first_azimuth_line_by_line_from_the_lowest() -> No
 
 def test_a_scan_may_run_to_the_right() -> None:
     spec = LidarSpec(azimuth_fov_deg=(30, -30), num_azimuth=3, num_elevation=1)
-    assert np.allclose(np.degrees(raster_angles(spec)[0]), [30, 0, -30], atol=1e-12)
+    assert np.allclose(np.degrees(spec.scan.column_azimuth), [30, 0, -30], atol=1e-12)
 
 
 def test_a_full_turn_does_not_shoot_twice_at_its_seam() -> None:
     spec = LidarSpec(azimuth_fov_deg=(-180, 180), num_azimuth=4, num_elevation=1)
-    assert np.allclose(np.degrees(raster_angles(spec)[0]), [-180, -90, 0, 90], atol=1e-12)
+    assert np.allclose(np.degrees(spec.scan.column_azimuth), [-180, -90, 0, 90], atol=1e-12)
 
 
 def test_a_single_shot_looks_along_the_middle() -> None:
     spec = LidarSpec(azimuth_fov_deg=(-10, 30), elevation_fov_deg=(2, 4), num_azimuth=1, num_elevation=1)
-    azimuth, elevation = raster_angles(spec)
+    azimuth, elevation = spec.scan.angles()
     assert np.allclose(np.degrees([azimuth[0], elevation[0]]), [10, 3], atol=1e-12)
     staring = LidarSpec(azimuth_fov_deg=(5, 5), elevation_fov_deg=(0, 0), num_azimuth=1, num_elevation=1)
     assert shot_directions(staring).shape == (1, 3)
