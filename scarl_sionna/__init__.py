@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .core.pose import Pose, Twist
     from .core.radar_spec import RadarSpec
     from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
+    from .export.reader import open_dataset
     from .fusion import Rig
     from .generate import observe, simulate
     from .radar import (
@@ -57,6 +58,7 @@ __all__ = [
     "detect",
     "load_scene",
     "observe",
+    "open_dataset",
     "point_targets",
     "quantize",
     "range_doppler",
@@ -76,6 +78,7 @@ _HOME = {
     ".core.pose": ("Pose", "Twist"),
     ".core.radar_spec": ("RadarSpec",),
     ".core.results": ("Frame", "ImageFrame", "LidarScan", "RadarFrame"),
+    ".export.reader": ("open_dataset",),
     ".fusion": ("Rig",),
     ".generate": ("observe", "simulate"),
     ".radar": (

@@ -1,0 +1,170 @@
+"""Read access to the files of a dataset, in a folder or behind an fsspec URL, and whole writes that survive a power cut."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from pathlib import Path
+from typing import Any, Protocol
+
+from scarl_sionna.core.errors import DatasetError, OutputError
+
+from .atomic import partial_path
+
+_SAFE = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_.\-]*(/[A-Za-z0-9_\-][A-Za-z0-9_.\-]*)*")
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+:(//|:)")
+
+
+def check_name(name: object, what: str) -> str:
+    """Return a name that stands in a file of a dataset, or raise if it could lead out of the dataset's folder.
+
+    Raises
+    ------
+    DatasetError
+        If the name is absolute, climbs up, or has characters that no writer of this project uses.
+    """
+    if not isinstance(name, str) or not _SAFE.fullmatch(name):
+        raise DatasetError(
+            f"the {what} {name!r:.80} could lead out of the dataset and is not followed",
+            remedy="do not trust this dataset",
+        )
+    return name
+
+
+class Files(Protocol):
+    """Where a dataset's files are."""
+
+    url: str
+
+    def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
+        """Return a file's bytes, or those from `start` to `stop`; a negative start counts from the end."""
+
+    def names(self, folder: str) -> list[str]:
+        """Return the names in a folder, sorted; none if it is not there."""
+
+
+class LocalFiles:
+    """A folder of this machine."""
+
+    def __init__(self, root: str | Path) -> None:
+        self.root = Path(root)
+        self.url = str(root)
+        self._real = os.path.realpath(self.root)
+        self._checked: set[str] = set()
+
+    def path(self, name: str) -> Path:
+        """Return the path of a file.
+
+        Raises
+        ------
+        DatasetError
+            If a link leads it out of the dataset's folder.
+        """
+        path = self.root / name
+        folder = os.path.dirname(path)
+        if folder not in self._checked or path.is_symlink():
+            real = os.path.realpath(path)
+            if os.path.commonpath([real, self._real]) != self._real:
+                raise DatasetError(
+                    f"{name} leads out of the dataset to {real} and is not followed",
+                    self.root,
+                    "do not trust this dataset",
+                )
+            self._checked.add(folder)
+        return path
+
+    def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
+        """Return a file's bytes, or those from `start` to `stop`; a negative start counts from the end."""
+        with open(self.path(name), "rb", buffering=0 if start is not None else -1) as file:
+            if start is None:
+                return file.read()
+            begin = file.seek(start, os.SEEK_SET if start >= 0 else os.SEEK_END)
+            return _read_all(file, -1 if stop is None else stop - begin)
+
+    def names(self, folder: str) -> list[str]:
+        """Return the names in a folder, sorted; none if it is not there."""
+        try:
+            return sorted(os.listdir(self.path(folder)))
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+
+
+def _read_all(file: Any, size: int) -> bytes:
+    if size < 0:
+        return bytes(file.read())
+    out = file.read(size)
+    while len(out) < size and (more := file.read(size - len(out))):
+        out += more
+    return bytes(out)
+
+
+class RemoteFiles:
+    """A place behind an fsspec URL, for instance ``s3://bucket/dataset`` or ``https://host/dataset``."""
+
+    def __init__(self, url: str) -> None:
+        from .packages import require
+
+        fsspec = require("fsspec", "remote")
+        self.url = url
+        try:
+            self._system, self._root = fsspec.core.url_to_fs(url)
+        except (ValueError, ImportError) as error:
+            raise DatasetError(
+                f"cannot open this address: {error}", url, "install the fsspec package of its protocol"
+            ) from error
+
+    def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
+        """Return a file's bytes, or those from `start` to `stop`; a negative start counts from the end."""
+        return bytes(self._system.cat_file(f"{self._root.rstrip('/')}/{name}", start=start, end=stop))
+
+    def names(self, folder: str) -> list[str]:
+        """Return the names in a folder, sorted; none if it is not there."""
+        try:
+            found = self._system.ls(f"{self._root.rstrip('/')}/{folder}", detail=False)
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+        return sorted(str(name).rstrip("/").rpartition("/")[2] for name in found)
+
+
+def open_files(place: str | Path) -> Files:
+    """Return read access to a folder or an fsspec URL."""
+    text = os.fspath(place)
+    return RemoteFiles(text) if _URL.match(text) else LocalFiles(text)
+
+
+def write_whole(path: Path, data: bytes | str) -> None:
+    """Write a file so that it is whole or not there, also after a power cut."""
+    partial = partial_path(path)
+    try:
+        with open(partial, "wb") as file:
+            file.write(data.encode() if isinstance(data, str) else data)
+            sync(file)
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def sync(file: Any) -> None:
+    """Bring a file's bytes to the disk."""
+    file.flush()
+    os.fsync(file.fileno())
+
+
+def sync_folder(path: Path) -> None:
+    """Bring a folder's names to the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def output_error(path: str | Path, error: OSError) -> OutputError:
+    """Return the error of a write that the system refused, with the remedy."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        remedy = "free some space; the same command goes on from what is finished"
+    else:
+        remedy = "choose a folder that you may write to"
+    return OutputError(f"cannot write {path}: {error.strerror or error}; {remedy}")

@@ -1,0 +1,235 @@
+"""A dataset folder that is open for writing: the manifest, the locks of the run, and a simple writer of frames."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from scarl_sionna.core.errors import DatasetError, OutputError
+from scarl_sionna.core.results import Frame
+
+from .atomic import PARTIAL
+from .card import dataset_card
+from .encoding import StoreOptions, encode_frame
+from .files import LocalFiles, output_error, write_whole
+from .locks import LOCK_FOLDER, FileLock
+from .manifest import (
+    ARRAYS,
+    MANIFEST,
+    SHARDS,
+    DatasetPlan,
+    ScenePlan,
+    dump_manifest,
+    manifest_data,
+    plan_of,
+    read_manifest,
+)
+from .shard_writer import METADATA, WORK_FOLDER, ShardRecord, ShardWriter, record_name, write_metadata
+from .shards import group_metadata
+
+CARD = "README.md"
+_RUN = "run"
+
+
+class DatasetFolder:
+    """A dataset that this process writes; use it as a context.
+
+    Parameters
+    ----------
+    root : path
+        Made if it is not there.
+    plan : DatasetPlan
+        Scenes that are there and not in the plan stay; frames that are there are kept.
+    overwrite : bool
+        Remove what is there first.
+    part : str, optional
+        Name of this run among several that share the folder (``"0_of_4"``); without it no other run is let in.
+
+    Raises
+    ------
+    OutputError
+        On entering, if the folder cannot be written, is in use, is no dataset but not empty, or holds frames of another
+        configuration; the difference is named.
+    """
+
+    def __init__(
+        self, root: str | Path, plan: DatasetPlan, *, overwrite: bool = False, part: str | None = None
+    ) -> None:
+        self.root, self.plan, self.overwrite, self.part = Path(root), plan, overwrite, part
+        self._stack = ExitStack()
+
+    def __enter__(self) -> DatasetFolder:
+        try:
+            with ExitStack() as stack:
+                self._lock(stack)
+                with FileLock(self.root, "manifest", timeout=60.0, what="another export writes the manifest"):
+                    self._prepare()
+                self._stack = stack.pop_all()
+        except OSError as error:
+            if isinstance(error, OutputError):
+                raise
+            raise output_error(self.root, error) from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def shard(self, scene: str, shard: int, lock_timeout: float = 120.0) -> ShardWriter:
+        """Return the writer of a shard."""
+        return ShardWriter(self.root, self.plan.scene(scene), shard, self.plan.options, lock_timeout)
+
+    def finalize(self) -> dict[str, Any]:
+        """Write the manifest with the checksums of all shards that are there, and the dataset card; return the manifest."""
+        try:
+            with FileLock(self.root, "manifest", timeout=60.0, what="another export writes the manifest"):
+                data = self._write_manifest()
+                work = self.root / WORK_FOLDER
+                for folder in [*sorted(work.glob("*")), work]:
+                    if folder.is_dir() and not any(folder.iterdir()):
+                        folder.rmdir()
+                return data
+        except OSError as error:
+            if isinstance(error, OutputError):
+                raise
+            raise output_error(self.root, error) from error
+
+    def _lock(self, stack: ExitStack) -> None:
+        what = "another export or repair works on it"
+        self.root.mkdir(parents=True, exist_ok=True)
+        stack.enter_context(FileLock(self.root, _RUN, shared=self.part is not None, what=what))
+        if self.part is not None:
+            stack.enter_context(
+                FileLock(self.root, f"{_RUN}_{self.part}", what=f"another export of the part {self.part}")
+            )
+
+    def _prepare(self) -> None:
+        if self.overwrite and self.part is None:
+            self._clear()
+        there = self._plan_there()
+        if there is not None:
+            changes = self.plan.changes(there)
+            if changes and holds_frames(self.root):
+                shown = "; ".join(changes[:5]) + (f"; and {len(changes) - 5} more" if len(changes) > 5 else "")
+                raise OutputError(
+                    f"{self.root} holds frames of another configuration ({shown}); choose another folder or overwrite"
+                )
+            self.plan = self.plan if changes else self.plan.merged(there)
+        for stale in self.root.glob(f"{PARTIAL}*"):
+            stale.unlink()
+        self._write_manifest()
+
+    def _plan_there(self) -> DatasetPlan | None:
+        if not (self.root / MANIFEST).exists():
+            foreign = [path.name for path in self.root.iterdir() if not path.name.startswith(".")]
+            if foreign:
+                raise OutputError(
+                    f"{self.root} holds other files ({', '.join(sorted(foreign)[:3])}) and no {MANIFEST}; choose another folder"
+                )
+            return None
+        try:
+            return plan_of(read_manifest(LocalFiles(self.root)))
+        except DatasetError as error:
+            raise OutputError(f"{error}; or choose another folder or overwrite") from error
+
+    def _clear(self) -> None:
+        """Remove a dataset; a folder that is none stays as it is."""
+        if not (self.root / MANIFEST).exists():
+            return
+        for path in list(self.root.iterdir()):
+            if path.name == LOCK_FOLDER:
+                continue
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+
+    def _write_manifest(self) -> dict[str, Any]:
+        shards: dict[str, list[list[Any] | None]] = {}
+        for scene in self.plan.scenes:
+            rows, arrays = shard_rows(self.root, scene, self.plan.options)
+            shards[scene.name] = rows
+            write_metadata(self.root / ARRAYS / scene.name, arrays, scene.num_frames, self.plan.options)
+        data = manifest_data(self.plan, shards)
+        (self.root / ARRAYS).mkdir(exist_ok=True)
+        write_whole(self.root / ARRAYS / METADATA, group_metadata())
+        write_whole(self.root / CARD, dataset_card(data))
+        write_whole(self.root / MANIFEST, dump_manifest(data))
+        return data
+
+
+def shard_rows(root: Path, scene: ScenePlan, options: StoreOptions) -> tuple[list[list[Any] | None], dict[str, Any]]:
+    """Return checksum, frames, failed frames and bytes of each finished shard (None where there is none), and the arrays."""
+    rows: list[list[Any] | None] = []
+    arrays: dict[str, Any] = {}
+    for shard in range(scene.num_shards(options)):
+        try:
+            text = (root / record_name(scene.name, shard)).read_bytes()
+            record = ShardRecord.parse(text)
+        except (FileNotFoundError, DatasetError):
+            rows.append(None)
+            continue
+        rows.append([hashlib.sha256(text).hexdigest(), len(record.frames), sorted(record.failed), record.num_bytes])
+        arrays.update(record.arrays)
+    return rows, arrays
+
+
+def holds_frames(root: Path) -> bool:
+    """Return whether a folder holds finished shards or frames."""
+    return any(root.glob(f"{SHARDS}/*/*.json")) or any(root.glob(f"{WORK_FOLDER}/*/*/*.pack"))
+
+
+def write_dataset(
+    root: str | Path,
+    rig: Mapping[str, Any],
+    scenes: Mapping[str, Iterable[Frame]],
+    *,
+    options: StoreOptions | None = None,
+    configuration: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Write frames that are at hand as a dataset.
+
+    Parameters
+    ----------
+    root : path
+    rig : mapping
+        `Rig.to_dict()` of the rig that made all frames.
+    scenes : mapping of str to iterable of Frame
+        Frames by scene; their indices begin at 0 and have no gaps.
+    options : StoreOptions, optional
+    configuration : mapping, optional
+        Plain data on how the frames were made, the same for all scenes.
+    overwrite : bool
+        Remove what is there first.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written, holds other data, or a frame has something that the schema does not know.
+    """
+    options = options or StoreOptions()
+    frames = {name: list(items) for name, items in scenes.items()}
+    plans = tuple(ScenePlan(name, len(items), configuration or {}) for name, items in frames.items())
+    plan = DatasetPlan(rig, plans, options)
+    with DatasetFolder(root, plan, overwrite=overwrite) as folder, ThreadPoolExecutor(2) as pool:
+        for name, items in frames.items():
+            shards = defaultdict(list)
+            for frame in items:
+                shards[frame.index // options.shard_frames].append(frame)
+            for number, group in shards.items():
+                with folder.shard(name, number) as shard:
+                    for frame in group:
+                        if frame.index in shard.missing:
+                            shard.add(encode_frame(frame, options, pool))
+                    shard.commit()
+        folder.finalize()
+    return Path(root)
