@@ -10,6 +10,8 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 
+from .hybrid import solve_hybrid
+from .plan import ChannelPlan, OwnershipError, Share
 from .raycast import solve_raycast
 from .sbr import solve_sbr
 from .scatterers import solve_scatterers
@@ -18,13 +20,14 @@ from .sionna_paths import PathBufferOverflowError, solve_sionna
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
 
-__all__ = ["PathBufferOverflowError", "solve_paths"]
+__all__ = ["ChannelPlan", "OwnershipError", "PathBufferOverflowError", "Share", "solve_paths"]
 
 SOLVERS: dict[str, Callable[..., RadarPaths]] = {
     "raycast": solve_raycast,
     "sionna": solve_sionna,
     "sbr": solve_sbr,
     "scatterers": solve_scatterers,
+    "hybrid": solve_hybrid,
 }
 
 
@@ -40,11 +43,12 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     method : str
         ``"raycast"``: SCaRL's own. ``"auto"`` stands for ``"raycast"`` until there are rules to choose by.
         ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"``: the
-        scattering centres of the objects that have a model.
+        scattering centres of the objects that have a model. ``"hybrid"``: several of them by a :class:`ChannelPlan`.
     **options
         Of the solver; see :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...),
         :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna`, :func:`scarl_sionna.radar.channel.sbr.solve_sbr` and
-        :func:`scarl_sionna.radar.channel.scatterers.solve_scatterers` (`models`).
+        :func:`scarl_sionna.radar.channel.scatterers.solve_scatterers` (`models`) and
+        :func:`scarl_sionna.radar.channel.hybrid.solve_hybrid` (`plan`).
 
     Returns
     -------
