@@ -1,4 +1,7 @@
-"""Pinhole projection between `camera_optical` and pixels, and the rays of all pixels. Pure numpy.
+"""Projection between `camera_optical` and pixels, and the rays of all pixels. Pure numpy.
+
+:func:`project` and :func:`unproject` are those of a matrix K alone; a camera with its lens has them as
+:meth:`CameraSpec.project <scarl_sionna.core.camera_spec.CameraSpec.project>` and ``unproject``.
 
 `camera_optical` has x right, y down, z forward. Pixel (u, v) = (column, row); the centre of the top-left pixel is (0.5, 0.5),
 so a point at column u falls into the array element ``[floor(v), floor(u)]``.
@@ -11,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.core.camera_spec import CameraSpec, Lens
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
 
 Array = npt.NDArray[np.float64]
@@ -26,7 +29,7 @@ def camera_optical_from_world(world_from_sensor: Pose) -> Pose:
 
 
 def project(points_camera_optical: npt.ArrayLike, intrinsics: npt.ArrayLike) -> tuple[Array, Array]:
-    r"""Project points to pixels.
+    r"""Project points to pixels of an ideal pinhole camera.
 
     Parameters
     ----------
@@ -56,7 +59,7 @@ def project(points_camera_optical: npt.ArrayLike, intrinsics: npt.ArrayLike) -> 
 
 
 def unproject(pixel: npt.ArrayLike, depth: npt.ArrayLike, intrinsics: npt.ArrayLike) -> Array:
-    """Return the points in `camera_optical` [m] of pixels at a depth; the inverse of :func:`project`.
+    """Return the points in `camera_optical` [m] of a pinhole's pixels at a depth; the inverse of :func:`project`.
 
     Parameters
     ----------
@@ -84,6 +87,17 @@ def pixel_centres(spec: CameraSpec) -> Array:
 
 
 @lru_cache(maxsize=4)
+def _rays_of(
+    width: int, height: int, lens: Lens, focal_length_px: tuple[float, float], principal_point: tuple[float, float]
+) -> Array:
+    spec = CameraSpec(
+        width=width, height=height, lens=lens, focal_length_px=focal_length_px, principal_point=principal_point
+    )
+    rays = spec.rays(pixel_centres(spec)) @ SENSOR_FROM_CAMERA_OPTICAL.T
+    rays.setflags(write=False)
+    return rays
+
+
 def pixel_rays(spec: CameraSpec) -> Array:
     """Return the unit directions through all pixel centres in the sensor frame.
 
@@ -94,11 +108,13 @@ def pixel_rays(spec: CameraSpec) -> Array:
     Returns
     -------
     ndarray of float64, shape (height * width, 3)
-        Row by row from the top left; x forward, y left, z up. Read-only: cameras of one kind share it.
+        Row by row from the top left; x forward, y left, z up; NaN outside of the lens' field. Read-only: cameras of one
+        projection share it.
     """
-    centres = pixel_centres(spec)
-    optical = unproject(centres, np.ones(centres.shape[0]), spec.intrinsics)
-    optical /= np.linalg.norm(optical, axis=-1, keepdims=True)
-    rays = optical @ SENSOR_FROM_CAMERA_OPTICAL.T
-    rays.setflags(write=False)
-    return rays
+    return _rays_of(*projection_key(spec))
+
+
+def projection_key(spec: CameraSpec) -> tuple[int, int, Lens, tuple[float, float], tuple[float, float]]:
+    """Return all that decides which pixel shows which ray: size, lens, focal lengths and principal point."""
+    (fx, _, cu), (_, fy, cv), _ = spec.intrinsics.tolist()
+    return spec.width, spec.height, spec.lens, (fx, fy), (cu, cv)

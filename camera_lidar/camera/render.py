@@ -1,69 +1,30 @@
-"""RGB by path tracing with Mitsuba, through exactly the projection of the label images."""
+"""RGB by path tracing with Mitsuba, through exactly the rays of the label images."""
 
 from __future__ import annotations
 
-from math import isqrt
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.world import variant
 
-from .tone import linear_to_srgb8
-
-NEAR_CLIP = 0.01
-"""Nothing nearer along the optical axis is seen in the RGB image [m]."""
-FAR_CLIP = 1e6
-"""Nothing farther is seen [m]; the sky has no distance."""
+from .denoise import denoise
+from .develop import develop
+from .motion import shifted_sensor, shifted_state
+from .ray_sensor import ray_sensor, stratified_samples
 
 ROULETTE_DEPTH = 3
 """Segments after which a light path ends at random (unbiased Russian roulette). 3 takes a quarter less time than Mitsuba's 5 for
 2 % more noise; 2 gains nothing more (docs/camera.md)."""
 
-_SENSOR_FROM_CAMERA_MITSUBA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""Columns: Mitsuba's camera axes (x left, y up, z forward) in the sensor frame (x forward, y left, z up)."""
+GUIDE_SAMPLES = 8
+"""Samples of the albedo and normal images that lead the denoiser."""
 
-
-def stratified_samples(samples_per_pixel: int) -> int:
-    """Return the number of samples that are really taken: the next full grid of the multi-jittered sampler.
-
-    The grid has floor(sqrt(n)) columns and as many rows as n needs, so squares and most even numbers stay as they are.
-    """
-    columns = isqrt(samples_per_pixel)
-    return columns * -(-samples_per_pixel // columns)
-
-
-def sensor_dict(spec: CameraSpec, world_from_sensor: Pose) -> dict[str, Any]:
-    """Return Mitsuba's `perspective` sensor with the projection of ``spec.intrinsics`` at a pose, for ``mi.load_dict``.
-
-    A horizontal field of view about the middle of the film and square pixels are exactly K with its principal point in the
-    middle. The box filter keeps every sample in its own pixel, so that a pixel of the image and of the labels mean the same
-    square, and makes the sum over samples independent of the threads: same seed, same bytes.
-    """
-    world_from_camera = np.eye(4)
-    world_from_camera[:3, :3] = world_from_sensor.rotation @ _SENSOR_FROM_CAMERA_MITSUBA
-    world_from_camera[:3, 3] = world_from_sensor.position
-    with variant.optical() as mi:
-        return {
-            "type": "perspective",
-            "fov": spec.horizontal_fov_deg,
-            "fov_axis": "x",
-            "near_clip": NEAR_CLIP,
-            "far_clip": FAR_CLIP,
-            "to_world": mi.ScalarTransform4f(world_from_camera),
-            "film": {
-                "type": "hdrfilm",
-                "width": spec.width,
-                "height": spec.height,
-                "pixel_format": "rgb",
-                "component_format": "float32",
-                "rfilter": {"type": "box"},
-            },
-            "sampler": {"type": "multijitter", "sample_count": stratified_samples(spec.samples_per_pixel)},
-        }
+MOST_RAYS = 1 << 24
+"""Light paths of one launch; more samples are rendered in several, so that memory stays below 2 GB."""
 
 
 def integrator_dict(spec: CameraSpec) -> dict[str, Any]:
@@ -72,7 +33,11 @@ def integrator_dict(spec: CameraSpec) -> dict[str, Any]:
 
 
 def render_radiance(
-    state: Any, spec: CameraSpec, world_from_sensor: Pose, seed_generator: np.random.Generator
+    state: Any,
+    spec: CameraSpec,
+    world_from_sensor: Pose,
+    seed_generator: np.random.Generator,
+    sensor_twist: Twist | None = None,
 ) -> npt.NDArray[np.float32]:
     """Path trace the linear RGB radiance of every pixel.
 
@@ -80,35 +45,85 @@ def render_radiance(
     ----------
     state : scarl_sionna.world.WorldState
     spec : CameraSpec
-        `samples_per_pixel` is rounded up to a full grid (:func:`stratified_samples`); `max_depth` bounds the light path.
+        `samples_per_pixel` is rounded up to a full grid (:func:`stratified_samples`); `max_depth` bounds the light path. With an
+        `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done here.
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).
     seed_generator : numpy.random.Generator
         Draws the seed of the sampler: the same generator state gives the same bytes.
+    sensor_twist : Twist, optional
+        Velocity of the sensor, for motion blur; default: at rest.
 
     Returns
     -------
     ndarray of float32, shape (height, width, 3)
-        Linear RGB (sRGB primaries), in the unit of the scene's emitters.
+        Linear RGB (sRGB primaries), in the unit of the scene's emitters; 0 outside of the lens' field.
 
     Notes
     -----
-    The estimate is unbiased but for paths longer than `max_depth`. Its standard deviation falls as n^-1/2 with n samples
-    inside smooth areas, and faster at edges (multi-jittered sampling); measured in docs/camera.md.
+    Without denoiser the estimate is unbiased but for paths longer than `max_depth`. Its standard deviation falls as n^-1/2 with
+    n samples inside smooth areas, and faster at edges (multi-jittered sampling); measured in docs/camera.md.
     """
     seed = int(seed_generator.integers(2**32))
+    moments = _moments(state, spec, world_from_sensor, sensor_twist or Twist())
+    count = -(-spec.samples_per_pixel // len(moments))
+    radiance = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
+    guides = np.zeros((spec.height, spec.width, 6), dtype=np.float64)
+    guide_count = -(-min(GUIDE_SAMPLES, spec.samples_per_pixel) // len(moments))
+    for number, (moment, pose) in enumerate(moments):
+        radiance += _trace(moment, spec, pose, (seed + 7919 * number) % 2**32, count) / len(moments)
+        if spec.denoise:
+            guides += _guides(moment, spec, pose, seed, guide_count) / len(moments)
+    image = radiance.astype(np.float32)
+    return denoise(image, guides.astype(np.float32)) if spec.denoise else image
+
+
+def _moments(state: Any, spec: CameraSpec, world_from_sensor: Pose, sensor_twist: Twist) -> list[tuple[Any, Pose]]:
+    """Return the states and sensor poses at the instants of the exposure, evenly about the frame's time."""
+    if spec.exposure_time == 0.0 or spec.num_shutter_times == 1:
+        return [(state, world_from_sensor)]
+    offsets = ((np.arange(spec.num_shutter_times) + 0.5) / spec.num_shutter_times - 0.5) * spec.exposure_time
+    moments = []
+    for offset in offsets.tolist():
+        moment = shifted_state(state, offset)
+        moments.append((moment, shifted_sensor(state, moment, world_from_sensor, sensor_twist)))
+    return moments
+
+
+def _trace(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) -> npt.NDArray[np.float64]:
+    """Return the mean radiance over at least `samples` light paths a pixel, float64, shape (height, width, 3)."""
+    scene = state.optical_scene()
+    launches = max(1, -(-spec.width * spec.height * samples // MOST_RAYS))
+    each = stratified_samples(-(-samples // launches))
+    with variant.optical() as mi:
+        sensor = ray_sensor(mi, spec, pose, each)
+        integrator = mi.load_dict(integrator_dict(spec))
+        total = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
+        for launch in range(launches):
+            image = mi.render(
+                scene, sensor=sensor, integrator=integrator, seed=(seed + 104729 * launch) % 2**32, spp=each
+            )
+            total += np.array(image, dtype=np.float64)
+    return total / launches
+
+
+def _guides(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) -> npt.NDArray[np.float64]:
+    """Return albedo and shading normal of what is seen first, shape (height, width, 6)."""
     scene = state.optical_scene()
     with variant.optical() as mi:
-        sensor = mi.load_dict(sensor_dict(spec, world_from_sensor))
-        integrator = mi.load_dict(integrator_dict(spec))
-        image = mi.render(
-            scene, sensor=sensor, integrator=integrator, seed=seed, spp=stratified_samples(spec.samples_per_pixel)
-        )
-        return np.array(image, dtype=np.float32)
+        sensor = ray_sensor(mi, spec, pose, stratified_samples(samples))
+        integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
+        image = mi.render(scene, sensor=sensor, integrator=integrator, seed=seed, spp=stratified_samples(samples))
+        return np.array(image, dtype=np.float64)[..., -6:]
 
 
 def render_rgb(
-    state: Any, spec: CameraSpec, world_from_sensor: Pose, seed_generator: np.random.Generator
+    state: Any,
+    spec: CameraSpec,
+    world_from_sensor: Pose,
+    seed_generator: np.random.Generator,
+    sensor_twist: Twist | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """Return the 8-bit sRGB image, shape (height, width, 3), of :func:`render_radiance` at ``spec.exposure``."""
-    return linear_to_srgb8(render_radiance(state, spec, world_from_sensor, seed_generator), spec.exposure)
+    """Return the 8-bit sRGB image, shape (height, width, 3): :func:`render_radiance`, then :func:`develop`."""
+    radiance = render_radiance(state, spec, world_from_sensor, seed_generator, sensor_twist)
+    return develop(radiance, spec, seed_generator)

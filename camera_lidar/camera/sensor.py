@@ -11,12 +11,12 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ImageFrame
 from scarl_sionna.world.placement import check_placement
 
-from .labels import render_labels
+from .labels import LABEL_NAMES, render_labels
 from .render import render_rgb
 
 
 class Camera:
-    """An ideal pinhole camera with a global shutter of no duration.
+    """A camera with a global shutter, whose RGB and label images share one projection.
 
     Parameters
     ----------
@@ -37,24 +37,23 @@ class Camera:
         world_from_sensor : Pose
             Sensor frame (x forward = optical axis, y left, z up).
         sensor_twist : Twist
-            Not used: the shutter is open for no time, so nothing blurs.
+            For motion blur and optical flow.
         seed_generator : numpy.random.Generator
-            Seeds the samples of the RGB image; the label images are not random.
+            Seeds the samples and the noise of the RGB image; the label images are not random.
 
         Raises
         ------
         PlacementError
             If the camera is inside a closed mesh.
+        EngineError
+            If a denoised image is asked for and Open Image Denoise is missing.
         """
         check_placement(state, world_from_sensor.position, "camera")
         wanted = set(self.spec.images)
-        rgb = render_rgb(state, self.spec, world_from_sensor, seed_generator) if "rgb" in wanted else None
-        labels = render_labels(state, self.spec, world_from_sensor) if wanted - {"rgb"} else None
-        return ImageFrame(
-            spec=self.spec,
-            world_from_sensor=world_from_sensor,
-            rgb=rgb,
-            depth=labels.depth if labels and "depth" in wanted else None,
-            semantic=labels.semantic if labels and "semantic" in wanted else None,
-            instance=labels.instance if labels and "instance" in wanted else None,
-        )
+        images: dict[str, Any] = {}
+        if "rgb" in wanted:
+            images["rgb"] = render_rgb(state, self.spec, world_from_sensor, seed_generator, sensor_twist)
+        if chosen := [name for name in LABEL_NAMES if name in wanted]:
+            labels = render_labels(state, self.spec, world_from_sensor, sensor_twist, chosen)
+            images |= {name: getattr(labels, name) for name in chosen}
+        return ImageFrame(spec=self.spec, world_from_sensor=world_from_sensor, **images)

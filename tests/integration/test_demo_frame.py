@@ -260,11 +260,11 @@ def test_classes_sky_and_instances_of_the_image_fit(camera, objects) -> None:
 
 def test_depth_from_rays_is_the_rendered_depth(world, camera) -> None:
     """Mitsuba's own renderer gives the position of what each pixel shows; its depth lies among the pixel's neighbours."""
-    from camera_lidar.camera.render import sensor_dict
+    from tests.mitsuba_camera import perspective_dict
 
     scene = world.at(TIME).optical_scene()
     with variant.optical() as mi:
-        sensor = mi.load_dict(sensor_dict(camera.spec.with_(samples_per_pixel=1), camera.world_from_sensor))
+        sensor = mi.load_dict(perspective_dict(mi, camera.spec.with_(samples_per_pixel=1), camera.world_from_sensor))
         integrator = mi.load_dict({"type": "aov", "aovs": "position:position"})
         position = np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=0, spp=1), dtype=np.float64)
     position = position[..., -3:]

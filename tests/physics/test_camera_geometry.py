@@ -11,10 +11,10 @@ import pytest
 from camera_lidar import Camera
 from camera_lidar.camera import project, render_labels, render_radiance
 from camera_lidar.camera.projection import camera_optical_from_world, unproject
-from camera_lidar.camera.render import sensor_dict
 from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.world import load_scene, variant
+from tests.mitsuba_camera import perspective_dict
 from tests.scenes import Light, Material, Thing, ball, box, plane, write_scene
 
 POSE = Pose.from_euler([2.0, -1.0, 1.7], yaw=0.4, pitch=0.1, roll=-0.15)
@@ -36,7 +36,7 @@ def sphere_image_centre(centre_optical: npt.NDArray, radius: float, intrinsics: 
 
 @pytest.mark.parametrize(("u", "v"), [(60.0, 50.0), (260.0, 150.0), (400.0, 40.0), (101.3, 220.7)])
 def test_a_shining_ball_appears_at_its_projection(tmp_path: Path, u: float, v: float) -> None:
-    spec = CameraSpec(width=480, height=270, horizontal_fov_deg=90.0, samples_per_pixel=64, max_depth=1)
+    spec = CameraSpec(width=480, height=270, horizontal_fov_deg=90.0, samples_per_pixel=64, max_depth=1, denoise=False)
     radius = 0.15
     centre_optical = unproject([u, v], 5.0, spec.intrinsics)
     centre_world = camera_optical_from_world(POSE).inverse().apply(centre_optical)
@@ -63,7 +63,7 @@ def test_mitsubas_own_rays_through_pixel_centres_give_the_depth_image(tmp_path: 
     rows, columns = np.divmod(np.arange(spec.width * spec.height), spec.width)
     scene = state.optical_scene()
     with variant.optical() as mi:
-        sensor = mi.load_dict(sensor_dict(spec, POSE))
+        sensor = mi.load_dict(perspective_dict(mi, spec, POSE))
         film = mi.Point2f(mi.Float((columns + 0.5) / spec.width), mi.Float((rows + 0.5) / spec.height))
         ray, _ = sensor.sample_ray(time=0.0, sample1=0.0, sample2=film, sample3=mi.Point2f(0.5))
         hit = scene.ray_intersect(ray)
@@ -83,7 +83,7 @@ def test_depth_of_a_frontal_plane_agrees_with_the_aov_integrator(tmp_path: Path)
     depth = render_labels(state, spec, pose).depth
     scene = state.optical_scene()
     with variant.optical() as mi:
-        sensor = mi.load_dict(sensor_dict(spec, pose))
+        sensor = mi.load_dict(perspective_dict(mi, spec, pose))
         aov = mi.load_dict({"type": "aov", "aovs": "where:position"})
         position = np.array(mi.render(scene, sensor=sensor, integrator=aov, spp=4))
     rendered = position[..., -3] - 0.5  # x of the hit point; the same everywhere in the pixel
@@ -133,7 +133,7 @@ def test_an_actor_is_seen_where_its_trajectory_puts_it(tmp_path: Path) -> None:
 
 
 def test_a_grey_plane_under_a_white_sky_renders_its_reflectance(tmp_path: Path) -> None:
-    spec = CameraSpec(width=32, height=18, horizontal_fov_deg=40.0, samples_per_pixel=64)
+    spec = CameraSpec(width=32, height=18, horizontal_fov_deg=40.0, samples_per_pixel=64, denoise=False)
     ground = Thing("ground", plane(4000.0, 4000.0), "Roads", "grey")  # reflectance 0.5
     state = load_scene(write_scene(tmp_path, [ground], light=Light("constant", 1.0))).at(0.0)
     radiance = render_radiance(state, spec, Pose.from_euler([0.0, 0.0, 2.0], pitch=np.pi / 2), np.random.default_rng(1))
