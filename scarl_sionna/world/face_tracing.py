@@ -1,4 +1,4 @@
-"""Which triangle a ray meets first, and the float64 planes of all triangles of a state."""
+"""The float64 planes of all triangles of a state, and which of them are the same plane."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from .geometry import Triangles, refine_distance
+from .geometry import Triangles
 
 if TYPE_CHECKING:
     from .scene import World, WorldState
@@ -17,10 +17,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-MISS = -1
-"""Face of a ray that meets nothing."""
-RAYS_PER_BATCH = 1 << 20
-"""Rays worked at once: some 100 MB."""
 _SAME_PLANE = 1e-6
 """Faces of one part whose unit normals and offsets [m] agree within this have one plane number."""
 
@@ -67,41 +63,3 @@ def _plane_numbers(triangles: Triangles, part: Index) -> Index:
     number = np.empty(len(keys), dtype=np.int64)
     number[order] = np.concatenate([[0], np.cumsum(new)])
     return number
-
-
-def first_faces(
-    state: WorldState, origins: npt.ArrayLike, directions: Array, twin: str = "optical"
-) -> tuple[Index, Array]:
-    """Return the face that each ray meets first and how far away its plane is.
-
-    Parameters
-    ----------
-    state : WorldState
-    origins : array_like of float, shape (3,) or (num_rays, 3)
-        [m, world].
-    directions : ndarray of float64, shape (num_rays, 3)
-        Unit vectors [world].
-    twin : {"optical", "radio"}
-
-    Returns
-    -------
-    face : ndarray of int64, shape (num_rays,)
-        Row of :class:`FaceTable`, or `MISS`.
-    distance : ndarray of float64, shape (num_rays,)
-        To the face's plane in float64 [m]; infinite where nothing is met.
-    """
-    origin = np.asarray(origins, dtype=np.float64)
-    triangles, engine = state._triangles, state._applied(twin)
-    face = np.full(len(directions), MISS, dtype=np.int64)
-    distance = np.full(len(directions), np.inf)
-    for first in range(0, len(directions), RAYS_PER_BATCH):
-        stop = min(first + RAYS_PER_BATCH, len(directions))
-        start = origin if origin.ndim == 1 else origin[first:stop]
-        ray, part, local, rough = engine.intersect(start, directions[first:stop], np.inf)
-        row = triangles.first[part] + local
-        here = start if start.ndim == 1 else start[ray]
-        exact, _ = refine_distance(
-            here, directions[first:stop][ray], triangles.normal[row], triangles.offset[row], rough
-        )
-        face[first + ray], distance[first + ray] = row, exact
-    return face, distance

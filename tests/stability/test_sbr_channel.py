@@ -174,7 +174,7 @@ def test_what_the_floor_drops_is_below_it_even_in_phase(tmp_path) -> None:
 def test_slivers_are_cut_into_few_pieces_that_cover_them() -> None:
     corners = np.array([[[10, 0, 0], [10, 0, 2.0], [10, 1e-3, 2.0]], [[9, 0, 0], [9, 3, 0], [9, 0, 3.0]]])
     size = PatchSize.of(RADAR, DEFAULT_SBR_CHANNEL)
-    pieces, rows = split(corners, np.arange(2), np.zeros((2, 3)), np.zeros(3), size, 10**6)
+    pieces, rows = split(corners, np.zeros((2, 3)), np.zeros(3), size, 10**6)
     assert size.excess(pieces, np.zeros((len(rows), 3)), np.zeros(3)).max() <= 1.0
 
     def area(triangles):

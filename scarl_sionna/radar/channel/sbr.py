@@ -20,15 +20,18 @@ from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.antenna import field_gain
 from scarl_sionna.radar.noise import sample_noise_power
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.sbr import Surface
-from scarl_sionna.world.face_tracing import FaceTable, face_table
-from scarl_sionna.world.path_tracing import DIFFUSE, SPECULAR, surface_velocity
+from scarl_sionna.world import variant
+from scarl_sionna.world.face_rays import FaceRays
+from scarl_sionna.world.face_tracing import face_table
+from scarl_sionna.world.path_tracing import DIFFUSE, SPECULAR
 
 from .antennas import check_antennas
-from .sbr_fields import Surfaces, radiated
+from .sbr_fields import radiated
 from .sbr_patches import PatchSize
 from .sbr_settings import DEFAULT_SBR_CHANNEL, SbrChannelSettings
-from .sbr_trace import GRAZING, Tracer, Tubes
+from .sbr_surfaces import Surfaces
+from .sbr_trace import Station, Tracer
+from .sbr_tubes import Tubes
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
@@ -41,8 +44,6 @@ SMALLEST_SIZE = 3.0
 """Largest extent [wavelengths] of an instance below which physical optics is off by decibels."""
 GRAZING_COSINE = 0.1
 """Cosine of incidence below which a patch counts as grazing."""
-WIDE_FACE = 0.5
-"""Faces that look wider than this [rad] are never sorted out before they are cut into patches."""
 
 
 def solve_sbr(
@@ -123,22 +124,19 @@ def solve_sbr(
     faces = face_table(state)
     chosen_instances, left_out = _chosen(state, instances)
     chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
-    start = np.flatnonzero(chosen & _in_view(faces, radar, pose, reach))
-    size = PatchSize.of(radar, settings)
-    _, plane_face = np.unique(faces.plane, return_index=True)
-
-    def in_view(points: Array) -> npt.NDArray[np.bool_]:
-        azimuth, elevation, _ = _view_angles(radar, pose, points)
-        return (azimuth <= 0.0) & (elevation <= 0.0)
-
-    tracer = Tracer(state, faces, plane_face, chosen, pose.position, reach, size, settings, in_view)
-    used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
-    surfaces = _surfaces(state, faces, used, radar.center_frequency)
     velocity = (radar_twist or Twist()).linear
+    station = Station.of(radar, pose, velocity)
+    start = np.flatnonzero(chosen & station.may_see(faces, reach))
+    size = PatchSize.of(radar, settings)
+    used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks = []
-    for tubes in tracer.bounces(start):
-        if len(tubes):
-            blocks.append(_rows(state, tracer, tubes, surfaces, pose, velocity))
+    with variant.optical() as mi:
+        rays = FaceRays(mi, state)
+        surfaces = Surfaces(rays, state, faces, used, radar.center_frequency)
+        tracer = Tracer(rays, faces, chosen, station, station, reach, size, settings)
+        for tubes in tracer.bounces(start):
+            if len(tubes):
+                blocks.append(_rows(state, tracer, tubes, surfaces))
     columns = _sorted(_joined(blocks, settings.max_depth))
     diagnostics: dict[str, Any] = {
         "method": "sbr", "settings": settings.model_dump(), "max_distance": reach, "num_faces": len(start),
@@ -168,59 +166,19 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
     return sorted(kept), [info.name for number, info in table.items() if number not in kept]
 
 
-def _view_angles(radar: RadarSpec, pose: Pose, points: Array) -> tuple[Array, Array, Array]:
-    """Return by how much points are outside of the field of view in azimuth and elevation [rad], and their distance."""
-    local = (points - pose.position) @ pose.rotation
-    distance = np.linalg.norm(local, axis=1)
-    azimuth = np.abs(np.arctan2(local[:, 1], local[:, 0])) - np.radians(radar.azimuth_fov_deg) / 2.0
-    sine = np.divide(local[:, 2], distance, out=np.zeros_like(distance), where=distance > 0.0)
-    elevation = np.abs(np.arcsin(np.clip(sine, -1.0, 1.0))) - np.radians(radar.elevation_fov_deg) / 2.0
-    return azimuth, elevation, distance
-
-
-def _in_view(faces: FaceTable, radar: RadarSpec, pose: Pose, reach: float) -> npt.NDArray[np.bool_]:
-    """Return the faces with an area of which a part may be in the field of view and in reach, and that are not edge-on."""
-    triangles = faces.triangles
-    center = triangles.corners.mean(axis=1)
-    radius = np.linalg.norm(triangles.corners - center[:, None], axis=2).max(axis=1)
-    azimuth, elevation, distance = _view_angles(radar, pose, center)
-    width = np.arcsin(np.minimum(radius / np.maximum(distance, 1e-9), 1.0))
-    cosine = np.cos(np.minimum(elevation + np.radians(radar.elevation_fov_deg) / 2.0, 1.4))
-    inside = (azimuth <= width / cosine) & (elevation <= width) | (width > WIDE_FACE)
-    height = np.abs(triangles.normal @ pose.position - triangles.offset)
-    return inside & (distance - radius < reach) & (height > GRAZING * distance) & triangles.normal.any(axis=1)
-
-
-def _surfaces(state: WorldState, faces: FaceTable, parts: Index, frequency: float) -> Surfaces:
-    """Return the materials of the parts that scatter."""
-    names = sorted({state.world.parts.material[part] for part in parts})
-    materials = [state.world.materials[name] for name in names]
-    of_part = np.array(
-        [names.index(name) if name in names else -1 for name in state.world.parts.material], dtype=np.int64
-    )
-    return Surfaces(
-        tuple(Surface(material.at(frequency), material.thickness, frequency) for material in materials),
-        tuple(float(np.sqrt(1.0 - material.scattering_coefficient**2)) for material in materials),
-        of_part[faces.part],
-    )
-
-
-def _rows(
-    state: WorldState, tracer: Tracer, patches: Tubes, surfaces: Surfaces, pose: Pose, velocity: Array
-) -> Columns:
+def _rows(state: WorldState, tracer: Tracer, patches: Tubes, surfaces: Surfaces) -> Columns:
     """Return the columns of patches, those that leave out of view or come from too far left out."""
-    parts, triangles = state.world.parts, tracer.faces.triangles
+    tx, rx = tracer.tx, tracer.rx
     columns: Columns = radiated(
-        patches, (triangles.normal, triangles.offset), surfaces, pose, tracer.size.wavenumber,
-        tracer.settings.integration_phase, lambda face, point: surface_velocity(state, tracer.faces.part[face], point),
-        velocity,
+        tracer.rays, patches, surfaces, (tx.pose, tx.velocity), (rx.pose, rx.velocity), tracer.size.wavenumber,
+        tracer.settings.integration_phase,
     )  # fmt: skip
     part = tracer.faces.part[patches.face]
-    columns["instance"] = parts.instance[part]
-    columns["semantic"] = parts.semantic[part[:, -1]]
+    columns["instance"] = state.world.parts.instance[part]
+    columns["semantic"] = state.world.parts.semantic[part[:, -1]]
     seen = columns["length"] < 2.0 * tracer.reach
     if patches.depth > 1:
-        seen &= tracer.in_view(columns["tx_point"])
+        seen &= tx.sees(columns["tx_point"])
     return {name: column[seen] for name, column in columns.items()}
 
 

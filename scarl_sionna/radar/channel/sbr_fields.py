@@ -1,215 +1,174 @@
-"""What lit patches radiate back to the radar: physical optics with spherical waves, one row a patch."""
+"""What lit patches radiate to the receiver: physical optics with spherical waves, one kernel for all patches of one depth."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.radar.sbr.phase import triangle_phase_integral
-from scarl_sionna.radar.sbr.surface import Surface, radiating_vector
+from scarl_sionna.world.face_rays import FaceRays
 
-from .images import spherical_basis
-from .sbr_trace import Tubes
+from .sbr_phase import phase_integral
+from .sbr_surfaces import Surfaces
+from .sbr_tubes import Tubes
 
 Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
-Index = npt.NDArray[np.int64]
 
-
-@dataclass(frozen=True, eq=False)
-class Surfaces:
-    """Materials of the faces.
-
-    Attributes
-    ----------
-    surface : tuple of Surface
-    coherent : tuple of float
-        Part of the reflected field that a rough surface keeps, sqrt(1 - S^2), S its scattering coefficient.
-    of_face : ndarray of int64, shape (num_faces,)
-    """
-
-    surface: tuple[Surface, ...]
-    coherent: tuple[float, ...]
-    of_face: Index
-
-    def reflect(self, face: Index, field: Complex, direction: Array, normal: Array) -> tuple[Complex, Array]:
-        """Return reflected fields and directions; parameters of :meth:`Surface.reflect` with the face of each row."""
-        reflected, onward = np.empty_like(field), np.empty_like(direction)
-        number = self.of_face[face]
-        for index in np.unique(number):
-            rows = np.flatnonzero(number == index)
-            part, onward[rows] = self.surface[index].reflect(field[rows], direction[rows], normal[rows])
-            reflected[rows] = self.coherent[index] * part
-        return reflected, onward
+_HEAD_ON = 1e-9
+"""Sine of incidence below which any tangent serves as the axis across the plane of incidence."""
 
 
 def radiated(
+    rays: FaceRays,
     tubes: Tubes,
-    plane: tuple[Array, Array],
     surfaces: Surfaces,
-    pose: Pose,
+    tx: tuple[Pose, Array],
+    rx: tuple[Pose, Array],
     wavenumber: float,
     integration_phase: float,
-    velocity: Callable[[Index, Array], Array],
-    radar_velocity: Array,
-) -> dict[str, npt.NDArray[np.generic]]:
-    r"""Return the columns of patches at their centres: end points, transfer, lengths and rate.
+) -> dict[str, npt.NDArray[Any]]:
+    r"""Return the columns of patches at their centres: end points, transfer, lengths, rate and what diffuse scattering needs.
 
     Parameters
     ----------
+    rays : FaceRays
     tubes : Tubes
         Patches over each of which the phase is all but linear.
-    plane : tuple of ndarray
-        Unit normals (num_faces, 3) and offsets (num_faces,) of all faces.
     surfaces : Surfaces
-    pose : Pose
-        world_from_radar.
+    tx, rx : tuple
+        world_from_radar and velocity (3,) [m/s] of the two stations.
     wavenumber : float
         At which the phase is integrated over a patch [rad/m].
     integration_phase : float
-        See :func:`phase_integral` [rad].
-    velocity : callable
-        ``(face, point) -> velocity`` of surface points [m/s].
-    radar_velocity : ndarray of float64, shape (3,)
+        See :func:`~.sbr_phase.phase_integral` [rad].
 
     Notes
     -----
-    With the image source at L, the radar at R from the patch's centre and the directions k, s of arrival and return,
+    With the image source at L, the receiver at R from the patch's centre and the directions k, s of arrival and return,
 
     .. math:: a = -\frac{j}{8 \pi L R}\, \hat p_r \cdot (\eta J - \hat s \times M) \int e^{-j k (l(r) - l(r_0))} dA
 
-    with the length l of the path over r. It does not depend on the frequency but through the integral.
-    """
-    normals, offsets = plane
-    center = tubes.corners.mean(axis=1)
-    depth, origin = tubes.depth, pose.position
-    points = _vertices(tubes, center, normals, offsets)
-    line = np.concatenate(
-        [np.broadcast_to(origin, (len(tubes), 1, 3)), points, np.broadcast_to(origin, (len(tubes), 1, 3))], 1
-    )
-    step = np.diff(line, axis=1)
-    travel = step / np.linalg.norm(step, axis=2, keepdims=True)
-    field = spherical_basis(pose.rotation, travel[:, 0]).transpose(0, 2, 1).astype(np.complex128)
-    reflected, onward = field, travel[:, 0]
-    rate = radar_velocity @ (travel[:, -1] - travel[:, 0]).T
-    for k in range(depth):
-        face, arriving = tubes.face[:, k], travel[:, k]
-        normal = normals[face]
-        normal = -normal * np.sign(np.einsum("ij,ij->i", normal, arriving))[:, None]
-        field = reflected
-        reflected, onward = surfaces.reflect(face, field, arriving, normal)
-        rate += np.einsum("ij,ij->i", velocity(face, points[:, k]), arriving - travel[:, k + 1])
-    back = travel[:, -1]
-    vector = radiating_vector(field, reflected, travel[:, -2], onward, normal, back)
-    receive = spherical_basis(pose.rotation, -back)
-    out = np.linalg.norm(center - tubes.image[:, -1], axis=1)
-    home = np.linalg.norm(step[:, -1], axis=1)
-    integral = phase_integral(tubes.corners, tubes.image[:, -1], origin, wavenumber, integration_phase)
-    scale = -0.125j / np.pi * integral / (out * home)
-    return {
-        "tx_point": _unfolded(tubes, center, normals, offsets),
-        "rx_point": center,
-        "a": scale[:, None, None] * np.einsum("nri,nit->nrt", receive, vector),
-        "length_rate": rate,
-        "length": out + home,
-        "cosine": np.abs(np.einsum("ij,ij->i", normal, back)),
-    }
+    with the length l of the path over r, and the currents of physical optics
 
+    .. math:: J = n \times (H_i + H_r), \quad M = -n \times (E_i + E_r), \quad \eta H = k \times E
 
-def phase_integral(corners: Array, source: Array, receiver: Array, wavenumber: float, largest: float) -> Complex:
-    r"""Return the integrals over triangles of exp(-jk (length - length at the centre)) from sources to a receiver.
+    It does not depend on the frequency but through the integral.
 
-    Parameters
+    References
     ----------
-    corners : ndarray of float64, shape (num_patches, 3, 3)
-        [m].
-    source : ndarray of float64, shape (num_patches, 3)
-    receiver : ndarray of float64, shape (3,)
-    wavenumber : float
-        [rad/m].
-    largest : float
-        A triangle is cut into n^2 equal ones, so that the phase departs from a linear one by less than this at half of
-        their sides [rad].
-
-    Returns
-    -------
-    ndarray of complex128, shape (num_patches,)
-        [m2].
-
-    Notes
-    -----
-    Over each part the linear phase is integrated exactly, and the quadratic one enters by its mean, a 12th of the sum over
-    the corners.
+    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical optics).
     """
-    center = corners.mean(axis=1)
-    middle = np.linalg.norm(center - source, axis=1) + np.linalg.norm(center - receiver, axis=1)
-    side = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    curvature = 1.0 / np.linalg.norm(center - source, axis=1) + 1.0 / np.linalg.norm(center - receiver, axis=1)
-    cuts = np.ceil(np.sqrt(wavenumber * side**2 * curvature / 8.0 / largest)).astype(np.int64)
-    result = np.zeros(len(corners), dtype=np.complex128)
-    for count in np.unique(cuts):
-        rows = np.flatnonzero(cuts == count)
-        for weights in _parts(int(count)):
-            part = np.einsum("ij,njk->nik", weights, corners[rows])
-            result[rows] += _linear_integral(part, source[rows], receiver, wavenumber, middle[rows])
-    return result
+    dr, mi, Real, Vector = rays.dr, rays.mi, rays.Real, rays.Vector
+    count, depth = tubes.face.shape
+    tube = dr.arange(mi.UInt32, count)
+    flat = Real(np.ascontiguousarray(tubes.corners).ravel())
+    corner = [dr.gather(Vector, flat, 3 * tube + k) for k in range(3)]
+    center = (corner[0] + corner[1] + corner[2]) / 3.0
+    faces = mi.UInt32(np.ascontiguousarray(tubes.face, dtype=np.uint32).ravel())
+    face = [dr.gather(mi.UInt32, faces, depth * tube + k) for k in range(depth)]
+    images = Real(np.ascontiguousarray(tubes.image).ravel())
+    image = [dr.gather(Vector, images, depth * tube + k) for k in range(depth)]
+    plane = [surfaces.plane(number) for number in face]
+    point = _reflection_points(dr, center, image, plane)
+    (tx_pose, tx_velocity), (rx_pose, rx_velocity) = tx, rx
+    receiver = Vector(*(float(value) for value in rx_pose.position))
+    line = [Vector(*(float(value) for value in tx_pose.position)), *point, receiver]
+    travel = [dr.normalize(stop - start) for start, stop in zip(line[:-1], line[1:], strict=True)]
+    rate = dr.dot(travel[-1], Vector(*map(float, rx_velocity))) - dr.dot(travel[0], Vector(*map(float, tx_velocity)))
+    reflected = [(axis, dr.zeros(Vector, count)) for axis in _spherical_basis(rays, tx_pose, travel[0])]
+    onward = travel[0]
+    for k in range(depth):
+        field, arriving = reflected, travel[k]
+        normal = plane[k][0]
+        normal = normal * -dr.sign(dr.dot(normal, arriving))
+        reflected, onward = _reflect(dr, surfaces, face[k], field, arriving, normal)
+        rate += dr.dot(surfaces.velocity(face[k], point[k]), arriving - travel[k + 1])
+    back = travel[-1]
+    out, home = dr.norm(center - image[-1]), dr.norm(receiver - center)
+    integral = phase_integral(rays, corner, image[-1], receiver, wavenumber, integration_phase)
+    scale = 0.125 / np.pi / (out * home)
+    factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
+    columns: dict[str, Any] = {
+        "tx_point": _unfolded(dr, center, plane[:-1]), "rx_point": center, "length_rate": rate, "length": out + home,
+        "cosine": dr.abs(dr.dot(normal, back)),
+    }  # fmt: skip
+    receive = _spherical_basis(rays, rx_pose, -back)
+    for t in range(2):
+        vector = [_radiating(dr, field[t][c], reflected[t][c], arriving, onward, normal, back) for c in range(2)]
+        for r in range(2):
+            re, im = (dr.dot(receive[r], vector[c]) for c in range(2))
+            columns[f"re{r}{t}"] = re * factor[0] - im * factor[1]
+            columns[f"im{r}{t}"] = re * factor[1] + im * factor[0]
+    dr.eval(*columns.values())
+    found = {name: column.numpy() for name, column in columns.items()}
+    a = np.empty((count, 2, 2), dtype=np.complex128)
+    for t in range(2):
+        for r in range(2):
+            a.real[:, r, t], a.imag[:, r, t] = found.pop(f"re{r}{t}"), found.pop(f"im{r}{t}")
+    for name in ("tx_point", "rx_point"):
+        found[name] = np.ascontiguousarray(found[name].T)
+    return {**found, "a": a}
 
 
-def _linear_integral(corners: Array, source: Array, receiver: Array, wavenumber: float, length: Array) -> Complex:
-    center = corners.mean(axis=1)
-    offset = corners - center[:, None]
-    arriving, leaving = center - source, receiver - center
-    out, home = np.linalg.norm(arriving, axis=1), np.linalg.norm(leaving, axis=1)
-    arriving, leaving = arriving / out[:, None], leaving / home[:, None]
-    spread = _mean_square(offset, arriving) / out + _mean_square(offset, leaving) / home
-    phase = wavenumber * (out + home - length + 0.5 * spread)
-    integral = triangle_phase_integral(offset, wavenumber * (leaving - arriving))
-    return np.asarray(integral * np.exp(-1j * phase))
-
-
-@cache
-def _parts(count: int) -> Array:
-    """Return the corners of count^2 equal parts of a triangle in barycentric coordinates, shape (count^2, 3, 3)."""
-
-    def node(i: int, j: int) -> tuple[float, float, float]:
-        return i / count, j / count, (count - i - j) / count
-
-    parts = []
-    for i in range(count):
-        for j in range(count - i):
-            parts.append([node(i, j), node(i + 1, j), node(i, j + 1)])
-            if i + j < count - 1:
-                parts.append([node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)])
-    return np.array(parts)
-
-
-def _vertices(tubes: Tubes, center: Array, normals: Array, offsets: Array) -> Array:
-    """Return the reflection points of the rays to the patches' centres, shape (num_patches, depth, 3)."""
-    points = np.empty((len(tubes), tubes.depth, 3))
-    points[:, -1] = center
-    for k in range(tubes.depth - 2, -1, -1):
-        normal, offset, image = normals[tubes.face[:, k]], offsets[tubes.face[:, k]], tubes.image[:, k + 1]
-        ray = points[:, k + 1] - image
-        share = (offset - np.einsum("ij,ij->i", normal, image)) / np.einsum("ij,ij->i", normal, ray)
-        points[:, k] = image + share[:, None] * ray
+def _reflection_points(dr: Any, center: Any, image: list[Any], plane: list[tuple[Any, Any]]) -> list[Any]:
+    """Return where the rays to the patches' centres meet the faces of their chains."""
+    points = [center]
+    for k in range(len(image) - 2, -1, -1):
+        (normal, offset), source = plane[k], image[k + 1]
+        ray = points[0] - source
+        share = (offset - dr.dot(normal, source)) / dr.dot(normal, ray)
+        points.insert(0, source + share * ray)
     return points
 
 
-def _unfolded(tubes: Tubes, center: Array, normals: Array, offsets: Array) -> Array:
-    """Return the images of the patches' centres that the radar sees."""
-    seen = center.copy()
-    for k in range(tubes.depth - 2, -1, -1):
-        normal = normals[tubes.face[:, k]]
-        seen -= 2.0 * (np.einsum("ij,ij->i", normal, seen) - offsets[tubes.face[:, k]])[:, None] * normal
+def _unfolded(dr: Any, center: Any, mirrors: list[tuple[Any, Any]]) -> Any:
+    """Return the images of the patches' centres that the transmitter sees."""
+    seen = center
+    for normal, offset in reversed(mirrors):
+        seen = seen - 2.0 * (dr.dot(normal, seen) - offset) * normal
     return seen
 
 
-def _mean_square(offset: Array, direction: Array) -> Array:
-    """Return the mean over triangles about their centres of the squared distance across a direction [m2]."""
-    along = np.einsum("nij,nj->ni", offset, direction)
-    return (np.einsum("nij,nij->n", offset, offset) - np.einsum("ni,ni->n", along, along)) / 12.0
+def _spherical_basis(rays: FaceRays, pose: Pose, direction: Any) -> tuple[Any, Any]:
+    """Return theta-hat and phi-hat of unit directions in world axes; phi = 0 along the frame's z axis."""
+    dr, Vector = rays.dr, rays.Vector
+    x, y, z = (Vector(*map(float, axis)) for axis in pose.rotation.T)
+    along_x, along_y = dr.dot(x, direction), dr.dot(y, direction)
+    flat = dr.sqrt(along_x**2 + along_y**2)
+    upright = flat <= 1e-12
+    cosine, sine = dr.select(upright, 1.0, along_x / flat), dr.select(upright, 0.0, along_y / flat)
+    outward = cosine * x + sine * y
+    return dr.dot(z, direction) * outward - flat * z, cosine * y - sine * x
+
+
+def _reflect(
+    dr: Any, surfaces: Surfaces, face: Any, field: list[tuple[Any, Any]], direction: Any, normal: Any
+) -> tuple[list[tuple[Any, Any]], Any]:
+    """Return reflected fields (real and imaginary part of each polarisation) and their direction."""
+    cosine = -dr.dot(direction, normal)
+    onward = direction + 2.0 * cosine * normal
+    te_re, te_im, tm_re, tm_im = surfaces.coefficients(face, cosine)
+    across = dr.cross(direction, normal)
+    sine = dr.norm(across)
+    helper = dr.cross(dr.select(dr.abs(normal.x) < 0.8, type(normal)(1, 0, 0), type(normal)(0, 1, 0)), normal)
+    axis = dr.select(sine < _HEAD_ON, dr.normalize(helper), across / sine)
+    tm_in, tm_out = dr.cross(direction, axis), dr.cross(onward, axis)
+    reflected = []
+    for re, im in field:
+        te = dr.dot(axis, re), dr.dot(axis, im)
+        tm = dr.dot(tm_in, re), dr.dot(tm_in, im)
+        reflected.append(
+            (
+                axis * (te_re * te[0] - te_im * te[1]) + tm_out * (tm_re * tm[0] - tm_im * tm[1]),
+                axis * (te_re * te[1] + te_im * te[0]) + tm_out * (tm_re * tm[1] + tm_im * tm[0]),
+            )
+        )
+    return reflected, onward
+
+
+def _radiating(dr: Any, incident: Any, reflected: Any, direction: Any, onward: Any, normal: Any, scattered: Any) -> Any:
+    """Return eta J - s x M of the physical-optics currents, whose part across s is radiated towards s."""
+    magnetic = dr.cross(direction, incident) + dr.cross(onward, reflected)
+    return dr.cross(normal, magnetic) + dr.cross(scattered, dr.cross(normal, incident + reflected))

@@ -83,9 +83,7 @@ class PatchSize:
         return np.maximum(phase, ramp)
 
 
-def split(
-    corners: Array, rows: Index, source: Array, receiver: Array, size: PatchSize, max_patches: int
-) -> tuple[Array, Index]:
+def split(corners: Array, source: Array, receiver: Array, size: PatchSize, max_patches: int) -> tuple[Array, Index]:
     """Cut triangles until no side is too long.
 
     A triangle is sliced into bands parallel to its least side, so a sliver gives about twice as many pieces as its length
@@ -93,28 +91,34 @@ def split(
 
     Parameters
     ----------
-    corners : ndarray of float64, shape (num_patches, 3, 3)
-    rows : ndarray of int64, shape (num_patches,)
-        Row of `source` of each patch; pieces inherit it.
-    source : ndarray of float64, shape (num_rows, 3)
-        Where the wave comes from (an image of the radar) [m, world].
+    corners : ndarray of float64, shape (num_triangles, 3, 3)
+    source : ndarray of float64, shape (num_triangles, 3)
+        Where the wave comes from (the transmitter or an image of it) [m, world].
     receiver : ndarray of float64, shape (3,)
     size : PatchSize
     max_patches : int
+
+    Returns
+    -------
+    corners : ndarray of float64, shape (num_patches, 3, 3)
+    rows : ndarray of int64, shape (num_patches,)
+        The triangle that each patch is part of, rising.
 
     Raises
     ------
     ParameterRangeError
         If there are more than `max_patches` pieces.
     """
+    rows = np.arange(len(corners))
     done: list[tuple[Array, Index]] = [(corners[:0], rows[:0])]
     count = 0
     while len(rows):
         excess = size.excess(corners, source[rows], receiver)
-        small = excess.max(axis=1) <= 1.0
+        longest = excess.max(axis=1, initial=0.0)
+        small = longest <= 1.0
         done.append((corners[small], rows[small]))
         corners, rows, excess = corners[~small], rows[~small], excess[~small]
-        bands = np.ceil(excess.max(axis=1, initial=1.0) / _FILL)
+        bands = np.ceil(longest[~small] / _FILL)
         count += int(small.sum())
         if count + 2.0 * bands.sum() > max_patches:
             raise ParameterRangeError(
@@ -123,7 +127,9 @@ def split(
             )  # fmt: skip
         corners, piece_of = _bands(corners, excess, bands.astype(np.int64))
         rows = rows[piece_of]
-    return np.concatenate([part[0] for part in done]), np.concatenate([part[1] for part in done])
+    corners, rows = (np.concatenate(column) for column in zip(*done, strict=True))
+    order = np.argsort(rows, kind="stable")
+    return corners[order], rows[order]
 
 
 def _bands(corners: Array, excess: Array, bands: Index) -> tuple[Array, Index]:

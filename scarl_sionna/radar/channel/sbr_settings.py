@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from scarl_sionna.core.spec import Spec
@@ -11,6 +13,11 @@ class SbrChannelSettings(Spec):
     """Knobs of :func:`scarl_sionna.radar.channel.sbr.solve_sbr`."""
 
     max_depth: int = Field(3, ge=1, le=16, description="largest number of bounces")
+    tubes: Literal["adaptive", "uniform"] = Field(
+        "adaptive",
+        description="'adaptive': tubes are halved and cut along the edges that they straddle; 'uniform': each follows its "
+        "middle ray, whatever its borders meet",
+    )  # fmt: skip
     max_phase: float = Field(
         0.4, gt=0.0, le=3.0,
         description="largest departure of the phase over a patch from a linear one, at half of its longest side [rad]: size of "

@@ -1,198 +1,193 @@
-"""Which patches of a scene the radar lights: directly, and behind mirror reflections of its ray tubes.
+"""Which patches of a scene the transmitter lights and the receiver sees: directly, and behind mirror reflections of ray tubes.
 
-A tube is a triangle on a face with the image of the radar from which its rays seem to come. Its reflection is cast onward from
-the image of that image; the footprint where it lands is the central projection of the triangle, exact in float64. Tubes are
-cut where the thing that they meet changes (:func:`scarl_sionna.radar.sbr.tubes.refine`).
+A tube is a triangle on a face with the image of the transmitter from which its rays seem to come. Its reflection is cast onward
+from the image of that image; the footprint where it lands is the central projection of the triangle, exact in float64.
+Adaptive tubes are cut where the thing that they meet changes (:func:`~.sbr_refine.refine`); uniform ones follow their middle ray.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.radar.sbr.tubes import refine
-from scarl_sionna.world.face_tracing import MISS, FaceTable, first_faces
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.world.face_rays import MISS, FaceRays
+from scarl_sionna.world.face_tracing import FaceTable
 
 from .sbr_patches import PatchSize, split
+from .sbr_rays import PlaneProbe, ScreenedProbe
+from .sbr_refine import Pieces, Probe, centers, refine
 from .sbr_settings import SbrChannelSettings
+from .sbr_tubes import Tubes
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
 
 GRAZING = 1e-6
 """Cosine of incidence below which a face is not lit."""
-LIFT = 4e-7
-"""A ray starts this far above its face, relative to the largest coordinate: some float32 steps of it."""
 ONE_PROBE = 0.02
 """Tubes that a face meets at less than this cosine are not cut along edges: their field is 34 dB down, and float32 rays do
 not tell a face just behind a silhouette from one just before it."""
-SMALLEST_LIFT = 1e-6
-"""[m]."""
-SAME_DISTANCE = 1e-5
-"""What is met this near to a point (relative to 1 m + distance) is the point itself: float32 directions are 6e-8 off, which a
-face at grazing incidence makes larger."""
-PROBES_PER_BATCH = 1_000_000
-"""Rays of :func:`refine` worked at once."""
+WIDE_FACE = 0.5
+"""Faces that look wider than this [rad] are never sorted out before they are cut into patches."""
 
 
 @dataclass(frozen=True, eq=False)
-class Tubes:
-    """Footprints of ray tubes.
+class Station:
+    """A transmitter or receiver: where it stands, how it moves and what it looks at.
 
     Attributes
     ----------
-    corners : ndarray of float64, shape (num_tubes, 3, 3)
-        [m, world].
-    face : ndarray of int64, shape (num_tubes, depth)
-        Faces in the order in which they are met; the footprint is on the last one.
-    image : ndarray of float64, shape (num_tubes, depth, 3)
-        The radar and its images behind all faces but the last: where the rays come from on their way to each face [m].
+    pose : Pose
+        world_from_radar.
+    velocity : ndarray of float64, shape (3,)
+        [m/s, world].
+    azimuth_fov, elevation_fov : float
+        [rad].
     """
 
-    corners: Array
-    face: Index
-    image: Array
+    pose: Pose
+    velocity: Array
+    azimuth_fov: float
+    elevation_fov: float
 
-    def __len__(self) -> int:
-        return len(self.face)
+    @classmethod
+    def of(cls, radar: RadarSpec, pose: Pose, velocity: Array) -> Station:
+        """Return the station of a radar."""
+        return cls(pose, velocity, np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg))
 
-    @property
-    def depth(self) -> int:
-        """Number of bounces, that at the footprint included."""
-        return self.face.shape[1]
+    def outside(self, points: Array) -> tuple[Array, Array, Array]:
+        """Return by how much points are outside of the field of view in azimuth and elevation [rad], and their distance."""
+        local = (points - self.pose.position) @ self.pose.rotation
+        distance = np.sqrt(np.einsum("ij,ij->i", local, local))
+        azimuth = np.abs(np.arctan2(local[:, 1], local[:, 0])) - self.azimuth_fov / 2.0
+        sine = np.divide(local[:, 2], distance, out=np.zeros_like(distance), where=distance > 0.0)
+        elevation = np.abs(np.arcsin(np.clip(sine, -1.0, 1.0))) - self.elevation_fov / 2.0
+        return azimuth, elevation, distance
 
-    def take(self, rows: Index, corners: Array) -> Tubes:
-        """Return pieces of some tubes."""
-        return Tubes(corners, self.face[rows], self.image[rows])
+    def sees(self, points: Array) -> Mask:
+        """Return whether points are in the field of view."""
+        azimuth, elevation, _ = self.outside(points)
+        return (azimuth <= 0.0) & (elevation <= 0.0)
+
+    def may_see(self, faces: FaceTable, reach: float) -> Mask:
+        """Return the faces of which a part may be in the field of view and in reach, and that are not edge-on."""
+        triangles = faces.triangles
+        center = triangles.corners.mean(axis=1)
+        arm = triangles.corners - center[:, None]
+        radius = np.sqrt(np.einsum("nij,nij->ni", arm, arm).max(axis=1))
+        azimuth, elevation, distance = self.outside(center)
+        width = np.arcsin(np.minimum(radius / np.maximum(distance, 1e-9), 1.0))
+        cosine = np.cos(np.minimum(elevation + self.elevation_fov / 2.0, 1.4))
+        inside = (azimuth <= width / cosine) & (elevation <= width) | (width > WIDE_FACE)
+        height = np.abs(triangles.normal @ self.pose.position - triangles.offset)
+        return inside & (distance - radius < reach) & (height > GRAZING * distance) & triangles.normal.any(axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class Tracer:
-    """Rays of one radar in one state of the world.
+    """Rays of one transmitter and receiver in one state of the world.
 
     Attributes
     ----------
-    state : WorldState
+    rays : FaceRays
     faces : FaceTable
-    plane_face : ndarray of int64, shape (num_planes,)
-        One face of each plane.
     chosen : ndarray of bool, shape (num_faces,)
         Faces that scatter; the others are obstacles at which a tube ends.
-    origin : ndarray of float64, shape (3,)
-        The radar [m, world].
+    tx, rx : Station
+        The same object for a monostatic radar.
     reach : float
         Tubes longer than twice this are dropped [m].
     size : PatchSize
     settings : SbrChannelSettings
-    in_view : callable
-        Whether points (n, 3) are in the field of view.
     """
 
-    state: object
+    rays: FaceRays
     faces: FaceTable
-    plane_face: Index
-    chosen: npt.NDArray[np.bool_]
-    origin: Array
+    chosen: Mask
+    tx: Station
+    rx: Station
     reach: float
     size: PatchSize
     settings: SbrChannelSettings
-    in_view: Callable[[Array], npt.NDArray[np.bool_]]
 
     def bounces(self, face: Index) -> Iterator[Tubes]:
-        """Yield the footprints that the radar sees, bounce after bounce, of tubes that start on some faces."""
-        triangles = self.faces.triangles
-        for first in range(0, len(face), self.settings.tubes_per_batch):
-            some = face[first : first + self.settings.tubes_per_batch]
-            start = np.broadcast_to(self.origin, (len(some), 1, 3))
-            patches = self.cut(Tubes(triangles.corners[some], some[:, None], start))
-            stack = self._batches(patches)
+        """Yield the footprints that the receiver sees, bounce after bounce, of tubes that start on some faces."""
+        planes, plane_face = np.unique(self.faces.plane, return_index=True)
+        of_plane = np.zeros(int(planes.max(initial=0)) + 1, dtype=np.int64)
+        of_plane[planes] = plane_face
+        plane_of_face = np.where(self.chosen, self.faces.plane, MISS)
+        per_batch = self.settings.tubes_per_batch
+        start = np.broadcast_to(self.tx.pose.position, (len(face), 1, 3))
+        for some in Tubes(self.faces.triangles.corners[face], face[:, None], start).batches(per_batch):
+            stack = self._cut(some, self.tx).batches(per_batch)
             while stack:
                 tubes = stack.pop()
                 if tubes.depth == 1:
-                    tubes = self.seen(tubes)
-                    yield tubes
+                    tubes = self._seen(tubes, self.tx)
+                    yield tubes if self.rx is self.tx else self._seen(self._watched(self._in_front(tubes)), self.rx)
                 else:
-                    yield self.seen(self.cut(self._in_front(tubes)))
+                    yield self._seen(self._cut(self._in_front(tubes), self.rx), self.rx)
                 if tubes.depth < self.settings.max_depth and len(tubes):
-                    stack += self._batches(self._next(tubes))
+                    stack += self._next(tubes, of_plane, plane_of_face).batches(per_batch)
 
-    def _batches(self, tubes: Tubes) -> list[Tubes]:
-        step = self.settings.tubes_per_batch
-        rows = (np.arange(i, min(i + step, len(tubes))) for i in range(0, len(tubes), step))
-        return [tubes.take(part, tubes.corners[part]) for part in rows]
-
-    def cut(self, tubes: Tubes) -> Tubes:
-        """Return footprints cut into patches that are small enough and of which the centre is in view."""
+    def _cut(self, tubes: Tubes, station: Station) -> Tubes:
+        """Return footprints cut into patches that are small enough and of which the centre is in a station's view."""
         limit = self.settings.max_patches
-        corners, rows = split(tubes.corners, np.arange(len(tubes)), tubes.image[:, -1], self.origin, self.size, limit)
-        kept = self.in_view(corners.mean(axis=1))
+        corners, rows = split(tubes.corners, tubes.image[:, -1], self.rx.pose.position, self.size, limit)
+        kept = station.sees(corners.mean(axis=1))
         return tubes.take(rows[kept], corners[kept])
 
-    def _spacings(self, tubes: Tubes, source: Array) -> tuple[Array, Array]:
-        """Return the distance of probes and the size down to which tubes are halved; one probe for grazing ones."""
+    def _watched(self, tubes: Tubes) -> Tubes:
+        return tubes.take(np.flatnonzero(self.rx.sees(tubes.corners.mean(axis=1))))
+
+    def _labelled(self, tubes: Tubes, source: Array, probe: Probe) -> Pieces:
+        """Return pieces of footprints, each with what its rays meet."""
+        rows = np.arange(len(tubes))
+        if self.settings.tubes == "uniform":
+            return centers(tubes.corners, rows, probe)
         ray = tubes.corners.mean(axis=1) - source
-        distance = np.linalg.norm(ray, axis=1)
+        distance = np.sqrt(np.einsum("ij,ij->i", ray, ray))
         cosine = np.einsum("ij,ij->i", self.faces.triangles.normal[tubes.face[:, -1]], ray) / distance
         length = np.where(np.abs(cosine) < ONE_PROBE, np.inf, self.size.length(distance))
-        return self.settings.probe_spacing * length, self.settings.edge_spacing * length
+        return refine(
+            tubes.corners, rows, probe, self.settings.probe_spacing * length, self.settings.edge_spacing * length
+        )
 
-    def seen(self, tubes: Tubes) -> Tubes:
-        """Return the parts of footprints from which the radar can be seen."""
-        last = tubes.face[:, -1]
-
-        def hidden(points: Array, rows: Index) -> Index:
-            ray = points - self.origin
-            distance = np.linalg.norm(ray, axis=1)
-            met, ahead = first_faces(self.state, self.origin, ray / distance[:, None])  # type: ignore[arg-type]
-            near = ahead >= distance - SAME_DISTANCE * (1.0 + distance)
-            return ((met != last[rows]) & (met != MISS) & ~near).astype(np.int64)
-
+    def _seen(self, tubes: Tubes, station: Station) -> Tubes:
+        """Return the parts of footprints from which a station can be seen."""
         if not len(tubes):
             return tubes
-        parts = refine(
-            tubes.corners, np.arange(len(tubes)), hidden, *self._spacings(tubes, self.origin), PROBES_PER_BATCH
-        )
-        pieces = [(corners[dark == 0], rows[dark == 0]) for corners, rows, dark in parts]
-        corners, rows = (np.concatenate([piece[i] for piece in pieces]) for i in range(2))
-        return tubes.take(rows.astype(np.int64), corners)
+        probe = ScreenedProbe(self.rays, station.pose.position)
+        corners, rows, dark = self._labelled(tubes, station.pose.position, probe)
+        lit = dark == 0
+        return tubes.take(rows[lit], corners[lit])
 
     def _in_front(self, tubes: Tubes) -> Tubes:
-        """Return the footprints whose lit side is turned to the radar."""
+        """Return the footprints whose lit side is turned to the receiver."""
         center = tubes.corners.mean(axis=1)
         normal = self.faces.triangles.normal[tubes.face[:, -1]]
         lit = np.einsum("ij,ij->i", normal, tubes.image[:, -1] - center)
-        towards = np.einsum("ij,ij->i", normal, self.origin - center)
-        rows = np.flatnonzero(lit * towards > 0.0)
-        return tubes.take(rows, tubes.corners[rows])
+        towards = np.einsum("ij,ij->i", normal, self.rx.pose.position - center)
+        return tubes.take(np.flatnonzero(lit * towards > 0.0))
 
-    def _next(self, tubes: Tubes) -> Tubes:
+    def _next(self, tubes: Tubes, of_plane: Index, plane_of_face: Index) -> Tubes:
         """Return the footprints of the reflected tubes on what they meet next."""
         triangles = self.faces.triangles
         last = tubes.face[:, -1]
         normal, offset = triangles.normal[last], triangles.offset[last]
         height = np.einsum("ij,ij->i", normal, tubes.image[:, -1]) - offset
         image = tubes.image[:, -1] - 2.0 * height[:, None] * normal
-        lit_normal = normal * np.sign(height)[:, None]
-        own = self.faces.plane[last]
-
-        def plane_met(points: Array, rows: Index) -> Index:
-            ray = points - image[rows]
-            ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-            lift = np.maximum(LIFT * np.abs(points).max(axis=1), SMALLEST_LIFT)
-            face, _ = first_faces(self.state, points + lift[:, None] * lit_normal[rows], ray)  # type: ignore[arg-type]
-            plane = np.where(face == MISS, MISS, self.faces.plane[face])
-            return np.where(self.chosen[face] & (plane != own[rows]), plane, MISS)
-
-        found = []
-        parts = refine(tubes.corners, np.arange(len(tubes)), plane_met, *self._spacings(tubes, image), PROBES_PER_BATCH)
-        for corners, rows, plane in parts:
-            met = plane != MISS
-            found.append(self._landed(tubes, image, corners[met], rows[met], self.plane_face[plane[met]]))
-        columns = [np.concatenate([getattr(part, name) for part in found]) for name in ("corners", "face", "image")]
-        return Tubes(*columns)
+        lift = normal * np.sign(height)[:, None]
+        probe = PlaneProbe(self.rays, plane_of_face, image, lift, self.faces.plane[last])
+        corners, rows, plane = self._labelled(tubes, image, probe)
+        met = plane != MISS
+        return self._landed(tubes, image, corners[met], rows[met], of_plane[plane[met]])
 
     def _landed(self, tubes: Tubes, image: Array, corners: Array, rows: Index, face: Index) -> Tubes:
         """Return tubes projected from their images onto the planes of faces."""
@@ -203,10 +198,8 @@ class Tracer:
         height = offset - np.einsum("ij,ij->i", normal, source)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = height[:, None] / slope
-        far = np.linalg.norm(ray, axis=2) * share
-        ahead = (
-            (share >= 1.0 - 1e-6) & (far < 2.0 * self.reach) & (np.abs(slope) > GRAZING * np.linalg.norm(ray, axis=2))
-        )
+            length = np.sqrt(np.einsum("nij,nij->ni", ray, ray))
+            ahead = (share >= 1.0 - 1e-6) & (length * share < 2.0 * self.reach) & (np.abs(slope) > GRAZING * length)
         kept = ahead.all(axis=1)
         landed = source[kept, None] + share[kept, :, None] * ray[kept]
         chain = np.concatenate([tubes.face[rows[kept]], face[kept, None]], axis=1)
