@@ -20,7 +20,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.export.boxes import is_pinhole, other_objects, points_inside, visible_fraction
+from scarl_sionna.export.boxes import other_objects, points_inside, visible_fraction
 from scarl_sionna.export.radar_points import sensed_points
 
 from . import nuscenes_files as files
@@ -31,6 +31,8 @@ from .source import FrameSource, OnProgress, SceneFrames, as_source, no_progress
 
 LIDAR_CHANNEL = "LIDAR_TOP"
 FORMAT = "nuscenes"
+SCENE_GAP_US = 1_000_000
+"""A scene begins at least this long after the one before it ends [us]."""
 
 
 def export_nuscenes(
@@ -120,6 +122,7 @@ class _Writer:
         self.table["attribute"] = tables.attribute_table()
         self.table["visibility"] = tables.visibility_table()
         self._sensors: dict[str, str] = {}
+        self._last_time: int | None = None
         self._begin_scene()
 
     def _begin_scene(self) -> None:
@@ -129,6 +132,7 @@ class _Writer:
         self.chains: dict[str, list[dict[str, Any]]] = defaultdict(list)
         self.samples: list[dict[str, Any]] = []
         self.instances: dict[int, ObjectState] = {}
+        self.delay = 0
 
     # -- frames ------------------------------------------------------------------------------------------------------
 
@@ -138,6 +142,9 @@ class _Writer:
         pose_token = token("ego_pose", scene.name, frame.index)
         pose = frame.world_from_vehicle
         timestamp = round(frame.timestamp_ns / 1000)
+        if not self.poses and self._last_time is not None:  # the reader wants scenes that begin at different times
+            self.delay = max(0, self._last_time + SCENE_GAP_US - timestamp)
+        timestamp += self.delay
         self.poses.append(
             {"token": pose_token, "timestamp": timestamp, "rotation": pose.quaternion.tolist(),
              "translation": pose.position.tolist()}
@@ -191,7 +198,7 @@ class _Writer:
         places = [self.source.vehicle_from_sensor(name).position for name in scans]
         mount = Pose.from_rotation(np.mean(places, axis=0), files.LIDAR_FROM_VEHICLE_AXES.T)
         world_from_lidar = frame.world_from_vehicle.compose(mount)
-        rows, semantic, _ = files.lidar_rows(list(scans.values()), world_from_lidar)
+        rows, semantic, _ = files.lidar_rows(frame, list(scans.values()), world_from_lidar)
         record = self._record(scene, base, LIDAR_CHANNEL, "lidar", mount, "pcd.bin")
         rows.tofile(self.root / record["filename"])
         if base["is_key_frame"]:
@@ -234,11 +241,6 @@ class _Writer:
         for name, image in frame.images.items():
             if image.rgb is None:
                 continue
-            if not is_pinhole(image.spec):
-                raise ParameterRangeError(
-                    f"camera '{name}'", "with a lens model", "pinhole cameras: nuScenes holds undistorted images only",
-                    "leave it out with FrameSource, or render it without distortion",
-                )  # fmt: skip
             mount = self.source.vehicle_from_sensor(name)
             optical = mount.compose(Pose.from_rotation(np.zeros(3), CAMERA_OPTICAL_FROM_SENSOR.T))
             matrix = image.spec.intrinsics.copy()
@@ -247,13 +249,15 @@ class _Writer:
                 scene, base, tables.channel("CAM", name), "camera", optical, self.image_format, matrix,
                 size=(image.spec.height, image.spec.width),
             )  # fmt: skip
-            (self.root / record["filename"]).write_bytes(files.encode_image(image.rgb, self.image_format))
+            (self.root / record["filename"]).write_bytes(
+                files.encode_image(files.undistorted(image), self.image_format)
+            )
 
     def _annotate(
         self, scene: SceneFrames, frame: Frame, cloud: npt.NDArray[np.float64], echoes: npt.NDArray[np.float64]
     ) -> None:
         """Gather the boxes that a camera, a lidar or a radar sees something of."""
-        cameras = [image for image in frame.images.values() if is_pinhole(image.spec)]
+        cameras = list(frame.images.values())
         with_depth = [image for image in cameras if image.depth is not None]
         cameras = with_depth or cameras
         for item in other_objects(frame):
@@ -309,12 +313,14 @@ class _Writer:
                  "scarl_class": SEMANTIC_CLASSES[item.semantic]}
             )  # fmt: skip
             self.table["sample_annotation"] += rows
+        self._last_time = self.poses[-1]["timestamp"]
         self.table["ego_pose"] += self.poses
         self.table["sample"] += self.samples
         self.table["scene"].append(
             {"token": scene_token, "name": scene.name, "description": f"simulated by scarl-sionna: {scene.name}",
              "log_token": log_token, "nbr_samples": len(self.samples), "first_sample_token": self.samples[0]["token"],
-             "last_sample_token": self.samples[-1]["token"], "scarl_world_from_map": origin.tolist()}
+             "last_sample_token": self.samples[-1]["token"], "scarl_world_from_map": origin.tolist(),
+             "scarl_delay_us": self.delay}
         )  # fmt: skip
         self.table["log"].append(
             {"token": log_token, "logfile": scene.name, "vehicle": self.source.rig["name"],

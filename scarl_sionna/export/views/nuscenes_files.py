@@ -16,7 +16,7 @@ from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.units import power_to_db
-from scarl_sionna.export.boxes import is_pinhole
+from scarl_sionna.export.lidar_points import elevation_line, world_points
 from scarl_sionna.export.radar_points import SensedPoints
 
 RADAR_FIELDS = (
@@ -41,7 +41,7 @@ _DRIVABLE[[semantic_id("Roads"), semantic_id("RoadLine")]] = True
 
 
 def lidar_rows(
-    scans: Sequence[LidarScan], world_from_lidar: Pose
+    frame: Frame, scans: Sequence[LidarScan], world_from_lidar: Pose
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
     """Return the returns of lidars of one instant as one cloud.
 
@@ -56,10 +56,9 @@ def lidar_rows(
     lidar_from_world = world_from_lidar.inverse()
     parts = []
     for scan in scans:
-        place = lidar_from_world.compose(scan.world_from_sensor).apply(scan.position)
+        place = lidar_from_world.apply(world_points(frame, scan))
         strength = np.clip(255.0 * scan.intensity * scan.distance**2, 0.0, 255.0)
-        line = np.minimum(scan.shot // scan.spec.num_azimuth, scan.spec.num_elevation - 1)
-        parts.append(np.column_stack([place, strength, line]))
+        parts.append(np.column_stack([place, strength, elevation_line(scan)]))
     return (
         np.concatenate(parts).astype(np.float32),
         np.concatenate([scan.semantic for scan in scans]),
@@ -137,9 +136,9 @@ class DrivableMap:
         """Gather the road that the lidars and the cameras with depth and classes of a frame see."""
         self._poses.append(frame.world_from_vehicle.position)
         for scan in frame.lidars.values():
-            self._add(scan.world_from_sensor.apply(scan.position[_DRIVABLE[scan.semantic]]))
+            self._add(world_points(frame, scan)[_DRIVABLE[scan.semantic]])
         images = list(frame.images.values())
-        for depth in (image for image in images if image.depth is not None and is_pinhole(image.spec)):
+        for depth in (image for image in images if image.depth is not None):
             for labels in (image for image in images if image.semantic is not None):
                 if labels.semantic.shape == depth.depth.shape and _same_pose(labels, depth):  # type: ignore[union-attr]
                     self._add(_road_points(depth, labels.semantic))  # type: ignore[arg-type]
@@ -176,9 +175,9 @@ def _road_points(image: ImageFrame, semantic: npt.NDArray[np.uint8]) -> npt.NDAr
     """Return the road seen in a depth image within 60 m, shape (N, 3) [m, world]."""
     assert image.depth is not None
     line, column = np.nonzero(_DRIVABLE[semantic] & (image.depth < _MAP_REACH))
-    rays = np.linalg.inv(image.spec.intrinsics) @ np.stack([column + 0.5, line + 0.5, np.ones(len(line))])
-    optical = rays * image.depth[line, column]
-    return image.world_from_sensor.apply(optical.T @ CAMERA_OPTICAL_FROM_SENSOR)
+    rays = image.spec.rays(np.stack([column + 0.5, line + 0.5], axis=-1))
+    optical = rays * (image.depth[line, column] / rays[:, 2])[:, None]
+    return image.world_from_sensor.apply(optical @ CAMERA_OPTICAL_FROM_SENSOR)
 
 
 def _same_pose(a: ImageFrame, b: ImageFrame) -> bool:
@@ -186,7 +185,22 @@ def _same_pose(a: ImageFrame, b: ImageFrame) -> bool:
         np.array_equal(a.world_from_sensor.position, b.world_from_sensor.position)
         and np.array_equal(a.world_from_sensor.quaternion, b.world_from_sensor.quaternion)
         and np.array_equal(a.spec.intrinsics, b.spec.intrinsics)
+        and a.spec.lens == b.spec.lens
     )
+
+
+def undistorted(image: ImageFrame) -> npt.NDArray[np.uint8]:
+    """Return the RGB image as a pinhole camera with the same matrix K would show it; black where the lens sees nothing."""
+    assert image.rgb is not None
+    spec = image.spec
+    if spec.lens.model == "pinhole":
+        return image.rgb
+    line, column = np.mgrid[: spec.height, : spec.width] + 0.5
+    (fx, _, cu), (_, fy, cv), _ = spec.intrinsics
+    pixel, _ = spec.project(np.stack([(column - cu) / fx, (line - cv) / fy, np.ones_like(line)], axis=-1))
+    place = np.nan_to_num(pixel[..., ::-1], nan=-10.0).transpose(2, 0, 1) - 0.5
+    planes = [scipy.ndimage.map_coordinates(image.rgb[..., band], place, order=1, mode="constant") for band in range(3)]
+    return np.stack(planes, axis=-1)
 
 
 def encode_image(pixels: npt.NDArray[np.uint8], kind: str) -> bytes:

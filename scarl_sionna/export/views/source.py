@@ -159,7 +159,7 @@ def as_source(data: Any) -> FrameSource:
     if isinstance(data, str | Path):
         if _is_frame_folder(Path(data)):
             return _frame_folder(Path(data))
-        from scarl_sionna.export.dataset import open_dataset
+        from scarl_sionna.export.reader import open_dataset
 
         data = open_dataset(data)
     scenes = [SceneFrames(name, _DatasetFrames(data.scene(name))) for name in data.scenes]
