@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -17,10 +17,11 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
 
+from .articulation import Joint
 from .document import InstanceEntry, SceneDocument, read_document
 from .geometry import Triangles, encloses, even_directions, refine_distance, upright_box
 from .materials import MaterialTable, load_materials
-from .motion import Trajectory
+from .motion import Motion, Trajectory
 from .twins import Twin
 
 Array = npt.NDArray[np.float64]
@@ -48,6 +49,8 @@ class PartTable:
         Radio materials.
     lidar_reflectance : ndarray of float64, shape (num_parts,)
         Diffuse reflectance at 1550 nm.
+    lidar_transmittance : ndarray of float64, shape (num_parts,)
+        Of a pane at 1550 nm, once through; 0 for what is opaque.
     actor : ndarray of int32, shape (num_parts,)
         Index into `World.actors`; -1 for a static part.
     """
@@ -57,16 +60,22 @@ class PartTable:
     semantic: npt.NDArray[np.uint8]
     material: tuple[str, ...]
     lidar_reflectance: Array
+    lidar_transmittance: Array
     actor: npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
 class Actor:
-    """A moving instance: name, instance id and its trajectory."""
+    """A moving instance: name, instance id, its trajectory, and the joints by which parts of it move on their own."""
 
     name: str
     instance: int
     trajectory: Trajectory
+    joints: tuple[Joint, ...] = ()
+
+    def motions(self, time: float) -> dict[str, Motion]:
+        """Return the motion relative to the actor of each shape that has a joint."""
+        return {shape: motion for joint in self.joints for shape, motion in joint.motions(time).items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +144,7 @@ class World:
             [mesh.vertices for mesh in self._meshes.values()], [mesh.faces for mesh in self._meshes.values()]
         )
         self.actors = tuple(
-            Actor(entry.name, number, entry.trajectory)
+            Actor(entry.name, number, entry.trajectory, entry.joints)
             for number, entry in enumerate(self._entries, start=1)
             if entry.trajectory is not None
         )
@@ -143,14 +152,27 @@ class World:
 
     def _info(self, number: int, entry: InstanceEntry) -> InstanceInfo:
         parts = tuple(int(part) for part in np.flatnonzero(self.parts.instance == number))
-        vertices = np.concatenate([self._meshes[self.parts.name[part]].vertices for part in parts])
         is_actor = entry.trajectory is not None
+        moved: dict[str, Motion] = {}
+        if entry.trajectory is not None:
+            start = entry.trajectory.start
+            moved = Actor(entry.name, number, entry.trajectory, entry.joints).motions(start if np.isfinite(start) else 0.0)
+        vertices = self._vertices(parts, moved)
         frame_from_box, size = upright_box(vertices, fixed_axes=is_actor or not entry.is_object)
         name = entry.name if is_actor else None
         is_room = entry.is_room or (self.document.is_foreign and self._holds_all(vertices))
         return InstanceInfo(
             entry.name, number, semantic_id(entry.semantic), parts, entry.is_object, is_room, name, frame_from_box, size
         )
+
+    def _vertices(self, parts: Iterable[int], moved: Mapping[str, Motion]) -> Array:
+        """Return the vertices of parts in the frame of their instance, those with a joint in the place where that has them."""
+        vertices = []
+        for part in parts:
+            name = self.parts.name[part]
+            own = self._meshes[name].vertices
+            vertices.append(moved[name].pose.apply(own) if name in moved else own)
+        return np.concatenate(vertices)
 
     def _holds_all(self, vertices: Array) -> bool:
         """Return whether the bounding box of an instance is room-sized and holds the whole scene."""
@@ -221,14 +243,51 @@ class WorldState:
         return self._twists[name]
 
     @cached_property
+    def _joints(self) -> dict[str, dict[str, Motion]]:
+        """Motion of the shapes with a joint relative to their actor, by actor."""
+        return {actor.name: actor.motions(self.time) for actor in self.world.actors if actor.joints}
+
+    @cached_property
+    def _part_motion(self) -> dict[int, Motion]:
+        """Motion in the world of every part that belongs to an actor."""
+        motions = {}
+        for part, index in enumerate(self.world.parts.actor):
+            if index >= 0:
+                name = self.world.actors[index].name
+                whole = Motion(self._poses[name], self._twists[name])
+                own = self._joints.get(name, {}).get(self.world.parts.name[part])
+                motions[part] = whole if own is None else whole.then(own)
+        return motions
+
+    def part_pose(self, part: int) -> Pose:
+        """Return world_from_part: the actor's pose and the part's joint; the identity for what stands still."""
+        return self._part_motion[part].pose if part in self._part_motion else Pose()
+
+    def point_velocity(self, part: npt.NDArray[Any], point: Array) -> Array:
+        """Return the velocity of surface points.
+
+        Parameters
+        ----------
+        part : ndarray of int, shape (n,)
+            Row of the part table; -1 is at rest.
+        point : ndarray of float64, shape (n, 3)
+            [m, world].
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 3)
+            [m/s, world].
+        """
+        velocity = np.zeros_like(point)
+        actor = np.where(part >= 0, self.world.parts.actor[part], -1)
+        for index in np.unique(part[actor >= 0]):
+            rows, motion = part == index, self._part_motion[int(index)]
+            velocity[rows] = motion.twist.velocity_at(point[rows] - motion.pose.position)
+        return velocity
+
+    @cached_property
     def _triangles(self) -> Triangles:
-        return self.world._triangles.moved(
-            {
-                int(part): self._poses[self.world.actors[actor].name]
-                for part, actor in enumerate(self.world.parts.actor)
-                if actor >= 0
-            }
-        )
+        return self.world._triangles.moved({part: motion.pose for part, motion in self._part_motion.items()})
 
     @cached_property
     def _bounds(self) -> tuple[Array, Array]:
@@ -236,15 +295,12 @@ class WorldState:
 
     def _applied(self, kind: str) -> Twin:
         """Return a twin that stands in this state."""
-        parts = self.world.parts
-        owner = {
-            name: self.world.actors[index].name for name, index in zip(parts.name, parts.actor, strict=True) if index >= 0
-        }
         twin = self.world.twin(kind)
+        names = self.world.parts.name
         twin.apply(
             self,
-            {name: self._poses[actor] for name, actor in owner.items()},
-            {name: self._twists[actor] for name, actor in owner.items()},
+            {names[part]: motion.pose for part, motion in self._part_motion.items()},
+            {names[part]: motion.twist for part, motion in self._part_motion.items()},
             self.world._meshes,
         )
         return twin
@@ -264,15 +320,21 @@ class WorldState:
             if not info.is_object:
                 continue
             if info.actor is None:
-                box, twist = info.frame_from_box, Twist()
+                box, size, twist = info.frame_from_box, info.size, Twist()
             else:
                 pose, own = self._poses[info.actor], self._twists[info.actor]
-                box = pose.compose(info.frame_from_box)
+                frame_from_box, size = self._box(info)
+                box = pose.compose(frame_from_box)
                 twist = Twist(own.velocity_at(box.position - pose.position), own.angular)
-            states.append(
-                ObjectState(info.name, info.instance, info.semantic, box, info.size, twist, info.actor is not None)
-            )
+            states.append(ObjectState(info.name, info.instance, info.semantic, box, size, twist, info.actor is not None))
         return tuple(states)
+
+    def _box(self, info: InstanceInfo) -> tuple[Pose, Array]:
+        """Return the box of an actor in its own frame; that of a body whose limbs move is its box at this time."""
+        actor = self.world.actor(str(info.actor))
+        if not any(joint.changes_shape for joint in actor.joints):
+            return info.frame_from_box, info.size
+        return upright_box(self.world._vertices(info.parts, self._joints[actor.name]), fixed_axes=True)
 
     def cast(
         self, origins: npt.ArrayLike, directions: npt.ArrayLike, max_distance: float = np.inf, twin: str = "optical"
@@ -322,12 +384,7 @@ class WorldState:
         distance, cosine = refine_distance(start, direction, normal, triangles.offset[row], rough)
         normal *= -np.sign(cosine)[:, None]
         point = start + distance[:, None] * direction
-        velocity = np.zeros_like(point)
-        actor_of_hit = self.world.parts.actor[part]
-        for index in np.unique(actor_of_hit[actor_of_hit >= 0]):
-            name = self.world.actors[index].name
-            mask = actor_of_hit == index
-            velocity[mask] = self._twists[name].velocity_at(point[mask] - self._poses[name].position)
+        velocity = self.point_velocity(part, point)
         return RayHits(ray + first, distance, point, normal, np.minimum(np.abs(cosine), 1.0), part, velocity)
 
     def inside(self, point: npt.ArrayLike) -> str | None:
@@ -366,17 +423,21 @@ def _part_table(document: SceneDocument, materials: MaterialTable) -> tuple[Part
         for shape in entry.shapes:
             material = document.materials[document.bsdf_of_shape[shape]]
             actor = actors.index(entry.name) if entry.trajectory is not None else -1
+            radio_entry = materials[material.radio]
+            reflectance, transmittance = material.lidar_reflectance, material.lidar_transmittance
             rows.append(
-                (shape, number, semantic_id(entry.semantic), materials[material.radio].name,
-                 material.lidar_reflectance, actor)
+                (shape, number, semantic_id(entry.semantic), radio_entry.name,
+                 radio_entry.lidar_reflectance if reflectance is None else reflectance,
+                 radio_entry.lidar_transmittance if transmittance is None else transmittance, actor)
             )  # fmt: skip
-    name, instance, semantic, radio, reflectance, actor_index = zip(*rows, strict=True)
+    name, instance, semantic, radio, reflectances, transmittances, actor_index = zip(*rows, strict=True)
     table = PartTable(
         name=name,
         instance=np.array(instance, dtype=np.int32),
         semantic=np.array(semantic, dtype=np.uint8),
         material=radio,
-        lidar_reflectance=np.array(reflectance, dtype=np.float64),
+        lidar_reflectance=np.array(reflectances, dtype=np.float64),
+        lidar_transmittance=np.array(transmittances, dtype=np.float64),
         actor=np.array(actor_index, dtype=np.int32),
     )
     return table, entries
@@ -421,10 +482,11 @@ def load_scene(name_or_path: str | Path, materials: MaterialTable | None = None)
     SceneError, MeshError, MaterialError
         If its files are missing or broken, or a material is unknown.
     """
-    return World(read_document(_find_scene(name_or_path)), materials or load_materials())
+    return World(read_document(find_scene(name_or_path)), materials or load_materials())
 
 
-def _find_scene(name_or_path: str | Path) -> Path:
+def find_scene(name_or_path: str | Path) -> Path:
+    """Return the XML file of a scene by its name or path; the file itself is not looked at."""
     path = Path(name_or_path)
     if path.suffix == ".xml":
         return path
