@@ -17,12 +17,11 @@ from scarl_sionna.core.errors import MaterialError, MeshError, SceneError, Unkno
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.toml_file import read_toml
 
+from .articulation import Joint, joints_from_tables
 from .motion import Trajectory, trajectory_from_table
 
 MESH_PLUGINS = ("ply", "obj", "cube")
 """Shape plugins that a scene may use: the ones that are triangle meshes."""
-DEFAULT_LIDAR_REFLECTANCE = 0.3
-"""Diffuse reflectance at 1550 nm of a material that does not state one (mid value of common building materials)."""
 
 _CLASS_HINTS = {
     "building": "Building", "house": "Building", "church": "Building", "roof": "Building", "road": "Roads",
@@ -35,10 +34,11 @@ _CLASS_HINTS = {
 
 @dataclass(frozen=True)
 class MaterialEntry:
-    """Radio material and lidar reflectance that stand behind a BSDF id."""
+    """Radio material and lidar reflectance that stand behind a BSDF id; None: what the radio material's entry says."""
 
     radio: str
-    lidar_reflectance: float = DEFAULT_LIDAR_REFLECTANCE
+    lidar_reflectance: float | None = None
+    lidar_transmittance: float | None = None
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,7 @@ class InstanceEntry:
     is_object: bool
     trajectory: Trajectory | None = None
     is_room: bool = False
+    joints: tuple[Joint, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -229,7 +230,7 @@ def _instances_from_table(table: dict[str, Any], shapes: tuple[str, ...], path: 
 def _instance(
     row: dict[str, Any], kind: str, keys: set[str], shapes: tuple[str, ...], owner: dict[str, str], path: Path
 ) -> InstanceEntry:
-    allowed = keys | ({"trajectory"} if kind == "actors" else set())
+    allowed = keys | ({"trajectory", "joints"} if kind == "actors" else set())
     name = str(row.get("name", "?"))
     if unknown := set(row) - allowed:
         raise UnknownNameError(f"key of [[{kind}]] '{name}' in {path.name}", sorted(unknown)[0], allowed)
@@ -248,7 +249,8 @@ def _instance(
         is_room = bool(row.get("room", False))
         return InstanceEntry(name, row["class"], tuple(members), bool(row.get("object", True)), is_room=is_room)
     trajectory = trajectory_from_table(row.get("trajectory", {}), name)
-    return InstanceEntry(name, row["class"], tuple(members), True, trajectory)
+    joints = joints_from_tables(row.get("joints", []), name, members, trajectory)
+    return InstanceEntry(name, row["class"], tuple(members), True, trajectory, joints=joints)
 
 
 def _materials(
@@ -266,10 +268,13 @@ def _materials(
             row = table[bsdf_id]
             if "radio" not in row:
                 raise MaterialError(f"[materials.{bsdf_id}] in {path.parent.name}/scene.toml lacks 'radio'")
-            reflectance = float(row.get("lidar_reflectance", DEFAULT_LIDAR_REFLECTANCE))
-            if not 0.0 <= reflectance <= 1.0:
-                raise MaterialError(f"[materials.{bsdf_id}] lidar_reflectance = {reflectance} is not within 0 to 1")
-            entries[bsdf_id] = MaterialEntry(row["radio"], reflectance)
+            optical = {key: float(row[key]) for key in ("lidar_reflectance", "lidar_transmittance") if key in row}
+            for key, value in optical.items():
+                if not 0.0 <= value <= 1.0:
+                    raise MaterialError(f"[materials.{bsdf_id}] {key} = {value} is not within 0 to 1")
+            if sum(optical.values()) > 1.0:
+                raise MaterialError(f"[materials.{bsdf_id}] lidar_reflectance + lidar_transmittance = {sum(optical.values()):g} > 1")
+            entries[bsdf_id] = MaterialEntry(row["radio"], **optical)
         else:
             plain = bsdf_id.removeprefix("mat-").removeprefix("itu_").removeprefix("itu-")
             entries[bsdf_id] = MaterialEntry(types.get(bsdf_id) or plain)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -33,6 +33,28 @@ class Trajectory(Protocol):
 
     def twist(self, time: float) -> Twist:
         """Return the velocity at a time [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Pose of a frame in its parent's, and its velocity relative to the parent, in the parent's axes."""
+
+    pose: Pose = field(default_factory=Pose)
+    twist: Twist = field(default_factory=Twist)
+
+    @classmethod
+    def about(cls, axis: npt.ArrayLike, angle: float, rate: float) -> Motion:
+        """Return the turn about an axis through the parent's origin by an angle [rad] that grows with a rate [rad/s]."""
+        unit = np.asarray(axis, dtype=np.float64)
+        quaternion = np.concatenate([[np.cos(angle / 2.0)], np.sin(angle / 2.0) * unit])
+        return cls(Pose(np.zeros(3), quaternion), Twist(np.zeros(3), rate * unit))
+
+    def then(self, inner: Motion) -> Motion:
+        """Return the motion, in this one's parent, of a frame that moves like `inner` in this one's frame."""
+        lever = self.pose.rotate(inner.pose.position)
+        linear = self.twist.velocity_at(lever) + self.pose.rotate(inner.twist.linear)
+        angular = self.twist.angular + self.pose.rotate(inner.twist.angular)
+        return Motion(self.pose.compose(inner.pose), Twist(linear, angular))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,209 @@
+"""Moving parts of an actor: rigid segments whose motion relative to the actor follows from how the actor moves.
+
+A wheel turns by the way that the car has travelled, a walker's limbs by the distance walked: no motion of a part is an input
+of its own, so that ground contact and Doppler always agree with the trajectory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.pose import Pose, Twist
+
+from .gait import SEGMENTS, WalkingGait
+from .motion import Motion, Trajectory
+
+PANEL = 0.25
+"""Length of the panels over which a rate is integrated by an 8-point Gauss rule [s]."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+def forward_speed(trajectory: Trajectory, time: float) -> float:
+    """Return the speed of an actor's origin along its heading [m/s]; negative when it reverses."""
+    return float(trajectory.twist(time).linear @ trajectory.pose(time).rotation[:, 0])
+
+
+class Accumulated:
+    """Integral over time of a rate that depends on an actor's forward speed: way travelled, phase of a gait.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    rate : callable
+        Rate [1/s] at a forward speed [m/s].
+
+    Notes
+    -----
+    Counted from the trajectory's start, or from time 0 where it has none. Panels once integrated are kept.
+    """
+
+    def __init__(self, trajectory: Trajectory, rate: Callable[[float], float]) -> None:
+        self._trajectory = trajectory
+        self._rate = rate
+        self._origin = trajectory.start if np.isfinite(trajectory.start) else 0.0
+        self._sums = {0: 0.0}
+
+    def _integral(self, start: float, stop: float) -> float:
+        half, middle = (stop - start) / 2.0, (stop + start) / 2.0
+        rates = [self._rate(forward_speed(self._trajectory, middle + half * node)) for node in _NODES]
+        return float(half * (_WEIGHTS @ rates))
+
+    def at(self, time: float) -> float:
+        """Return the integral up to a time [s]."""
+        panel = int(np.floor((time - self._origin) / PANEL))
+        step = 1 if panel >= 0 else -1
+        known = panel
+        while known not in self._sums:
+            known -= step
+        for index in range(known, panel, step):
+            start = self._origin + index * PANEL
+            self._sums[index + step] = self._sums[index] + self._integral(start, start + step * PANEL)
+        return self._sums[panel] + self._integral(self._origin + panel * PANEL, time)
+
+
+class Joint(Protocol):
+    """Some shapes of an actor and how they move relative to it."""
+
+    changes_shape: bool
+    """Whether the actor's box changes as the shapes move."""
+
+    def motions(self, time: float) -> Mapping[str, Motion]:
+        """Return the motion of each shape relative to the actor, by shape id."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wheel:
+    """A wheel that rolls without slip about an axle along the actor's y axis.
+
+    Attributes
+    ----------
+    shapes : tuple of str
+        What turns; modelled in the actor's frame, where the wheel stands.
+    center : ndarray of float64, shape (3,)
+        Middle of the axle in the actor's frame [m].
+    radius : float
+        Rolling radius [m].
+    """
+
+    shapes: tuple[str, ...]
+    center: npt.NDArray[np.float64]
+    radius: float
+    trajectory: Trajectory
+    travelled: Accumulated
+    changes_shape: bool = False
+
+    def motions(self, time: float) -> dict[str, Motion]:
+        """Return the turn about the axle: angle = way / radius."""
+        angle = self.travelled.at(time) / self.radius
+        rate = forward_speed(self.trajectory, time) / self.radius
+        turn = Pose.from_euler(np.zeros(3), pitch=angle)
+        spin = np.array([0.0, rate, 0.0])
+        origin = self.center - turn.rotate(self.center)
+        motion = Motion(Pose(origin, turn.quaternion), Twist(-np.cross(spin, turn.rotate(self.center)), spin))
+        return dict.fromkeys(self.shapes, motion)
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A walking person: every segment of the body is a shape in the segment's own frame, see `gait.SEGMENTS`."""
+
+    shape_of: Mapping[str, str]
+    gait: WalkingGait
+    trajectory: Trajectory
+    phase: Accumulated
+    phase_offset: float = 0.0
+    changes_shape: bool = True
+
+    def motions(self, time: float) -> dict[str, Motion]:
+        """Return the motion of every segment at the phase and the speed that the actor has."""
+        step = 1e-3
+        speed = max(forward_speed(self.trajectory, time), 0.0)
+        before = max(time - step, self.trajectory.start)
+        after = min(time + step, self.trajectory.stop)
+        rise = max(forward_speed(self.trajectory, after), 0.0) - max(forward_speed(self.trajectory, before), 0.0)
+        moved = self.gait.motions(self.phase.at(time) + self.phase_offset, speed, rise / max(after - before, step))
+        return {shape: moved[segment] for segment, shape in self.shape_of.items()}
+
+
+def joints_from_tables(
+    tables: Sequence[Mapping[str, Any]], actor: str, shapes: Sequence[str], trajectory: Trajectory
+) -> tuple[Joint, ...]:
+    """Return the joints of an actor.
+
+    Parameters
+    ----------
+    tables : sequence of mapping
+        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius) and ``walk`` (height[, phase]), whose
+        shapes are those of the actor that end in ``_<segment>``, for instance ``walker_left_foot``.
+    actor : str
+        Whose joints they are, for error messages.
+    shapes : sequence of str
+        The actor's shapes.
+    trajectory : Trajectory
+        The actor's.
+
+    Raises
+    ------
+    ParameterRangeError, UnknownNameError
+        If a key is missing, unknown or not allowed, or a shape has two joints or is not there.
+    """
+    joints: list[Joint] = []
+    taken: set[str] = set()
+    for number, table in enumerate(tables):
+        what = f"{actor}.joints[{number}]"
+        kind = str(table.get("kind", "wheel"))
+        if kind == "wheel":
+            joint: Joint = _wheel(table, what, shapes, trajectory)
+        elif kind == "walk":
+            joint = _walk(table, what, shapes, trajectory)
+        else:
+            raise UnknownNameError(f"kind of {what}", kind, ("wheel", "walk"))
+        used = set(_shapes_of(joint))
+        if twice := sorted(used & taken):
+            raise ParameterRangeError(f"{what}.shapes", twice[0], "a shape without another joint")
+        taken |= used
+        joints.append(joint)
+    return tuple(joints)
+
+
+def _shapes_of(joint: Any) -> Sequence[str]:
+    return tuple(joint.shape_of.values()) if isinstance(joint, Walk) else joint.shapes
+
+
+def _check_keys(table: Mapping[str, Any], what: str, required: set[str], optional: set[str]) -> None:
+    if missing := required - set(table):
+        raise ParameterRangeError(f"{what}.{sorted(missing)[0]}", "missing", "needed for this kind of joint")
+    if unknown := set(table) - required - optional - {"kind"}:
+        raise UnknownNameError(f"key of {what}", sorted(unknown)[0], required | optional | {"kind"})
+
+
+def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Wheel:
+    _check_keys(table, what, {"shapes", "center", "radius"}, set())
+    if unknown := [shape for shape in table["shapes"] if shape not in shapes]:
+        raise UnknownNameError(f"shape of {what}", str(unknown[0]), shapes)
+    center, radius = np.asarray(table["center"], dtype=np.float64), float(table["radius"])
+    if center.shape != (3,) or not np.isfinite(center).all():
+        raise ParameterRangeError(f"{what}.center", table["center"], "three finite coordinates [m]")
+    if not (np.isfinite(radius) and radius > 0.0):
+        raise ParameterRangeError(f"{what}.radius", f"{radius} m", "> 0 m")
+    return Wheel(tuple(table["shapes"]), center, radius, trajectory, Accumulated(trajectory, lambda speed: speed))
+
+
+def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Walk:
+    _check_keys(table, what, {"height"}, {"phase"})
+    found = {segment: [shape for shape in shapes if shape.endswith(f"_{segment}")] for segment in SEGMENTS}
+    if missing := [segment for segment, names in found.items() if len(names) != 1]:
+        raise ParameterRangeError(
+            f"{what}.shapes", f"{len(found[missing[0]])} shapes end in '_{missing[0]}'", "one shape for each segment of the body"
+        )
+    gait = WalkingGait(float(table["height"]))
+    return Walk(
+        {segment: names[0] for segment, names in found.items()}, gait, trajectory,
+        Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))), float(table.get("phase", 0.0)),
+    )  # fmt: skip
