@@ -9,24 +9,22 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
-from scarl_sionna.world.materials import MaterialTable, RadioMaterial, builtin_materials
+from scarl_sionna.world.materials import MaterialTable
 
-from .sbr import DEFAULT_SBR, Body, Looks, SbrSettings, Surface, scattering_matrices
+from .body_parts import Material, Mesh, actor_parts, load_body, surfaces_of
+from .sbr import Body, Looks, SbrSettings, scattering_matrices
 
-if TYPE_CHECKING:
-    import trimesh
+__all__ = ["POLARIZATIONS", "RcsCut", "actor_parts", "load_body", "rcs", "rcs_cut", "scattering_matrix"]
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
-Mesh: TypeAlias = "trimesh.Trimesh | str | Path | Body"
-Material: TypeAlias = "str | complex | RadioMaterial"
 
 POLARIZATIONS = ("VV", "HH", "VH", "HV")
 """Receive letter first; V is along theta_hat, H along phi_hat."""
@@ -49,14 +47,15 @@ def rcs(
     phi_s: npt.ArrayLike | None = None,
     *,
     materials: MaterialTable | None = None,
-    settings: SbrSettings = DEFAULT_SBR,
+    settings: SbrSettings | None = None,
 ) -> Real:
     r"""Return the far-field radar cross section of a mesh.
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh, path or Body
-        Triangle mesh [m]; a `Body` is a mesh that has been made ready once.
+    mesh : trimesh.Trimesh, path, Body, sequence of (mesh, material) or mapping of material to mesh
+        Triangle mesh [m]; a `Body` is a mesh that has been made ready once. Parts of several materials stand in one frame and
+        shadow and light each other; those of a scene's actor come from :func:`actor_parts`.
     frequency : array_like of float
         [Hz]. It is broadcast with the angles, and so are they with each other.
     theta, phi : array_like of float
@@ -65,13 +64,14 @@ def rcs(
         Receive letter first; V is along theta_hat, H along phi_hat.
     material : str, complex or RadioMaterial
         "metal" (or "pec") is a perfect conductor; another name is one of `materials`; a number is the relative permittivity of
-        a half space, with an imaginary part <= 0. A material with a thickness is a layer with air behind.
+        a half space, with an imaginary part <= 0. A material with a thickness is a layer with air behind. Left out where
+        the parts have materials of their own.
     theta_s, phi_s : array_like of float, optional
         Direction from the target to the receiver [rad]; one that is not given is the transmitter's.
     materials : MaterialTable, optional
         Where a name is looked up; by default the built-in table.
-    settings : SbrSettings
-        Bounces, and how densely rays probe the mesh.
+    settings : SbrSettings, optional
+        Bounces, and how densely rays probe the mesh; by default what fits the size of the mesh (`SbrSettings.for_size`).
 
     Returns
     -------
@@ -122,7 +122,7 @@ def scattering_matrix(
     phi_s: npt.ArrayLike | None = None,
     *,
     materials: MaterialTable | None = None,
-    settings: SbrSettings = DEFAULT_SBR,
+    settings: SbrSettings | None = None,
 ) -> Complex:
     r"""Return the far-field scattering matrix of a mesh; parameters, errors and warnings as of :func:`rcs`.
 
@@ -139,52 +139,15 @@ def scattering_matrix(
     _check_values(arrays)
     wide = np.broadcast_arrays(*arrays)
     columns = [a.reshape(-1) for a in wide]
-    parts = _surfaces(material, columns[0], materials)
     body = load_body(mesh)
+    parts = list(surfaces_of(body, material, columns[0], materials))
     result = np.zeros((len(columns[0]), 2, 2), dtype=np.complex128)
     if len(result):
         _check_size(body, columns[0])
-        for surface, rows in parts:
-            result[rows] = scattering_matrices(body, surface, Looks(*(column[rows] for column in columns)), settings)
+        knobs = settings or SbrSettings.for_size(body.size * float(columns[0].max()) / SPEED_OF_LIGHT)
+        for surfaces, rows in parts:
+            result[rows] = scattering_matrices(body, surfaces, Looks(*(column[rows] for column in columns)), knobs)
     return result.reshape((*wide[0].shape, 2, 2))
-
-
-def load_body(mesh: Mesh) -> Body:
-    """Make a mesh ready for many calls of :func:`rcs`.
-
-    Raises
-    ------
-    MeshError
-        If the file cannot be read or the mesh is not usable.
-    """
-    if isinstance(mesh, Body):
-        return mesh
-    path = Path(mesh) if isinstance(mesh, str | Path) else None
-    triangles: Any = mesh if path is None else _read(path)
-    try:
-        body = Body.from_mesh(triangles.vertices, triangles.faces)
-    except MeshError as error:
-        if path is None:
-            raise
-        raise MeshError(str(error), path) from error
-    if body.num_degenerate:
-        name = f"{path}: " if path else ""
-        warnings.warn(f"{name}{body.num_degenerate} faces without area were left out", ScarlWarning, stacklevel=2)
-    return body
-
-
-def _read(path: Path) -> Any:
-    import trimesh
-
-    if not path.is_file():
-        raise MeshError("there is no such file", path, "check the path")
-    try:
-        mesh = trimesh.load(path, force="mesh", process=False)
-    except Exception as error:  # each reader of trimesh raises its own
-        raise MeshError(f"cannot be read as a mesh ({error})", path, "give a PLY, OBJ, STL or glTF file") from error
-    if not isinstance(mesh, trimesh.Trimesh):
-        raise MeshError("the mesh has no faces", path, "give a triangle mesh, not a point cloud or a curve")
-    return mesh
 
 
 def _polarization(name: str) -> tuple[int, int]:
@@ -218,42 +181,6 @@ def _check_size(body: Body, frequency: Real) -> None:
             "physical optics is wrong by decibels: use a full-wave solver, or check the unit of the mesh",
             ScarlWarning, stacklevel=4,
         )  # fmt: skip
-
-
-def _surfaces(
-    material: Material, frequency: Real, materials: MaterialTable | None
-) -> list[tuple[Surface, npt.NDArray[np.int64]]]:
-    """Return surfaces and the rows for which each is valid: one for a conductor, else one a frequency."""
-    entry: Any = material
-    if isinstance(material, str):
-        if material.lower() in ("metal", "pec"):
-            return [(Surface(), np.arange(len(frequency)))]
-        entry = (materials if materials is not None else builtin_materials())[material]
-    elif not isinstance(material, RadioMaterial):
-        entry = _permittivity(material)
-    parts = []
-    for value in np.unique(frequency):
-        if isinstance(entry, RadioMaterial):
-            surface = Surface(entry.at(float(value)), entry.thickness, float(value))
-        else:
-            surface = Surface(entry, None, float(value))
-        parts.append((surface, np.flatnonzero(frequency == value)))
-    return parts
-
-
-def _permittivity(value: Any) -> complex:
-    try:
-        number = complex(value)
-    except (TypeError, ValueError):
-        raise ParameterRangeError(
-            "material", repr(value), "a name, a RadioMaterial or a complex permittivity"
-        ) from None
-    if not (np.isfinite(number) and number.real >= 1.0 and number.imag <= 0.0):
-        raise ParameterRangeError(
-            "material", number, "relative permittivity with real part >= 1 and imaginary part <= 0",
-            "losses are a negative imaginary part (time dependence e^{+jwt})",
-        )  # fmt: skip
-    return number
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,7 +244,7 @@ def rcs_cut(
     step_deg: float = 1.0,
     fixed_angle_deg: float | None = None,
     materials: MaterialTable | None = None,
-    settings: SbrSettings = DEFAULT_SBR,
+    settings: SbrSettings | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> RcsCut:
     """Return the monostatic RCS over a full turn of phi, or over theta from 0 to 180 deg.

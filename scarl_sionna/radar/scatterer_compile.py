@@ -6,7 +6,6 @@ import hashlib
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +14,9 @@ from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.world.materials import MaterialTable
 
-from .rcs import Material, Mesh, load_body
-from .sbr import Body, SbrSettings
-from .scatterer_footprints import Footprints, footprints, surface_of
+from .body_parts import Material, Mesh, load_body, material_names, surfaces_of
+from .sbr import Body, PartSurfaces, SbrSettings
+from .scatterer_footprints import Footprints, footprints
 from .scatterers import ScattererModel, direction_of
 
 Array = npt.NDArray[np.float64]
@@ -72,8 +71,8 @@ def compile_scatterers(
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh, path or Body
-        [m], in the frame of the body.
+    mesh : trimesh.Trimesh, path, Body, sequence of (mesh, material) or mapping of material to mesh
+        [m], in the frame of the body; parts of several materials as in :func:`scarl_sionna.radar.rcs.rcs`.
     frequency : float
         [Hz].
     azimuths_deg : (float, float)
@@ -88,7 +87,7 @@ def compile_scatterers(
         Rays are traced once for all aspects within half of this in azimuth and in elevation; between, what is lit is kept and only
         its phases are turned [deg]. A step smaller than that of the aspects traces each of them.
     material : str, complex or RadioMaterial
-        Of the whole mesh, as of :func:`scarl_sionna.radar.rcs.rcs`.
+        Of a mesh without materials of its own. A rough one keeps its coherent part, sqrt(1 - S^2), as in the solver `sbr`.
     materials : MaterialTable, optional
     settings : SbrSettings
         Bounces and rays.
@@ -127,12 +126,12 @@ def compile_scatterers(
         raise ParameterRangeError("trace_step_deg", f"{trace_step_deg} deg", "> 0 deg")
     _warn_of_steps(azimuth, elevation, voxel, frequency)
     body = load_body(mesh)
-    surface = surface_of(material, frequency, materials)
+    surfaces = next(surfaces_of(body, material, np.array([float(frequency)]), materials, rough=True))[0]
     blocks = list(_blocks(azimuth, elevation, np.radians(trace_step_deg)))
     keys = np.zeros(0, np.int64)
     for block in _shown(blocks, progress):
         toward = direction_of(*block.traced)
-        found = _cut(footprints(body, surface, toward, frequency, settings), voxel)
+        found = _cut(footprints(body, surfaces, toward, frequency, settings), voxel)
         _fill(block, found, azimuth, elevation, toward, frequency, voxel)
         keys = np.union1d(keys, block.keys)
         size = 32 * len(azimuth) * len(elevation) * len(keys)
@@ -149,11 +148,11 @@ def compile_scatterers(
         elevation_reach=0.0 if len(elevation) > 1 else _reach(body, wavelength),
         provenance={
             "source": "physical optics of a mesh", "mesh_sha256": hashlib.sha256(corners.tobytes()).hexdigest(),
-            "num_faces": len(corners), "material": _name(material), "settings": settings.model_dump(),
+            "num_faces": len(corners), "material": ", ".join(dict.fromkeys(material_names(body, material))), "settings": settings.model_dump(),
             "trace_step_deg": float(trace_step_deg), "extent": np.ptp(corners.reshape(-1, 3), axis=0).tolist(),
         },
     )  # fmt: skip
-    error = _measured(model, body, surface, settings, num_checks) if num_checks and len(azimuth) > 1 else {}
+    error = _measured(model, body, surfaces, settings, num_checks) if num_checks and len(azimuth) > 1 else {}
     return ScattererModel(**{**vars(model), "error": error})
 
 
@@ -177,10 +176,6 @@ def _reach(body: Body, wavelength: float) -> float:
     """Return how far from the only elevation the amplitudes hold: the body's phase in height turns by less than 90 deg."""
     height = float(np.ptp(body.triangles.corners[:, :, 2]))
     return min(wavelength / (8.0 * max(height, wavelength)), np.radians(5.0))
-
-
-def _name(material: Any) -> str:
-    return str(getattr(material, "name", material))
 
 
 def _warn_of_steps(azimuth: Array, elevation: Array, voxel: float, frequency: float) -> None:
@@ -308,7 +303,7 @@ def check_frequencies(model: ScattererModel) -> Array:
 
 
 def _measured(
-    model: ScattererModel, body: Body, surface: Any, settings: SbrSettings, num_checks: int
+    model: ScattererModel, body: Body, surfaces: PartSurfaces, settings: SbrSettings, num_checks: int
 ) -> dict[str, float]:
     """Return the error per range cell at aspects half-way between compiled ones."""
     frequencies = check_frequencies(model)
@@ -320,7 +315,7 @@ def _measured(
     cells = []
     for az, el in zip(azimuths, elevations, strict=True):
         toward = direction_of(az, el)
-        found = footprints(body, surface, toward, model.frequency, settings)
+        found = footprints(body, surfaces, toward, model.frequency, settings)
         zero = np.zeros((len(found), 3))
         truth = np.stack([found.strength(toward, f, zero) @ found.amplitude[:, 0, 0] for f in frequencies])
         guess = model.scattering_matrix(np.pi / 2.0 - el, az, frequencies)[:, 0, 0]

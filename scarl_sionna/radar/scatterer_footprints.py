@@ -8,16 +8,13 @@ one for directions near the one that was traced.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.world.materials import MaterialTable
 
-from .rcs import _surfaces
-from .sbr import Body, SbrSettings, Surface
+from .sbr import Body, PartSurfaces, SbrSettings
 from .sbr.caster import MISS
 from .sbr.phase import triangle_phase_integral
 from .sbr.solve import unit_vectors
@@ -80,18 +77,15 @@ class Footprints:
         return np.asarray(-0.25j * k / np.pi * integral * np.exp(2j * k * ((self.offset - reference) @ toward)))
 
 
-def surface_of(material: Any, frequency: float, materials: MaterialTable | None) -> Surface:
-    """Return what a material, given as in :func:`scarl_sionna.radar.rcs.rcs`, reflects like at a frequency."""
-    return _surfaces(material, np.array([float(frequency)]), materials)[0][0]
-
-
-def footprints(body: Body, surface: Surface, toward: Array, frequency: float, settings: SbrSettings) -> Footprints:
+def footprints(
+    body: Body, surfaces: PartSurfaces, toward: Array, frequency: float, settings: SbrSettings
+) -> Footprints:
     """Return all footprints that a radar far away in direction `toward` lights and sees.
 
     Parameters
     ----------
     body : Body
-    surface : Surface
+    surfaces : PartSurfaces
     toward : ndarray of float64, shape (3,)
         Unit vector from the body to the radar.
     frequency : float
@@ -102,7 +96,9 @@ def footprints(body: Body, surface: Surface, toward: Array, frequency: float, se
     r_hat, theta_hat, phi_hat = unit_vectors(theta, phi)
     waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), np.array([SPEED_OF_LIGHT / frequency]))
     receive = np.stack([theta_hat[0], phi_hat[0]])
-    parts = [_seen(body, bounce, r_hat[0], receive, waves, settings) for bounce in bounces(body, surface, waves, settings)]
+    parts = [
+        _seen(body, bounce, r_hat[0], receive, waves, settings) for bounce in bounces(body, surfaces, waves, settings)
+    ]
     return Footprints.joined(parts)
 
 
@@ -121,7 +117,7 @@ def _seen(body: Body, bounce: Bounce, toward: Array, receive: Array, waves: Wave
 
         size = np.full(len(tested), waves.wavelength[0])
         for tri, at, dark in refine(
-            corners[tested], tested, hidden, settings.ray_spacing * size, settings.edge_spacing * size, settings.max_rays
+            corners[tested], tested, hidden, settings.ray_spacing * size, settings.edge_spacing * size, *settings.limits
         ):
             rows.append(at[dark == 0])
             pieces.append(tri[dark == 0])

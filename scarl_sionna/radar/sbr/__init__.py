@@ -9,6 +9,6 @@ from __future__ import annotations
 from .body import Body
 from .settings import DEFAULT_SBR, SbrSettings
 from .solve import Looks, scattering_matrices
-from .surface import Surface
+from .surface import PartSurfaces, Surface
 
-__all__ = ["DEFAULT_SBR", "Body", "Looks", "SbrSettings", "Surface", "scattering_matrices"]
+__all__ = ["DEFAULT_SBR", "Body", "Looks", "PartSurfaces", "SbrSettings", "Surface", "scattering_matrices"]

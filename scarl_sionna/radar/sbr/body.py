@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +36,7 @@ class Body:
     triangles : Triangles
         Float64 faces, none degenerate.
     plane : ndarray of int64, shape (num_faces,)
-        Number of the plane in which each face lies.
+        Number of the plane in which each face lies; faces of one plane belong to one part.
     one_sided : bool
         Whether every part of the mesh is closed and its normals point outwards, so that only front faces can be lit.
     free : ndarray of bool, shape (num_faces, 2)
@@ -44,6 +45,10 @@ class Body:
     num_degenerate : int
         Faces without area that were left out.
     caster : Caster
+    part : ndarray of int64, shape (num_faces,)
+        Part of the body to which each face belongs, which has one material.
+    materials : tuple
+        What each part is made of; empty where the caller says it for the only part.
     """
 
     triangles: Triangles
@@ -52,10 +57,12 @@ class Body:
     free: npt.NDArray[np.bool_]
     num_degenerate: int
     caster: Caster
+    part: npt.NDArray[np.int64]
+    materials: tuple[Any, ...] = ()
 
-    @classmethod
-    def from_mesh(cls, vertices: npt.ArrayLike, faces: npt.ArrayLike) -> Body:
-        """Make a body from vertices (n, 3) [m] and faces (m, 3).
+    @staticmethod
+    def checked(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> tuple[Array, npt.NDArray[np.int64]]:
+        """Return vertices (n, 3) [m] and faces (m, 3) of a mesh as arrays.
 
         Raises
         ------
@@ -71,15 +78,36 @@ class Body:
         if not np.all(np.isfinite(points[index])):
             count = int(np.count_nonzero(~np.isfinite(points).all(axis=1)))
             raise MeshError(f"{count} vertices are not finite (NaN or infinite)", remedy="repair the mesh")
+        if _degenerate(points[index]).all():
+            raise MeshError(f"all {len(index)} faces of the mesh have no area", remedy="repair the mesh")
+        return points, index
+
+    @classmethod
+    def from_mesh(
+        cls,
+        vertices: npt.ArrayLike,
+        faces: npt.ArrayLike,
+        part: npt.NDArray[np.int64] | None = None,
+        materials: tuple[Any, ...] = (),
+    ) -> Body:
+        """Make a body from vertices (n, 3) [m], faces (m, 3) and the part (m,) to which each face belongs.
+
+        Raises
+        ------
+        MeshError
+            As :meth:`checked`.
+        """
+        points, index = cls.checked(vertices, faces)
         corners = points[index]
         kept = ~_degenerate(corners)
-        if not kept.any():
-            raise MeshError(f"all {len(index)} faces of the mesh have no area", remedy="repair the mesh")
         outward = _is_outward(corners)
         triangles = Triangles.from_meshes([corners[kept].reshape(-1, 3)], [np.arange(3 * kept.sum()).reshape(-1, 3)])
         caster = Caster(triangles.corners)
-        plane = _planes(triangles, caster)
-        return cls(triangles, plane, outward, _free(triangles, caster), int((~kept).sum()), caster)
+        of_part = np.zeros(len(index), dtype=np.int64) if part is None else np.asarray(part, dtype=np.int64)
+        of_part = of_part[kept]
+        plane = _planes(triangles, of_part, caster)
+        free = _free(triangles, caster)
+        return cls(triangles, plane, outward, free, int((~kept).sum()), caster, of_part, materials)
 
     @property
     def size(self) -> float:
@@ -116,14 +144,15 @@ def _is_outward(corners: Array) -> bool:
     return bool(np.all(volume > 0.0))
 
 
-def _planes(triangles: Triangles, caster: Caster) -> npt.NDArray[np.int64]:
+def _planes(triangles: Triangles, part: npt.NDArray[np.int64], caster: Caster) -> npt.NDArray[np.int64]:
     """Return the number of each face's plane; its two sides have one number."""
     normal = triangles.normal
     height = (triangles.offset - normal @ caster.center) / caster.radius
     pivot = np.abs(normal).argmax(axis=1)
     sign = np.sign(normal[np.arange(len(normal)), pivot])
     key = np.column_stack([normal * sign[:, None], height * sign])
-    return np.unique(np.round(key / _SAME_PLANE).astype(np.int64), axis=0, return_inverse=True)[1].reshape(-1)
+    key = np.column_stack([np.round(key / _SAME_PLANE).astype(np.int64), part])
+    return np.unique(key, axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _free(triangles: Triangles, caster: Caster) -> npt.NDArray[np.bool_]:

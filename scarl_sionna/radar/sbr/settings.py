@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
+
+FINE_SIZE = 140.0
+"""Bodies up to 1.4 times this many wavelengths have the finest default; then rays stand twice as far apart with each doubling."""
+COARSEST = 4
+"""Doublings at most: rays 16 wavelengths apart."""
+COARSE_BISECTIONS = 5
 
 
 class SbrSettings(Spec):
@@ -20,6 +28,9 @@ class SbrSettings(Spec):
         0.25, gt=0.0, le=16.0,
         description="tubes that straddle an edge are halved down to this size [wavelengths] and then cut along it",
     )  # fmt: skip
+    bisections: int = Field(
+        11, ge=1, le=24, description="the place of an edge is found to 2^-bisections of the tube that it cuts"
+    )
     max_rays: int = Field(
         1_000_000, ge=1000, description="rays and tubes worked at once: bounds the memory (docs/rcs.md)"
     )
@@ -29,6 +40,23 @@ class SbrSettings(Spec):
         if self.edge_spacing > self.ray_spacing:
             raise ValueError("edge_spacing <= ray_spacing")
         return self
+
+    @classmethod
+    def for_size(cls, size: float) -> SbrSettings:
+        """Return the default for a body whose largest extent is `size` wavelengths.
+
+        What a cut along one edge can be wrong by is an area of some `edge_spacing` squared, while a body's echo grows with its
+        own size: so rays of a large body stand farther apart. docs/rcs.md has the measured error of a car (1,100 wavelengths).
+        """
+        steps = int(min(max(round(math.log2(max(size, 1.0) / FINE_SIZE)), 0), COARSEST))
+        if not steps:
+            return DEFAULT_SBR
+        return cls(ray_spacing=2.0**steps, edge_spacing=2.0 ** (steps - 1), bisections=COARSE_BISECTIONS)
+
+    @property
+    def limits(self) -> tuple[int, int]:
+        """Rays at once and bisections: the last two arguments of :func:`.tubes.refine`."""
+        return self.max_rays, self.bisections
 
 
 DEFAULT_SBR = SbrSettings()

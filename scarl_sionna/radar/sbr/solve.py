@@ -12,7 +12,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from .body import Body
 from .phase import triangle_phase_integral
 from .settings import DEFAULT_SBR, SbrSettings
-from .surface import Surface, radiating_vector
+from .surface import PartSurfaces, radiating_vector
 from .trace import Bounce, Waves, bounces
 from .tubes import refine
 
@@ -96,15 +96,15 @@ def _plan(looks: Looks) -> _Plan:
 
 
 def scattering_matrices(
-    body: Body, surface: Surface, looks: Looks, settings: SbrSettings = DEFAULT_SBR
+    body: Body, surfaces: PartSurfaces, looks: Looks, settings: SbrSettings = DEFAULT_SBR
 ) -> npt.NDArray[np.complex128]:
     r"""Return the far-field scattering matrix of a mesh for every look.
 
     Parameters
     ----------
     body : Body
-    surface : Surface
-        Of all faces. A dielectric is valid at its own frequency only.
+    surfaces : PartSurfaces
+        One for each part of the body. A dielectric is valid at its own frequency only.
     looks : Looks
     settings : SbrSettings
 
@@ -130,7 +130,7 @@ def scattering_matrices(
     result = np.zeros((len(looks), 4), dtype=np.complex128)
     if len(looks):
         plan = _plan(looks)
-        for bounce in bounces(body, surface, plan.waves, settings):
+        for bounce in bounces(body, surfaces, plan.waves, settings):
             _add_bounce(result, body, bounce, plan, settings)
     return result.reshape(len(looks), 2, 2)
 
@@ -179,7 +179,7 @@ def _add_visible(
 
     wavelength = plan.waves.wavelength[tubes.wave[tube]]
     sizes = (settings.ray_spacing * wavelength, settings.edge_spacing * wavelength)
-    for corners, rows, dark in refine(tubes.corners[tube], np.arange(len(tube)), hidden, *sizes, settings.max_rays):
+    for corners, rows, dark in refine(tubes.corners[tube], np.arange(len(tube)), hidden, *sizes, *settings.limits):
         seen = dark == 0
         _radiate(result, bounce, plan, tube[rows[seen]], view[rows[seen]], corners[seen])
 

@@ -30,11 +30,14 @@ class Surface:
         Of a layer with air behind [m]; None is a half space.
     frequency : float
         [Hz].
+    coherence : float
+        Part of the reflected field that a rough surface leaves in the mirror reflection, 0 to 1.
     """
 
     permittivity: complex | None = None
     thickness: float | None = None
     frequency: float = 77e9
+    coherence: float = 1.0
 
     def coefficients(self, cosine: Real) -> tuple[Complex, Complex]:
         """Return TE and TM reflection coefficients; a perfect conductor has -1 and +1."""
@@ -59,13 +62,33 @@ class Surface:
         onward = direction + 2.0 * cosine[:, None] * normal
         if self.permittivity is None:  # n x E changes its sign, n . E keeps it
             along = np.einsum("ij,ijp->ip", normal, field)
-            return 2.0 * normal[:, :, None] * along[:, None, :] - field, onward
-        te, tm = self.coefficients(np.clip(cosine, 0.0, 1.0))
+            return self.coherence * (2.0 * normal[:, :, None] * along[:, None, :] - field), onward
+        te, tm = (self.coherence * value for value in self.coefficients(np.clip(cosine, 0.0, 1.0)))
         axis = _te_axis(direction, normal)
         amplitude_te = te[:, None] * np.einsum("ij,ijp->ip", axis, field)
         amplitude_tm = tm[:, None] * np.einsum("ij,ijp->ip", np.cross(direction, axis), field)
         tm_axis = np.cross(onward, axis)
         return axis[:, :, None] * amplitude_te[:, None] + tm_axis[:, :, None] * amplitude_tm[:, None], onward
+
+
+@dataclass(frozen=True)
+class PartSurfaces:
+    """What the parts of a body reflect like."""
+
+    parts: tuple[Surface, ...] = (Surface(),)
+
+    def reflect(
+        self, part: npt.NDArray[np.int64], field: Complex, direction: Real, normal: Real
+    ) -> tuple[Complex, Real]:
+        """Return the reflected field and its direction; `part` (num_tubes,) numbers the surfaces, the rest is as for one."""
+        if len(set(self.parts)) == 1:
+            return self.parts[0].reflect(field, direction, normal)
+        reflected, onward = np.empty_like(field), np.empty_like(direction)
+        for number, surface in enumerate(self.parts):
+            rows = np.flatnonzero(part == number)
+            if len(rows):
+                reflected[rows], onward[rows] = surface.reflect(field[rows], direction[rows], normal[rows])
+        return reflected, onward
 
 
 def _te_axis(direction: Real, normal: Real) -> Real:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from .body import Body
 from .caster import MISS
 from .settings import SbrSettings
-from .surface import Surface
+from .surface import PartSurfaces
 from .tubes import refine
 
 Array = npt.NDArray[np.float64]
@@ -59,6 +59,8 @@ class Tubes:
         Electric field without that phase, of the V and the H wave.
     free : ndarray of bool, shape (num_tubes,)
         Whether nothing of the mesh stands in front of the lit side.
+    part : ndarray of int64, shape (num_tubes,)
+        Part of the body on which the footprint lies.
     """
 
     corners: Array
@@ -68,6 +70,7 @@ class Tubes:
     path: Array
     incident: npt.NDArray[np.complex128]
     free: npt.NDArray[np.bool_]
+    part: Index
 
     def __len__(self) -> int:
         return len(self.wave)
@@ -88,7 +91,7 @@ class Bounce:
     onward: Array
 
 
-def bounces(body: Body, surface: Surface, waves: Waves, settings: SbrSettings) -> Iterator[Bounce]:
+def bounces(body: Body, surfaces: PartSurfaces, waves: Waves, settings: SbrSettings) -> Iterator[Bounce]:
     """Yield every footprint that the waves light, bounce after bounce, in batches of bounded size."""
     stack = [(1, faces) for faces in _facing(body, waves, settings)]
     stack.reverse()
@@ -97,7 +100,7 @@ def bounces(body: Body, surface: Surface, waves: Waves, settings: SbrSettings) -
         depth, tubes = stack.pop()
         pieces = _gather(_lit(body, waves, tubes, settings), limit) if depth == 1 else iter((tubes,))
         for part in pieces:
-            reflected, onward = surface.reflect(part.incident, part.direction, part.normal)
+            reflected, onward = surfaces.reflect(part.part, part.incident, part.direction, part.normal)
             bounce = Bounce(depth, part, reflected, onward)
             yield bounce
             if depth < settings.max_depth:
@@ -140,6 +143,7 @@ def _facing(body: Body, waves: Waves, settings: SbrSettings) -> Iterator[Tubes]:
         yield Tubes(
             body.triangles.corners[face], wave, waves.direction[wave], normal[face] * side[:, None],
             np.zeros(len(wave)), waves.field[wave].astype(np.complex128), body.free[face, (side < 0).astype(np.int64)],
+            body.part[face],
         )  # fmt: skip
 
 
@@ -158,7 +162,7 @@ def _lit(body: Body, waves: Waves, tubes: Tubes, settings: SbrSettings) -> Itera
         yield tubes.take(np.flatnonzero(tubes.free))
         tubes = tubes.take(np.flatnonzero(~tubes.free))
     sizes = _sizes(waves, tubes.wave, settings)
-    for corners, rows, dark in refine(tubes.corners, np.arange(len(tubes)), shadowed, *sizes, settings.max_rays):
+    for corners, rows, dark in refine(tubes.corners, np.arange(len(tubes)), shadowed, *sizes, *settings.limits):
         lit = dark == 0
         yield tubes.take(rows[lit], corners[lit])
 
@@ -174,7 +178,7 @@ def _next(body: Body, waves: Waves, bounce: Bounce, settings: SbrSettings) -> It
 
     chosen = np.flatnonzero(~tubes.free)
     sizes = _sizes(waves, tubes.wave[chosen], settings)
-    for corners, rows, plane in refine(tubes.corners[chosen], chosen, plane_met, *sizes, settings.max_rays):
+    for corners, rows, plane in refine(tubes.corners[chosen], chosen, plane_met, *sizes, *settings.limits):
         face = plane_face[plane]
         direction = bounce.onward[rows]
         cosine = np.einsum("ij,ij->i", direction, triangles.normal[face])
@@ -190,4 +194,5 @@ def _next(body: Body, waves: Waves, bounce: Bounce, settings: SbrSettings) -> It
         yield Tubes(
             landed, tubes.wave[rows], direction, -normal * np.sign(cosine)[:, None],
             tubes.path[rows] + turn, bounce.reflected[rows], body.free[face, (cosine > 0).astype(np.int64)],
+            body.part[face],
         )  # fmt: skip
