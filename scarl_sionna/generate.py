@@ -191,7 +191,7 @@ def run(scenario: ScenarioSpec, out: str | Path, *, overwrite: bool = False, on_
     if num_done < len(times):
         report("scene")
         started = perf_counter()
-        world = _load_world(scenario)
+        world = load_world(scenario)
         add("scene", started)
         for frame in simulate(world, rig, times, scenario.seed, skip=done, on_stage=report):
             report("writing", 1.0)
@@ -236,7 +236,7 @@ def _version(package: str) -> str:
         return "not installed"
 
 
-def _load_world(scenario: ScenarioSpec) -> World:
+def load_world(scenario: ScenarioSpec) -> World:
     """Load the scene and check that its motion covers all frames."""
     from scarl_sionna.world import load_scene  # here, so that reading a scenario does not start the engine
 

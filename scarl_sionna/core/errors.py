@@ -106,5 +106,9 @@ class DatasetError(ScarlError):
         super().__init__(where + message + (f"; {remedy}" if remedy else ""))
 
 
+class ExportError(ScarlError, RuntimeError):
+    """An export stopped; what was finished is kept, and the same command goes on from there."""
+
+
 class ScarlWarning(UserWarning):
     """A result is outside the range in which its method is right."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Literal
 
@@ -23,6 +24,15 @@ class ScenarioSpec(Spec):
     frame_rate: float = Field(10.0, gt=0.0, le=1e6, description="[Hz]")
     start_time: float = Field(0.0, description="time of the first frame [s]")
     seed: int = Field(0, ge=0, description="root of all random numbers")
+    name: str | None = Field(
+        None, pattern=r"^[A-Za-z0-9_\-]+$", description="name of the sequence in a dataset; default: that of the scene"
+    )
+    split: Literal["train", "val", "test"] = Field("train", description="split of a dataset that it belongs to")
+
+    @property
+    def scene_name(self) -> str:
+        """Name of the sequence in a dataset."""
+        return self.name or re.sub(r"[^A-Za-z0-9_\-]", "_", Path(self.scene).stem)
 
     @property
     def times(self) -> tuple[float, ...]:
