@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-NONE, SPECULAR, DIFFUSE, REFRACTION = 0, 1, 2, 4
+NONE, SPECULAR, DIFFUSE, REFRACTION, DIFFRACTION = 0, 1, 2, 4, 8
 """Kinds of interaction, the numbers of Sionna RT's ``InteractionType``."""
 MIN_SEGMENT = 1e-2
 """Sionna RT drops paths with a segment shorter than this [m] (``MIN_SEGMENT_LENGTH``)."""
@@ -101,6 +101,7 @@ def trace_paths(
     specular: bool = True,
     diffuse: bool = False,
     refraction: bool = False,
+    diffraction: bool = False,
     seed: int = 0,
 ) -> TracedPaths:
     """Trace the paths from a source to targets with ``PathSolver(deterministic=True)``.
@@ -118,8 +119,9 @@ def trace_paths(
         Rays that look for candidates, over the whole sphere.
     max_num_paths : int
         Size of the solver's buffer of candidates, for each call of it.
-    specular, diffuse, refraction : bool
-        Interactions that are looked for.
+    specular, diffuse, refraction, diffraction : bool
+        Interactions that are looked for; diffraction at most once in a path, at edges between faces and at ends of sheets,
+        in the light and in the shadow.
     seed : int
         Of the choice of interaction where several kinds are on.
 
@@ -142,6 +144,8 @@ def trace_paths(
         "specular_reflection": specular,
         "diffuse_reflection": diffuse,
         "refraction": refraction,
+        "diffraction": diffraction,
+        "edge_diffraction": diffraction,
         "seed": seed,
     }
     with variant.radio() as mi:
@@ -259,27 +263,8 @@ def _ordered(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
 
 
 def surface_velocity(state: WorldState, part: npt.NDArray[np.int64], point: Array) -> Array:
-    """Return the velocity of surface points.
-
-    Parameters
-    ----------
-    state : WorldState
-    part : ndarray of int64, shape (n,)
-        Row of the part table; -1 is at rest.
-    point : ndarray of float64, shape (n, 3)
-        [m, world].
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 3)
-        [m/s, world].
-    """
-    velocity = np.zeros_like(point)
-    actor = np.where(part >= 0, state.world.parts.actor[part], -1)
-    for index in np.unique(actor[actor >= 0]):
-        name, rows = state.world.actors[index].name, actor == index
-        velocity[rows] = state.actor_twist(name).velocity_at(point[rows] - state.actor_pose(name).position)
-    return velocity
+    """Return the velocity of surface points, see :meth:`WorldState.point_velocity`."""
+    return state.point_velocity(part, point)
 
 
 def mirror_extent(state: WorldState, part: int, face: int) -> float:

@@ -1,4 +1,4 @@
-"""Tells where a mirror reflection is not to be trusted: mirrors smaller than the first Fresnel zone on them."""
+"""Tells where mirrors and edges are not to be trusted: smaller than the first Fresnel zone on them, or bent wavefronts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ScarlWarning
-from scarl_sionna.world.path_tracing import SPECULAR, mirror_extent
+from scarl_sionna.world.path_tracing import DIFFRACTION, SPECULAR, mirror_extent
 
 from .legs import Legs
 
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
 
 Array = npt.NDArray[np.float64]
+
+WAVEFRONT_ERROR = 0.1
+"""Phase [rad] that an antenna may be off behind an edge before there is a warning: 20 dB below the path, coherently."""
 
 
 def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
@@ -37,26 +40,42 @@ def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
 
 
 def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tuple[Legs, Array]]) -> int:
-    """Warn once of the mirror that is smallest against its Fresnel zone, and return the number of such reflections."""
+    """Warn once of the mirror or edge that is smallest against its Fresnel zone; return the number of such interactions."""
     extents: dict[tuple[int, int], float] = {}
-    num_small, worst = 0, (1.0, 0.0, 0.0, -1)
+    num_small, worst = 0, (1.0, 0.0, 0.0, -1, SPECULAR)
     for legs, start in mirrors:
         zones = zone_diameters(legs, start, wavelength)
-        for leg, k in zip(*np.nonzero(legs.kind == SPECULAR), strict=True):
-            key = int(legs.part[leg, k]), int(legs.face[leg, k])
-            if key not in extents:
+        for leg, k in zip(*np.nonzero((legs.kind == SPECULAR) | (legs.kind == DIFFRACTION)), strict=True):
+            key, kind = (int(legs.part[leg, k]), int(legs.face[leg, k])), int(legs.kind[leg, k])
+            if kind == SPECULAR and key not in extents:
                 extents[key] = mirror_extent(state, *key)
-            extent, zone = extents[key], float(zones[leg, k])
+            extent = extents[key] if kind == SPECULAR else float(legs.edge_length[leg])
+            zone = float(zones[leg, k])
             if extent < zone:
                 num_small += 1
-                worst = min(worst, (extent / zone, extent, zone, key[0]))
+                worst = min(worst, (extent / zone, extent, zone, key[0], kind))
     if num_small:
         name = state.world.instances[int(state.world.parts.instance[worst[3]])].name
+        what = "a flat face" if worst[4] == SPECULAR else "an edge"
         warnings.warn(
-            f"{num_small} mirror reflection(s) at surfaces smaller than the first Fresnel zone, most of all '{name}': a flat "
-            f"face of {worst[1]:.2g} m where the zone is {worst[2]:.2g} m across. The mirror amplitude ignores the size and "
-            "the curvature of a surface, so these echoes are wrong, most often too strong; use method='sbr' for such objects",
+            f"{num_small} mirror reflection(s) or diffraction(s) at surfaces smaller than the first Fresnel zone, most of all "
+            f"'{name}': {what} of {worst[1]:.2g} m where the zone is {worst[2]:.2g} m across. The amplitude ignores the size "
+            "and the curvature of a surface, so these echoes are wrong, most often too strong; use method='sbr' for such objects",
             ScarlWarning,
             stacklevel=4,
         )
     return num_small
+
+
+def warn_of_edge_wavefronts(wavelength: float, mirrors: list[tuple[Legs, Array]]) -> float:
+    """Warn where the wavefront of an edge is no sphere over the antennas; return the largest error of a length [m]."""
+    error = max((float(legs.spread.max(initial=0.0)) for legs, _ in mirrors), default=0.0)
+    if error * 2.0 * np.pi / wavelength > WAVEFRONT_ERROR:
+        warnings.warn(
+            f"an edge's wavefront has two radii, and over this array it is up to {error * 1e3:.2g} mm "
+            f"({360.0 * error / wavelength:.0f} deg of phase) off the one sphere that a path holds; solve for parts of the array "
+            "apart (rx_pose=...), or leave diffraction out",
+            ScarlWarning,
+            stacklevel=4,
+        )
+    return error

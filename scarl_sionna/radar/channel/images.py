@@ -18,6 +18,9 @@ from scarl_sionna.world.materials import RadioMaterial
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
+Coefficients = Callable[[int, Array], tuple[Complex, Complex, Complex, Complex]]
+"""``(k, cos_incidence) -> (reflection TE, TM, transmission TE, TM)`` of the k-th interaction of every path."""
+
 SLACK = 0.05
 """Interaction points may be this far out of order along the ray [m]: small against every Fresnel zone at a radar's range."""
 _HEAD_ON = 1e-9
@@ -137,13 +140,7 @@ def spherical_basis(rotation: Array, direction: Array) -> Array:
     return np.stack([theta, phi], axis=1) @ rotation.T
 
 
-def transfer(
-    chain: Chain,
-    travel: Array,
-    tx_basis: Array,
-    rx_basis: Array,
-    coefficients: Callable[[int, Array], tuple[Complex, Complex, Complex, Complex]],
-) -> Complex:
+def transfer(chain: Chain, travel: Array, tx_basis: Array, rx_basis: Array, coefficients: Coefficients) -> Complex:
     """Return the polarimetric transfer of the chains without spreading, shape (num_paths, 2, 2).
 
     Parameters
@@ -161,7 +158,12 @@ def transfer(
     ndarray of complex128
         Rows: received; columns: transmitted.
     """
-    field = tx_basis.astype(np.complex128)
+    field = propagated(chain, travel, tx_basis.astype(np.complex128), coefficients)
+    return np.einsum("pri,pti->prt", rx_basis, field)
+
+
+def propagated(chain: Chain, travel: Array, field: Complex, coefficients: Coefficients) -> Complex:
+    """Return fields behind the chains, shape (num_paths, num_fields, 3), from those before; the rest as in `transfer`."""
     before = travel[:, 0]
     for k in range(chain.max_depth):
         used = chain.mirror[:, k] | chain.pane[:, k]
@@ -175,7 +177,7 @@ def transfer(
         onward = te[:, :, None] * te_axis[:, None] + tm[:, :, None] * np.cross(te_axis, after)[:, None]
         field = np.where(used[:, None, None], onward, field)
         before = after
-    return np.einsum("pri,pti->prt", rx_basis, field)
+    return field
 
 
 def _te_axis(direction: Array, normal: Array) -> Array:
@@ -192,7 +194,7 @@ def _te_axis(direction: Array, normal: Array) -> Array:
 
 def material_coefficients(
     materials: list[RadioMaterial], index: npt.NDArray[np.int64], frequency: float
-) -> Callable[[int, Array], tuple[Complex, Complex, Complex, Complex]]:
+) -> Coefficients:
     """Return the coefficients of chains for :func:`transfer`.
 
     Parameters

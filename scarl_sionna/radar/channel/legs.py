@@ -1,15 +1,18 @@
-"""Legs: coherent paths of mirror reflections and panes from a radar to points, exact in float64."""
+"""Legs: coherent paths of mirrors, panes and at most one edge from a radar to points, exact in float64."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.world.path_tracing import DIFFUSE, REFRACTION, SPECULAR, TracedPaths, surface_velocity
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.world.path_tracing import DIFFRACTION, DIFFUSE, REFRACTION, SPECULAR, TracedPaths, surface_velocity
 
+from .diffraction import EdgeLeg, edge_leg
 from .images import Chain, material_coefficients, spherical_basis, transfer
 
 if TYPE_CHECKING:
@@ -23,11 +26,15 @@ SAME_POINT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Station:
-    """One end of a radar link: position [m], velocity [m/s], and axes as columns of `rotation`, all in the world."""
+    """One end of a radar link: position [m], velocity [m/s], and axes as columns of `rotation`, all in the world.
+
+    `arms`, shape (num_antennas, 3), are the antennas seen from `position` [m].
+    """
 
     position: Array
     velocity: Array
     rotation: Array
+    arms: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +50,21 @@ class Legs:
     point : ndarray of float64, shape (num_legs, max_depth, 3)
         Interaction points [m, world].
     image : ndarray of float64, shape (num_legs, 3)
-        Image of the end point seen from the station [m, world].
+        Image of the end point seen from the station [m, world]; over an edge, the virtual point that serves the antennas.
     isometry : ndarray of float64, shape (num_legs, 3, 4)
-        Maps the end point to its image.
+        Maps the end point to its image; NaN over an edge.
     length, rate, acceleration : ndarray of float64, shape (num_legs,)
         [m], [m/s], [m/s2].
     transfer : ndarray of complex128, shape (num_legs, 2, 2)
         Without spreading; rows: at the end point, columns: at the station.
+    inner : ndarray of float64, shape (num_legs,)
+        Length behind `image` [m]: zero but over an edge.
+    rear : ndarray of float64, shape (num_legs, 3)
+        The edge as the end point sees it [m, world]; NaN without one.
+    spread : ndarray of float64, shape (num_legs,)
+        Largest error of the length to any antenna by taking the edge's wavefront, which has two radii, for a sphere [m].
+    edge_length : ndarray of float64, shape (num_legs,)
+        [m]; infinite without an edge.
     """
 
     target: npt.NDArray[np.int64]
@@ -63,6 +78,10 @@ class Legs:
     rate: Array
     acceleration: Array
     transfer: npt.NDArray[np.complex128]
+    inner: Array
+    rear: Array
+    spread: Array
+    edge_length: Array
 
     @property
     def depth(self) -> npt.NDArray[np.int32]:
@@ -103,14 +122,36 @@ def legs_of(
     -------
     Legs
         Sorted by target, depth, kinds, parts and points, without paths that nothing passes through, those that miss a
-        plane in float64, and those that are there already.
+        plane or an edge in float64, and those that are there already.
 
     Raises
     ------
     MaterialRangeError
         If a material that is met has no data at this frequency.
     """
-    rows = ~(traced.kind == DIFFUSE).any(axis=1)
+    scattered, bent = ((traced.kind == kind).any(axis=1) for kind in (DIFFUSE, DIFFRACTION))
+    legs = _straight(state, traced, ~scattered & ~bent, station, ends, end_velocity, end_rotation, frequency)
+    rows = np.flatnonzero(bent & ~scattered)
+    if len(rows):
+        wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
+        over = [
+            edge_leg(
+                state, traced, int(row), station, ends[target], end_velocity[target], end_rotation, frequency, wavenumber
+            )
+            for row, target in zip(rows, traced.target[rows], strict=True)
+        ]
+        kept = [(row, leg) for row, leg in zip(rows, over, strict=True) if leg is not None]
+        legs = joined_legs([legs, _over_edges(traced, np.array([row for row, _ in kept], int), [leg for _, leg in kept])])
+    legs = legs.select(np.any(np.abs(legs.transfer) > 0.0, axis=(1, 2)))
+    legs = legs.select(_first_of_equals(legs))
+    return legs.select(_order(legs))
+
+
+def _straight(
+    state: WorldState, traced: TracedPaths, rows: npt.NDArray[np.bool_], station: Station, ends: Array, end_velocity: Array,
+    end_rotation: Array, frequency: float,
+) -> Legs:  # fmt: skip
+    """Return the legs of mirrors and panes only."""
     chain, target, part = chain_of(traced, rows), traced.target[rows], traced.part[rows]
     end = ends[target]
     images = chain.images(end)
@@ -135,11 +176,29 @@ def legs_of(
     across = np.maximum(np.einsum("pi,pi->p", relative, relative) - rate**2, 0.0)
     legs = Legs(
         target, traced.kind[rows], part, traced.face[rows], point, images[:, 0], chain.isometry(), length, rate,
-        across / length, through,
+        across / length, through, inner=np.zeros_like(length), rear=np.full((len(length), 3), np.nan),
+        spread=np.zeros_like(length), edge_length=np.full_like(length, np.inf),
     )  # fmt: skip
-    legs = legs.select(right & (np.abs(through) > 0.0).any(axis=(1, 2)))
-    legs = legs.select(_first_of_equals(legs))
-    return legs.select(_order(legs))
+    return legs.select(right)
+
+
+def _over_edges(traced: TracedPaths, rows: npt.NDArray[np.int64], legs: Sequence[EdgeLeg]) -> Legs:
+    """Return the legs over edges as one table."""
+    count, width = len(rows), traced.kind.shape[1]
+    shapes = {"point": (width, 3), "image": (3,), "rear": (3,), "transfer": (2, 2)}
+    columns = {
+        item.name: np.array([getattr(leg, item.name) for leg in legs]).reshape(count, *shapes.get(item.name, ()))
+        for item in fields(EdgeLeg)
+    }
+    return Legs(
+        target=traced.target[rows], kind=traced.kind[rows], part=traced.part[rows], face=traced.face[rows],
+        isometry=np.full((count, 3, 4), np.nan), **columns,
+    )  # fmt: skip
+
+
+def joined_legs(blocks: Sequence[Legs]) -> Legs:
+    """Return the legs of all blocks in one."""
+    return Legs(**{name: np.concatenate([getattr(block, name) for block in blocks]) for name in vars(blocks[0])})
 
 
 def _order(legs: Legs) -> npt.NDArray[np.int64]:

@@ -63,7 +63,7 @@ def scattered_columns(
     return {
         "tx_point": there.image[out],
         "rx_point": back.image[home],
-        "inner_length": length[1:-1].sum(axis=0),
+        "inner_length": length[1:-1].sum(axis=0) + there.inner[out] + back.inner[home],
         "a": transfer * (spreading / length.prod(axis=0))[:, None, None],
         "length_rate": sum(legs.rate[chosen] for legs, chosen in rows),
         "length_acceleration": sum(legs.acceleration[chosen] for legs, chosen in rows),
@@ -77,11 +77,6 @@ def scattered_columns(
         "rx_image": np.full((len(target), 3, 4), np.nan),
         "total": length.sum(axis=0),
     }
-
-
-def joined_legs(blocks: list[Legs]) -> Legs:
-    """Return the legs of all blocks in one."""
-    return Legs(**{name: np.concatenate([getattr(block, name) for block in blocks]) for name in vars(blocks[0])})
 
 
 def _pairs(there: Index, back: Index, num_targets: int) -> tuple[Index, Index]:

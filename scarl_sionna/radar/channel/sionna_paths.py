@@ -26,9 +26,9 @@ from scarl_sionna.world.placement import check_placement
 
 from .antennas import check_antennas
 from .diffuse import diffuse_columns
-from .fresnel_zone import warn_of_small_mirrors
-from .legs import Legs, Station, legs_of
-from .scattering import joined_legs, scattered_columns
+from .fresnel_zone import warn_of_edge_wavefronts, warn_of_small_mirrors
+from .legs import Legs, Station, joined_legs, legs_of
+from .scattering import scattered_columns
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
@@ -67,6 +67,7 @@ class SionnaSettings(Spec):
     specular: bool = Field(True, description="mirror reflections")
     diffuse: bool = Field(False, description="diffuse scattering with Sionna RT's patterns, amplitudes in float32")
     refraction: bool = Field(False, description="straight passage through layers")
+    diffraction: bool = Field(False, description="over one edge a way, by the uniform theory; also beside the edge, in the light")
     double_bounce: bool = Field(
         False, description="scatterers also with a mirror and themselves again (target - own car - target); a trace for each"
     )  # fmt: skip
@@ -131,8 +132,8 @@ def solve_sionna(
     Warns
     -----
     ScarlWarning
-        If a mirror is smaller than the first Fresnel zone on it, once, naming the worst; if the buffer was filled
-        (``on_overflow="warn"``).
+        If a mirror is smaller than the first Fresnel zone on it, or an edge shorter, once, naming the worst; if the wavefront
+        of an edge is no sphere over the antennas; if the buffer was filled (``on_overflow="warn"``).
 
     Notes
     -----
@@ -144,7 +145,7 @@ def solve_sionna(
     with J the product of the reflections' Jones matrices at each end in the radar's spherical basis; J of the way back is
     the transpose of the way there (reciprocity).
 
-    *Not modelled*: size and curvature of mirrors, diffraction, scattering from one scatterer to another.
+    *Not modelled*: size and curvature of mirrors, more than one edge in a way, scattering from one scatterer to another.
 
     References
     ----------
@@ -155,8 +156,9 @@ def solve_sionna(
     settings = SionnaSettings(**options)
     if rx_twist is not None and rx_pose is None:
         raise ParameterRangeError("rx_twist", "given without rx_pose", "an rx_pose with it", "monostatic: radar_twist")
-    tx = _station(pose, radar_twist)
-    rx = tx if rx_pose is None else _station(rx_pose, rx_twist)
+    arms = np.concatenate([radar.tx_array, radar.rx_array])
+    tx = _station(pose, radar_twist, arms)
+    rx = tx if rx_pose is None else _station(rx_pose, rx_twist, arms)
     if rx_pose is not None:
         check_placement(state, rx_pose.position, "receiving radar")
     solver = _Solver(state, radar, settings)
@@ -172,6 +174,7 @@ def solve_sionna(
             raise error
         warnings.warn(str(error), ScarlWarning, stacklevel=2)
     num_small = warn_of_small_mirrors(state, radar.wavelength, solver.mirrors)
+    spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors)
     columns = _joined(blocks)
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     keep = columns.pop("total") < 2.0 * reach
@@ -182,14 +185,15 @@ def solve_sionna(
         "num_candidates": solver.num_candidates,
         "overflow": solver.overflow,
         "num_small_mirrors": num_small,
+        "edge_wavefront_error": spread,
         "seconds": solver.clock,
     }
     paths = RadarPaths(**columns, world_from_tx=pose, world_from_rx=rx_pose or pose, diagnostics=diagnostics)
     return paths.select(keep)
 
 
-def _station(pose: Pose, twist: Twist | None) -> Station:
-    return Station(pose.position, (twist or Twist()).linear, pose.rotation)
+def _station(pose: Pose, twist: Twist | None, arms: Array) -> Station:
+    return Station(pose.position, (twist or Twist()).linear, pose.rotation, pose.rotate(arms))
 
 
 class _Solver:
@@ -207,7 +211,7 @@ class _Solver:
         traced = trace_paths(
             self.state, source, targets, max_depth=asked.max_depth, num_samples=asked.num_samples,
             max_num_paths=asked.max_num_paths, specular=asked.specular, diffuse=diffuse, refraction=asked.refraction,
-            seed=asked.seed,
+            diffraction=asked.diffraction and not diffuse, seed=asked.seed,
         )  # fmt: skip
         self.clock["trace"] += time.perf_counter() - start
         self.num_candidates = max(self.num_candidates, traced.num_candidates)
@@ -265,6 +269,8 @@ class _Solver:
             last_part = np.full(count, -1, dtype=np.int64)
         middle = np.broadcast_to((tx.position + rx.position) / 2.0, (count, 3))  # of a line of sight
         first, last = (np.where(depth[:, None] > 0, point, middle) for point in (first, last))
+        bent = np.isfinite(legs.edge_length)
+        first, last = (np.where(bent[:, None], point, other) for point, other in ((legs.image, first), (legs.rear, last)))
         ends = np.linalg.norm(first - tx.position, axis=1) + np.linalg.norm(last - rx.position, axis=1)
         return {
             "tx_point": first,
