@@ -37,6 +37,7 @@ class Thing:
     trajectory: Mapping[str, Any] | None = None
     emission: float | None = None  # radiance, for a shape that shines
     is_object: bool = True
+    joints: Sequence[Mapping[str, Any]] = ()  # of an actor, tables as in scene.toml
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,8 @@ def _toml(
     for thing in actors:
         lines += ["[[actors]]", *_head(thing), "[actors.trajectory]"]
         lines += [f"{key} = {_value(value)}" for key, value in (thing.trajectory or {}).items()] + [""]
+        for joint in thing.joints:
+            lines += ["[[actors.joints]]", *(f"{key} = {_value(value)}" for key, value in joint.items()), ""]
     return "\n".join(lines)
 
 

@@ -70,8 +70,9 @@ class Accumulated:
 class Joint(Protocol):
     """Some shapes of an actor and how they move relative to it."""
 
-    changes_shape: bool
-    """Whether the actor's box changes as the shapes move."""
+    @property
+    def changes_shape(self) -> bool:
+        """Whether the actor's box changes as the shapes move."""
 
     def motions(self, time: float) -> Mapping[str, Motion]:
         """Return the motion of each shape relative to the actor, by shape id."""
@@ -200,7 +201,9 @@ def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory
     found = {segment: [shape for shape in shapes if shape.endswith(f"_{segment}")] for segment in SEGMENTS}
     if missing := [segment for segment, names in found.items() if len(names) != 1]:
         raise ParameterRangeError(
-            f"{what}.shapes", f"{len(found[missing[0]])} shapes end in '_{missing[0]}'", "one shape for each segment of the body"
+            f"{what}.shapes",
+            f"{len(found[missing[0]])} shapes end in '_{missing[0]}'",
+            "one shape for each segment of the body",
         )
     gait = WalkingGait(float(table["height"]))
     return Walk(
