@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import re
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,6 +16,7 @@ from scarl_sionna.core.errors import DatasetError, OutputError
 from .atomic import partial_path
 
 _SAFE = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_.\-]*(/[A-Za-z0-9_\-][A-Za-z0-9_.\-]*)*")
+_SYNC_THREADS = 8
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+:(//|:)")
 
 
@@ -133,32 +137,67 @@ def open_files(place: str | Path) -> Files:
     return RemoteFiles(text) if _URL.match(text) else LocalFiles(text)
 
 
+class Batch:
+    """Files that get their names together, once all of their bytes are on the disk.
+
+    Parameters
+    ----------
+    root : path
+        Names are relative to it.
+    work : path
+        Folder on the same file system for what has no name yet.
+    """
+
+    def __init__(self, root: Path, work: Path) -> None:
+        self._root, self._work = root, work
+        self._files: list[tuple[Path, Path]] = []
+
+    def write(self, name: str, parts: Iterable[bytes]) -> tuple[int, str]:
+        """Write a file and return its size [bytes] and SHA-256."""
+        digest, size = hashlib.sha256(), 0
+        partial = self._work / f"part_{len(self._files):06d}"
+        self._files.append((partial, self._root / name))
+        with open(partial, "wb") as file:
+            for part in parts:
+                file.write(part)
+                digest.update(part)
+                size += len(part)
+        return size, digest.hexdigest()
+
+    def publish(self) -> None:
+        """Bring all bytes to the disk, then give every file its name."""
+        with ThreadPoolExecutor(_SYNC_THREADS) as pool:  # a disk takes many at once in the time of one
+            list(pool.map(_sync_path, [partial for partial, _ in self._files]))
+            folders = sorted({path.parent for _, path in self._files})
+            for folder in folders:
+                folder.mkdir(parents=True, exist_ok=True)
+            for partial, path in self._files:
+                partial.replace(path)
+            list(pool.map(_sync_path, folders))
+
+
+def _sync_path(path: Path) -> None:
+    """Bring a file's bytes, or a folder's names, to the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
 def write_whole(path: Path, data: bytes | str) -> None:
     """Write a file so that it is whole or not there, also after a power cut."""
     partial = partial_path(path)
     try:
         with open(partial, "wb") as file:
             file.write(data.encode() if isinstance(data, str) else data)
-            sync(file)
+            file.flush()
+            os.fsync(file.fileno())
         partial.replace(path)
+        _sync_path(path.parent)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
-
-
-def sync(file: Any) -> None:
-    """Bring a file's bytes to the disk."""
-    file.flush()
-    os.fsync(file.fileno())
-
-
-def sync_folder(path: Path) -> None:
-    """Bring a folder's names to the disk."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def output_error(path: str | Path, error: OSError) -> OutputError:

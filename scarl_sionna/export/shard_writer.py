@@ -6,10 +6,9 @@ the shard is whole.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +16,7 @@ from types import TracebackType
 from scarl_sionna.core.errors import DatasetError, OutputError
 
 from .encoding import EncodedFrame, StoreOptions
-from .files import LocalFiles, check_name, output_error, sync, sync_folder, write_whole
+from .files import Batch, LocalFiles, check_name, output_error, write_whole
 from .locks import FileLock
 from .manifest import ARRAYS, IMAGES, SHARDS, ScenePlan
 from .packs import Pack, is_whole, write_pack
@@ -214,9 +213,10 @@ class ShardWriter:
             place = self.root / record_name(self.scene.name, self.shard)
             place.parent.mkdir(parents=True, exist_ok=True)
             write_whole(place, record.dump())
-            sync_folder(place.parent)
             shutil.rmtree(self.work, ignore_errors=True)
         except OSError as error:
+            for part in self.work.glob("part_*"):  # room for others on a full disk
+                part.unlink(missing_ok=True)
             if isinstance(error, OutputError):
                 raise
             raise output_error(self.root, error) from error
@@ -249,8 +249,6 @@ class ShardWriter:
         for frame in unpack(LocalFiles(self.root), record, self.scene.name, self.shard, self.options):
             if not is_whole(self._pack(frame.index)):
                 write_pack(self._pack(frame.index), frame)
-        if self.work.is_dir():
-            sync_folder(self.work)
         (self.root / record_name(self.scene.name, self.shard)).unlink()
 
     def _pack(self, index: int) -> Path:
@@ -267,38 +265,21 @@ class ShardWriter:
                         f"array {name} of scene {self.scene.name} changes its shape from frame to frame: {arrays[name].shape}, {info.shape}"
                     )
         written: dict[str, tuple[int, str]] = {}
+        self.work.mkdir(parents=True, exist_ok=True)
+        batch = Batch(self.root, self.work)
         for name in sorted(arrays):
             key = array_key(self.scene.name, name, self.shard, arrays[name])
-            written[key] = self._place(key, _shard_parts(name, packs, self.frames.start, self.options.shard_frames))
+            written[key] = batch.write(key, _shard_parts(name, packs, self.frames.start, self.options.shard_frames))
         for pack in packs.values():
             for name in pack.files:
                 target = image_name(self.scene.name, name)
-                written[target] = self._place(target, [pack.read(name)])
+                written[target] = batch.write(target, [pack.read(name)])
         meta = json.dumps([pack.meta for pack in packs.values()], indent=0) + "\n"
         target = meta_name(self.scene.name, self.shard)
-        written[target] = self._place(target, [meta.encode()])
-        write_metadata(self.root / ARRAYS / self.scene.name, arrays, self.scene.num_frames, self.options)
-        for folder in sorted({(self.root / name).parent for name in written}):
-            sync_folder(folder)
+        written[target] = batch.write(target, [meta.encode()])
+        _write_metadata(batch, self.root, self.scene, arrays, self.options)
+        batch.publish()
         return ShardRecord(tuple(packs), dict(self.failed), arrays, written)
-
-    def _place(self, name: str, parts: Iterable[bytes]) -> tuple[int, str]:
-        """Write a file beside the kept frames, rename it into its place, and return its size and checksum."""
-        path, digest, size = self.root / name, hashlib.sha256(), 0
-        partial = self.work / "partial"
-        partial.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with open(partial, "wb") as file:
-                for part in parts:
-                    file.write(part)
-                    digest.update(part)
-                    size += len(part)
-                sync(file)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
-        return size, digest.hexdigest()
 
 
 def _shard_parts(name: str, packs: Mapping[int, Pack], first: int, shard_frames: int) -> Iterator[bytes]:
@@ -313,23 +294,29 @@ def _shard_parts(name: str, packs: Mapping[int, Pack], first: int, shard_frames:
     yield shard_index(lengths)
 
 
-def write_metadata(folder: Path, arrays: Mapping[str, ArrayInfo], num_frames: int, options: StoreOptions) -> None:
-    """Write the ``zarr.json`` of arrays and of the groups above them where it is not there or differs."""
-    texts = {METADATA: group_metadata()}
+def metadata_texts(scene: ScenePlan, arrays: Mapping[str, ArrayInfo], options: StoreOptions) -> dict[str, str]:
+    """Return the ``zarr.json`` of the scene's arrays and of the groups above them, by name in the dataset."""
+    top = f"{ARRAYS}/{scene.name}"
+    texts = {f"{ARRAYS}/{METADATA}": group_metadata(), f"{top}/{METADATA}": group_metadata()}
     for name, info in arrays.items():
         parts = name.split("/")
         for depth in range(1, len(parts)):
-            texts["/".join([*parts[:depth], METADATA])] = group_metadata()
-        texts[f"{name}/{METADATA}"] = array_metadata(info, num_frames, options.shard_frames)
-    for name, text in texts.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
+            texts["/".join([top, *parts[:depth], METADATA])] = group_metadata()
+        texts[f"{top}/{name}/{METADATA}"] = array_metadata(info, scene.num_frames, options.shard_frames)
+    return texts
+
+
+def _write_metadata(
+    batch: Batch, root: Path, scene: ScenePlan, arrays: Mapping[str, ArrayInfo], options: StoreOptions
+) -> None:
+    """Write the ``zarr.json`` files that are not there or differ."""
+    for name, text in metadata_texts(scene, arrays, options).items():
         try:
-            if path.read_text(encoding="utf-8") == text:
+            if (root / name).read_text(encoding="utf-8") == text:
                 continue
         except (FileNotFoundError, UnicodeDecodeError):
             pass
-        write_whole(path, text)
+        batch.write(name, [text.encode()])
 
 
 def unpack(

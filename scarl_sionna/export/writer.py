@@ -21,7 +21,6 @@ from .encoding import StoreOptions, encode_frame
 from .files import LocalFiles, output_error, write_whole
 from .locks import LOCK_FOLDER, FileLock
 from .manifest import (
-    ARRAYS,
     MANIFEST,
     SHARDS,
     DatasetPlan,
@@ -31,8 +30,7 @@ from .manifest import (
     plan_of,
     read_manifest,
 )
-from .shard_writer import METADATA, WORK_FOLDER, ShardRecord, ShardWriter, record_name, write_metadata
-from .shards import group_metadata
+from .shard_writer import WORK_FOLDER, ShardRecord, ShardWriter, metadata_texts, record_name
 
 CARD = "README.md"
 _RUN = "run"
@@ -157,13 +155,21 @@ class DatasetFolder:
         for scene in self.plan.scenes:
             rows, arrays = shard_rows(self.root, scene, self.plan.options)
             shards[scene.name] = rows
-            write_metadata(self.root / ARRAYS / scene.name, arrays, scene.num_frames, self.plan.options)
+            for name, text in metadata_texts(scene, arrays, self.plan.options).items():
+                _write_if_other(self.root / name, text)
         data = manifest_data(self.plan, shards)
-        (self.root / ARRAYS).mkdir(exist_ok=True)
-        write_whole(self.root / ARRAYS / METADATA, group_metadata())
-        write_whole(self.root / CARD, dataset_card(data))
-        write_whole(self.root / MANIFEST, dump_manifest(data))
+        _write_if_other(self.root / CARD, dataset_card(data))
+        _write_if_other(self.root / MANIFEST, dump_manifest(data))
         return data
+
+
+def _write_if_other(path: Path, text: str) -> None:
+    try:
+        if path.read_text(encoding="utf-8") == text:
+            return
+    except (FileNotFoundError, UnicodeDecodeError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, text)
 
 
 def shard_rows(root: Path, scene: ScenePlan, options: StoreOptions) -> tuple[list[list[Any] | None], dict[str, Any]]:

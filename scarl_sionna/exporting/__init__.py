@@ -1,0 +1,8 @@
+"""Exports of any size: scenarios become a dataset, in this process, in several, or on a cluster; stopped and resumed at will."""
+
+from .driver import ExportSettings, export
+from .estimate import Estimate, estimate
+from .job import ShardReport
+from .report import ExportReport
+
+__all__ = ["Estimate", "ExportReport", "ExportSettings", "ShardReport", "estimate", "export"]
