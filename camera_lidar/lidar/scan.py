@@ -7,6 +7,9 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
+GLASS_INDEX = 1.5
+"""Refractive index of glass at 1550 nm (fused silica 1.444, soda-lime about 1.50)."""
+
 
 def radial_velocity(
     surface_velocity: npt.ArrayLike, sensor_velocity: npt.ArrayLike, directions: npt.ArrayLike
@@ -73,3 +76,35 @@ def return_intensity(
     distance = np.asarray(distance, dtype=np.float64)
     spreading = np.exp(-2.0 * attenuation * distance) / distance**2
     return np.asarray(reflectance, dtype=np.float64) * np.asarray(cos_incidence, dtype=np.float64) * spreading
+
+
+def pane_transmittance(transmittance: npt.ArrayLike, cos_incidence: npt.ArrayLike) -> Array:
+    r"""Return the share of power that passes a pane once.
+
+    Parameters
+    ----------
+    transmittance : array_like of float
+        At normal incidence, 0 to 1; 0 for what is opaque.
+    cos_incidence : array_like of float
+
+    Notes
+    -----
+    .. math:: T(\theta) = T_0 \, \frac{T_F(\theta)}{T_F(0)}, \quad
+              T_F = \tfrac12 \sum_{s,p} \frac{1 - R}{1 + R}
+
+    with Fresnel's reflectance R of glass (n = 1.5) for both polarizations: the incoherent sum over both faces. *Not modelled*: longer
+    absorption paths at slant incidence (the path inside is at most 1.34 times the thickness), the ray's offset by the pane.
+
+    References
+    ----------
+    .. [1] M. Born, E. Wolf, *Principles of Optics*, 7th ed., sections 1.5 and 7.6.
+    """
+    cosine = np.clip(np.asarray(cos_incidence, dtype=np.float64), 0.0, 1.0)
+    return np.asarray(transmittance, dtype=np.float64) * _pane_fresnel(cosine) / _pane_fresnel(np.float64(1.0))
+
+
+def _pane_fresnel(cosine: Array | np.float64) -> Array:
+    inner = np.sqrt(1.0 - (1.0 - cosine**2) / GLASS_INDEX**2)
+    parallel = ((GLASS_INDEX * cosine - inner) / (GLASS_INDEX * cosine + inner)) ** 2
+    perpendicular = ((cosine - GLASS_INDEX * inner) / (cosine + GLASS_INDEX * inner)) ** 2
+    return 0.5 * ((1.0 - parallel) / (1.0 + parallel) + (1.0 - perpendicular) / (1.0 + perpendicular))

@@ -2,22 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from scarl_sionna.core.lidar_receiver import HeterodyneReceiver, ScarlReceiver
 from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.world.placement import check_placement
+from scarl_sionna.world.scene import PartTable
 
-from .pattern import shot_directions
+from .beat import estimate_beats, synthesize_beats
+from .heterodyne import NO_ECHO, Detections, receive_heterodyne
+from .motion import Motion, sensor_motion, shot_rays, to_timestamp
+from .pattern import shot_directions, shot_times
 from .receiver import receive
-from .scan import radial_velocity, return_intensity
+from .returns import Cast, Echoes, gather, join, place_in_group, trace
+from .rolling import RollingCaster
+
+Array = npt.NDArray[np.float64]
+
+RAYS_AT_ONCE = 1 << 20
+"""Rays that are traced at once: about 300 MB of temporary arrays."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Shots:
+    """Every shot in world axes at its own time."""
+
+    origins: Array
+    directions: Array
+    velocity: Array
+    times: Array
 
 
 class Lidar:
-    """A scanning coherent lidar that takes its whole scan at one instant (a flash of all shots, as in SCaRL).
+    """A scanning coherent lidar.
 
     Parameters
     ----------
@@ -30,17 +53,18 @@ class Lidar:
     def observe(
         self, state: Any, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
     ) -> LidarScan:
-        """Return the scan at the state's time: one row a detected return, first surface only.
+        """Return the scan that begins at the state's time: one row a detected return.
 
         Parameters
         ----------
         state : scarl_sionna.world.WorldState
         world_from_sensor : Pose
-            Sensor frame (x forward, y left, z up).
+            Sensor frame (x forward, y left, z up) at the state's time.
         sensor_twist : Twist
-            Velocity of the sensor itself, world axes; enters the radial velocity.
+            Velocity of the sensor itself, world axes; enters the radial velocity and the motion during the scan.
         seed_generator : numpy.random.Generator
-            Drop-out and noise; see :func:`camera_lidar.lidar.receiver.receive` for the moments.
+            All randomness of the receiver; the moments stand at :func:`camera_lidar.lidar.receiver.receive` and
+            :func:`camera_lidar.lidar.heterodyne.receive_heterodyne`.
 
         Raises
         ------
@@ -49,26 +73,108 @@ class Lidar:
         """
         check_placement(state, world_from_sensor.position, "lidar")
         spec, parts = self.spec, state.world.parts
-        sensor_directions = shot_directions(spec)
-        directions = world_from_sensor.rotate(sensor_directions)
-        hits = state.cast(world_from_sensor.position, directions, max_distance=spec.max_distance)
-        velocity = radial_velocity(hits.velocity, sensor_twist.linear, directions[hits.ray])
-        reflectance = parts.lidar_reflectance[hits.part]
-        intensity = return_intensity(reflectance, hits.cos_incidence, hits.distance, spec.extinction)
-        received = receive(spec.receiver, spec.num_shots, hits.ray, hits.distance, velocity, intensity, seed_generator)
-        kept = received.kept
-        shot, part = hits.ray[kept], hits.part[kept]
-        normal = hits.normal[kept] @ world_from_sensor.rotation  # world -> sensor
+        times = shot_times(spec)
+        motion = sensor_motion(state, world_from_sensor, sensor_twist, float(times.max()))
+        origins, directions = shot_rays(motion, shot_directions(spec), times)
+        still = len(motion.times) == 1 or bool(np.all(motion.linear == motion.linear[0]))
+        shots = _Shots(origins, directions, motion.linear[0] if still else motion.linear_at(times), times)
+        echoes = self._trace(state, shots)
+        returns = gather(spec, echoes)
+        found, beats = self._receive(echoes, returns, shots, seed_generator)
+        return self._scan(world_from_sensor, motion, parts, returns, found, beats)
+
+    def _trace(self, state: Any, shots: _Shots) -> Echoes:
+        spec = self.spec
+        cast = _caster(state, shots.times)
+        step = max(RAYS_AT_ONCE // spec.sub_rays, 1)
+        blocks = []
+        for first in range(0, spec.num_shots, step):
+            number = np.arange(first, min(first + step, spec.num_shots))
+            origins, velocity = (
+                values if values.ndim == 1 else values[number] for values in (shots.origins, shots.velocity)
+            )
+            blocks.append(trace(spec, state.world.parts, cast, number, origins, shots.directions[number], velocity))
+        return join(blocks) if len(blocks) > 1 else blocks[0]
+
+    def _receive(
+        self, echoes: Echoes, returns: Echoes, shots: _Shots, generator: np.random.Generator
+    ) -> tuple[Detections, npt.NDArray[np.complex64] | None]:
+        spec, receiver = self.spec, self.spec.receiver
+        if isinstance(receiver, ScarlReceiver):
+            slot = returns.shot * spec.max_returns + place_in_group(returns.shot)
+            num_slots = spec.num_shots * spec.max_returns
+            measured = receive(
+                receiver, num_slots, slot, returns.distance, returns.radial_velocity, returns.intensity, generator
+            )
+            kept = measured.kept
+            none = np.full(len(kept), np.nan)
+            return Detections(
+                returns.shot[kept], kept, measured.distance, measured.radial_velocity, none, returns.intensity[kept]
+            ), None
+        assert isinstance(receiver, HeterodyneReceiver)
+        air_velocity = -np.einsum(
+            "...j,...j->...", np.broadcast_to(shots.velocity, shots.directions.shape), shots.directions
+        )
+        if receiver.raw_signal:
+            beats = synthesize_beats(spec, echoes, air_velocity, generator)
+            return estimate_beats(spec, beats, returns), beats
+        return receive_heterodyne(spec, returns, air_velocity, generator), None
+
+    def _scan(
+        self,
+        world_from_sensor: Pose,
+        motion: Motion,
+        parts: PartTable,
+        returns: Echoes,
+        found: Detections,
+        beats: npt.NDArray[np.complex64] | None,
+    ) -> LidarScan:
+        spec = self.spec
+        surface = found.echo != NO_ECHO
+        echo = found.echo if surface.all() else found.echo[surface]
+        part = returns.part[echo]
+
+        def of_surface(values: npt.NDArray[Any], kind: type) -> npt.NDArray[Any]:
+            if len(echo) == len(surface):
+                return values.astype(kind)
+            out = np.zeros((len(surface), *values.shape[1:]), dtype=kind)
+            out[surface] = values
+            return out
+
+        times = shot_times(spec)[found.shot]
+        position = shot_directions(spec)[found.shot] * found.distance[:, None]
+        normal = motion.rotate_back(times[surface], returns.normal[echo])
+        normal = of_surface(normal, np.float64)
+        if spec.deskew and len(motion.times) > 1:
+            position, normal = to_timestamp(motion, times, position, normal)
         return LidarScan(
             spec=spec,
             world_from_sensor=world_from_sensor,
-            shot=shot.astype(np.int32),
-            position=(sensor_directions[shot] * received.distance[:, None]).astype(np.float32),
-            distance=received.distance.astype(np.float32),
-            radial_velocity=received.radial_velocity.astype(np.float32),
-            intensity=intensity[kept].astype(np.float32),
-            cos_incidence=hits.cos_incidence[kept].astype(np.float32),
+            shot=found.shot.astype(np.int32),
+            position=position.astype(np.float32),
+            distance=found.distance.astype(np.float32),
+            radial_velocity=found.radial_velocity.astype(np.float32),
+            intensity=found.intensity.astype(np.float32),
+            cos_incidence=of_surface(returns.cos_incidence[echo], np.float32),
             normal=normal.astype(np.float32),
-            semantic=parts.semantic[part].astype(np.uint8),
-            instance=parts.instance[part].astype(np.uint16),
+            semantic=of_surface(parts.semantic[part], np.uint8),
+            instance=of_surface(parts.instance[part], np.uint16),
+            time=times.astype(np.float32),
+            return_index=place_in_group(found.shot).astype(np.uint8),
+            reflectance=of_surface(parts.lidar_reflectance[part], np.float32),
+            cnr=found.cnr.astype(np.float32),
+            beat_signal=beats,
         )
+
+
+def _caster(state: Any, times: Array) -> Cast:
+    """Return what intersects rays with the world, each at the time of its shot."""
+    duration = float(times.max())
+    if duration == 0.0:
+        return lambda origins, directions, shots, distance, first: state.cast(
+            origins, directions, max_distance=distance
+        )
+    rolling = RollingCaster(state, duration)
+    return lambda origins, directions, shots, distance, first: rolling.cast(
+        origins, directions, times[shots], distance, first
+    )

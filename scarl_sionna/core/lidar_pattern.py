@@ -60,7 +60,9 @@ class RasterScan(Spec):
         if low == high and self.num_elevation > 1:
             raise ValueError(f"elevation_fov_deg with two different ends, or num_elevation = 1; {elevation} is empty")
         if self.num_elevation % self.lines_at_once:
-            raise ValueError(f"lines_at_once that divides num_elevation = {self.num_elevation}, not {self.lines_at_once}")
+            raise ValueError(
+                f"lines_at_once that divides num_elevation = {self.num_elevation}, not {self.lines_at_once}"
+            )
         _check_count(self.num_azimuth * self.num_elevation)
         return self
 
@@ -223,7 +225,9 @@ class TableScan(Spec):
     """Any directions at any times. :meth:`read` takes them from a .csv or .npz file."""
 
     kind: Literal["table"] = "table"
-    azimuth_deg: tuple[float, ...] = Field(min_length=1, max_length=MAX_SHOTS, description="of every shot, left positive [deg]")
+    azimuth_deg: tuple[float, ...] = Field(
+        min_length=1, max_length=MAX_SHOTS, description="of every shot, left positive [deg]"
+    )
     elevation_deg: tuple[float, ...] = Field(min_length=1, description="of every shot, up positive [deg]")
     time: tuple[float, ...] | None = Field(None, description="of every shot after the scan's start [s]; None: all 0")
 

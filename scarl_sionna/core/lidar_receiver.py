@@ -14,7 +14,9 @@ class ScarlReceiver(Spec):
 
     kind: Literal["scarl"] = "scarl"
     drop_out_intensity: float = Field(
-        0.0, ge=0.0, description="a return of intensity I is kept with probability 1 - exp(-I / drop_out_intensity); 0: all"
+        0.0,
+        ge=0.0,
+        description="a return of intensity I is kept with probability 1 - exp(-I / drop_out_intensity); 0: all",
     )
     range_noise_variance_per_metre: float = Field(
         0.0, ge=0.0, description="variance of the distance noise divided by the distance [m2/m]"
@@ -32,7 +34,9 @@ class HeterodyneReceiver(Spec):
     quantum_efficiency: float = Field(0.8, gt=0.0, le=1.0, description="photoelectrons a photon")
     system_efficiency: float = Field(0.3, gt=0.0, le=1.0, description="optics, polarization and mixing, both ways")
     local_oscillator_power: float = Field(1e-3, gt=0.0, description="on the detectors [W]")
-    thermal_current_density: float = Field(3e-12, ge=0.0, description="input noise current of the amplifier [A/sqrt(Hz)]")
+    thermal_current_density: float = Field(
+        3e-12, ge=0.0, description="input noise current of the amplifier [A/sqrt(Hz)]"
+    )
     intensity_noise_db: float | None = Field(
         -175.0, le=-100.0, description="relative intensity noise left after balancing [dB/Hz]; None: none"
     )

@@ -47,7 +47,9 @@ class LidarSpec(Spec):
     sub_rays: int = Field(1, ge=1, le=256, description="rays over the beam's footprint; 1: a thin ray")
     max_surfaces: int = Field(1, ge=1, le=16, description="surfaces a ray may meet through glass; 1: the first only")
     max_returns: int = Field(1, ge=1, le=16, description="the strongest returns of a shot that are kept")
-    deskew: bool = Field(False, description="positions in the sensor's frame at the timestamp, not at the shot's own time")
+    deskew: bool = Field(
+        False, description="positions in the sensor's frame at the timestamp, not at the shot's own time"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -63,7 +65,9 @@ class LidarSpec(Spec):
             base = data.get(name, {"kind": kind.model_fields["kind"].default})
             plain = base.model_dump() if isinstance(base, Spec) else dict(base)
             if plain.get("kind") != kind.model_fields["kind"].default:
-                raise ValueError(f"{', '.join(direct)} inside of `{name}`: a {name} of kind '{plain.get('kind')}' is given")
+                raise ValueError(
+                    f"{', '.join(direct)} inside of `{name}`: a {name} of kind '{plain.get('kind')}' is given"
+                )
             data[name] = {**plain, **direct}
         return data
 
@@ -179,7 +183,12 @@ def _spinning_64() -> LidarSpec:
 
 def _fmcw_forward() -> LidarSpec:
     scan = RasterScan(
-        elevation_fov_deg=(-18.0, 10.0), num_azimuth=400, num_elevation=200, scan_time=0.05, lines_at_once=8, serpentine=True
+        elevation_fov_deg=(-18.0, 10.0),
+        num_azimuth=400,
+        num_elevation=200,
+        scan_time=0.05,
+        lines_at_once=8,
+        serpentine=True,
     )
     return LidarSpec(
         scan=scan, receiver=HeterodyneReceiver(), max_distance=250.0, sub_rays=5, max_surfaces=4, max_returns=2

@@ -64,6 +64,8 @@ class RadioMaterial(Spec):
         0.0, ge=0.0, le=1.0, description="fraction of the reflected field that is scattered diffusely"
     )
     xpd_coefficient: float = Field(0.0, ge=0.0, le=1.0, description="fraction of the diffuse power that is cross-polar")
+    lidar_reflectance: float = Field(0.3, ge=0.0, le=1.0, description="diffuse, at 1550 nm; a scene may state its own")
+    lidar_transmittance: float = Field(0.0, ge=0.0, le=1.0, description="of a pane, at 1550 nm and normal incidence")
     frequency_range: tuple[float, float] = Field((76e9, 81e9), description="valid between [Hz]")
     source: str = Field(min_length=1, description="where the values come from")
     uncertainty: str = Field(min_length=1, description="how far they may be off")
@@ -72,6 +74,8 @@ class RadioMaterial(Spec):
     def _check(self) -> RadioMaterial:
         if not 0.0 < self.frequency_range[0] <= self.frequency_range[1]:
             raise ValueError("frequency_range rising and positive [Hz]")
+        if self.lidar_reflectance + self.lidar_transmittance > 1.0:
+            raise ValueError("lidar_reflectance + lidar_transmittance <= 1")
         return self
 
     def covers(self, frequency: float) -> bool:

@@ -1,0 +1,236 @@
+"""Raw beat signals of a heterodyne lidar, and the estimator that works on them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+
+from .detection import beat_limits, threshold
+from .heterodyne import NO_ECHO, Detections, backscatter_profile, fold, from_beats, keep_strongest
+from .link import full_scale_cnr, mean_cnr
+from .returns import Echoes, join
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+Signal = npt.NDArray[np.complex64]
+
+_SAMPLES_AT_ONCE = 1 << 21
+"""Samples that are worked on at once: 32 MB each temporary array."""
+_REFINEMENTS = 4
+"""Steps of the interpolation between Fourier coefficients; each divides what is left of the bias by far more than 10."""
+_MATCH_CELLS = 2.0
+"""A detection belongs to the return that lies within so many resolution cells of it in both beats."""
+
+
+def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, generator: np.random.Generator) -> Signal:
+    r"""Return the beat signals of all shots in units of the standard deviation of a noise sample.
+
+    Parameters
+    ----------
+    spec : LidarSpec
+        With a heterodyne receiver.
+    echoes : Echoes
+        Every ray and surface on its own, by shot.
+    air_velocity : ndarray of float64, shape (num_shots,)
+        Radial velocity of still air along each shot [m/s].
+    generator : numpy.random.Generator
+        Speckle, phases and noise.
+
+    Returns
+    -------
+    ndarray of complex64, shape (num_shots, 2, num_samples)
+        Up and down chirp.
+
+    Notes
+    -----
+    Transmitted times the conjugate of received, as for the radar. With the local time t of a chirp of slope +-S, the carrier f_0, and a
+    delay :math:`\tau(t) = 2 (R + v (t - t_0)) / c`, where t_0 is the shot's time between the two chirps:
+
+    .. math:: \phi(t) = 2 \pi \left( \frac{2 v}{\lambda} t \pm S \tau(t) t \mp \tfrac12 S \tau(t)^2 \right) + \phi_0
+
+    Echoes have circular normal amplitudes (fully developed speckle; without speckle: random phases), the same in both chirps. Fog and
+    rain fill the cells of the range resolution up to the first surface. I and Q are clipped at full scale. The samples are those in
+    which the return overlaps the chirp: the sweep runs on for the longest delay before they begin.
+    """
+    receiver = spec.receiver
+    assert isinstance(receiver, HeterodyneReceiver)
+    number = spec.num_samples
+    out = np.empty((spec.num_shots, 2, number), dtype=np.complex64)
+    amplitude = np.sqrt(mean_cnr(spec, echoes.intensity, echoes.distance) / number) * _amplitudes(
+        generator, echoes.number, receiver.speckle
+    )
+    first = np.searchsorted(echoes.shot, np.arange(spec.num_shots + 1))
+    nearest = np.full(spec.num_shots, np.inf)
+    np.minimum.at(nearest, echoes.shot, echoes.distance)
+    full_scale = np.sqrt(full_scale_cnr(spec) / number)
+    step = max(_SAMPLES_AT_ONCE // (2 * number), 1)
+    fog = receiver.backscatter and spec.atmosphere.weather_extinction(spec.wavelength) > 0.0
+    for start in range(0, spec.num_shots, step):
+        shots = np.arange(start, min(start + step, spec.num_shots))
+        block = np.zeros((len(shots), 2, number), dtype=np.complex128)
+        if receiver.noise:
+            noise = generator.standard_normal((*block.shape, 2)) * np.sqrt(0.5)
+            block += noise[..., 0] + 1j * noise[..., 1]
+        for echo in range(first[shots[0]], first[shots[-1] + 1]):
+            block[echoes.shot[echo] - start] += amplitude[echo] * _tones(
+                spec, float(echoes.distance[echo]), float(echoes.radial_velocity[echo])
+            )
+        if fog:
+            block += _fog(spec, nearest[shots], air_velocity[shots], generator)
+        if np.isfinite(full_scale):
+            block.real, block.imag = (np.clip(part, -full_scale, full_scale) for part in (block.real, block.imag))
+        out[shots] = block
+    return out
+
+
+def _amplitudes(
+    generator: np.random.Generator, number: int | tuple[int, ...], speckle: bool
+) -> npt.NDArray[np.complex128]:
+    """Return complex amplitudes of unit mean power."""
+    if speckle:
+        return (generator.standard_normal(number) + 1j * generator.standard_normal(number)) * np.sqrt(0.5)
+    return np.exp(2j * np.pi * generator.random(number))
+
+
+def _tones(spec: LidarSpec, distance: float, velocity: float) -> npt.NDArray[np.complex128]:
+    """Return the beats of one echo of unit amplitude in the up and the down chirp, shape (2, num_samples)."""
+    time = np.arange(spec.num_samples) * (spec.chirp_time / spec.num_samples)
+    cycles = np.empty((2, spec.num_samples))
+    for chirp, (sign, shot_time) in enumerate(((1.0, spec.chirp_time), (-1.0, 0.0))):
+        delay = 2.0 * (distance + velocity * (time - shot_time)) / SPEED_OF_LIGHT
+        slope = sign * spec.chirp_slope
+        cycles[chirp] = 2.0 * velocity / spec.wavelength * time + slope * delay * time - 0.5 * slope * delay**2
+    return np.exp(2j * np.pi * (cycles - np.floor(cycles)))
+
+
+def _fog(
+    spec: LidarSpec, nearest: Array, air_velocity: Array, generator: np.random.Generator
+) -> npt.NDArray[np.complex128]:
+    """Return the beats of fog and rain: its cells lie on the lines of the transform, half a line off."""
+    profile, number = backscatter_profile(spec), spec.num_samples
+    cells = min(len(profile.cnr), number)
+    distance = (np.arange(cells) + 0.5) * spec.range_resolution
+    amplitude = _amplitudes(generator, (len(nearest), cells), True) * np.sqrt(profile.cnr[:cells] / number)
+    amplitude[distance > nearest[:, None]] = 0.0
+    spectrum = np.zeros((len(nearest), number), dtype=np.complex128)
+    spectrum[:, :cells] = amplitude
+    time = np.arange(number) * (spec.chirp_time / number)
+    half_line = np.exp(2j * np.pi * 0.5 * time / spec.chirp_time)
+    shift = np.exp(2j * np.pi * (2.0 * air_velocity / spec.wavelength)[:, None] * time)
+    up = np.fft.ifft(spectrum, axis=-1) * number * half_line
+    mirrored = np.fft.fft(spectrum, axis=-1) * np.conj(half_line)
+    return np.stack([up, mirrored], axis=1) * shift[:, None, :]
+
+
+def estimate_beats(spec: LidarSpec, signal: Signal, returns: Echoes) -> Detections:
+    """Return what the receiver reports, from raw beat signals.
+
+    Parameters
+    ----------
+    spec : LidarSpec
+    signal : ndarray of complex64, shape (num_shots, 2, num_samples)
+    returns : Echoes
+        True returns by shot and distance; only to name the surface that a detection comes from.
+
+    Returns
+    -------
+    Detections
+
+    Notes
+    -----
+    Of each chirp the strongest line of the transform within the band of beats is taken, refined between the lines, and subtracted,
+    up to `max_returns` times. Lines above the threshold count; the first of the up and the first of the down chirp are one return,
+    and so on. *Error*: a return half-way between two lines is seen 3.9 dB weaker in the test against the threshold (not in its
+    estimates); returns of equal strength can be paired wrongly.
+    """
+    rows: list[Detections] = []
+    step = max(_SAMPLES_AT_ONCE // (2 * spec.num_samples), 1)
+    for start in range(0, len(signal), step):
+        block = signal[start : start + step].astype(np.complex128)
+        up = strongest_tones(spec, block[:, 0], 1, spec.max_returns)
+        down = strongest_tones(spec, block[:, 1], -1, spec.max_returns)
+        for one, other in zip(up, down, strict=True):
+            rows.append(_report(spec, start, one, other, returns))
+    return keep_strongest(join(rows), spec.max_returns)
+
+
+Tone = tuple[Array, Array, npt.NDArray[np.bool_]]
+"""Frequency [Hz], carrier-to-noise ratio, and whether it is above the threshold, of one tone a signal."""
+
+
+def strongest_tones(spec: LidarSpec, signal: npt.NDArray[np.complex128], sign: int, number: int) -> list[Tone]:
+    r"""Return the strongest tones of signals, strongest first; `signal`, shape (num_signals, num_samples), is used up.
+
+    Notes
+    -----
+    The refinement interpolates between the coefficients half a line beside the estimate:
+
+    .. math:: \delta \leftarrow \delta + \tfrac12 \, \mathrm{Re} \frac{X_{+} + X_{-}}{X_{+} - X_{-}}
+
+    with an asymptotic variance of 1.015 times the Cramer-Rao bound.
+
+    References
+    ----------
+    .. [1] E. Aboutanios, B. Mulgrew, "Iterative frequency estimation by interpolation on Fourier coefficients", IEEE Trans. Signal
+       Process. 53(4), 2005.
+    """
+    length = signal.shape[1]
+    level, highest = threshold(spec), beat_limits(spec)[1]
+    line = np.arange(length) / spec.chirp_time
+    searched = fold(spec, sign * line) <= highest
+    sample = np.arange(length)
+    tones: list[Tone] = []
+    for _ in range(number):
+        power = np.abs(np.fft.fft(signal, axis=-1)) ** 2 / length
+        power[:, ~searched] = 0.0
+        peak = np.argmax(power, axis=-1)
+        height = np.take_along_axis(power, peak[:, None], axis=-1)[:, 0]
+        place = peak.astype(np.float64)
+        for _ in range(_REFINEMENTS):
+            sides = [_coefficient(signal, place + side, sample) for side in (0.5, -0.5)]
+            place += 0.5 * np.real((sides[0] + sides[1]) / (sides[0] - sides[1] + 1e-300))
+        tone = np.exp(2j * np.pi * np.mod(place[:, None] / length * sample, 1.0))
+        amplitude = np.einsum("ns,ns->n", np.conj(tone), signal) / length
+        signal -= amplitude[:, None] * tone
+        frequency = sign * fold(spec, sign * place / spec.chirp_time)
+        tones.append((frequency, np.abs(amplitude) ** 2 * length - 1.0, height > level))
+    return tones
+
+
+def _coefficient(signal: npt.NDArray[np.complex128], place: Array, sample: Index) -> npt.NDArray[np.complex128]:
+    """Return the Fourier coefficient of each signal at its own place in lines of the transform."""
+    turn = np.exp(-2j * np.pi * np.mod(place[:, None] / len(sample) * sample, 1.0))
+    return np.einsum("ns,ns->n", turn, signal)
+
+
+def _report(spec: LidarSpec, start: int, up: Tone, down: Tone, returns: Echoes) -> Detections:
+    distance, velocity, valid = from_beats(spec, up[0], down[0])
+    kept = np.flatnonzero(valid & up[2] & down[2])
+    shot, cnr = kept + start, (up[1] + down[1])[kept] / 2.0
+    unit = mean_cnr(spec, 1.0 / distance[kept] ** 2, distance[kept])
+    intensity = cnr / unit / distance[kept] ** 2
+    found = Detections(shot, np.full(len(kept), NO_ECHO), distance[kept], velocity[kept], cnr, intensity)
+    return replace(found, echo=_match(spec, found, returns))
+
+
+def _match(spec: LidarSpec, found: Detections, returns: Echoes) -> Index:
+    """Return the nearest return of the same shot, in cells of range and of velocity resolution, or `NO_ECHO`."""
+    echo = np.full(len(found.shot), NO_ECHO)
+    best = np.full(len(found.shot), _MATCH_CELLS)
+    first, stop = (np.searchsorted(returns.shot, found.shot, side=side) for side in ("left", "right"))
+    for place in range(int((stop - first).max(initial=0))):
+        row = np.flatnonzero(first + place < stop)
+        candidate = first[row] + place
+        away = np.maximum(
+            np.abs(returns.distance[candidate] - found.distance[row]) / spec.range_resolution,
+            np.abs(returns.radial_velocity[candidate] - found.radial_velocity[row]) / spec.velocity_resolution,
+        )
+        nearer = away < best[row]
+        echo[row[nearer]], best[row[nearer]] = candidate[nearer], away[nearer]
+    return echo

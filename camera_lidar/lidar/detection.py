@@ -1,0 +1,166 @@
+"""Detection of a beat in noise, and how well its frequency can be estimated: closed forms.
+
+A chirp's spectrum is averaged in power over `num_looks` chirps. In a resolution cell of noise the sum of the looks, in units of
+the mean noise, is Gamma(num_looks); a return adds its carrier-to-noise ratio times the speckle of each look.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import gammaincc, gammainccinv
+from scipy.stats import ncx2
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+
+Array = npt.NDArray[np.float64]
+
+UNIFORM_CELL_CNR = 18.0 / math.pi**2
+"""Carrier-to-noise ratio at which the Cramer-Rao bound of a frequency is the deviation of a uniform place in the resolution cell."""
+_QUADRATURE = 200
+"""Nodes of the average over speckle: error below 1e-6 of a probability for carrier-to-noise ratios up to 1e4."""
+
+
+def beat_limits(spec: LidarSpec) -> tuple[float, float]:
+    """Return the lowest and the highest beat frequency [Hz] of an up chirp that the receiver searches.
+
+    From ``-2 max_velocity / wavelength`` to ``2 chirp_slope max_distance / c + 2 max_velocity / wavelength``; of a down chirp the negative.
+    """
+    assert isinstance(spec.receiver, HeterodyneReceiver)
+    shift = 2.0 * spec.receiver.max_velocity / spec.wavelength
+    return -shift, 2.0 * spec.chirp_slope * spec.max_distance / SPEED_OF_LIGHT + shift
+
+
+def num_cells(spec: LidarSpec) -> int:
+    """Return how many resolution cells of a chirp's spectrum are searched."""
+    low, high = beat_limits(spec)
+    return min(math.ceil((high - low) * spec.chirp_time), spec.num_samples)
+
+
+def unambiguous_distance(spec: LidarSpec) -> float:
+    """Return the distance up to which no beat is folded by the sampling, at any velocity that is searched [m]."""
+    assert isinstance(spec.receiver, HeterodyneReceiver)
+    left = spec.receiver.sampling_frequency - 4.0 * spec.receiver.max_velocity / spec.wavelength
+    return max(left, 0.0) * SPEED_OF_LIGHT / (2.0 * spec.chirp_slope)
+
+
+@lru_cache(maxsize=64)
+def threshold(spec: LidarSpec) -> float:
+    """Return the level of the summed looks above which a peak is a detection, for `false_alarm_probability` of an empty shot.
+
+    With an up and a down chirp both must have a peak, and the distance and the velocity that they give must be among those that are
+    searched, which the share ``g = 2 W_R W_v / (W_R + W_v)^2`` of all pairs of noise peaks is (W: widths of the band of beats
+    over distance and over velocity).
+
+    Raises
+    ------
+    ParameterRangeError
+        If the probability cannot be reached by any level.
+    """
+    receiver = spec.receiver
+    assert isinstance(receiver, HeterodyneReceiver)
+    over_velocity = 4.0 * receiver.max_velocity / spec.wavelength
+    over_distance = 2.0 * spec.chirp_slope * spec.max_distance / SPEED_OF_LIGHT
+    total = over_distance + over_velocity
+    if receiver.chirps == "up_down":
+        of_chirp = math.sqrt(receiver.false_alarm_probability * total**2 / (2.0 * over_distance * over_velocity))
+    else:
+        of_chirp = receiver.false_alarm_probability * total / over_distance
+    if not of_chirp < 1.0:
+        raise ParameterRangeError(
+            "false_alarm_probability",
+            receiver.false_alarm_probability,
+            f"< {receiver.false_alarm_probability / of_chirp:.3g}",
+        )
+    of_cell = -math.expm1(math.log1p(-of_chirp) / num_cells(spec))
+    return float(gammainccinv(receiver.num_looks, of_cell))
+
+
+def detection_probability(
+    cnr: npt.ArrayLike, level: float, num_looks: int = 1, speckle: bool = True, num_chirps: int = 2
+) -> Array:
+    r"""Return the probability that the peaks of all chirps of a return pass a level.
+
+    Parameters
+    ----------
+    cnr : array_like of float
+        Carrier-to-noise ratio of one look, in the mean over speckle, linear.
+    level : float
+        Threshold on the sum of the looks in units of the mean noise.
+    num_looks : int
+        Looks with independent speckle, >= 1.
+    speckle : bool
+        Fully developed speckle, the same in the up and the down chirp of a look.
+    num_chirps : int
+        1 or 2 chirps that must pass, with independent noise.
+
+    Notes
+    -----
+    One chirp with speckle is Swerling's second case:
+
+    .. math:: P_d = Q_\Gamma\!\left(M, \frac{\gamma}{1 + C}\right), \quad M = 1:\; P_d = P_{fa}^{1/(1+C)}
+
+    Without speckle it is the tail of a noncentral chi-square with 2 M degrees of freedom and noncentrality 2 M C (Marcum). Two chirps
+    share the speckle s, of density Gamma(M): the square of that tail is averaged over s by quadrature.
+
+    References
+    ----------
+    .. [1] P. Swerling, "Probability of detection for fluctuating targets", IRE Trans. Inf. Theory 6(2), 1960.
+    .. [2] J. W. Goodman, "Some effects of target-induced scintillation on optical radar performance", Proc. IEEE 53(11), 1965.
+    """
+    cnr = np.asarray(cnr, dtype=np.float64)
+    if speckle and num_chirps == 1:
+        return gammaincc(num_looks, level / (1.0 + cnr))
+    if not speckle:
+        return _tail(level, num_looks, cnr * num_looks) ** num_chirps
+    # s at the middles of equal shares of a logarithmic grid, weighted with the exact probability of each piece
+    edges = np.concatenate([[0.0], np.geomspace(1e-9, 40.0 + 8.0 * num_looks, _QUADRATURE * 4)])
+    weight = -np.diff(gammaincc(num_looks, edges))
+    node = (edges[1:] + edges[:-1]) / 2.0
+    return _tail(level, num_looks, cnr[..., None] * node) ** num_chirps @ weight
+
+
+def _tail(level: float, num_looks: int, noncentrality: Array) -> Array:
+    return ncx2.sf(2.0 * level, 2 * num_looks, 2.0 * np.maximum(noncentrality, 1e-300))
+
+
+def frequency_deviation(cnr: npt.ArrayLike, chirp_time: float, num_samples: int) -> Array:
+    r"""Return the Cramer-Rao bound of the standard deviation of a tone's frequency [Hz], amplitude and phase unknown.
+
+    Parameters
+    ----------
+    cnr : array_like of float
+        Carrier-to-noise ratio after the transform: number of samples times that of a sample.
+    chirp_time : float
+        Duration of the samples [s].
+    num_samples : int
+        Complex samples.
+
+    Notes
+    -----
+    .. math:: \sigma_f^2 = \frac{6}{(2\pi)^2 \, C \, T_s^2 (N^2 - 1)} \approx \frac{3}{2 \pi^2 \, C \, T^2}
+
+    References
+    ----------
+    .. [1] D. C. Rife, R. R. Boorstyn, "Single-tone parameter estimation from discrete-time observations", IEEE Trans. Inf.
+       Theory 20(5), 1974, Eq. (19).
+    """
+    interval = chirp_time / num_samples
+    return np.sqrt(6.0 / (np.asarray(cnr, dtype=np.float64) * (num_samples**2 - 1))) / (2.0 * math.pi * interval)
+
+
+def range_deviation(spec: LidarSpec, cnr: npt.ArrayLike) -> Array:
+    """Return the Cramer-Rao bound of the distance from an up and a down chirp [m]: c / (4 slope) sqrt(2) sigma_f."""
+    bound = frequency_deviation(cnr, spec.chirp_time, spec.num_samples)
+    return SPEED_OF_LIGHT / (4.0 * spec.chirp_slope) * math.sqrt(2.0) * bound
+
+
+def velocity_deviation(spec: LidarSpec, cnr: npt.ArrayLike) -> Array:
+    """Return the Cramer-Rao bound of the radial velocity from an up and a down chirp [m/s]: wavelength / 4 sqrt(2) sigma_f."""
+    return spec.wavelength / 4.0 * math.sqrt(2.0) * frequency_deviation(cnr, spec.chirp_time, spec.num_samples)

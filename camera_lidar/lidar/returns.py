@@ -1,0 +1,199 @@
+"""Ideal returns: what rays over a beam's footprint hit, through panes, gathered into returns that the lidar can tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.world.scene import PartTable, RayHits
+
+from .beam import sub_directions
+from .scan import pane_transmittance, radial_velocity, return_intensity
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+_STEP_BEHIND = 1e-3
+"""A ray goes on this far behind a pane [m], so that it does not meet the same triangle again."""
+_SMALLEST_SHARE = 1e-4
+"""A ray that panes have left less of its power is not followed."""
+
+Cast = Callable[[Array, Array, Index, float, bool], RayHits]
+"""origins, directions, the shot of every ray, longest distance, whether the rays start at the sensor -> hits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Echoes:
+    """What comes back to the lidar, one row a ray and surface, or one row a return.
+
+    Attributes
+    ----------
+    shot : ndarray of int64, shape (num_echoes,)
+        Rising.
+    distance : ndarray of float64, shape (num_echoes,)
+        [m].
+    radial_velocity : ndarray of float64, shape (num_echoes,)
+        Positive = opening [m/s].
+    intensity : ndarray of float64, shape (num_echoes,)
+        Relative to a white diffuser at 1 m that holds the whole beam, without air.
+    cos_incidence : ndarray of float64, shape (num_echoes,)
+    normal : ndarray of float64, shape (num_echoes, 3)
+        World axes.
+    part : ndarray of int64, shape (num_echoes,)
+        Row of the part table; of a return the one with the most power.
+    """
+
+    shot: Index
+    distance: Array
+    radial_velocity: Array
+    intensity: Array
+    cos_incidence: Array
+    normal: Array
+    part: Index
+
+    @property
+    def number(self) -> int:
+        """Number of echoes."""
+        return int(self.shot.shape[0])
+
+
+T = TypeVar("T")
+
+
+def take(table: T, rows: npt.NDArray[Any]) -> T:
+    """Return some rows of a table of arrays."""
+    return type(table)(*(getattr(table, item.name)[rows] for item in fields(table)))  # type: ignore[arg-type]
+
+
+def join(tables: list[T]) -> T:
+    """Return tables of arrays one after the other."""
+    names = [item.name for item in fields(tables[0])]  # type: ignore[arg-type]
+    return type(tables[0])(*(np.concatenate([getattr(table, name) for table in tables]) for name in names))
+
+
+def trace(
+    spec: LidarSpec,
+    parts: PartTable,
+    cast: Cast,
+    shots: Index,
+    origins: Array,
+    directions: Array,
+    sensor_velocity: Array,
+) -> Echoes:
+    """Return the echo of every ray and surface of some shots, by shot and then by ray and surface.
+
+    Parameters
+    ----------
+    spec : LidarSpec
+    parts : PartTable
+    cast : callable
+        Intersects rays with the world at the time of their shots.
+    shots : ndarray of int64, shape (num_shots,)
+        Numbers of the shots, rising.
+    origins, sensor_velocity : ndarray, shape (3,) or (num_shots, 3)
+        World axes [m], [m/s].
+    directions : ndarray, shape (num_shots, 3)
+        Unit vectors of the beams' axes, world axes.
+    """
+    if spec.sub_rays > 1:
+        directions = sub_directions(spec, directions).reshape(-1, 3)
+        shots = np.repeat(shots, spec.sub_rays)
+        if origins.ndim == 2:
+            origins = np.repeat(origins, spec.sub_rays, axis=0)
+        if sensor_velocity.ndim == 2:
+            sensor_velocity = np.repeat(sensor_velocity, spec.sub_rays, axis=0)
+    rays = np.arange(len(shots))
+    share = np.full(len(shots), 1.0 / spec.sub_rays)
+    start = np.zeros(len(shots))
+    found: list[Echoes] = []
+    for surface in range(spec.max_surfaces):
+        first = surface == 0
+        place = origins if first else _rows(origins, rays) + start[:, None] * directions[rays]
+        hits = cast(place, directions if first else directions[rays], shots[rays], spec.max_distance, first)
+        ray = rays[hits.ray]
+        distance = start[hits.ray] + hits.distance
+        velocity = radial_velocity(hits.velocity, _rows(sensor_velocity, ray), directions[ray])
+        intensity = return_intensity(parts.lidar_reflectance[hits.part], hits.cos_incidence, distance, spec.extinction)
+        light = share[hits.ray]
+        if spec.sub_rays > 1 or not first:
+            intensity *= light
+        echoes = Echoes(
+            shots[ray], distance, velocity, intensity, hits.cos_incidence, hits.normal, hits.part.astype(np.int64)
+        )
+        found.append(echoes if first else take(echoes, np.flatnonzero(distance <= spec.max_distance)))
+        if surface + 1 == spec.max_surfaces:
+            break
+        passed = light * pane_transmittance(parts.lidar_transmittance[hits.part], hits.cos_incidence) ** 2
+        onward = np.flatnonzero((passed > _SMALLEST_SHARE * light.max(initial=0.0)) & (distance < spec.max_distance))
+        if onward.size == 0:
+            break
+        rays, share, start = ray[onward], passed[onward], distance[onward] + _STEP_BEHIND
+    if len(found) == 1:
+        return found[0]
+    echoes = join(found)
+    return take(echoes, np.argsort(echoes.shot, kind="stable"))
+
+
+def _rows(values: Array, rows: Index) -> Array:
+    return values if values.ndim == 1 else values[rows]
+
+
+def gather(spec: LidarSpec, echoes: Echoes) -> Echoes:
+    """Return the returns that echoes make: by shot and distance, the strongest `spec.max_returns` of each shot.
+
+    Echoes of a shot whose distances follow each other within the range resolution, and their radial velocities within the
+    velocity resolution, are one return: its intensity is their sum, distance and radial velocity are their means weighted with the
+    intensity, all else is that of the strongest.
+    """
+    if spec.sub_rays > 1 or spec.max_surfaces > 1:
+        echoes = _merged(echoes, spec.range_resolution, spec.velocity_resolution)
+    return strongest(echoes, spec.max_returns)
+
+
+def strongest(echoes: Echoes, number: int) -> Echoes:
+    """Return the `number` strongest echoes of each shot, by shot and distance."""
+    new_shot = np.diff(echoes.shot, prepend=-1) != 0
+    if new_shot.all():
+        return echoes
+    order = np.lexsort((-echoes.intensity, echoes.shot))
+    kept = order[place_in_group(echoes.shot[order]) < number]
+    return take(echoes, kept[np.lexsort((echoes.distance[kept], echoes.shot[kept]))])
+
+
+def place_in_group(group: npt.NDArray[np.integer]) -> Index:
+    """Return the place of each row among the equal, neighbouring entries of `group`: 0, 1, ..."""
+    start = np.flatnonzero(np.diff(group, prepend=group[:1] - 1) != 0)
+    return np.arange(len(group)) - np.repeat(start, np.diff(np.append(start, len(group))))
+
+
+def _merged(echoes: Echoes, distance_gap: float, velocity_gap: float) -> Echoes:
+    if echoes.number == 0:
+        return echoes
+    echoes = take(echoes, np.lexsort((echoes.distance, echoes.shot)))
+    apart = (np.diff(echoes.shot) != 0) | (np.diff(echoes.distance) > distance_gap)
+    group = np.concatenate([[0], np.cumsum(apart)])
+    order = np.lexsort((echoes.radial_velocity, group))
+    echoes, group = take(echoes, order), group[order]
+    apart = (np.diff(group) != 0) | (np.diff(echoes.radial_velocity) > velocity_gap)
+    start = np.concatenate([[0], np.flatnonzero(apart) + 1])
+    if start.size == echoes.number:
+        return echoes
+    group = np.concatenate([[0], np.cumsum(apart)])
+    power = np.maximum(echoes.intensity, 1e-300)  # black surfaces still have a place
+    total = np.add.reduceat(power, start)
+    strongest_row = np.lexsort((power, group))[np.append(start[1:], echoes.number) - 1]
+    rows = take(echoes, strongest_row)
+    return Echoes(
+        rows.shot,
+        np.add.reduceat(power * echoes.distance, start) / total,
+        np.add.reduceat(power * echoes.radial_velocity, start) / total,
+        np.add.reduceat(echoes.intensity, start),
+        rows.cos_incidence,
+        rows.normal,
+        rows.part,
+    )
