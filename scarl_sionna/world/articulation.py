@@ -6,7 +6,8 @@ of its own, so that ground contact and Doppler always agree with the trajectory.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -21,6 +22,7 @@ from .motion import Motion, Trajectory
 
 PANEL = 0.25
 """Length of the panels over which a rate is integrated by an 8-point Gauss rule [s]."""
+_SEGMENT = re.compile(rf"_({'|'.join(SEGMENTS)})(?:_[a-z]+)?$")
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
@@ -71,6 +73,10 @@ class Joint(Protocol):
     """Some shapes of an actor and how they move relative to it."""
 
     @property
+    def shapes(self) -> Collection[str]:
+        """Ids of the shapes that the joint moves."""
+
+    @property
     def changes_shape(self) -> bool:
         """Whether the actor's box changes as the shapes move."""
 
@@ -112,9 +118,9 @@ class Wheel:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A walking person: every segment of the body is a shape in the segment's own frame, see `gait.SEGMENTS`."""
+    """A walking person: `shapes` holds the segment of each shape, which is modelled in that segment's frame, see `gait.SEGMENTS`."""
 
-    shape_of: Mapping[str, str]
+    shapes: Mapping[str, str]
     gait: WalkingGait
     trajectory: Trajectory
     phase: Accumulated
@@ -129,7 +135,7 @@ class Walk:
         after = min(time + step, self.trajectory.stop)
         rise = max(forward_speed(self.trajectory, after), 0.0) - max(forward_speed(self.trajectory, before), 0.0)
         moved = self.gait.motions(self.phase.at(time) + self.phase_offset, speed, rise / max(after - before, step))
-        return {shape: moved[segment] for segment, shape in self.shape_of.items()}
+        return {shape: moved[segment] for shape, segment in self.shapes.items()}
 
 
 def joints_from_tables(
@@ -141,7 +147,7 @@ def joints_from_tables(
     ----------
     tables : sequence of mapping
         ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius) and ``walk`` (height[, phase]), whose
-        shapes are those of the actor that end in ``_<segment>``, for instance ``walker_left_foot``.
+        shapes are those of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for instance ``walker_head_hair``.
     actor : str
         Whose joints they are, for error messages.
     shapes : sequence of str
@@ -165,16 +171,12 @@ def joints_from_tables(
             joint = _walk(table, what, shapes, trajectory)
         else:
             raise UnknownNameError(f"kind of {what}", kind, ("wheel", "walk"))
-        used = set(_shapes_of(joint))
+        used = set(joint.shapes)
         if twice := sorted(used & taken):
             raise ParameterRangeError(f"{what}.shapes", twice[0], "a shape without another joint")
         taken |= used
         joints.append(joint)
     return tuple(joints)
-
-
-def _shapes_of(joint: Any) -> Sequence[str]:
-    return tuple(joint.shape_of.values()) if isinstance(joint, Walk) else joint.shapes
 
 
 def _check_keys(table: Mapping[str, Any], what: str, required: set[str], optional: set[str]) -> None:
@@ -198,15 +200,13 @@ def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajector
 
 def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Walk:
     _check_keys(table, what, {"height"}, {"phase"})
-    found = {segment: [shape for shape in shapes if shape.endswith(f"_{segment}")] for segment in SEGMENTS}
-    if missing := [segment for segment, names in found.items() if len(names) != 1]:
+    found = {shape: match[1] for shape in shapes if (match := _SEGMENT.search(shape))}
+    if missing := [segment for segment in SEGMENTS if segment not in found.values()]:
         raise ParameterRangeError(
-            f"{what}.shapes",
-            f"{len(found[missing[0]])} shapes end in '_{missing[0]}'",
-            "one shape for each segment of the body",
+            f"{what}.shapes", f"no shape ends in '_{missing[0]}'", "at least one shape for each segment of the body"
         )
     gait = WalkingGait(float(table["height"]))
     return Walk(
-        {segment: names[0] for segment, names in found.items()}, gait, trajectory,
+        found, gait, trajectory,
         Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))), float(table.get("phase", 0.0)),
     )  # fmt: skip
