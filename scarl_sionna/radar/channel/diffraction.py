@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.fresnel import reflection
 from scarl_sionna.world.edges import Wedge, wedge_at
 from scarl_sionna.world.path_tracing import DIFFRACTION, REFRACTION, SPECULAR, TracedPaths, surface_velocity
@@ -36,7 +37,9 @@ class EdgeLeg:
 
     point: Array
     image: Array
+    isometry: Array
     inner: float
+    front: Array
     rear: Array
     spread: float
     length: float
@@ -48,7 +51,7 @@ class EdgeLeg:
 
 def edge_leg(
     state: WorldState, traced: TracedPaths, row: int, station: Station, end: Array, end_velocity: Array, end_rotation: Array,
-    frequency: float, wavenumber: float,
+    frequency: float, end_is_station: bool,
 ) -> EdgeLeg | None:  # fmt: skip
     """Return one traced path with a diffraction as a leg, or None where it has no edge or misses it in float64.
 
@@ -64,9 +67,9 @@ def edge_leg(
     end_rotation : ndarray of float64, shape (3, 3)
         Axes of the polarisation at the end, as columns.
     frequency : float
-        Of the materials [Hz].
-    wavenumber : float
-        [1/m].
+        [Hz].
+    end_is_station : bool
+        Whether the end carries the antennas of a radar too, not a point target.
     """
     kind, part = traced.kind[row], traced.part[row]
     where = int(np.flatnonzero(kind == DIFFRACTION)[0])
@@ -111,6 +114,7 @@ def edge_leg(
     index = np.where(part >= 0, np.cumsum(part >= 0) - 1, -1)[None]
     field = spherical_basis(station.rotation, travel[0][:, 0]).astype(np.complex128)
     field = propagated(first, travel[0], field, material_coefficients(materials, index[:, :where], frequency))
+    wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
     turned = edge_transfer(wedge, travel[0][0, -1], travel[1][0, 0], before, behind, wavenumber, faces)
     field = np.einsum("ij,pqj->pqi", turned, field)
     field = propagated(second, travel[1], field, material_coefficients(materials, index[:, where + 1 :], frequency))
@@ -120,10 +124,15 @@ def edge_leg(
         wedge, source, target, _seen_velocity(backward, station.velocity, velocity[:where][::-1]) - velocity[where],
         _seen_velocity(second, end_velocity, velocity[where + 1 :]) - velocity[where],
     )  # fmt: skip
-    image, inner, spread = _virtual_point(station, first, wedge, edge, travel[0][0, 0], before, behind)
+    isometry = _joined_isometry(first, _unfolding(wedge, source, target), second)
+    image = isometry[:, :3] @ end + isometry[:, 3]
+    near, far = _wavefront_errors(station, first, wedge, edge, travel[0][0, 0], before, behind, end_is_station)
+    front = station.position + before * travel[0][0, 0]
+    if near <= far:
+        image, isometry = front, np.full((3, 4), np.nan)
     return EdgeLeg(
-        points, image, inner, end - behind * travel[1][0, -1], spread, before + behind, rate, acceleration,
-        np.einsum("pri,pti->prt", basis, field)[0], wedge.length,
+        points, image, isometry, behind if near <= far else 0.0, front, end - behind * travel[1][0, -1], min(near, far),
+        before + behind, rate, acceleration, np.einsum("pri,pti->prt", basis, field)[0], wedge.length,
     )  # fmt: skip
 
 
@@ -161,21 +170,35 @@ def _motion(
     return first, (rate**2 + sliding**2 + total * curve - first**2) / length
 
 
-def _virtual_point(
-    station: Station, chain: Chain, wedge: Wedge, edge: Array, ahead: Array, before: float, behind: float
-) -> tuple[Array, float, float]:
-    """Return the virtual end point for the station's antennas, the length behind it, and the largest error in length [m].
+def _unfolding(wedge: Wedge, source: Array, target: Array) -> Array:
+    """Return the rotation about the edge that takes the target to where the source sees it straight ahead, shape (3, 4)."""
+    turn = wedge.cylindrical(source)[1] + np.pi - wedge.cylindrical(target)[1]
+    e, t, n = wedge.direction, wedge.tangent, wedge.normal
+    cosine, sine = np.cos(turn), np.sin(turn)
+    matrix = np.outer(e, e) + np.outer(cosine * t + sine * n, t) + np.outer(cosine * n - sine * t, n)
+    return np.concatenate([matrix, (wedge.origin - matrix @ wedge.origin)[:, None]], axis=1)
 
-    The wavefront of an edge has two radii: to the edge across it, to the source behind it along it. One point has one; the
-    better one for the antennas is taken.
+
+def _joined_isometry(first: Chain, middle: Array, second: Chain) -> Array:
+    """Return the isometry of mirrors, then a rotation, then mirrors, shape (3, 4): the last ones act first."""
+    outer, inner = first.isometry()[0], second.isometry()[0]
+    matrix = outer[:, :3] @ middle[:, :3]
+    shift = outer[:, :3] @ (middle[:, :3] @ inner[:, 3] + middle[:, 3]) + outer[:, 3]
+    return np.concatenate([matrix @ inner[:, :3], shift[:, None]], axis=1)
+
+
+def _wavefront_errors(
+    station: Station, chain: Chain, wedge: Wedge, edge: Array, ahead: Array, before: float, behind: float,
+    end_is_station: bool,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the largest error of a length to an antenna [m] with the edge's point, and with the unfolded end, as the centre.
+
+    An edge's wavefront has two radii: to the edge across it, to the source behind along it. One sphere has one.
     """
-    image = station.position + before * ahead
     along = np.asarray(chain.images((edge + wedge.direction)[None])[0, 0] - chain.images(edge[None])[0, 0])
     across = np.cross(ahead, along)
     across /= np.linalg.norm(across)
     along = np.cross(across, ahead)
-    bend = 0.5 * (1.0 / before - 1.0 / (before + behind))
-    error_near, error_far = (bend * float(np.max((station.arms @ axis) ** 2, initial=0.0)) for axis in (along, across))
-    if error_near <= error_far:
-        return image, behind, error_near
-    return station.position + (before + behind) * ahead, 0.0, error_far
+    bend = 0.5 * (1.0 / before + (1.0 / behind if end_is_station else -1.0 / (before + behind)))
+    near, far = (bend * float(np.max((station.arms @ axis) ** 2, initial=0.0)) for axis in (along, across))
+    return near, far

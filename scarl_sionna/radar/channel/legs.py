@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.world.path_tracing import DIFFRACTION, DIFFUSE, REFRACTION, SPECULAR, TracedPaths, surface_velocity
 
 from .diffraction import EdgeLeg, edge_leg
@@ -52,15 +51,15 @@ class Legs:
     image : ndarray of float64, shape (num_legs, 3)
         Image of the end point seen from the station [m, world]; over an edge, the virtual point that serves the antennas.
     isometry : ndarray of float64, shape (num_legs, 3, 4)
-        Maps the end point to its image; NaN over an edge.
+        Maps the end point to its image; NaN where that is the edge.
     length, rate, acceleration : ndarray of float64, shape (num_legs,)
         [m], [m/s], [m/s2].
     transfer : ndarray of complex128, shape (num_legs, 2, 2)
         Without spreading; rows: at the end point, columns: at the station.
     inner : ndarray of float64, shape (num_legs,)
         Length behind `image` [m]: zero but over an edge.
-    rear : ndarray of float64, shape (num_legs, 3)
-        The edge as the end point sees it [m, world]; NaN without one.
+    front, rear : ndarray of float64, shape (num_legs, 3)
+        The edge as the station, and as the end point, sees it [m, world]; NaN without one.
     spread : ndarray of float64, shape (num_legs,)
         Largest error of the length to any antenna by taking the edge's wavefront, which has two radii, for a sphere [m].
     edge_length : ndarray of float64, shape (num_legs,)
@@ -79,6 +78,7 @@ class Legs:
     acceleration: Array
     transfer: npt.NDArray[np.complex128]
     inner: Array
+    front: Array
     rear: Array
     spread: Array
     edge_length: Array
@@ -101,7 +101,7 @@ def chain_of(traced: TracedPaths, rows: npt.NDArray[np.bool_] | slice = slice(No
 
 def legs_of(
     state: WorldState, traced: TracedPaths, station: Station, ends: Array, end_velocity: Array, end_rotation: Array,
-    frequency: float,
+    frequency: float, end_is_station: bool = False,
 ) -> Legs:  # fmt: skip
     """Return the coherent ones of traced paths with their geometry in float64.
 
@@ -117,6 +117,8 @@ def legs_of(
         Axes of the frame in which the polarisation at the end points is given, as columns.
     frequency : float
         [Hz].
+    end_is_station : bool
+        Whether the end points carry a radar's antennas, not point targets.
 
     Returns
     -------
@@ -133,15 +135,24 @@ def legs_of(
     legs = _straight(state, traced, ~scattered & ~bent, station, ends, end_velocity, end_rotation, frequency)
     rows = np.flatnonzero(bent & ~scattered)
     if len(rows):
-        wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
         over = [
             edge_leg(
-                state, traced, int(row), station, ends[target], end_velocity[target], end_rotation, frequency, wavenumber
+                state,
+                traced,
+                int(row),
+                station,
+                ends[target],
+                end_velocity[target],
+                end_rotation,
+                frequency,
+                end_is_station,
             )
             for row, target in zip(rows, traced.target[rows], strict=True)
         ]
         kept = [(row, leg) for row, leg in zip(rows, over, strict=True) if leg is not None]
-        legs = joined_legs([legs, _over_edges(traced, np.array([row for row, _ in kept], int), [leg for _, leg in kept])])
+        legs = joined_legs(
+            [legs, _over_edges(traced, np.array([row for row, _ in kept], int), [leg for _, leg in kept])]
+        )
     legs = legs.select(np.any(np.abs(legs.transfer) > 0.0, axis=(1, 2)))
     legs = legs.select(_first_of_equals(legs))
     return legs.select(_order(legs))
@@ -176,8 +187,8 @@ def _straight(
     across = np.maximum(np.einsum("pi,pi->p", relative, relative) - rate**2, 0.0)
     legs = Legs(
         target, traced.kind[rows], part, traced.face[rows], point, images[:, 0], chain.isometry(), length, rate,
-        across / length, through, inner=np.zeros_like(length), rear=np.full((len(length), 3), np.nan),
-        spread=np.zeros_like(length), edge_length=np.full_like(length, np.inf),
+        across / length, through, inner=np.zeros_like(length), front=np.full((len(length), 3), np.nan),
+        rear=np.full((len(length), 3), np.nan), spread=np.zeros_like(length), edge_length=np.full_like(length, np.inf),
     )  # fmt: skip
     return legs.select(right)
 
@@ -185,15 +196,16 @@ def _straight(
 def _over_edges(traced: TracedPaths, rows: npt.NDArray[np.int64], legs: Sequence[EdgeLeg]) -> Legs:
     """Return the legs over edges as one table."""
     count, width = len(rows), traced.kind.shape[1]
-    shapes = {"point": (width, 3), "image": (3,), "rear": (3,), "transfer": (2, 2)}
+    shapes = {"point": (width, 3), "isometry": (3, 4), "transfer": (2, 2)} | dict.fromkeys(
+        ("image", "front", "rear"), (3,)
+    )
     columns = {
         item.name: np.array([getattr(leg, item.name) for leg in legs]).reshape(count, *shapes.get(item.name, ()))
         for item in fields(EdgeLeg)
     }
     return Legs(
-        target=traced.target[rows], kind=traced.kind[rows], part=traced.part[rows], face=traced.face[rows],
-        isometry=np.full((count, 3, 4), np.nan), **columns,
-    )  # fmt: skip
+        target=traced.target[rows], kind=traced.kind[rows], part=traced.part[rows], face=traced.face[rows], **columns
+    )
 
 
 def joined_legs(blocks: Sequence[Legs]) -> Legs:

@@ -67,7 +67,9 @@ class SionnaSettings(Spec):
     specular: bool = Field(True, description="mirror reflections")
     diffuse: bool = Field(False, description="diffuse scattering with Sionna RT's patterns, amplitudes in float32")
     refraction: bool = Field(False, description="straight passage through layers")
-    diffraction: bool = Field(False, description="over one edge a way, by the uniform theory; also beside the edge, in the light")
+    diffraction: bool = Field(
+        False, description="over one edge a way, by the uniform theory; also beside the edge, in the light"
+    )
     double_bounce: bool = Field(
         False, description="scatterers also with a mirror and themselves again (target - own car - target); a trace for each"
     )  # fmt: skip
@@ -218,9 +220,17 @@ class _Solver:
         self.overflow |= traced.overflow
         return traced
 
-    def _legs(self, traced: TracedPaths, station: Station, ends: Array, velocity: Array, rotation: Array) -> Legs:
+    def _legs(
+        self,
+        traced: TracedPaths,
+        station: Station,
+        ends: Array,
+        velocity: Array,
+        rotation: Array,
+        to_radar: bool = False,
+    ) -> Legs:
         start = time.perf_counter()
-        legs = legs_of(self.state, traced, station, ends, velocity, rotation, self.radar.start_frequency)
+        legs = legs_of(self.state, traced, station, ends, velocity, rotation, self.radar.start_frequency, to_radar)
         self.mirrors.append((legs, station.position))
         self.clock["geometry"] += time.perf_counter() - start
         return legs
@@ -238,7 +248,9 @@ class _Solver:
             return blocks
         traced = self._trace(tx.position, targets, False)
         if environment:
-            legs = self._legs(_at_one_target(traced.of_targets(0, len(own))), tx, own[:1], rx.velocity[None], rx.rotation)
+            legs = self._legs(
+                _at_one_target(traced.of_targets(0, len(own))), tx, own[:1], rx.velocity[None], rx.rotation, True
+            )
             blocks.insert(0, self._mirror_columns(legs, tx, rx))
         if points is not None:
             blocks.extend(self._scattered(traced.of_targets(len(targets) - len(ends)), tx, rx, points))
@@ -270,7 +282,9 @@ class _Solver:
         middle = np.broadcast_to((tx.position + rx.position) / 2.0, (count, 3))  # of a line of sight
         first, last = (np.where(depth[:, None] > 0, point, middle) for point in (first, last))
         bent = np.isfinite(legs.edge_length)
-        first, last = (np.where(bent[:, None], point, other) for point, other in ((legs.image, first), (legs.rear, last)))
+        first, last = (
+            np.where(bent[:, None], point, other) for point, other in ((legs.front, first), (legs.rear, last))
+        )
         ends = np.linalg.norm(first - tx.position, axis=1) + np.linalg.norm(last - rx.position, axis=1)
         return {
             "tx_point": first,
@@ -312,7 +326,9 @@ class _Solver:
 def _at_one_target(traced: TracedPaths) -> TracedPaths:
     """Return the paths to the first target, and those to the points beside it as paths to it; no line of sight to those."""
     rows = (traced.target == 0) | (traced.depth > 0)
-    arrays: dict[str, Any] = {name: value[rows] for name, value in vars(traced).items() if isinstance(value, np.ndarray)}
+    arrays: dict[str, Any] = {
+        name: value[rows] for name, value in vars(traced).items() if isinstance(value, np.ndarray)
+    }
     return replace(traced, **{**arrays, "target": np.zeros(np.count_nonzero(rows), np.int64)})
 
 
