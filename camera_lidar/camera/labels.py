@@ -142,11 +142,9 @@ def _flow(
     """
     later = shifted_state(state, spec.flow_interval)
     points = hits.point.copy()
-    actor_of_hit = state.world.parts.actor[hits.part]
-    for index in np.unique(actor_of_hit[actor_of_hit >= 0]):
-        name = state.world.actors[index].name
-        rows = actor_of_hit == index
-        motion = later.actor_pose(name).compose(state.actor_pose(name).inverse())
+    for part in np.unique(hits.part[state.world.parts.actor[hits.part] >= 0]).tolist():
+        rows = hits.part == part
+        motion = later.part_pose(part).compose(state.part_pose(part).inverse())
         points[rows] = motion.apply(points[rows])
     optical_from_world = camera_optical_from_world(shifted_sensor(state, later, world_from_sensor, sensor_twist))
     pixel, _ = spec.project(optical_from_world.apply(points))

@@ -13,6 +13,7 @@ from scarl_sionna.world import variant
 
 from .denoise import denoise
 from .develop import develop
+from .haze import haze_integrator
 from .motion import shifted_sensor, shifted_state
 from .ray_sensor import ray_sensor, stratified_samples
 
@@ -98,6 +99,9 @@ def _trace(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) ->
     with variant.optical() as mi:
         sensor = ray_sensor(mi, spec, pose, each)
         integrator = mi.load_dict(integrator_dict(spec))
+        lighting = state.world.lighting
+        if lighting is not None and lighting.visibility is not None:
+            integrator = haze_integrator(mi, integrator, lighting.visibility, state.airlight)
         total = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
         for launch in range(launches):
             image = mi.render(
@@ -126,4 +130,5 @@ def render_rgb(
 ) -> npt.NDArray[np.uint8]:
     """Return the 8-bit sRGB image, shape (height, width, 3): :func:`render_radiance`, then :func:`develop`."""
     radiance = render_radiance(state, spec, world_from_sensor, seed_generator, sensor_twist)
-    return develop(radiance, spec, seed_generator)
+    lighting = state.world.lighting
+    return develop(radiance, spec, seed_generator, 1.0 if lighting is None else lighting.exposure)

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 from scarl_sionna.core.errors import MaterialError, MeshError, SceneError, UnknownNameError
+from scarl_sionna.core.lighting import Lighting
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.toml_file import read_toml
 
@@ -22,6 +23,9 @@ from .motion import Trajectory, trajectory_from_table
 
 MESH_PLUGINS = ("ply", "obj", "cube")
 """Shape plugins that a scene may use: the ones that are triangle meshes."""
+
+LAMP_KINDS = ("headlamp", "taillamp", "street_lamp")
+"""What a material's `lamp` may be."""
 
 _CLASS_HINTS = {
     "building": "Building", "house": "Building", "church": "Building", "roof": "Building", "road": "Roads",
@@ -34,11 +38,18 @@ _CLASS_HINTS = {
 
 @dataclass(frozen=True)
 class MaterialEntry:
-    """Radio material and lidar reflectance that stand behind a BSDF id; None: what the radio material's entry says."""
+    """Radio material and lidar reflectance that stand behind a BSDF id; None: what the radio material's entry says.
+
+    `lamp` is the kind of lamp that surfaces of this material are (:mod:`scarl_sionna.world.lamps`), `wets` how much of the
+    lighting's wetness they take, and `puddles` a texture of where the water stands.
+    """
 
     radio: str
     lidar_reflectance: float | None = None
     lidar_transmittance: float | None = None
+    lamp: str | None = None
+    wets: float = 0.0
+    puddles: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -70,6 +81,7 @@ class SceneDocument:
     ego: str | None = None
     info: dict[str, Any] = field(default_factory=dict)
     is_foreign: bool = False
+    lighting: Lighting | None = None
 
 
 def read_document(path: Path) -> SceneDocument:
@@ -113,6 +125,7 @@ def read_document(path: Path) -> SceneDocument:
         ego=ego,
         info=info,
         is_foreign=not table,
+        lighting=_lighting(table.get("lighting", {})),
     )
 
 
@@ -274,14 +287,40 @@ def _materials(
                     raise MaterialError(f"[materials.{bsdf_id}] {key} = {value} is not within 0 to 1")
             if sum(optical.values()) > 1.0:
                 raise MaterialError(f"[materials.{bsdf_id}] lidar_reflectance + lidar_transmittance = {sum(optical.values()):g} > 1")
-            entries[bsdf_id] = MaterialEntry(row["radio"], **optical)
+            entries[bsdf_id] = MaterialEntry(row["radio"], **{**optical, **_look(bsdf_id, row, path)})
         else:
             plain = bsdf_id.removeprefix("mat-").removeprefix("itu_").removeprefix("itu-")
             entries[bsdf_id] = MaterialEntry(types.get(bsdf_id) or plain)
     return entries
 
 
-def twin_xml(document: SceneDocument, bsdfs: dict[str, ET.Element], extra: Iterable[ET.Element] = ()) -> str:
+def _look(bsdf_id: str, row: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Return what a material's table says about lamps and water."""
+    lamp, wets = row.get("lamp"), float(row.get("wets", 0.0))
+    if lamp is not None and lamp not in LAMP_KINDS:
+        raise UnknownNameError(f"lamp of [materials.{bsdf_id}]", str(lamp), LAMP_KINDS)
+    if not 0.0 <= wets <= 1.0:
+        raise MaterialError(f"[materials.{bsdf_id}] wets = {wets} is not within 0 to 1")
+    puddles = path.parent / row["puddles"] if "puddles" in row else None
+    if puddles is not None and not puddles.is_file():
+        raise SceneError(f"texture '{row['puddles']}' of [materials.{bsdf_id}] is missing", path)
+    return {"lamp": lamp, "wets": wets, "puddles": puddles}
+
+
+def _lighting(table: dict[str, Any]) -> Lighting | None:
+    """Return the lighting of a [lighting] table: a `preset`, and values that differ from it; None where there is no table."""
+    if not table:
+        return None
+    base = Lighting.preset(str(table["preset"])) if "preset" in table else Lighting()
+    return base.with_(**{key: value for key, value in table.items() if key != "preset"})
+
+
+def twin_xml(
+    document: SceneDocument,
+    bsdfs: dict[str, ET.Element],
+    extra: Iterable[ET.Element] = (),
+    inside: Mapping[str, ET.Element] | None = None,
+) -> str:
     """Return the XML of a twin: given BSDFs in place of the document's, actors in their own frame, no sensor.
 
     Parameters
@@ -291,6 +330,8 @@ def twin_xml(document: SceneDocument, bsdfs: dict[str, ET.Element], extra: Itera
         The elements by the document's BSDF ids; every BSDF in use must be there.
     extra : iterable of Element
         Further elements (emitters).
+    inside : mapping, optional
+        An element to put into a shape, by shape id (its emitter).
     """
     root = ET.Element("scene", {"version": document.root.get("version", "3.0.0")})
     root.extend(bsdfs.values())
@@ -306,6 +347,8 @@ def twin_xml(document: SceneDocument, bsdfs: dict[str, ET.Element], extra: Itera
                 twin.remove(child)
         bsdf = bsdfs[document.bsdf_of_shape[shape_id]]
         ET.SubElement(twin, "ref", {"id": str(bsdf.get("id")), "name": "bsdf"})
+        if inside and shape_id in inside:
+            twin.append(inside[shape_id])
         root.append(twin)
     root.extend(extra)
     return ET.tostring(root, encoding="unicode")

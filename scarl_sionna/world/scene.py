@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import SceneError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.lighting import Lighting
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
@@ -135,6 +137,7 @@ class World:
     def __init__(self, document: SceneDocument, materials: MaterialTable) -> None:
         self.document = document
         self.materials = materials
+        self.lighting = document.lighting
         self.name = document.name
         self.ego = document.ego
         self.parts, self._entries = _part_table(document, materials)
@@ -186,8 +189,22 @@ class World:
         if kind not in self._twins:
             if kind not in ("optical", "radio"):
                 raise UnknownNameError("twin", kind, ("optical", "radio"))
-            self._twins[kind] = Twin(kind, self.document, self.materials, self.parts.name)
+            self._twins[kind] = Twin(kind, self.document, self.materials, self.parts.name, self.lighting)
         return self._twins[kind]
+
+    def with_lighting(self, lighting: Lighting | str | None) -> World:
+        """Return this world under another lighting; it shares everything but the optical twin.
+
+        Parameters
+        ----------
+        lighting : Lighting, str or None
+            Or the name of a preset (``"day"``, ``"dusk"``, ``"night"``, ``"overcast"``, ``"rain"``); None: the emitters of the
+            scene's own XML.
+        """
+        other = copy.copy(self)
+        other.lighting = Lighting.preset(lighting) if isinstance(lighting, str) else lighting
+        other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
+        return other
 
     def actor(self, name: str) -> Actor:
         """Return an actor by name."""
@@ -308,6 +325,11 @@ class WorldState:
     def optical_scene(self) -> Any:
         """Return the Mitsuba scene of the RGB variant in this state; use it inside ``variant.optical()``."""
         return self._applied("optical").mi_scene
+
+    @property
+    def airlight(self) -> Array:
+        """Radiance of the sky at the horizon, shape (3,), into which haze fades; zeros where the lighting has no haze."""
+        return np.asarray(self.world.twin("optical").airlight)
 
     def radio_scene(self) -> Any:
         """Return the Sionna RT scene in this state, with the velocities set; use it inside ``variant.radio()``."""

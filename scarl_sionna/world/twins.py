@@ -10,16 +10,21 @@ import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import MeshError, SceneError
+from scarl_sionna.core.lighting import Lighting
 from scarl_sionna.core.pose import Pose, Twist
 
 from . import variant
 from .document import SceneDocument, twin_xml
+from .lamps import Lamps, lamp_elements
+from .look import airlight, sky_elements, wet_bsdfs
 from .materials import MaterialTable
 
 Array = npt.NDArray[np.float64]
@@ -50,10 +55,17 @@ class Twin:
         Radio materials; used by the radio twin only.
     part_names : tuple of str
         Shape ids in the order of the parts.
+    lighting : Lighting, optional
+        Of the optical twin; None: the emitters of the scene's own XML.
     """
 
     def __init__(
-        self, kind: str, document: SceneDocument, materials: MaterialTable, part_names: tuple[str, ...]
+        self,
+        kind: str,
+        document: SceneDocument,
+        materials: MaterialTable,
+        part_names: tuple[str, ...],
+        lighting: Lighting | None = None,
     ) -> None:
         self.kind = kind
         self.part_names = part_names
@@ -63,7 +75,7 @@ class Twin:
                 if kind == "radio":
                     self._load_radio(document, materials)
                 else:
-                    self.mi_scene = mi.load_string(optical_xml(document), optimize=False)
+                    self._load_optical(mi, document, lighting)
             except (RuntimeError, TypeError, ValueError) as error:
                 raise _load_error(str(error), document) from error
             self._shapes = {shape.id(): shape for shape in self.mi_scene.shapes()}
@@ -73,6 +85,19 @@ class Twin:
             self._params = mi.traverse(self.mi_scene)
         self._applied: object = None
         self._local_normals: dict[str, Array] = {}
+        self._lamps: Lamps | None = None
+        if kind == "optical" and lighting is not None:
+            with variant.use(kind):
+                meshes = dict(zip(part_names, self.mesh_data(), strict=True))
+                self._lamps = Lamps(self._params, document, lighting, meshes)
+                self._params.update()
+
+    def _load_optical(self, mi: Any, document: SceneDocument, lighting: Lighting | None) -> None:
+        self.airlight = np.zeros(3)
+        with TemporaryDirectory() as folder:
+            self.mi_scene = mi.load_string(optical_xml(document, lighting, Path(folder), mi), optimize=False)
+        if lighting is not None and lighting.visibility is not None:
+            self.airlight = airlight(mi, self.mi_scene)
 
     def _load_radio(self, document: SceneDocument, materials: MaterialTable) -> None:
         import sionna.rt as rt
@@ -126,6 +151,8 @@ class Twin:
                 world = pose.apply(meshes[name].vertices).astype(np.float32)
                 self._params[f"{name}.vertex_positions"] = mi.Float(world.ravel())
                 self._rotate_normals(mi, name, pose)
+                if self._lamps is not None and name in self._lamps.shapes:
+                    self._lamps.move(self._params, name, pose)
             self._params.update()
             if self.sionna_scene is not None:
                 for name, twist in twist_of_part.items():
@@ -180,18 +207,27 @@ class Twin:
         return hit, part, face[hit].astype(np.int64), distance[hit]
 
 
-def optical_xml(document: SceneDocument) -> str:
-    """Return the XML of the RGB twin: the document's own BSDFs and emitters; a sky where there is no light."""
+def optical_xml(document: SceneDocument, lighting: Lighting | None, folder: Path, mi: Any) -> str:
+    """Return the XML of the RGB twin.
+
+    Without a lighting: the document's own BSDFs and emitters, and a sky where there is no light. With one: its sun, sky and
+    lamps in place of the document's emitters outside of shapes, and wet BSDFs. Textures made for that go into `folder`.
+    """
     bsdfs = {}
     for element in document.root.iter("bsdf"):
         bsdf_id = element.get("id")
         if bsdf_id in document.materials:
             bsdfs[str(bsdf_id)] = _plain_look(element) if _is_radio(element) else copy.deepcopy(element)
     _require(document, bsdfs)
-    emitters = [copy.deepcopy(element) for element in document.root.findall("emitter")]
-    if not emitters and document.root.find("./shape/emitter") is None:
-        emitters = [ET.Element("emitter", {"type": "sunsky"})]
-    return twin_xml(document, bsdfs, emitters)
+    if lighting is None:
+        emitters = [copy.deepcopy(element) for element in document.root.findall("emitter")]
+        if not emitters and document.root.find("./shape/emitter") is None:
+            emitters = [ET.Element("emitter", {"type": "sunsky"})]
+        return twin_xml(document, bsdfs, emitters)
+    if lighting.wetness > 0.0:
+        bsdfs = wet_bsdfs(bsdfs, document, lighting, folder)
+    glowing, beams = lamp_elements(document, lighting, folder, mi)
+    return twin_xml(document, bsdfs, [*sky_elements(lighting, folder, mi), *beams], glowing)
 
 
 def radio_xml(document: SceneDocument, materials: MaterialTable) -> str:

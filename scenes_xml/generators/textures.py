@@ -53,6 +53,15 @@ def asphalt(size: int, seed: int, tracks: tuple[float, ...], span: float) -> Arr
     return tinted(value, (0.20, 0.20, 0.205), (0.66, 0.65, 0.63))
 
 
+def puddles(size: int, seed: int, tracks: tuple[float, ...], span: float) -> Array:
+    """Return where water stands on a road, shape (size, size), 0 dry to 1 deep: worn wheel tracks and dips; see `asphalt`."""
+    across = (np.arange(size) + 0.5) / size * span
+    ruts = sum(np.exp(-(((across - t) / 0.22) ** 2)) for t in tracks)
+    dips = periodic_noise(size, seed, 1.5, 1.0, 60.0)
+    fine = periodic_noise(size, seed + 1, 0.5, 40.0)
+    return np.clip(0.22 + 0.26 * ruts[None, :] + 0.20 * dips + 0.04 * fine, 0.0, 1.0)
+
+
 def crack_lines(size: int, seed: int) -> Array:
     """Return a mask, shape (size, size), of sealed cracks: thin level sets of smooth noise where a second noise is high."""
     field = periodic_noise(size, seed, 1.6, 1.0, 60.0)

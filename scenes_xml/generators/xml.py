@@ -27,6 +27,12 @@ class Bsdf:
         a PNG in ``textures/``, instead of the colour.
     floats : mapping
         Further float parameters of the plugin.
+    lamp : str, optional
+        Kind of lamp that the surface is: ``headlamp``, ``taillamp``, ``street_lamp``.
+    wets : float
+        How much of the ground's wetness it takes, 0 to 1.
+    puddles : str, optional
+        A PNG in ``textures/`` of where water stands, bright = deep.
     """
 
     plugin: str
@@ -36,6 +42,9 @@ class Bsdf:
     color: tuple[float, float, float] | None = None
     texture: str | None = None
     floats: Mapping[str, float] = field(default_factory=dict)
+    lamp: str | None = None
+    wets: float = 0.0
+    puddles: str | None = None
 
 
 @dataclass(frozen=True)

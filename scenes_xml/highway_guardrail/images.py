@@ -17,6 +17,7 @@ def write(folder: Path, seed: int) -> None:
     road = textures.asphalt(1024, seed + 1, tracks, span)
     road[textures.crack_lines(1024, seed + 4)] *= 0.62
     textures.save(folder / "asphalt.png", road, 32)
+    textures.save(folder / "puddles.png", textures.puddles(512, seed + 7, tracks, span), 32)
     textures.save(folder / "grass.png", textures.grass(768, seed + 11), 28)
     textures.save(folder / "gravel.png", textures.gravel(512, seed + 21), 40)
     textures.save(folder / "bark.png", textures.bark(256, seed + 31), 40)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..generators.xml import Bsdf
 
 TYPICAL = "estimate, typical of this surface at 1550 nm"
@@ -58,3 +60,16 @@ MATERIALS: dict[str, Bsdf] = {
     "lamp_glass": _principled("plastic", 0.40, (0.75, 0.75, 0.70), roughness=0.1, clearcoat=1.0),
 }  # fmt: skip
 """Name of the bsdf -> its properties."""
+
+_LAMPS = {"headlamp": "headlamp", "taillamp": "taillamp", "lamp_glass": "street_lamp"}
+_WETS = {
+    "asphalt_worn": 1.0, "road_marking": 1.0, "gravel_verge": 0.7, "grass_meadow": 0.35, "concrete_grey": 0.7, "bark": 0.6,
+    "roof_tile": 0.8, "brick_wall": 0.3, "plaster_wall": 0.2,
+}  # fmt: skip
+for _name, _bsdf in MATERIALS.items():
+    MATERIALS[_name] = replace(
+        _bsdf,
+        lamp=_LAMPS.get(_name),
+        wets=_WETS.get(_name, 0.0),
+        puddles="puddles.png" if _name in ("asphalt_worn",) else None,
+    )

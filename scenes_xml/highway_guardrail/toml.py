@@ -44,6 +44,9 @@ def scene_toml(
             f'radio = "{b.radio}"',
             f"lidar_reflectance = {b.lidar_reflectance:g}",
             f'source = "{b.source}"',
+            *([f'lamp = "{b.lamp}"'] if b.lamp else []),
+            *([f"wets = {b.wets:g}"] if b.wets else []),
+            *([f'puddles = "textures/{b.puddles}"'] if b.puddles else []),
             "",
         ]
     for item in instances:

@@ -1,0 +1,63 @@
+"""Haze, fog and rain between the camera and what it sees: a path tracer whose first segment is attenuated."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+PLUGIN = "scarl_haze"
+
+CONTRAST_AT_VISIBILITY = 3.0
+"""Extinction coefficient times meteorological range: exp(-3) = 5 % of the contrast is left (WMO-No. 8, vol. I, chapter 9)."""
+LAYER_HEIGHT = 400.0
+"""Thickness of the haze [m]: a ray into the sky leaves it there."""
+
+
+@lru_cache(maxsize=4)
+def _plugin(mi: Any, variant_name: str) -> type:
+    """Define and register the integrator for the variant that runs."""
+    import drjit as dr
+
+    class HazeIntegrator(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
+        """L = T L0 + (1 - T) A along the camera's ray, T = exp(-extinction * distance)."""
+
+        def place(self, inner: Any, extinction: float, airlight: Any) -> None:
+            """Take the integrator for what is behind the haze, the extinction coefficient [1/m] and the haze's radiance."""
+            self._inner = inner
+            self._extinction = dr.opaque(mi.Float, float(extinction))
+            self._airlight = mi.Color3f(*(dr.opaque(mi.Float, float(value)) for value in airlight))
+
+        def sample(self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True) -> Any:
+            """Return radiance, validity and no further channels."""
+            hit = scene.ray_intersect_preliminary(mi.Ray3f(ray), coherent=True, active=active)
+            radiance, valid, aovs = self._inner.sample(scene, sampler, ray, medium, active)
+            out = dr.maximum((LAYER_HEIGHT - ray.o.z) / dr.maximum(ray.d.z, 1e-4), 0.0)
+            length = dr.select(hit.is_valid(), dr.minimum(hit.t, out), out)
+            transmittance = dr.exp(-self._extinction * length)
+            return radiance * transmittance + self._airlight * (1.0 - transmittance), valid, aovs
+
+    mi.register_integrator(PLUGIN, HazeIntegrator)
+    return HazeIntegrator
+
+
+def haze_integrator(mi: Any, inner: Any, visibility: float, airlight: Any) -> Any:
+    """Return an integrator that sees `inner` through haze; inside ``variant.optical()``.
+
+    Parameters
+    ----------
+    mi : module
+    inner : mitsuba.SamplingIntegrator
+    visibility : float
+        Meteorological range [m].
+    airlight : array_like of float, shape (3,)
+        Radiance of haze without end.
+
+    Notes
+    -----
+    H. Koschmieder, "Theorie der horizontalen Sichtweite", 1924: homogeneous haze of the brightness of the horizon. Light is
+    attenuated between camera and surface only; glows around lamps are not modelled.
+    """
+    _plugin(mi, mi.variant())
+    integrator = mi.load_dict({"type": PLUGIN})
+    integrator.place(inner, CONTRAST_AT_VISIBILITY / visibility, airlight)
+    return integrator
