@@ -422,11 +422,16 @@ class WorldState:
             near = np.all(where >= lower[parts].min(axis=0)) and np.all(where <= upper[parts].max(axis=0))
             if not near or info.is_room:
                 continue
-            if encloses(where, self._triangles.of_parts(info.parts)):
+            if encloses(where, self._triangles.of_parts(info.parts)) and self._is_walled_in(where):
                 return info.name
             if info.actor is not None and np.isin(self.cast(where, _SPHERE).part, parts).sum() == len(_SPHERE):
                 return info.name
         return None
+
+
+    def _is_walled_in(self, point: Array) -> bool:
+        """Return whether three quarters of the rays from a point hit something: not so above layers of open ground."""
+        return self.cast(point, _SPHERE).num_hits >= 0.75 * len(_SPHERE)
 
 
 def _no_hits() -> RayHits:
