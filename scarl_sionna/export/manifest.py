@@ -38,6 +38,11 @@ _RADAR_NUMBERS = (
     "unambiguous_velocity",
 )  # fmt: skip
 
+
+class ManifestDamage(DatasetError):
+    """The manifest cannot be read; it can be made again from the shards and the scenarios."""
+
+
 CONVENTIONS = {
     "units": "SI: metres, seconds, radians, watts; another unit stands as suffix of the name",
     "poses": "world_from_sensor maps points of the sensor frame into the world; stored as x, y, z, qw, qx, qy, qz",
@@ -147,6 +152,11 @@ class DatasetPlan:
             "scenes": {scene.name: scene.configuration for scene in self.scenes},
         }
 
+    def scene_hash(self, name: str) -> str:
+        """Return the SHA-256 of all that decides the bytes of one scene's frames."""
+        whole = self.configuration
+        return hash_of({**whole, "scenes": whole["scenes"][name]})
+
     def merged(self, there: DatasetPlan) -> DatasetPlan:
         """Return this plan with the scenes of another one that it lacks, and the larger number of frames of common ones."""
         old = {scene.name: scene for scene in there.scenes}
@@ -221,7 +231,7 @@ def read_manifest(files: Files) -> dict[str, Any]:
             f"no dataset here (no {MANIFEST})", files.url, "give the folder that `scarl-sionna export --out` wrote"
         ) from error
     except (OSError, ValueError) as error:
-        raise DatasetError(
+        raise ManifestDamage(
             f"cannot read {MANIFEST}: {error}", files.url, "run the export again: it writes it anew"
         ) from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
@@ -240,7 +250,7 @@ def read_manifest(files: Files) -> dict[str, Any]:
             check_name(mount["name"], "sensor name")
         plan_of(data)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise DatasetError(
+        raise ManifestDamage(
             f"{MANIFEST} is damaged: {error!r:.200}", files.url, "run the export again: it writes it anew"
         ) from error
     return data

@@ -30,6 +30,7 @@ class Pack:
         self.arrays = {name: ArrayInfo.from_dict(data) for name, data in header["arrays"].items()}
         self._places: dict[str, tuple[int, int]] = {name: (start, size) for name, start, size in header["parts"]}
         self.files = tuple(header["files"])
+        self.configuration: str = header["configuration"]
 
     def size(self, name: str) -> int | None:
         """Return the length of a part [bytes], or None if the frame does not have it."""
@@ -44,8 +45,8 @@ class Pack:
             return file.read(size)
 
 
-def write_pack(path: Path, frame: EncodedFrame) -> None:
-    """Write an encoded frame into one file, whole or not at all."""
+def write_pack(path: Path, frame: EncodedFrame, configuration: str) -> None:
+    """Write an encoded frame and the hash of its configuration into one file, whole or not at all."""
     parts = {**frame.chunks, **frame.files}
     places, offset = [], 0
     for name, data in parts.items():
@@ -53,6 +54,7 @@ def write_pack(path: Path, frame: EncodedFrame) -> None:
         offset += len(data)
     header = json.dumps(
         {
+            "configuration": configuration,
             "meta": frame.meta,
             "arrays": {name: info.to_dict() for name, info in frame.arrays.items()},
             "files": list(frame.files),
@@ -64,8 +66,8 @@ def write_pack(path: Path, frame: EncodedFrame) -> None:
     write_whole(path, body + hashlib.sha256(body).digest())
 
 
-def is_whole(path: Path) -> bool:
-    """Return whether a pack is there and its checksum is right."""
+def is_whole(path: Path, configuration: str) -> bool:
+    """Return whether a pack is there, its checksum is right and it is of a configuration."""
     digest = hashlib.sha256()
     try:
         with open(path, "rb") as file:
@@ -78,6 +80,8 @@ def is_whole(path: Path) -> bool:
                     return False
                 digest.update(block)
                 left -= len(block)
-            return file.read() == digest.digest()
-    except OSError:
+            if file.read() != digest.digest():
+                return False
+        return Pack(path).configuration == configuration
+    except (OSError, ValueError, KeyError):
         return False

@@ -40,6 +40,8 @@ class ShardRecord:
 
     Attributes
     ----------
+    configuration : str
+        Hash of all that decides the frames' bytes.
     frames : tuple of int
         Frames that are there.
     failed : mapping of int to str
@@ -49,6 +51,7 @@ class ShardRecord:
         Size [bytes] and SHA-256 of each file, by its name in the dataset.
     """
 
+    configuration: str
     frames: tuple[int, ...]
     failed: Mapping[int, str] = field(default_factory=dict)
     arrays: Mapping[str, ArrayInfo] = field(default_factory=dict)
@@ -62,6 +65,7 @@ class ShardRecord:
     def dump(self) -> str:
         """Return the record's text."""
         data = {
+            "configuration": self.configuration,
             "frames": list(self.frames),
             "failed": {str(index): self.failed[index] for index in sorted(self.failed)},
             "arrays": {name: self.arrays[name].to_dict() for name in sorted(self.arrays)},
@@ -85,7 +89,8 @@ class ShardRecord:
                 check_name(name, "file"): (int(size), str(digest)) for name, (size, digest) in data["files"].items()
             }
             failed = {int(index): str(reason) for index, reason in data["failed"].items()}
-            return cls(tuple(int(index) for index in data["frames"]), failed, arrays, files)
+            frames = tuple(int(index) for index in data["frames"])
+            return cls(str(data["configuration"]), frames, failed, arrays, files)
         except (KeyError, TypeError, AttributeError, ValueError) as error:
             raise DatasetError(
                 f"the record of a shard is damaged: {error!r:.120}", where, "run verify --repair, then export"
@@ -122,6 +127,8 @@ class ShardWriter:
     scene : ScenePlan
     shard : int
     options : StoreOptions
+    configuration : str
+        Hash of all that decides the scene's frames (`DatasetPlan.scene_hash`).
     lock_timeout : float
         How long to wait for another process that works on this shard [s].
 
@@ -132,11 +139,18 @@ class ShardWriter:
     """
 
     def __init__(
-        self, root: str | Path, scene: ScenePlan, shard: int, options: StoreOptions, lock_timeout: float = 120.0
+        self,
+        root: str | Path,
+        scene: ScenePlan,
+        shard: int,
+        options: StoreOptions,
+        configuration: str,
+        lock_timeout: float = 120.0,
     ) -> None:
         self.root, self.scene, self.shard, self.options = Path(root), scene, shard, options
         self.work = self.root / WORK_FOLDER / scene.name / f"{shard:06d}"
         self.frames = scene.shard_range(shard, options)
+        self.configuration = configuration
         self.failed: dict[int, str] = {}
         self._lock = FileLock(
             self.root,
@@ -185,7 +199,7 @@ class ShardWriter:
             )
         path = self._pack(frame.index)
         try:
-            write_pack(path, frame)
+            write_pack(path, frame, self.configuration)
         except OSError as error:
             raise output_error(path, error) from error
         self._done.add(frame.index)
@@ -235,7 +249,7 @@ class ShardWriter:
                 self._reopen(record)
             for path in sorted(self.work.glob("*")) if self.work.is_dir() else ():
                 index = path.name.removesuffix(".pack")
-                if path.suffix == ".pack" and index.isdigit() and is_whole(path):
+                if path.suffix == ".pack" and index.isdigit() and is_whole(path, self.configuration):
                     self._done.add(int(index))
                 elif path.is_dir():
                     shutil.rmtree(path)
@@ -247,8 +261,8 @@ class ShardWriter:
     def _reopen(self, record: ShardRecord) -> None:
         """Turn a finished shard whose frames failed, or that has to grow, into kept frames again."""
         for frame in unpack(LocalFiles(self.root), record, self.scene.name, self.shard, self.options):
-            if not is_whole(self._pack(frame.index)):
-                write_pack(self._pack(frame.index), frame)
+            if not is_whole(self._pack(frame.index), self.configuration):
+                write_pack(self._pack(frame.index), frame, self.configuration)
         (self.root / record_name(self.scene.name, self.shard)).unlink()
 
     def _pack(self, index: int) -> Path:
@@ -279,7 +293,7 @@ class ShardWriter:
         written[target] = batch.write(target, [meta.encode()])
         _write_metadata(batch, self.root, self.scene, arrays, self.options)
         batch.publish()
-        return ShardRecord(tuple(packs), dict(self.failed), arrays, written)
+        return ShardRecord(self.configuration, tuple(packs), dict(self.failed), arrays, written)
 
 
 def _shard_parts(name: str, packs: Mapping[int, Pack], first: int, shard_frames: int) -> Iterator[bytes]:

@@ -15,7 +15,7 @@ from .files import LocalFiles, output_error
 from .manifest import ARRAYS, IMAGES, MANIFEST, SHARDS, ScenePlan, dump_manifest, manifest_data
 from .reader import Dataset, Scene, open_dataset
 from .schema import OBJECT, POINT
-from .shard_writer import METADATA, ShardRecord, metadata_texts, record_name
+from .shard_writer import ShardRecord, metadata_texts, record_name
 from .writer import CARD, DatasetFolder, shard_rows
 
 
@@ -134,6 +134,8 @@ def _check_shard(
     elif row[0] != hashlib.sha256(text).hexdigest():
         yield Fault(name, "its checksum is not that of the manifest", scene.name, shard)
     found.failed.update({(scene.name, index): reason for index, reason in record.failed.items()})
+    if record.configuration != dataset.plan.scene_hash(scene.name):
+        yield Fault(name, "was made with another configuration than the manifest's", scene.name, shard)
     expected = set(scene.shard_range(shard, dataset.plan.options))
     if set(record.frames) | set(record.failed) != expected or len(set(record.frames)) != len(record.frames):
         yield Fault(name, f"holds the frames {list(record.frames)}, planned are {sorted(expected)}", scene.name, shard)
@@ -172,7 +174,7 @@ def _check_frame(scene: Scene, index: int, shard: int) -> Iterator[Fault]:
     try:
         meta, arrays = scene.meta(index), scene.arrays(index)
         lengths: dict[str, int] = {}
-        for name, info in arrays.items():
+        for name in arrays:
             values = scene.read_array(index, name)
             group, _, short = name.rpartition("/")
             if values is not None and short in ("num_points", "num_objects"):

@@ -21,9 +21,12 @@ from .encoding import StoreOptions, encode_frame
 from .files import LocalFiles, output_error, write_whole
 from .locks import LOCK_FOLDER, FileLock
 from .manifest import (
+    ARRAYS,
+    IMAGES,
     MANIFEST,
     SHARDS,
     DatasetPlan,
+    ManifestDamage,
     ScenePlan,
     dump_manifest,
     manifest_data,
@@ -33,6 +36,8 @@ from .manifest import (
 from .shard_writer import WORK_FOLDER, ShardRecord, ShardWriter, metadata_texts, record_name
 
 CARD = "README.md"
+LOG_FILE = "export.log"
+_OWN = frozenset({MANIFEST, CARD, LOG_FILE, ARRAYS, IMAGES, SHARDS})
 _RUN = "run"
 
 
@@ -83,7 +88,8 @@ class DatasetFolder:
 
     def shard(self, scene: str, shard: int, lock_timeout: float = 120.0) -> ShardWriter:
         """Return the writer of a shard."""
-        return ShardWriter(self.root, self.plan.scene(scene), shard, self.plan.options, lock_timeout)
+        configuration = self.plan.scene_hash(scene)
+        return ShardWriter(self.root, self.plan.scene(scene), shard, self.plan.options, configuration, lock_timeout)
 
     def finalize(self) -> dict[str, Any]:
         """Write the manifest with the checksums of all shards that are there, and the dataset card; return the manifest."""
@@ -127,20 +133,40 @@ class DatasetFolder:
 
     def _plan_there(self) -> DatasetPlan | None:
         if not (self.root / MANIFEST).exists():
-            foreign = [path.name for path in self.root.iterdir() if not path.name.startswith(".")]
+            foreign = [
+                path.name for path in self.root.iterdir() if path.name not in _OWN and not path.name.startswith(".")
+            ]
             if foreign:
                 raise OutputError(
                     f"{self.root} holds other files ({', '.join(sorted(foreign)[:3])}) and no {MANIFEST}; choose another folder"
                 )
-            return None
+            return self._plan_of_shards()
         try:
             return plan_of(read_manifest(LocalFiles(self.root)))
+        except ManifestDamage:
+            return self._plan_of_shards()
         except DatasetError as error:
             raise OutputError(f"{error}; or choose another folder or overwrite") from error
 
+    def _plan_of_shards(self) -> DatasetPlan | None:
+        """Return this plan if the shards that are there are of it, None if there are none: for a manifest that is lost."""
+        known = {scene.name: self.plan.scene_hash(scene.name) for scene in self.plan.scenes}
+        places = [path for path in sorted(self.root.glob(f"{SHARDS}/*/*.json")) if path.stem.isdigit()]
+        for path in places:
+            try:
+                same = ShardRecord.parse(path.read_bytes()).configuration == known.get(path.parent.name)
+            except DatasetError:
+                same = False
+            if not same:
+                raise OutputError(
+                    f"{self.root} has lost its {MANIFEST}, and {path.relative_to(self.root)} is damaged or of another "
+                    "configuration; give the configuration that made it, choose another folder or overwrite"
+                )
+        return self.plan if places else None
+
     def _clear(self) -> None:
         """Remove a dataset; a folder that is none stays as it is."""
-        if not (self.root / MANIFEST).exists():
+        if not (self.root / MANIFEST).exists() and not (self.root / SHARDS).exists():
             return
         for path in list(self.root.iterdir()):
             if path.name == LOCK_FOLDER:

@@ -14,14 +14,13 @@ from typing import Any
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError
 from scarl_sionna.export.encoding import StoreOptions
 from scarl_sionna.export.shard_writer import read_record
-from scarl_sionna.export.writer import DatasetFolder
+from scarl_sionna.export.writer import LOG_FILE, DatasetFolder
 from scarl_sionna.scenario.spec import ScenarioSpec
 
 from .job import OnError, OnEvent, ShardJob, ShardReport, ignore, make_shard, output_root
 from .plan import ExportPlan, plan_export, shards_of_part
 from .report import ExportReport
 
-LOG_FILE = "export.log"
 _log = logging.getLogger("scarl_sionna.exporting")
 
 
@@ -165,7 +164,16 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
             report.num_bytes += record.num_bytes
         else:
             jobs.append(
-                ShardJob(root, plan.scenarios[name], plan.rig, scene, shard, settings.options, settings.on_error)
+                ShardJob(
+                    root,
+                    plan.scenarios[name],
+                    plan.rig,
+                    scene,
+                    shard,
+                    settings.options,
+                    folder.plan.scene_hash(name),
+                    settings.on_error,
+                )
             )
     return jobs, report
 

@@ -43,6 +43,7 @@ class ShardJob:
     scene: ScenePlan
     shard: int
     options: StoreOptions
+    configuration: str
     on_error: OnError = "raise"
 
     @property
@@ -95,7 +96,7 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
     """
     seconds: dict[str, float] = {}
     rig, scenario = job.rig, job.scenario
-    with ShardWriter(job.root, job.scene, job.shard, job.options) as shard:
+    with ShardWriter(job.root, job.scene, job.shard, job.options, job.configuration) as shard:
         missing = shard.missing
         kept = len(shard.frames) - len(missing)
         if missing:
