@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -15,14 +14,15 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from scarl_sionna.core.errors import OutputError, ScarlError, ScarlWarning
+from scarl_sionna import cli_export
+from scarl_sionna.cli_common import collected_warnings, reported
+from scarl_sionna.core.errors import OutputError
 from scarl_sionna.scenario.spec import ScenarioSpec
 
 if TYPE_CHECKING:
-    from scarl_sionna.generate import RunSummary
+    from scarl_sionna.demo import RunSummary
 
-EXIT_ERROR = 2
-EXIT_INTERRUPTED = 130
+COMMANDS_OF_VIEWS = "scarl_sionna.cli_views"
 
 app = typer.Typer(
     name="scarl-sionna",
@@ -31,6 +31,9 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(cli_export.app)
+if find_spec(COMMANDS_OF_VIEWS) is not None:
+    app.add_typer(import_module(COMMANDS_OF_VIEWS).app)
 _DEFAULTS = ScenarioSpec()
 _STATUS_COLORS = {"ok": "green", "warn": "yellow", "missing": "red"}
 
@@ -94,7 +97,7 @@ def demo(
         "frame_rate": frame_rate,
     }
     changes = {name: value for name, value in given.items() if value is not None}
-    with _reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
+    with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
         base = ScenarioSpec.load(scenario) if scenario else _DEFAULTS
         started = perf_counter()
         summary = _run(base.with_(**changes), out, overwrite)
@@ -107,7 +110,8 @@ def rcs(
     mesh: Annotated[Path, typer.Argument(help="Triangle mesh in metres (PLY, OBJ, STL, glTF).")],
     freq: Annotated[float, typer.Option(help="Frequency [Hz].")] = 77e9,
     cut: Annotated[
-        str, typer.Option(help="azimuth: phi from -180 to 180 deg at theta 90; elevation: theta from 0 to 180 at phi 0.")
+        str,
+        typer.Option(help="azimuth: phi from -180 to 180 deg at theta 90; elevation: theta from 0 to 180 at phi 0."),
     ] = "azimuth",
     fixed: Annotated[float | None, typer.Option(help="The angle that does not turn [deg].")] = None,
     step: Annotated[float, typer.Option(help="Step of the angle [deg].")] = 1.0,
@@ -116,7 +120,7 @@ def rcs(
     plot: Annotated[Path | None, typer.Option(help="Image file (default: the mesh's name with _rcs.png).")] = None,
 ) -> None:
     """Print the monostatic radar cross section of a mesh over angle [dBsm], and plot it."""
-    with _reported(context, "nothing was written"):
+    with reported(context, "nothing was written"):
         from scarl_sionna.radar.rcs import rcs_cut  # takes seconds
 
         names = [name.strip() for name in polarization.split(",") if name.strip()]
@@ -133,14 +137,24 @@ def rcs(
         try:
             result.plot(target)
         except OSError as error:
-            raise OutputError(f"cannot write {target}: {error.strerror}; choose a file that you may write to") from error
+            raise OutputError(
+                f"cannot write {target}: {error.strerror}; choose a file that you may write to"
+            ) from error
         console.print(f"plot: {target}", highlight=False)
 
 
 @app.command()
-def info(context: typer.Context) -> None:
-    """Show what was found on this machine, and the remedy for what is missing."""
-    with _reported(context, "stopped"):
+def info(
+    context: typer.Context,
+    dataset: Annotated[
+        str | None, typer.Argument(help="Folder or address of a dataset, to show what it holds.")
+    ] = None,
+) -> None:
+    """Show what was found on this machine, and the remedy for what is missing; or what a dataset holds."""
+    with reported(context, "stopped"):
+        if dataset is not None:
+            typer.echo(cli_export.show_dataset(dataset))
+            return
         from scarl_sionna.world.doctor import doctor_report
 
         table = Table()
@@ -168,26 +182,13 @@ def _run(scenario: ScenarioSpec, out: Path, overwrite: bool) -> RunSummary:
     )
     with Progress(*columns, console=Console(stderr=True), speed_estimate_period=3600.0) as progress:
         task = progress.add_task("starting", total=scenario.num_frames)
-        from scarl_sionna.generate import run  # takes seconds: under the bar
+        from scarl_sionna.demo import run  # takes seconds: under the bar
 
         def show(stage: str, num_done: float) -> None:
             progress.update(task, description=stage, completed=num_done)
 
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", ScarlWarning)
-            summary = run(scenario, out, overwrite=overwrite, on_stage=show)
-    for item in caught:
-        if not issubclass(item.category, ScarlWarning):
-            warnings.warn_explicit(item.message, item.category, item.filename, item.lineno)
-    _print_warnings([str(item.message) for item in caught if issubclass(item.category, ScarlWarning)])
-    return summary
-
-
-def _print_warnings(messages: list[str]) -> None:
-    """Print the first warning, and how many more there are."""
-    if messages:
-        more = f" (and {len(messages) - 1} more warnings)" if len(messages) > 1 else ""
-        typer.echo(f"warning: {messages[0]}{more}", err=True)
+        with collected_warnings():
+            return run(scenario, out, overwrite=overwrite, on_stage=show)
 
 
 def _print_summary(summary: RunSummary, seconds: float) -> None:
@@ -195,25 +196,7 @@ def _print_summary(summary: RunSummary, seconds: float) -> None:
     stages = ", ".join(f"{stage} {taken:.1f}" for stage, taken in summary.timings.items())
     kept = f", {summary.num_kept} kept from before" if summary.num_kept else ""
     typer.echo(f"{summary.num_written} frames written{kept} in {seconds:.1f} s ({stages})")
-    typer.echo(f"frames: {summary.folder}   contact sheet: {summary.contact_sheet}")
-
-
-@contextmanager
-def _reported(context: typer.Context, interrupted: str) -> Iterator[None]:
-    """Turn a user's error into one message and exit code 2, and Ctrl-C into a message and 130."""
-    try:
-        yield
-    except ScarlError as error:
-        if context.obj["debug"]:
-            raise
-        _fail(f"error: {error}", EXIT_ERROR)
-    except KeyboardInterrupt:
-        _fail(f"stopped: {interrupted}", EXIT_INTERRUPTED)
-
-
-def _fail(message: str, code: int) -> NoReturn:
-    typer.echo(message, err=True)
-    raise typer.Exit(code)
+    typer.echo(f"dataset: {summary.folder}   contact sheet: {summary.contact_sheet}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,50 @@
+"""What all commands share: one message for a mistake, warnings in one line."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NoReturn
+
+import typer
+
+from scarl_sionna.core.errors import ScarlError, ScarlWarning
+
+EXIT_INCOMPLETE = 1
+EXIT_ERROR = 2
+EXIT_INTERRUPTED = 130
+
+
+@contextmanager
+def reported(context: typer.Context, interrupted: str) -> Iterator[None]:
+    """Turn a user's error into one message and exit code 2, and Ctrl-C into a message and 130."""
+    try:
+        yield
+    except ScarlError as error:
+        if context.obj and context.obj["debug"]:
+            raise
+        fail(f"error: {error}", EXIT_ERROR)
+    except KeyboardInterrupt:
+        fail(f"stopped: {interrupted}", EXIT_INTERRUPTED)
+
+
+@contextmanager
+def collected_warnings() -> Iterator[None]:
+    """Collect the project's warnings of a block, and print the first one and how many more there are."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ScarlWarning)
+        yield
+    for item in caught:
+        if not issubclass(item.category, ScarlWarning):
+            warnings.warn_explicit(item.message, item.category, item.filename, item.lineno)
+    messages = [str(item.message) for item in caught if issubclass(item.category, ScarlWarning)]
+    if messages:
+        more = f" (and {len(messages) - 1} more warnings)" if len(messages) > 1 else ""
+        typer.echo(f"warning: {messages[0]}{more}", err=True)
+
+
+def fail(message: str, code: int) -> NoReturn:
+    """Print a message and end the command."""
+    typer.echo(message, err=True)
+    raise typer.Exit(code)
