@@ -1,21 +1,50 @@
-"""Scanning coherent lidar: raster, return equations, receiver effects and 2D maps."""
+"""Scanning coherent lidar: scan and motion, returns through glass and at edges, receivers, weather, 2D maps."""
 
 from __future__ import annotations
 
+from .beam import beam_radius
+from .beat import estimate_beats, synthesize_beats
+from .detection import (
+    detection_probability,
+    frequency_deviation,
+    range_deviation,
+    threshold,
+    unambiguous_distance,
+    velocity_deviation,
+)
+from .heterodyne import Detections, receive_heterodyne
+from .link import mean_cnr, noise_factor, received_power
 from .maps import LidarMaps, camera_maps, range_view
+from .motion import deskew
 from .pattern import shot_directions, shot_times
 from .receiver import receive
-from .scan import radial_velocity, return_intensity
+from .scan import pane_transmittance, radial_velocity, return_intensity
 from .sensor import Lidar
 
 __all__ = [
+    "Detections",
     "Lidar",
     "LidarMaps",
+    "beam_radius",
     "camera_maps",
+    "deskew",
+    "detection_probability",
+    "estimate_beats",
+    "frequency_deviation",
+    "mean_cnr",
+    "noise_factor",
+    "pane_transmittance",
     "radial_velocity",
+    "range_deviation",
     "range_view",
     "receive",
+    "receive_heterodyne",
+    "received_power",
     "return_intensity",
     "shot_directions",
     "shot_times",
+    "synthesize_beats",
+    "threshold",
+    "unambiguous_distance",
+    "velocity_deviation",
 ]

@@ -15,8 +15,6 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 
-from .pattern import shot_directions
-
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
     from scarl_sionna.world.motion import Trajectory
@@ -26,9 +24,9 @@ Array = npt.NDArray[np.float64]
 KNOT_INTERVAL = 2e-3
 """Time between the poses that a motion is interpolated from [s].
 
-Positions are cubic between them (error h^4 / 384 of the fourth derivative, 1e-11 m for a jerk that changes by 10 m/s3 in 0.1 s),
+Positions are cubic between them (error h^4 / 384 of the fourth derivative),
 rotations turn evenly (h^2 / 8 of the angular acceleration, 5e-7 rad at 1 rad/s2), velocities are linear (h^2 / 8 of the jerk,
-5e-6 m/s at 10 m/s3).
+5e-6 m/s at 10 m/s3). A wheel is followed by its centre.
 """
 _SAME_VELOCITY = 1e-6
 """A sensor whose velocity is the ego vehicle's within this [m/s, rad/s] is carried by it."""
@@ -131,11 +129,15 @@ class Motion:
 
 
 def _rodrigues(rotation_vector: Array, vectors: Array) -> Array:
-    """Turn each vector by a small rotation vector, series to fourth order of an angle below 0.1 rad: error 1e-7 of its square."""
+    """Turn each vector by a rotation vector below 0.5 rad: series of the angle, left out is at most angle^7 / 5040, 2e-6."""
     once = np.cross(rotation_vector, vectors)
     twice = np.cross(rotation_vector, once)
     angle2 = np.einsum("ij,ij->i", rotation_vector, rotation_vector)[:, None]
-    return vectors + once * (1.0 - angle2 / 6.0 + angle2 * angle2 / 120.0) + twice * (0.5 - angle2 / 24.0)
+    return (
+        vectors
+        + once * (1.0 - angle2 / 6.0 + angle2 * angle2 / 120.0)
+        + twice * (0.5 - angle2 / 24.0 + angle2 * angle2 / 720.0)
+    )
 
 
 def constant_twist(world_from_body: Pose, twist: Twist, duration: float) -> Motion:
@@ -235,15 +237,3 @@ def shot_rays(motion: Motion, spec_directions: Array, times: Array) -> tuple[Arr
     directions = motion.rotate(times, spec_directions)
     still = len(motion.times) == 1 or not (np.ptp(motion.position, axis=0).any() or motion.linear.any())
     return (motion.position[0] if still else motion.position_at(times)), directions
-
-
-__all__ = [
-    "Motion",
-    "actor_motion",
-    "constant_twist",
-    "deskew",
-    "sensor_motion",
-    "shot_directions",
-    "shot_rays",
-    "to_timestamp",
-]

@@ -1,61 +1,26 @@
 """Ray casting where every ray has its own time.
 
-Static geometry is hit by the rays as they are. For an actor, a ray is carried into the actor's frame at the ray's own time, where the
-actor stands still: so both are exact, whatever moves during the scan, and the engine's scene is moved once and not for every
-block of time. All actors stand apart from the scene and from each other in one state of the world, so that a ray meets only
-the one that it was carried to.
+Static geometry is hit by the rays as they are. For a moving body (an actor, a wheel, a limb), a ray is carried into the body's frame
+at the ray's own time, where the body stands still. So both are exact, whatever moves during the scan, and the engine's scene is
+moved once and not for every block of time.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world.scene import RayHits, World, WorldState
+from scarl_sionna.world.apart import Body, stand_apart
+from scarl_sionna.world.scene import RayHits, WorldState
 
-from .motion import actor_motion
+from .motion import Motion
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 _BLOCK = 1 << 18
-"""Rays that are tested against all actors at once: 2 MB for each actor."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Apart:
-    """A state of a world in which every actor stands alone; spheres that hold the actors, in their own frames."""
-
-    state: WorldState
-    centre: Array
-    radius: Array
-    offset: Array
-
-
-_apart: WeakKeyDictionary[World, _Apart] = WeakKeyDictionary()
-
-
-def _stand_apart(world: World) -> _Apart:
-    if world not in _apart:
-        infos = [world.instances[actor.instance] for actor in world.actors]
-        centre = np.array([info.frame_from_box.position for info in infos]).reshape(-1, 3)
-        radius = np.array([np.linalg.norm(info.size) / 2.0 for info in infos]) * (1.0 + 1e-6) + 1e-6
-        static = [info for info in world.instances.values() if info.actor is None]
-        lowest = min((info.frame_from_box.position[2] - info.size[2] / 2.0 for info in static), default=0.0)
-        # a carried ray starts on the sphere and runs at most two radii: it stays within three of the centre
-        largest = float(radius.max(initial=0.0))
-        side = int(np.ceil(np.sqrt(max(len(infos), 1))))
-        row, column = np.divmod(np.arange(len(infos)), side)
-        cell = np.stack([column - side / 2.0, row - side / 2.0, np.zeros(len(infos))], axis=-1) * 7.0 * largest
-        offset = cell + [0.0, 0.0, lowest - 4.0 * largest - 1.0] - centre
-        poses = {actor.name: Pose(offset[index]) for index, actor in enumerate(world.actors)}
-        twists = {actor.name: Twist() for actor in world.actors}
-        _apart[world] = _Apart(WorldState(world, 0.0, poses, twists), centre, radius, offset)
-    return _apart[world]
+"""Rays that are tested against all bodies at once: 1 MB for each body."""
 
 
 class RollingCaster:
@@ -70,9 +35,10 @@ class RollingCaster:
     """
 
     def __init__(self, state: WorldState, duration: float) -> None:
-        self.world = state.world
-        self._scene = _stand_apart(state.world)
-        self._motions = [actor_motion(actor.trajectory, state.time, duration) for actor in self.world.actors]
+        self._apart = stand_apart(state.world)
+        self._radius = np.array([body.radius for body in self._apart.bodies])
+        self._motions = [_motion(body, state.time, duration) for body in self._apart.bodies]
+        self._swept = _swept(self._motions, self._radius)
 
     def cast(self, origins: Array, directions: Array, times: Array, max_distance: float, from_sensor: bool) -> RayHits:
         """Intersect rays with the scene as it stands at each ray's own time.
@@ -94,14 +60,17 @@ class RollingCaster:
         -------
         RayHits
         """
-        hits = _only(self._scene.state.cast(origins, directions, max_distance), self.world.parts.actor, static=True)
+        hits = self._apart.state.cast(origins, directions, max_distance)
+        static = self._apart.body_of_part[hits.part] < 0
+        if not static.all():  # a body below the scene
+            hits = RayHits(*(column[static] for column in vars(hits).values()))
         if not self._motions:
             return hits
-        rays, actors = self._candidates(origins, directions, max_distance, from_sensor)
+        rays, bodies = self._candidates(origins, directions, max_distance, from_sensor)
         if rays.size == 0:
             return hits
         start = np.broadcast_to(origins, directions.shape)[rays]
-        moving = self._cast_carried(rays, actors, start, directions[rays], times[rays], max_distance)
+        moving = self._cast_carried(rays, bodies, start, directions[rays], times[rays], max_distance)
         return _nearest(hits, moving)
 
     def _candidates(
@@ -109,80 +78,76 @@ class RollingCaster:
     ) -> tuple[Index, Index]:
         """Return pairs of ray and actor that may meet, by spheres around all that an actor sweeps during the scan."""
         centre, reach = self._swept
-        if not from_sensor or origins.ndim == 1:
-            middle, spread = np.zeros(3), 0.0
-            if origins.ndim == 1:
-                middle = origins
-        else:
-            lower, upper = origins.min(axis=0), origins.max(axis=0)
-            middle, spread = (lower + upper) / 2.0, float(np.linalg.norm(upper - lower)) / 2.0
         pairs: list[tuple[Index, Index]] = []
         if not from_sensor:  # rays that go on behind a pane: few, each from its own place
-            for actor in range(len(self._motions)):
-                along = np.einsum("ij,ij->i", centre[actor] - origins, directions)
-                beside = np.linalg.norm(centre[actor] - origins - along[:, None] * directions, axis=1)
-                rays = np.flatnonzero((beside <= reach[actor]) & (along > -reach[actor]))
-                pairs.append((rays, np.full(rays.size, actor)))
+            for body in range(len(self._motions)):
+                along = np.einsum("ij,ij->i", centre[body] - origins, directions)
+                beside = np.linalg.norm(centre[body] - origins - along[:, None] * directions, axis=1)
+                rays = np.flatnonzero((beside <= reach[body]) & (along > -reach[body]))
+                pairs.append((rays, np.full(rays.size, body)))
         else:
-            away = centre - middle
+            lower, upper = np.atleast_2d(origins).min(axis=0), np.atleast_2d(origins).max(axis=0)
+            away = centre - (lower + upper) / 2.0
             distance = np.linalg.norm(away, axis=1)
-            reach = reach + spread
+            reach = reach + np.linalg.norm(upper - lower) / 2.0
             near = np.flatnonzero(distance - reach <= max_distance)
-            inside = distance[near] <= reach[near]
-            unit = away[near] / np.maximum(distance[near], 1e-9)[:, None]
-            sine = np.minimum(reach[near] / np.maximum(distance[near], 1e-9), 1.0)
+            away, distance, reach = away[near], np.maximum(distance[near], 1e-9), reach[near]
+            unit = (away / distance[:, None]).astype(np.float32)
+            sine = np.minimum(reach / distance, 1.0)
             # float32 is off by 1e-7 in a cosine; the margin is on the safe side
-            cosine = np.where(inside, -2.0, np.sqrt(1.0 - sine * sine) - 1e-5).astype(np.float32)
+            cosine = np.where(distance <= reach, -2.0, np.sqrt(1.0 - sine * sine) - 1e-5).astype(np.float32)
             for first in range(0, len(directions), _BLOCK):
-                block = directions[first : first + _BLOCK].astype(np.float32) @ unit.T.astype(np.float32)
+                block = directions[first : first + _BLOCK].astype(np.float32) @ unit.T
                 rays, which = np.nonzero(block >= cosine)
                 pairs.append((rays + first, near[which]))
-        return np.concatenate([rays for rays, _ in pairs]), np.concatenate([actor for _, actor in pairs])
-
-    @property
-    def _swept(self) -> tuple[Array, Array]:
-        """Return centre and radius of a sphere around all that each actor sweeps."""
-        scene = self._scene
-        paths = [
-            motion.position + motion.rotation @ centre
-            for motion, centre in zip(self._motions, scene.centre, strict=True)
-        ]
-        middle = np.array([(path.min(axis=0) + path.max(axis=0)) / 2.0 for path in paths])
-        reach = [np.linalg.norm(path - centre, axis=1).max() for path, centre in zip(paths, middle, strict=True)]
-        return middle, scene.radius + np.array(reach) + 1e-3  # between two knots the way bends by far less than 1 mm
+        return np.concatenate([rays for rays, _ in pairs]), np.concatenate([body for _, body in pairs])
 
     def _cast_carried(
-        self, rays: Index, actors: Index, origins: Array, directions: Array, times: Array, max_distance: float
+        self, rays: Index, bodies: Index, origins: Array, directions: Array, times: Array, max_distance: float
     ) -> RayHits:
-        """Return the hits of rays on the one actor each, in no order."""
-        scene = self._scene
+        """Return the hits of rays on the one body each, in no order."""
+        apart = self._apart
         start, direction = np.empty_like(origins), np.empty_like(directions)
         ahead = np.full(len(rays), np.inf)
-        for actor in np.unique(actors):
-            row = np.flatnonzero(actors == actor)
-            motion, time = self._motions[actor], times[row]
+        for body in np.unique(bodies):
+            row = np.flatnonzero(bodies == body)
+            motion, time = self._motions[body], times[row]
             local = motion.rotate_back(time, origins[row] - motion.position_at(time))
             along = motion.rotate_back(time, directions[row])
-            ahead[row] = _sphere_entry(local - scene.centre[actor], along, scene.radius[actor])
-            direction[row] = along
-            start[row] = (
-                local + np.where(np.isfinite(ahead[row]), ahead[row], 0.0)[:, None] * along + scene.offset[actor]
-            )
+            entry = _sphere_entry(local, along, self._radius[body])
+            ahead[row], direction[row] = entry, along
+            start[row] = local + np.where(np.isfinite(entry), entry, 0.0)[:, None] * along + apart.centre[body]
         met = np.flatnonzero(ahead <= max_distance)
-        hits = scene.state.cast(start[met], direction[met], max_distance=2.0 * float(scene.radius.max()) * (1.0 + 1e-6))
+        hits = apart.state.cast(start[met], direction[met], max_distance=2.0 * float(self._radius.max()) * (1.0 + 1e-6))
         pair = met[hits.ray]
         distance = ahead[pair] + hits.distance
-        good = np.flatnonzero((self.world.parts.actor[hits.part] == actors[pair]) & (distance <= max_distance))
+        good = np.flatnonzero((apart.body_of_part[hits.part] == bodies[pair]) & (distance <= max_distance))
         pair, distance = pair[good], distance[good]
         point = origins[pair] + distance[:, None] * directions[pair]
         normal, velocity = np.empty_like(point), np.empty_like(point)
-        for actor in np.unique(actors[pair]):
-            row = np.flatnonzero(actors[pair] == actor)
-            motion, time = self._motions[actor], times[pair[row]]
+        for body in np.unique(bodies[pair]):
+            row = np.flatnonzero(bodies[pair] == body)
+            motion, time = self._motions[body], times[pair[row]]
             normal[row] = motion.rotate(time, hits.normal[good[row]])
             lever = point[row] - motion.position_at(time)
             velocity[row] = motion.linear_at(time) + np.cross(motion.angular_at(time), lever)
         return RayHits(rays[pair], distance, point, normal, hits.cos_incidence[good], hits.part[good], velocity)
+
+
+def _motion(body: Body, timestamp: float, duration: float) -> Motion:
+    def at(time: float) -> tuple[Pose, Twist]:
+        moved = body.motion(timestamp + time)
+        return moved.pose, moved.twist
+
+    return Motion.sampled(at, duration)
+
+
+def _swept(motions: list[Motion], radius: Array) -> tuple[Array, Array]:
+    """Return centre and radius of a sphere around all that each body sweeps."""
+    ways = [motion.position for motion in motions]
+    middle = np.array([(way.min(axis=0) + way.max(axis=0)) / 2.0 for way in ways]).reshape(-1, 3)
+    reach = [np.linalg.norm(way - centre, axis=1).max() for way, centre in zip(ways, middle, strict=True)]
+    return middle, radius + np.array(reach) + 1e-3  # between two knots a way bends by far less than 1 mm
 
 
 def _sphere_entry(from_centre: Array, direction: Array, radius: float) -> Array:
@@ -191,12 +156,6 @@ def _sphere_entry(from_centre: Array, direction: Array, radius: float) -> Array:
     discriminant = along * along - np.einsum("ij,ij->i", from_centre, from_centre) + radius * radius
     root = np.sqrt(np.maximum(discriminant, 0.0))
     return np.where((discriminant > 0.0) & (root - along > 0.0), np.maximum(-along - root, 0.0), np.inf)
-
-
-def _only(hits: RayHits, actor_of_part: npt.NDArray[np.int32], static: bool) -> RayHits:
-    """Return the hits on static parts (or on actors)."""
-    keep = (actor_of_part[hits.part] < 0) == static
-    return hits if keep.all() else RayHits(*(column[keep] for column in vars(hits).values()))
 
 
 def _nearest(first: RayHits, second: RayHits) -> RayHits:

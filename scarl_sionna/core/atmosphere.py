@@ -9,8 +9,10 @@ from pydantic import Field
 from .errors import ParameterRangeError
 from .spec import Spec
 
-FOG_CONTRAST = 3.91
-"""-ln of the contrast of 2 % at which the visibility (meteorological optical range after Kruse) is defined."""
+CONTRAST = 0.05
+"""Contrast to which a black target has faded at the visibility (meteorological optical range, WMO-No. 8)."""
+KRUSE_CONTRAST = 0.02
+"""The same for the visual range that Kruse's and Kim's exponents are given for."""
 REFERENCE_WAVELENGTH = 550e-9
 """Wavelength at which visibility is defined [m]."""
 _DB_PER_KM = math.log(10.0) / 10.0 / 1e3
@@ -25,7 +27,7 @@ class Atmosphere(Spec):
     and Hogan, J. Atmos. Ocean. Technol. 21, 2004); rain is taken alike, within a factor of two.
     """
 
-    visibility: float | None = Field(None, gt=0.0, description="meteorological optical range [m]; None: no fog or haze")
+    visibility: float | None = Field(None, gt=0.0, description="meteorological optical range, 5 % contrast [m]; None: no fog")
     rain_rate: float = Field(0.0, ge=0.0, le=500.0, description="[mm/h]")
     lidar_ratio: float = Field(19.0, gt=0.0, description="extinction over backscatter coefficient [sr]")
 
@@ -45,7 +47,7 @@ def fog_extinction(visibility: float, wavelength: float) -> float:
     Parameters
     ----------
     visibility : float
-        Distance at which a black target has a contrast of 2 % [m], > 0.
+        Meteorological optical range, at which a black target has a contrast of 5 % [m], > 0.
     wavelength : float
         [m], 0.4e-6 to 2e-6.
 
@@ -56,10 +58,11 @@ def fog_extinction(visibility: float, wavelength: float) -> float:
 
     Notes
     -----
-    .. math:: \alpha = \frac{3.91}{V} \left(\frac{\lambda}{550\,\text{nm}}\right)^{-q(V)}
+    .. math:: \alpha = \frac{\ln 20}{V} \left(\frac{\lambda}{550\,\text{nm}}\right)^{-q(V')}
 
-    with Kim's exponent q: 1.6 above 50 km, 1.3 from 6 to 50 km, 0.16 V + 0.34 from 1 to 6 km, V - 0.5 from 0.5 to 1 km and 0
-    below (V in km): dense fog takes all wavelengths alike. *Validity*: haze and fog; the exponent is empirical, measured fog
+    with Kim's exponent q: 1.6 above 50 km, 1.3 from 6 to 50 km, 0.16 V' + 0.34 from 1 to 6 km, V' - 0.5 from 0.5 to 1 km and 0
+    below: dense fog takes all wavelengths alike. V' [km] is the range for a contrast of 2 % that these are given for,
+    ``V' = V ln 50 / ln 20``. *Validity*: haze and fog; the exponent is empirical, measured fog
     scatters around it by a factor of about 2.
 
     References
@@ -72,7 +75,8 @@ def fog_extinction(visibility: float, wavelength: float) -> float:
         raise ParameterRangeError("visibility", f"{visibility} m", "> 0 m")
     if not _OPTICAL_BAND[0] <= wavelength <= _OPTICAL_BAND[1]:
         raise ParameterRangeError("wavelength", f"{wavelength} m", "0.4e-6 to 2e-6 m, where the fog model was fitted")
-    return FOG_CONTRAST / visibility * (wavelength / REFERENCE_WAVELENGTH) ** -_kim_exponent(visibility / 1e3)
+    visual_range_km = visibility / 1e3 * math.log(KRUSE_CONTRAST) / math.log(CONTRAST)
+    return -math.log(CONTRAST) / visibility * (wavelength / REFERENCE_WAVELENGTH) ** -_kim_exponent(visual_range_km)
 
 
 def _kim_exponent(visibility_km: float) -> float:
