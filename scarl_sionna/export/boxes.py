@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 import numpy.typing as npt
 
@@ -46,29 +44,6 @@ def points_inside(item: ObjectState, points: npt.ArrayLike) -> npt.NDArray[np.bo
     """Return which points (N, 3) [m, world] are inside a box or, to within 1 cm, on its surface."""
     local = item.world_from_box.inverse().apply(points)
     return np.all(np.abs(local) <= item.size / 2.0 + SURFACE_MARGIN, axis=-1)
-
-
-def box_rows(frame: Frame, objects: Iterable[ObjectState]) -> dict[str, npt.NDArray[np.generic]]:
-    """Return objects as arrays, one row an object, in the vehicle frame.
-
-    Returns
-    -------
-    dict
-        ``boxes`` float32 (M, 10): x, y, z of the centre [m], length, width, height [m], yaw [rad] and the velocity over ground
-        along the vehicle's axes [m/s]; ``box_semantic`` uint8 (M,); ``box_instance`` int32 (M,).
-    """
-    objects = list(objects)
-    vehicle_from_world = frame.world_from_vehicle.inverse()
-    rows = np.zeros((len(objects), 10), dtype=np.float32)
-    for row, item in zip(rows, objects, strict=True):
-        pose = vehicle_from_world.compose(item.world_from_box)
-        row[:3], row[3:6], row[6] = pose.position, item.size, pose.yaw
-        row[7:] = vehicle_from_world.rotate(item.twist.linear)
-    return {
-        "boxes": rows,
-        "box_semantic": np.array([item.semantic for item in objects], dtype=np.uint8),
-        "box_instance": np.array([item.instance for item in objects], dtype=np.int32),
-    }
 
 
 def visible_fraction(item: ObjectState, image: ImageFrame) -> float:

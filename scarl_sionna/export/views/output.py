@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import shutil
 from collections.abc import Iterator, Mapping
@@ -12,6 +11,7 @@ from typing import Any
 
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.export.atomic import partial_path
+from scarl_sionna.export.files import output_error
 
 MARK = "scarl_view.json"
 """File in every folder that an exporter writes; only a folder with it is ever overwritten."""
@@ -104,8 +104,4 @@ def _typed(out: Path) -> Iterator[None]:
     except FileNotFoundError:
         raise  # something to read is missing: not the output's fault
     except OSError as error:
-        if error.errno is None:
-            raise
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-        remedy = "free some space" if full else "choose a place that you may write to"
-        raise OutputError(f"cannot write {out}: {error.strerror or error}; {remedy}") from error
+        raise output_error(out, error) from error

@@ -136,6 +136,12 @@ class _DatasetFrames:
     def __getitem__(self, index: int) -> Frame:
         return self.scene[index].to_frame()  # type: ignore[no-any-return]
 
+    def without_results(self, index: int) -> Frame:
+        """Return a frame with poses and labels only."""
+        item = self.scene[index]
+        pose, twist = item.world_from_vehicle, item.vehicle_twist
+        return Frame(item.index, item.timestamp_ns, item.seed, pose, twist, {}, item.labels)
+
 
 @overload
 def as_source(data: FrameSource) -> FrameSource: ...
