@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.world.path_tracing import DIFFRACTION, SPECULAR, mirror_extent
 
-from .legs import Legs
+from .legs import Legs, Station
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
@@ -39,12 +39,12 @@ def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
     return 2.0 * np.sqrt(wavelength * before * behind / np.maximum(before + behind, 1e-12))
 
 
-def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tuple[Legs, Array]]) -> int:
+def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tuple[Legs, Station]]) -> int:
     """Warn once of the mirror or edge that is smallest against its Fresnel zone; return the number of such interactions."""
     extents: dict[tuple[int, int], float] = {}
     num_small, worst = 0, (1.0, 0.0, 0.0, -1, SPECULAR)
-    for legs, start in mirrors:
-        zones = zone_diameters(legs, start, wavelength)
+    for legs, station in mirrors:
+        zones = zone_diameters(legs, station.position, wavelength)
         for leg, k in zip(*np.nonzero((legs.kind == SPECULAR) | (legs.kind == DIFFRACTION)), strict=True):
             key, kind = (int(legs.part[leg, k]), int(legs.face[leg, k])), int(legs.kind[leg, k])
             if kind == SPECULAR and key not in extents:
@@ -67,7 +67,7 @@ def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tu
     return num_small
 
 
-def warn_of_edge_wavefronts(wavelength: float, mirrors: list[tuple[Legs, Array]]) -> float:
+def warn_of_edge_wavefronts(wavelength: float, mirrors: list[tuple[Legs, Station]]) -> float:
     """Warn where the wavefront of an edge is no sphere over the antennas; return the largest error of a length [m]."""
     error = max((float(legs.spread.max(initial=0.0)) for legs, _ in mirrors), default=0.0)
     if error * 2.0 * np.pi / wavelength > WAVEFRONT_ERROR:

@@ -29,6 +29,7 @@ from .diffuse import diffuse_columns
 from .fresnel_zone import warn_of_edge_wavefronts, warn_of_small_mirrors
 from .legs import Legs, Station, joined_legs, legs_of
 from .scattering import scattered_columns
+from .visibility import warn_of_hidden_antennas
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
@@ -135,7 +136,7 @@ def solve_sionna(
     -----
     ScarlWarning
         If a mirror is smaller than the first Fresnel zone on it, or an edge shorter, once, naming the worst; if the wavefront
-        of an edge is no sphere over the antennas; if the buffer was filled (``on_overflow="warn"``).
+        of an edge is no sphere over the antennas; if antennas of a wide array do not see a path; if the buffer was filled (``on_overflow="warn"``).
 
     Notes
     -----
@@ -177,6 +178,7 @@ def solve_sionna(
         warnings.warn(str(error), ScarlWarning, stacklevel=2)
     num_small = warn_of_small_mirrors(state, radar.wavelength, solver.mirrors)
     spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors)
+    num_hidden = warn_of_hidden_antennas(state, solver.mirrors)
     columns = _joined(blocks)
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     keep = columns.pop("total") < 2.0 * reach
@@ -188,6 +190,7 @@ def solve_sionna(
         "overflow": solver.overflow,
         "num_small_mirrors": num_small,
         "edge_wavefront_error": spread,
+        "num_hidden_from_antennas": num_hidden,
         "seconds": solver.clock,
     }
     paths = RadarPaths(**columns, world_from_tx=pose, world_from_rx=rx_pose or pose, diagnostics=diagnostics)
@@ -205,7 +208,7 @@ class _Solver:
         self.state, self.radar, self.settings = state, radar, settings
         self.clock = {"trace": 0.0, "geometry": 0.0}
         self.num_candidates, self.overflow = 0, False
-        self.mirrors: list[tuple[Legs, Array]] = []
+        self.mirrors: list[tuple[Legs, Station]] = []
 
     def _trace(self, source: Array, targets: Array, diffuse: bool) -> TracedPaths:
         asked = self.settings
@@ -231,7 +234,7 @@ class _Solver:
     ) -> Legs:
         start = time.perf_counter()
         legs = legs_of(self.state, traced, station, ends, velocity, rotation, self.radar.start_frequency, to_radar)
-        self.mirrors.append((legs, station.position))
+        self.mirrors.append((legs, station))
         self.clock["geometry"] += time.perf_counter() - start
         return legs
 
