@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,8 @@ def tensorflow() -> Any:
     if "tensorflow" not in sys.modules:
         from scarl_sionna.world.engine import ensure_engine
 
-        try:
+        with suppress(EngineError):  # without ray tracing in this process nothing is to be protected: reading needs none
             ensure_engine()
-        except EngineError:
-            pass  # no ray tracing in this process, so nothing to protect: reading needs none
     return require("tensorflow", "tensorflow")
 
 

@@ -229,6 +229,7 @@ def test_a_keras_network_learns_near_and_far_from_range_doppler_maps_in_one_epoc
 # -- PyTorch ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow  # three processes import PyTorch
 def test_torch_dataloader_with_workers(place, pytestconfig) -> None:
     python = client_python("torch", pytestconfig)
     found = json.loads(run_client(python, "torch_client.py", REPO, place).splitlines()[-1])
