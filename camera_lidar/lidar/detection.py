@@ -11,7 +11,8 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammaincc, gammainccinv
+from scipy.optimize import brentq
+from scipy.special import gammaincc
 from scipy.stats import ncx2
 
 from scarl_sionna.core.errors import ParameterRangeError
@@ -37,10 +38,10 @@ def beat_limits(spec: LidarSpec) -> tuple[float, float]:
     return -shift, 2.0 * spec.chirp_slope * spec.max_distance / SPEED_OF_LIGHT + shift
 
 
-def num_cells(spec: LidarSpec) -> int:
-    """Return how many resolution cells of a chirp's spectrum are searched."""
+def num_cells(spec: LidarSpec) -> float:
+    """Return the width of the band of beats that is searched, in resolution cells of a chirp's spectrum."""
     low, high = beat_limits(spec)
-    return min(math.ceil((high - low) * spec.chirp_time), spec.num_samples)
+    return min((high - low) * spec.chirp_time, float(spec.num_samples))
 
 
 def unambiguous_distance(spec: LidarSpec) -> float:
@@ -52,34 +53,47 @@ def unambiguous_distance(spec: LidarSpec) -> float:
 
 @lru_cache(maxsize=64)
 def threshold(spec: LidarSpec) -> float:
-    """Return the level of the summed looks above which a peak is a detection, for `false_alarm_probability` of an empty shot.
-
-    With an up and a down chirp both must have a peak, and the distance and the velocity that they give must be among those that are
-    searched, which the share ``g = 2 W_R W_v / (W_R + W_v)^2`` of all pairs of noise peaks is (W: widths of the band of beats
-    over distance and over velocity).
+    r"""Return the level of the summed looks above which a peak is a detection, for `false_alarm_probability` of an empty shot.
 
     Raises
     ------
     ParameterRangeError
-        If the probability cannot be reached by any level.
+        If the probability cannot be reached by a level above the mean noise.
+
+    Notes
+    -----
+    A peak is searched between the lines of the transform too, so that no return is lost for its place. The spectrum of noise passes
+    a level :math:`\gamma` upwards on the mean
+
+    .. math:: \mu(\gamma) = N_c \sqrt{\frac{\pi \gamma}{3}} \, \frac{\gamma^{M-1} e^{-\gamma}}{\Gamma(M)}
+
+    times in :math:`N_c` resolution cells (Rice's formula, with the second moment :math:`\pi^2 / 3` of a rectangular window), and a
+    chirp has a false peak with :math:`p = 1 - e^{-\mu}`. With an up and a down chirp both must have one, and the distance and the
+    velocity that they give must be among those that are searched, which the share :math:`g = 2 W_R W_v / (W_R + W_v)^2` of all
+    pairs is (W: widths of the band of beats over distance and over velocity): :math:`P_{fa} = g p^2`.
+
+    References
+    ----------
+    .. [1] S. O. Rice, "Mathematical analysis of random noise", Bell Syst. Tech. J. 24(1), 1945, section 3.6.
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     over_velocity = 4.0 * receiver.max_velocity / spec.wavelength
     over_distance = 2.0 * spec.chirp_slope * spec.max_distance / SPEED_OF_LIGHT
-    total = over_distance + over_velocity
-    if receiver.chirps == "up_down":
-        of_chirp = math.sqrt(receiver.false_alarm_probability * total**2 / (2.0 * over_distance * over_velocity))
-    else:
-        of_chirp = receiver.false_alarm_probability * total / over_distance
-    if not of_chirp < 1.0:
+    total, wanted = over_distance + over_velocity, receiver.false_alarm_probability
+    share = 2.0 * over_distance * over_velocity / total**2
+    of_chirp = math.sqrt(wanted / share) if receiver.chirps == "up_down" else wanted * total / over_distance
+    looks = receiver.num_looks
+
+    def excess(level: float) -> float:
+        crossings = math.log(num_cells(spec)) + 0.5 * math.log(math.pi * level / 3.0)
+        return crossings + (looks - 1) * math.log(level) - level - math.lgamma(looks) - math.log(-math.log1p(-of_chirp))
+
+    if not of_chirp < 0.5 or excess(float(looks)) <= 0.0:
         raise ParameterRangeError(
-            "false_alarm_probability",
-            receiver.false_alarm_probability,
-            f"< {receiver.false_alarm_probability / of_chirp:.3g}",
+            "false_alarm_probability", wanted, "a level above the mean noise must reach it", "choose a smaller one"
         )
-    of_cell = -math.expm1(math.log1p(-of_chirp) / num_cells(spec))
-    return float(gammainccinv(receiver.num_looks, of_cell))
+    return float(brentq(excess, float(looks), 20.0 * looks + 200.0, xtol=1e-10))
 
 
 def detection_probability(

@@ -12,7 +12,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import LidarScan
 
-from ..camera.projection import camera_optical_from_world, project
+from ..camera.projection import camera_optical_from_world
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,18 +79,23 @@ def camera_maps(scan: LidarScan, spec: CameraSpec, world_from_camera: Pose, radi
     Returns
     -------
     LidarMaps
-        Shape (height, width), in the projection of the camera's images; depth is along the camera's optical axis.
+        Shape (height, width), in the projection of the camera's images with its lens; depth is along the optical axis.
 
     Notes
     -----
+    Points go from the lidar's frame by `world_from_sensor` into the world, from there into `camera_optical`, and through the lens, as
+    in SCaRL, section 2.2. Positions of a rolling scan stand in the frames of their shots, so that it shows its skew; with
+    ``spec.deskew`` (or after :func:`camera_lidar.lidar.deskew`) static things stand where the camera sees them at the timestamp.
+
     *Not modelled*: what the camera does not see although the lidar does. From another place than the camera's, a return behind an
     edge shows between the returns of the nearer surface.
     """
     if radius_px < 0:
         raise ParameterRangeError("radius_px", radius_px, ">= 0 px")
     optical_from_lidar = camera_optical_from_world(world_from_camera).compose(scan.world_from_sensor)
-    pixel, depth = project(optical_from_lidar.apply(scan.position), spec.intrinsics)
-    row = np.flatnonzero(depth > 0.0)
+    point = optical_from_lidar.apply(scan.position)
+    pixel, depth = spec.project(point)
+    row = np.flatnonzero(np.isfinite(pixel).all(axis=-1))
     # a return counts where it is seen up to half a footprint outside of the image
     with_border = (pixel[row] >= -radius_px) & (pixel[row] < np.array([spec.width, spec.height]) + radius_px)
     row = row[with_border.all(axis=-1)]
@@ -102,7 +107,7 @@ def camera_maps(scan: LidarScan, spec: CameraSpec, world_from_camera: Pose, radi
     u, v = footprint.reshape(-1, 2).T
     inside = (u >= 0) & (u < spec.width) & (v >= 0) & (v < spec.height)
     row, cell = row[inside], (v * spec.width + u)[inside]
-    cell, kept = _nearest(cell, depth[row], (spec.height, spec.width))
+    cell, kept = _nearest(cell, np.linalg.norm(point[row], axis=-1), (spec.height, spec.width))
     row = row[kept]
     return _fill(scan, cell, row, depth[row], (spec.height, spec.width))
 
