@@ -77,8 +77,9 @@ class Radar:
         adc = synthesize(paths, self.spec, rng=seed_generator if self.noise else None)
         synthesized = time.perf_counter()
         codes, scale, num_saturated = quantize(adc, self.spec)
+        solve = paths.diagnostics.get("seconds", {})
         seconds = {
-            **paths.diagnostics["seconds"],
+            **(solve if isinstance(solve, Mapping) else {"solve": solve}),
             "synthesize": synthesized - start,
             "quantize": time.perf_counter() - synthesized,
         }

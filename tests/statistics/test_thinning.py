@@ -7,7 +7,7 @@ import pytest
 
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.channel.raycast import solve_raycast
 from scarl_sionna.world import load_scene
 from tests.scenes import Thing, ball, plane, write_scene
 
@@ -26,7 +26,7 @@ def state(tmp_path_factory):
 
 
 def _solve(state, hits_per_cell: int | None):
-    return solve_paths(state, RADAR, Pose([0, 0, 0.75]), radar_twist=SPEED, hits_per_cell=hits_per_cell)
+    return solve_raycast(state, RADAR, Pose([0, 0, 0.75]), radar_twist=SPEED, hits_per_cell=hits_per_cell)
 
 
 def _dirichlet_squared(cycles: np.ndarray, count: int) -> np.ndarray:

@@ -42,11 +42,6 @@ def _bytes(paths) -> bytes:
     )
 
 
-def test_auto_is_raycast(state) -> None:
-    auto, raycast = solve_paths(state, RADAR, Pose()), solve_paths(state, RADAR, Pose(), "raycast")
-    assert auto.diagnostics["method"] == "raycast" and _bytes(auto) == _bytes(raycast)
-
-
 @pytest.mark.parametrize("method", ["raycats", "", "Raycast"])
 def test_an_unknown_solver_is_named(state, method: str) -> None:
     with pytest.raises(UnknownNameError, match="channel solver"):
@@ -54,11 +49,11 @@ def test_an_unknown_solver_is_named(state, method: str) -> None:
 
 
 def test_two_runs_give_the_same_bytes(state) -> None:
-    assert _bytes(solve_paths(state, RADAR, Pose())) == _bytes(solve_paths(state, RADAR, Pose()))
+    assert _bytes(solve_paths(state, RADAR, Pose(), "raycast")) == _bytes(solve_paths(state, RADAR, Pose(), "raycast"))
 
 
 def test_shapes_types_and_order(state) -> None:
-    paths = solve_paths(state, RADAR, Pose())
+    paths = solve_paths(state, RADAR, Pose(), "raycast")
     count = paths.num_paths
     assert 0 < count <= RADAR.num_rays
     assert paths.a.shape == (count, 2, 2) and paths.a.dtype == np.complex128
@@ -76,7 +71,7 @@ def test_shapes_types_and_order(state) -> None:
 
 def test_nothing_in_view_gives_no_paths_and_a_silent_frame(state) -> None:
     behind = Pose.from_euler([0, 0, 50.0], pitch=-1.2)
-    assert solve_paths(state, RADAR, behind).num_paths == 0
+    assert solve_paths(state, RADAR, behind, "raycast").num_paths == 0
     frame = Radar(RADAR, noise=False).observe(state, behind, Twist(), np.random.default_rng(0))
     assert frame.num_paths == 0 and not frame.adc_int.any()
 
@@ -86,26 +81,26 @@ def test_inside_a_mesh_is_refused(state, position: tuple[float, float, float], w
     # The second radar stands 10 cm above the hut's roof and its second antenna hangs 20 cm below.
     radar = RADAR.with_(tx_positions=((0, 0, 0), (0, 0, -0.2)))
     with pytest.raises(PlacementError, match=f"{what}.* inside 'hut'.*move it outside"):
-        solve_paths(state, radar, Pose(position))
+        solve_paths(state, radar, Pose(position), "raycast")
 
 
 def test_an_object_between_the_rays_is_warned_of(tmp_path) -> None:
     pole = Thing("thin_pole", box((0.0625, 0.0625, 2.0), (40, 1, 0)), "Pole", "steel")
     state = load_scene(write_scene(tmp_path, [pole])).at(0.0)
     with pytest.warns(ScarlWarning, match=r"'thin_pole' \(0.06 m at 40 m.*num_rays >= "):
-        coarse = solve_paths(state, RadarSpec(), Pose(), num_rays=100)
+        coarse = solve_paths(state, RadarSpec(), Pose(), "raycast", num_rays=100)
     assert coarse.num_paths == 0  # missed, as the warning says
-    assert solve_paths(state, RadarSpec(), Pose(), num_rays=1_000_000).num_paths > 0
+    assert solve_paths(state, RadarSpec(), Pose(), "raycast", num_rays=1_000_000).num_paths > 0
 
 
 @pytest.mark.filterwarnings("error")
 def test_no_warning_where_objects_are_large_or_out_of_view(state) -> None:
-    solve_paths(state, RADAR, Pose())
+    solve_paths(state, RADAR, Pose(), "raycast")
 
 
 def test_a_radar_outside_the_materials_range_is_refused(state) -> None:
     with pytest.raises(MaterialRangeError, match="'asphalt' has no data at 24 GHz"):
-        solve_paths(state, RADAR.with_(start_frequency=24e9), Pose.from_euler([0, 0, 0], pitch=0.3))
+        solve_paths(state, RADAR.with_(start_frequency=24e9), Pose.from_euler([0, 0, 0], pitch=0.3), "raycast")
 
 
 @pytest.mark.parametrize(
@@ -113,13 +108,13 @@ def test_a_radar_outside_the_materials_range_is_refused(state) -> None:
 )
 def test_bad_numbers_are_refused(state, options: dict[str, float]) -> None:
     with pytest.raises(ParameterRangeError, match=next(iter(options))):
-        solve_paths(state, RADAR, Pose(), **options)
+        solve_paths(state, RADAR, Pose(), "raycast", **options)
 
 
 @pytest.mark.parametrize("options", [{"rcs_model": "lambert"}, {"hit_phase": "smooth"}, {"grid": "random"}])
 def test_unknown_options_are_refused(state, options: dict[str, str]) -> None:
     with pytest.raises(UnknownNameError, match=next(iter(options))):
-        solve_paths(state, RADAR, Pose(), **options)
+        solve_paths(state, RADAR, Pose(), "raycast", **options)
 
 
 def test_every_class_has_a_reflectivity() -> None:
@@ -131,10 +126,10 @@ def test_every_class_has_a_reflectivity() -> None:
 def test_class_rcs_can_be_changed_by_mapping_and_file(tmp_path, state) -> None:
     path = tmp_path / "mine.toml"
     path.write_text("[Wall]\ngamma = 1.2\nsource = 'mine'\n")
-    base = solve_paths(state, RADAR, Pose())
+    base = solve_paths(state, RADAR, Pose(), "raycast")
     wall = base.semantic == semantic_id("Wall")
     for changes in ({"Wall": 1.2}, path):
-        other = solve_paths(state, RADAR, Pose(), class_rcs=changes)
+        other = solve_paths(state, RADAR, Pose(), "raycast", class_rcs=changes)
         # Built-in 0.3: four times the RCS is twice the amplitude; elsewhere nothing changes.
         assert np.abs(other.a[wall]) == pytest.approx(2.0 * np.abs(base.a[wall]), rel=1e-12)
         assert np.array_equal(other.a[~wall], base.a[~wall])
@@ -152,7 +147,7 @@ def test_unknown_class_is_refused() -> None:
 
 
 def test_a_class_without_reflectivity_gives_no_paths(state) -> None:
-    assert solve_paths(state, RADAR, Pose(), class_rcs={"Wall": 0.0, "Roads": 0.0}).num_paths == 0
+    assert solve_paths(state, RADAR, Pose(), "raycast", class_rcs={"Wall": 0.0, "Roads": 0.0}).num_paths == 0
 
 
 @pytest.mark.parametrize(
@@ -191,14 +186,14 @@ def test_batches_of_rays_join_to_the_whole_grid() -> None:
 
 
 def test_batches_of_paths_join_to_the_whole(state, monkeypatch) -> None:
-    whole = solve_paths(state, RADAR, Pose())
+    whole = solve_paths(state, RADAR, Pose(), "raycast")
     monkeypatch.setattr("scarl_sionna.radar.channel.raycast.RAYS_PER_BATCH", 700)
-    assert _bytes(solve_paths(state, RADAR, Pose())) == _bytes(whole)
+    assert _bytes(solve_paths(state, RADAR, Pose(), "raycast")) == _bytes(whole)
 
 
 def test_phase_of_hits_is_random_when_rough_and_zero_when_geometric(state) -> None:
-    rough = solve_paths(state, RADAR, Pose(), hits_per_cell=None)
-    geometric = solve_paths(state, RADAR, Pose(), hit_phase="geometric")
+    rough = solve_paths(state, RADAR, Pose(), "raycast", hits_per_cell=None)
+    geometric = solve_paths(state, RADAR, Pose(), "raycast", hit_phase="geometric")
     assert np.array_equal(geometric.a.imag, np.zeros_like(geometric.a.imag)) and (geometric.a.real >= 0).all()
     # A unit phase factor: the magnitude is kept to rounding.
     assert np.abs(rough.a) == pytest.approx(np.abs(geometric.a), rel=1e-14)
@@ -209,7 +204,7 @@ def test_phase_of_hits_is_random_when_rough_and_zero_when_geometric(state) -> No
 
 def test_same_seed_same_frame_and_noise_can_be_left_out(state) -> None:
     def observe(seed: int, noise: bool = True):
-        return Radar(RADAR, noise=noise).observe(state, Pose(), Twist(), np.random.default_rng(seed))
+        return Radar(RADAR, "raycast", noise=noise).observe(state, Pose(), Twist(), np.random.default_rng(seed))
 
     one, two, other, ideal = observe(1), observe(1), observe(2), observe(1, noise=False)
     assert one.adc_int.tobytes() == two.adc_int.tobytes() != other.adc_int.tobytes()

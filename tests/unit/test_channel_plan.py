@@ -84,5 +84,5 @@ def test_diagnostics_are_plain_and_name_what_nobody_computes(state) -> None:
     assert {entry["instance"] for entry in told["left_out"]} == {"ground", "car"}
     (row,) = told["solvers"]
     assert row["instances"] == ["van"] and row["num_paths"] == paths.num_paths > 0
-    assert row["reason"] == "test" and row["power_dbm"] < 0.0 and row["seconds"] > 0.0
+    assert row["reason"] == "test" and row["power_dbm"] < 0.0 and told["seconds"]["raycast: objects"] > 0.0
     assert set(paths.instance[:, 0]) == {2}

@@ -10,6 +10,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 
+from .auto import plan_channel, solve_auto
 from .hybrid import solve_hybrid
 from .plan import ChannelPlan, OwnershipError, Share
 from .raycast import solve_raycast
@@ -20,7 +21,7 @@ from .sionna_paths import PathBufferOverflowError, solve_sionna
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
 
-__all__ = ["ChannelPlan", "OwnershipError", "PathBufferOverflowError", "Share", "solve_paths"]
+__all__ = ["ChannelPlan", "OwnershipError", "PathBufferOverflowError", "Share", "plan_channel", "solve_paths"]
 
 SOLVERS: dict[str, Callable[..., RadarPaths]] = {
     "raycast": solve_raycast,
@@ -28,6 +29,7 @@ SOLVERS: dict[str, Callable[..., RadarPaths]] = {
     "sbr": solve_sbr,
     "scatterers": solve_scatterers,
     "hybrid": solve_hybrid,
+    "auto": solve_auto,
 }
 
 
@@ -41,11 +43,12 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     pose : Pose
         world_from_radar.
     method : str
-        ``"raycast"``: SCaRL's own. ``"auto"`` stands for ``"raycast"`` until there are rules to choose by.
+        ``"auto"``: chooses for each object among the others, by the rules of docs/accuracy.md. ``"raycast"``: SCaRL's own.
         ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"``: the
         scattering centres of the objects that have a model. ``"hybrid"``: several of them by a :class:`ChannelPlan`.
     **options
-        Of the solver; see :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...),
+        Of the solver; see :func:`scarl_sionna.radar.channel.auto.solve_auto` (`accuracy`, `models`, and what `raycast` takes),
+        :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...),
         :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna`, :func:`scarl_sionna.radar.channel.sbr.solve_sbr` and
         :func:`scarl_sionna.radar.channel.scatterers.solve_scatterers` (`models`) and
         :func:`scarl_sionna.radar.channel.hybrid.solve_hybrid` (`plan`).
@@ -59,7 +62,6 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     UnknownNameError
         If there is no such method.
     """
-    chosen = "raycast" if method == "auto" else method
-    if chosen not in SOLVERS:
-        raise UnknownNameError("channel solver", method, [*SOLVERS, "auto"])
-    return SOLVERS[chosen](state, radar, pose, **options)
+    if method not in SOLVERS:
+        raise UnknownNameError("channel solver", method, SOLVERS)
+    return SOLVERS[method](state, radar, pose, **options)

@@ -68,8 +68,8 @@ def solve_hybrid(
     -------
     RadarPaths
         Objects (`sbr`, `scatterers`, `raycast`), then chains of mirrors, then objects through mirrors, each in the order of its
-        solver. ``diagnostics["solvers"]`` has a row for each of them: what it computed, its paths, power, seconds, what it
-        left out.
+        solver. ``diagnostics["solvers"]`` has a row for each of them: what it computed, its paths and power, and what it
+        tells itself; ``diagnostics["seconds"]`` the time of each, ``diagnostics["left_out"]`` what nobody computes.
 
     Raises
     ------
@@ -127,11 +127,10 @@ class _Work:
                 "instances": [self.state.world.instances[number].name for number in instances],
                 "num_paths": sum(paths.num_paths for paths in blocks),
                 "power_dbm": float(watt_to_dbm(power)) if power > 0.0 else None,
-                "seconds": seconds,
                 **told,
             }
         )
-        key = f"{solver} {mechanism}"
+        key = f"{solver}: {mechanism}"
         self.clock[key] = self.clock.get(key, 0.0) + seconds
 
     def objects(self, share: Share, owned: Sequence[int]) -> None:
@@ -148,14 +147,10 @@ class _Work:
             options["models"] = self._models(share, owned)
             found = solve_scatterers(*at, **{**common, **options})
         else:
-            found = solve_raycast(*at, **{**common, **options})
-            found = found.select(np.isin(found.instance[:, 0], owned))
+            found = solve_raycast(*at, instances=list(owned), **{**common, **options})
         told = {
             name: value for name, value in found.diagnostics.items() if name not in ("method", "left_out", "seconds")
         }
-        stages = found.diagnostics.get("seconds")
-        if isinstance(stages, Mapping):
-            told["stages"] = dict(stages)
         self._add(
             share.solver, "objects", owned, [found], time.perf_counter() - start, reason=share.reason, detail=told
         )

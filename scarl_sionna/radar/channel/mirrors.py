@@ -23,6 +23,8 @@ Complex = npt.NDArray[np.complex128]
 
 AT_THE_PLANE = 1e-2
 """What lies this near to a mirror's plane [m], such as a road marking, belongs to it."""
+MOST_MIRRORS = 16
+"""The largest so many are used: the number of pairs of ways grows with the square."""
 _LIFT = 1e-4
 """Rays start this far above a mirror [m], so that they do not meet it again."""
 
@@ -108,6 +110,8 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
         if key in seen or extent < zone[number]:
             continue
         seen.add(key)
+        if len(found) == MOST_MIRRORS:
+            break
         found.append(Mirror(part, normal, offset, triangles.corners[rows].reshape(-1, 3), extent))
     return found
 

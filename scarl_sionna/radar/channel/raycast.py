@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,6 +24,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from .antennas import check_antennas
 from .class_rcs import ClassRcs, class_reflectivity
 from .grid import RayGrid
+from .plan import ids_of
 from .thinning import ResolutionCells, thin
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ class _Model:
     solid_angle: float
     reach: float
     velocity: Array
+    owned: npt.NDArray[np.bool_]
 
 
 def solve_raycast(
@@ -72,6 +74,7 @@ def solve_raycast(
     hit_phase: HitPhase = "rough",
     hits_per_cell: int | None = DEFAULT_HITS_PER_CELL,
     grid: GridKind = "staggered",
+    instances: Sequence[str | int] | None = None,
 ) -> RadarPaths:
     r"""Return the paths to the first surfaces that a fixed grid of rays hits.
 
@@ -106,6 +109,8 @@ def solve_raycast(
     grid : {"staggered", "regular"}
         ``"staggered"``: fixed rays at the same azimuths whose elevation is shifted within the cell, column by column, so
         that a road is hit at all distances. ``"regular"``: through the centres of the cells.
+    instances : sequence of str or int, optional
+        Names, ids or semantic classes of what gives paths; everything if not given. The rest hides what is behind it.
 
     Returns
     -------
@@ -118,6 +123,8 @@ def solve_raycast(
         If the radar or one of its antennas is inside a mesh.
     MaterialRangeError
         If a material that is hit has no data at the carrier frequency.
+    UnknownNameError
+        If an option has no such value, or `instances` names something that is not in the scene.
 
     Warns
     -----
@@ -156,9 +163,11 @@ def solve_raycast(
     check_antennas(state, radar, pose)
     fov = np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg)
     rays_of = RayGrid.over(*fov, radar.num_rays if num_rays is None else num_rays, staggered=grid == "staggered")
-    _warn_of_small_objects(state, radar, pose, rays_of, reach)
+    chosen_ids = list(state.world.instances) if instances is None else ids_of(state.world, instances)
+    _warn_of_small_objects(state, radar, pose, rays_of, reach, chosen_ids)
     twist = radar_twist or Twist()
-    model = _Model(radar, pose, class_reflectivity(class_rcs), rcs_model, rays_of.solid_angle, reach, twist.linear)
+    owned = np.isin(state.world.parts.instance, chosen_ids)
+    model = _Model(radar, pose, class_reflectivity(class_rcs), rcs_model, rays_of.solid_angle, reach, twist.linear, owned)
     phases = _fixed_phases(hit_phase)
     clock = {"cast": 0.0, "amplitude": 0.0, "thin": 0.0}
     batches = []
@@ -208,7 +217,9 @@ def _columns(
     else:
         power = scale * model.solid_angle / distance**2
     reflectance_v, reflectance_h = _reflectances(hits, rays[:, 2], state, model)
-    keep = np.flatnonzero((power > 0.0) & (reflectance_v + reflectance_h > 0.0) & (distance < model.reach))
+    keep = np.flatnonzero(
+        (power > 0.0) & (reflectance_v + reflectance_h > 0.0) & (distance < model.reach) & model.owned[hits.part]
+    )
     power, ray, part = power[keep], hits.ray[keep], hits.part[keep]
     a = np.zeros((len(keep), 2, 2), dtype=np.complex128)
     factor = 1.0 if cycles is None else np.exp(2j * np.pi * cycles[ray])
@@ -284,11 +295,15 @@ def _paths(
     )
 
 
-def _warn_of_small_objects(state: WorldState, radar: RadarSpec, pose: Pose, grid: RayGrid, reach: float) -> None:
+def _warn_of_small_objects(
+    state: WorldState, radar: RadarSpec, pose: Pose, grid: RayGrid, reach: float, chosen: Sequence[int]
+) -> None:
     """Warn of objects in view that may fall between the rays."""
     radar_from_world = pose.inverse()
     small = []
     for box in state.boxes():
+        if box.instance not in chosen:
+            continue
         x, y, z = radar_from_world.apply(box.world_from_box.position)
         distance = float(np.linalg.norm((x, y, z)))
         width = float(np.sort(box.size)[1])  # what a plate or a pole shows at least along one direction
