@@ -1,0 +1,175 @@
+"""What an object can send back at most, and what it costs to compute: the numbers that ``method="auto"`` decides by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.units import dbm_to_watt
+from scarl_sionna.radar.antenna import field_gain
+from scarl_sionna.radar.noise import sample_noise_power
+
+from .class_rcs import class_reflectivity
+from .sbr_settings import SbrChannelSettings
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import InstanceInfo, WorldState
+
+Array = npt.NDArray[np.float64]
+
+DIFFUSE_CLASSES = frozenset(
+    {"Roads", "SideWalks", "RoadLine", "Ground", "Terrain", "Vegetation", "Water", "Pedestrian", "Rider", "Sky"}
+)
+"""Classes without coherent bodies: rough or soft, many unresolved scatterers in a resolution cell."""
+SPECKLE_DB = 10.0
+"""A rough surface is taken to send back at most this much more than its mean: 4.5e-5 of exponential speckle is above."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an instance can be for a radar.
+
+    Attributes
+    ----------
+    number : int
+        Instance id.
+    info : InstanceInfo
+    distance : float
+        To the nearest point of its box [m].
+    size : float
+        Largest extent [m].
+    area : float
+        Of its box projected across the line of sight, the part within the field of view's width at most [m2].
+    in_view : bool
+    bound_db : float
+        Largest power that it can send back over the noise of a range-Doppler-angle cell [dB].
+    expected_db : float
+        The same by the mean reflectivity of its class [dB].
+    num_faces : int
+    is_coherent : bool
+        Whether its echo is that of smooth bodies, with a phase that means something.
+    """
+
+    number: int
+    info: InstanceInfo
+    distance: float
+    size: float
+    area: float
+    in_view: bool
+    bound_db: float
+    expected_db: float
+    num_faces: int
+    is_coherent: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the instance."""
+        return self.info.name
+
+
+def cell_noise_power(radar: RadarSpec) -> float:
+    """Return the noise power of one cell of the range-Doppler-angle cube, without windows [W]."""
+    return sample_noise_power(radar) / (radar.num_samples * radar.num_chirps * radar.num_virtual)
+
+
+def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach: float) -> Estimate:
+    r"""Return distance, size and bounds of an instance.
+
+    Notes
+    -----
+    A body of projected area A at the distance d has at most the RCS of a flat plate of that area, or of an infinite mirror:
+
+    .. math:: \sigma \le \min(4 \pi A^2 / \lambda^2, \pi d^2)
+
+    The second is the image source, :math:`\lambda / (4 \pi \cdot 2 d)`. Concave bodies that focus can exceed it. Of a diffuse
+    class it is its mean, gamma A, and `SPECKLE_DB`.
+    """
+    info = state.world.instances[number]
+    box = info.frame_from_box if info.actor is None else state.actor_pose(info.actor).compose(info.frame_from_box)
+    half = info.size / 2.0
+    local = box.inverse().apply(pose.position)
+    nearest = box.apply(np.clip(local, -half, half))
+    distance = max(float(np.linalg.norm(nearest - pose.position)), 1e-3)
+    direction = _unit(pose.position - box.position)
+    sides = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]]) * 4.0
+    in_view, gain, width = _view(radar, pose, box, info.size, nearest, reach)
+    area = min(float(np.abs(direction @ box.rotation) @ sides), width * distance)
+    semantic = SEMANTIC_CLASSES[info.semantic]
+    mean = float(class_reflectivity()[info.semantic]) * area
+    flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
+    coherent = semantic not in DIFFUSE_CLASSES and _smooth_share(state, info) > 0.5
+    largest = flat if coherent else mean * 10.0 ** (SPECKLE_DB / 10.0)
+    scale = dbm_to_watt(radar.tx_power_dbm) * gain**2 * radar.wavelength**2 / (4.0 * np.pi) ** 3 / distance**4
+    scale /= cell_noise_power(radar)
+    triangles = state._triangles
+    faces = sum(int(triangles.first[part + 1] - triangles.first[part]) for part in info.parts)
+    return Estimate(
+        number, info, distance, float(info.size.max()), area, in_view and distance < reach,
+        _db(scale * largest), _db(scale * mean), faces, coherent,
+    )  # fmt: skip
+
+
+def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrChannelSettings) -> int:
+    """Return about how many patches `sbr` makes of an instance, within a factor of three for those of highway_guardrail.
+
+    Every face that is lit is one, long edges are cut in steps of `edge_spacing`, and each further bounce triples them.
+    """
+    side = np.sqrt(4.0 * settings.max_phase * item.distance * radar.wavelength / (2.0 * np.pi))
+    edges = item.size / (side * settings.edge_spacing) * np.sqrt(item.num_faces / 100.0)
+    return int(3 ** (settings.max_depth - 1) * (1000.0 + 0.8 * item.num_faces + 1.5 * edges))
+
+
+def _db(ratio: float) -> float:
+    return float(10.0 * np.log10(max(ratio, 1e-40)))
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-9))
+
+
+def _smooth_share(state: WorldState, info: InstanceInfo) -> float:
+    """Return the coherently reflected share of the power, 1 - S^2, of the parts' materials, weighted by their area."""
+    triangles, total, smooth = state._triangles, 0.0, 0.0
+    for part in info.parts:
+        corners = triangles.corners[triangles.first[part] : triangles.first[part + 1]]
+        area = float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum())
+        rough = state.world.materials[state.world.parts.material[part]].scattering_coefficient
+        total, smooth = total + area, smooth + area * (1.0 - rough**2)
+    return smooth / total if total > 0.0 else 0.0
+
+
+def _view(
+    radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array, reach: float
+) -> tuple[bool, float, float]:
+    """Return whether a box may be in the field of view, the antenna's largest power gain over it, and its width there [m].
+
+    The box is taken as its sphere; one wider than 20 deg as if it stood where the antenna is best.
+    """
+    center, radius = box.position - pose.position, float(np.linalg.norm(size)) / 2.0
+    far = float(np.linalg.norm(center))
+    fov = np.radians([radar.azimuth_fov_deg, radar.elevation_fov_deg])
+    wide = 2.0 * np.tan(min(fov[0], 2.9) / 2.0) * float(size[2] + 1.0)
+    if far <= radius or np.arcsin(radius / far) > np.radians(10.0):
+        x, y, _ = (nearest - pose.position) @ pose.rotation
+        behind = far > radius and np.abs(np.arctan2(y, x)) > fov[0] / 2.0 and _outside(pose, center, radius, fov)
+        return not behind, 1.0 * float(field_gain(radar.pattern, np.array([[1.0, 0.0, 0.0]]))[0]) ** 2, wide
+    signs = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)] + [(0, 0, 0)]) / 2.0
+    corners = (box.apply(signs * size) - pose.position) @ pose.rotation
+    gain = float(field_gain(radar.pattern, corners).max()) ** 2
+    return not _outside(pose, center, radius, fov), gain, wide
+
+
+def _outside(pose: Pose, center: Array, radius: float, fov: Array) -> bool:
+    x, y, z = center @ pose.rotation
+    far = float(np.linalg.norm(center))
+    spread = np.arcsin(min(radius / far, 1.0)) if far > 0.0 else np.pi
+    return bool(
+        abs(np.arctan2(y, x)) - spread > fov[0] / 2.0
+        or abs(np.arcsin(np.clip(z / max(far, 1e-9), -1.0, 1.0))) - spread > fov[1] / 2.0
+    )
