@@ -48,7 +48,7 @@ def _rcs(paths, radar: RadarSpec, column: int = 0):
 def test_hits_lie_on_the_wall_along_the_rays(tmp_path) -> None:
     state, radar = _world(tmp_path, _wall()).at(0.0), _radar()
     pose = Pose.from_euler([0.25, -0.5, 0.125], yaw=0.1, pitch=-0.05)
-    paths = solve_raycast(state, radar, pose, "raycast", hits_per_cell=None)
+    paths = solve_raycast(state, radar, pose, hits_per_cell=None)
     grid = RayGrid.over(np.radians(20.0), np.radians(10.0), radar.num_rays)
     assert paths.num_paths == grid.num_rays
     # Exact intersection of a line with the plane x = WALL_X, in float64.
@@ -119,7 +119,7 @@ def test_every_hit_of_a_wall_has_the_reflectance_of_its_angle_and_polarisation(
 @pytest.mark.parametrize(("grid", "tolerance"), [("regular", 1e-5), ("staggered", 1e-4)])
 def test_power_of_a_wall_is_the_integral_of_the_radar_equation(tmp_path, grid: str, tolerance: float) -> None:
     radar = _radar(azimuth_fov_deg=60.0, elevation_fov_deg=30.0, num_rays=40_000)
-    paths = solve_raycast(_world(tmp_path, _wall()).at(0.0), radar, Pose(), "raycast", hits_per_cell=None, grid=grid)
+    paths = solve_raycast(_world(tmp_path, _wall()).at(0.0), radar, Pose(), hits_per_cell=None, grid=grid)
     gamma = class_reflectivity()[semantic_id("Wall")]
 
     def density(sine_elevation: float, azimuth: float) -> float:
