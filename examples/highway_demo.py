@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 
-from scarl_sionna.generate import RunSummary, run
+from scarl_sionna.demo import RunSummary, run
 from scarl_sionna.scenario import ScenarioSpec
 
 SCENARIO = ScenarioSpec(

@@ -1,12 +1,9 @@
-"""Composition root: a world and a rig give frames, a scenario gives a folder of frames with a contact sheet."""
+"""Composition root: a world and a rig give frames; a scenario names both."""
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -17,8 +14,6 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.registry import Sensor, sensor_class
 from scarl_sionna.core.results import Frame
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.export.contact_sheet import write_contact_sheet
-from scarl_sionna.export.folder import FrameFolderWriter, read_frame
 from scarl_sionna.fusion.labels import count_labels
 from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.spec import ScenarioSpec
@@ -28,9 +23,6 @@ if TYPE_CHECKING:
 
 OnStage = Callable[[str, float], None]
 """Called with the name of the stage that begins and how many frames are done, parts of a frame included."""
-
-PROVENANCE_PACKAGES = ("scarl-sionna", "sionna-rt", "mitsuba", "drjit", "numpy")
-"""Packages whose version can change a frame's bytes."""
 
 
 def _ignore(stage: str, num_done: float) -> None:
@@ -142,98 +134,11 @@ def simulate(
             yield observe(world, rig, time, seed, index=index, on_stage=on_stage)
 
 
-@dataclass(frozen=True)
-class RunSummary:
-    """What :func:`run` did: folder, contact sheet, frames written now and kept from before, seconds by stage."""
-
-    folder: Path
-    contact_sheet: Path
-    num_written: int
-    num_kept: int
-    timings: dict[str, float] = field(default_factory=dict)
-
-
-def run(scenario: ScenarioSpec, out: str | Path, *, overwrite: bool = False, on_stage: OnStage = _ignore) -> RunSummary:
-    """Simulate a scenario and write its frames and a contact sheet of the first frame.
-
-    Parameters
-    ----------
-    scenario : ScenarioSpec
-    out : path
-        Folder to write to. Complete frames that it holds from the same configuration are kept.
-    overwrite : bool
-        Remove the frames that are there first.
-    on_stage : callable
-        Called with the stage's name and the number of finished frames.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be written or holds frames of another configuration.
-    TimeRangeError
-        If a frame's time lies outside the scene's motion.
-    UnknownNameError
-        If the scene or the rig is unknown.
-    """
-    timings: dict[str, float] = {}
-    rig = resolve_rig(scenario)
-    writer = FrameFolderWriter(out, configuration(scenario, rig), overwrite=overwrite)
-    times = scenario.times
-    done = writer.complete() & set(range(len(times)))
-    num_kept = num_done = len(done)
-
-    def report(stage: str, part: float = 0.0) -> None:
-        on_stage(stage, num_done + part)
-
-    def add(stage: str, started: float) -> None:
-        timings[stage] = timings.get(stage, 0.0) + perf_counter() - started
-
-    if num_done < len(times):
-        report("scene")
-        started = perf_counter()
-        world = load_world(scenario)
-        add("scene", started)
-        for frame in simulate(world, rig, times, scenario.seed, skip=done, on_stage=report):
-            report("writing", 1.0)
-            started = perf_counter()
-            writer.write(frame)
-            add("writing", started)
-            for stage, seconds in frame.timings.items():
-                timings[stage] = timings.get(stage, 0.0) + seconds
-            num_done += 1
-    report("contact sheet")
-    started = perf_counter()
-    sheet = writer.out / "contact_sheet.png"
-    write_contact_sheet(read_frame(writer.folder(0)), sheet, title=Path(scenario.scene).stem)
-    add("contact sheet", started)
-    report("done")
-    return RunSummary(writer.out, sheet, num_done - num_kept, num_kept, timings)
-
-
 def resolve_rig(scenario: ScenarioSpec) -> Rig:
     """Return the scenario's rig: a preset in its quality, or the rig of a file."""
     if Path(scenario.rig).suffix in (".yaml", ".yml", ".json"):
         return Rig.load(scenario.rig)
     return Rig.preset(scenario.rig, scenario.quality)
-
-
-def configuration(scenario: ScenarioSpec, rig: Rig) -> dict[str, Any]:
-    """Return all that decides a frame's bytes, as plain data: not the number of frames, which may grow later."""
-    return {
-        "scene": scenario.scene,
-        "start_time": scenario.start_time,
-        "frame_rate": scenario.frame_rate,
-        "seed": scenario.seed,
-        "rig": rig.to_dict(),
-        "software": {"python": platform.python_version(), **{name: _version(name) for name in PROVENANCE_PACKAGES}},
-    }
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def load_world(scenario: ScenarioSpec) -> World:

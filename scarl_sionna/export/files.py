@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from scarl_sionna.core.errors import DatasetError, OutputError
 
@@ -42,7 +42,7 @@ class Files(Protocol):
     url: str
 
     def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
-        """Return a file's bytes, or those from `start` to `stop`; a negative start counts from the end."""
+        """Return a file's bytes, or those from `start` to `stop`."""
 
     def names(self, folder: str) -> list[str]:
         """Return the names in a folder, sorted; none if it is not there."""
@@ -79,12 +79,11 @@ class LocalFiles:
         return path
 
     def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
-        """Return a file's bytes, or those from `start` to `stop`; a negative start counts from the end."""
-        with open(self.path(name), "rb", buffering=0 if start is not None else -1) as file:
-            if start is None:
-                return file.read()
-            begin = file.seek(start, os.SEEK_SET if start >= 0 else os.SEEK_END)
-            return _read_all(file, -1 if stop is None else stop - begin)
+        """Return a file's bytes, or those from `start` to `stop`."""
+        with open(self.path(name), "rb") as file:
+            if start is not None:
+                file.seek(start)
+            return file.read() if stop is None else file.read(stop - (start or 0))
 
     def names(self, folder: str) -> list[str]:
         """Return the names in a folder, sorted; none if it is not there."""
@@ -92,15 +91,6 @@ class LocalFiles:
             return sorted(os.listdir(self.path(folder)))
         except (FileNotFoundError, NotADirectoryError):
             return []
-
-
-def _read_all(file: Any, size: int) -> bytes:
-    if size < 0:
-        return bytes(file.read())
-    out = file.read(size)
-    while len(out) < size and (more := file.read(size - len(out))):
-        out += more
-    return bytes(out)
 
 
 class RemoteFiles:
@@ -119,7 +109,7 @@ class RemoteFiles:
             ) from error
 
     def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
-        """Return a file's bytes, or those from `start` to `stop`; a negative start counts from the end."""
+        """Return a file's bytes, or those from `start` to `stop`."""
         return bytes(self._system.cat_file(f"{self._root.rstrip('/')}/{name}", start=start, end=stop))
 
     def names(self, folder: str) -> list[str]:

@@ -186,13 +186,14 @@ class Scene(Sequence["StoredFrame"]):
         try:
             places = shard.places.get(name)
             if places is None:
-                tail = self.dataset.files.read(key, start=-index_length(self._options.shard_frames))
+                end = shard.files[key]
+                tail = self.dataset.files.read(key, end - index_length(self._options.shard_frames), end)
                 places = shard.places[name] = parse_index(tail, self._options.shard_frames)
             place = places[position]
             if place is None:
                 return None
             return decode_chunk(self.dataset.files.read(key, place[0], place[0] + place[1]), info)
-        except (OSError, DatasetError, RuntimeError) as error:
+        except (OSError, DatasetError, RuntimeError, KeyError) as error:
             raise self._damaged(key, error) from error
 
     def read_file(self, name: str) -> bytes:
@@ -263,7 +264,7 @@ class _Shard:
 
     def __init__(self, record: ShardRecord, metas: dict[int, dict[str, Any]]) -> None:
         self.arrays, self.metas = record.arrays, metas
-        self.files = frozenset(record.files)
+        self.files = {name: size for name, (size, _) in record.files.items()}
         self.places: dict[str, list[tuple[int, int] | None]] = {}
 
 

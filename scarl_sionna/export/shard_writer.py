@@ -347,7 +347,9 @@ def unpack(
     first = shard * options.shard_frames
     indices = {}
     for name, info in record.arrays.items():
-        tail = files.read(array_key(scene, name, shard, info), start=-index_length(options.shard_frames))
+        key = array_key(scene, name, shard, info)
+        end = record.files[key][0]
+        tail = files.read(key, end - index_length(options.shard_frames), end)
         indices[name] = parse_index(tail, options.shard_frames)
     for index in record.frames:
         chunks, arrays = {}, {}

@@ -14,7 +14,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.results import Frame, ImageFrame, ObjectState, RadarFrame
 from scarl_sionna.radar import point_targets, quantize, synthesize
-from tests.unit.test_frame_folder import make_frame
+from tests.frames import make_frame
 
 RADAR = RadarSpec(num_chirps=64, num_samples=128)
 RADAR_POSE = Pose.from_euler([3.0, 1.0, 0.8], yaw=0.3)
