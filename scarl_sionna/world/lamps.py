@@ -24,12 +24,12 @@ Array = npt.NDArray[np.float64]
 
 STREET_LAMP_FLUX = 9000.0
 """Of one luminaire [lm]: an LED of 75 W."""
-_COLORS = {"headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.02, 0.01), "street_lamp": (1.0, 0.86, 0.66)}
+_COLORS = {"headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.002, 0.0), "street_lamp": (1.0, 0.86, 0.66)}
 """Linear RGB: LED of 5000 K, red, LED of 4000 K, before they are scaled to luminance 1."""
-_GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 12.0}
+_GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 8.0}
 """Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear position
 lamp gives 4 to 17 cd (UN Regulations 149 and 148)."""
-_WEIGHTS = {"headlamp": 0.05, "taillamp": 0.05, "street_lamp": 2.0}
+_WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0}
 """How often a light path asks a surface for light; beams ask at weight 1."""
 
 BEAM_FOV_DEG = 100.0
