@@ -295,17 +295,31 @@ def _mirror(shape: CarShape) -> Mesh:
     return outward(weld(grid(np.stack(rings), close_columns=True)))
 
 
-def build(shape: CarShape) -> dict[str, tuple[Mesh, str]]:
+WHEELS = {"front_left": (True, True), "front_right": (True, False), "rear_left": (False, True), "rear_right": (False, False)}
+"""Name of each wheel -> whether it is in front, and on the left."""
+
+
+def wheel_centre(shape: CarShape, name: str) -> tuple[float, float, float]:
+    """Return the middle of a wheel [m]."""
+    front, left = WHEELS[name]
+    return (shape.front_axle if front else shape.rear_axle, 0.44 * shape.width * (1 if left else -1), shape.wheel_radius)
+
+
+def build(shape: CarShape, turning_wheels: bool = False) -> dict[str, tuple[Mesh, str]]:
     """Return the parts of a car: name -> (mesh, role); the role names the kind of material.
 
-    Roles: ``paint``, ``glass``, ``trim``, ``tyre``, ``rim``, ``headlamp``, ``taillamp``, ``chrome``, ``plate``.
+    Roles: ``paint``, ``glass``, ``trim``, ``tyre``, ``rim``, ``headlamp``, ``taillamp``, ``chrome``, ``plate``. With
+    `turning_wheels` each tyre and rim is a part of its own (``wheel_front_left_tyre``), about the centre of `wheel_centre`;
+    else all tyres are one part and all rims another.
     """
     lower, dark = shell(shape)
     painted, glazed, black = cabin(shape)
     body = merge([lower, painted])
     whole = merge([lower, dark, painted, glazed, black])
-    wheels = [wheel(shape, x, left) for x in (shape.front_axle, shape.rear_axle) for left in (True, False)]
-    tyres, rims, wells = (merge([w[k] for w in wheels]) for k in range(3))
+    wheels = {
+        name: wheel(shape, shape.front_axle if front else shape.rear_axle, left) for name, (front, left) in WHEELS.items()
+    }
+    tyres, rims, wells = (merge([w[k] for w in wheels.values()]) for k in range(3))
     mirror = _mirror(shape)
     mirrors = [Mesh(mirror.vertices, mirror.faces), Mesh(mirror.vertices, mirror.faces).mirrored_y()]
     w, lamp = shape.width / 2, shape.lamp_height
@@ -385,6 +399,10 @@ def build(shape: CarShape) -> dict[str, tuple[Mesh, str]]:
         "chrome": (merge(chromes), "chrome"),
         "plates": (merge(plates), "plate"),
     }
+    if turning_wheels:
+        del parts["tyres"], parts["rims"]
+        for name, (tyre, rim, _) in wheels.items():
+            parts |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}
     return parts
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .mesh import Array, Mesh, box, extrude, grid, merge, outward, signed_volume, tube
+from .mesh import Array, Mesh, box, extrude, grid, merge, outward, revolve, signed_volume, tube
 
 
 def delineator() -> dict[str, Mesh]:
@@ -49,7 +49,7 @@ def _face(outline: Array, z: float, x: float, thickness: float = 0.012) -> tuple
 
 
 def sign(kind: str, height: float = 2.15) -> dict[str, Mesh]:
-    """Return ``face``, ``back`` and ``pole`` of a sign: ``round``, ``triangle`` or ``board``; `height` of its middle [m]."""
+    """Return ``face``, ``back`` and ``pole`` of a sign: ``round``, ``triangle``, ``square`` or ``board``; `height` of its middle [m]."""
     if kind == "round":
         angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
         outline = 0.32 * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -62,10 +62,12 @@ def sign(kind: str, height: float = 2.15) -> dict[str, Mesh]:
             inward = -tip / np.linalg.norm(tip) * 2 * r
             arcs.append(tip + inward + r * np.column_stack([np.cos(angle), np.sin(angle)]))
         outline = np.concatenate(arcs)
+    elif kind == "square":
+        outline = np.array([(-0.32, -0.32), (0.32, -0.32), (0.32, 0.32), (-0.32, 0.32)])
     elif kind == "board":
         outline = np.array([(-0.75, -0.1875), (0.75, -0.1875), (0.75, 0.1875), (-0.75, 0.1875)])
     else:
-        raise ValueError(f"unknown sign kind {kind!r}; choose round, triangle or board")
+        raise ValueError(f"unknown sign kind {kind!r}; choose round, triangle, square or board")
     front, back = _face(outline, height, -0.042)
     feet = (-0.5, 0.5) if kind == "board" else (0.0,)
     top = height + outline[:, 1].max() - 0.02
@@ -114,3 +116,30 @@ def barrier(length: float = 6.0) -> Mesh:
         all_points = np.vstack([vertices, centre])
         parts.append(Mesh(all_points, fan, all_points[:, 1:] / 2.0))
     return outward(merge(parts))
+
+
+def bollard() -> Mesh:
+    """Return a steel bollard, 0.95 m high, with a rounded cap and a collar."""
+    z = np.array([-0.2, 0.0, 0.78, 0.80, 0.84, 0.86, 0.91, 0.94, 0.95])
+    r = np.array([0.055, 0.055, 0.055, 0.062, 0.062, 0.055, 0.052, 0.035, 0.0005])
+    return outward(revolve(np.column_stack([r, z])[::-1], 20))
+
+
+def bench() -> dict[str, Mesh]:
+    """Return ``wood`` and ``frame`` of a bench along x that faces +y, 1.8 m long."""
+    slats = [box((1.8, 0.09, 0.035), (0.0, y, 0.45)) for y in (-0.16, -0.05, 0.06, 0.17)]
+    slats += [box((1.8, 0.03, 0.09), (0.0, -0.24 - 0.02 * k, 0.58 + 0.12 * k)) for k in range(3)]
+    frame = []
+    for x in (-0.75, 0.75):
+        frame.append(tube(np.array([(x, 0.2, -0.05), (x, 0.19, 0.2), (x, 0.18, 0.43)]), 0.022, 8))
+        frame.append(tube(np.array([(x, -0.2, -0.05), (x, -0.2, 0.43), (x, -0.28, 0.90)]), 0.022, 8))
+        frame.append(box((0.04, 0.42, 0.03), (x, 0.0, 0.42)))
+    return {"wood": merge(slats), "frame": merge([Mesh(m.vertices, m.faces) for m in frame])}
+
+
+def street_lamp(height: float = 5.2) -> dict[str, Mesh]:
+    """Return ``pole``, ``head`` and ``glass`` of a post-top lamp of a town street."""
+    pole = tube(np.array([(0, 0, -0.3), (0, 0, 0.0), (0, 0, 0.9), (0, 0, height - 0.6), (0, 0, height - 0.45)]), np.array([0.10, 0.10, 0.055, 0.045, 0.045]), 14)
+    glass = revolve(np.array([(0.0005, 0.0), (0.10, 0.0), (0.19, 0.36), (0.0005, 0.36)])[::-1] + [0.0, height - 0.45], 18)
+    cap = revolve(np.array([(0.0005, 0.0), (0.27, 0.0), (0.25, 0.05), (0.06, 0.14), (0.0005, 0.15)])[::-1] + [0.0, height - 0.08], 20)
+    return {"pole": Mesh(pole.vertices, pole.faces), "head": outward(cap), "glass": outward(glass)}

@@ -46,6 +46,19 @@ class Bsdf:
     wets: float = 0.0
     puddles: str | None = None
 
+    def table(self) -> dict[str, str | float]:
+        """Return what scene.toml says of the material."""
+        table: dict[str, str | float] = {
+            "radio": self.radio, "lidar_reflectance": self.lidar_reflectance, "source": self.source,
+        }  # fmt: skip
+        if self.lamp:
+            table["lamp"] = self.lamp
+        if self.wets:
+            table["wets"] = self.wets
+        if self.puddles:
+            table["puddles"] = f"textures/{self.puddles}"
+        return table
+
 
 @dataclass(frozen=True)
 class Placement:

@@ -11,14 +11,26 @@ import numpy as np
 
 from ..generators import car, mesh
 from ..generators.mesh import Mesh
+from ..generators.scene_toml import ActorEntry, Instance, scene_toml
 from ..generators.xml import Placement, scene_xml
 from . import images, roadside, static
 from .cars import CARS
 from .layout import ACTORS, CURVE, SEED, TIMES
 from .materials import MATERIALS
-from .toml import Instance, scene_toml
 
 NAME = "highway_guardrail"
+TABLE = {
+    "name": NAME,
+    "title": "Bend with a guardrail",
+    "description": (
+        "A two-lane road that bends to the left, a guardrail along its right side, a car ahead that drives away, an oncoming "
+        "car, and things beside the road; after Figure 2 of the SCaRL paper."
+    ),
+    "license": "Apache-2.0",
+    "source": f"built by scenes_xml/{NAME}/build.py",
+    "seed": SEED,
+    "ego": "ego",
+}
 
 HEAD = (
     '\t<integrator type="path">\n\t\t<integer name="max_depth" value="6"/>\n\t</integrator>',
@@ -69,11 +81,11 @@ class Writer:
         self.placements.append(Placement(shape, self.mesh(shape, part, crease_deg), bsdf))
 
 
-def _add_actors(writer: Writer) -> dict[str, np.ndarray]:
-    positions = {}
+def _add_actors(writer: Writer) -> list[ActorEntry]:
+    actors = []
     for actor in ACTORS:
         path = CURVE.lane_positions(actor.start, actor.offset, actor.speed, TIMES)
-        positions[actor.name] = path
+        actors.append(ActorEntry(actor.name, "Car", TIMES, path))
         heading = float(CURVE.heading(np.array(actor.start))) + (np.pi if actor.speed < 0 else 0.0)
         x, y, z = (float(np.round(v, 6)) for v in path[0])
         yaw = float(np.round(np.degrees(heading), 6))
@@ -83,7 +95,7 @@ def _add_actors(writer: Writer) -> dict[str, np.ndarray]:
             file = writer.mesh(shape, body, crease)
             bsdf = actor.paint if role == "paint" else ROLES[role]
             writer.placements.append(Placement(shape, file, bsdf, yaw, (x, y, z)))
-    return positions
+    return actors
 
 
 def build(folder: Path) -> None:
@@ -98,12 +110,12 @@ def build(folder: Path) -> None:
     for shapes, found in roadside.everything(writer.mesh):
         writer.placements += shapes
         instances.append(found)
-    positions = _add_actors(writer)
+    actors = _add_actors(writer)
     used = {p.bsdf for p in writer.placements}
     bsdfs = {name: bsdf for name, bsdf in MATERIALS.items() if name in used}
     comment = f"{NAME}: written by scenes_xml/{NAME}/build.py; do not edit"
     (folder / f"{NAME}.xml").write_text(scene_xml(comment, HEAD, bsdfs, writer.placements), encoding="utf-8")
-    (folder / "scene.toml").write_text(scene_toml(NAME, bsdfs, instances, positions), encoding="utf-8")
+    (folder / "scene.toml").write_text(scene_toml(TABLE, bsdfs, instances, actors), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -8,10 +8,10 @@ import numpy as np
 
 from ..generators import building, furniture, road, vegetation
 from ..generators.mesh import Array, Mesh
+from ..generators.scene_toml import Instance
 from ..generators.xml import Placement
 from . import layout as at
 from .layout import CURVE, SEED
-from .toml import Instance
 
 WriteMesh = Callable[..., str]
 Group = tuple[list[Placement], Instance]

@@ -1,0 +1,1 @@
+"""A town street with a zebra crossing, parked cars and people on foot."""

@@ -1,0 +1,99 @@
+"""The street, its pavements and markings, and the rows of houses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ..generators import building, road
+from ..generators.mesh import Mesh, box, grid, merge
+from . import layout as at
+from .layout import STREET
+
+Add = Callable[..., None]
+MARKING_HEIGHT = 0.004
+
+
+def add_street(add: Add) -> None:
+    """Add carriageway, kerbs, pavements, markings and the ground under the houses."""
+    s = np.arange(at.START, at.STOP + 1e-9, 2.0)
+    d = np.array([at.KERB_RIGHT, at.PARKING, 0.0, 1.625, at.LANE_LEFT, at.KERB_LEFT])
+    street = road.strip(STREET, s, d, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    span = at.KERB_LEFT - at.KERB_RIGHT
+    u = np.broadcast_to((d - at.KERB_RIGHT) / span, (len(s), len(d)))
+    v = np.broadcast_to(s[:, None] / span, (len(s), len(d)))
+    add("road_asphalt", Mesh(street.vertices, street.faces, np.stack([u, v], -1).reshape(-1, 2)), "asphalt_street")
+    for side, kerb, wall in (("left", at.KERB_LEFT, at.WALL_LEFT + 0.6), ("right", at.KERB_RIGHT, at.WALL_RIGHT - 0.6)):
+        _add_pavement(add, side, s, kerb, wall)
+    stripes = [
+        box((at.ZEBRA[1] - at.ZEBRA[0], 0.5, 2 * MARKING_HEIGHT), (np.mean(at.ZEBRA), y, 0.0))
+        for y in np.arange(at.KERB_RIGHT + 0.55, at.KERB_LEFT - 0.2, 1.0)
+    ]
+    lines = [box((0.4, 3.1, 2 * MARKING_HEIGHT), (at.ZEBRA[0] - 1.2, -0.1, 0.0))]
+    lines.append(box((0.4, 3.0, 2 * MARKING_HEIGHT), (at.ZEBRA[1] + 1.2, at.LANE_LEFT, 0.0)))
+    add("marking_zebra", merge(stripes), "road_marking")
+    add("marking_stop", merge(lines), "road_marking")
+    starts = np.concatenate([np.arange(at.START + 2.0, 14.0, 6.0), np.arange(28.0, at.STOP - 4.0, 6.0)])
+    add("marking_centre", road.dashes(STREET, starts, 3.0, 1.625, 0.12, MARKING_HEIGHT), "road_marking")
+    bays = [box((0.1, 2.0, 2 * MARKING_HEIGHT), (x, -2.85, 0.0)) for x in (*np.arange(-17.0, 17.0, 6.6), *np.arange(28.6, 62.0, 6.4))]
+    add("marking_parking", merge(bays), "road_marking")
+    corners = np.array([[(at.START - 60.0, -60.0, -0.3), (at.START - 60.0, 60.0, -0.3)], [(at.STOP + 60.0, -60.0, -0.3), (at.STOP + 60.0, 60.0, -0.3)]])
+
+    add("ground_far", grid(corners, corners[..., :2] / 3.0), "paving")
+
+
+def _add_pavement(add: Add, side: str, s: np.ndarray, kerb: float, wall: float) -> None:
+    """Add kerb stones, dropped at the crossing, and the slabs up to the houses."""
+    sign = np.sign(kerb)
+    fine = np.unique(np.concatenate([s, np.linspace(at.ZEBRA[0] - 2.0, at.ZEBRA[1] + 2.0, 33)]))
+    middle, half = np.mean(at.ZEBRA), (at.ZEBRA[1] - at.ZEBRA[0]) / 2 + 0.3
+    drop = 1.0 - np.clip((half + 1.0 - np.abs(fine - middle)) / 1.0, 0.0, 1.0) * 0.85
+    across = kerb + sign * np.array([0.0, 0.004, 0.02, 0.15])
+    heights = at.KERB_HEIGHT * drop[:, None] * np.array([0.0, 0.75, 1.0, 1.0])
+    heights[:, 0] = -0.1
+    order = np.argsort(across)
+    add(f"kerb_{side}", road.strip(STREET, fine, across[order], heights[:, order], (1.0, 1.0)), "concrete_grey")
+    across = np.array([kerb + sign * 0.15, kerb + sign * 0.95, wall])
+    heights = np.stack([at.KERB_HEIGHT * drop, np.full(len(fine), at.KERB_HEIGHT), np.full(len(fine), at.KERB_HEIGHT)], 1)
+    order = np.argsort(across)
+    add(f"pavement_{side}", road.strip(STREET, fine, across[order], heights[:, order], (1.2, 1.2)), "paving")
+
+
+def houses() -> Iterator[tuple[str, dict[str, Mesh], str, float, tuple[float, float, float]]]:
+    """Yield name, parts, material of the walls, turn [deg] and place of the houses on both sides and at the far end."""
+    generator = np.random.default_rng(at.SEED)
+    walls = ("plaster_wall", "brick_wall", "plaster_yellow", "plaster_red", "plaster_wall", "plaster_grey")
+    number = 0
+    for side, wall, turn in (("left", at.WALL_LEFT, 0.0), ("right", at.WALL_RIGHT, 180.0)):
+        x = at.START + (0.0 if side == "left" else -5.0)
+        while x < at.STOP:
+            width = float(np.round(generator.uniform(9.0, 14.0), 1))
+            storeys = int(generator.integers(2, 5))
+            surface = walls[number % len(walls)]
+            shape = _town_house(width, storeys, generator, 1.5 if surface == "brick_wall" else 3.0)
+            offset = (round(x + width / 2, 3), round(wall + np.sign(wall) * 5.0, 3), at.KERB_HEIGHT)
+            yield f"house_{side}_{number:02d}", building.house(shape), surface, turn, offset
+            x += width + (0.0 if generator.uniform() < 0.85 else 3.0)
+            number += 1
+    shape = _town_house(15.0, 4, generator, 1.5)
+    yield "house_end", building.house(shape), "brick_wall", -90.0, (at.STOP + 6.0, 0.5, 0.0)
+
+
+def _town_house(width: float, storeys: int, generator: np.random.Generator, texture_size: float) -> building.House:
+    """Return a terraced house with regular windows to the street and the yard and a door to the street."""
+    eaves = 0.6 + 3.1 * storeys
+    columns = max(3, int(width // 2.6))
+    along = (np.arange(columns) - (columns - 1) / 2) * (width - 1.2) / columns
+    door = int(generator.integers(0, columns))
+    windows = []
+    for storey in range(storeys):
+        for column, y in enumerate(along):
+            if storey > 0 or column != door:
+                windows.append(("front", float(round(y, 3)), 1.0 + 3.1 * storey, 1.15, 1.6))
+            if storey % 2 == 0 and column % 2 == 0:
+                windows.append(("back", float(round(y, 3)), 1.0 + 3.1 * storey, 1.1, 1.4))
+    ridge = eaves + float(np.round(generator.uniform(2.6, 3.8), 1))
+    return building.House(
+        width, 10.0, eaves, ridge, windows, [("front", float(round(along[door], 3)), 1.15, 2.3)], 0.3, texture_size, bool(generator.uniform() < 0.7)
+    )
