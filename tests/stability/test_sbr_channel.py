@@ -13,7 +13,7 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError, ScarlWarning, UnknownNameError
-from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.channel import solve_paths
@@ -119,8 +119,8 @@ def test_options_outside_of_their_range_are_refused(tmp_path) -> None:
     state = load_scene(write_scene(tmp_path, [Thing("box", box((2, 2, 2), (10, 0, 0)), "Static", "steel")])).at(0.0)
     with pytest.raises(UnknownNameError, match="instance 'car'.*box"):
         solve_paths(state, RADAR, Pose(), method="sbr", instances=["car"])
-    with pytest.raises(ParameterRangeError, match="monostatic"):
-        solve_paths(state, RADAR, Pose(), method="sbr", rx_pose=Pose([0, 1, 0]))
+    with pytest.raises(ParameterRangeError, match="rx_twist"):
+        solve_paths(state, RADAR, Pose(), method="sbr", rx_twist=Twist(np.ones(3)))
     with pytest.raises(ParameterRangeError, match="max_patches"):
         solve_paths(state, RADAR, Pose(), method="sbr", settings=ALL.with_(max_patches=10))
     with pytest.raises(ParameterRangeError, match="max_distance"):
@@ -175,7 +175,7 @@ def test_slivers_are_cut_into_few_pieces_that_cover_them() -> None:
     corners = np.array([[[10, 0, 0], [10, 0, 2.0], [10, 1e-3, 2.0]], [[9, 0, 0], [9, 3, 0], [9, 0, 3.0]]])
     size = PatchSize.of(RADAR, DEFAULT_SBR_CHANNEL)
     pieces, rows = split(corners, np.zeros((2, 3)), np.zeros(3), size, 10**6)
-    assert size.excess(pieces, np.zeros((len(rows), 3)), np.zeros(3)).max() <= 1.0
+    assert size.excess(pieces, np.zeros((2, 3)), rows, np.zeros(3)).max() <= 1.0
 
     def area(triangles):
         sides = triangles[:, 1:] - triangles[:, :1]

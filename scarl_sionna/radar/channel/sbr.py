@@ -16,9 +16,6 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.core.units import dbm_to_watt
-from scarl_sionna.radar.antenna import field_gain
-from scarl_sionna.radar.noise import sample_noise_power
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.world import variant
 from scarl_sionna.world.face_rays import FaceRays
@@ -26,8 +23,10 @@ from scarl_sionna.world.face_tracing import face_table
 from scarl_sionna.world.path_tracing import DIFFUSE, SPECULAR
 
 from .antennas import check_antennas
+from .sbr_diffuse import scattered_rows
 from .sbr_fields import radiated
 from .sbr_patches import PatchSize
+from .sbr_rows import Columns, above_floor, in_order, joined, received
 from .sbr_settings import DEFAULT_SBR_CHANNEL, SbrChannelSettings
 from .sbr_surfaces import Surfaces
 from .sbr_trace import Station, Tracer
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
-Columns = dict[str, npt.NDArray[Any]]
 
 SMALLEST_SIZE = 3.0
 """Largest extent [wavelengths] of an instance below which physical optics is off by decibels."""
@@ -56,8 +54,9 @@ def solve_sbr(
     max_distance: float | None = None,
     settings: SbrChannelSettings = DEFAULT_SBR_CHANNEL,
     rx_pose: Pose | None = None,
+    rx_twist: Twist | None = None,
 ) -> RadarPaths:
-    r"""Return the paths of a monostatic radar by physical optics on the scene's meshes.
+    r"""Return the paths of a radar, or of a bistatic pair, by physical optics on the scene's meshes.
 
     Parameters
     ----------
@@ -76,24 +75,27 @@ def solve_sbr(
     settings : SbrChannelSettings
         Bounces, size of the patches, rays, and what is too weak to be kept.
     rx_pose : Pose, optional
-        Not available: a bistatic pair is refused.
+        world_from_radar of a second radar of the same specification that receives in place of the first.
+    rx_twist : Twist, optional
+        Its velocity, world axes; at rest if not given.
 
     Returns
     -------
     RadarPaths
-        One row a patch, sorted. `tx_point` is the patch as the radar sees it through the mirrors before it, `rx_point` the patch
-        itself. The last interaction of a row is the scattering patch, those before are mirror reflections.
+        One row a patch, sorted. `tx_point` is the patch as the transmitter sees it through the mirrors before
+        it, `rx_point` the patch itself. The last interaction of a row is the scattering patch, those before are mirror
+        reflections.
 
     Raises
     ------
     PlacementError
-        If the radar or one of its antennas is inside a mesh.
+        If a radar or one of its antennas is inside a mesh.
     MaterialRangeError
         If a material that scatters has no data at the middle of the band.
     UnknownNameError
         If `instances` names something that is not in the scene.
     ParameterRangeError
-        If the scene needs more patches than `settings.max_patches`, or a bistatic pair is asked for.
+        If the scene needs more patches than `settings.max_patches`, or there is an `rx_twist` without `rx_pose`.
 
     Warns
     -----
@@ -105,47 +107,46 @@ def solve_sbr(
     The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit: no
     row is doubled by reciprocity.
 
-    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, the scattered part of rough surfaces
-    (their coherent part is sqrt(1 - S^2)), acceleration of the length. *Convergence and validity*: docs/sbr.md.
+    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, diffuse scattering onto further surfaces,
+    the direct path of a bistatic pair, acceleration of the length. *Convergence and validity*: docs/sbr.md.
 
     References
     ----------
     .. [1] H. Ling, R.-C. Chou, S.-W. Lee, "Shooting and Bouncing Rays", IEEE Trans. Antennas Propag. 37(2), 1989.
     """
-    if rx_pose is not None:
-        raise ParameterRangeError(
-            "rx_pose", "a pose", "None", "'sbr' is monostatic; use method='sionna' for two radars"
-        )
+    if rx_twist is not None and rx_pose is None:
+        raise ParameterRangeError("rx_twist", "given without rx_pose", "an rx_pose with it", "monostatic: radar_twist")
     reach = radar.max_range if max_distance is None else max_distance
     if not reach > 0.0:
         raise ParameterRangeError("max_distance", f"{reach} m", "> 0 m")
-    check_antennas(state, radar, pose)
-    clock = {"start": time.perf_counter()}
+    for station_pose in [pose] if rx_pose is None else [pose, rx_pose]:
+        check_antennas(state, radar, station_pose)
+    clock = time.perf_counter()
     faces = face_table(state)
     chosen_instances, left_out = _chosen(state, instances)
     chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
-    velocity = (radar_twist or Twist()).linear
-    station = Station.of(radar, pose, velocity)
-    start = np.flatnonzero(chosen & station.may_see(faces, reach))
-    size = PatchSize.of(radar, settings)
+    tx = Station.of(radar, pose, (radar_twist or Twist()).linear)
+    rx = tx if rx_pose is None else Station.of(radar, rx_pose, (rx_twist or Twist()).linear)
+    start = np.flatnonzero(chosen & tx.may_see(faces, 2.0 * reach if rx_pose else reach))
     used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
-    blocks = []
+    blocks: list[Columns] = []
     with variant.optical() as mi:
         rays = FaceRays(mi, state)
         surfaces = Surfaces(rays, state, faces, used, radar.center_frequency)
-        tracer = Tracer(rays, faces, chosen, station, station, reach, size, settings)
+        tracer = Tracer(rays, faces, chosen, tx, rx, reach, PatchSize.of(radar, settings), settings)
         for tubes in tracer.bounces(start):
-            if len(tubes):
-                blocks.append(_rows(state, tracer, tubes, surfaces))
-    columns = _sorted(_joined(blocks, settings.max_depth))
+            blocks += _rows(state, tracer, tubes, surfaces) if len(tubes) else []
+    columns = joined(blocks, settings.max_depth)
+    amplitude = received(columns, radar, tx.pose, rx.pose)
     diagnostics: dict[str, Any] = {
         "method": "sbr", "settings": settings.model_dump(), "max_distance": reach, "num_faces": len(start),
-        "num_patches": len(columns["length"]), "left_out": left_out,
+        "num_tubes": dict(tracer.count), "num_patches": len(columns["length"]), "left_out": left_out,
     }  # fmt: skip
-    _warn(state, radar, pose, columns, chosen_instances, reach)
-    columns, diagnostics["floor"] = _above_floor(columns, radar, pose, settings.floor_db)
-    diagnostics["seconds"] = time.perf_counter() - clock["start"]
-    return _paths(columns, pose, diagnostics)
+    _warn(state, radar, columns, amplitude**2, chosen_instances)
+    columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, settings.floor_db)
+    columns = in_order(columns)
+    diagnostics["seconds"] = time.perf_counter() - clock
+    return _paths(columns, tx.pose, rx.pose, diagnostics)
 
 
 def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[list[int], list[str]]:
@@ -166,82 +167,33 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
     return sorted(kept), [info.name for number, info in table.items() if number not in kept]
 
 
-def _rows(state: WorldState, tracer: Tracer, patches: Tubes, surfaces: Surfaces) -> Columns:
-    """Return the columns of patches, those that leave out of view or come from too far left out."""
-    tx, rx = tracer.tx, tracer.rx
+def _rows(state: WorldState, tracer: Tracer, patches: Tubes, surfaces: Surfaces) -> list[Columns]:
+    """Return the columns of patches and of what they scatter diffusely, without what comes from out of view or too far."""
+    tx, rx, settings = tracer.tx, tracer.rx, tracer.settings
+    rough = surfaces.is_rough[patches.face[:, -1]] & settings.diffuse
     columns: Columns = radiated(
         tracer.rays, patches, surfaces, (tx.pose, tx.velocity), (rx.pose, rx.velocity), tracer.size.wavenumber,
-        tracer.settings.integration_phase,
+        settings.integration_phase, bool(rough.any()),
     )  # fmt: skip
     part = tracer.faces.part[patches.face]
     columns["instance"] = state.world.parts.instance[part]
     columns["semantic"] = state.world.parts.semantic[part[:, -1]]
+    columns["depth"] = np.full(len(patches), patches.depth, dtype=np.int32)
+    columns["diffuse"] = np.zeros(len(patches), dtype=np.int8)
     seen = columns["length"] < 2.0 * tracer.reach
     if patches.depth > 1:
         seen &= tx.sees(columns["tx_point"])
-    return {name: column[seen] for name, column in columns.items()}
+    blocks = []
+    if rough.any():
+        rows = np.flatnonzero(rough & seen)
+        if len(rows):
+            some = {name: column[rows] for name, column in columns.items()}
+            blocks.append(scattered_rows(some, patches.take(rows), np.arange(len(tracer.faces.part)), settings.seed))
+        del columns["scattered"]
+    return [{name: column[seen] for name, column in columns.items()}, *blocks]
 
 
-def _joined(blocks: list[Columns], max_depth: int) -> Columns:
-    """Return the columns of all bounces, instances padded with -1."""
-    columns: Columns = {
-        "tx_point": np.zeros((0, 3)), "rx_point": np.zeros((0, 3)), "a": np.zeros((0, 2, 2), np.complex128),
-        "length_rate": np.zeros(0), "length": np.zeros(0), "cosine": np.zeros(0), "semantic": np.zeros(0, np.uint8),
-        "instance": np.zeros((0, max_depth), np.int32), "depth": np.zeros(0, np.int32),
-    }  # fmt: skip
-    for block in blocks:
-        depth = block["instance"].shape[1]
-        block["depth"] = np.full(len(block["length"]), depth, np.int32)
-        block["instance"] = np.pad(block["instance"], [(0, 0), (0, max_depth - depth)], constant_values=-1)
-    return {name: np.concatenate([column, *(block[name] for block in blocks)]) for name, column in columns.items()}
-
-
-def _sorted(columns: Columns) -> Columns:
-    """Return the rows by depth, instances, length and place."""
-    keys = [columns["depth"], *columns["instance"].T, columns["length"], *columns["rx_point"].T, *columns["tx_point"].T]
-    order = np.lexsort(keys[::-1])
-    return {name: column[order] for name, column in columns.items()}
-
-
-def _received(columns: Columns, radar: RadarSpec, pose: Pose) -> Array:
-    """Return the amplitude that one antenna pair receives [sqrt(W)]."""
-    entry = "VH".index(radar.polarization)
-    gain = field_gain(radar.pattern, (columns["tx_point"] - pose.position) @ pose.rotation)
-    gain = gain * field_gain(radar.pattern, (columns["rx_point"] - pose.position) @ pose.rotation)
-    return np.abs(columns["a"][:, entry, entry]) * gain * np.sqrt(dbm_to_watt(radar.tx_power_dbm))
-
-
-def _above_floor(
-    columns: Columns, radar: RadarSpec, pose: Pose, floor_db: float | None
-) -> tuple[Columns, dict[str, float | None]]:
-    """Return the rows without the weakest of each range bin, and what was left out."""
-    told: dict[str, float | None] = {
-        "floor_db": floor_db,
-        "num_dropped": 0,
-        "dropped_power": 0.0,
-        "in_phase_to_noise_db": None,
-    }
-    if floor_db is None or not len(columns["length"]):
-        return columns, told
-    cells = radar.num_samples * radar.num_chirps * radar.num_virtual
-    noise = sample_noise_power(radar) / cells
-    amplitude = _received(columns, radar, pose)
-    bins = np.floor(columns["length"] / (2.0 * radar.range_resolution)).astype(np.int64)
-    order = np.lexsort((amplitude, bins))
-    total = np.cumsum(amplitude[order])
-    first = np.flatnonzero(np.diff(bins[order], prepend=-1))
-    before = np.repeat(total[first] - amplitude[order][first], np.diff(first, append=len(order)))
-    dropped = np.zeros(len(order), dtype=bool)
-    dropped[order] = (total - before) ** 2 <= noise * 10.0 ** (floor_db / 10.0)
-    if dropped.any():
-        told["num_dropped"] = int(dropped.sum())
-        told["dropped_power"] = float(np.sum(amplitude[dropped] ** 2))
-        worst = float(np.bincount(bins[dropped], amplitude[dropped]).max() ** 2 / noise)
-        told["in_phase_to_noise_db"] = 10.0 * float(np.log10(worst)) if worst > 0.0 else None
-    return {name: column[~dropped] for name, column in columns.items()}, told
-
-
-def _warn(state: WorldState, radar: RadarSpec, pose: Pose, columns: Columns, chosen: list[int], reach: float) -> None:
+def _warn(state: WorldState, radar: RadarSpec, columns: Columns, power: Array, chosen: list[int]) -> None:
     """Warn once of each way in which the scene is outside of what physical optics can do."""
     small = []
     for number in chosen:
@@ -254,7 +206,6 @@ def _warn(state: WorldState, radar: RadarSpec, pose: Pose, columns: Columns, cho
             f"({1e3 * small[0][1]:.3g} mm); physical optics is wrong by decibels there: use method='scatterers' or point targets",
             ScarlWarning, stacklevel=4,
         )  # fmt: skip
-    power = _received(columns, radar, pose) ** 2
     grazing = float(power[columns["cosine"] < GRAZING_COSINE].sum())
     if grazing > 0.5 * float(power.sum()):
         warnings.warn(
@@ -264,7 +215,7 @@ def _warn(state: WorldState, radar: RadarSpec, pose: Pose, columns: Columns, cho
         )  # fmt: skip
 
 
-def _paths(columns: Columns, pose: Pose, diagnostics: dict[str, Any]) -> RadarPaths:
+def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) -> RadarPaths:
     count, width = columns["instance"].shape
     step = np.arange(width)
     depth = columns["depth"]
@@ -280,7 +231,7 @@ def _paths(columns: Columns, pose: Pose, diagnostics: dict[str, Any]) -> RadarPa
         interaction=interaction.astype(np.int32),
         depth=depth.astype(np.int32),
         semantic=columns["semantic"].astype(np.uint8),
-        world_from_tx=pose,
-        world_from_rx=pose,
+        world_from_tx=tx,
+        world_from_rx=rx,
         diagnostics=diagnostics,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ def radiated(
     rx: tuple[Pose, Array],
     wavenumber: float,
     integration_phase: float,
+    diffuse: bool,
 ) -> dict[str, npt.NDArray[Any]]:
     r"""Return the columns of patches at their centres: end points, transfer, lengths, rate and what diffuse scattering needs.
 
@@ -43,6 +45,8 @@ def radiated(
         At which the phase is integrated over a patch [rad/m].
     integration_phase : float
         See :func:`~.sbr_phase.phase_integral` [rad].
+    diffuse : bool
+        Whether to return what a rough surface scatters, column ``scattered``: the transfer of a patch of 1 m2.
 
     Notes
     -----
@@ -54,11 +58,18 @@ def radiated(
 
     .. math:: J = n \times (H_i + H_r), \quad M = -n \times (E_i + E_r), \quad \eta H = k \times E
 
-    It does not depend on the frequency but through the integral.
+    It does not depend on the frequency but through the integral. A rough surface keeps sqrt(1 - S^2) of the reflected field.
+    What it scatters has the power
+
+    .. math:: |a|^2 = \frac{\lambda^2}{(4 \pi)^2 L^2 R^2} S^2 |\Gamma|^2 \cos\theta_i f_s A, \quad f_s = \frac{\cos\theta_s}{\pi}
+
+    for the area A, with Lambert's pattern as in the materials of the solver ``sionna``, and K of it is cross-polar.
 
     References
     ----------
     .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical optics).
+    .. [2] V. Degli-Esposti et al., "Measurement and Modelling of Scattering From Buildings", IEEE Trans. Antennas Propag.
+       55(1), 2007, Eqs. (2), (5).
     """
     dr, mi, Real, Vector = rays.dr, rays.mi, rays.Real, rays.Vector
     count, depth = tubes.face.shape
@@ -75,7 +86,7 @@ def radiated(
     (tx_pose, tx_velocity), (rx_pose, rx_velocity) = tx, rx
     receiver = Vector(*(float(value) for value in rx_pose.position))
     line = [Vector(*(float(value) for value in tx_pose.position)), *point, receiver]
-    travel = [dr.normalize(stop - start) for start, stop in zip(line[:-1], line[1:], strict=True)]
+    travel = [dr.normalize(stop - start) for start, stop in pairwise(line)]
     rate = dr.dot(travel[-1], Vector(*map(float, rx_velocity))) - dr.dot(travel[0], Vector(*map(float, tx_velocity)))
     reflected = [(axis, dr.zeros(Vector, count)) for axis in _spherical_basis(rays, tx_pose, travel[0])]
     onward = travel[0]
@@ -83,7 +94,9 @@ def radiated(
         field, arriving = reflected, travel[k]
         normal = plane[k][0]
         normal = normal * -dr.sign(dr.dot(normal, arriving))
-        reflected, onward = _reflect(dr, surfaces, face[k], field, arriving, normal)
+        smooth, onward = _reflect(dr, surfaces, face[k], field, arriving, normal)
+        kept, strayed, *turn = surfaces.roughness(face[k])
+        reflected = [(kept * re, kept * im) for re, im in smooth]
         rate += dr.dot(surfaces.velocity(face[k], point[k]), arriving - travel[k + 1])
     back = travel[-1]
     out, home = dr.norm(center - image[-1]), dr.norm(receiver - center)
@@ -101,15 +114,43 @@ def radiated(
             re, im = (dr.dot(receive[r], vector[c]) for c in range(2))
             columns[f"re{r}{t}"] = re * factor[0] - im * factor[1]
             columns[f"im{r}{t}"] = re * factor[1] + im * factor[0]
+    if diffuse:
+        cosines = dr.abs(dr.dot(normal, arriving)) * columns["cosine"] / np.pi
+        level = 0.5 / wavenumber / (out * home) * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
+        columns |= _scattered(rays, tx_pose, arriving, field, smooth, level, turn)
     dr.eval(*columns.values())
     found = {name: column.numpy() for name, column in columns.items()}
-    a = np.empty((count, 2, 2), dtype=np.complex128)
-    for t in range(2):
-        for r in range(2):
-            a.real[:, r, t], a.imag[:, r, t] = found.pop(f"re{r}{t}"), found.pop(f"im{r}{t}")
+    found["a"] = _matrices(found, "re", "im")
+    if diffuse:
+        found["scattered"] = _matrices(found, "sre", "sim")
     for name in ("tx_point", "rx_point"):
         found[name] = np.ascontiguousarray(found[name].T)
-    return {**found, "a": a}
+    return found
+
+
+def _matrices(found: dict[str, npt.NDArray[Any]], real: str, imaginary: str) -> npt.NDArray[np.complex128]:
+    """Take the entries of 2 x 2 matrices out of columns."""
+    parts = [
+        np.stack([found.pop(f"{part}{r}{t}") for r in range(2) for t in range(2)], axis=1) for part in (real, imaginary)
+    ]
+    return (parts[0] + 1j * parts[1]).reshape(-1, 2, 2)
+
+
+def _scattered(
+    rays: FaceRays, pose: Pose, arriving: Any, field: list[Any], smooth: list[Any], level: Any, turn: list[Any]
+) -> dict[str, Any]:
+    """Return the entries of the transfer by diffuse scattering of 1 m2; the polarisation is turned as in Sionna RT."""
+    dr, found = rays.dr, {}
+    basis = _spherical_basis(rays, pose, arriving)
+    for t in range(2):
+        power = dr.squared_norm(field[t][0]) + dr.squared_norm(field[t][1])
+        left = dr.squared_norm(smooth[t][0]) + dr.squared_norm(smooth[t][1])
+        gamma = level * dr.sqrt(left / dr.maximum(power, 1e-300))
+        for name, part in zip(("sre", "sim"), field[t], strict=True):
+            vertical, horizontal = dr.dot(basis[0], part), dr.dot(basis[1], part)
+            found[f"{name}0{t}"] = gamma * (turn[0] * vertical - turn[1] * horizontal)
+            found[f"{name}1{t}"] = gamma * (turn[1] * vertical + turn[0] * horizontal)
+    return found
 
 
 def _reflection_points(dr: Any, center: Any, image: list[Any], plane: list[tuple[Any, Any]]) -> list[Any]:

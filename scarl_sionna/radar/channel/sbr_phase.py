@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from scarl_sionna.world.face_rays import FaceRays
 
 _SERIES_BELOW = 1.0

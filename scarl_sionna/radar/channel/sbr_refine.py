@@ -7,7 +7,7 @@ whose place is found by bisection. So partly hit tubes do not set the error.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt

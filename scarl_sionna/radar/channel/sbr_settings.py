@@ -18,6 +18,11 @@ class SbrChannelSettings(Spec):
         description="'adaptive': tubes are halved and cut along the edges that they straddle; 'uniform': each follows its "
         "middle ray, whatever its borders meet",
     )  # fmt: skip
+    num_tubes: int | None = Field(
+        None, ge=1,
+        description="cut the faces in view into about this many first tubes of equal sides, where max_phase does not ask for "
+        "smaller ones; None: as few as it allows",
+    )  # fmt: skip
     max_phase: float = Field(
         0.4, gt=0.0, le=3.0,
         description="largest departure of the phase over a patch from a linear one, at half of its longest side [rad]: size of "
@@ -43,13 +48,15 @@ class SbrChannelSettings(Spec):
         le=4.0,
         description="patches that straddle an edge are halved to this, same unit, then cut along it",
     )
+    diffuse: bool = Field(True, description="whether rough surfaces scatter the part S of their reflection diffusely")
+    seed: int = Field(0, ge=0, le=2**63 - 1, description="of the random phases of the diffusely scattering patches")
     floor_db: float | None = Field(
         -10.0,
         description="patches of a range bin are left out as long as the power of all of them in phase stays this far from the "
         "noise of one cell of the range-Doppler-angle cube [dB]; None keeps all",
     )
-    max_patches: int = Field(4_000_000, ge=1, description="more patches than this are refused")
-    tubes_per_batch: int = Field(100_000, ge=100, description="tubes worked at once: bounds the memory to some 500 MB")
+    max_patches: int = Field(20_000_000, ge=1, description="more patches than this are refused")
+    tubes_per_batch: int = Field(250_000, ge=100, description="tubes worked at once: bounds the memory")
 
 
 DEFAULT_SBR_CHANNEL = SbrChannelSettings()

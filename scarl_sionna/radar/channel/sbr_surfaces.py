@@ -49,12 +49,19 @@ class Surfaces:
         cosine = np.linspace(0.0, 1.0, _NODES) ** 2
         columns = np.zeros((len(names), _NODES, 4))
         for index, material in enumerate(self.materials):
-            coherent = np.sqrt(1.0 - material.scattering_coefficient**2)
             te, tm = reflection(material, frequency, cosine)
-            columns[index] = coherent * np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
+            columns[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
         self._coefficient = rays.Real(columns.ravel())
+        scattered = np.array([material.scattering_coefficient for material in self.materials])
+        crossed = np.array([material.xpd_coefficient for material in self.materials])
+        rough = np.stack([np.sqrt(1.0 - scattered**2), scattered, np.sqrt(1.0 - crossed), np.sqrt(crossed)], axis=1)
+        self._rough = rays.Real(rough.ravel())
         of_part = np.array([names.index(name) if name in names else 0 for name in table.material], dtype=np.uint32)
-        self.material_of_face = of_part[faces.part].astype(np.int64)
+        scatters = np.array(
+            [name in names and state.world.materials[name].scattering_coefficient > 0.0 for name in table.material]
+        )
+        self.is_rough = scatters[faces.part]
+        """Whether a part of what each face reflects is scattered diffusely."""
         triangles = faces.triangles
         self._normal = rays.Real(triangles.normal.ravel())
         self._offset = rays.Real(triangles.offset)
@@ -80,15 +87,17 @@ class Surfaces:
         linear, angular, origin = (dr.gather(rays.Vector, self._motion, row + k) for k in range(3))
         return linear + dr.cross(angular, point - origin)
 
+    def _material(self, face: Any) -> Any:
+        dr, mi = self._rays.dr, self._rays.mi
+        return dr.gather(mi.UInt32, self._material_of_part, dr.gather(mi.UInt32, self._part, face))
+
     def coefficients(self, face: Any, cosine: Any) -> tuple[Any, Any, Any, Any]:
-        """Return real and imaginary part of the TE and of the TM coefficient of the coherent part of the reflection."""
+        """Return real and imaginary part of the TE and of the TM reflection coefficient, of a surface that is smooth."""
         dr, rays = self._rays.dr, self._rays
-        mi = rays.mi
-        material = dr.gather(mi.UInt32, self._material_of_part, dr.gather(mi.UInt32, self._part, face))
         place = dr.sqrt(dr.clip(cosine, 0.0, 1.0)) * (_NODES - 1)
-        node = dr.minimum(mi.UInt32(place), _NODES - 2)
+        node = dr.minimum(rays.mi.UInt32(place), _NODES - 2)
         share = place - rays.Real(node)
-        low = 4 * (material * _NODES + node)
+        low = 4 * (self._material(face) * _NODES + node)
         return tuple(
             dr.lerp(
                 dr.gather(rays.Real, self._coefficient, low + k),
@@ -97,3 +106,8 @@ class Surfaces:
             )
             for k in range(4)
         )  # type: ignore[return-value]
+
+    def roughness(self, face: Any) -> tuple[Any, Any, Any, Any]:
+        """Return sqrt(1 - S^2), S, sqrt(1 - K) and sqrt(K): S the scattering, K the cross-polarisation coefficient."""
+        dr, row = self._rays.dr, 4 * self._material(face)
+        return tuple(dr.gather(self._rays.Real, self._rough, row + k) for k in range(4))  # type: ignore[return-value]

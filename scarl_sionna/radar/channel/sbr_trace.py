@@ -7,8 +7,9 @@ Adaptive tubes are cut where the thing that they meet changes (:func:`~.sbr_refi
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +19,11 @@ from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.world.face_rays import MISS, FaceRays
 from scarl_sionna.world.face_tracing import FaceTable
 
-from .sbr_patches import PatchSize, split
+from .sbr_patches import PatchSize, split, too_many_patches
 from .sbr_rays import PlaneProbe, ScreenedProbe
 from .sbr_refine import Pieces, Probe, centers, refine
 from .sbr_settings import SbrChannelSettings
-from .sbr_tubes import Tubes
+from .sbr_tubes import Tubes, middle
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -33,6 +34,8 @@ GRAZING = 1e-6
 ONE_PROBE = 0.02
 """Tubes that a face meets at less than this cosine are not cut along edges: their field is 34 dB down, and float32 rays do
 not tell a face just behind a silhouette from one just before it."""
+_COARSE = 16.0
+"""Faces are first cut into pieces so many times as long as patches, so that a batch of them is no more than some patches."""
 WIDE_FACE = 0.5
 """Faces that look wider than this [rad] are never sorted out before they are cut into patches."""
 
@@ -72,13 +75,15 @@ class Station:
 
     def sees(self, points: Array) -> Mask:
         """Return whether points are in the field of view."""
-        azimuth, elevation, _ = self.outside(points)
-        return (azimuth <= 0.0) & (elevation <= 0.0)
+        local = (points - self.pose.position) @ self.pose.rotation
+        flat = local[:, 0] ** 2 + local[:, 1] ** 2
+        ahead = local[:, 0] >= np.cos(self.azimuth_fov / 2.0) * np.sqrt(flat)
+        return ahead & (np.abs(local[:, 2]) <= np.sin(self.elevation_fov / 2.0) * np.sqrt(flat + local[:, 2] ** 2))
 
     def may_see(self, faces: FaceTable, reach: float) -> Mask:
         """Return the faces of which a part may be in the field of view and in reach, and that are not edge-on."""
         triangles = faces.triangles
-        center = triangles.corners.mean(axis=1)
+        center = middle(triangles.corners)
         arm = triangles.corners - center[:, None]
         radius = np.sqrt(np.einsum("nij,nij->ni", arm, arm).max(axis=1))
         azimuth, elevation, distance = self.outside(center)
@@ -105,6 +110,8 @@ class Tracer:
         Tubes longer than twice this are dropped [m].
     size : PatchSize
     settings : SbrChannelSettings
+    count : Counter
+        Tubes traced so far, by bounce.
     """
 
     rays: FaceRays
@@ -115,6 +122,7 @@ class Tracer:
     reach: float
     size: PatchSize
     settings: SbrChannelSettings
+    count: Counter[int] = field(default_factory=Counter)
 
     def bounces(self, face: Index) -> Iterator[Tubes]:
         """Yield the footprints that the receiver sees, bounce after bounce, of tubes that start on some faces."""
@@ -123,35 +131,69 @@ class Tracer:
         of_plane[planes] = plane_face
         plane_of_face = np.where(self.chosen, self.faces.plane, MISS)
         per_batch = self.settings.tubes_per_batch
-        start = np.broadcast_to(self.tx.pose.position, (len(face), 1, 3))
-        for some in Tubes(self.faces.triangles.corners[face], face[:, None], start).batches(per_batch):
-            stack = self._cut(some, self.tx).batches(per_batch)
+        for first in self._starts(face):
+            stack = first.batches(per_batch)
             while stack:
                 tubes = stack.pop()
+                self.count[tubes.depth] += len(tubes)
                 if tubes.depth == 1:
                     tubes = self._seen(tubes, self.tx)
                     yield tubes if self.rx is self.tx else self._seen(self._watched(self._in_front(tubes)), self.rx)
                 else:
-                    yield self._seen(self._cut(self._in_front(tubes), self.rx), self.rx)
+                    yield self._seen(self._watched(self._cut(self._in_front(tubes))), self.rx)
                 if tubes.depth < self.settings.max_depth and len(tubes):
                     stack += self._next(tubes, of_plane, plane_of_face).batches(per_batch)
 
-    def _cut(self, tubes: Tubes, station: Station) -> Tubes:
-        """Return footprints cut into patches that are small enough and of which the centre is in a station's view."""
+    def _starts(self, face: Index) -> Iterator[Tubes]:
+        """Yield the patches of faces that are in the transmitter's view, some batch of them at a time."""
+        source, receiver, limit = self.tx.pose.position, self.rx.pose.position, self.settings.max_patches
+        size = self._start_size(face)
+        corners = self.faces.triangles.corners[face]
+        coarse, rows = split(corners, source[None], receiver, size, limit, _COARSE, one_source=True)
+        pieces = size.pieces(coarse, source, receiver)
+        if pieces.sum() > 1.5 * limit:  # the count is an estimate; split() itself counts too
+            too_many_patches(limit)
+        batch = (np.cumsum(pieces) / self.settings.tubes_per_batch).astype(np.int64)
+        first = np.searchsorted(rows, rows)  # the first coarse piece of the same face
+        for part in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(batch)) + 1):
+            fine, piece_of = split(coarse[part], source[None], receiver, size, limit, one_source=True)
+            number = np.arange(len(piece_of)) - np.searchsorted(piece_of, piece_of)
+            whole = part[piece_of]
+            kept = np.flatnonzero(self.tx.sees(middle(fine)))
+            whole, number, fine = whole[kept], number[kept], fine[kept]
+            origin = (whole - first[whole]) * (1 << 32) + number
+            start = np.broadcast_to(source, (len(whole), 1, 3))
+            yield Tubes(fine, face[rows[whole], None], start, origin)
+
+    def _start_size(self, face: Index) -> PatchSize:
+        """Return the size of the first tubes, so that there are about `num_tubes` of them if that is asked for."""
+        wanted = self.settings.num_tubes
+        if wanted is None:
+            return self.size
+        low, high = 1e-6, 1e3
+        corners, source, receiver = self.faces.triangles.corners[face], self.tx.pose.position, self.rx.pose.position
+        for _ in range(30):
+            longest = float(np.sqrt(low * high))
+            size = replace(self.size, longest=longest)
+            more = size.pieces(corners, source, receiver).sum() > wanted
+            low, high = (longest, high) if more else (low, longest)
+        return replace(self.size, longest=high)
+
+    def _cut(self, tubes: Tubes) -> Tubes:
+        """Return footprints cut into patches that are small enough."""
         limit = self.settings.max_patches
         corners, rows = split(tubes.corners, tubes.image[:, -1], self.rx.pose.position, self.size, limit)
-        kept = station.sees(corners.mean(axis=1))
-        return tubes.take(rows[kept], corners[kept])
+        return tubes.take(rows, corners)
 
     def _watched(self, tubes: Tubes) -> Tubes:
-        return tubes.take(np.flatnonzero(self.rx.sees(tubes.corners.mean(axis=1))))
+        return tubes.take(np.flatnonzero(self.rx.sees(middle(tubes.corners))))
 
     def _labelled(self, tubes: Tubes, source: Array, probe: Probe) -> Pieces:
         """Return pieces of footprints, each with what its rays meet."""
         rows = np.arange(len(tubes))
         if self.settings.tubes == "uniform":
             return centers(tubes.corners, rows, probe)
-        ray = tubes.corners.mean(axis=1) - source
+        ray = middle(tubes.corners) - source
         distance = np.sqrt(np.einsum("ij,ij->i", ray, ray))
         cosine = np.einsum("ij,ij->i", self.faces.triangles.normal[tubes.face[:, -1]], ray) / distance
         length = np.where(np.abs(cosine) < ONE_PROBE, np.inf, self.size.length(distance))
@@ -170,7 +212,7 @@ class Tracer:
 
     def _in_front(self, tubes: Tubes) -> Tubes:
         """Return the footprints whose lit side is turned to the receiver."""
-        center = tubes.corners.mean(axis=1)
+        center = middle(tubes.corners)
         normal = self.faces.triangles.normal[tubes.face[:, -1]]
         lit = np.einsum("ij,ij->i", normal, tubes.image[:, -1] - center)
         towards = np.einsum("ij,ij->i", normal, self.rx.pose.position - center)
@@ -204,4 +246,4 @@ class Tracer:
         landed = source[kept, None] + share[kept, :, None] * ray[kept]
         chain = np.concatenate([tubes.face[rows[kept]], face[kept, None]], axis=1)
         images = np.concatenate([tubes.image[rows[kept]], source[kept, None]], axis=1)
-        return Tubes(landed, chain, images)
+        return Tubes(landed, chain, images, tubes.origin[rows[kept]])
