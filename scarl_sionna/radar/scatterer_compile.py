@@ -17,6 +17,8 @@ from scarl_sionna.world.materials import MaterialTable
 from .body_parts import Material, Mesh, load_body, material_names, surfaces_of
 from .sbr import Body, PartSurfaces, SbrSettings
 from .scatterer_footprints import Footprints, footprints
+from .scatterer_strength import phase_integrals
+from .scatterer_table import AspectTable, TableBuilder
 from .scatterers import ScattererModel, direction_of
 
 Array = npt.NDArray[np.float64]
@@ -26,8 +28,8 @@ Index = npt.NDArray[np.int64]
 COMPILE_SBR = SbrSettings(max_depth=2, ray_spacing=16.0, edge_spacing=8.0)
 """Rays of 6 cm at 77 GHz, edges followed to 3 cm and then cut. Chosen for time; its error is measured for each model made,
 against the same rays, so it does not hold what these rays miss (docs/scatterers.md)."""
-WEAKEST = 1e-6
-"""Centres whose power stays below this part of the body's strongest aspect are left out."""
+WEAKEST = 1e-7
+"""A centre is left out of a block of aspects in all of which its power is below this part of all centres' together."""
 LARGEST_TABLE = 2**31
 """Largest table that is made [bytes]."""
 HIGHEST_ELEVATION_DEG = 85.0
@@ -47,7 +49,7 @@ class _Block:
     elevations: Index
     traced: Array
     keys: Index = field(default_factory=lambda: np.zeros(0, np.int64))
-    values: Complex = field(default_factory=lambda: np.zeros((0, 0, 0, 4), np.complex128))
+    values: npt.NDArray[np.complex64] = field(default_factory=lambda: np.zeros((0, 0, 0, 2, 2), np.complex64))
     weight: Array = field(default_factory=lambda: np.zeros(0))
     moment: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
@@ -128,13 +130,13 @@ def compile_scatterers(
     body = load_body(mesh)
     surfaces = next(surfaces_of(body, material, np.array([float(frequency)]), materials, rough=True))[0]
     blocks = list(_blocks(azimuth, elevation, np.radians(trace_step_deg)))
-    keys = np.zeros(0, np.int64)
+    keys, size = np.zeros(0, np.int64), 0
     for block in _shown(blocks, progress):
         toward = direction_of(*block.traced)
         found = _cut(footprints(body, surfaces, toward, frequency, settings), voxel)
-        _fill(block, found, azimuth, elevation, toward, frequency, voxel)
+        _fill(block, found, azimuth, elevation, frequency, voxel)
         keys = np.union1d(keys, block.keys)
-        size = 32 * len(azimuth) * len(elevation) * len(keys)
+        size += block.values.nbytes
         if size > LARGEST_TABLE:
             raise ParameterRangeError(
                 "size of the table", f"above {size / 2**30:.2g} GiB ({len(keys)} centres)", "up to 2 GiB",
@@ -201,8 +203,8 @@ def _blocks(azimuth: Array, elevation: Array, step: float) -> Iterator[_Block]:
 
 
 def _groups(grid: Array, step: float) -> list[Index]:
-    number = np.floor((grid - grid[0]) / step + 1e-6).astype(np.int64)
-    return [np.flatnonzero(number == value) for value in np.unique(number)]
+    count = max(int(np.ceil((grid[-1] - grid[0]) / step - 1e-6)), 1)
+    return [np.asarray(rows, dtype=np.int64) for rows in np.array_split(np.arange(len(grid)), min(count, len(grid)))]
 
 
 def _shown(blocks: list[_Block], progress: bool) -> Iterator[_Block]:
@@ -228,29 +230,54 @@ def _cut(found: Footprints, voxel: float) -> Footprints:
     return Footprints.joined(done)
 
 
-def _fill(
-    block: _Block, found: Footprints, azimuth: Array, elevation: Array, toward: Array, frequency: float, voxel: float
-) -> None:
-    """Sum the footprints of each voxel for all aspects of a block; the phase is that at the voxel's middle."""
-    place = found.place()
-    cube = np.floor(place / voxel).astype(np.int64) + _ORIGIN
+def _by_voxel(found: Footprints, voxel: float) -> tuple[Footprints, Index, Index]:
+    """Return footprints sorted by voxel, the keys of the voxels, and where the footprints of each begin."""
+    cube = np.floor(found.place() / voxel).astype(np.int64) + _ORIGIN
     packed = (cube[:, 0] << 42) | (cube[:, 1] << 21) | cube[:, 2]
     order = np.argsort(packed, kind="stable")
-    found, place = found.take(order), place[order]
-    block.keys, first, which = np.unique(packed[order], return_index=True, return_inverse=True)
-    which = which.reshape(-1)
+    keys, first = np.unique(packed[order], return_index=True)
+    return found.take(order), keys, first.astype(np.int64)
+
+
+def _summed(
+    found: Footprints, keys: Index, first: Index, voxel: float, wave_vectors: Array
+) -> tuple[npt.NDArray[np.complex64], Array]:
+    """Return what each voxel radiates for some q = 2 k u, shape (num_q, num_voxels, 4), and the power of the last q's footprints.
+
+    Phases are those at the voxels' middles.
+    """
+    count = np.diff(np.append(first, len(found)))
+    points = found.acting() - np.repeat(_middle(keys, voxel), count, axis=0)[:, None]
+    strength = phase_integrals(points, found.twice_area(), wave_vectors)
+    strength *= (np.linalg.norm(wave_vectors, axis=1) / (8.0 * np.pi)).astype(np.float32)[:, None]  # k / 4 pi
+    amplitude = (-1j * found.amplitude).reshape(-1, 4).astype(np.complex64)
+    values = np.zeros((len(wave_vectors), len(keys), 4), dtype=np.complex64)
+    for entry in range(4) if len(keys) else ():
+        values[:, :, entry] = np.add.reduceat(strength * amplitude[:, entry], first, axis=1)
+    return values, np.abs(strength[-1].astype(np.complex128)) ** 2 * np.sum(np.abs(amplitude) ** 2, axis=1)
+
+
+def _fill(block: _Block, found: Footprints, azimuth: Array, elevation: Array, frequency: float, voxel: float) -> None:
+    """Sum the footprints of each voxel for all aspects of a block."""
+    found, block.keys, first = _by_voxel(found, voxel)
+    view = direction_of(azimuth[block.azimuths][None, :], elevation[block.elevations][:, None]).reshape(-1, 3)
+    directions = np.concatenate([view, direction_of(*block.traced)[None]])
+    values, power = _summed(found, block.keys, first, voxel, 4.0 * np.pi * frequency / SPEED_OF_LIGHT * directions)
     count = len(block.keys)
-    reference = _middle(block.keys, voxel)[which]
-    amplitude = found.amplitude.reshape(-1, 4)
-    block.values = np.zeros((len(block.elevations), len(block.azimuths), count, 4), np.complex128)
-    for i, row in enumerate(block.elevations if count else ()):
-        for j, column in enumerate(block.azimuths):
-            strength = found.strength(direction_of(azimuth[column], elevation[row]), frequency, reference)
-            block.values[i, j] = np.add.reduceat(strength[:, None] * amplitude, first, axis=0)
-    power = np.abs(found.strength(toward, frequency, reference)) ** 2 * np.sum(np.abs(amplitude) ** 2, axis=1)
+    block.values = values[:-1].reshape(len(block.elevations), len(block.azimuths), count, 2, 2)
+    which = np.repeat(np.arange(count), np.diff(np.append(first, len(found))))
     block.weight = np.asarray(np.bincount(which, power, count), dtype=np.float64)
-    moment = [np.bincount(which, power * place[:, axis], count) for axis in range(3)]
+    moment = [np.bincount(which, power * place, count) for place in found.place().T]
     block.moment = np.asarray(np.stack(moment, axis=1), dtype=np.float64)
+    _prune(block)
+
+
+def _prune(block: _Block) -> None:
+    """Leave out the centres that are below the floor of every aspect of the block."""
+    power = np.sum(np.abs(block.values) ** 2, axis=(3, 4), dtype=np.float64)
+    strong = np.any(power > WEAKEST * power.sum(axis=2, keepdims=True), axis=(0, 1))
+    block.keys, block.weight, block.moment = block.keys[strong], block.weight[strong], block.moment[strong]
+    block.values = np.ascontiguousarray(block.values[:, :, strong])
 
 
 def _middle(keys: Index, voxel: float) -> Array:
@@ -260,32 +287,27 @@ def _middle(keys: Index, voxel: float) -> Array:
 
 def _assemble(
     blocks: list[_Block], keys: Index, azimuth: Array, elevation: Array, frequency: float, voxel: float
-) -> tuple[Array, npt.NDArray[np.complex64]]:
-    """Return the centres (centroids of power) and their amplitudes, phases moved there, without the weakest."""
+) -> tuple[Array, AspectTable]:
+    """Return the centres (centroids of power) and the table of their amplitudes, phases moved there."""
     middle = _middle(keys, voxel)
     weight, moment = np.zeros(len(keys)), np.zeros((len(keys), 3))
-    strongest, total = np.zeros(len(keys)), 0.0
     for block in blocks:
         at: Index = np.searchsorted(keys, block.keys).astype(np.int64)
         weight[at] += block.weight
         moment[at] += block.moment
-        power = np.sum(np.abs(block.values) ** 2, axis=3)
-        strongest[at] = np.maximum(strongest[at], power.max(axis=(0, 1), initial=0.0))
-        total = max(total, float(power.sum(axis=2).max(initial=0.0)))
     centers = np.where(weight[:, None] > 0.0, moment / np.where(weight > 0.0, weight, 1.0)[:, None], middle)
-    kept = np.flatnonzero(strongest > WEAKEST * total)
-    number = np.full(len(keys), -1, dtype=np.int64)
-    number[kept] = np.arange(len(kept))
     wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
-    amplitude = np.zeros((len(elevation), len(azimuth), len(kept), 2, 2), dtype=np.complex64)
+    row_start = np.unique([block.elevations[0] for block in blocks])
+    column_start = np.unique([block.azimuths[0] for block in blocks])
+    builder = TableBuilder(row_start, column_start, len(elevation), len(azimuth), len(keys))
     for block in blocks:
         at = np.searchsorted(keys, block.keys).astype(np.int64)
-        used = number[at] >= 0
         view = direction_of(azimuth[block.azimuths][None], elevation[block.elevations][:, None])
-        moved = np.exp(2j * wavenumber * (view @ (middle - centers)[at[used]].T))
-        values = (block.values[:, :, used] * moved[..., None]).reshape(*moved.shape, 2, 2)
-        amplitude[np.ix_(block.elevations, block.azimuths, number[at[used]])] = values
-    return centers[kept], amplitude
+        moved = np.exp(2j * wavenumber * (view @ (middle - centers)[at].T))
+        values = (block.values * moved[..., None, None]).astype(np.complex64)
+        builder.put(int(block.elevations[0]), int(block.azimuths[0]), at, values)
+        block.values = block.values[:0]  # two tables at once would take twice the memory
+    return centers, builder.table()
 
 
 def range_profile(response: Complex) -> Array:
@@ -315,9 +337,13 @@ def _measured(
     cells = []
     for az, el in zip(azimuths, elevations, strict=True):
         toward = direction_of(az, el)
-        found = footprints(body, surfaces, toward, model.frequency, settings)
-        zero = np.zeros((len(found), 3))
-        truth = np.stack([found.strength(toward, f, zero) @ found.amplitude[:, 0, 0] for f in frequencies])
+        found = _cut(footprints(body, surfaces, toward, model.frequency, settings), model.cell)
+        found, keys, first = _by_voxel(found, model.cell)
+        q = 4.0 * np.pi / SPEED_OF_LIGHT * frequencies[:, None] * toward
+        truth = np.sum(
+            _summed(found, keys, first, model.cell, q)[0][:, :, 0] * np.exp(1j * q @ _middle(keys, model.cell).T),
+            axis=1,
+        )
         guess = model.scattering_matrix(np.pi / 2.0 - el, az, frequencies)[:, 0, 0]
         wanted, got = range_profile(truth), range_profile(guess)
         strong = wanted > wanted.max() * 10.0 ** (-CHECK_DEPTH_DB / 10.0)

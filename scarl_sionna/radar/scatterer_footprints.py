@@ -16,7 +16,6 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .sbr import Body, PartSurfaces, SbrSettings
 from .sbr.caster import MISS
-from .sbr.phase import triangle_phase_integral
 from .sbr.solve import unit_vectors
 from .sbr.surface import radiating_vector
 from .sbr.trace import Bounce, Tubes, Waves, bounces
@@ -67,14 +66,14 @@ class Footprints:
         """Return where each footprint acts from, shape (n, 3) [m]."""
         return np.asarray(np.einsum("nij,nj->ni", self.turn, self.corners.mean(axis=1)) + self.offset)
 
-    def strength(self, toward: Array, frequency: float, reference: Array) -> Complex:
-        """Return the scalar that scales `amplitude` for a radar in direction `toward`, shape (n,) [m].
+    def acting(self) -> Array:
+        """Return from where the corners of each footprint act, shape (n, 3, 3) [m]."""
+        return np.asarray(np.einsum("nij,ncj->nci", self.turn, self.corners) + self.offset[:, None])
 
-        Its phase is that of a wave which is zero at `reference`, shape (n, 3) [m].
-        """
-        k = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
-        integral = triangle_phase_integral(self.corners, 2.0 * k * np.einsum("nji,j->ni", self.turn, toward))
-        return np.asarray(-0.25j * k / np.pi * integral * np.exp(2j * k * ((self.offset - reference) @ toward)))
+    def twice_area(self) -> Array:
+        """Return twice the area of each footprint, shape (n,) [m2]."""
+        sides = self.corners[:, 1:] - self.corners[:, :1]
+        return np.asarray(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1))
 
 
 def footprints(

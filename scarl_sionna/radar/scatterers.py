@@ -17,11 +17,13 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, SceneError
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
+from .scatterer_table import AspectTable
+
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-FORMAT_VERSION = 1
-"""Version of the saved file."""
+FORMAT_VERSION = 2
+"""Version of the saved file; 1 held the amplitudes as one array."""
 _ROUNDING = 1e-9
 """Aspects this far outside of the table [rad] are still inside."""
 
@@ -44,8 +46,8 @@ class ScattererModel:
         Rising aspects [rad]: direction from the body to the radar, from +x in the xy plane of the body.
     elevation : ndarray of float64, shape (num_elevations,)
         Rising aspects above the body's xy plane [rad]. With one only, the amplitudes are used up to `elevation_reach` from it.
-    amplitude : ndarray of complex64, shape (num_elevations, num_azimuths, num_centers, 2, 2)
-        Scattering matrix of each centre [m], receive polarisation (theta_hat, phi_hat of the aspect) first; the phase is that at
+    amplitude : AspectTable, of shape (num_elevations, num_azimuths, num_centers, 2, 2)
+        Given as such or as an array. Scattering matrix of each centre [m], receive polarisation (theta_hat, phi_hat of the aspect) first; the phase is that at
         the centre. A centre's RCS is 4 pi abs(amplitude)^2.
     frequency : float
         [Hz].
@@ -65,14 +67,15 @@ class ScattererModel:
     -----
     .. math:: S(u) = \sum_n A_n(u)\, e^{2 j k\, u \cdot c_n}
 
-    with u from the body to the radar. Between aspects the complex amplitudes are interpolated linearly. Their phase is that at the
-    centre, so it changes slowly with the aspect: by at most k times the cell's width times the angle.
+    with u from the body to the radar. Between aspects the complex amplitudes are interpolated by cubic polynomials (Lagrange, four
+    aspects; linearly where the table has fewer or at its ends). Their phase is that at the centre, so it changes slowly with the
+    aspect: by at most k times the cell's width times the angle.
     """
 
     centers: Array
     azimuth: Array
     elevation: Array
-    amplitude: npt.NDArray[np.complex64]
+    amplitude: AspectTable
     frequency: float
     cell: float
     nearest_distance: float
@@ -81,6 +84,8 @@ class ScattererModel:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.amplitude, AspectTable):
+            object.__setattr__(self, "amplitude", AspectTable.dense(self.amplitude))
         shape = (len(self.elevation), len(self.azimuth), len(self.centers), 2, 2)
         if self.amplitude.shape != shape:
             raise ParameterRangeError("amplitude", f"shape {self.amplitude.shape}", f"shape {shape}")
@@ -125,27 +130,37 @@ class ScattererModel:
         ndarray of complex128, shape (num_centers, 2, 2)
             [m], in theta_hat and phi_hat of each direction.
         """
-        azimuth, elevation = _angles(np.broadcast_to(np.asarray(direction, dtype=np.float64), self.centers.shape))
-        row, row_next, up = _between(self.elevation, elevation)
-        column, column_next, along = self._columns(azimuth)
-        centre = np.arange(self.num_centers)
+        toward = np.broadcast_to(np.asarray(direction, dtype=np.float64), self.centers.shape)
+        azimuth, elevation = _angles(toward)
         result = np.zeros((self.num_centers, 2, 2), dtype=np.complex128)
-        for r, share_r in ((row, 1.0 - up), (row_next, up)):
-            for c, share_c in ((column, 1.0 - along), (column_next, along)):
-                result += (share_r * share_c)[:, None, None] * self.amplitude[r, c, centre]
+        rows, share_up = _stencil(self.elevation, elevation)
+        columns, share_along = self._columns(azimuth)
+        near = [
+            np.take_along_axis(n, s.argmax(axis=1)[:, None], 1)[:, 0]
+            for n, s in ((rows, share_up), (columns, share_along))
+        ]
+        centre = np.flatnonzero(self.amplitude.present(*near, np.arange(self.num_centers)))
+        for up in range(rows.shape[1]):
+            for along in range(columns.shape[1]):
+                share = share_up[centre, up] * share_along[centre, along]
+                values = self.amplitude.at(rows[centre, up], columns[centre, along], centre)
+                result[centre] += share[:, None, None] * values
         return result
 
-    def _columns(self, azimuth: Array) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Array]:
+    def _columns(self, azimuth: Array) -> tuple[npt.NDArray[np.int64], Array]:
         first = self.azimuth[0]
         turned = first + (azimuth - first + _ROUNDING) % (2.0 * np.pi) - _ROUNDING
         if self.is_full_turn:
-            column, following, share = _between(np.append(self.azimuth, first + 2.0 * np.pi), turned)
-            return column % len(self.azimuth), following % len(self.azimuth), share
+            before, after = self.azimuth[-1] - 2.0 * np.pi, self.azimuth[:2] + 2.0 * np.pi
+            column, share = _stencil(np.concatenate([[before], self.azimuth, after]), turned)
+            return (column - 1) % len(self.azimuth), share
         gap = 2.0 * np.pi - (self.azimuth[-1] - first)  # outside: the nearer end
         turned = np.where(turned > self.azimuth[-1] + gap / 2.0, first, turned)
-        return _between(self.azimuth, turned)
+        return _stencil(self.azimuth, turned)
 
-    def scattering_matrix(self, theta: npt.ArrayLike, phi: npt.ArrayLike, frequency: npt.ArrayLike | None = None) -> Complex:
+    def scattering_matrix(
+        self, theta: npt.ArrayLike, phi: npt.ArrayLike, frequency: npt.ArrayLike | None = None
+    ) -> Complex:
         """Return the far-field scattering matrix, to compare with :func:`scarl_sionna.radar.rcs.scattering_matrix`.
 
         Parameters
@@ -203,7 +218,7 @@ class ScattererModel:
             with Path(path).open("wb") as file:
                 np.savez_compressed(
                     file, version=FORMAT_VERSION, centers=self.centers, azimuth=self.azimuth, elevation=self.elevation,
-                    amplitude=self.amplitude, numbers=np.array(numbers), **texts,
+                    numbers=np.array(numbers), **self.amplitude.arrays(), **texts,
                 )  # fmt: skip
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error})") from error
@@ -224,10 +239,11 @@ class ScattererModel:
                     raise SceneError(f"is of version {version}, this program reads up to {FORMAT_VERSION}", path)
                 numbers = [float(value) for value in data["numbers"]]
                 texts = [json.loads(str(data[name])) for name in ("error", "provenance")]
-                arrays = [data[name] for name in ("centers", "azimuth", "elevation", "amplitude")]
+                arrays = [data[name] for name in ("centers", "azimuth", "elevation")]
+                table = AspectTable.dense(data["amplitude"]) if version == 1 else AspectTable.from_arrays(data)
         except (OSError, KeyError, ValueError) as error:
             raise SceneError(f"is no scatterer model ({error})", path, "write one with ScattererModel.save") from error
-        return cls(*arrays, *numbers, *texts)
+        return cls(*arrays, table, *numbers, *texts)
 
     @classmethod
     def tr38901(cls, object_type: str, frequency: float = 77e9, model_type: int = 2) -> ScattererModel:
@@ -242,10 +258,21 @@ def _angles(direction: npt.ArrayLike) -> tuple[Array, Array]:
     return np.arctan2(vectors[:, 1], vectors[:, 0]), np.arctan2(vectors[:, 2], np.hypot(vectors[:, 0], vectors[:, 1]))
 
 
-def _between(grid: Array, value: Array) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Array]:
-    """Return the neighbours of values on a rising grid and the share of the upper one; the ends hold beyond the grid."""
-    low = np.clip(np.searchsorted(grid, value, side="right") - 1, 0, max(len(grid) - 2, 0)).astype(np.int64)
-    high = np.minimum(low + 1, len(grid) - 1)
-    width = grid[high] - grid[low]
-    share = np.divide(value - grid[low], width, out=np.zeros_like(value), where=width > 0.0)
-    return low, high, np.clip(share, 0.0, 1.0)
+def _stencil(grid: Array, value: Array) -> tuple[npt.NDArray[np.int64], Array]:
+    """Return the neighbours of values on a rising grid and their shares, each (n, num_neighbours).
+
+    Four neighbours with the weights of the cubic polynomial through them; two where the grid has less than four values, and one
+    where it has one. Beyond the grid its ends hold; in the first and last interval the polynomial is that of the next one.
+    """
+    held = np.clip(value, grid[0], grid[-1])
+    order = 4 if len(grid) >= 4 else min(len(grid), 2)
+    low = np.searchsorted(grid, held, side="right") - order // 2
+    first = np.clip(low, 0, len(grid) - order)
+    number = first[:, None] + np.arange(order)
+    node = grid[number]
+    share = np.ones(node.shape)
+    for i in range(order):
+        for j in range(order):
+            if i != j:
+                share[:, i] *= (held - node[:, j]) / (node[:, i] - node[:, j])
+    return number.astype(np.int64), share

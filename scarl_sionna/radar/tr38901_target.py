@@ -7,6 +7,7 @@ import numpy as np
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.world import variant
 
+from .scatterer_table import AspectTable
 from .scatterers import ScattererModel, direction_of
 
 ASPECT_STEP_DEG = 2.0
@@ -66,7 +67,9 @@ def tr38901_model(object_type: str, frequency: float, model_type: int = 2) -> Sc
         view = direction_of(azimuth[None, :], elevation[:, None])
         flat = np.ascontiguousarray(view.reshape(-1, 3).T.astype(np.float32))
         columns = []
-        for number, rcs in enumerate(points.rcs_callables):  # each point has axes of its own, along which its lobe is stated
+        for number, rcs in enumerate(
+            points.rcs_callables
+        ):  # each point has axes of its own, along which its lobe is stated
             turn = rotation_matrix(mi.Point3f(*(float(angle[number]) for angle in points.lcs_orientations)))
             outward = mi.Vector3f(turn.T @ mi.Vector3f(flat))
             columns.append(np.asarray(rcs(-outward, outward).numpy(), dtype=np.float64))
@@ -78,7 +81,7 @@ def tr38901_model(object_type: str, frequency: float, model_type: int = 2) -> Sc
         centers=centers,
         azimuth=azimuth,
         elevation=elevation,
-        amplitude=amplitude.reshape(len(elevation), len(azimuth), len(centers), 2, 2).astype(np.complex64),
+        amplitude=AspectTable.dense(amplitude.reshape(len(elevation), len(azimuth), len(centers), 2, 2)),
         frequency=float(frequency),
         cell=float(max(parameters.dimensions)),
         nearest_distance=POINT_DISTANCE * float(max(parameters.dimensions)),

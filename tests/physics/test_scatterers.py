@@ -47,11 +47,11 @@ def test_compiled_aspects_are_the_sum_of_all_footprints(name):
     theta = np.pi / 2.0 - model.elevation[0]
     got = model.scattering_matrix(theta, model.azimuth)
     wanted = scattering_matrix(mesh, FREQUENCY, theta, model.azimuth, settings=COARSE)
-    # each centre left out is below sqrt(WEAKEST) of the strongest aspect's incoherent sum; a few of them may add in phase
-    assert np.abs(got - wanted).max() < 3.0 * np.sqrt(WEAKEST) * np.abs(wanted).max()
+    # each centre left out is below sqrt(WEAKEST) of its aspect's incoherent sum; some ten of them may add in phase
+    assert np.abs(got - wanted).max() < 10.0 * np.sqrt(WEAKEST) * np.abs(wanted).max()
 
 
-def test_between_aspects_the_error_is_that_of_linear_interpolation():
+def test_between_aspects_the_error_is_that_of_cubic_interpolation():
     model = compile_scatterers(
         plate(), FREQUENCY, azimuths_deg=(-4, 4), azimuth_step_deg=0.25, voxel=0.03, settings=COARSE, progress=False
     )
