@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .radar.rcs import rcs
     from .radar.scatterer_compile import compile_scatterers
     from .radar.scatterers import ScattererModel
+    from .radar.synthesis.blocks import retraced, synthesize_blocks
     from .world import World, WorldState, load_scene
 
 __all__ = [
@@ -64,9 +65,11 @@ __all__ = [
     "range_doppler",
     "range_doppler_angle",
     "rcs",
+    "retraced",
     "simulate",
     "solve_paths",
     "synthesize",
+    "synthesize_blocks",
     "virtual_cube",
 ]
 
@@ -89,6 +92,7 @@ _HOME = {
     ".radar.rcs": ("rcs",),
     ".radar.scatterer_compile": ("compile_scatterers",),
     ".radar.scatterers": ("ScattererModel",),
+    ".radar.synthesis.blocks": ("retraced", "synthesize_blocks"),
     ".world": ("World", "WorldState", "load_scene"),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

@@ -61,13 +61,13 @@ def test_signal_of_every_antenna_at_5_m(tmp_path, mirror: str) -> None:
     for antenna, arm in enumerate(ARMS):
         alone = solve_sionna(state, SINGLE, Pose(), rx_pose=Pose(arm), scatterers=points, environment=False, **FEW)
         expected = synthesize(alone, SINGLE)[0, 0]
-        worst.append(20 * np.log10(np.abs(together[antenna] - expected).max() / np.abs(expected).max()))
+        worst.append(20 * np.log10(max(np.abs(together[antenna] - expected).max(), 1e-30) / np.abs(expected).max()))
     assert worst[2] < -100.0  # the antenna at the centre
     if mirror == "steel":
         # Lengths and spreading are exact; V of a level ray at a level normal is TE, 8e-6 of change of the metal's coefficient.
         assert max(worst) < -60.0
     else:
-        assert -60.0 < max(worst) < -20.0  # documented: use solves of their own for near, oblique dielectrics
+        assert -60.0 < max(worst) < -40.0  # documented: use solves of their own for near, oblique dielectrics
 
 
 def test_antennas_that_do_not_see_the_path_are_told(tmp_path) -> None:

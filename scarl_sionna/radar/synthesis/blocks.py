@@ -1,0 +1,176 @@
+"""Beat signal of a frame whose paths are traced again for blocks of chirps: wheels, limbs, all that turns or bends its way."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from scarl_sionna.core.accuracy import DEFAULT_ACCURACY, Accuracy
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.radar_spec import RadarSpec
+
+from ..noise import add_noise
+from ..paths import RadarPaths
+from . import synthesize
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import World
+
+PathsAt = Callable[[float], RadarPaths]
+"""Time since the start of the first ramp [s] -> the paths at that time."""
+
+
+def synthesize_blocks(
+    paths_at: PathsAt,
+    radar: RadarSpec,
+    chirps_per_block: int = 8,
+    rng: np.random.Generator | None = None,
+    accuracy: Accuracy = DEFAULT_ACCURACY,
+    method: Literal["nufft", "direct"] = "nufft",
+    block_tolerance: float = 0.1,
+) -> npt.NDArray[np.complex64]:
+    r"""Return the de-chirped signal of a frame, its paths solved anew in the middle of every block of chirps.
+
+    Parameters
+    ----------
+    paths_at : callable
+        Time since the start of the first ramp [s] -> :class:`RadarPaths` at that time, with their motion. For a scene:
+        :func:`retraced`.
+    radar : RadarSpec
+    chirps_per_block : int
+        Chirps of each transmitter in a block, 1 to ``radar.num_chirps``; the last block may be shorter.
+    rng : numpy.random.Generator, optional
+        Adds the receiver's thermal noise; left out: no noise.
+    accuracy, method
+        As of :func:`synthesize`.
+    block_tolerance : float
+        Largest error at the blocks' borders, relative to the signal, before there is a warning.
+
+    Returns
+    -------
+    ndarray of complex64, shape (num_rx, num_chirps_total, num_samples)
+        As of :func:`synthesize`.
+
+    Raises
+    ------
+    ParameterRangeError
+        If `chirps_per_block` is out of range.
+
+    Warns
+    -----
+    ScarlWarning
+        If blocks do not follow the motion. Each block is carried on to the middle of the next and compared with what is found
+        there; a quarter of the difference stands for the error at the border, half as far (it grows with the square of time).
+
+    Notes
+    -----
+    Within a block, lengths are quadratic in time about its middle. With the true rate and acceleration the phase is off by
+    at most :math:`2\pi f_0/c \cdot \dddot L (T/2)^3/6` at the borders of a block that lasts T; where a solver takes turning
+    parts as moving straight, by :math:`2\pi f_0/c \cdot \ddot L (T/2)^2/2`.
+
+    References
+    ----------
+    .. [1] V. Chen, *The Micro-Doppler Effect in Radar*, Artech House, 2011, chapter 2.
+    """
+    if not 1 <= chirps_per_block <= radar.num_chirps:
+        raise ParameterRangeError("chirps_per_block", chirps_per_block, f"1 to num_chirps = {radar.num_chirps}")
+    adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
+    ramps, single = radar.num_tx, radar.with_(num_chirps=1)
+    error, before = 0.0, None
+    for first in range(0, radar.num_chirps, chirps_per_block):
+        count = min(chirps_per_block, radar.num_chirps - first)
+        start, middle = first * radar.doppler_interval, (first + count / 2.0) * radar.doppler_interval
+        paths = paths_at(middle)
+        block = synthesize(shifted(paths, start - middle), radar.with_(num_chirps=count), None, accuracy, method)
+        adc[:, first * ramps : (first + count) * ramps] = block
+        if before is not None:
+            carried = synthesize(shifted(before[0], middle - before[1]), single, None, accuracy, method)
+            error = max(error, 0.25 * _relative(carried, synthesize(paths, single, None, accuracy, method)))
+        before = paths, middle
+    if error > block_tolerance:
+        warnings.warn(
+            f"blocks of {chirps_per_block} chirps do not follow the motion: the signal is off by about {error:.2g} of itself at "
+            "their borders. Parts turn too fast, or paths come and go; use fewer chirps_per_block",
+            ScarlWarning,
+            stacklevel=2,
+        )
+    return adc if rng is None else add_noise(adc, radar, rng)
+
+
+def _relative(one: npt.NDArray[np.complex64], other: npt.NDArray[np.complex64]) -> float:
+    """Return the norm of the difference over that of the larger."""
+    size = max(float(np.linalg.norm(one)), float(np.linalg.norm(other)))
+    return float(np.linalg.norm(one - other)) / size if size > 0.0 else 0.0
+
+
+def shifted(paths: RadarPaths, time: float) -> RadarPaths:
+    """Return paths as they are some time later [s], or earlier if negative, by their own rates and accelerations.
+
+    Directions and amplitudes stay. Lengths change by the same amount for every antenna, as :func:`synthesize` takes it.
+    """
+    change = paths.length_rate * time + 0.5 * paths.length_acceleration * time**2
+    image = paths.rx_image
+    if image is not None:
+        # A path of mirrors only is as long as the way to the receiver's image: that moves along the line of sight
+        image = image.copy()
+        rx, tx = paths.world_from_rx.position, paths.world_from_tx.position
+        ahead = np.einsum("pij,j->pi", image[:, :, :3], rx) + image[:, :, 3] - tx
+        length = np.linalg.norm(ahead, axis=1, keepdims=True)
+        image[:, :, 3] += np.divide(ahead, length, out=np.zeros_like(ahead), where=length > 0.0) * change[:, None]
+    return replace(
+        paths,
+        inner_length=paths.inner_length + change,
+        length_rate=paths.length_rate + paths.length_acceleration * time,
+        rx_image=image,
+    )
+
+
+def retraced(
+    world: World,
+    radar: RadarSpec,
+    pose: Pose,
+    time: float = 0.0,
+    method: str = "auto",
+    radar_twist: Twist | None = None,
+    **options: Any,
+) -> PathsAt:
+    """Return what solves the paths of a world at any time, for :func:`synthesize_blocks`.
+
+    Parameters
+    ----------
+    world : World
+        Its trajectories must cover the frame.
+    radar : RadarSpec
+    pose : Pose
+        world_from_radar at the frame's start.
+    time : float
+        Of the frame's start [s].
+    method : str
+        Of :func:`scarl_sionna.solve_paths`.
+    radar_twist : Twist, optional
+        Velocity of the radar, world axes; it moves straight on, and turns about its own origin.
+    **options
+        Of the solver.
+    """
+    from ..channel import solve_paths
+
+    twist = radar_twist or Twist()
+
+    def paths_at(after: float) -> RadarPaths:
+        return solve_paths(
+            world.at(time + after), radar, _moved(pose, twist, after), method, radar_twist=twist, **options
+        )
+
+    return paths_at
+
+
+def _moved(pose: Pose, twist: Twist, time: float) -> Pose:
+    turn = Rotation.from_rotvec(twist.angular * time).as_matrix()
+    return Pose.from_rotation(pose.position + twist.linear * time, turn @ pose.rotation)
