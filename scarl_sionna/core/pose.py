@@ -8,6 +8,7 @@ Quaternions are [w, x, y, z]; lengths are metres; everything is float64.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -65,10 +66,19 @@ class Pose:
         quaternion = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
         return cls(np.asarray(position, dtype=np.float64), np.roll(quaternion, 1))
 
-    @property
+    @cached_property
     def rotation(self) -> Array:
-        """Rotation matrix, shape (3, 3); its columns are the source frame's axes in the target frame."""
-        return Rotation.from_quat(np.roll(self.quaternion, -1)).as_matrix()
+        """Rotation matrix, shape (3, 3), read-only; its columns are the source frame's axes in the target frame."""
+        w, x, y, z = self.quaternion.tolist()
+        matrix = np.array(
+            [
+                [w * w + x * x - y * y - z * z, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+                [2.0 * (x * y + z * w), w * w - x * x + y * y - z * z, 2.0 * (y * z - x * w)],
+                [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), w * w - x * x - y * y + z * z],
+            ]
+        )
+        matrix.setflags(write=False)
+        return matrix
 
     @property
     def matrix(self) -> Array:
@@ -86,8 +96,7 @@ class Pose:
 
     def inverse(self) -> Pose:
         """Return the pose that undoes this one."""
-        rotation = self.rotation.T
-        return Pose.from_rotation(-rotation @ self.position, rotation)
+        return Pose(-(self.rotation.T @ self.position), self.quaternion * [1.0, -1.0, -1.0, -1.0])
 
     def apply(self, points: npt.ArrayLike) -> Array:
         """Map points of shape (..., 3) from the source to the target frame."""
@@ -99,17 +108,30 @@ class Pose:
 
     def __matmul__(self, other: Pose | npt.ArrayLike) -> Pose | Array:
         """Compose with a pose, or map points."""
-        if isinstance(other, Pose):
-            return Pose.from_rotation(self.apply(other.position), self.rotation @ other.rotation)
-        return self.apply(other)
+        return self.compose(other) if isinstance(other, Pose) else self.apply(other)
 
     def compose(self, other: Pose) -> Pose:
         """Return the pose ``self @ other``."""
-        return Pose.from_rotation(self.apply(other.position), self.rotation @ other.rotation)
+        return Pose(self.apply(other.position), _product(self.quaternion, other.quaternion))
 
     def to_dict(self) -> dict[str, list[float]]:
         """Return position and quaternion as plain lists, for files."""
         return {"position": self.position.tolist(), "quaternion": self.quaternion.tolist()}
+
+
+def _product(first: Array, second: Array) -> Array:
+    """Return the quaternion of the rotation `second`, then `first`, with w >= 0."""
+    a, b, c, d = first.tolist()
+    e, f, g, h = second.tolist()
+    product = np.array(
+        [
+            a * e - b * f - c * g - d * h,
+            a * f + b * e + c * h - d * g,
+            a * g - b * h + c * e + d * f,
+            a * h + b * g - c * f + d * e,
+        ]
+    )
+    return -product if product[0] < 0.0 else product
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,7 @@ def test_cars_and_people_stand_on_the_street(world):
     for time in TIMES:
         state = world.at(time)
         for actor in world.actors:
-            x, y, z = state.actor_pose(actor.name).position
+            _, y, z = state.actor_pose(actor.name).position
             assert -0.025 < _lowest(world, state, actor.name) - z < 0.06, (actor.name, time)
             near_kerb = min(abs(y - layout.KERB_LEFT), abs(y - layout.KERB_RIGHT)) < 0.9
             assert near_kerb or abs(z - layout.ground(y)) < 1e-6
