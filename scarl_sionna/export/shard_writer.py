@@ -348,8 +348,8 @@ def unpack(
     indices = {}
     for name, info in record.arrays.items():
         key = array_key(scene, name, shard, info)
-        end = record.files[key][0]
-        tail = files.read(key, end - index_length(options.shard_frames), end)
+        stop = record.files[key][0]
+        tail = files.read(key, stop - index_length(options.shard_frames), stop)
         indices[name] = parse_index(tail, options.shard_frames)
     for index in record.frames:
         chunks, arrays = {}, {}

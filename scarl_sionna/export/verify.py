@@ -213,8 +213,6 @@ def _check_whole(dataset: Dataset, root: Path, known: set[str]) -> Iterator[Faul
     rows = {}
     for scene in plan.scenes:
         rows[scene.name], arrays = shard_rows(root, scene, plan.options)
-        if not arrays:
-            continue
         for name, text in metadata_texts(scene, arrays, plan.options).items():
             known.add(name)
             try:

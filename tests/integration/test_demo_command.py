@@ -6,7 +6,6 @@ import importlib.util
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -17,9 +16,11 @@ from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.export import frame_folders, read_frame
+from scarl_sionna.export import open_dataset
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.scenario import ScenarioSpec
+from tests.exports import contents, kept_frames, wait_until
+from tests.frames import assert_same
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLACE = Pose([2.36, 0.0, 0.8])
@@ -49,14 +50,9 @@ def from_command(scenario_path, tmp_path_factory) -> Path:
     result = CliRunner().invoke(app, ["demo", "--scenario", str(scenario_path), "--out", str(out)])
     assert result.exit_code == 0, result.output
     assert "2 frames written" in result.stdout
-    for stage in ("scene", "camera", "lidar", "radar", "writing", "contact sheet"):
+    for stage in ("scene", "camera", "lidar", "radar", "encoding", "contact sheet"):
         assert stage in result.stdout
     return out
-
-
-def contents(out: Path) -> dict[str, bytes]:
-    """Return all files of a folder."""
-    return {str(path.relative_to(out)): path.read_bytes() for path in sorted(out.rglob("*")) if path.is_file()}
 
 
 def example_module():
@@ -73,66 +69,56 @@ def test_the_example_in_python_and_in_yaml_are_the_same_scenario() -> None:
 def test_the_example_in_python_gives_the_same_bytes_as_the_command(scenario_path, from_command, tmp_path) -> None:
     example_module().main(str(tmp_path / "out"), ScenarioSpec.load(scenario_path))
     assert contents(tmp_path / "out") == contents(from_command)
-    assert len(contents(from_command)) == 2 + 2 * (1 + 4 + 1 + 1)
+    assert (tmp_path / "out" / "contact_sheet.png").read_bytes() == (from_command / "contact_sheet.png").read_bytes()
 
 
 def test_every_sensor_of_a_frame_has_its_files_and_reads_back(from_command) -> None:
-    for index, folder in enumerate(frame_folders(from_command)):
-        frame = read_frame(folder)
+    dataset = open_dataset(from_command)
+    assert len(dataset) == 2
+    for index, stored in enumerate(dataset):
+        frame = stored.to_frame()
         assert (frame.index, frame.timestamp_ns) == (index, index * 100_000_000)
         assert tuple(frame.results) == RIG.names
+        for image in ("rgb", "depth", "semantic", "instance"):
+            folder = from_command / "images" / "highway_guardrail" / "front" / "camera" / image
+            assert (folder / f"{index:06d}.png").stat().st_size > 50
     assert (from_command / "contact_sheet.png").stat().st_size > 50_000
 
 
-def start(scenario: Path, out: Path, frames: int) -> subprocess.Popen:
+def start_demo(scenario: Path, out: Path, frames: int) -> subprocess.Popen:
     command = [sys.executable, "-m", "scarl_sionna.cli", "demo", "--scenario", str(scenario), "--out", str(out)]
     return subprocess.Popen(
         [*command, "--frames", str(frames)], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
 
 
-def wait_for(path: Path, process: subprocess.Popen) -> None:
-    for _ in range(2_400):
-        if path.exists() or process.poll() is not None:
-            return
-        time.sleep(0.025)
-    raise AssertionError(f"{path} did not appear in 60 s")
-
-
 def test_a_killed_run_leaves_whole_frames_and_goes_on(scenario_path, from_command, tmp_path) -> None:
     out = tmp_path / "out"
-    process = start(scenario_path, out, frames=60)
-    wait_for(out / "frame_000001", process)
+    process = start_demo(scenario_path, out, frames=60)
+    assert wait_until((out / "shards" / "highway_guardrail" / "000000.json").exists, process)
     process.send_signal(signal.SIGKILL)
     process.communicate()
     assert process.returncode == -signal.SIGKILL
-    before = contents(out)
-    complete = frame_folders(out)
-    assert 2 <= len(complete) < 60
-    for folder in complete:
-        assert tuple(read_frame(folder).results) == RIG.names
-    more = len(complete) + 1
+    complete = len(open_dataset(out))
+    assert 8 <= complete < 60
     again = CliRunner().invoke(
-        app, ["demo", "--scenario", str(scenario_path), "--out", str(out), "--frames", str(more)]
+        app, ["demo", "--scenario", str(scenario_path), "--out", str(out), "--frames", str(complete)]
     )
     assert again.exit_code == 0, again.output
-    assert f"1 frames written, {more - 1} kept from before" in again.stdout
-    after = contents(out)
-    assert all(after[name] == data for name, data in before.items() if name.startswith("frame_"))
-    assert not [name for name in after if "partial" in name]
-    assert {n: d for n, d in after.items() if n.startswith(("frame_000000", "frame_000001"))} == {
-        n: d for n, d in contents(from_command).items() if n.startswith("frame_")
-    }
+    assert f"0 frames written, {complete} kept from before" in again.stdout
+    before = open_dataset(from_command)
+    for stored, short in zip(open_dataset(out), before, strict=False):
+        assert tuple(stored.sensors) == RIG.names
+        assert_same(stored.to_frame(), short.to_frame())
 
 
 def test_ctrl_c_keeps_the_finished_frames_and_says_so(scenario_path, tmp_path) -> None:
     out = tmp_path / "out"
-    process = start(scenario_path, out, frames=60)
-    wait_for(out / "frame_000000", process)
+    process = start_demo(scenario_path, out, frames=60)
+    assert wait_until(lambda: bool(kept_frames(out)), process)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert f"finished frames are kept in {out}" in errors
     assert "Traceback" not in errors
-    assert frame_folders(out)
-    assert not list(out.glob(".partial*"))
+    assert kept_frames(out)

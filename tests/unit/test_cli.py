@@ -9,6 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
+from scarl_sionna.export import write_dataset
+from tests.exports import scenario_files
+from tests.frames import RIG, make_frame
 from tests.scenes import box
 
 RUNNER = CliRunner()
@@ -17,10 +20,10 @@ RUNNER = CliRunner()
 def test_help_names_what_exists_and_nothing_else() -> None:
     result = RUNNER.invoke(app, ["--help"])
     assert result.exit_code == 0
-    for word in ("demo", "info", "rcs", "--version"):
+    for word in ("demo", "export", "verify", "preview", "info", "rcs", "--version"):
         assert word in result.stdout
-    for word in ("export", "preview", "bench", "calibrate"):
-        assert word not in result.stdout
+    commands = {command.name or command.callback.__name__ for command in app.registered_commands}
+    assert commands == {"demo", "rcs", "info"}
 
 
 def test_demo_help_tells_the_defaults() -> None:
@@ -56,7 +59,7 @@ def test_a_mistake_gives_one_message_and_exit_code_2(tmp_path, arguments, messag
     assert result.exit_code == 2
     assert message in result.stderr
     assert "Traceback" not in result.stderr
-    assert not list(tmp_path.glob("out/frame_*"))
+    assert not list(tmp_path.glob("out/shards/*"))
 
 
 def test_a_folder_that_cannot_be_written(tmp_path) -> None:
@@ -104,3 +107,67 @@ def test_rcs_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments:
     box((0.1, 0.1, 0.002)).export("plate.ply")
     result = RUNNER.invoke(app, ["rcs", *arguments])
     assert result.exit_code == 2 and message in result.output
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("dataset")
+    return write_dataset(folder / "out", RIG.to_dict(), {"street": [make_frame(0), make_frame(1)]})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["none.yaml"], "scenario file = none.yaml"),
+        (["highway_guardrial"], "did you mean 'highway_guardrail'"),
+        (["highway_guardrail", "--frames", "0"], "num_frames = 0"),
+        (["highway_guardrail", "--shard", "4/4"], "--shard = 4/4 is not allowed (allowed: i/n with 0 <= i < n"),
+        (["highway_guardrail", "--shard", "one"], "--shard = one"),
+        (["highway_guardrail", "--on-error", "ignore"], "record or raise"),
+        (["highway_guardrail", "--radar-format", "float"], "int16 or complex64"),
+        (["highway_guardrail", "highway_guardrail"], "two of the name 'highway_guardrail'"),
+        (["highway_guardrail", "--workers", "2", "--shard", "0/2"], "more than one of them"),
+        (["highway_guardrail", "--frames", "100000"], "outside the motion"),
+    ],
+)
+def test_export_refuses(tmp_path: Path, arguments: list[str], message: str) -> None:
+    result = RUNNER.invoke(app, ["export", *arguments, "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2, result.output
+    assert message in result.stderr
+    assert not list(tmp_path.glob("out/shards/*"))
+
+
+def test_a_dry_run_measures_and_writes_nothing(tmp_path: Path) -> None:
+    (path,) = scenario_files(tmp_path / "s", one=5)
+    result = RUNNER.invoke(app, ["export", str(path), "--frames", "70", "--dry-run", "--out", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.output
+    for word in ("frames: 70", "size:", "kB a frame", "time:", "s a frame", "free"):
+        assert word in result.stdout
+    assert not (tmp_path / "out").exists()
+
+
+def test_verify_preview_and_info_of_a_dataset(dataset: Path, tmp_path: Path) -> None:
+    good = RUNNER.invoke(app, ["verify", str(dataset)])
+    assert (good.exit_code, good.stdout.splitlines()[-1]) == (0, "whole and complete")
+    shown = RUNNER.invoke(app, ["info", str(dataset)])
+    assert shown.exit_code == 0
+    for word in (
+        "2 frames in 1 scenes",
+        "schema version 1",
+        "scene street: 2 of 2 frames, train",
+        "sensor radar: radar",
+    ):
+        assert word in shown.stdout
+    sheet = tmp_path / "sheet.png"
+    drawn = RUNNER.invoke(app, ["preview", str(dataset), "--frame", "1", "--out", str(sheet)])
+    assert drawn.exit_code == 0, drawn.output
+    assert sheet.stat().st_size > 10_000
+    beyond = RUNNER.invoke(app, ["preview", str(dataset), "--frame", "2", "--out", str(sheet)])
+    assert beyond.exit_code == 2 and "no frame 2: it holds 2 frames" in beyond.stderr
+
+
+@pytest.mark.parametrize("command", ["verify", "preview", "info"])
+def test_a_folder_that_is_no_dataset(tmp_path: Path, command: str) -> None:
+    result = RUNNER.invoke(app, [command, str(tmp_path)])
+    assert result.exit_code == 2
+    assert "no dataset here (no manifest.json); give the folder that `scarl-sionna export --out` wrote" in result.stderr

@@ -12,13 +12,14 @@ from scarl_sionna.core.errors import OutputError, PlacementError, TimeRangeError
 from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.export import read_frame
+from scarl_sionna.demo import run
+from scarl_sionna.export import open_dataset
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.generate import observe, run, simulate
+from scarl_sionna.generate import observe, simulate
 from scarl_sionna.scenario import ScenarioSpec
 from scarl_sionna.world import load_scene
+from tests.frames import assert_same
 from tests.scenes import Thing, box, plane, write_scene
-from tests.unit.test_frame_folder import assert_same
 
 CAMERA = CameraSpec(width=32, height=18, samples_per_pixel=4)
 LIDAR = LidarSpec(num_azimuth=31, num_elevation=9, range_noise_variance_per_metre=1e-4)
@@ -181,7 +182,7 @@ def test_run_writes_frames_that_are_what_observe_gives(world, scene_path, tmp_pa
     summary = run(scenario, tmp_path / "out")
     assert (summary.num_written, summary.num_kept) == (2, 0)
     assert summary.contact_sheet.stat().st_size > 10_000
-    stored = read_frame(tmp_path / "out" / "frame_000001")
+    stored = open_dataset(tmp_path / "out")[1].to_frame()
     direct = observe(world, RIG, 0.1, seed=3)
     assert_same(stored.results["front/lidar"], direct.results["front/lidar"])
     assert stored.radars["front/radar"].adc.tobytes() == direct.radars["front/radar"].adc.tobytes()
@@ -189,16 +190,17 @@ def test_run_writes_frames_that_are_what_observe_gives(world, scene_path, tmp_pa
 
 def test_run_goes_on_where_it_was_and_may_ask_for_more_frames(scene_path, tmp_path) -> None:
     run(tiny_scenario(scene_path, tmp_path), tmp_path / "out")
-    before = {p: p.stat().st_mtime_ns for p in (tmp_path / "out").glob("frame_*/*.json")}
+    before = [frame.to_frame() for frame in open_dataset(tmp_path / "out")]
     summary = run(tiny_scenario(scene_path, tmp_path, num_frames=3), tmp_path / "out")
     assert (summary.num_written, summary.num_kept) == (1, 2)
-    assert {p: p.stat().st_mtime_ns for p in before} == before
+    for frame, again in zip(before, open_dataset(tmp_path / "out"), strict=False):
+        assert_same(again.to_frame(), frame)
 
 
 def test_run_refuses_before_it_works(scene_path, tmp_path) -> None:
     with pytest.raises(TimeRangeError):  # 2 s are known, the last frame is at 2.9 s
         run(tiny_scenario(scene_path, tmp_path, num_frames=30), tmp_path / "long")
-    assert not list((tmp_path / "long").glob("frame_*"))
+    assert len(open_dataset(tmp_path / "long")) == 0
     with pytest.raises(UnknownNameError, match="rig 'sideways'"):
         run(tiny_scenario(scene_path, tmp_path, rig="sideways"), tmp_path / "rig")
     with pytest.raises(UnknownNameError, match="scene 'highway_guardrial'.*did you mean 'highway_guardrail'"):
