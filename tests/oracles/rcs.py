@@ -15,7 +15,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from scipy.special import j1, spherical_jn, spherical_yn
+from scipy.special import j1, spherical_jn, spherical_yn, struve
 
 SPEED_OF_LIGHT = 299_792_458.0
 WAVELENGTH_77 = SPEED_OF_LIGHT / 77e9
@@ -63,6 +63,21 @@ def cylinder(radius, height, wavelength, psi):
     """Return the RCS of a cylinder's side, psi off broadside (stationary phase around the axis)."""
     k = 2 * np.pi / wavelength
     return k * radius * height**2 * np.cos(psi) * sinc(k * height * np.sin(psi)) ** 2
+
+
+def cylinder_physical_optics(radius, height, wavelength, psi):
+    """Return PO's RCS of a capped cylinder, psi off broadside towards a cap, exact.
+
+    S = (k / 2 pi) int (n . r) exp(2jk r . x) dA over the lit side and cap. Around the side the integral of cos(f) exp(jz cos f) over
+    -pi/2..pi/2 is 2 - pi H1(z) + j pi J1(z), with Struve's H1 (M. Abramowitz, I. Stegun, 9.1.20 and 12.1.7).
+    """
+    k = 2 * np.pi / wavelength
+    z = 2 * k * radius * np.cos(psi)
+    side = (
+        radius * height * np.cos(psi) * sinc(k * height * np.sin(psi)) * (2 - np.pi * struve(1, z) + 1j * np.pi * j1(z))
+    )
+    cap = np.sin(psi) * np.exp(1j * k * height * np.sin(psi)) * np.pi * radius**2 * 2 * j1(z) / z
+    return 4 * np.pi * np.abs(k / (2 * np.pi) * (side + cap)) ** 2
 
 
 def trihedral(leg, wavelength):

@@ -59,25 +59,29 @@ def test_same_theory(name):
         assert np.percentile(error, 95) <= 0.3
 
 
-@pytest.mark.parametrize(
-    ("name", "theta_deg", "phi_deg", "channel", "expected_db"),
-    [
-        ("plate3lam_phi0", 0, 0, "vv", 0.18),  # the physics that rays leave out, as listed with the reference data
-        ("dihedral3lam_az", 90, 45, "vv", None),
-        ("trihedral3lam_az", 54.7356, 45, "vv", None),
-    ],
-)
-def test_full_wave(name, theta_deg, phi_deg, channel, expected_db):
-    """What remains against moments is the listed error of a perfect ray solver, within 0.2 dB (accuracy of the moments)."""
+def full_wave_difference(name, axis, centre_deg, within_deg, channel):
+    """Return ss.rcs minus moments [dB] at the angles of a cut that are near its centre."""
     cut = oracle.table(f"mom_{name}")
-    row = np.flatnonzero(np.isclose(cut["theta_deg"], theta_deg) & np.isclose(cut["phi_deg"], phi_deg))
-    picked = {column: values[row] for column, values in cut.items()}
-    mine = levels_db(name, picked)[channel][0] - picked[f"{channel}_dBlam2"][0]
-    if expected_db is None:  # the reference solver of the same theory says what it is
-        dense = oracle.table(f"sbr_{name}")
-        same = np.isclose(dense["theta_deg"], theta_deg) & np.isclose(dense["phi_deg"], phi_deg)
-        expected_db = dense[f"{channel}_dBlam2"][same][0] - picked[f"{channel}_dBlam2"][0]
-    assert mine == pytest.approx(expected_db, abs=0.2)
+    rows = np.abs(cut[axis] - centre_deg) <= within_deg + 1e-6
+    picked = {column: values[rows] for column, values in cut.items()}
+    return levels_db(name, picked)[channel] - picked[f"{channel}_dBlam2"]
+
+
+@pytest.mark.parametrize("channel", ["vv", "hh"])
+def test_full_wave(channel):
+    """What remains against moments is what the reference data list for a perfect ray solver, within 0.2 dB (bar).
+
+    Listed: plate of 3 wavelengths head-on +0.18 dB; dihedral +1.4 dB, which is the mean over 10 deg on either side in azimuth (at
+    the seam itself it is 2.1 to 3 dB); trihedral 0.2 to 0.5 dB, the mean of the absolute difference over the same width.
+    """
+    plate = full_wave_difference("plate3lam_phi0", "theta_deg", 0.0, 0.0, channel)
+    assert plate[0] == pytest.approx(0.18, abs=0.2)  # measured +0.14
+    dihedral = full_wave_difference("dihedral3lam_az", "phi_deg", 45.0, 10.0, channel)
+    assert dihedral.mean() == pytest.approx(1.4, abs=0.2)  # measured +1.41, +1.52
+    for name, axis, centre in (("trihedral3lam_az", "phi_deg", 45.0), ("trihedral3lam_el", "theta_deg", 54.7356)):
+        trihedral = full_wave_difference(name, axis, centre, 10.0, channel)
+        assert 0.0 <= np.abs(trihedral).mean() <= 0.5 + 0.2  # measured 0.21 to 0.44
+        assert abs(trihedral.mean()) <= 0.5
 
 
 def test_capped_cylinder_near_broadside_full_wave():
