@@ -69,7 +69,8 @@ def _beam_texture(path: Path, mi: Any) -> None:
     x, y = np.meshgrid(right, up)
     cosine = 1.0 / np.sqrt(1.0 + x * x + y * y)
     intensity = low_beam(np.degrees(np.arctan(x)), np.degrees(np.arctan(y / np.sqrt(1.0 + x * x))))
-    light = (intensity * cosine**3 / UNIT_LUMINANCE)[..., None] * _unit_color("headlamp")
+    # pi: the projector takes the radiance of a white diffuser on that plane for its irradiance (tested against E = I / d^2)
+    light = (intensity * cosine**3 / (np.pi * UNIT_LUMINANCE))[..., None] * _unit_color("headlamp")
     mi.Bitmap(light.astype(np.float32)).write(str(path))
 
 
