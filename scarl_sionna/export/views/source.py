@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, overload
 
-from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import DatasetError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import Frame
 from scarl_sionna.export.folder import FORMAT, frame_folders, read_frame
@@ -157,12 +157,14 @@ def as_source(data: Any) -> FrameSource:
 
     Raises
     ------
-    ParameterRangeError
+    DatasetError, ParameterRangeError
         If a path is no such folder, or a folder of frames holds none.
     """
     if isinstance(data, FrameSource):
         return data
     if isinstance(data, str | Path):
+        if Path(data).is_file():
+            raise DatasetError("is a file", data, "give the folder that holds the dataset")
         if _is_frame_folder(Path(data)):
             return _frame_folder(Path(data))
         from scarl_sionna.export.reader import open_dataset
