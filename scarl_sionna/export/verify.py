@@ -10,6 +10,7 @@ from pathlib import Path
 
 from scarl_sionna.core.errors import DatasetError, OutputError, ScarlError
 
+from .card import dataset_card
 from .encoding import decode_png
 from .files import LocalFiles, output_error
 from .manifest import ARRAYS, IMAGES, MANIFEST, SHARDS, ScenePlan, dump_manifest, manifest_data
@@ -222,6 +223,12 @@ def _check_whole(dataset: Dataset, root: Path, known: set[str]) -> Iterator[Faul
                 yield Fault(name, f"cannot be read: {error}")
     if dump_manifest(manifest_data(plan, rows)) != dump_manifest(dataset.manifest):
         yield Fault(MANIFEST, "is not what follows from the plan and the shards")
+    try:
+        card = dataset.files.read(CARD).decode()
+    except (OSError, UnicodeDecodeError):
+        card = ""
+    if card != dataset_card(dataset.manifest):
+        yield Fault(CARD, "is not the card of this dataset")
     for folder in (ARRAYS, IMAGES, SHARDS):
         for path in sorted((root / folder).rglob("*")):
             name = path.relative_to(root).as_posix()
