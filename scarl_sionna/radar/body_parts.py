@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.world.materials import MaterialTable, RadioMaterial, builtin_materials
 
 from .sbr import Body, PartSurfaces, Surface
@@ -28,6 +29,10 @@ Mesh: TypeAlias = "SingleMesh | Body | Parts"
 
 CONDUCTORS = ("metal", "pec")
 """Names of a perfect conductor, whatever the table says."""
+SMALLEST_SIZE = 3.0
+"""Largest extent [wavelengths] below which physical optics is more than some 0.2 dB off even for a plate head-on."""
+LARGEST_SIZE = 200.0
+"""Largest extent [m] above which a mesh is taken to be in another unit than metres."""
 
 
 def load_body(mesh: Mesh) -> Body:
@@ -51,6 +56,23 @@ def load_body(mesh: Mesh) -> Body:
     if not pairs:
         raise MeshError("the list of parts is empty", remedy="give one (mesh, material) or more")
     return _body([part for part, _ in pairs], tuple(material for _, material in pairs))
+
+
+def check_size(body: Body, frequency: float) -> None:
+    """Warn of a body that is too small for physical optics at a frequency [Hz], or that is hardly in metres."""
+    wavelength = SPEED_OF_LIGHT / frequency
+    if body.size > LARGEST_SIZE:
+        warnings.warn(
+            f"the mesh is {body.size:.4g} m across; is it in millimetres? Lengths are metres, and the RCS of a plate "
+            "grows with the fourth power of its size",
+            ScarlWarning, stacklevel=4,
+        )  # fmt: skip
+    elif body.size < SMALLEST_SIZE * wavelength:
+        warnings.warn(
+            f"the mesh is {body.size:.4g} m across, {body.size / wavelength:.2g} wavelengths; below {SMALLEST_SIZE:g} "
+            "physical optics is wrong by decibels: use a full-wave solver, or check the unit of the mesh",
+            ScarlWarning, stacklevel=4,
+        )  # fmt: skip
 
 
 def actor_parts(world: World, name: str) -> list[tuple[trimesh.Trimesh, RadioMaterial]]:

@@ -5,7 +5,6 @@ How right it is, against what, and where it breaks stands in docs/rcs.md.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +13,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.world.materials import MaterialTable
 
-from .body_parts import Material, Mesh, actor_parts, load_body, surfaces_of
-from .sbr import Body, Looks, SbrSettings, scattering_matrices
+from .body_parts import Material, Mesh, actor_parts, check_size, load_body, surfaces_of
+from .sbr import Looks, SbrSettings, scattering_matrices
 
 __all__ = ["POLARIZATIONS", "RcsCut", "actor_parts", "load_body", "rcs", "rcs_cut", "scattering_matrix"]
 
@@ -28,12 +27,8 @@ Complex = npt.NDArray[np.complex128]
 
 POLARIZATIONS = ("VV", "HH", "VH", "HV")
 """Receive letter first; V is along theta_hat, H along phi_hat."""
-SMALLEST_SIZE = 3.0
-"""Largest extent [wavelengths] below which physical optics is more than some 0.2 dB off even for a plate head-on."""
 ANGLES_AT_ONCE = 8
 """Angles of a cut between two reports of progress."""
-LARGEST_SIZE = 200.0
-"""Largest extent [m] above which a mesh is taken to be in another unit than metres."""
 
 
 def rcs(
@@ -143,7 +138,7 @@ def scattering_matrix(
     parts = list(surfaces_of(body, material, columns[0], materials))
     result = np.zeros((len(columns[0]), 2, 2), dtype=np.complex128)
     if len(result):
-        _check_size(body, columns[0])
+        check_size(body, float(columns[0].min()))
         knobs = settings or SbrSettings.for_size(body.size * float(columns[0].max()) / SPEED_OF_LIGHT)
         for surfaces, rows in parts:
             result[rows] = scattering_matrices(body, surfaces, Looks(*(column[rows] for column in columns)), knobs)
@@ -165,22 +160,6 @@ def _check_values(arrays: Sequence[Real]) -> None:
         bad = angle[~np.isfinite(angle)]
         if bad.size:
             raise ParameterRangeError(name, f"{bad.flat[0]} rad", "finite")
-
-
-def _check_size(body: Body, frequency: Real) -> None:
-    wavelength = SPEED_OF_LIGHT / float(frequency.min())
-    if body.size > LARGEST_SIZE:
-        warnings.warn(
-            f"the mesh is {body.size:.4g} m across; is it in millimetres? Lengths are metres, and the RCS of a plate "
-            "grows with the fourth power of its size",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
-    elif body.size < SMALLEST_SIZE * wavelength:
-        warnings.warn(
-            f"the mesh is {body.size:.4g} m across, {body.size / wavelength:.2g} wavelengths; below {SMALLEST_SIZE:g} "
-            "physical optics is wrong by decibels: use a full-wave solver, or check the unit of the mesh",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.world.materials import MaterialTable
 
-from .body_parts import Material, Mesh, load_body, material_names, surfaces_of
+from .body_parts import Material, Mesh, check_size, load_body, material_names, surfaces_of
 from .sbr import Body, PartSurfaces, SbrSettings
 from .scatterer_footprints import Footprints, footprints
 from .scatterer_strength import phase_integrals
@@ -128,6 +128,7 @@ def compile_scatterers(
         raise ParameterRangeError("trace_step_deg", f"{trace_step_deg} deg", "> 0 deg")
     _warn_of_steps(azimuth, elevation, voxel, frequency)
     body = load_body(mesh)
+    check_size(body, frequency)
     surfaces = next(surfaces_of(body, material, np.array([float(frequency)]), materials, rough=True))[0]
     blocks = list(_blocks(azimuth, elevation, np.radians(trace_step_deg)))
     keys, size = np.zeros(0, np.int64), 0
