@@ -23,7 +23,7 @@ from scarl_sionna.world.face_tracing import face_table
 from scarl_sionna.world.path_tracing import DIFFUSE, SPECULAR
 
 from .antennas import check_antennas
-from .sbr_diffuse import scattered_rows
+from .sbr_diffuse import scattered_rows, way_back
 from .sbr_fields import radiated
 from .sbr_patches import PatchSize
 from .sbr_rows import Columns, above_floor, in_order, joined, received
@@ -107,8 +107,8 @@ def solve_sbr(
     The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit: no
     row is doubled by reciprocity.
 
-    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, diffuse scattering onto further surfaces,
-    the direct path of a bistatic pair, acceleration of the length. *Convergence and validity*: docs/sbr.md.
+    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, diffuse scattering between mirrors
+    and, for a bistatic pair, before them, the direct path of such a pair, acceleration of the length. *Convergence and validity*: docs/sbr.md.
 
     References
     ----------
@@ -188,7 +188,12 @@ def _rows(state: WorldState, tracer: Tracer, patches: Tubes, surfaces: Surfaces)
         rows = np.flatnonzero(rough & seen)
         if len(rows):
             some = {name: column[rows] for name, column in columns.items()}
-            blocks.append(scattered_rows(some, patches.take(rows), np.arange(len(tracer.faces.part)), settings.seed))
+            some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
+            block = scattered_rows(some, patches.take(rows), np.arange(len(tracer.faces.part)), settings.seed)
+            first = block.pop("first_semantic")
+            blocks.append(block)
+            if patches.depth > 1 and tx is rx:
+                blocks.append(way_back(block, first))
         del columns["scattered"]
     return [{name: column[seen] for name, column in columns.items()}, *blocks]
 
@@ -219,7 +224,8 @@ def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) ->
     count, width = columns["instance"].shape
     step = np.arange(width)
     depth = columns["depth"]
-    interaction = np.where(step < depth[:, None] - 1, SPECULAR, np.where(step == depth[:, None] - 1, DIFFUSE, -1))
+    scatterer = np.where(columns["diffuse"] == 2, 0, depth - 1)[:, None]
+    interaction = np.where(step == scatterer, DIFFUSE, np.where(step < depth[:, None], SPECULAR, -1))
     return RadarPaths(
         tx_point=columns["tx_point"],
         rx_point=columns["rx_point"],

@@ -48,8 +48,29 @@ def scattered_rows(columns: Columns, tubes: Tubes, face_key: npt.NDArray[np.int6
             result[name] = rows[first]
     turn = np.exp(2j * np.pi * uniform_hash(keys[first], seed))
     result["a"] = result.pop("scattered") * (np.sqrt(total) * turn)[:, None, None]
-    result["diffuse"] = np.ones(len(first), dtype=np.int8)
+    result["diffuse"] = np.ones(len(first), dtype=np.int8)  # 2: reversed
     return result
+
+
+def way_back(columns: Columns, semantic: npt.NDArray[np.uint8]) -> Columns:
+    """Return the reversed paths of a monostatic radar: from the rough patch by the mirrors home.
+
+    Parameters
+    ----------
+    columns : dict
+        Those of :func:`scattered_rows` with a mirror before the patch.
+    semantic : ndarray of uint8
+        Class of the first mirror, which is met last.
+    """
+    return {
+        **columns,
+        "tx_point": columns["rx_point"],
+        "rx_point": columns["tx_point"],
+        "a": columns["a"].transpose(0, 2, 1),
+        "instance": columns["instance"][:, ::-1],
+        "semantic": semantic,
+        "diffuse": np.full(len(semantic), 2, dtype=np.int8),
+    }
 
 
 def uniform_hash(keys: npt.NDArray[np.int64], seed: int) -> Array:
