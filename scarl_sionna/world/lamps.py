@@ -48,14 +48,14 @@ def low_beam(azimuth_deg: Array, elevation_deg: Array) -> Array:
 
     Notes
     -----
-    A hot spot of 22,000 cd below a cut-off at -0.57 deg that rises by 15 deg to the right, a wide foreground, and 250 cd of
+    A hot spot of 18,000 cd below a cut-off at -0.57 deg that rises by 15 deg to the right, a wide foreground, and 250 cd of
     scattered light above. It keeps within UN Regulation 112's limits for passing beams: B50L below 350 cd, 75R above 10,100 cd
     (class B), 50L below 13,200 cd. A smooth model, not a measured lamp.
     """
     cutoff = -0.57 + np.where(azimuth_deg > 0.0, np.minimum(azimuth_deg * np.tan(np.radians(15.0)), 1.6), 0.0)
     below = 1.0 / (1.0 + np.exp(np.clip((elevation_deg - cutoff) / 0.12, -60.0, 60.0)))
     depth = np.maximum(cutoff - elevation_deg, 0.0)
-    spot = 22_000.0 * np.exp(-(((azimuth_deg - 1.5) / 6.5) ** 2)) * np.exp(-((depth / 2.3) ** 2))
+    spot = 18_000.0 * np.exp(-(((azimuth_deg - 2.0) / 5.5) ** 2)) * np.exp(-((depth / 2.3) ** 2))
     wide = 5_500.0 * np.exp(-((azimuth_deg / 21.0) ** 2)) * np.exp(-((depth / 5.5) ** 2))
     return (spot + wide) * below + 250.0 * np.exp(-((azimuth_deg / 30.0) ** 2 + (elevation_deg / 12.0) ** 2))
 

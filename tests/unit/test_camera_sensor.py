@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from camera_lidar import Camera
-from camera_lidar.camera.render import stratified_samples
-from scarl_sionna.core.camera_spec import CameraSpec
+from camera_lidar.camera.labels import cast_pixels
+from camera_lidar.camera.render import render_radiance, stratified_samples
+from scarl_sionna.core.camera_spec import CameraSpec, ImageSensor
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import SKY, semantic_id
@@ -66,6 +67,44 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_other_ones(state: World
     images = [Camera(spec).observe(state, POSE, Twist(), np.random.default_rng(seed)).rgb for seed in (3, 3, 4)]
     assert np.array_equal(images[0], images[1])
     assert not np.array_equal(images[0], images[2])
+
+
+@pytest.mark.parametrize("change", [{"denoise": False}, {"sensor": ImageSensor()}, {"exposure_time": 0.02}])
+def test_same_seed_same_bytes_whatever_is_switched_on(state: WorldState, change: dict) -> None:
+    camera = Camera(SPEC.with_(images=("rgb",), **change))
+    twist = Twist([8.0, 0.0, 0.0])
+    first, again, other = (camera.observe(state, POSE, twist, np.random.default_rng(seed)).rgb for seed in (3, 3, 4))
+    assert np.array_equal(first, again) and not np.array_equal(first, other)
+
+
+def test_the_denoiser_brings_few_samples_near_to_many(state: WorldState) -> None:
+    many = render_radiance(state, SPEC.with_(samples_per_pixel=1024, denoise=False), POSE, np.random.default_rng(0))
+    errors = {
+        denoise: np.abs(
+            render_radiance(state, SPEC.with_(denoise=denoise), POSE, np.random.default_rng(1)) - many
+        ).mean()
+        for denoise in (False, True)
+    }
+    assert errors[True] < 0.7 * errors[False]
+
+
+def test_cameras_of_a_suite_share_their_rays(state: WorldState, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+    cast = WorldState.cast
+    monkeypatch.setattr(
+        WorldState, "cast", lambda self, *args, **kwargs: calls.append(1) or cast(self, *args, **kwargs)
+    )
+    fresh = state.world.at(0.0)
+    semantic, depth = (SPEC.with_(images=images) for images in (("semantic", "instance"), ("depth",)))
+    separate = Camera(SPEC).observe(state.world.at(0.0), POSE, Twist(), np.random.default_rng(0))
+    calls.clear()
+    first = cast_pixels(fresh, semantic, POSE)
+    assert cast_pixels(fresh, depth, POSE) is first and len(calls) == 1
+    shared = Camera(depth).observe(fresh, POSE, Twist(), np.random.default_rng(0))
+    assert np.array_equal(shared.depth, separate.depth)
+    for other in (POSE.compose(Pose([0.0, 0.1, 0.0])), Pose.from_euler(POSE.position, yaw=0.1)):
+        assert cast_pixels(fresh, depth, other) is not first
+    assert cast_pixels(fresh, SPEC.with_(horizontal_fov_deg=61.0), POSE) is not first
 
 
 def test_camera_inside_a_mesh_is_refused(state: WorldState) -> None:
