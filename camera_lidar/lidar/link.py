@@ -93,13 +93,13 @@ def noise_factor(spec: LidarSpec) -> float:
 def background_noise_ratio(wavelength: float, temperature: float = SUN_TEMPERATURE) -> float:
     r"""Return the noise that a black body fills the receiver's single mode with, over the shot noise of the local oscillator.
 
-    .. math:: \tfrac12 \frac{1}{e^{h\nu / kT} - 1}
+    .. math:: \bar n = \frac{1}{e^{h\nu / kT} - 1}
 
-    photons per second and hertz in one of two polarizations, which does not depend on the size of the aperture: a receiver that
-    mixes with a single mode sees a single mode of the background. Looking straight into the sun gives 0.13 at 1550 nm; a white
-    surface in full sun fills the mode with the sun's part of the sky, 2.2e-5, of it.
+    photons per second and hertz in the receiver's mode and polarization (Planck), where the local oscillator's shot noise is
+    that of one. It does not depend on the aperture: what mixes with a single mode sees a single mode of the background. Looking
+    straight into the sun gives 0.25 at 1550 nm, 1 dB; a white surface in full sun has 2.2e-5 of that, the sun's share of the sky.
     """
-    return 0.5 / math.expm1(photon_energy(wavelength) / (BOLTZMANN * temperature))
+    return 1.0 / math.expm1(photon_energy(wavelength) / (BOLTZMANN * temperature))
 
 
 def mean_cnr(spec: LidarSpec, intensity: npt.ArrayLike, distance: npt.ArrayLike) -> Array:

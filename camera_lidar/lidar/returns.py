@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.world.scene import PartTable, RayHits
 
-from .beam import sub_directions
+from .beam import beam_radius, sub_directions, widest_gap
 from .scan import pane_transmittance, radial_velocity, return_intensity
 
 Array = npt.NDArray[np.float64]
@@ -146,12 +146,12 @@ def _rows(values: Array, rows: Index) -> Array:
 def gather(spec: LidarSpec, echoes: Echoes) -> Echoes:
     """Return the returns that echoes make: by shot and distance, the strongest `spec.max_returns` of each shot.
 
-    Echoes of a shot whose distances follow each other within the range resolution, and their radial velocities within the
-    velocity resolution, are one return: its intensity is their sum, distance and radial velocity are their means weighted with the
+    Echoes of a shot whose distances follow each other within the range resolution and the depth of surface between
+    neighbouring rays, and their radial velocities within the velocity resolution, are one return: its intensity is their sum, distance and radial velocity are their means weighted with the
     intensity, all else is that of the strongest.
     """
     if spec.sub_rays > 1 or spec.max_surfaces > 1:
-        echoes = _merged(echoes, spec.range_resolution, spec.velocity_resolution)
+        echoes = _merged(spec, echoes)
     return strongest(echoes, spec.max_returns)
 
 
@@ -171,11 +171,23 @@ def place_in_group(group: npt.NDArray[np.integer]) -> Index:
     return np.arange(len(group)) - np.repeat(start, np.diff(np.append(start, len(group))))
 
 
-def _merged(echoes: Echoes, distance_gap: float, velocity_gap: float) -> Echoes:
+def _extent(spec: LidarSpec, echoes: Echoes) -> Array:
+    """Return by how much the distance of a surface differs between neighbouring rays at most [m]; 0 for a thin ray."""
+    if spec.sub_rays == 1:
+        return np.zeros(echoes.number)
+    patch = widest_gap(spec.sub_rays) * beam_radius(spec, echoes.distance)
+    cosine = np.maximum(echoes.cos_incidence, 1e-3)
+    return patch * np.sqrt(1.0 - cosine**2) / cosine
+
+
+def _merged(spec: LidarSpec, echoes: Echoes) -> Echoes:
     if echoes.number == 0:
         return echoes
+    velocity_gap = spec.velocity_resolution
     echoes = take(echoes, np.lexsort((echoes.distance, echoes.shot)))
-    apart = (np.diff(echoes.shot) != 0) | (np.diff(echoes.distance) > distance_gap)
+    extent = _extent(spec, echoes)
+    gap = spec.range_resolution + (extent[1:] + extent[:-1]) / 2.0
+    apart = (np.diff(echoes.shot) != 0) | (np.diff(echoes.distance) > gap)
     group = np.concatenate([[0], np.cumsum(apart)])
     order = np.lexsort((echoes.radial_velocity, group))
     echoes, group = take(echoes, order), group[order]
