@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +19,7 @@ from scarl_sionna.radar.scatterer_compile import compile_scatterers
 from scarl_sionna.radar.scatterers import ScattererModel, direction_of
 from tests.scenes import Thing, write_scene
 
+REPO = Path(__file__).resolve().parents[2]
 RADAR = ss.RadarSpec.preset("awr1843boost")
 
 
@@ -59,6 +64,68 @@ def test_compiling_twice_gives_the_same_bytes(compiled):
     assert again.centers.tobytes() == compiled.centers.tobytes()
 
 
+def digest_of_a_model_and_its_paths(folder: str) -> str:
+    """Return the hash of a compiled model of two materials and of the paths of a scene with it."""
+    parts = [(plate(), "metal"), (plate(0.1).apply_translation([0.1, 0.0, 0.0]), "plastic")]
+    options = {"azimuths_deg": (170, 190), "azimuth_step_deg": 0.5, "elevations_deg": (-1.0, 0.0, 1.0), "voxel": 0.05}
+    model = compile_scatterers(parts, progress=False, **options)
+    target = Thing("target", plate(), "Car", trajectory={"kind": "static", "position": [20.0, 0.0, 0.0]})
+    world = ss.load_scene(write_scene(Path(folder), actors=[target]))
+    paths = solve(world, {"target": model})
+    assert paths.num_paths > 0
+    arrays = [model.centers.tobytes(), model.amplitude.tobytes(), repr(sorted(model.error.items())).encode()]
+    arrays += [getattr(paths, name).tobytes() for name in ("a", "tx_point", "length_rate", "instance")]
+    return hashlib.sha256(b"".join(arrays)).hexdigest()
+
+
+def test_same_bytes_in_another_process(tmp_path):
+    code = (
+        f"import tests.unit.test_scatterers as t; print(t.digest_of_a_model_and_its_paths({str(tmp_path / 'other')!r}))"
+    )
+    (tmp_path / "other").mkdir()
+    (tmp_path / "here").mkdir()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=REPO, check=True)
+    assert done.stdout.split()[-1] == digest_of_a_model_and_its_paths(str(tmp_path / "here"))
+
+
+def test_the_table_takes_memory_only_where_a_centre_is_strong():
+    """A box of metal seen from all sides: each side's centres are held in the quarter from which they are lit, and nothing is lost."""
+    box = trimesh.creation.box((0.3, 0.3, 0.3))
+    with warnings.catch_warnings():
+        warnings.simplefilter(
+            "ignore", ss.ScarlWarning
+        )  # 2 deg is too wide to interpolate; here only the nodes are compared
+        model = compile_scatterers(
+            box, azimuth_step_deg=2.0, voxel=0.1, trace_step_deg=2.0, progress=False, num_checks=0
+        )
+    whole = model.amplitude.to_dense()
+    assert whole.shape == model.amplitude.shape
+    assert model.amplitude.share < 0.7
+    assert model.amplitude.nbytes < 0.75 * whole.nbytes
+    phi = model.azimuth[10]
+    got = model.scattering_matrix(np.pi / 2.0, phi)
+    direct = np.einsum(
+        "n,nij->ij", np.exp(2j * 2 * np.pi * 77e9 / 299792458.0 * model.centers @ direction_of(phi, 0.0)), whole[0, 10]
+    )
+    assert np.abs(got - direct).max() < 1e-5 * np.abs(whole[0, 10]).sum()  # single precision of the table
+
+
+def test_a_file_of_the_first_version_still_loads(tmp_path):
+    model = one_point(elevation=np.zeros(1), amplitude=np.ones((1, 36, 1, 2, 2), np.complex64))
+    numbers = np.array([model.frequency, model.cell, model.nearest_distance, model.elevation_reach])
+    np.savez(
+        tmp_path / "old.npz", version=1, centers=model.centers, azimuth=model.azimuth, elevation=model.elevation,
+        amplitude=model.amplitude.to_dense(), numbers=numbers, error="{}", provenance="{}",
+    )  # fmt: skip
+    back = ScattererModel.load(tmp_path / "old.npz")
+    assert back.amplitude.tobytes() == model.amplitude.tobytes()
+
+
+def test_a_mesh_in_millimetres_is_told():
+    with pytest.warns(ss.ScarlWarning, match="millimetres"):
+        compile_scatterers(plate(400.0), 1e6 * 300, azimuths_deg=(0, 0), voxel=200.0, progress=False, num_checks=0)
+
+
 def test_a_file_that_is_no_model_is_refused(tmp_path):
     (tmp_path / "x.npz").write_bytes(b"nothing")
     with pytest.raises(SceneError, match="no scatterer model"):
@@ -100,7 +167,9 @@ def test_bad_numbers_are_refused(options, text):
 
 def test_a_step_too_wide_for_the_voxel_is_told():
     with pytest.warns(ss.ScarlWarning, match=r"azimuth step of 5 deg .* only mean powers are right"):
-        compile_scatterers(plate(), azimuths_deg=(-5, 5), azimuth_step_deg=5.0, voxel=0.25, progress=False, num_checks=0)
+        compile_scatterers(
+            plate(), azimuths_deg=(-5, 5), azimuth_step_deg=5.0, voxel=0.25, progress=False, num_checks=0
+        )
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +177,12 @@ def world(tmp_path_factory):
     box = trimesh.creation.box((0.4, 0.4, 0.4))
     wall = trimesh.creation.box((0.1, 4.0, 4.0))
     wall.apply_translation((60.0, 0.0, 0.0))
-    moving = {"kind": "constant_twist", "position": [20.0, 0.0, 0.0], "velocity": [3.0, 1.0, 0.0], "angular_velocity_z": 0.5}
+    moving = {
+        "kind": "constant_twist",
+        "position": [20.0, 0.0, 0.0],
+        "velocity": [3.0, 1.0, 0.0],
+        "angular_velocity_z": 0.5,
+    }
     behind = {"kind": "static", "position": [80.0, 0.0, 0.0]}
     actors = [Thing("target", box, "Car", trajectory=moving), Thing("behind", box, "Car", trajectory=behind)]
     path = write_scene(tmp_path_factory.mktemp("scatterers"), [Thing("wall", wall, "Wall")], actors=actors)
