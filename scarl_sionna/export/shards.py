@@ -66,7 +66,11 @@ class ArrayInfo:
 
 
 def encode_chunk(values: npt.NDArray[Any], info: ArrayInfo) -> bytes:
-    """Return the chunk of one frame: little-endian values, compressed, with a CRC-32C at the end."""
+    """Return the chunk of one frame: little-endian values, compressed, with a CRC-32C at the end.
+
+    Outside of the main thread the same values give the same bytes. In it, Blosc uses threads of its own and orders its blocks by
+    which is ready first.
+    """
     raw = np.asarray(values, dtype=np.dtype(info.dtype).newbyteorder("<"), order="C")
     if raw.shape != info.shape:
         raise ValueError(f"values of shape {raw.shape} for an array of {info.shape}")
