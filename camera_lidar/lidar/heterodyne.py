@@ -87,8 +87,8 @@ def receive_heterodyne(
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
-    seeds = generator.integers(2**63, size=4)
-    speckle, peaks, estimates, elsewhere = (np.random.Generator(np.random.PCG64(int(seed))) for seed in seeds)
+    seeds = generator.integers(2**63, size=5)
+    speckle, peaks, estimates, alarms, weather = (np.random.Generator(np.random.PCG64(int(seed))) for seed in seeds)
     slot = returns.shot * spec.max_returns + place_in_group(returns.shot)
     num_slots = spec.num_shots * spec.max_returns
 
@@ -117,8 +117,9 @@ def receive_heterodyne(
     found = Detections(
         returns.shot[kept], kept, distance[kept], velocity[kept], measured[kept], (returns.intensity * gain)[kept]
     )
-    extra = _elsewhere(spec, returns, air_velocity, elsewhere) if receiver.noise else []
-    return keep_strongest(join([found, *extra]), spec.max_returns)
+    if receiver.noise:
+        found = join([found, _false_alarms(spec, alarms), *_backscatter(spec, returns, air_velocity, weather)])
+    return keep_strongest(found, spec.max_returns)
 
 
 def _draw_gamma(generator: np.random.Generator, shape: float, number: int) -> Array:
@@ -191,38 +192,40 @@ def from_beats(spec: LidarSpec, up: Array, down: Array) -> tuple[Array, Array, n
     return distance, velocity, valid
 
 
-def _elsewhere(
-    spec: LidarSpec, returns: Echoes, air_velocity: Array, generator: np.random.Generator
-) -> list[Detections]:
-    """Return detections that no surface made: the first one of fog or rain, and one false alarm, of every shot."""
+def _false_alarms(spec: LidarSpec, generator: np.random.Generator) -> Detections:
+    """Return the peaks of noise alone that pass for a return: at most one a shot, anywhere among what is searched."""
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
-    draws = generator.random((7, spec.num_shots))
     looks, level = float(receiver.num_looks), threshold(spec)
-    single = receiver.chirps == "up"
+    shot = np.flatnonzero(generator.random(spec.num_shots) < receiver.false_alarm_probability)
+    place, speed, height = generator.random((3, shot.size))
+    velocity = (2.0 * speed - 1.0) * receiver.max_velocity
+    if receiver.chirps == "up":
+        velocity = np.full(shot.size, np.nan)
+    peak = gammainccinv(looks, height * gammaincc(looks, level))
+    return _without_echo(spec, shot, place * spec.max_distance, velocity, peak / looks - 1.0)
 
-    alarm = np.flatnonzero(draws[0] < receiver.false_alarm_probability)
-    at = draws[1, alarm] * spec.max_distance
-    velocity = (2.0 * draws[2, alarm] - 1.0) * receiver.max_velocity
-    height = gammainccinv(looks, draws[3, alarm] * gammaincc(looks, level))
-    found = [_without_echo(spec, alarm, at, np.full(alarm.size, np.nan) if single else velocity, height / looks - 1.0)]
 
-    if receiver.backscatter and spec.atmosphere.weather_extinction(spec.wavelength) > 0.0:
-        profile = backscatter_profile(spec)
-        first = np.full(spec.num_shots, spec.max_distance)
-        np.minimum.at(first, returns.shot, returns.distance)
-        cell = np.searchsorted(profile.detected_before, draws[4], side="right")
-        cells = len(profile.cnr)
-        place = (np.minimum(cell, cells - 1) + draws[5]) * spec.range_resolution
-        shots = np.flatnonzero((cell < cells) & (place < first))
-        strength = 1.0 + profile.cnr[cell[shots]]
-        height = strength * gammainccinv(looks, draws[6, shots] * gammaincc(looks, level / strength))
-        distance, velocity, valid = estimate(
-            spec, place[shots], air_velocity[shots], np.zeros((1 if single else 2, len(shots)))
-        )
-        fog = _without_echo(spec, shots, distance, velocity, height / looks - 1.0)
-        found.append(take(fog, np.flatnonzero(valid)))
-    return found
+def _backscatter(
+    spec: LidarSpec, returns: Echoes, air_velocity: Array, generator: np.random.Generator
+) -> list[Detections]:
+    """Return the first cell of fog or rain that is detected in each shot, before its first surface."""
+    receiver = spec.receiver
+    assert isinstance(receiver, HeterodyneReceiver)
+    if not receiver.backscatter or spec.atmosphere.weather_extinction(spec.wavelength) == 0.0:
+        return []
+    looks, level, profile = float(receiver.num_looks), threshold(spec), backscatter_profile(spec)
+    draws = generator.random((3, spec.num_shots))
+    first = np.full(spec.num_shots, spec.max_distance)
+    np.minimum.at(first, returns.shot, returns.distance)
+    cell, cells = np.searchsorted(profile.detected_before, draws[0], side="right"), len(profile.cnr)
+    place = (np.minimum(cell, cells - 1) + draws[1]) * spec.range_resolution
+    shot = np.flatnonzero((cell < cells) & (place < first))
+    strength = 1.0 + profile.cnr[cell[shot]]
+    peak = strength * gammainccinv(looks, draws[2, shot] * gammaincc(looks, level / strength))
+    errors = np.zeros((2 if receiver.chirps == "up_down" else 1, shot.size))
+    distance, velocity, valid = estimate(spec, place[shot], air_velocity[shot], errors)
+    return [take(_without_echo(spec, shot, distance, velocity, peak / looks - 1.0), np.flatnonzero(valid))]
 
 
 def _without_echo(spec: LidarSpec, shot: Index, distance: Array, velocity: Array, cnr: Array) -> Detections:
@@ -275,6 +278,15 @@ def backscatter_profile(spec: LidarSpec) -> BackscatterProfile:
 
 def keep_strongest(found: Detections, number: int) -> Detections:
     """Return the `number` strongest detections of each shot, by shot and distance."""
-    order = np.lexsort((-found.cnr, found.shot))
-    kept = order[place_in_group(found.shot[order]) < number]
+    order = np.argsort(found.shot, kind="stable")  # fast: all but a few are in order
+    shot = found.shot[order]
+    equal = np.flatnonzero(np.diff(shot) == 0)
+    if equal.size == 0:
+        return take(found, order)
+    shared = np.zeros(order.size, dtype=bool)
+    shared[equal] = shared[equal + 1] = True
+    rows = order[shared]
+    rows = rows[np.lexsort((-found.cnr[rows], found.shot[rows]))]
+    rows = rows[place_in_group(found.shot[rows]) < number]
+    kept = np.concatenate([order[~shared], rows])
     return take(found, kept[np.lexsort((found.distance[kept], found.shot[kept]))])
