@@ -68,16 +68,82 @@ def export_hdf5(
         raise ParameterRangeError("compression", repr(compression), "'gzip', 'lzf' or None")
     source = as_source(data)
     done = 0
-    with whole_output_file(out, overwrite) as partial, h5py.File(partial, "w") as file:
-        _describe(file, source)
-        for scene in source.scenes:
-            writer = _SceneWriter(h5py, file.create_group(scene.name), compression)
-            for frame in scene:
-                writer.add(frame)
-                done += 1
-                on_progress(done, source.num_frames)
-            writer.finish()
+    with whole_output_file(out, overwrite) as partial, _Sink(partial) as sink:
+        with h5py.File(sink, "w") as file:
+            _describe(file, source)
+            for scene in source.scenes:
+                writer = _SceneWriter(h5py, file.create_group(scene.name), compression)
+                for frame in scene:
+                    writer.add(frame)
+                    file.flush()
+                    sink.check()
+                    done += 1
+                    on_progress(done, source.num_frames)
+                writer.finish()
+        sink.check()
     return Path(out)
+
+
+class _Sink:
+    """A file for the HDF5 library that keeps a failed write to itself until `check`.
+
+    The library cannot close a file whose last writes failed (full disk): it leaves it open and crashes at the end of the
+    process. So it is told that they worked, and the export ends with the first error after the frame.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.error: OSError | None = None
+
+    def __enter__(self) -> _Sink:
+        self.file = self.path.open("w+b", buffering=0)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.file.close()
+
+    def check(self) -> None:
+        """Raise the first error of a write."""
+        if self.error is not None:
+            raise self.error
+
+    def write(self, data: Any) -> int:
+        """Write all bytes."""
+        view = memoryview(data).cast("B")
+        done = 0
+        try:
+            while done < len(view):
+                done += self.file.write(view[done:]) or 0
+        except OSError as error:
+            self.error = self.error or error
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the length of the file."""
+        try:
+            return self.file.truncate(size)
+        except OSError as error:
+            self.error = self.error or error
+            return size or 0
+
+    def readinto(self, buffer: Any) -> int:
+        """Read into a buffer."""
+        return self.file.readinto(buffer) or 0
+
+    def read(self, size: int = -1) -> bytes:
+        """Read bytes."""
+        return self.file.read(size) or b""
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Move to a place."""
+        return self.file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Return the place."""
+        return self.file.tell()
+
+    def flush(self) -> None:
+        """Do nothing: there is no buffer."""
 
 
 def _describe(file: Any, source: FrameSource) -> None:

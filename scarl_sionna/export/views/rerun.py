@@ -73,7 +73,10 @@ def log_frames(recording: Any, data: Any, *, pfa: float = 1e-6, on_progress: OnP
         recording.log(scene.name, rr.AnnotationContext(classes), static=True)
         for name in source.mounts:
             _log_pose(rr, recording, f"{scene.name}/vehicle/{name}", source.vehicle_from_sensor(name), static=True)
-        for frame in scene:
+        for position, frame in enumerate(scene):
+            if position == 0:
+                for name, image in frame.images.items():
+                    _log_camera(rr, recording, f"{scene.name}/vehicle/{name}/optical", image)
             recording.set_time("time", duration=frame.timestamp_ns * 1e-9)
             recording.set_time("frame", sequence=frame.index)
             _log_frame(rr, recording, scene, frame, pfa)
@@ -103,12 +106,13 @@ def _log_frame(rr: Any, recording: Any, scene: SceneFrames, frame: Frame, pfa: f
         _log_radar(rr, recording, f"{root}/{name}", f"{scene.name}/maps/{name}", frame, radar, pfa)
 
 
-def _log_image(rr: Any, recording: Any, path: str, image: ImageFrame) -> None:
-    spec, optical = image.spec, f"{path}/optical"
-    _log_pose(rr, recording, optical, Pose.from_rotation(np.zeros(3), CAMERA_OPTICAL_FROM_SENSOR.T), static=True)
+def _log_camera(rr: Any, recording: Any, path: str, image: ImageFrame) -> None:
+    """Log once where a camera looks."""
+    spec = image.spec
+    _log_pose(rr, recording, path, Pose.from_rotation(np.zeros(3), CAMERA_OPTICAL_FROM_SENSOR.T), static=True)
     if spec.lens.model == "pinhole":  # the viewer knows no lens: a distorted image is shown without a place in space
         recording.log(
-            optical,
+            path,
             rr.Pinhole(
                 image_from_camera=spec.intrinsics,
                 resolution=[spec.width, spec.height],
@@ -116,6 +120,10 @@ def _log_image(rr: Any, recording: Any, path: str, image: ImageFrame) -> None:
             ),
             static=True,
         )
+
+
+def _log_image(rr: Any, recording: Any, path: str, image: ImageFrame) -> None:
+    optical = f"{path}/optical"
     if image.rgb is not None:
         recording.log(f"{optical}/rgb", rr.Image(image.rgb).compress(jpeg_quality=90))
     if image.depth is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +10,6 @@ from typing import Any, Protocol, overload
 from scarl_sionna.core.errors import DatasetError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import Frame
-from scarl_sionna.export.folder import FORMAT, frame_folders, read_frame
 
 OnProgress = Callable[[int, int], None]
 """Called with the number of finished frames and of all frames."""
@@ -94,14 +92,16 @@ class FrameSource:
         chosen = [known[name] for name in scenes] if scenes else list(self.scenes)
         if num_frames is not None:
             chosen = [SceneFrames(scene.name, _First(scene.frames, num_frames)) for scene in chosen]
-        return FrameSource(self.rig, chosen, self.splits)
+        kept = {scene.name for scene in chosen}
+        splits = {split: [name for name in names if name in kept] for split, names in self.splits.items()}
+        return FrameSource(self.rig, chosen, {split: names for split, names in splits.items() if names})
 
 
 @dataclass(frozen=True)
 class _First:
     """The first frames of a sequence."""
 
-    frames: Frames
+    frames: Any
     count: int
 
     def __len__(self) -> int:
@@ -109,19 +109,6 @@ class _First:
 
     def __getitem__(self, index: int) -> Frame:
         return self.frames[index]
-
-
-@dataclass(frozen=True)
-class _FolderFrames:
-    """Frames of a folder that `FrameFolderWriter` wrote."""
-
-    folders: Sequence[Path]
-
-    def __len__(self) -> int:
-        return len(self.folders)
-
-    def __getitem__(self, index: int) -> Frame:
-        return read_frame(self.folders[index])
 
 
 @dataclass(frozen=True)
@@ -153,39 +140,20 @@ def as_source(data: Any) -> FrameSource:
     Parameters
     ----------
     data : FrameSource, dataset of `open_dataset`, or path
-        A path is a dataset of the native store (also a URL), or a folder of frames that ``scarl-sionna demo`` wrote.
+        A path is that of a dataset (also a URL).
 
     Raises
     ------
-    DatasetError, ParameterRangeError
-        If a path is no such folder, or a folder of frames holds none.
+    DatasetError
+        If there is no dataset.
     """
     if isinstance(data, FrameSource):
         return data
     if isinstance(data, str | Path):
         if Path(data).is_file():
             raise DatasetError("is a file", data, "give the folder that holds the dataset")
-        if _is_frame_folder(Path(data)):
-            return _frame_folder(Path(data))
         from scarl_sionna.export.reader import open_dataset
 
         data = open_dataset(data)
     scenes = [SceneFrames(name, _DatasetFrames(data.scene(name))) for name in data.scenes]
     return FrameSource(data.rig, scenes, getattr(data, "splits", None) or {})
-
-
-def _is_frame_folder(path: Path) -> bool:
-    try:
-        text = (path / "dataset.json").read_text(encoding="utf-8")
-        return bool(json.loads(text).get("format") == FORMAT)
-    except (OSError, ValueError, AttributeError):
-        return False
-
-
-def _frame_folder(path: Path) -> FrameSource:
-    folders = frame_folders(path)
-    if not folders:
-        raise ParameterRangeError("dataset", path, "a folder with at least one complete frame", "simulate it first")
-    configuration = json.loads((path / "dataset.json").read_text(encoding="utf-8"))["configuration"]
-    name = Path(str(configuration.get("scene", "scene"))).stem
-    return FrameSource(configuration["rig"], [SceneFrames(name, _FolderFrames(folders))])
