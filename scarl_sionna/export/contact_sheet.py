@@ -23,8 +23,8 @@ from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.radar import range_doppler_angle, virtual_cube
 
 from .atomic import whole_file
-from .codec import IMAGE_NAMES
 
+SHOWN_IMAGES = ("rgb", "depth", "semantic", "instance")
 DEPTH_MAP = "viridis_r"
 POWER_MAP = "magma"
 NOTHING = "#dfe6ee"
@@ -143,7 +143,7 @@ def _suite(frame: Frame, suite: str | None) -> tuple[str, dict[str, Any]]:
         if name.rpartition("/")[0] != suite:
             continue
         if isinstance(result, ImageFrame):
-            shown = [kind for kind in IMAGE_NAMES if getattr(result, kind) is not None]
+            shown = [kind for kind in SHOWN_IMAGES if getattr(result, kind) is not None]
         else:
             shown = ["lidar" if isinstance(result, LidarScan) else "radar"]
         for kind in shown:

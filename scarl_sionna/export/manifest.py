@@ -226,7 +226,7 @@ def read_manifest(files: Files) -> dict[str, Any]:
     """
     try:
         data = json.loads(files.read(MANIFEST))
-    except FileNotFoundError as error:
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise DatasetError(
             f"no dataset here (no {MANIFEST})", files.url, "give the folder that `scarl-sionna export --out` wrote"
         ) from error
