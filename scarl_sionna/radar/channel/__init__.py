@@ -12,6 +12,7 @@ from scarl_sionna.radar.paths import RadarPaths
 
 from .auto import plan_channel, solve_auto
 from .hybrid import solve_hybrid
+from .panes import warn_of_panes
 from .plan import ChannelPlan, OwnershipError, Share
 from .raycast import solve_raycast
 from .sbr import solve_sbr
@@ -64,4 +65,6 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     """
     if method not in SOLVERS:
         raise UnknownNameError("channel solver", method, SOLVERS)
+    if method in ("raycast", "sbr", "scatterers"):
+        warn_of_panes(state, radar, pose, method)
     return SOLVERS[method](state, radar, pose, **options)

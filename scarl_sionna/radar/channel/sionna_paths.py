@@ -42,6 +42,10 @@ ASIDE = 0.05 / 3.0 * np.array([(2.0, -1.0, 2.0), (2.0, 2.0, -1.0), (-1.0, 2.0, 2
 the world's axes, along which most corners stand."""
 
 
+RAYS_APART = 3.5
+"""Angle between neighbouring rays times the root of their number [rad]: that of an even grid over the sphere, (4 pi)^0.5."""
+
+
 class PathBufferOverflowError(ScarlError):
     """Sionna RT found more candidates than its buffer holds, so paths are missing."""
 
@@ -136,7 +140,8 @@ def solve_sionna(
     -----
     ScarlWarning
         If a mirror is smaller than the first Fresnel zone on it, or an edge shorter, once, naming the worst; if the wavefront
-        of an edge is no sphere over the antennas; if antennas of a wide array do not see a path; if the buffer was filled (``on_overflow="warn"``).
+        of an edge is no sphere over the antennas; if antennas of a wide array do not see a path; if an object may lie
+        between the rays; if the buffer was filled (``on_overflow="warn"``).
 
     Notes
     -----
@@ -179,8 +184,9 @@ def solve_sionna(
     num_small = warn_of_small_mirrors(state, radar.wavelength, solver.mirrors)
     spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors)
     num_hidden = warn_of_hidden_antennas(state, solver.mirrors)
-    columns = _joined(blocks)
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
+    num_missed = _warn_of_small_objects(state, pose, solver.mirrors, settings.num_samples, reach) if environment else 0
+    columns = _joined(blocks)
     keep = columns.pop("total") < 2.0 * reach
     diagnostics = {
         "method": "sionna",
@@ -191,6 +197,7 @@ def solve_sionna(
         "num_small_mirrors": num_small,
         "edge_wavefront_error": spread,
         "num_hidden_from_antennas": num_hidden,
+        "num_objects_maybe_missed": num_missed,
         "seconds": solver.clock,
     }
     paths = RadarPaths(**columns, world_from_tx=pose, world_from_rx=rx_pose or pose, diagnostics=diagnostics)
@@ -199,6 +206,30 @@ def solve_sionna(
 
 def _station(pose: Pose, twist: Twist | None, arms: Array) -> Station:
     return Station(pose.position, (twist or Twist()).linear, pose.rotation, pose.rotate(arms))
+
+
+def _warn_of_small_objects(
+    state: WorldState, pose: Pose, found: list[tuple[Legs, Station]], num_samples: int, reach: float
+) -> int:
+    """Warn once of objects that no path touches and that may lie between the rays; return their number."""
+    parts = [legs.part[legs.part >= 0] for legs, _ in found]
+    touched = set(state.world.parts.instance[np.concatenate(parts)].tolist()) if parts else set()
+    small = []
+    for box in state.boxes():
+        distance = float(np.linalg.norm(box.world_from_box.position - pose.position))
+        width = float(np.sort(box.size)[1])  # what a plate or a pole shows at least along one direction
+        if box.instance not in touched and distance < reach and 0.0 < width < distance * RAYS_APART / num_samples**0.5:
+            small.append((width / distance, box.name, width, distance))
+    if small:
+        ratio, name, width, distance = min(small)
+        warnings.warn(
+            f"{len(small)} object(s) are smaller than the distance between rays and may be missed, most of all '{name}' "
+            f"({width:.2g} m at {distance:.3g} m); num_samples >= {(RAYS_APART / ratio) ** 2:.1e} would hit it, but the mirror of "
+            "so small a thing is wrong: use method='sbr' for such objects",
+            ScarlWarning,
+            stacklevel=3,
+        )
+    return len(small)
 
 
 class _Solver:
