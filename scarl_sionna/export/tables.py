@@ -54,7 +54,8 @@ def box_table(data: Any) -> Any:
     """
     pandas = require("pandas", "tables")
     rows = []
-    for scene, frame in _labelled_frames(data):
+    source = as_source(data)
+    for scene, frame in ((item.name, frame) for item in source.scenes for frame in item.labels()):
         vehicle_from_world = frame.world_from_vehicle.inverse()
         for item in frame.objects:
             pose = vehicle_from_world.compose(item.world_from_box)
@@ -173,15 +174,6 @@ def _detections(scene: str, frame: Frame, name: str, radar: RadarFrame, pfa: flo
             points.radial_velocity[row], sensed.compensated_velocity[row], points.power[row], points.snr_db[row],
             points.rcs[row], *points.position[row], *world[row], instance[row],
         )  # fmt: skip
-
-
-def _labelled_frames(data: Any) -> Iterator[tuple[str, Frame]]:
-    """Yield scene and frame; of a stored one without the results of its sensors."""
-    source = as_source(data)
-    for scene in source.scenes:
-        read = getattr(scene.frames, "without_results", None) or scene.frames.__getitem__
-        for index in range(len(scene)):
-            yield scene.name, read(index)
 
 
 def _table(pandas: Any, rows: list[tuple[Any, ...]], names: Sequence[str], units: dict[str, str]) -> Any:

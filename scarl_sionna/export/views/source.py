@@ -42,6 +42,10 @@ class SceneFrames:
         """Frames, one after the other; none is kept."""
         return (self.frames[index] for index in range(len(self.frames)))
 
+    def labels(self) -> Iterator[Frame]:
+        """Yield the frames with poses and labels; of a stored one the results of the sensors are not read."""
+        return (_without_results(self.frames, index) for index in range(len(self.frames)))
+
 
 @dataclass(frozen=True)
 class FrameSource:
@@ -97,11 +101,17 @@ class FrameSource:
         return FrameSource(self.rig, chosen, {split: names for split, names in splits.items() if names})
 
 
+def _without_results(frames: Frames, index: int) -> Frame:
+    """Return a frame, without the results of its sensors where these would have to be read."""
+    read: Callable[[int], Frame] = getattr(frames, "without_results", frames.__getitem__)
+    return read(index)
+
+
 @dataclass(frozen=True)
 class _First:
     """The first frames of a sequence."""
 
-    frames: Any
+    frames: Frames
     count: int
 
     def __len__(self) -> int:
