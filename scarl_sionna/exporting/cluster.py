@@ -18,7 +18,7 @@ from .job import OnEvent, ShardJob, ShardReport, make_shard
 
 TOPIC = "scarl-export"
 CONNECT_SECONDS = 10.0
-_IN_FLIGHT = 3  # shards a worker that are handed out at once
+_AHEAD, _LEAST_AHEAD = 3, 256  # shards that are handed out at once: for each worker, and in all
 _KEPT = "finished frames are kept; the same command goes on from there"
 
 
@@ -59,17 +59,18 @@ def run_on_cluster(
 
 def _reports(distributed: Any, client: Any, jobs: list[ShardJob], threads: int | None) -> Iterator[ShardReport]:
     waiting = list(reversed(jobs))
-    number = max(len(client.scheduler_info()["workers"]), 1)
 
-    def hand_out(count: int) -> list[Any]:
-        chosen = [waiting.pop() for _ in range(min(count, len(waiting)))]
+    def hand_out(running: int) -> list[Any]:
+        """Submit shards until enough of them are on their way: not all, for a job carries its whole specification."""
+        most = max(_AHEAD * len(client.ncores()), _LEAST_AHEAD)
+        chosen = [waiting.pop() for _ in range(min(most - running, len(waiting)))]
         return [client.submit(work, job, threads, key=f"shard-{job.name}-{id(client)}", pure=False) for job in chosen]
 
-    running = distributed.as_completed(hand_out(_IN_FLIGHT * number))
+    running = distributed.as_completed(hand_out(0))
     try:
         for future in running:
             yield future.result()
-            for new in hand_out(1):
+            for new in hand_out(running.count()):
                 running.add(new)
     except ScarlError:
         raise
