@@ -16,11 +16,12 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 _SAME_PLANE = 1e-6
 """Faces of one part whose unit normals and offsets [m] agree within this have one plane number."""
 
-_numbers: WeakKeyDictionary[World, Index] = WeakKeyDictionary()
+_numbers: WeakKeyDictionary[World, tuple[Index, Flags]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +36,14 @@ class FaceTable:
         Row of the part table.
     plane : ndarray of int64, shape (num_faces,)
         Faces of one part that lie in one plane, whichever way they are turned, have one number.
+    repeated : ndarray of bool, shape (num_faces,)
+        Has the corners of an earlier face, as the second side of a sheet that is modelled with two has.
     """
 
     triangles: Triangles
     part: Index
     plane: Index
+    repeated: Flags
 
 
 def face_table(state: WorldState) -> FaceTable:
@@ -48,8 +52,20 @@ def face_table(state: WorldState) -> FaceTable:
     first = world._triangles.first
     part = np.repeat(np.arange(len(first) - 1), np.diff(first))
     if world not in _numbers:
-        _numbers[world] = _plane_numbers(world._triangles, part)
-    return FaceTable(state._triangles, part, _numbers[world])
+        _numbers[world] = _plane_numbers(world._triangles, part), _repeated(world, part)
+    return FaceTable(state._triangles, part, *_numbers[world])
+
+
+def _repeated(world: World, part: Index) -> Flags:
+    """Return which faces have the corners of an earlier one of the same body."""
+    corners = np.round(world._triangles.corners / _SAME_PLANE).astype(np.int64)
+    order = np.lexsort(np.moveaxis(corners, 2, 0)[::-1], axis=1)
+    corners = np.take_along_axis(corners, order[..., None], axis=1)
+    keys = np.column_stack([world.parts.actor[part], corners.reshape(len(corners), 9)])
+    _, first = np.unique(keys, axis=0, return_index=True)
+    repeated = np.ones(len(keys), dtype=np.bool_)
+    repeated[first] = False
+    return repeated
 
 
 def _plane_numbers(triangles: Triangles, part: Index) -> Index:
