@@ -333,10 +333,10 @@ def build(shape: CarShape, turning_wheels: bool = False) -> dict[str, tuple[Mesh
             (0.95 * w, lamp + 0.075),
             (0.55 * w, lamp + 0.03),
         ]
-        heads.append(panel(whole, outline, front, side, rise=0.006))
+        heads.append(panel(whole, outline, front, side, rise=0.006, with_uv=True))
         inner = shape.extra.get("tail_lamp_inner", 0.58)
         outline = [(inner * w, lo), (0.92 * w, lo + 0.01), (0.915 * w, hi), ((inner - 0.03) * w, hi - 0.03)]
-        tails.append(panel(whole, outline, rear, side, rise=0.006))
+        tails.append(panel(whole, outline, rear, side, rise=0.006, with_uv=True))
         trims.append(
             panel(
                 whole, [(0.62 * w, 0.31), (0.88 * w, 0.33), (0.89 * w, 0.42), (0.66 * w, 0.40)], front, side, rise=0.004

@@ -190,3 +190,35 @@ def plate(width: int, height: int, seed: int) -> Image.Image:
         left = x if generator.uniform() < 0.5 else x + int(0.05 * width)
         draw.rectangle([left, int(0.2 * height), left + int(0.022 * width), int(0.85 * height)], fill=(20, 20, 22))
     return image
+
+
+def headlamp(width: int, height: int) -> Image.Image:
+    """Return a head lamp behind clear glass: two reflectors in a dark housing, a bright strip along the top."""
+    w, h = 4 * width, 4 * height
+    image = Image.new("RGB", (w, h), (46, 48, 52))
+    draw = ImageDraw.Draw(image)
+    for x, radius in ((0.30, 0.36), (0.62, 0.30)):
+        for k, tone in enumerate((120, 205, 90, 225, 160, 245)):
+            r = radius * h * (1.0 - 0.16 * k)
+            draw.ellipse([x * w - r, 0.56 * h - r, x * w + r, 0.56 * h + r], fill=(tone, tone, min(tone + 6, 255)))
+    draw.rectangle([0, 0.02 * h, w, 0.14 * h], fill=(224, 228, 234))
+    draw.polygon(
+        [(0.80 * w, 0.30 * h), (0.98 * w, 0.24 * h), (0.97 * w, 0.86 * h), (0.83 * w, 0.90 * h)], fill=(222, 128, 36)
+    )
+    return image.resize((width, height), Image.Resampling.LANCZOS)
+
+
+def taillamp(width: int, height: int) -> Image.Image:
+    """Return a tail lamp: red glass with bright bars, a white reversing lamp and an amber turn signal."""
+    w, h = 4 * width, 4 * height
+    image = Image.new("RGB", (w, h), (138, 8, 12))
+    draw = ImageDraw.Draw(image)
+    for k in range(7):
+        y = (0.06 + 0.055 * k) * h
+        draw.rectangle([0.06 * w, y, 0.94 * w, y + 0.03 * h], fill=(205, 22, 24))
+    draw.rectangle([0.06 * w, 0.50 * h, 0.94 * w, 0.66 * h], fill=(206, 98, 30))
+    draw.rectangle([0.06 * w, 0.70 * h, 0.94 * w, 0.84 * h], fill=(214, 214, 216))
+    for k in range(9):
+        draw.line([((0.06 + 0.11 * k) * w, 0.50 * h), ((0.06 + 0.11 * k) * w, 0.84 * h)], fill=(120, 60, 50), width=6)
+    draw.rectangle([0.06 * w, 0.88 * h, 0.94 * w, 0.97 * h], fill=(176, 14, 16))
+    return image.resize((width, height), Image.Resampling.LANCZOS)

@@ -73,9 +73,13 @@ class Placement:
 
 
 def bsdf_xml(name: str, bsdf: Bsdf) -> str:
-    """Return a two-sided ``<bsdf>`` element."""
+    """Return a ``<bsdf>`` element that is the same from both sides."""
     slot = "reflectance" if bsdf.plugin == "diffuse" else "base_color"
-    lines = [f'\t<bsdf type="twosided" id={quoteattr(name)}>', f'\t\t<bsdf type="{bsdf.plugin}">']
+    is_thin = bsdf.plugin == "principledthin"  # light passes through: has both sides by itself
+    if is_thin:
+        lines = [f'\t<bsdf type="{bsdf.plugin}" id={quoteattr(name)}>']
+    else:
+        lines = [f'\t<bsdf type="twosided" id={quoteattr(name)}>', f'\t\t<bsdf type="{bsdf.plugin}">']
     if bsdf.texture is not None:
         lines.append(f'\t\t\t<texture type="bitmap" name="{slot}">')
         lines.append(f'\t\t\t\t<string name="filename" value="textures/{bsdf.texture}"/>')
@@ -83,7 +87,7 @@ def bsdf_xml(name: str, bsdf: Bsdf) -> str:
     elif bsdf.color is not None:
         lines.append(f'\t\t\t<rgb name="{slot}" value="{" ".join(f"{c:g}" for c in bsdf.color)}"/>')
     lines += [f'\t\t\t<float name="{key}" value="{value:g}"/>' for key, value in bsdf.floats.items()]
-    return "\n".join([*lines, "\t\t</bsdf>", "\t</bsdf>"])
+    return "\n".join([*lines, *([] if is_thin else ["\t\t</bsdf>"]), "\t</bsdf>"])
 
 
 def shape_xml(p: Placement) -> str:

@@ -8,7 +8,9 @@ from ..generators.xml import Bsdf
 
 TYPICAL = "estimate, typical of this surface at 1550 nm"
 ROUGH = {"roughness": 0.85, "specular": 0.25}
-PAINT = {"roughness": 0.32, "specular": 0.5, "clearcoat": 1.0, "clearcoat_gloss": 0.85}
+PAINT = {"roughness": 0.07, "specular": 0.5}
+METALLIC = {"roughness": 0.22, "specular": 0.5, "metallic": 0.55, "clearcoat": 1.0, "clearcoat_gloss": 0.97}
+"""Solid paint: the sharp mirror image of its clear coat over a diffuse base. Metallic: flakes below the coat."""
 
 
 def _principled(
@@ -32,18 +34,18 @@ MATERIALS: dict[str, Bsdf] = {
     "concrete_grey": _textured("concrete", 0.35, "concrete.png"),
     "car_paint_blue": _principled("car_paint", 0.30, (0.012, 0.045, 0.16), "estimate, dark paint with clear coat", **PAINT),
     "car_paint_red": _principled("car_paint", 0.45, (0.36, 0.012, 0.014), "estimate, red paint with clear coat", **PAINT),
-    "car_paint_silver": _principled("car_paint", 0.55, (0.62, 0.63, 0.64), "estimate, metallic paint", metallic=0.25, **PAINT),
+    "car_paint_silver": _principled("car_paint", 0.55, (0.62, 0.63, 0.64), "estimate, metallic paint", **METALLIC),
     "car_glass": _principled("car_glass", 0.04, (0.012, 0.015, 0.016), "estimate, tinted glass: nearly all light is mirrored or absorbed", roughness=0.07, specular=0.6),
     "car_trim": _principled("plastic", 0.08, (0.014, 0.014, 0.015), roughness=0.45, specular=0.5),
     "tyre_rubber": _principled("rubber", 0.05, (0.018, 0.018, 0.018), roughness=0.8, specular=0.3),
     "wheel_rim": _principled("metal", 0.50, (0.55, 0.56, 0.58), roughness=0.28, metallic=0.9),
-    "headlamp": _principled("plastic", 0.35, (0.62, 0.65, 0.68), roughness=0.08, metallic=0.45, clearcoat=1.0),
-    "taillamp": _principled("plastic", 0.40, (0.42, 0.006, 0.008), roughness=0.15, clearcoat=1.0),
+    "headlamp": _textured("plastic", 0.35, "headlamp.png", roughness=0.06, specular=0.6),
+    "taillamp": _textured("plastic", 0.40, "taillamp.png", roughness=0.06, specular=0.6),
     "chrome": _principled("metal", 0.50, (0.72, 0.73, 0.74), roughness=0.25, metallic=1.0),
     "number_plate": _textured("plastic", 0.60, "plate.png", roughness=0.4, specular=0.4),
     "bark": _textured("wood", 0.45, "bark.png", "estimate, dry bark"),
-    "leaves": _textured("foliage", 0.45, "leaves.png", "estimate, green leaves between the water bands", roughness=0.55, specular=0.35),
-    "leaves_shade": _principled("foliage", 0.40, (0.018, 0.032, 0.008), roughness=0.9, specular=0.1),
+    "leaves": Bsdf("principledthin", "foliage", 0.45, "estimate, green leaves between the water bands", texture="leaves.png", floats={"roughness": 0.5, "diff_trans": 0.9, "eta": 1.4}),
+    "leaves_shade": _principled("foliage", 0.40, (0.030, 0.052, 0.013), roughness=0.9, specular=0.1),
     "plaster_wall": _textured("brick", 0.50, "plaster.png", "estimate, light plaster on brick"),
     "brick_wall": _textured("brick", 0.45, "bricks.png"),
     "roof_tile": _textured("brick", 0.40, "roof_tiles.png"),

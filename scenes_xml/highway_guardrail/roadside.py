@@ -152,8 +152,8 @@ def _fields(write: WriteMesh) -> Iterator[Group]:
         for p, m in forest.items()
     ]
     yield shapes, Instance("woods", "Vegetation", ("woods_*",), False)
-    count = 1000
-    s = generator.uniform(-12.0, 70.0, count)
+    count = 1350
+    s = generator.uniform(-12.0, 85.0, count)
     distance = at.GRAVEL + 0.05 + 7.0 * generator.uniform(0, 1, count) ** 1.7
     right = generator.uniform(0, 1, count) < 0.6
     offset = np.where(right, at.PAVEMENT_RIGHT - distance, at.PAVEMENT_LEFT + distance)
