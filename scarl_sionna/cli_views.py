@@ -30,7 +30,7 @@ _OVERWRITE = Annotated[bool, typer.Option("--overwrite", help="Replace what an e
 @app.command()
 def convert(
     context: typer.Context,
-    source: Annotated[str, typer.Argument(help="Dataset folder or URL, or a folder of frames.")],
+    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")],
     form: Annotated[
         str,
         typer.Argument(metavar="FORMAT", help="nuscenes, tfrecord, hdf5, mcap, dca1000 or rerun.", show_default=False),
@@ -65,7 +65,7 @@ def convert(
 @app.command()
 def view(
     context: typer.Context,
-    source: Annotated[str, typer.Argument(help="Dataset folder or URL, or a folder of frames.")],
+    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")],
     save: Annotated[Path | None, typer.Option(help="Write an .rrd file instead of opening the viewer.")] = None,
     scene: _SCENES = None,
     frames: _FRAMES = None,

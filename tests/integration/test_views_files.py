@@ -17,10 +17,11 @@ from PIL import Image
 from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import DatasetError, MissingPackageError, OutputError, ParameterRangeError
 from scarl_sionna.core.results import ImageFrame, LidarScan
+from scarl_sionna.export import open_dataset, write_dataset
 from scarl_sionna.export.boxes import points_inside
 from scarl_sionna.export.lidar_points import world_points
 from scarl_sionna.export.radar_points import sensed_points
-from scarl_sionna.export.views import FORMATS, FrameSource, SceneFrames, convert
+from scarl_sionna.export.views import FORMATS, FrameSource, SceneFrames, as_source, convert
 from scarl_sionna.export.views.hdf5 import export_hdf5
 from scarl_sionna.export.views.mcap import export_mcap
 from scarl_sionna.export.views.mcap_schemas import SCHEMAS
@@ -353,11 +354,8 @@ def test_a_distorted_camera_is_undistorted_for_nuscenes() -> None:
 
 
 def test_sources_of_all_kinds_give_the_same(tmp_path) -> None:
-    from scarl_sionna.export import open_dataset, write_dataset
-    from scarl_sionna.export.views import as_source
-
     stored = write_dataset(tmp_path / "ds", SOURCE.rig, {"lane": FRAMES[:2]})
-    for place in (open_dataset(stored), stored, str(stored)):
+    for place in (stored, str(stored), f"file://{stored}", open_dataset(stored)):
         source = as_source(place)
         assert [scene.name for scene in source.scenes] == ["lane"]
         assert source.num_frames == 2
@@ -372,8 +370,6 @@ def test_sources_of_all_kinds_give_the_same(tmp_path) -> None:
 
 
 def test_a_cut_dataset_is_an_error_and_no_half_export(tmp_path) -> None:
-    from scarl_sionna.export import write_dataset
-
     stored = write_dataset(tmp_path / "ds", SOURCE.rig, {"lane": FRAMES[:2]})
     shard = next(
         path
