@@ -1,4 +1,4 @@
-"""Camera and lidar: time of every image and of a scan, and the error of the RGB image against time.
+"""Camera: time of every image, and the error of the RGB image against time.
 
     python benchmarks/optical.py [--scene highway_guardrail] [--figures docs/figures] [--quick]
 
@@ -17,12 +17,10 @@ from typing import Any
 import numpy as np
 from harness import Timing, machine, measure
 
-from camera_lidar import Camera, Lidar
+from camera_lidar import Camera
 from camera_lidar.camera.render import integrator_dict, sensor_dict, stratified_samples
 from camera_lidar.camera.tone import linear_to_srgb8
-from camera_lidar.lidar import camera_maps, range_view
 from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.world import load_scene, variant
 
@@ -36,20 +34,14 @@ def report(name: str, timing: Timing, what: str) -> None:
 
 
 def time_sensors(state: Any, world_from_vehicle: Pose, repeats: int) -> None:
-    """Print the times of label images, RGB, a frame of six cameras, a lidar scan and its maps."""
+    """Print the times of label images, RGB and a frame of six cameras."""
     front = world_from_vehicle.compose(FRONT)
 
-    def observe(sensor: Camera | Lidar, pose: Pose = front) -> Any:
+    def observe(sensor: Camera, pose: Pose = front) -> Any:
         return sensor.observe(state, pose, Twist(), np.random.default_rng(0))
 
     labels = Camera(CameraSpec(width=1280, height=720, images=("depth", "semantic", "instance")))
     report("depth + semantic + instance, 1280 x 720", measure(lambda: observe(labels), repeats), "target 0.5 s")
-    scanner = Lidar(LidarSpec(num_azimuth=4000, num_elevation=250))
-    report("lidar, 10^6 shots, all fields", measure(lambda: observe(scanner), repeats), "target 2 s")
-    scan = observe(scanner)
-    camera = CameraSpec(width=1280, height=720)
-    report("range view of that scan", measure(lambda: range_view(scan), repeats), f"{scan.num_points} returns")
-    report("camera maps of that scan", measure(lambda: camera_maps(scan, camera, front), repeats), "1280 x 720")
     for spp in (4, 16):
         rgb = Camera(CameraSpec(samples_per_pixel=spp, images=("rgb",)))
         times = measure(lambda rgb=rgb: observe(rgb), max(1, repeats // 2))
@@ -124,40 +116,6 @@ def plot_quality(results: dict[str, list[tuple[int, float, float]]], path: Path)
     figure.savefig(path, dpi=130)
 
 
-def plot_maps(state: Any, pose: Pose, path: Path) -> None:
-    """Draw a scan's maps beside the camera's images."""
-    import matplotlib.pyplot as plt
-
-    scan = Lidar(LidarSpec()).observe(state, pose, Twist(), np.random.default_rng(0))
-    spec = CameraSpec(width=480, height=270, samples_per_pixel=64)
-    frame = Camera(spec).observe(state, pose, Twist(), np.random.default_rng(0))
-    own, projected = range_view(scan), camera_maps(scan, spec, pose, radius_px=1)
-    extent = scan.spec.view_deg
-    figure, axes = plt.subplots(3, 2, figsize=(11, 8), layout="constrained")
-    assert frame.rgb is not None and frame.depth is not None
-    axes[0, 0].imshow(frame.rgb)
-    axes[0, 0].set_title("camera, RGB")
-    shown = axes[0, 1].imshow(np.where(np.isfinite(frame.depth), frame.depth, np.nan), vmax=100, cmap="viridis_r")
-    figure.colorbar(shown, ax=axes[0, 1], label="depth [m]")
-    axes[0, 1].set_title("camera, depth")
-    velocity = {"cmap": "RdBu_r", "vmin": -20, "vmax": 20}
-    panels = (
-        (axes[1, 0], projected.depth, "lidar in the camera's image, depth", "[m]", {"vmax": 100, "cmap": "viridis_r"}),
-        (axes[1, 1], projected.radial_velocity, "lidar in the camera's image, Doppler", "[m/s]", velocity),
-        (axes[2, 0], own.radial_velocity, "range view, Doppler (lidar at rest)", "[m/s]", velocity),
-        (axes[2, 1], 10 * np.log10(np.where(own.filled, own.intensity, np.nan)), "range view, intensity", "[dB]", {}),
-    )
-    for axis, data, title, unit, style in panels:
-        in_degrees = {"extent": extent, "aspect": "auto"} if "range view" in title else {}
-        shown = axis.imshow(np.where(np.isfinite(data), data, np.nan), interpolation="nearest", **style, **in_degrees)
-        figure.colorbar(shown, ax=axis, label=unit)
-        axis.set_title(title)
-        axis.set(xlabel="azimuth [deg]", ylabel="elevation [deg]") if in_degrees else axis.set(
-            xlabel="column [px]", ylabel="row [px]"
-        )
-    figure.savefig(path, dpi=110)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scene", default="highway_guardrail")
@@ -176,7 +134,6 @@ def main() -> None:
     if options.figures:
         options.figures.mkdir(parents=True, exist_ok=True)
         plot_quality(results, options.figures / "camera_quality.png")
-        plot_maps(state, front, options.figures / "lidar_maps.png")
 
 
 if __name__ == "__main__":
