@@ -36,10 +36,15 @@ class ActorEntry:
 
 
 def scene_toml(
-    head: Mapping[str, Any], bsdfs: Mapping[str, Bsdf], instances: Sequence[Instance], actors: Sequence[ActorEntry]
+    head: Mapping[str, Any],
+    bsdfs: Mapping[str, Bsdf],
+    instances: Sequence[Instance],
+    actors: Sequence[ActorEntry],
+    lighting: str = "day",
 ) -> str:
-    """Return the text of a scene.toml: `head` is its table ``[scene]``."""
+    """Return the text of a scene.toml: `head` is its table ``[scene]``, `lighting` the preset of its light."""
     lines = ["[scene]", *(f"{key} = {_value(value)}" for key, value in head.items()), ""]
+    lines += ["[lighting]", f"preset = {_value(lighting)}", ""]
     for name, b in bsdfs.items():
         lines += [f"[materials.{name}]", *(f"{key} = {_value(value)}" for key, value in b.table().items()), ""]
     for item in instances:
