@@ -140,12 +140,12 @@ def precision(shots: int) -> list[tuple[float, ...]]:
     raw = spec.with_(receiver=receiver.with_(raw_signal=True))
     distance = np.random.default_rng(1).uniform(50.0, 70.0, shots)
     results = []
-    for cnr_db in (6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0, 40.0):
+    for seed, cnr_db in enumerate((6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0, 40.0)):
         cnr = 10.0 ** (cnr_db / 10.0)
         true = single_returns(spec, distance, 7.0, cnr)
-        signal = synthesize_beats(raw, true, np.zeros(shots), np.random.default_rng(2))
+        signal = synthesize_beats(raw, true, np.zeros(shots), np.random.default_rng(100 + seed))
         found = [estimate_beats(raw, signal, true)]
-        found.append(receive_heterodyne(spec, true, np.zeros(shots), np.random.default_rng(3)))
+        found.append(receive_heterodyne(spec, true, np.zeros(shots), np.random.default_rng(200 + seed)))
         row = [cnr_db, float(range_deviation(spec, cnr)), float(velocity_deviation(spec, cnr))]
         for one in found:
             kept = one.echo >= 0

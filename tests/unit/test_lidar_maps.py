@@ -107,3 +107,26 @@ def test_an_empty_scan_gives_empty_maps() -> None:
     scan = make_scan(np.zeros((0, 3)))
     assert not range_view(scan).filled.any()
     assert not camera_maps(scan, CAMERA, Pose(), radius_px=2).filled.any()
+
+
+@pytest.mark.parametrize(
+    "lens", [{"model": "brown_conrady", "k1": -0.2, "k2": 0.03, "p1": 1e-3}, {"model": "kannala_brandt", "k1": -0.02}]
+)
+def test_points_go_through_the_cameras_lens(lens: dict[str, Any]) -> None:
+    spec = CAMERA.with_(lens=lens)
+    pixel = np.array([[10.5, 8.5], [50.5, 30.5], [88.5, 51.5]])
+    optical = spec.rays(pixel) * [[10.0], [12.0], [20.0]]
+    sensor = optical @ np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    maps = camera_maps(make_scan(sensor), spec, Pose())
+    row, column = np.floor(pixel[:, ::-1].T).astype(int)
+    assert maps.filled.sum() == 3 and maps.instance[row, column].tolist() == [1, 2, 3]
+    assert np.allclose(maps.depth[row, column], optical[:, 2], rtol=1e-5)  # float32
+    straight = camera_maps(make_scan(sensor), CAMERA, Pose())
+    assert straight.instance[8, 10] == 0  # without the lens it falls elsewhere
+
+
+def test_several_returns_of_a_shot_show_the_nearest_in_the_range_view() -> None:
+    along = shot_directions(SPEC)
+    scan = make_scan(np.concatenate([along[1:2] * 5.0, along[1:2] * 20.0, along[4:5] * 7.0]), shot=[1, 1, 4])
+    maps = range_view(scan)
+    assert maps.instance.tolist() == [[0, 3, 0], [0, 1, 0]]
