@@ -24,7 +24,7 @@ from .document import InstanceEntry, SceneDocument, read_document
 from .geometry import Triangles, encloses, even_directions, refine_distance, upright_box
 from .materials import MaterialTable, load_materials
 from .motion import Motion, Trajectory
-from .twins import Twin
+from .twins import MeshData, Twin
 
 Array = npt.NDArray[np.float64]
 
@@ -205,6 +205,10 @@ class World:
         other.lighting = Lighting.preset(lighting) if isinstance(lighting, str) else lighting
         other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
         return other
+
+    def mesh(self, part: int) -> MeshData:
+        """Return the mesh of a part: of a static one in the world's frame, else in the part's own, see `WorldState.part_pose`."""
+        return self._meshes[self.parts.name[part]]
 
     def actor(self, name: str) -> Actor:
         """Return an actor by name."""
