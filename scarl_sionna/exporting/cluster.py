@@ -103,7 +103,17 @@ def work(job: ShardJob, threads: int | None) -> ShardReport:
         if kind == "frame":
             worker.log_event(TOPIC, data)
 
-    return make_shard(job, tell)
+    try:
+        return make_shard(job, tell)
+    except ScarlError as error:
+        raise portable(error) from None
+
+
+def portable(error: ScarlError) -> ScarlError:
+    """Return an error that can be sent to another process: itself, or its text where it is made of more than that."""
+    if isinstance(error, OutputError | ExportError):
+        return error
+    return ExportError(f"{type(error).__name__}: {error}")
 
 
 @contextmanager

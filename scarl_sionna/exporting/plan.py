@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError
 from scarl_sionna.export.encoding import StoreOptions, foreign_fields
 from scarl_sionna.export.manifest import DatasetPlan, ScenePlan, differences
 from scarl_sionna.export.schema import RESULT_TYPES, check_schema
 from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.generate import resolve_rig
 from scarl_sionna.scenario.spec import ScenarioSpec
+
+if TYPE_CHECKING:
+    from scarl_sionna.world.document import SceneDocument
 
 PROVENANCE_PACKAGES = ("scarl-sionna", "sionna-rt", "mitsuba", "drjit", "numpy")
 """Packages whose version can change a frame's bytes."""
@@ -47,6 +51,8 @@ def plan_export(
         If two scenarios have the same name, the rigs differ, or a sensor kind cannot be stored.
     UnknownNameError, SceneError
         If a scene or rig is unknown or its files are missing.
+    TimeRangeError
+        If a frame's time lies outside of a scene's motion.
     """
     check_schema()
     named: dict[str, ScenarioSpec] = {}
@@ -63,6 +69,7 @@ def plan_export(
     for mount in rig.sensors:
         check_storable(mount.name, mount.kind)
     software = {"python": platform.python_version(), **{name: _version(name) for name in PROVENANCE_PACKAGES}}
+    named = {name: scenario.with_(scene=_findable(scenario.scene)) for name, scenario in named.items()}
     scenes = tuple(
         ScenePlan(name, scenario.num_frames, scene_configuration(scenario), scenario.split)
         for name, scenario in named.items()
@@ -71,29 +78,45 @@ def plan_export(
 
 
 def scene_configuration(scenario: ScenarioSpec) -> dict[str, Any]:
-    """Return all that decides the frames of a scenario but the rig, as plain data: without paths and without their number."""
+    """Return all that decides the frames of a scenario but the rig, as plain data: without paths and without their number.
+
+    Raises
+    ------
+    TimeRangeError
+        If a frame's time lies outside of the scene's motion.
+    """
+    from scarl_sionna.world.document import read_document
+    from scarl_sionna.world.scene import find_scene
+
+    document = read_document(find_scene(scenario.scene))
+    motions = [item.trajectory for item in document.instances if item.trajectory is not None]
+    start, stop = max((m.start for m in motions), default=-math.inf), min((m.stop for m in motions), default=math.inf)
+    for time in (scenario.times[0], scenario.times[-1]):
+        if not start <= time <= stop:
+            raise TimeRangeError(time, start, stop, f"scene '{scenario.scene}'")
     return {
         "scene": Path(scenario.scene).stem,
-        "scene_files": scene_checksum(scenario.scene),
+        "scene_files": _checksum(document),
         "start_time": scenario.start_time,
         "frame_rate": scenario.frame_rate,
         "seed": scenario.seed,
     }
 
 
-def scene_checksum(scene: str) -> str:
+def _checksum(document: SceneDocument) -> str:
     """Return the SHA-256 of a scene's files: XML, ``scene.toml``, and every file that the XML names."""
-    from scarl_sionna.world.document import read_document
-    from scarl_sionna.world.scene import find_scene
-
-    path = find_scene(scene)
-    document = read_document(path)
+    path = document.path
     named = {Path(item.get("value", "")) for item in document.root.iter("string") if item.get("name") == "filename"}
     digest = hashlib.sha256()
     contents = [file.read_bytes() for file in (path, path.parent / "scene.toml") if file.is_file()]
     for content in (*contents, *(file.read_bytes() for file in sorted(named) if file.is_file())):
         digest.update(hashlib.sha256(content).digest())
     return digest.hexdigest()
+
+
+def _findable(scene: str) -> str:
+    """Return a scene's name, or its path so that it means the same in another process."""
+    return str(Path(scene).resolve()) if Path(scene).exists() and (Path(scene).suffix or "/" in scene) else scene
 
 
 def check_storable(name: str, kind: str) -> None:

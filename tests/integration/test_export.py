@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import random
 import resource
 import shutil
@@ -14,12 +15,20 @@ from pathlib import Path
 
 import pytest
 
-from scarl_sionna.core.errors import ExportError, OutputError, ParameterRangeError
+from scarl_sionna.core.errors import (
+    ExportError,
+    OutputError,
+    ParameterRangeError,
+    PlacementError,
+    ScarlError,
+    TimeRangeError,
+)
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.export import StoreOptions, open_dataset
 from scarl_sionna.export.verify import verify
 from scarl_sionna.exporting import ExportSettings, export
 from scarl_sionna.exporting import job as job_module
+from scarl_sionna.exporting.cluster import portable
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.generate import load_world, observe
 from scarl_sionna.scenario import ScenarioSpec
@@ -342,3 +351,21 @@ def test_a_read_only_folder(scenarios, tmp_path) -> None:
         out.parent.mkdir(mode=0o500)
     with pytest.raises(OutputError, match="choose a folder that you may write to"):
         export(scenarios, out, SETTINGS)
+
+
+def test_motion_is_checked_for_all_scenarios_before_anything_is_made(scenarios, tmp_path) -> None:
+    with pytest.raises(TimeRangeError, match="outside the motion"):  # 2 s are known, the last frame is at 3.98 s
+        export([scenarios[0], scenarios[1].with_(num_frames=200)], tmp_path / "out", SETTINGS)
+    assert not (tmp_path / "out").exists()
+
+
+def test_errors_of_workers_can_be_sent() -> None:
+    """An error that is made of several values does not survive its way through pickle."""
+    for error in (
+        OutputError("disk"),
+        ExportError("frame"),
+        TimeRangeError(3.0, 0.0, 2.0, "scene"),
+        PlacementError("inside"),
+    ):
+        sent = pickle.loads(pickle.dumps(portable(error)))
+        assert str(error) in str(sent) and isinstance(sent, ScarlError)
