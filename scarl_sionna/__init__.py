@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .core.accuracy import Accuracy
-    from .core.camera_spec import CameraSpec
+    from .core.camera_spec import BrownConrady, CameraSpec, ImageSensor, KannalaBrandt, Pinhole
     from .core.errors import ScarlError, ScarlWarning
     from .core.lidar_spec import LidarSpec
+    from .core.lighting import Lighting
     from .core.pose import Pose, Twist
     from .core.radar_spec import RadarSpec
     from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
@@ -39,11 +40,16 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Accuracy",
+    "BrownConrady",
     "CameraSpec",
     "Frame",
     "ImageFrame",
+    "ImageSensor",
+    "KannalaBrandt",
     "LidarScan",
     "LidarSpec",
+    "Lighting",
+    "Pinhole",
     "Pose",
     "RadarFrame",
     "RadarPaths",
@@ -75,9 +81,10 @@ __all__ = [
 
 _HOME = {
     ".core.accuracy": ("Accuracy",),
-    ".core.camera_spec": ("CameraSpec",),
+    ".core.camera_spec": ("BrownConrady", "CameraSpec", "ImageSensor", "KannalaBrandt", "Pinhole"),
     ".core.errors": ("ScarlError", "ScarlWarning"),
     ".core.lidar_spec": ("LidarSpec",),
+    ".core.lighting": ("Lighting",),
     ".core.pose": ("Pose", "Twist"),
     ".core.radar_spec": ("RadarSpec",),
     ".core.results": ("Frame", "ImageFrame", "LidarScan", "RadarFrame"),

@@ -298,7 +298,8 @@ def _calibration(mount: Mapping[str, Any]) -> dict[str, Any]:
 
 def _derived(spec: Spec) -> dict[str, Any]:
     if isinstance(spec, CameraSpec):
-        return {"width": spec.width, "height": spec.height, "intrinsics": spec.intrinsics.tolist()}
+        lens = {"lens": spec.lens.model, "distortion": list(spec.distortion_coefficients)}
+        return {"width": spec.width, "height": spec.height, "intrinsics": spec.intrinsics.tolist(), **lens}
     if isinstance(spec, LidarSpec):
         return {"num_azimuth": spec.num_azimuth, "num_elevation": spec.num_elevation}
     if isinstance(spec, RadarSpec):

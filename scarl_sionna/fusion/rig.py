@@ -241,7 +241,7 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
     if quality not in QUALITIES:
         raise UnknownNameError("quality", quality, QUALITIES)
     draft = quality == "draft"
-    camera = CameraSpec(width=480, height=270, samples_per_pixel=16) if draft else CameraSpec()
+    camera = CameraSpec(width=480, height=270, samples_per_pixel=8) if draft else CameraSpec()
     lidar = LidarSpec(num_azimuth=480, num_elevation=64) if draft else LidarSpec()
     if radar is None:
         radar = RadarSpec.preset("awr1843boost")
