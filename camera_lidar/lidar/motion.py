@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -32,6 +32,11 @@ _SAME_VELOCITY = 1e-6
 """A sensor whose velocity is the ego vehicle's within this [m/s, rad/s] is carried by it."""
 
 
+def knots(duration: float) -> Array:
+    """Return the times [s] at which motion during a scan is sampled: one for a flash."""
+    return np.linspace(0.0, duration, max(int(np.ceil(duration / KNOT_INTERVAL)), 1) + 1 if duration > 0.0 else 1)
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Poses and velocities at knots, interpolated between.
@@ -53,11 +58,9 @@ class Motion:
     angular: Array
 
     @classmethod
-    def sampled(cls, at: Callable[[float], tuple[Pose, Twist]], duration: float) -> Motion:
-        """Return the motion whose pose and velocity at a time after the timestamp are `at(time)`."""
-        number = max(int(np.ceil(duration / KNOT_INTERVAL)), 1) + 1 if duration > 0.0 else 1
-        times = np.linspace(0.0, duration, number)
-        poses, twists = zip(*(at(float(time)) for time in times), strict=True)
+    def through(cls, times: Array, at_times: Sequence[tuple[Pose, Twist]]) -> Motion:
+        """Return the motion through poses and velocities at knots."""
+        poses, twists = zip(*at_times, strict=True)
         return cls(
             times,
             np.array([pose.position for pose in poses]),
@@ -65,6 +68,12 @@ class Motion:
             np.array([twist.linear for twist in twists]),
             np.array([twist.angular for twist in twists]),
         )
+
+    @classmethod
+    def sampled(cls, at: Callable[[float], tuple[Pose, Twist]], duration: float) -> Motion:
+        """Return the motion whose pose and velocity at a time after the timestamp are `at(time)`."""
+        times = knots(duration)
+        return cls.through(times, [at(float(time)) for time in times])
 
     @cached_property
     def _turn(self) -> Array:

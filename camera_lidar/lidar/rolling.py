@@ -10,17 +10,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world.apart import Body, stand_apart
+from scarl_sionna.world.apart import Apart, stand_apart
 from scarl_sionna.world.scene import RayHits, WorldState
 
-from .motion import Motion
+from .motion import Motion, knots
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-_BLOCK = 1 << 18
-"""Rays that are tested against all bodies at once: 1 MB for each body."""
+_PAIRS_AT_ONCE = 1 << 23
+"""Pairs of ray and body that are tested at once: 32 MB."""
 
 
 class RollingCaster:
@@ -37,7 +36,7 @@ class RollingCaster:
     def __init__(self, state: WorldState, duration: float) -> None:
         self._apart = stand_apart(state.world)
         self._radius = np.array([body.radius for body in self._apart.bodies])
-        self._motions = [_motion(body, state.time, duration) for body in self._apart.bodies]
+        self._motions = _motions(self._apart, state.time, duration)
         self._swept = _swept(self._motions, self._radius)
 
     def cast(self, origins: Array, directions: Array, times: Array, max_distance: float, from_sensor: bool) -> RayHits:
@@ -96,8 +95,9 @@ class RollingCaster:
             sine = np.minimum(reach / distance, 1.0)
             # float32 is off by 1e-7 in a cosine; the margin is on the safe side
             cosine = np.where(distance <= reach, -2.0, np.sqrt(1.0 - sine * sine) - 1e-5).astype(np.float32)
-            for first in range(0, len(directions), _BLOCK):
-                block = directions[first : first + _BLOCK].astype(np.float32) @ unit.T
+            step = max(_PAIRS_AT_ONCE // max(len(near), 1), 1)
+            for first in range(0, len(directions), step):
+                block = directions[first : first + step].astype(np.float32) @ unit.T
                 rays, which = np.nonzero(block >= cosine)
                 pairs.append((rays + first, near[which]))
         return np.concatenate([rays for rays, _ in pairs]), np.concatenate([body for _, body in pairs])
@@ -134,12 +134,12 @@ class RollingCaster:
         return RayHits(rays[pair], distance, point, normal, hits.cos_incidence[good], hits.part[good], velocity)
 
 
-def _motion(body: Body, timestamp: float, duration: float) -> Motion:
-    def at(time: float) -> tuple[Pose, Twist]:
-        moved = body.motion(timestamp + time)
-        return moved.pose, moved.twist
-
-    return Motion.sampled(at, duration)
+def _motions(apart: Apart, timestamp: float, duration: float) -> list[Motion]:
+    times = knots(duration)
+    at_times = [apart.motions(timestamp + float(time)) for time in times]
+    return [
+        Motion.through(times, [(moved.pose, moved.twist) for moved in body]) for body in zip(*at_times, strict=True)
+    ]
 
 
 def _swept(motions: list[Motion], radius: Array) -> tuple[Array, Array]:

@@ -208,7 +208,7 @@ class RisleyScan(Spec):
 
     def times(self) -> Array:
         """Return the time of every shot after the start of the scan [s], shape (num_shots,)."""
-        return np.arange(self.num_shots) * (self.scan_time / self.num_shots)
+        return np.arange(self.num_shots, dtype=np.float64) * float(self.scan_time / self.num_shots)
 
     def angles(self) -> tuple[Array, Array]:
         """Return azimuth and elevation of every shot [rad], each of shape (num_shots,)."""
@@ -326,10 +326,8 @@ def _binned(
 def _read_columns(path: Path) -> dict[str, Array]:
     if path.suffix == ".npz":
         with np.load(path) as arrays:
-            columns: dict[str, Any] = {name: np.asarray(arrays[name], dtype=np.float64) for name in arrays.files}
-    elif path.suffix == ".csv":
-        table = np.atleast_1d(np.genfromtxt(path, delimiter=",", names=True, dtype=np.float64, encoding="utf-8"))
-        columns = {name: np.asarray(table[name]) for name in table.dtype.names or ()}
-    else:
+            return {name: np.asarray(arrays[name], dtype=np.float64) for name in arrays.files}
+    if path.suffix != ".csv":
         raise ValueError(f"the ending '{path.suffix}' is neither .csv nor .npz")
-    return columns
+    table: Any = np.atleast_1d(np.genfromtxt(path, delimiter=",", names=True, dtype=np.float64, encoding="utf-8"))
+    return {name: np.asarray(table[name]) for name in table.dtype.names or ()}

@@ -45,23 +45,6 @@ class Body:
     centre: Array
     radius: float
 
-    def motion(self, time: float) -> Motion:
-        """Return the motion in the world of the sphere's centre, with the axes of the body's parts.
-
-        Past the end of its actor's trajectory the body keeps its last velocity and angular velocity.
-        """
-        trajectory = self.actor.trajectory
-        known = min(time, trajectory.stop)
-        moved = Motion(trajectory.pose(known), trajectory.twist(known))
-        if self.shape is not None:
-            moved = moved.then(self.actor.motions(known)[self.shape])
-        moved = moved.then(Motion(Pose(self.centre)))
-        if known == time:
-            return moved
-        turn = Rotation.from_rotvec(moved.twist.angular * (time - known)).as_matrix()
-        place = moved.pose.position + moved.twist.linear * (time - known)
-        return Motion(Pose.from_rotation(place, turn @ moved.pose.rotation), moved.twist)
-
 
 @dataclass(frozen=True, eq=False)
 class Apart:
@@ -82,6 +65,32 @@ class Apart:
     body_of_part: npt.NDArray[np.int32]
     centre: Array
     state: WorldState
+
+    def motions(self, time: float) -> list[Motion]:
+        """Return the motion in the world of every body: that of the centre of its sphere, with the axes of its parts.
+
+        Past the end of its actor's trajectory a body keeps its last velocity and angular velocity.
+        """
+        of_actor: dict[str, tuple[Motion, dict[str, Motion], float]] = {}
+        found = []
+        for body in self.bodies:
+            actor = body.actor
+            if actor.name not in of_actor:
+                known = min(time, actor.trajectory.stop)
+                whole = Motion(actor.trajectory.pose(known), actor.trajectory.twist(known))
+                of_actor[actor.name] = whole, actor.motions(known) if actor.joints else {}, time - known
+            moved, jointed, beyond = of_actor[actor.name]
+            if body.shape is not None:
+                moved = moved.then(jointed[body.shape])
+            moved = moved.then(Motion(Pose(body.centre)))
+            found.append(_kept_moving(moved, beyond) if beyond > 0.0 else moved)
+        return found
+
+
+def _kept_moving(moved: Motion, time: float) -> Motion:
+    turn = Rotation.from_rotvec(moved.twist.angular * time).as_matrix()
+    place = moved.pose.position + moved.twist.linear * time
+    return Motion(Pose.from_rotation(place, turn @ moved.pose.rotation), moved.twist)
 
 
 class _ApartState(WorldState):
