@@ -1,6 +1,6 @@
 """Work and precision of the solver `sionna`: paths and power found against the number of rays, and the time that it takes.
 
-    python benchmarks/sionna_paths.py [--depth 1 2] [--samples 20000 50000 ...] [--scene highway_guardrail]
+    python benchmarks/sionna_paths.py [--depth 1 2] [--samples 20000 50000 ...] [--scene highway_guardrail] [--diffraction]
 
 The reference is the largest number of rays at the same depth. Times are warm: the second of two solves, one variant held.
 """
@@ -23,7 +23,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scene", default="highway_guardrail")
     parser.add_argument("--depth", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--samples", type=int, nargs="+", default=[20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000])
+    parser.add_argument(
+        "--samples", type=int, nargs="+", default=[20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000]
+    )
+    parser.add_argument("--diffraction", action="store_true")
     arguments = parser.parse_args()
     world = ss.load_scene(arguments.scene)
     state = world.at(max(0.0, world.time_range[0]))
@@ -41,22 +44,28 @@ def main() -> None:
             rows = []
             for count in arguments.samples:
                 for _ in range(2):
-                    start = time.perf_counter()
+                    start, busy = time.perf_counter(), time.process_time()
                     paths = ss.solve_paths(
-                        state, ss.RadarSpec(), pose, "sionna", num_samples=count, max_depth=depth, scatterers=points
-                    )
-                    taken = time.perf_counter() - start
+                        state, ss.RadarSpec(), pose, "sionna", num_samples=count, max_depth=depth, scatterers=points,
+                        diffraction=arguments.diffraction,
+                    )  # fmt: skip
+                    taken, spent = time.perf_counter() - start, time.process_time() - busy
                 through = (paths.interaction == 0).any(axis=1)
                 power = [float(np.sum(np.abs(paths.a[rows_, 0, 0]) ** 2)) for rows_ in (through, ~through)]
-                rows.append((count, paths.num_paths, *power, paths.diagnostics["num_candidates"], taken))
-            print(f"max_depth {depth}, {len(boxes)} scatterers, {world.name}")
-            print("   rays   paths  scatterers dB  environment dB  candidates  seconds")
-            for count, number, scattered, own, candidates, taken in rows:
+                rows.append((count, paths.num_paths, *power, paths.diagnostics["num_candidates"], taken, spent))
+            print(f"\n{world.name}, {len(boxes)} scatterers, max_depth {depth}\n")
+            print(
+                "| rays | paths | power through scatterers [dB] | power of the environment [dB] | candidates | wall [s] | CPU [s] |"
+            )
+            print("|---|---|---|---|---|---|---|")
+            for count, number, scattered, own, candidates, taken, spent in rows:
                 levels = [
-                    f"{10 * np.log10(value / last):14.3f}" if value > 0 and last > 0 else f"{'-':>14}"
+                    f"{10 * np.log10(value / last):.3f}" if value > 0 and last > 0 else "-"
                     for value, last in ((scattered, rows[-1][2]), (own, rows[-1][3]))
                 ]
-                print(f"{count:8d} {number:6d} {levels[0]} {levels[1]} {candidates:11d} {taken:8.2f}")
+                print(
+                    f"| {count:,} | {number} | {levels[0]} | {levels[1]} | {candidates} | {taken:.2f} | {spent:.2f} |"
+                )
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ def synthesize_blocks(
     accuracy, method
         As of :func:`synthesize`.
     block_tolerance : float
-        Largest error at the blocks' borders, relative to the signal, before there is a warning.
+        Largest error at the blocks' borders, relative to the strongest block, before there is a warning.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def synthesize_blocks(
     -----
     Within a block, lengths are quadratic in time about its middle. With the true rate and acceleration the phase is off by
     at most :math:`2\pi f_0/c \cdot \dddot L (T/2)^3/6` at the borders of a block that lasts T; where a solver takes turning
-    parts as moving straight, by :math:`2\pi f_0/c \cdot \ddot L (T/2)^2/2`.
+    parts as moving straight, by :math:`2\pi f_0/c \cdot \ddot L (T/2)^2/2`. Amplitudes are kept over a block.
 
     References
     ----------
@@ -83,7 +83,7 @@ def synthesize_blocks(
         raise ParameterRangeError("chirps_per_block", chirps_per_block, f"1 to num_chirps = {radar.num_chirps}")
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     ramps, single = radar.num_tx, radar.with_(num_chirps=1)
-    error, before = 0.0, None
+    apart, size, before = 0.0, 0.0, None
     for first in range(0, radar.num_chirps, chirps_per_block):
         count = min(chirps_per_block, radar.num_chirps - first)
         start, middle = first * radar.doppler_interval, (first + count / 2.0) * radar.doppler_interval
@@ -92,22 +92,19 @@ def synthesize_blocks(
         adc[:, first * ramps : (first + count) * ramps] = block
         if before is not None:
             carried = synthesize(shifted(before[0], middle - before[1]), single, None, accuracy, method)
-            error = max(error, 0.25 * _relative(carried, synthesize(paths, single, None, accuracy, method)))
+            found = synthesize(paths, single, None, accuracy, method)
+            apart = max(apart, float(np.linalg.norm(carried - found)))
+            size = max(size, float(np.linalg.norm(carried)), float(np.linalg.norm(found)))
         before = paths, middle
+    error = 0.25 * apart / size if size > 0.0 else 0.0
     if error > block_tolerance:
         warnings.warn(
-            f"blocks of {chirps_per_block} chirps do not follow the motion: the signal is off by about {error:.2g} of itself at "
+            f"blocks of {chirps_per_block} chirps do not follow the motion: the signal is off by about {error:.2g} of its largest at "
             "their borders. Parts turn too fast, or paths come and go; use fewer chirps_per_block",
             ScarlWarning,
             stacklevel=2,
         )
     return adc if rng is None else add_noise(adc, radar, rng)
-
-
-def _relative(one: npt.NDArray[np.complex64], other: npt.NDArray[np.complex64]) -> float:
-    """Return the norm of the difference over that of the larger."""
-    size = max(float(np.linalg.norm(one)), float(np.linalg.norm(other)))
-    return float(np.linalg.norm(one - other)) / size if size > 0.0 else 0.0
 
 
 def shifted(paths: RadarPaths, time: float) -> RadarPaths:
