@@ -156,6 +156,7 @@ def _scan(spec: LidarSpec, pose: Pose, objects: Sequence[ObjectState]) -> LidarS
     return LidarScan(
         spec, pose, kept.astype(np.int32), (rays * distance[:, None]).astype(np.float32), distance, 0 * ones,
         (0.5 / distance**2).astype(np.float32), ones, (-rays).astype(np.float32), semantic, instance,
+        time=0 * ones, return_index=np.zeros(len(kept), np.uint8), reflectance=0.5 * ones, cnr=np.nan * ones,
     )  # fmt: skip
 
 

@@ -231,6 +231,25 @@ def test_a_source_without_lidar_or_radar_is_written(tmp_path) -> None:
         assert not (tmp_path / keep / "v1.0-mini" / "lidarseg.json").exists()
 
 
+def test_two_cameras_of_one_suite_do_not_share_a_channel(tmp_path) -> None:
+    full = drive(num_frames=1, ends=("front",))
+    frame = full.scenes[0].frames[0]
+    mount = next(m for m in full.rig["sensors"] if m["kind"] == "camera")
+    names = ("front_center/wide", "front_center/narrow", "roof-rack/camera")
+    rig = {"name": "three", "sensors": [{**mount, "name": name} for name in names]}
+    same = type(frame)(**{**vars(frame), "results": dict.fromkeys(names, frame.results["front_center/camera"])})
+    export_nuscenes(FrameSource(rig, [SceneFrames("one", [same])]), tmp_path / "out")
+    channels = [s["channel"] for s in table(tmp_path / "out", "sensor")]
+    assert channels == ["CAM_FRONT", "CAM_FRONT_CENTER_NARROW", "CAM_ROOF_RACK_CAMERA"]
+    assert len({r["filename"] for r in table(tmp_path / "out", "sample_data")}) == 3
+
+
+def test_scene_names_stay_inside_the_folder() -> None:
+    for name in ("", "..", "a/b", "a\\b"):
+        with pytest.raises(ParameterRangeError, match="scene name"):
+            SceneFrames(name, [])
+
+
 def test_only_an_export_is_overwritten(tmp_path) -> None:
     source = drive(num_frames=1, ends=("front",))
     out = tmp_path / "out"

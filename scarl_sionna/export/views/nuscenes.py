@@ -122,6 +122,7 @@ class _Writer:
         self.table["attribute"] = tables.attribute_table()
         self.table["visibility"] = tables.visibility_table()
         self._sensors: dict[str, str] = {}
+        self._channels: dict[str, str] = {}
         self._last_time: int | None = None
         self._begin_scene()
 
@@ -190,6 +191,15 @@ class _Writer:
         self.chains[channel].append(record)
         return record
 
+    def _channel(self, prefix: str, sensor: str) -> str:
+        """Return the channel of a sensor; where two would share one, the later is named in full."""
+        if sensor not in self._channels:
+            taken = set(self._channels.values())
+            short, full = tables.channel(prefix, sensor), tables.full_channel(prefix, sensor)
+            names = [short, full, *(f"{full}_{number}" for number in range(2, len(taken) + 3))]
+            self._channels[sensor] = next(name for name in names if name not in taken)
+        return self._channels[sensor]
+
     def _lidar(self, scene: SceneFrames, frame: Frame, base: dict[str, Any]) -> npt.NDArray[np.float64]:
         """Write all lidars as one cloud and return its points (N, 3) [m, world]."""
         scans: dict[str, LidarScan] = frame.lidars
@@ -217,7 +227,7 @@ class _Writer:
         for name, radar in frame.radars.items():
             sensed = sensed_points(frame, radar, self.pfa)
             record = self._record(
-                scene, base, tables.channel("RADAR", name), "radar", self.source.vehicle_from_sensor(name), "pcd"
+                scene, base, self._channel("RADAR", name), "radar", self.source.vehicle_from_sensor(name), "pcd"
             )
             (self.root / record["filename"]).write_bytes(files.radar_file(sensed, radar.spec))
             record["height"], record["width"] = (1, sensed.points.num_points) if sensed.points.num_points else (0, 0)
@@ -246,7 +256,7 @@ class _Writer:
             matrix = image.spec.intrinsics.copy()
             matrix[:2, 2] -= 0.5  # nuScenes counts pixels from the centre of the first one
             record = self._record(
-                scene, base, tables.channel("CAM", name), "camera", optical, self.image_format, matrix,
+                scene, base, self._channel("CAM", name), "camera", optical, self.image_format, matrix,
                 size=(image.spec.height, image.spec.width),
             )  # fmt: skip
             (self.root / record["filename"]).write_bytes(

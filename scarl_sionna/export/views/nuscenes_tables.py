@@ -117,6 +117,10 @@ def has_boxes(category: str) -> bool:
 
 def channel(prefix: str, sensor: str) -> str:
     """Return the channel of a sensor: ``front_left/rgb`` is ``CAM_FRONT_LEFT``, ``roof/rgb`` is ``CAM_ROOF_RGB``."""
-    suite = sensor.rpartition("/")[0] or sensor
-    place = CHANNEL_PLACES.get(suite)
-    return f"{prefix}_{place}" if place else f"{prefix}_{sensor}".upper().replace("/", "_").replace("-", "_")
+    place = CHANNEL_PLACES.get(sensor.rpartition("/")[0] or sensor)
+    return f"{prefix}_{place}" if place else full_channel(prefix, sensor)
+
+
+def full_channel(prefix: str, sensor: str) -> str:
+    """Return a channel with the whole name of the sensor."""
+    return f"{prefix}_{sensor}".upper().replace("/", "_").replace("-", "_")

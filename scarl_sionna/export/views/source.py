@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,9 @@ def no_progress(done: int, total: int) -> None:
     """Report nothing."""
 
 
+_SCENE_NAME = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_\-.]*")
+
+
 class Frames(Protocol):
     """Frames by index, read when they are asked for."""
 
@@ -33,6 +37,10 @@ class SceneFrames:
 
     name: str
     frames: Frames
+
+    def __post_init__(self) -> None:
+        if not _SCENE_NAME.fullmatch(self.name):
+            raise ParameterRangeError("scene name", repr(self.name), "letters, digits, '_', '-', '.', not first '.'")
 
     def __len__(self) -> int:
         """Return the number of frames."""
