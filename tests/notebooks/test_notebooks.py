@@ -10,7 +10,7 @@ nbformat = pytest.importorskip("nbformat")
 nbclient = pytest.importorskip("nbclient")
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-QUICK = ("03_radar_signal_chain", "07_rcs_of_your_mesh")
+QUICK = ("03_radar_signal_chain", "07_rcs_of_your_mesh", "11_multipath_and_ghosts")
 TIMEOUT = 180.0
 """What a notebook may take on two cores [s]."""
 
