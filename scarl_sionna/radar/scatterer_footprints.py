@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .sbr import Body, PartSurfaces, SbrSettings
-from .sbr.caster import MISS
+from .sbr.caster import MISS, Rays
 from .sbr.solve import unit_vectors
 from .sbr.surface import radiating_vector
 from .sbr.trace import Bounce, Tubes, Waves, bounces
@@ -109,11 +109,7 @@ def _seen(body: Body, bounce: Bounce, toward: Array, receive: Array, waves: Wave
         front = tubes.normal @ toward > 0.0
         free, tested = np.flatnonzero(front & tubes.free), np.flatnonzero(front & ~tubes.free)
         rows, pieces = [free], [corners[free]]
-
-        def hidden(points: Array, at: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-            away = np.broadcast_to(toward, points.shape)
-            return body.caster.blocked(points, away, tubes.normal[at]).astype(np.int64)
-
+        hidden = Rays(body.caster, np.broadcast_to(toward, tubes.normal.shape), tubes.normal)
         size = np.full(len(tested), waves.wavelength[0])
         for tri, at, dark in refine(
             corners[tested], tested, hidden, settings.ray_spacing * size, settings.edge_spacing * size, *settings.limits

@@ -6,6 +6,7 @@ Aspects are cut into blocks of neighbours. A centre that is weak in all aspects 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -74,29 +75,27 @@ class AspectTable:
 
     def present(self, row: Index, column: Index, centre: Index) -> npt.NDArray[np.bool_]:
         """Return whether centres are held in the blocks of their aspects."""
-        return np.asarray(
-            self.held[self._block(self.row_start, row), self._block(self.column_start, column), centre] >= 0
-        )
+        return np.asarray(self.held[self._block_of_row[row], self._block_of_column[column], centre] >= 0)
 
     def at(self, row: Index, column: Index, centre: Index) -> Complex:
         """Return the matrices of centres at aspects, arrays of one shape (n,); zero where a centre is not held."""
-        i, j = self._block(self.row_start, row), self._block(self.column_start, column)
+        i, j = self._block_of_row[row], self._block_of_column[column]
         start = self.held[i, j, centre]
-        width = self._ends(self.column_start, self.num_columns)[j] - self.column_start[j]
-        place = start + (row - self.row_start[i]) * width + column - self.column_start[j]
+        width = np.diff(self.column_start, append=self.num_columns)
+        place = start + (row - self.row_start[i]) * width[j] + column - self.column_start[j]
         if not len(self.values):
             return np.zeros((len(place), 2, 2), dtype=np.complex64)
         found = self.values[np.maximum(place, 0)]
         found[start < 0] = 0.0
         return np.asarray(found)
 
-    @staticmethod
-    def _block(starts: Index, number: Index) -> Index:
-        return np.asarray(np.searchsorted(starts, number, side="right") - 1, dtype=np.int64)
+    @cached_property
+    def _block_of_row(self) -> Index:
+        return np.repeat(np.arange(len(self.row_start)), np.diff(self.row_start, append=self.num_rows))
 
-    @staticmethod
-    def _ends(starts: Index, count: int) -> Index:
-        return np.append(starts[1:], count)
+    @cached_property
+    def _block_of_column(self) -> Index:
+        return np.repeat(np.arange(len(self.column_start)), np.diff(self.column_start, append=self.num_columns))
 
     def to_dense(self) -> Complex:
         """Return the whole table as one array."""

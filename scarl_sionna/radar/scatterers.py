@@ -135,16 +135,13 @@ class ScattererModel:
         result = np.zeros((self.num_centers, 2, 2), dtype=np.complex128)
         rows, share_up = _stencil(self.elevation, elevation)
         columns, share_along = self._columns(azimuth)
-        near = [
-            np.take_along_axis(n, s.argmax(axis=1)[:, None], 1)[:, 0]
-            for n, s in ((rows, share_up), (columns, share_along))
-        ]
-        centre = np.flatnonzero(self.amplitude.present(*near, np.arange(self.num_centers)))
-        for up in range(rows.shape[1]):
-            for along in range(columns.shape[1]):
-                share = share_up[centre, up] * share_along[centre, along]
-                values = self.amplitude.at(rows[centre, up], columns[centre, along], centre)
-                result[centre] += share[:, None, None] * values
+        row = np.take_along_axis(rows, share_up.argmax(axis=1)[:, None], 1)[:, 0]
+        column = np.take_along_axis(columns, share_along.argmax(axis=1)[:, None], 1)[:, 0]
+        centre = np.flatnonzero(self.amplitude.present(row, column, np.arange(self.num_centers)))
+        share = (share_up[centre, :, None] * share_along[centre, None, :]).reshape(len(centre), -1)
+        up, along, who = np.broadcast_arrays(rows[centre, :, None], columns[centre, None, :], centre[:, None, None])
+        values = self.amplitude.at(up.reshape(-1), along.reshape(-1), who.reshape(-1))
+        result[centre] = (share[:, None, :] @ values.reshape(*share.shape, 4))[:, 0].reshape(-1, 2, 2)
         return result
 
     def _columns(self, azimuth: Array) -> tuple[npt.NDArray[np.int64], Array]:
@@ -210,15 +207,16 @@ class ScattererModel:
         OutputError
             If it cannot be written.
         """
-        texts: dict[str, Any] = {
+        columns: dict[str, Any] = {
             name: json.dumps(dict(getattr(self, name)), sort_keys=True) for name in ("error", "provenance")
         }
+        columns.update(self.amplitude.arrays())
         numbers = (self.frequency, self.cell, self.nearest_distance, self.elevation_reach)
         try:
             with Path(path).open("wb") as file:
                 np.savez_compressed(
                     file, version=FORMAT_VERSION, centers=self.centers, azimuth=self.azimuth, elevation=self.elevation,
-                    numbers=np.array(numbers), **self.amplitude.arrays(), **texts,
+                    numbers=np.array(numbers), **columns,
                 )  # fmt: skip
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error})") from error
@@ -237,13 +235,13 @@ class ScattererModel:
                 version = int(data["version"])
                 if version > FORMAT_VERSION:
                     raise SceneError(f"is of version {version}, this program reads up to {FORMAT_VERSION}", path)
-                numbers = [float(value) for value in data["numbers"]]
-                texts = [json.loads(str(data[name])) for name in ("error", "provenance")]
-                arrays = [data[name] for name in ("centers", "azimuth", "elevation")]
+                frequency, cell, nearest, reach = (float(value) for value in data["numbers"])
+                error_of, provenance = (json.loads(str(data[name])) for name in ("error", "provenance"))
+                centers, azimuth, elevation = (data[name] for name in ("centers", "azimuth", "elevation"))
                 table = AspectTable.dense(data["amplitude"]) if version == 1 else AspectTable.from_arrays(data)
         except (OSError, KeyError, ValueError) as error:
             raise SceneError(f"is no scatterer model ({error})", path, "write one with ScattererModel.save") from error
-        return cls(*arrays, table, *numbers, *texts)
+        return cls(centers, azimuth, elevation, table, frequency, cell, nearest, reach, error_of, provenance)
 
     @classmethod
     def tr38901(cls, object_type: str, frequency: float = 77e9, model_type: int = 2) -> ScattererModel:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .body import Body
+from .caster import Rays
 from .phase import triangle_phase_integral
 from .settings import DEFAULT_SBR, SbrSettings
 from .surface import PartSurfaces, radiating_vector
@@ -172,11 +173,7 @@ def _add_visible(
     if not len(tube):
         return
     tubes = bounce.tubes
-
-    def hidden(points: Array, rows: Index) -> Index:
-        normal = tubes.normal[tube[rows]]
-        return body.caster.blocked(points, plan.observer[view[rows]], normal).astype(np.int64)
-
+    hidden = Rays(body.caster, plan.observer[view], tubes.normal[tube])
     wavelength = plan.waves.wavelength[tubes.wave[tube]]
     sizes = (settings.ray_spacing * wavelength, settings.edge_spacing * wavelength)
     for corners, rows, dark in refine(tubes.corners[tube], np.arange(len(tube)), hidden, *sizes, *settings.limits):

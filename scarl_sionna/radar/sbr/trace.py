@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .body import Body
-from .caster import MISS
+from .caster import MISS, Rays
 from .settings import SbrSettings
 from .surface import PartSurfaces
 from .tubes import refine
@@ -154,15 +154,14 @@ def _sizes(waves: Waves, wave: Index, settings: SbrSettings) -> tuple[Array, Arr
 
 def _lit(body: Body, waves: Waves, tubes: Tubes, settings: SbrSettings) -> Iterator[Tubes]:
     """Yield the parts of the tubes that see the source."""
-
-    def shadowed(points: Array, rows: Index) -> Index:
-        return body.caster.blocked(points, -tubes.direction[rows], tubes.normal[rows]).astype(np.int64)
-
     if tubes.free.any():
         yield tubes.take(np.flatnonzero(tubes.free))
         tubes = tubes.take(np.flatnonzero(~tubes.free))
+    if not len(tubes):
+        return
     sizes = _sizes(waves, tubes.wave, settings)
-    for corners, rows, dark in refine(tubes.corners, np.arange(len(tubes)), shadowed, *sizes, *settings.limits):
+    shadow = Rays(body.caster, -tubes.direction, tubes.normal)
+    for corners, rows, dark in refine(tubes.corners, np.arange(len(tubes)), shadow, *sizes, *settings.limits):
         lit = dark == 0
         yield tubes.take(rows[lit], corners[lit])
 
@@ -171,12 +170,10 @@ def _next(body: Body, waves: Waves, bounce: Bounce, settings: SbrSettings) -> It
     """Yield the footprints that the reflected tubes have on what they meet next."""
     tubes, triangles = bounce.tubes, body.triangles
     plane_face = np.unique(body.plane, return_index=True)[1]
-
-    def plane_met(points: Array, rows: Index) -> Index:
-        face = body.caster.first_face(points, bounce.onward[rows], tubes.normal[rows])
-        return np.where(face == MISS, MISS, body.plane[face])
-
     chosen = np.flatnonzero(~tubes.free)
+    if not len(chosen):
+        return
+    plane_met = Rays(body.caster, bounce.onward, tubes.normal, body.plane)
     sizes = _sizes(waves, tubes.wave[chosen], settings)
     for corners, rows, plane in refine(tubes.corners[chosen], chosen, plane_met, *sizes, *settings.limits):
         face = plane_face[plane]

@@ -9,17 +9,17 @@ Tubes wait in pools, one for each number of halvings and one for those to cut, s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from .caster import Probe
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
-LabelOf = Callable[[Array, Index], Index]
-"""Maps points (n, 3) on footprints and the rows of their tubes to what the tubes' rays meet there."""
 Pieces: TypeAlias = "tuple[Array, Index, Index]"
 """Corners, rows and labels."""
 
@@ -42,7 +42,7 @@ _CUT = 1 << 20
 def refine(
     corners: Array,
     rows: Index,
-    label_of: LabelOf,
+    probe: Probe,
     spacing: Array,
     edge_spacing: Array,
     max_rays: int,
@@ -56,7 +56,7 @@ def refine(
         Footprints [m].
     rows : ndarray of int64, shape (num_tubes,)
         Row of each tube in the tables of the caller; pieces inherit it.
-    label_of : callable
+    probe : Probe
         What the rays of a tube meet, at points of its footprint.
     spacing, edge_spacing : ndarray of float64, shape (num_tubes,)
         Largest distance of the probes, and size down to which straddling tubes are halved [m].
@@ -75,11 +75,11 @@ def refine(
     while pools:
         number, tubes = pools.take()
         if number == _CUT:
-            pieces, again = _along_edge(tubes, label_of, bisections)
+            pieces, again = _along_edge(tubes, probe, bisections)
             yield from pieces
             number >>= 1  # their halves have pools of their own
         else:
-            pieces, again, straddling = _probe(tubes, label_of)
+            pieces, again, straddling = _probed(tubes, probe)
             yield from pieces
             pools.put(_CUT, straddling)
         pools.put(number + 1, again.halved())
@@ -193,15 +193,16 @@ def _layout(tri: Array, wide: Array, fine: Array) -> tuple[Array, Index]:
     return longest, layout
 
 
-def _probe(tubes: _Waiting, label_of: LabelOf) -> tuple[list[Pieces], _Waiting, _Waiting]:
+def _probed(tubes: _Waiting, probe: Probe) -> tuple[list[Pieces], _Waiting, _Waiting]:
     """Return the pieces that are settled, the tubes to halve, and those to cut along an edge."""
     short = np.flatnonzero(tubes.layout != _TOO_LONG)
     long = np.flatnonzero(tubes.layout == _TOO_LONG)
     if not len(short):
         return [], tubes, tubes.take(short)
     probed = tubes.take(short) if len(long) else tubes
-    points, start = _probe_points(_inset(probed.tri), probed.layout)
-    labels = label_of(points, np.repeat(probed.row, _COUNTS[probed.layout]))
+    count = _COUNTS[probed.layout]
+    start = np.cumsum(count) - count
+    labels = probe.within(_inset(probed.tri), probed.row, _TABLE, count, _OFFSETS[probed.layout])
     same = np.minimum.reduceat(labels, start) == np.maximum.reduceat(labels, start)
     pieces = [(probed.tri[same], probed.row[same], labels[start[same]])] if same.any() else []
     uneven = np.flatnonzero(~same)
@@ -225,7 +226,7 @@ def _above_corner_size(tubes: _Waiting) -> npt.NDArray[np.bool_]:
     return np.asarray(tubes.longest > _CORNER_SIZE * tubes.fine)
 
 
-def _along_edge(tubes: _Waiting, label_of: LabelOf, bisections: int) -> tuple[list[Pieces], _Waiting]:
+def _along_edge(tubes: _Waiting, probe: Probe, bisections: int) -> tuple[list[Pieces], _Waiting]:
     """Cut tubes one corner of which (`odd`) has another label than the other two.
 
     A cut is clean where beyond it the other two corners' label begins at once; the second result are the tubes where it does
@@ -244,7 +245,7 @@ def _along_edge(tubes: _Waiting, label_of: LabelOf, bisections: int) -> tuple[li
     for _ in range(bisections):
         middle = (low + high) / 2.0
         points = inner[:, :1] + middle[:, :, None] * arms
-        found = label_of(points.reshape(-1, 3), rows).reshape(-1, 2)
+        found = probe.at(points.reshape(-1, 3), rows).reshape(-1, 2)
         inside = found == label[:, :1]
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
         beyond = np.where(inside, beyond, found)
@@ -289,15 +290,3 @@ _TOO_LONG = len(_LAYOUTS)
 _COUNTS = np.array([*(len(layout) for layout in _LAYOUTS), 1])
 _OFFSETS = np.cumsum(_COUNTS) - _COUNTS
 _TABLE = np.vstack(_LAYOUTS)
-
-
-def _probe_points(tri: Array, layout: Index) -> tuple[Array, Index]:
-    """Return the probes of all tubes, tube after tube, and where each tube's begin."""
-    count = _COUNTS[layout]
-    start = np.cumsum(count) - count
-    owner = np.repeat(np.arange(len(tri)), count)
-    weight = _TABLE[np.arange(len(owner)) - start[owner] + _OFFSETS[layout][owner]]
-    points = weight[:, :1] * tri[owner, 0]
-    points += weight[:, 1:2] * tri[owner, 1]
-    points += weight[:, 2:] * tri[owner, 2]
-    return points, start
