@@ -146,9 +146,11 @@ def _choose(
             choice = _within(choice, radar, budget)
             budget -= choice.tubes
         choices.append(choice)
+    pairs = (len(mirrors) + 1) * (len(mirrors) + 2) // 2 - 1  # of a way there and a way back, but for the straight one
     for choice in choices if mirrors else ():
-        if choice.method == "scatterers":
+        if choice.method == "scatterers" or (choice.method == "sbr" and pairs * choice.tubes <= budget):
             choice.through_mirrors = True
+            budget -= pairs * choice.tubes
     echoes = _faces_radar(mirrors, radar, pose, reach)
     needed = echoes or any(choice.through_mirrors for choice in choices)
     return choices, tuple(sorted(flat)) if needed else (), echoes

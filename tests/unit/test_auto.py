@@ -1,0 +1,160 @@
+"""Choices of method="auto": who computes what, what is left out, and the limits of the budget."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.radar.channel import plan_channel, solve_paths
+from scarl_sionna.radar.channel.auto import sbr_settings
+from scarl_sionna.radar.channel.budget import cell_noise_power, estimate
+from scarl_sionna.radar.channel.hybrid import received_power
+from scarl_sionna.radar.noise import sample_noise_power
+from scarl_sionna.radar.scatterers import ScattererModel
+from scarl_sionna.radar.sensor import Radar
+from scarl_sionna.world import load_scene
+from tests.scenes import Material, Thing, box, plane, write_scene
+
+RADAR = RadarSpec(num_rays=100_000)
+POSE = Pose([0.0, 0.0, 0.6])
+MATERIALS = {"asphalt": Material(radio="asphalt"), "leaf": Material(radio="foliage")}
+
+
+@pytest.fixture(scope="module")
+def state(tmp_path_factory):
+    things = [
+        Thing("road", plane(128.0, 16.0, (60, 0, 0)), "Roads", "asphalt", is_object=False),
+        Thing("tree", box((3, 3, 5), (40, -12, 2.75)), "Vegetation", "leaf"),
+        Thing("sign", plane(0.75, 0.75, (30, 5, 2), (-1, -0.1, 0)), "TrafficSign", "steel"),
+        Thing("screw", box((0.005, 0.005, 0.005), (12, 2, 1)), "Static", "steel"),
+        Thing("leaf", box((0.02, 0.02, 0.02), (200, 5, 1)), "Vegetation", "leaf"),
+        Thing("hut", box((4, 4, 3), (-20, 0, 1.75)), "Building"),
+    ]
+    car = Thing(
+        "car",
+        box((4, 2, 1.25), (0, 0, 0.75)),
+        "Car",
+        "steel",
+        {"kind": "constant_twist", "position": [20, 1, 0], "velocity": [-5, 0, 0]},
+    )
+    return load_scene(write_scene(tmp_path_factory.mktemp("auto"), things, [car], materials=MATERIALS)).at(0.0)
+
+
+def choices(paths) -> dict[str, dict]:
+    return {entry["instance"]: entry for entry in paths.diagnostics["choices"]}
+
+
+@pytest.fixture(scope="module")
+def paths(state):
+    return solve_paths(state, RADAR, POSE)
+
+
+def test_each_object_has_the_method_that_suits_it(state, paths) -> None:
+    found = choices(paths)
+    assert {name: entry["method"] for name, entry in found.items()} == {
+        "car": "sbr", "sign": "sbr", "tree": "raycast", "road": "raycast", "screw": "raycast", "leaf": "left out",
+    }  # fmt: skip
+    assert "wavelengths" in found["screw"]["reason"] and "rough" in found["tree"]["reason"]
+    assert paths.diagnostics["num_out_of_view"] == 1  # the hut is behind
+    number = {info.name: key for key, info in state.world.instances.items()}
+    by_sbr = paths.interaction[:, 0] != 2
+    assert number["car"] in paths.instance and number["leaf"] not in paths.instance
+    assert not by_sbr.all()
+
+
+def test_what_is_left_out_is_below_the_noise_even_at_its_bound(state, paths) -> None:
+    (entry,) = (item for item in paths.diagnostics["left_out"] if item["instance"] == "leaf")
+    assert entry["bound_to_noise_db"] < Accuracy().channel_floor_db
+    # The bound is kept by what raycast would have made of it: total power of its hits in one cell
+    near = solve_paths(
+        state, RADAR.with_(azimuth_fov_deg=4.0, elevation_fov_deg=2.0), POSE, "raycast", num_rays=1_000_000
+    )
+    number = next(key for key, info in state.world.instances.items() if info.name == "leaf")
+    power = received_power(near, RADAR)[near.instance[:, 0] == number].sum()
+    assert 0.0 < power < cell_noise_power(RADAR) * 10 ** (entry["bound_to_noise_db"] / 10)
+    deeper = solve_paths(state, RADAR, POSE, accuracy=Accuracy(channel_floor_db=-200.0))
+    assert not [item for item in deeper.diagnostics["left_out"] if item["instance"] == "leaf"]
+
+
+def test_bound_of_a_plate_is_its_flash_and_of_a_large_one_the_image(tmp_path) -> None:
+    for size, distance in ((0.1, 50.0), (8.0, 10.0)):
+        things = [Thing("plate", plane(size, size, (distance, 0, 0), (-1, 0, 0)), "TrafficSign", "steel")]
+        state = load_scene(write_scene(tmp_path / str(size), things)).at(0.0)
+        item = estimate(state, RADAR, Pose(), 1, 250.0)
+        sbr = solve_paths(state, RADAR, Pose(), "sbr", instances=["plate"])
+        length = np.linalg.norm(sbr.tx_point, axis=1) + np.linalg.norm(sbr.rx_point, axis=1)
+        field = np.sum(sbr.a[:, 0, 0] * np.exp(-2j * np.pi * RADAR.center_frequency / 299792458.0 * length))
+        power_dbm = 20 * np.log10(abs(field)) + RADAR.tx_power_dbm + 2 * RADAR.pattern.gain_db(0.0, 0.0)
+        found = power_dbm - 30 - 10 * np.log10(cell_noise_power(RADAR))
+        # Metal loses 0.01 dB; the large plate's rim adds up to a few decibels of ripple to the image.
+        assert item.bound_db == pytest.approx(found, abs=0.1 if size < 1.0 else 4.0)
+
+
+def test_cell_noise_is_what_integration_leaves() -> None:
+    gain = RADAR.num_samples * RADAR.num_chirps * RADAR.num_virtual
+    assert cell_noise_power(RADAR) == pytest.approx(sample_noise_power(RADAR) / gain, rel=1e-12)
+
+
+def test_without_a_budget_all_is_raycast(state) -> None:
+    none = solve_paths(state, RADAR, POSE, accuracy=Accuracy(sbr_tubes_per_ray=0.0))
+    assert {entry["method"] for entry in choices(none).values()} == {"raycast", "left out"}
+    assert "budget" in choices(none)["car"]["reason"]
+    alone = solve_paths(state, RADAR, POSE, "raycast")
+    kept = ~np.isin(alone.instance[:, 0], [key for key, info in state.world.instances.items() if info.name == "leaf"])
+    assert none.a.tobytes() == alone.select(kept).a.tobytes()
+
+
+def test_a_tolerance_sets_the_knobs() -> None:
+    phases = [sbr_settings(tolerance).max_phase for tolerance in (3.0, 1.0, 0.3, 0.05)]
+    assert phases == sorted(phases, reverse=True) and len(set(phases)) == 4
+    assert (
+        sbr_settings(0.1, one_bounce=True).max_depth == 1 < sbr_settings(1.0).max_depth <= sbr_settings(0.1).max_depth
+    )
+
+
+def test_a_model_is_used_where_it_holds(state) -> None:
+    amplitude = np.full((1, 2, 1, 2, 2), 0.1, np.complex64)
+    half_turn = np.array([0.0, np.pi])
+
+    def method(nearest: float) -> str:
+        model = ScattererModel(
+            np.zeros((1, 3)), half_turn, np.zeros(1), amplitude, RADAR.center_frequency, 0.1, nearest, np.pi
+        )
+        return choices(solve_paths(state, RADAR, POSE, models={"car": model}))["car"]["method"]
+
+    assert method(5.0) == "scatterers" and method(50.0) == "sbr"
+
+
+def test_options_of_raycast_reach_it_and_the_plan_can_be_changed(state) -> None:
+    plan = plan_channel(state, RADAR, POSE, num_rays=3_000)
+    assert plan.shares[-1].solver == "raycast" and plan.shares[-1].options == {"num_rays": 3_000}
+    same = solve_paths(state, RADAR, POSE, "hybrid", plan=plan)
+    assert same.a.tobytes() == solve_paths(state, RADAR, POSE, num_rays=3_000).a.tobytes()
+    with pytest.raises(ParameterRangeError, match="max_distance"):
+        solve_paths(state, RADAR, POSE, max_distance=-1.0)
+
+
+def test_same_bytes_twice_and_plain_diagnostics(state, paths) -> None:
+    again = solve_paths(state, RADAR, POSE)
+    for name, value in vars(paths).items():
+        if isinstance(value, np.ndarray):
+            assert value.tobytes() == getattr(again, name).tobytes(), name
+    frame = Radar(RADAR.with_(num_chirps=4), noise=False).observe(state, POSE, Twist(), np.random.default_rng(0))
+    told = json.loads(json.dumps(frame.diagnostics))
+    assert told["method"] == "auto" and told["tolerance_db"] == 1.0
+    without = [{key: value for key, value in item.diagnostics.items() if key != "seconds"} for item in (paths, again)]
+    assert json.dumps(without[0]) == json.dumps(without[1])
+
+
+@pytest.mark.parametrize("method", ["sbr", "raycast", "auto"])
+def test_the_sensor_takes_any_solver(state, method) -> None:
+    frame = Radar(RADAR.with_(num_chirps=2), method, noise=False).observe(
+        state, POSE, Twist(), np.random.default_rng(0)
+    )
+    assert frame.num_paths > 0 and all(value >= 0.0 for value in frame.diagnostics["seconds"].values())
