@@ -7,6 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
+import trimesh
 
 from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.antenna_pattern import IsotropicPattern
@@ -261,11 +262,15 @@ def blade_scene(folder):
     blade.vertices = np.array(corners)
     blade.faces = [(0, 1, 2), (0, 2, 3)]
     trajectory = {"kind": "constant_twist", "position": [0, 0, 0], "velocity": [oracle.WHEEL_SPEED, 0, 0]}
-    path = write_scene(folder, actors=[Thing("car", blade, "Car", "steel", trajectory)])
+    return load_scene(with_wheel(write_scene(folder, actors=[Thing("car", blade, "Car", "steel", trajectory)])))
+
+
+def with_wheel(path):
+    """Make the only shape of the actor a wheel."""
+    toml = path.parent / "scene.toml"
     joint = f'[[actors.joints]]\nkind = "wheel"\nshapes = ["shape-car"]\ncenter = [0, 0, 0.32]\nradius = {oracle.WHEEL_RADIUS}\n'
-    toml = folder / "scene.toml"
     toml.write_text(toml.read_text() + "\n" + joint)
-    return load_scene(path)
+    return path
 
 
 def blade_field(time: float, radar: np.ndarray, wavenumber: float) -> complex:
@@ -304,3 +309,19 @@ def test_flash_of_a_blade_on_a_rolling_wheel(tmp_path, chirps: int, bound: float
     doppler = np.polyfit(time[44:53], phase, 1)[0] / (2.0 * np.pi)
     at_middle = -2.0 * oracle.WHEEL_SPEED * (1.0 + 0.27 / oracle.WHEEL_RADIUS) / oracle.WAVELENGTH
     assert doppler == pytest.approx(at_middle, rel=2e-3)
+
+
+def test_raycast_of_a_turning_tyre_is_told(tmp_path) -> None:
+    """Rays meet other points of a turning tyre each time, at the distance of a tyre that does not turn: blocks do not join."""
+    tyre = trimesh.creation.cylinder(0.32, 0.2, sections=64)
+    tyre.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    tyre.apply_translation([0, 0, 0.32])
+    trajectory = {"kind": "constant_twist", "position": [0, 0, 0], "velocity": [oracle.WHEEL_SPEED, 0, 0]}
+    path = write_scene(tmp_path, actors=[Thing("car", tyre, "Car", "steel", trajectory)])
+    world = load_scene(with_wheel(path))
+    radar = radar_of(
+        ramp_time=8e-6, idle_time=2e-6, num_chirps=32, bandwidth=150e6, num_samples=64, azimuth_fov_deg=4.0, elevation_fov_deg=4.0
+    )  # fmt: skip
+    paths_at = retraced(world, radar, Pose.from_euler([10.0, 0, 0.4], yaw=np.pi), 0.0, "raycast", num_rays=20_000)
+    with pytest.warns(ScarlWarning, match="do not follow the motion"):
+        synthesize_blocks(paths_at, radar, 8)
