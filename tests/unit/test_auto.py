@@ -33,7 +33,7 @@ def state(tmp_path_factory):
         Thing("tree", box((3, 3, 5), (40, -12, 2.75)), "Vegetation", "leaf"),
         Thing("sign", plane(0.75, 0.75, (30, 5, 2), (-1, -0.1, 0)), "TrafficSign", "steel"),
         Thing("screw", box((0.005, 0.005, 0.005), (12, 2, 1)), "Static", "steel"),
-        Thing("leaf", box((0.02, 0.02, 0.02), (200, 5, 1)), "Vegetation", "leaf"),
+        Thing("leaf", box((0.02, 0.02, 0.02), (200, -15, 1)), "Vegetation", "leaf"),
         Thing("hut", box((4, 4, 3), (-20, 0, 1.75)), "Building"),
     ]
     car = Thing(
