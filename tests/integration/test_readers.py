@@ -7,6 +7,7 @@ import pickle
 import sys
 from dataclasses import replace
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -164,6 +165,32 @@ def test_tf_data_gives_frames_in_order_and_ragged_batches(place) -> None:
     first = next(iter(batches))
     assert first["points"].row_lengths().numpy().tolist() == [f.results[LIDAR].num_points for f in FRAMES[:4]]
     np.testing.assert_array_equal(first["points"][2].numpy()[:, :3], FRAMES[2].results[LIDAR].position)
+
+
+@pytest.mark.slow  # 12 frames of 6.3 MB are simulated
+def test_tf_data_delivers_more_than_200_megabytes_a_cpu_second(tmp_path) -> None:
+    """Of raw radar data of SCaRL's size, read from files; CPU time of all threads, since the wall clock depends on the load."""
+    from scarl_sionna.export.tf_data import tf_dataset
+
+    spec, rng = RadarSpec.preset("awr1843boost"), np.random.default_rng(0)
+    shape = (spec.num_rx, spec.num_chirps_total, spec.num_samples, 2)
+    frames = []
+    for index in range(
+        12
+    ):  # receiver noise of some 15 steps, as in a simulated frame: it decides how well a file is packed
+        codes = np.rint(rng.normal(0.0, 15.0, shape)).astype(np.int16)
+        frames.append(
+            Frame(index, index * 10**8, 0, Pose(), Twist(), {"radar": RadarFrame(spec, Pose(), codes, 1e-9)}, ())
+        )
+    rig = Rig("one", (SensorMount("radar", "radar", spec, Pose()),))
+    dataset = write_dataset(tmp_path / "ds", rig.to_dict(), {"train": frames})
+    data = iter(tf_dataset(dataset, ["radar:adc_int"], repeat=True, num_threads=2, prefetch=2))
+    for _ in range(4):
+        next(data)
+    start, size = process_time(), 0
+    for _ in range(48):
+        size += next(data)["radar:adc_int"].numpy().nbytes
+    assert size / (process_time() - start) > 200e6
 
 
 def test_tf_data_shuffles_by_seed_anew_in_each_epoch(place) -> None:
