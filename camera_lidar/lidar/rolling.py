@@ -31,9 +31,13 @@ class RollingCaster:
         At the timestamp.
     duration : float
         Longest time of a ray after the timestamp [s].
+    sensor : Motion, optional
+        Of the sensor that the rays leave from, at the knots of the same duration: to rule rays out that pass by a body around the
+        sensor, such as the car that carries it.
     """
 
-    def __init__(self, state: WorldState, duration: float) -> None:
+    def __init__(self, state: WorldState, duration: float, sensor: Motion | None = None) -> None:
+        self._sensor = sensor
         self._apart = stand_apart(state.world)
         self._radius = np.array([body.radius for body in self._apart.bodies])
         self._motions = _motions(self._apart, state.time, duration)
@@ -94,13 +98,39 @@ class RollingCaster:
             unit = (away / distance[:, None]).astype(np.float32)
             sine = np.minimum(reach / distance, 1.0)
             # float32 is off by 1e-7 in a cosine; the margin is on the safe side
-            cosine = np.where(distance <= reach, -2.0, np.sqrt(1.0 - sine * sine) - 1e-5).astype(np.float32)
+            around = distance <= reach
+            for body in near[around]:
+                rays = self._past_box(int(body), directions)
+                pairs.append((rays, np.full(rays.size, body)))
+            near, unit, sine = near[~around], unit[~around], sine[~around]
+            cosine = (np.sqrt(1.0 - sine * sine) - 1e-5).astype(np.float32)
             step = max(_PAIRS_AT_ONCE // max(len(near), 1), 1)
             for first in range(0, len(directions), step):
                 block = directions[first : first + step].astype(np.float32) @ unit.T
                 rays, which = np.nonzero(block >= cosine)
                 pairs.append((rays + first, near[which]))
         return np.concatenate([rays for rays, _ in pairs]), np.concatenate([body for _, body in pairs])
+
+    def _past_box(self, body: int, directions: Array) -> Index:
+        """Return the rays from the sensor that may meet the box of a body around it, whatever both do during the scan."""
+        motion, sensor = self._motions[body], self._sensor
+        if sensor is None:
+            return np.arange(len(directions))
+        places = np.einsum("kji,kj->ki", motion.rotation, sensor.position - motion.position)
+        middle = places.mean(axis=0)
+        half = self._apart.bodies[body].half_size
+        rotation = motion.rotation[len(motion.times) // 2]
+        turned = np.linalg.norm(motion.rotation - rotation, axis=(1, 2)).max()  # at least the chord of the angle
+        margin = np.linalg.norm(places - middle, axis=1).max() + turned * np.linalg.norm(np.abs(middle) + half) + 1e-2
+        enter, leave = np.zeros(len(directions), np.float32), np.full(len(directions), np.inf, np.float32)
+        for axis in range(3):
+            along = (directions @ rotation[:, axis]).astype(np.float32)
+            reach = half[axis] + margin
+            with np.errstate(divide="ignore", invalid="ignore"):
+                low, high = (np.float32(side * reach - middle[axis]) / along for side in (-1.0, 1.0))
+            np.fmax(enter, np.fmin(low, high), out=enter)
+            np.fmin(leave, np.fmax(low, high), out=leave)
+        return np.flatnonzero(leave >= enter)
 
     def _cast_carried(
         self, rays: Index, bodies: Index, origins: Array, directions: Array, times: Array, max_distance: float

@@ -78,14 +78,14 @@ class Lidar:
         origins, directions = shot_rays(motion, shot_directions(spec), times)
         still = len(motion.times) == 1 or bool(np.all(motion.linear == motion.linear[0]))
         shots = _Shots(origins, directions, motion.linear[0] if still else motion.linear_at(times), times)
-        echoes = self._trace(state, shots)
+        echoes = self._trace(state, motion, shots)
         returns = gather(spec, echoes)
         found, beats = self._receive(echoes, returns, shots, seed_generator)
         return self._scan(world_from_sensor, motion, parts, returns, found, beats)
 
-    def _trace(self, state: Any, shots: _Shots) -> Echoes:
+    def _trace(self, state: Any, motion: Motion, shots: _Shots) -> Echoes:
         spec = self.spec
-        cast = _caster(state, shots.times)
+        cast = _caster(state, motion, shots.times)
         step = max(RAYS_AT_ONCE // spec.sub_rays, 1)
         blocks = []
         for first in range(0, spec.num_shots, step):
@@ -167,14 +167,14 @@ class Lidar:
         )
 
 
-def _caster(state: Any, times: Array) -> Cast:
+def _caster(state: Any, motion: Motion, times: Array) -> Cast:
     """Return what intersects rays with the world, each at the time of its shot."""
     duration = float(times.max())
     if duration == 0.0:
         return lambda origins, directions, shots, distance, first: state.cast(
             origins, directions, max_distance=distance
         )
-    rolling = RollingCaster(state, duration)
+    rolling = RollingCaster(state, duration, motion)
     return lambda origins, directions, shots, distance, first: rolling.cast(
         origins, directions, times[shots], distance, first
     )

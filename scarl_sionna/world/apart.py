@@ -38,12 +38,15 @@ class Body:
         Of a sphere that holds the body, in the frame of its parts [m].
     radius : float
         Of the sphere [m].
+    half_size : ndarray of float64, shape (3,)
+        Half extents of a box around the same centre along the axes of the parts [m].
     """
 
     actor: Actor
     shape: str | None
     centre: Array
     radius: float
+    half_size: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +146,11 @@ def _bodies(world: World) -> tuple[tuple[Body, ...], npt.NDArray[np.int32]]:
             groups.setdefault(0 if motion is None else id(motion), []).append(part)
         for key, parts in groups.items():
             vertices = np.concatenate([world._meshes[world.parts.name[part]].vertices for part in parts])
-            centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+            lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+            centre = (lower + upper) / 2.0
             radius = float(np.linalg.norm(vertices - centre, axis=1).max()) * (1.0 + 1e-6) + 1e-5
             body_of_part[parts] = len(bodies)
-            bodies.append(Body(actor, world.parts.name[parts[0]] if key else None, centre, radius))
+            bodies.append(
+                Body(actor, world.parts.name[parts[0]] if key else None, centre, radius, (upper - lower) / 2.0)
+            )
     return tuple(bodies), body_of_part

@@ -10,6 +10,7 @@ import trimesh
 
 from camera_lidar import Lidar
 from camera_lidar.lidar import deskew, shot_directions, shot_times
+from camera_lidar.lidar.motion import sensor_motion, shot_rays
 from camera_lidar.lidar.rolling import RollingCaster
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.lidar_pattern import SpinningScan
@@ -119,6 +120,24 @@ def test_a_carried_lidar_follows_the_ego_car_and_its_scan_deskews(tmp_path: Path
     assert np.abs(later.position[wall] - flat.position[wall]).max() < 0.2 * skew
     with pytest.raises(ParameterRangeError, match="de-skewed"):
         deskew(flat, own)
+
+
+@pytest.mark.parametrize("mount", [(2.6, 0.3, 1.0), (0.0, 0.0, 1.6), (0.5, 1.1, 0.9)])
+def test_a_lidar_on_a_car_sees_the_car_as_if_no_ray_were_ruled_out(tmp_path: Path, mount: tuple) -> None:
+    world = traffic(tmp_path)
+    trajectory = world.actor("ego").trajectory
+    pose, twist = trajectory.pose(1.0), trajectory.twist(1.0)
+    sensor = pose.compose(Pose(mount))
+    own = Twist(twist.velocity_at(sensor.position - pose.position), twist.angular)
+    scan = Lidar(SPINNING.with_(scan=SPINNING.scan.with_(elevation_deg=(-70.0, -40.0, -20.0, 0.0)))).observe(
+        world.at(1.0), sensor, own, rng()
+    )
+    motion = sensor_motion(world.at(1.0), sensor, own, float(shot_times(scan.spec).max()))
+    origins, directions = shot_rays(motion, shot_directions(scan.spec), shot_times(scan.spec))
+    everything = RollingCaster(world.at(1.0), float(shot_times(scan.spec).max()))
+    hits = everything.cast(origins, directions, shot_times(scan.spec), 200.0, from_sensor=True)
+    assert np.array_equal(hits.ray, scan.shot) and np.array_equal(hits.distance.astype(np.float32), scan.distance)
+    assert (scan.instance == world.actor("ego").instance).sum() > 50
 
 
 def test_radial_velocity_of_a_rolling_wheel(tmp_path: Path) -> None:
