@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 if TYPE_CHECKING:
     from .scene import WorldState
@@ -36,6 +37,14 @@ class FaceRays:
         part = engine.part_of_number(np.arange(len(engine._part_of_registry)))
         first = state._triangles.first
         self._first = mi.Int32(np.where(part >= 0, first[np.maximum(part, 0)], MISS).astype(np.int32))
+
+    def real(self, value: float) -> Any:
+        """Return a number that a kernel takes as an input, so that the kernel stays the same when it changes."""
+        return self.dr.opaque(self.Real, float(value))
+
+    def vector(self, values: npt.ArrayLike) -> Any:
+        """Return a vector (3,) that a kernel takes as an input."""
+        return self.Vector(*(self.real(value) for value in np.asarray(values, dtype=np.float64)))
 
     def _ray(self, origin: Any, direction: Any) -> Any:
         return self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))

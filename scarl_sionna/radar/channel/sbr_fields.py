@@ -84,10 +84,10 @@ def radiated(
     plane = [surfaces.plane(number) for number in face]
     point = _reflection_points(dr, center, image, plane)
     (tx_pose, tx_velocity), (rx_pose, rx_velocity) = tx, rx
-    receiver = Vector(*(float(value) for value in rx_pose.position))
-    line = [Vector(*(float(value) for value in tx_pose.position)), *point, receiver]
+    receiver = rays.vector(rx_pose.position)
+    line = [rays.vector(tx_pose.position), *point, receiver]
     travel = [dr.normalize(stop - start) for start, stop in pairwise(line)]
-    rate = dr.dot(travel[-1], Vector(*map(float, rx_velocity))) - dr.dot(travel[0], Vector(*map(float, tx_velocity)))
+    rate = dr.dot(travel[-1], rays.vector(rx_velocity)) - dr.dot(travel[0], rays.vector(tx_velocity))
     reflected = [(axis, dr.zeros(Vector, count)) for axis in _spherical_basis(rays, tx_pose, travel[0])]
     onward = travel[0]
     for k in range(depth):
@@ -174,8 +174,8 @@ def _unfolded(dr: Any, center: Any, mirrors: list[tuple[Any, Any]]) -> Any:
 
 def _spherical_basis(rays: FaceRays, pose: Pose, direction: Any) -> tuple[Any, Any]:
     """Return theta-hat and phi-hat of unit directions in world axes; phi = 0 along the frame's z axis."""
-    dr, Vector = rays.dr, rays.Vector
-    x, y, z = (Vector(*map(float, axis)) for axis in pose.rotation.T)
+    dr = rays.dr
+    x, y, z = (rays.vector(axis) for axis in pose.rotation.T)
     along_x, along_y = dr.dot(x, direction), dr.dot(y, direction)
     flat = dr.sqrt(along_x**2 + along_y**2)
     upright = flat <= 1e-12

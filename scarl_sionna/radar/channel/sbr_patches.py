@@ -91,11 +91,15 @@ class PatchSize:
             center = (corner[0] + corner[1] + corner[2]) / 3.0
             row = mi.UInt32(rows.astype(np.uint32))
             legs = []
-            for end in (dr.gather(Vector, Real(source.ravel()), row), Vector(*map(float, receiver))):
+            for end in (
+                dr.gather(Vector, Real(source.ravel()), row),
+                Vector(*(dr.opaque(Real, float(value)) for value in receiver)),
+            ):
                 leg = center - end
                 distance = dr.norm(leg)
                 legs.append((leg / distance, distance))
-            found = [self._excess(dr, corner[(k + 1) % 3] - corner[k], legs) for k in range(3)]
+            longest = dr.opaque(Real, self.longest)
+            found = [self._excess(dr, corner[(k + 1) % 3] - corner[k], legs, longest) for k in range(3)]
             dr.eval(*found)
             return np.stack([side.numpy() for side in found], axis=1)
 
@@ -105,7 +109,7 @@ class PatchSize:
         longest, least = excess.max(axis=1), np.maximum(np.ceil(excess.min(axis=1) / _FILL), 1.0)
         return np.where(longest <= 1.0, 1.0, _SPLIT_AGAIN * (2.0 * np.ceil(longest / _FILL) - 1.0) * least)
 
-    def _excess(self, dr: Any, side: Any, legs: list[tuple[Any, Any]]) -> Any:
+    def _excess(self, dr: Any, side: Any, legs: list[tuple[Any, Any]], longest: Any) -> Any:
         curvature, turn, along = 0.0, 0.0, 0.0
         square = dr.squared_norm(side)
         for ray, distance in legs:
@@ -116,7 +120,7 @@ class PatchSize:
             along += radial
         phase = dr.sqrt(self.wavenumber * curvature / 8.0 / self.max_phase)
         ramp = dr.maximum(self.wavenumber * self.aperture * turn, self.half_band * dr.abs(along)) / 2.0 / self.max_ramp
-        return dr.maximum(dr.maximum(phase, ramp), dr.sqrt(square) / self.longest)
+        return dr.maximum(dr.maximum(phase, ramp), dr.sqrt(square) / longest)
 
 
 def split(

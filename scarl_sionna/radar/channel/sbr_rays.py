@@ -85,14 +85,15 @@ class ScreenedProbe(_Probe):
 
     def __init__(self, rays: FaceRays, station: Array) -> None:
         super().__init__(rays)
-        self._station = rays.Vector(*(float(value) for value in station))
+        self._station = rays.vector(station)
 
     def _label(self, point: Any, row: Any) -> Any:
         dr, mi = self.rays.dr, self.rays.mi
-        ray = point - self._station
+        station = self._station
+        ray = point - station
         distance = dr.norm(ray)
         before = distance - SAME_DISTANCE * (1.0 + distance)
-        return dr.select(self.rays.blocked(self._station, ray / distance, before), mi.Int32(1), mi.Int32(0))
+        return dr.select(self.rays.blocked(station, ray / distance, before), mi.Int32(1), mi.Int32(0))
 
 
 class PlaneProbe(_Probe):
@@ -115,6 +116,19 @@ class PlaneProbe(_Probe):
         self._plane = mi.Int32(plane_of_face.astype(np.int32))
         self._image, self._lift = _loaded(rays.Real, image), _loaded(rays.Real, lift)
         self._own = mi.Int32(own.astype(np.int32))
+        self._faces: tuple[Any, Any, Any] | None = None
+
+    def only_towards(self, station: Array, normal: Array, offset: Array) -> None:
+        """Let planes of which the lit side is turned away from a station count as missed, as on the last bounce.
+
+        Parameters
+        ----------
+        station : ndarray of float64, shape (3,)
+        normal, offset : ndarray of float64, shape (num_faces, 3) and (num_faces,)
+            Planes of the faces.
+        """
+        rays = self.rays
+        self._faces = rays.vector(station), _loaded(rays.Real, normal), _loaded(rays.Real, offset)
 
     def _label(self, point: Any, row: Any) -> Any:
         dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
@@ -122,8 +136,13 @@ class PlaneProbe(_Probe):
         lift = dr.maximum(LIFT * dr.max(dr.abs(point)), SMALLEST_LIFT)
         face = rays.first(point + lift * dr.gather(rays.Vector, self._lift, row), ray)
         plane = dr.gather(mi.Int32, self._plane, mi.UInt32(face), face != MISS)
-        own = dr.gather(mi.Int32, self._own, row)
-        return dr.select((face != MISS) & (plane != own), plane, MISS)
+        met = (face != MISS) & (plane != dr.gather(mi.Int32, self._own, row))
+        if self._faces is not None:
+            station, normals, offsets = self._faces
+            normal = dr.gather(rays.Vector, normals, mi.UInt32(face), met)
+            towards = dr.dot(normal, station) - dr.gather(rays.Real, offsets, mi.UInt32(face), met)
+            met &= dr.dot(normal, ray) * towards < 0.0
+        return dr.select(met, plane, MISS)
 
 
 def _loaded(kind: Any, array: Array) -> Any:

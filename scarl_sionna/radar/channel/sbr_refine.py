@@ -31,7 +31,7 @@ _RAYS_PER_BATCH = 2_000_000
 
 
 class Probe(Protocol):
-    """What rays meet; see :class:`~.sbr_rays.ScreenedProbe` and :class:`~.sbr_rays.PlaneProbe`."""
+    """What rays meet; see :mod:`~.sbr_rays`."""
 
     def labels(self, corners: Array, rows: Index, tube: Index, weight: Index, weights: Array) -> Index:
         """Return the label at each point ``weights[weight]`` (barycentric) of the tubes ``tube``."""
@@ -40,16 +40,6 @@ class Probe(Protocol):
     def border(self, corners: Array, rows: Index, label: Index) -> tuple[Array, Index]:
         """Return where along the two sides from corner 0 its label ends, (n, 2), and the label beyond, (n, 2)."""
         ...
-
-
-def centers(corners: Array, rows: Index, probe: Probe) -> Pieces:
-    """Return tubes as they are, each with the label that its middle ray meets."""
-    labels = np.zeros(len(rows), dtype=np.int64)
-    for first in range(0, len(rows), _RAYS_PER_BATCH):
-        some = slice(first, first + _RAYS_PER_BATCH)
-        tube = np.arange(len(rows[some]))
-        labels[some] = probe.labels(corners[some], rows[some], tube, np.zeros_like(tube), _MIDDLE)
-    return corners, rows, labels
 
 
 def refine(corners: Array, rows: Index, probe: Probe, spacing: Array, edge_spacing: Array) -> Pieces:
@@ -206,4 +196,3 @@ _COUNTS = np.array([len(layout) for layout in _LAYOUTS])
 _OFFSETS = np.cumsum(_COUNTS) - _COUNTS
 _LARGEST_COUNT = int(_COUNTS[: _LARGEST_LATTICE + 1].max())
 _TABLE = inset(np.vstack(_LAYOUTS))
-_MIDDLE = _lattice(0)

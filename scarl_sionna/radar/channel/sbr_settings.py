@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import Field
 
 from scarl_sionna.core.spec import Spec
@@ -13,18 +11,13 @@ class SbrChannelSettings(Spec):
     """Knobs of :func:`scarl_sionna.radar.channel.sbr.solve_sbr`."""
 
     max_depth: int = Field(3, ge=1, le=16, description="largest number of bounces")
-    tubes: Literal["adaptive", "uniform"] = Field(
-        "adaptive",
-        description="'adaptive': tubes are halved and cut along the edges that they straddle; 'uniform': each follows its "
-        "middle ray, whatever its borders meet",
-    )  # fmt: skip
     num_tubes: int | None = Field(
         None, ge=1,
         description="cut the faces in view into about this many first tubes of equal sides, where max_phase does not ask for "
         "smaller ones; None: as few as it allows",
     )  # fmt: skip
     max_phase: float = Field(
-        0.4, gt=0.0, le=3.0,
+        0.2, gt=0.0, le=3.0,
         description="largest departure of the phase over a patch from a linear one, at half of its longest side [rad]: size of "
         "what is one path, and distance of the rays",
     )  # fmt: skip

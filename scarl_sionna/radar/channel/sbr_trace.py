@@ -2,7 +2,7 @@
 
 A tube is a triangle on a face with the image of the transmitter from which its rays seem to come. Its reflection is cast onward
 from the image of that image; the footprint where it lands is the central projection of the triangle, exact in float64.
-Adaptive tubes are cut where the thing that they meet changes (:func:`~.sbr_refine.refine`); uniform ones follow their middle ray.
+Tubes are cut where the thing that they meet changes (:func:`~.sbr_refine.refine`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scarl_sionna.world.face_tracing import FaceTable
 
 from .sbr_patches import PatchSize, split, too_many_patches
 from .sbr_rays import PlaneProbe, ScreenedProbe
-from .sbr_refine import Pieces, Probe, centers, refine
+from .sbr_refine import Pieces, Probe, refine
 from .sbr_settings import SbrChannelSettings
 from .sbr_tubes import Tubes, middle
 
@@ -191,8 +191,6 @@ class Tracer:
     def _labelled(self, tubes: Tubes, source: Array, probe: Probe) -> Pieces:
         """Return pieces of footprints, each with what its rays meet."""
         rows = np.arange(len(tubes))
-        if self.settings.tubes == "uniform":
-            return centers(tubes.corners, rows, probe)
         ray = middle(tubes.corners) - source
         distance = np.sqrt(np.einsum("ij,ij->i", ray, ray))
         cosine = np.einsum("ij,ij->i", self.faces.triangles.normal[tubes.face[:, -1]], ray) / distance
@@ -227,6 +225,8 @@ class Tracer:
         image = tubes.image[:, -1] - 2.0 * height[:, None] * normal
         lift = normal * np.sign(height)[:, None]
         probe = PlaneProbe(self.rays, plane_of_face, image, lift, self.faces.plane[last])
+        if tubes.depth + 1 == self.settings.max_depth:
+            probe.only_towards(self.rx.pose.position, triangles.normal, triangles.offset)
         corners, rows, plane = self._labelled(tubes, image, probe)
         met = plane != MISS
         return self._landed(tubes, image, corners[met], rows[met], of_plane[plane[met]])
