@@ -72,9 +72,9 @@ def test_what_is_left_out_is_below_the_noise_even_at_its_bound(state, paths) -> 
     (entry,) = (item for item in paths.diagnostics["left_out"] if item["instance"] == "leaf")
     assert entry["bound_to_noise_db"] < Accuracy().channel_floor_db
     # The bound is kept by what raycast would have made of it: total power of its hits in one cell
-    near = solve_paths(
-        state, RADAR.with_(azimuth_fov_deg=4.0, elevation_fov_deg=2.0), POSE, "raycast", num_rays=1_000_000
-    )
+    aimed = Pose.from_euler(POSE.position, yaw=np.arctan2(-15.0, 200.0), pitch=-np.arctan2(0.4, 200.0))
+    narrow = RADAR.with_(azimuth_fov_deg=0.02, elevation_fov_deg=0.02)
+    near = solve_paths(state, narrow, aimed, "raycast", num_rays=10_000)
     number = next(key for key, info in state.world.instances.items() if info.name == "leaf")
     power = received_power(near, RADAR)[near.instance[:, 0] == number].sum()
     assert 0.0 < power < cell_noise_power(RADAR) * 10 ** (entry["bound_to_noise_db"] / 10)
