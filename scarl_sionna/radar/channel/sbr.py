@@ -127,7 +127,7 @@ def solve_sbr(
     chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
     tx = Station.of(radar, pose, (radar_twist or Twist()).linear)
     rx = tx if rx_pose is None else Station.of(radar, rx_pose, (rx_twist or Twist()).linear)
-    start = np.flatnonzero(chosen & tx.may_see(faces, 2.0 * reach if rx_pose else reach))
+    start = np.flatnonzero(chosen & ~faces.repeated & tx.may_see(faces, 2.0 * reach if rx_pose else reach))
     used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks: list[Columns] = []
     with variant.optical() as mi:

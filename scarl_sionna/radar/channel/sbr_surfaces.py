@@ -68,11 +68,8 @@ class Surfaces:
         self._part = mi.UInt32(faces.part.astype(np.uint32))
         self._material_of_part = mi.UInt32(of_part)
         motion = np.zeros((len(table.name), 9))
-        for part, actor in enumerate(table.actor):
-            if actor >= 0:
-                name = state.world.actors[actor].name
-                twist = state.actor_twist(name)
-                motion[part] = np.concatenate([twist.linear, twist.angular, state.actor_pose(name).position])
+        for part, moved in state._part_motion.items():  # joints included: wheels, limbs
+            motion[part] = np.concatenate([moved.twist.linear, moved.twist.angular, moved.pose.position])
         self._motion = rays.Real(motion.ravel())
 
     def plane(self, face: Any) -> tuple[Any, Any]:
