@@ -104,7 +104,7 @@ def screen(tmp_path_factory):
 def over_top(paths):
     """Return the paths that touch nothing but the upper edge and the target."""
     lower = np.minimum(paths.tx_point[:, 2], paths.rx_point[:, 2])
-    return paths.select((lower > -20.0) & (lower < 20.0))
+    return paths.select((lower > -20.0) & (lower < 20.0) & (np.abs(paths.tx_point[:, 1]) < 50.0))
 
 
 def field(paths, polarization: int = 0) -> complex:
@@ -289,3 +289,21 @@ def test_where_no_edge_is(tmp_path) -> None:
     for outside in ([40.0, 0, 0], [50.0, -9.0, 0], [40.0, -9.0, 0]):
         lit = wedge.seen_from(np.array(outside))
         assert lit is not None and lit.cylindrical(np.array(outside))[1] <= np.pi
+
+
+def test_bistatic_link_over_the_screen(screen) -> None:
+    """A second radar in the shadow: one path over the edge, with the knife edge's level, for all antennas of both."""
+    pose, rx_pose = Pose([0, 0, 1.0]), Pose.from_euler([25.0, 1.5, 2.6], yaw=np.pi)
+    radar = RADAR.with_(tx_positions=((0, 0.1, 0),), rx_positions=((0, -0.2, 0),))
+    paths = over_top(solve_sionna(screen, radar, pose, rx_pose=rx_pose, max_depth=1, **FEW))
+    assert paths.num_paths == 1 and paths.interaction[0, 0] == 8 and paths.instance[0, 0] == 1
+    # Unfolded: rho of both ends to the edge x = 10, z = 2, and what they are apart along it
+    total = np.hypot(10.0, 1.0) + np.hypot(15.0, 0.6)
+    assert PathGeometry.of(paths, radar).center_length()[0] == pytest.approx(np.hypot(total, 1.5), abs=1e-12)
+    # transmitter at y = 0.1; the receiver looks back, so its antenna at -0.2 of its own y stands at 1.5 + 0.2
+    assert PathGeometry.of(paths, radar).length(0, 0)[0] == pytest.approx(np.hypot(total, 1.6), abs=1e-9)
+    free = RADAR.wavelength / (4 * np.pi * np.linalg.norm(rx_pose.position - pose.position))
+    clearance = 1.0 + 1.6 * AHEAD / 25.0 - TOP
+    once = abs(oracle.knife_edge(clearance, AHEAD, 15.0, RADAR.wavelength))
+    for index in range(2):
+        assert 20 * np.log10(abs(paths.a[0, index, index]) / free / once) == pytest.approx(0.0, abs=0.4)
