@@ -197,6 +197,34 @@ def test_fog_is_detected_where_the_profile_says() -> None:
     assert (close.distance[fog] <= 5.0).all()  # nothing comes from behind a surface
 
 
+def test_raw_fog_has_the_power_and_the_velocity_of_the_profile() -> None:
+    number, receiver = 400, HeterodyneReceiver(raw_signal=True, saturation_power=None)
+    spec = LidarSpec(
+        num_azimuth=number,
+        num_elevation=1,
+        receiver=receiver,
+        max_distance=100.0,
+        atmosphere=Atmosphere(visibility=60.0),
+    )
+    nothing, profile = returns(spec, 1.0, 0), backscatter_profile(spec)
+    signal = synthesize_beats(spec, nothing, np.full(number, -15.0), np.random.default_rng(12))
+    power = np.mean(np.abs(signal.astype(np.complex128)) ** 2, axis=-1)
+    expected = 1.0 + profile.cnr.sum() / spec.num_samples
+    # exponential powers of the cells: variance sum C^2 / N^2 a shot, shared by both chirps; the noise has 1 / N
+    sigma = np.sqrt((np.sum(profile.cnr**2) / spec.num_samples**2 + 1.0 / spec.num_samples) / number)
+    assert np.abs(power.mean(axis=0) - expected).max() < SIGMAS * sigma and expected > 1.0 + 50.0 * sigma
+    found = estimate_beats(spec, signal, nothing)
+    assert len(found.shot) > 0.5 * number and (found.echo == -1).all()
+    right = np.abs(found.radial_velocity + 15.0) < 3.0 * spec.velocity_resolution
+    # neighbouring cells merge into one peak, and the strongest of the up and of the down chirp may be different cells
+    assert right.mean() > 0.6 and np.median(found.distance[right]) < 30.0
+    wall = Echoes(**{**vars(returns(spec, 1.0)), "distance": np.full(number, 4.0), "intensity": np.zeros(number)})
+    behind = synthesize_beats(spec, wall, np.full(number, 0.0), np.random.default_rng(13))
+    left = np.mean(np.abs(behind.astype(np.complex128)) ** 2) - 1.0
+    near = profile.cnr[: int(4.0 / spec.range_resolution)].sum() / spec.num_samples
+    assert abs(left / near - 1.0) < 0.15  # 27 cells in front of the wall, 400 shots
+
+
 def test_same_seed_same_bytes_and_one_shot_does_not_change_another() -> None:
     spec = SPEC.with_(num_azimuth=2000)
     true = returns(spec, 30.0)
