@@ -76,8 +76,9 @@ class Actor:
     joints: tuple[Joint, ...] = ()
 
     def motions(self, time: float) -> dict[str, Motion]:
-        """Return the motion relative to the actor of each shape that has a joint."""
-        return {shape: motion for joint in self.joints for shape, motion in joint.motions(time).items()}
+        """Return the motion relative to the actor of each shape that has a joint; beyond the trajectory that at its end."""
+        known = min(max(time, self.trajectory.start), self.trajectory.stop)
+        return {shape: motion for joint in self.joints for shape, motion in joint.motions(known).items()}
 
 
 @dataclass(frozen=True, eq=False)

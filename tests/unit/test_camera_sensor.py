@@ -112,6 +112,15 @@ def test_camera_inside_a_mesh_is_refused(state: WorldState) -> None:
         Camera(SPEC).observe(state, Pose([10.5, 0.0, 1.5]), Twist(), np.random.default_rng(0))
 
 
+def test_a_camera_high_above_two_layers_of_ground_is_outside(tmp_path: Path) -> None:
+    """Each layer fills half the view from above; together they wind once around the camera, but the sky is open."""
+    near, far = plane(3000.0, 3000.0), plane(9000.0, 9000.0, (0.0, 0.0, -1.0))
+    mound = box((1.0, 1.0, 60.0), (40.0, 0.0, 30.0))  # the bounding box reaches above the camera
+    terrain = Thing("terrain", near + far + mound, "Terrain", is_object=False)
+    world = load_scene(write_scene(tmp_path, [terrain]))
+    assert world.at(0.0).inside([0.0, 0.0, 13.0]) is None
+
+
 @pytest.mark.parametrize("bad", [{"width": 0}, {"horizontal_fov_deg": 180.0}, {"exposure": 0.0}, {"images": ("xray",)}])
 def test_bad_specifications_are_refused(bad: dict) -> None:
     with pytest.raises(ParameterRangeError):
