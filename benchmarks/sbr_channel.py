@@ -1,6 +1,6 @@
-"""Error and time of the channel solver sbr: plate, trihedral, a car near and far, 10^6 tubes, a whole frame, memory, NumPy.
+"""Error and time of the channel solver sbr: plate, trihedral, a car near and far, 10^6 tubes, a whole frame, memory.
 
-Run: ``python benchmarks/sbr_channel.py [plate] [trihedral] [car] [speed] [scene] [memory] [numpy]`` (all by default). Prints
+Run: ``python benchmarks/sbr_channel.py [plate] [trihedral] [car] [speed] [scene] [memory]`` (all by default). Prints
 Markdown tables. Seconds are of warm calls: wall, and CPU of all threads, which another load on the machine changes less.
 """
 
@@ -216,19 +216,12 @@ def _memory_of(wanted: int) -> None:
     print(f"| {paths.diagnostics['num_tubes'][1]} | {paths.num_paths} | {cpu:.1f} | {peak_memory():.2f} |")
 
 
-def numpy() -> None:
-    """Compare the field kernel with the same physical optics in plain NumPy."""
-    from benchmarks.patch_fields import compare
-
-    compare()
-
-
 if __name__ == "__main__":
     if sys.argv[1:] and sys.argv[1].startswith("memory-of="):
         _memory_of(int(sys.argv[1].split("=")[1]))
         sys.exit()
     print(machine())
-    tasks = (plate, trihedral, car, speed, scene, memory, numpy)
+    tasks = (plate, trihedral, car, speed, scene, memory)
     chosen = sys.argv[1:] or [task.__name__ for task in tasks]
     for task in tasks:
         if task.__name__ in chosen:

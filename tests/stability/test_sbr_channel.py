@@ -185,3 +185,45 @@ def test_slivers_are_cut_into_few_pieces_that_cover_them() -> None:
     assert np.bincount(rows, area(pieces)) == pytest.approx(area(corners), rel=1e-12)
     needed = 2.0 / size.length(np.array([10.0]))[0]
     assert np.count_nonzero(rows == 0) < 4 * needed
+
+
+def test_many_tubes_are_about_as_many_as_asked_and_change_nothing(tmp_path) -> None:
+    vertices, faces = oracle.TRIHEDRAL_MESH
+    mesh = trimesh.Trimesh(np.array(vertices) * 0.2, faces, process=False)
+    state = load_scene(write_scene(tmp_path, [Thing("corner", mesh, "Static", "steel")])).at(0.0)
+    pose = Pose.from_euler(np.full(3, 50.0 / 3**0.5), yaw=1.25 * np.pi, pitch=np.arcsin(1 / 3**0.5))
+    few = solve_paths(state, RADAR, pose, method="sbr", settings=ALL)
+    many = solve_paths(state, RADAR, pose, method="sbr", settings=ALL.with_(num_tubes=20_000))
+    # The number is reckoned from areas and sides, right within 1.5 over triangles of all shapes; here all three are alike.
+    assert 10_000 < many.diagnostics["num_tubes"][1] < 40_000
+    assert few.diagnostics["num_tubes"][1] < 1000
+    # What differs is the error of the coarser run: its parts depart from a linear phase by integration_phase at most.
+    assert abs(_signal(many) / _signal(few)) == pytest.approx(1.0, abs=2 * DEFAULT_SBR_CHANNEL.integration_phase)
+    with pytest.raises(ParameterRangeError, match="max_patches"):
+        solve_paths(state, RADAR, pose, method="sbr", settings=ALL.with_(num_tubes=10_000, max_patches=1000))
+
+
+def test_parts_far_smaller_than_the_tubes_are_found(tmp_path) -> None:
+    """Tubes start on the faces themselves: a bolt of 1 cm on a wall 60 m away is among the paths, wherever it is."""
+    bolt = Thing("bolt", box((0.01, 0.012, 0.014), (60.0, 0.7312, 0.413)), "Static", "steel")
+    wall = Thing("wall", plane(4, 3, (60.5, 0, 0), (-1, 0, 0)), "Wall", "steel")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScarlWarning)  # smaller than 3 wavelengths
+        paths = solve_paths(
+            load_scene(write_scene(tmp_path, [bolt, wall])).at(0.0), RADAR, Pose(), method="sbr", settings=ALL
+        )
+    direct = paths.select((paths.instance[:, 0] == 1) & (paths.depth == 1))
+    area = np.abs(direct.a[:, 0, 0]).sum() * 4 * np.pi * 60.0**2
+    # Its front is 1.2 by 1.4 cm, 3 wavelengths: seen 0.7 deg off its normal, the phase over it takes below 1 % of the area.
+    assert area == pytest.approx(0.012 * 0.014, rel=0.03)
+
+
+def test_mirrors_that_send_everything_away_give_no_second_bounce(tmp_path) -> None:
+    """The last bounce looks only for faces that are turned to the radar; a floor behind a tilted plate is not."""
+    plate = Thing("plate", plane(0.5, 0.5, (10, 0, 0), (-1, 0, 1)), "Static", "steel")
+    ceiling = Thing("ceiling", plane(8, 8, (10, 0, 2), (0.3, 0, -1)), "Static", "steel")
+    state = load_scene(write_scene(tmp_path, [plate, ceiling])).at(0.0)
+    paths = solve_paths(state, RADAR, Pose(), method="sbr", settings=ALL.with_(max_depth=2))
+    deeper = solve_paths(state, RADAR, Pose(), method="sbr", settings=ALL.with_(max_depth=3))
+    assert not np.any((paths.depth == 2) & (paths.instance[:, 0] == 1))
+    assert np.array_equal(paths.a, deeper.select(deeper.depth <= 2).a)
