@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import os
+import subprocess
 import sys
 from dataclasses import fields, replace
 from pathlib import Path
@@ -289,6 +290,52 @@ def test_files_are_whole_or_not_there(tmp_path, form) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(OutputError, match="is a folder"):
         convert(SOURCE, form, tmp_path / "folder", overwrite=True)
+
+
+KILLED = """
+import os, signal, sys
+from scarl_sionna.export.views import FrameSource, SceneFrames, convert
+from tests.drive import drive
+frame = drive(1, ends=("front",)).scenes[0].frames[0]
+class Deadly(list):
+    def __getitem__(self, index):
+        if index == 1:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().__getitem__(index)
+convert(FrameSource(drive(ends=("front",)).rig, [SceneFrames("x", Deadly([frame, frame]))]), *sys.argv[1:3])
+"""
+
+
+@pytest.mark.parametrize("form", ["hdf5", "nuscenes"])
+def test_a_killed_export_leaves_no_output_and_its_rest_goes_with_the_next(tmp_path, form) -> None:
+    command = [sys.executable, "-c", KILLED, form, str(tmp_path / "x")]
+    done = subprocess.run(command, cwd=REPO, capture_output=True, text=True, check=False)
+    assert done.returncode == -9, done.stderr
+    assert not (tmp_path / "x").exists()
+    assert len(list(tmp_path.iterdir())) == 1
+    convert(SOURCE.subset(["lane"], 1), form, tmp_path / "x")
+    assert [path.name for path in tmp_path.iterdir()] == ["x"]
+
+
+def test_an_export_killed_between_the_renames_gives_the_old_folder_back(tmp_path) -> None:
+    convert(SOURCE.subset(["lane"], 1), "nuscenes", tmp_path / "x")
+    (tmp_path / "x").rename(tmp_path / ".partial_x_999999999_old")
+    (tmp_path / ".partial_x_999999999").mkdir()
+    (tmp_path / f".partial_x_{os.getpid()}").mkdir()  # of a process that runs
+    (tmp_path / ".partial_x_999999999_7").mkdir()  # of another output, named x_999999999
+    with pytest.raises(OutputError, match="is there"):
+        convert(SOURCE, "nuscenes", tmp_path / "x")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        [f".partial_x_{os.getpid()}", ".partial_x_999999999_7", "x"]
+    )
+
+
+@pytest.mark.parametrize("keep", ["camera", "lidar", "radar"])
+@pytest.mark.parametrize("form", ["hdf5", "mcap"])
+def test_a_drive_with_one_kind_of_sensor(tmp_path, form, keep) -> None:
+    results = {name: result for name, result in FRAMES[0].results.items() if name.endswith(keep)}
+    convert(FrameSource(SOURCE.rig, [SceneFrames("x", [replace(FRAMES[0], results=results)])]), form, tmp_path / "x")
+    assert (tmp_path / "x").stat().st_size > 1000
 
 
 @pytest.mark.parametrize("form", ["hdf5", "mcap", "nuscenes", "dca1000"])

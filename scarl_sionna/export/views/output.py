@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import glob
 import json
+import os
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from scarl_sionna.core.errors import OutputError
-from scarl_sionna.export.atomic import partial_path
+from scarl_sionna.export.atomic import PARTIAL, partial_path
 from scarl_sionna.export.files import output_error
 
 MARK = "scarl_view.json"
 """File in every folder that an exporter writes; only a folder with it is ever overwritten."""
+_ASIDE = "old"
 
 
 @contextmanager
@@ -35,6 +38,7 @@ def whole_folder(out: str | Path, mark: Mapping[str, Any], overwrite: bool = Fal
         If `out` is there, or the folder cannot be written; what was there stays then.
     """
     out = Path(out)
+    _clear_stale(out)
     if out.exists():
         if out.is_dir() and not any(out.iterdir()):
             pass
@@ -66,6 +70,7 @@ def whole_output_file(out: str | Path, overwrite: bool = False) -> Iterator[Path
         If `out` is there and not to be overwritten, or cannot be written.
     """
     out = Path(out)
+    _clear_stale(out)
     if out.is_dir():
         raise OutputError(f"{out} is a folder; give the name of a file")
     if out.exists() and not overwrite:
@@ -80,11 +85,36 @@ def whole_output_file(out: str | Path, overwrite: bool = False) -> Iterator[Path
             partial.unlink(missing_ok=True)
 
 
+def _clear_stale(out: Path) -> None:
+    """Remove what killed exports to the same place left; a folder that one had moved aside to replace it comes back."""
+    with suppress(OSError):
+        for stale in sorted(out.parent.glob(f"{glob.escape(PARTIAL + out.name)}_*")):
+            process, _, rest = stale.name.removeprefix(f"{PARTIAL}{out.name}_").partition("_")
+            if not process.isdigit() or rest not in ("", _ASIDE) or _is_running(int(process)):
+                continue
+            if rest == _ASIDE and not out.exists():
+                stale.rename(out)
+            elif stale.is_dir():
+                shutil.rmtree(stale)
+            else:
+                stale.unlink()
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
 def _replace_folder(partial: Path, out: Path) -> None:
     if not out.exists():
         partial.rename(out)
         return
-    old = out.with_name(f"{partial.name}_old")
+    old = out.with_name(f"{partial.name}_{_ASIDE}")
     out.rename(old)
     try:
         partial.rename(out)
