@@ -15,6 +15,7 @@ from scarl_sionna.core.results import RadarFrame
 from .adc import quantize
 from .channel import solve_paths
 from .synthesis import synthesize
+from .synthesis.blocks import retraced, synthesize_blocks
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
@@ -32,6 +33,10 @@ class Radar:
         False leaves the receiver's thermal noise out: the ideal sensor.
     solver_options : mapping, optional
         Options of the solver, for instance ``{"hits_per_cell": None}``.
+    chirps_per_block : int, optional
+        The paths are solved again in the middle of every block of so many chirps, for wheels and limbs, see
+        :func:`scarl_sionna.radar.synthesis.blocks.synthesize_blocks`; once a frame if left out. The trajectories must cover
+        the frame.
     """
 
     def __init__(
@@ -40,11 +45,13 @@ class Radar:
         method: str = "auto",
         noise: bool = True,
         solver_options: Mapping[str, Any] | None = None,
+        chirps_per_block: int | None = None,
     ) -> None:
         self.spec = spec
         self.method = method
         self.noise = noise
         self.solver_options = dict(solver_options or {})
+        self.chirps_per_block = chirps_per_block
 
     def observe(
         self, state: WorldState, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
@@ -74,7 +81,12 @@ class Radar:
         options = {"radar_twist": sensor_twist, **self.solver_options}
         paths = solve_paths(state, self.spec, world_from_sensor, self.method, **options)
         start = time.perf_counter()
-        adc = synthesize(paths, self.spec, rng=seed_generator if self.noise else None)
+        rng = seed_generator if self.noise else None
+        if self.chirps_per_block is None:
+            adc = synthesize(paths, self.spec, rng=rng)
+        else:
+            paths_at = retraced(state.world, self.spec, world_from_sensor, state.time, self.method, **options)
+            adc = synthesize_blocks(paths_at, self.spec, self.chirps_per_block, rng=rng)
         synthesized = time.perf_counter()
         codes, scale, num_saturated = quantize(adc, self.spec)
         solve = paths.diagnostics.get("seconds", {})

@@ -14,7 +14,8 @@ from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import point_targets, synthesize
+from scarl_sionna.radar import point_targets, quantize, synthesize
+from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.radar.synthesis.blocks import retraced, shifted, synthesize_blocks
 from scarl_sionna.world import load_scene
 from tests.oracles import micro_doppler as oracle
@@ -263,6 +264,25 @@ def blade_scene(folder):
     blade.faces = [(0, 1, 2), (0, 2, 3)]
     trajectory = {"kind": "constant_twist", "position": [0, 0, 0], "velocity": [oracle.WHEEL_SPEED, 0, 0]}
     return load_scene(with_wheel(write_scene(folder, actors=[Thing("car", blade, "Car", "steel", trajectory)])))
+
+
+def test_the_sensor_solves_its_frame_in_blocks(tmp_path) -> None:
+    """As raw data: with blocks what `synthesize_blocks` gives, without what one solve gives, and for a turning blade not the same."""
+    world = blade_scene(tmp_path)
+    radar = radar_of(ramp_time=8e-6, idle_time=2e-6, num_chirps=32, bandwidth=150e6, num_samples=64, tx_power_dbm=40.0)
+    pose = Pose.from_euler([25.0, 0.0, 0.59], yaw=np.pi)
+    frames = {
+        chirps: Radar(radar, "sbr", noise=False, chirps_per_block=chirps).observe(
+            world.at(-16e-5), pose, Twist(), np.random.default_rng(0)
+        )
+        for chirps in (None, 4)
+    }
+    paths_at = retraced(world, radar, pose, -16e-5, "sbr")
+    expected = synthesize_blocks(paths_at, radar, 4)
+    codes = [quantize(signal, radar)[0] for signal in (expected, synthesize(paths_at(0.0), radar))]
+    assert np.array_equal(frames[4].adc_int, codes[0]) and np.array_equal(frames[None].adc_int, codes[1])
+    assert not np.array_equal(codes[0], codes[1])
+    assert frames[4].num_paths == frames[None].num_paths > 0
 
 
 def with_wheel(path):
