@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .core.accuracy import Accuracy
+    from .core.atmosphere import Atmosphere
     from .core.camera_spec import BrownConrady, CameraSpec, ImageSensor, KannalaBrandt, Pinhole
     from .core.errors import ScarlError, ScarlWarning
+    from .core.lidar_pattern import RasterScan, RisleyScan, SpinningScan, TableScan
+    from .core.lidar_receiver import HeterodyneReceiver, ScarlReceiver
     from .core.lidar_spec import LidarSpec
     from .core.lighting import Lighting
     from .core.pose import Pose, Twist
@@ -40,9 +43,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Accuracy",
+    "Atmosphere",
     "BrownConrady",
     "CameraSpec",
     "Frame",
+    "HeterodyneReceiver",
     "ImageFrame",
     "ImageSensor",
     "KannalaBrandt",
@@ -54,10 +59,15 @@ __all__ = [
     "RadarFrame",
     "RadarPaths",
     "RadarSpec",
+    "RasterScan",
     "Rig",
+    "RisleyScan",
     "ScarlError",
+    "ScarlReceiver",
     "ScarlWarning",
     "ScattererModel",
+    "SpinningScan",
+    "TableScan",
     "Twist",
     "World",
     "WorldState",
@@ -81,8 +91,11 @@ __all__ = [
 
 _HOME = {
     ".core.accuracy": ("Accuracy",),
+    ".core.atmosphere": ("Atmosphere",),
     ".core.camera_spec": ("BrownConrady", "CameraSpec", "ImageSensor", "KannalaBrandt", "Pinhole"),
     ".core.errors": ("ScarlError", "ScarlWarning"),
+    ".core.lidar_pattern": ("RasterScan", "RisleyScan", "SpinningScan", "TableScan"),
+    ".core.lidar_receiver": ("HeterodyneReceiver", "ScarlReceiver"),
     ".core.lidar_spec": ("LidarSpec",),
     ".core.lighting": ("Lighting",),
     ".core.pose": ("Pose", "Twist"),
