@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.lidar_spec import LidarSpec
-from scarl_sionna.world.scene import PartTable, RayHits
+from scarl_sionna.world.tables import PartTable, RayHits
 
 from .beam import beam_radius, sub_directions, widest_gap
 from .scan import pane_transmittance, radial_velocity, return_intensity

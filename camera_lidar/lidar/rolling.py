@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.world.apart import Apart, stand_apart
-from scarl_sionna.world.scene import RayHits, WorldState
+from scarl_sionna.world.scene import WorldState
+from scarl_sionna.world.tables import RayHits
 
 from .motion import Motion, knots
 

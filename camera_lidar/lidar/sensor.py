@@ -13,7 +13,7 @@ from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.world.placement import check_placement
-from scarl_sionna.world.scene import PartTable
+from scarl_sionna.world.tables import PartTable
 
 from .beat import estimate_beats, synthesize_beats
 from .heterodyne import NO_ECHO, Detections, receive_heterodyne

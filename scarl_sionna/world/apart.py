@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 from scarl_sionna.core.pose import Pose, Twist
 
 from .motion import Motion
-from .scene import Actor, World, WorldState
+from .scene import World, WorldState
+from .tables import Actor
 
 Array = npt.NDArray[np.float64]
 
