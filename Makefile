@@ -43,7 +43,7 @@ format: $(TEST_STAMP) ## Format the code
 	$(BIN)/ruff format .
 
 bench: $(STAMP) ## Run the benchmarks: error against time
-	@for name in synthesis radar_frame optical frame; do echo "== benchmarks/$$name.py"; $(BIN)/python benchmarks/$$name.py || exit 1; done
+	@for name in synthesis radar_frame camera lidar frame; do echo "== benchmarks/$$name.py"; $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 clean: ## Remove caches and outputs, but not .venv
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache $(OUT)
