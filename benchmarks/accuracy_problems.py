@@ -138,7 +138,7 @@ def over(
     state, poses = scene_and[:2]
     return Curve(
         method, knob,
-        [Point(label, frames(state, poses, radar, method=method, **options), label == default) for label, options in settings],
+        [Point(label, frames(state, poses, radar, method=method.split(",")[0], **options), label == default) for label, options in settings],
     )  # fmt: skip
 
 
@@ -233,7 +233,7 @@ def trihedral() -> Problem:
     curves = common(state, poses)
     curves.append(
         scatterer_curve(
-            state, poses, mesh, "corner", (0.1, 0.05), azimuths_deg=(30.0, 60.0), azimuth_step_deg=0.5,
+            state, poses, mesh, "corner", (0.1, 0.05), azimuths_deg=(30.0, 60.0), azimuth_step_deg=0.5, settings=SbrSettings(max_depth=3),
             elevations_deg=(np.degrees(boresight),),
         )
     )  # fmt: skip
