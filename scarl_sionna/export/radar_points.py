@@ -13,6 +13,9 @@ from scarl_sionna.radar import RadarPoints, detect, range_doppler_angle, virtual
 
 Array = npt.NDArray[np.float64]
 
+GUARD, TRAINING = 3, (6, 8)
+"""Half-widths of the detector's window in cells: left out, and averaged over Doppler and range; `detect`'s own."""
+
 
 @dataclass(frozen=True, eq=False)
 class SensedPoints:
@@ -33,8 +36,19 @@ class SensedPoints:
 
 
 def radar_points(radar: RadarFrame, pfa: float = 1e-6) -> RadarPoints:
-    """Return the detections of a radar frame."""
-    return detect(range_doppler_angle(virtual_cube(radar.adc, radar.spec), radar.spec), radar.spec, pfa=pfa)
+    """Return the detections of a radar frame; a map smaller than the detector's window gets a smaller window."""
+    rda = range_doppler_angle(virtual_cube(radar.adc, radar.spec), radar.spec)
+    windows = [_window(bins, cells) for bins, cells in zip(rda.data.shape[:2], TRAINING, strict=True)]
+    guard, training = zip(*windows, strict=True)
+    return detect(rda, radar.spec, pfa=pfa, guard=guard, training=training)
+
+
+def _window(num_bins: int, training: int) -> tuple[int, int]:
+    """Return guard and training cells on each side that fit into an axis; fewer than 3 bins are left to the detector."""
+    guard = GUARD
+    while 2 * (guard + training) + 1 > num_bins and (training > 1 or guard > 0):
+        training, guard = (training - 1, guard) if training > 1 else (training, guard - 1)
+    return guard, training
 
 
 def sensor_velocity(frame: Frame, world_from_sensor: Pose) -> Array:
@@ -47,13 +61,13 @@ def sensor_velocity(frame: Frame, world_from_sensor: Pose) -> Array:
 def sensed_points(frame: Frame, radar: RadarFrame, pfa: float = 1e-6) -> SensedPoints:
     """Return the detections of a radar of a frame, with radial velocities over ground.
 
-    What stands still has a compensated velocity of 0, up to a multiple of the radar's unambiguous interval.
+    The compensated velocity is folded to the radar's unambiguous interval about 0: what stands still is near 0 also where the
+    vehicle is faster than that interval.
     """
     points = radar_points(radar, pfa)
     direction = points.position / np.maximum(points.range, 1e-9)[:, None]
     own = direction @ sensor_velocity(frame, radar.world_from_sensor)
     interval = 2.0 * radar.spec.unambiguous_velocity
     over_ground = points.radial_velocity + own
-    # a fast vehicle aliases the still world: take the value of the measured one's class nearest to standing still
     over_ground -= interval * np.rint(over_ground / interval)
     return SensedPoints(points, direction, over_ground)

@@ -10,16 +10,17 @@ import pytest
 from PIL import Image
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError
-from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR
-from scarl_sionna.core.results import LidarScan
+from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
+from scarl_sionna.core.results import LidarScan, RadarFrame
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.export.boxes import corners, visible_fraction
-from scarl_sionna.export.radar_points import sensed_points
+from scarl_sionna.export.radar_points import radar_points, sensed_points
 from scarl_sionna.export.views.nuscenes import export_nuscenes
 from scarl_sionna.export.views.nuscenes_files import deviation_code, tone_deviation
 from scarl_sionna.export.views.nuscenes_tables import CATEGORIES, LIDARSEG_LABEL, TABLES, visibility_token
 from scarl_sionna.export.views.output import MARK
 from scarl_sionna.export.views.source import FrameSource, SceneFrames
+from scarl_sionna.radar import point_targets, quantize, synthesize
 from tests.client_env import client_python, run_client
 from tests.drive import RADAR, _image, drive
 
@@ -303,6 +304,17 @@ def test_visible_part_of_a_box_is_the_visible_part_of_its_pixels() -> None:
     assert visible_fraction(frame.objects[2], image) == pytest.approx(seen / alone, abs=0.1)
     assert visible_fraction(frame.objects[2], free) == 1.0
     assert visible_fraction(frame.objects[3], image) == 0.0  # behind the camera
+
+
+@pytest.mark.parametrize(("num_chirps", "num_samples"), [(8, 16), (3, 64), (64, 3)])
+def test_a_radar_with_a_small_map_is_detected_in(num_chirps, num_samples) -> None:
+    spec = RADAR.with_(num_chirps=num_chirps, num_samples=num_samples)
+    paths = point_targets([[spec.max_range / 3, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 10.0, spec, Pose())
+    codes, scale, _ = quantize(synthesize(paths, spec), spec)
+    points = radar_points(RadarFrame(spec, Pose(), codes, scale), pfa=1e-2)
+    assert points.num_points <= num_chirps * num_samples
+    if min(num_chirps, num_samples) >= 8:
+        assert abs(points.range[0] - spec.max_range / 3) < spec.range_resolution
 
 
 def test_codes() -> None:
