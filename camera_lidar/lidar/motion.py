@@ -29,7 +29,9 @@ rotations turn evenly (h^2 / 8 of the angular acceleration, 5e-7 rad at 1 rad/s2
 5e-6 m/s at 10 m/s3). A wheel is followed by its centre.
 """
 _SAME_VELOCITY = 1e-6
-"""A sensor whose velocity is the ego vehicle's within this [m/s, rad/s] is carried by it."""
+"""A sensor whose velocity is the ego vehicle's within this [m/s, rad/s] is carried by it, if it is on board."""
+_ON_BOARD = 1.0
+"""Farthest place of a carried sensor beyond the sphere around its vehicle's box [m]."""
 
 
 def knots(duration: float) -> Array:
@@ -177,16 +179,19 @@ def actor_motion(trajectory: Trajectory, timestamp: float, duration: float) -> M
 def sensor_motion(state: WorldState, world_from_sensor: Pose, twist: Twist, duration: float) -> Motion:
     """Return the motion of a sensor during a scan.
 
-    A sensor that moves with the world's ego actor at the state's time is taken to be carried by it and follows its trajectory; any
-    other keeps its velocity and angular velocity.
+    A sensor that moves with the world's ego actor at the state's time and is on it is taken to be carried by it and follows its
+    trajectory; any other keeps its velocity and angular velocity.
     """
     ego = state.world.ego
     if ego is not None:
         world_from_ego, ego_twist = state.actor_pose(ego), state.actor_twist(ego)
         velocity = ego_twist.velocity_at(world_from_sensor.position - world_from_ego.position)
         moved = np.abs(velocity - twist.linear).max(), np.abs(ego_twist.angular - twist.angular).max()
-        if max(moved) < _SAME_VELOCITY:
-            carrier = actor_motion(state.world.actor(ego).trajectory, state.time, duration)
+        actor = state.world.actor(ego)
+        box = state.world.instances[actor.instance]
+        away = np.linalg.norm(world_from_sensor.position - world_from_ego.apply(box.frame_from_box.position))
+        if max(moved) < _SAME_VELOCITY and away < np.linalg.norm(box.size) / 2.0 + _ON_BOARD:
+            carrier = actor_motion(actor.trajectory, state.time, duration)
             return _carried(carrier, world_from_ego.inverse().compose(world_from_sensor))
     return constant_twist(world_from_sensor, twist, duration)
 

@@ -129,7 +129,7 @@ def trace(
         if surface + 1 == spec.max_surfaces:
             break
         passed = light * pane_transmittance(parts.lidar_transmittance[hits.part], hits.cos_incidence) ** 2
-        onward = np.flatnonzero((passed > _SMALLEST_SHARE * light.max(initial=0.0)) & (distance < spec.max_distance))
+        onward = np.flatnonzero((passed > _SMALLEST_SHARE / spec.sub_rays) & (distance < spec.max_distance))
         if onward.size == 0:
             break
         rays, share, start = ray[onward], passed[onward], distance[onward] + _STEP_BEHIND

@@ -22,6 +22,10 @@ class Spec(BaseModel):
         except ValidationError as error:
             first = error.errors()[0]
             name = ".".join([type(self).__name__, *(str(part) for part in first["loc"])])
+            inner = first.get("ctx", {}).get("error")
+            if isinstance(inner, ParameterRangeError):  # of a specification inside this one: its own value and remedy
+                name = ".".join(part for part in (name, inner.name.partition(".")[2]) if part)
+                raise ParameterRangeError(name, inner.value, inner.allowed, inner.remedy) from error
             value, allowed = first.get("input"), first["msg"].removeprefix("Value error, ")
             raise ParameterRangeError(name, repr(value)[:80], allowed) from error
 

@@ -178,6 +178,25 @@ def test_radial_velocity_of_a_turning_car_during_the_scan(tmp_path: Path) -> Non
         assert abs(scan.radial_velocity[row] - expected) < 1e-4  # the contract is 1e-3 m/s
 
 
+def test_a_lidar_beside_the_road_is_not_carried_by_a_car_at_rest(tmp_path: Path) -> None:
+    times = (0.0, 1.0, 2.0, 3.0)
+    waits = moving(
+        "waypoints", times=times, positions=[(0, 0, 0), (0, 0, 0), (2.0, 0, 0), (12.0, 0, 0)], yaw_deg=(0, 0, 0, 0)
+    )
+    ego = Thing("ego", box((4.5, 1.8, 1.4), (0.0, 0.0, 0.75)), "Car", trajectory=waits)
+    world = load_scene(write_scene(tmp_path, [Thing("wall", box((1, 80, 6), (40, 0, 3)), "Wall")], [ego], ego="ego"))
+    state = world.at(2.0)
+    own = state.actor_twist("ego")
+    on_board = sensor_motion(state, Pose([4.5, 0.0, 1.0]), own, 0.1)
+    beside = sensor_motion(state, Pose([4.5, 20.0, 1.0]), own, 0.1)
+    assert np.allclose(beside.position[-1], [4.5 + 0.1 * own.linear[0], 20.0, 1.0], atol=1e-12)
+    expected = world.at(2.1).actor_pose("ego").position[0] + 2.5
+    assert (
+        np.isclose(on_board.position[-1, 0], expected, atol=1e-9)
+        and on_board.position[-1, 0] > beside.position[-1, 0] + 0.01
+    )
+
+
 def test_past_the_end_of_a_trajectory_the_motion_goes_on(tmp_path: Path) -> None:
     world = traffic(tmp_path)
     scan = Lidar(RASTER).observe(world.at(3.0), Pose([0.0, -3.0, 1.0]), Twist(), rng())  # the ego's way ends at 3 s
