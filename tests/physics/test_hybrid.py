@@ -131,8 +131,11 @@ def test_a_corner_over_a_mirror_is_its_bistatic_far_field_from_the_images(tmp_pa
     shares = (Share("sbr", ("corner",), {"settings": settings}, through_mirrors=True),)
     paths = solve_paths(state, RADAR, pose, "hybrid", plan=ChannelPlan(shares, ("mirror",), echoes=False))
     field = paths.a[:, 0, 0] * np.exp(-2j * np.pi * RADAR.center_frequency / ss_units.SPEED_OF_LIGHT * lengths(paths))
-    # V is TM at the ground (+1 for metal) and, level with the target, TE at the wall (-1).
-    image, sign = ([0.0, 0.0, -height], 1.0) if mirror == "ground" else ([0.0, 2.0, height], -1.0)
+    # V is TM at the ground and, level with the target, TE at the wall.
+    image = [0.0, 0.0, -height] if mirror == "ground" else [0.0, 2.0, height]
+    index = np.sqrt(state.world.materials["metal"].at(RADAR.center_frequency))
+    sine = (2 * height if mirror == "ground" else 2.0) / np.hypot(distance, 2 * height if mirror == "ground" else 2.0)
+    sign = (index * sine - 1) / (index * sine + 1) if mirror == "ground" else (sine - index) / (sine + index)
     toward = [np.asarray(point) - [distance, 0.0, height] for point in (pose.position, image)]
     theta = [np.arccos(v[2] / np.linalg.norm(v)) for v in toward]
     phi = [np.arctan2(v[1], v[0]) for v in toward]
@@ -150,7 +153,7 @@ def test_a_corner_over_a_mirror_is_its_bistatic_far_field_from_the_images(tmp_pa
         strongest = (
             RADAR.wavelength * np.sqrt(rcs_oracle.trihedral(leg, RADAR.wavelength) / (4 * np.pi)) / (4 * np.pi * 144.0)
         )
-        # Curvature over the corner: k D^2 / (4 R) = 0.03 rad with D = 3.2 cm; metal 0.1 % and 0.001 rad a bounce.
+        # Curvature over the corner: k D^2 / (4 R) = 0.03 rad with D = 3.2 cm.
         assert abs(field[rows].sum() - expected) < 0.03 * strongest, (there, back)
 
 
