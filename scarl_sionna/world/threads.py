@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from .engine import ensure_engine
 
+LEAST = 2
+"""With one thread, Mitsuba 3.9 waits for ever when it writes an EXR image: its tasks wait for a worker that is not there."""
+
 
 def limit_threads(count: int) -> None:
     """Let Dr.Jit use a number of threads, for processes that share one machine.
@@ -11,9 +14,9 @@ def limit_threads(count: int) -> None:
     Parameters
     ----------
     count : int
-        At least one is used.
+        At least `LEAST` are used.
     """
     ensure_engine()
     import drjit
 
-    drjit.set_thread_count(max(count, 1))
+    drjit.set_thread_count(max(count, LEAST))
