@@ -171,8 +171,7 @@ def _choice(name: str, value: str, *allowed: str) -> Any:
 def _export(scenarios: list[ScenarioSpec], out: Path, settings: ExportSettings) -> ExportReport:
     """Run an export under a progress bar."""
     columns = (
-        TextColumn("frames"),
-        BarColumn(),
+        BarColumn(bar_width=12),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
@@ -202,14 +201,12 @@ class _Display:
             self._done = self._first = data["done"]
             self._progress.reset(self._task, total=data["frames"], completed=data["done"], rate="", description="scene")
         elif kind == "stage":
-            self._progress.update(
-                self._task, completed=self._done + data["part"], description=f"{data['scene']} {data['stage']}"
-            )
+            self._progress.update(self._task, completed=self._done + data["part"], description=data["stage"])
         elif kind == "frame":
             self._done += 1
             self._bytes += data["bytes"]
             self._failed += "failed" in data
             elapsed = self._progress.tasks[0].elapsed or 1e-9
             failed = f", {self._failed} failed" if self._failed else ""
-            rate = f"{(self._done - self._first) / elapsed:.2f} frames/s, {self._bytes / 1e6:.1f} MB{failed}"
+            rate = f"{(self._done - self._first) / elapsed:.2f} /s, {self._bytes / 1e6:.1f} MB{failed}"
             self._progress.update(self._task, completed=self._done, rate=rate)
