@@ -5,12 +5,14 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from scarl_sionna.core.errors import ExportError, OutputError, ScarlError
+from scarl_sionna.core.errors import ExportError, OutputError, ScarlError, ScarlWarning
 from scarl_sionna.export.manifest import MANIFEST
 from scarl_sionna.export.packages import require
 
@@ -69,7 +71,10 @@ def _reports(distributed: Any, client: Any, jobs: list[ShardJob], threads: int |
     running = distributed.as_completed(hand_out(0))
     try:
         for future in running:
-            yield future.result()
+            report: ShardReport = future.result()
+            for text in report.warnings:
+                warnings.warn(text, ScarlWarning, stacklevel=2)
+            yield report
             for new in hand_out(running.count()):
                 running.add(new)
     except ScarlError:
@@ -104,9 +109,13 @@ def work(job: ShardJob, threads: int | None) -> ShardReport:
             worker.log_event(TOPIC, data)
 
     try:
-        return make_shard(job, tell)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ScarlWarning)
+            report = make_shard(job, tell)
     except ScarlError as error:
         raise portable(error) from None
+    texts = dict.fromkeys(str(item.message) for item in caught if issubclass(item.category, ScarlWarning))
+    return replace(report, warnings=tuple(texts))
 
 
 def portable(error: ScarlError) -> ScarlError:

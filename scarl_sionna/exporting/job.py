@@ -69,6 +69,8 @@ class ShardReport:
     seconds : mapping of str to float
         By stage: those of the sensors, ``scene`` (loading), ``encoding`` (CPU time of the threads that compress),
         ``keeping`` (writing the finished frames), ``waiting`` (simulation held up by the two), ``putting in place``.
+    warnings : tuple of str
+        Those of a worker, for this process to show.
     """
 
     scene: str
@@ -78,6 +80,7 @@ class ShardReport:
     failed: dict[int, str]
     num_bytes: int
     seconds: dict[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 def ignore(kind: str, data: dict[str, Any]) -> None:
