@@ -22,7 +22,7 @@ class SbrChannelSettings(Spec):
         "what is one path, and distance of the rays",
     )  # fmt: skip
     integration_phase: float = Field(
-        0.02, gt=0.0, le=3.0,
+        0.01, gt=0.0, le=3.0,
         description="the same for the parts over which the field of a patch is integrated with a linear phase [rad]",
     )  # fmt: skip
     max_ramp: float = Field(
