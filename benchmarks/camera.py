@@ -86,7 +86,7 @@ def time_images(world: Any, state: Any, pose: Pose, repeats: int) -> None:
     fisheye = base.with_(lens=KannalaBrandt(k1=-0.02), horizontal_fov_deg=180.0)
     row("depth + semantic + instance, fisheye of 180 deg", measure(lambda: run(fisheye, fresh=True), repeats))
     default = CameraSpec(images=("rgb",))
-    few = max(1, repeats // 2)
+    few = max(1, repeats // 4)
     row("RGB 960 x 540, default", measure(lambda: run(default), few), "target 10 s")
     row("RGB, 8 samples, denoised", measure(lambda: run(default.with_(samples_per_pixel=8)), few), "draft")
     noisy = default.with_(samples_per_pixel=8, sensor=ImageSensor())
@@ -158,6 +158,7 @@ def main() -> None:
     parser.add_argument("--figures", type=Path, default=None, help="folder for the figure")
     parser.add_argument("--reference-spp", type=int, default=4096)
     parser.add_argument("--quick", action="store_true", help="fewer repeats, fewer samples")
+    parser.add_argument("--chart-only", action="store_true", help="no table of times")
     options = parser.parse_args()
     world = load_scene(options.scene)
     world = world.with_lighting(options.lighting) if options.lighting else world
@@ -165,7 +166,8 @@ def main() -> None:
     front = (state.actor_pose(world.ego) if world.ego else Pose()).compose(FRONT)
     print(machine())
     print(f"\nScene {world.name}, {len(world.parts.name)} parts.")
-    time_images(world, state, front, repeats=2 if options.quick else 4)
+    if not options.chart_only:
+        time_images(world, state, front, repeats=2 if options.quick else 4)
     counts = (4, 16, 64) if options.quick else (2, 4, 8, 16, 32, 64, 256)
     results = chart(state, front, counts, options.reference_spp)
     if options.figures:

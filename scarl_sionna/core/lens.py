@@ -115,7 +115,7 @@ class BrownConrady(Spec):
         return np.inf if np.isinf(self._limit) else self._image_radius_of(self._limit)
 
     def _image_radius_of(self, r: float) -> float:
-        return float(r * self._radial(np.float64(r * r))[0])
+        return float(r * self._radial(np.asarray(r * r))[0])
 
     def image_radius(self, angle: float) -> float:
         """Return the distance from the principal point of a direction at an angle [rad]; infinite outside of the field."""

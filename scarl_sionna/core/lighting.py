@@ -51,7 +51,7 @@ LIGHTING_PRESETS: Mapping[str, Mapping[str, Any]] = {
         "sun_elevation_deg": 3.5, "sun_azimuth_deg": 62.0, "turbidity": 2.5, "cloud_cover": 0.35, "visibility": 15e3,
         "headlamps": True, "street_lamps": True, "exposure": 4.0,
     },
-    "night": {"sun_elevation_deg": -30.0, "headlamps": True, "street_lamps": True, "exposure": 500.0},
+    "night": {"sun_elevation_deg": -30.0, "headlamps": True, "street_lamps": True, "exposure": 700.0},
     "overcast": {"cloud_cover": 1.0, "visibility": 15e3, "exposure": 4.5},
     "rain": {
         "cloud_cover": 1.0, "sun_elevation_deg": 25.0, "visibility": 2500.0, "wetness": 1.0, "headlamps": True,

@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 
 STREET_LAMP_FLUX = 9000.0
 """Of one luminaire [lm]: an LED of 75 W."""
-_COLORS = {"headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.002, 0.0), "street_lamp": (1.0, 0.86, 0.66)}
+_COLORS = {"headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.0, 0.0), "street_lamp": (1.0, 0.86, 0.66)}
 """Linear RGB: LED of 5000 K, red, LED of 4000 K, before they are scaled to luminance 1."""
 _GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 8.0}
 """Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear position
