@@ -109,7 +109,13 @@ def draw(result: dict[str, Any], file: Path) -> None:
         )  # fmt: skip
     axes.axhline(NOTHING_DB, color="0.7", lw=0.8)
     axes.annotate(
-        "60 dB or no echo", (0.01, NOTHING_DB), xycoords=("axes fraction", "data"), va="bottom", fontsize=8, color="0.4"
+        "60 dB or no echo",
+        (0.99, NOTHING_DB),
+        xycoords=("axes fraction", "data"),
+        ha="right",
+        va="bottom",
+        fontsize=8,
+        color="0.4",
     )
     axes.set_ylim(bottom, 130.0)
     axes.set(xlabel="time of a radar frame, warm [s]", ylabel=f"error [dB], {result['measure']}", title=result["title"])

@@ -131,7 +131,12 @@ def plan_channel(
 
 
 def _choose(
-    state: WorldState, radar: RadarSpec, pose: Pose, reach: float, accuracy: Accuracy, models: Mapping[str, ScattererModel]
+    state: WorldState,
+    radar: RadarSpec,
+    pose: Pose,
+    reach: float,
+    accuracy: Accuracy,
+    models: Mapping[str, ScattererModel],
 ) -> tuple[list[_Choice], tuple[int, ...], bool]:
     """Return what becomes of each instance, the mirrors, and whether one of them faces the radar."""
     items = [estimate(state, radar, pose, number, reach) for number in state.world.instances]
@@ -249,8 +254,8 @@ def _plan(
     named = [choice.item for choice in choices if choice.method == "scatterers"]
     if named:
         options = {"models": {item.name: models[item.name] for item in named}}
-        numbers = tuple(sorted(item.number for item in named))
-        shares.append(Share("scatterers", numbers, options, bool(mirrors), "objects with a model"))
+        with_model = tuple(sorted(item.number for item in named))
+        shares.append(Share("scatterers", with_model, options, bool(mirrors), "objects with a model"))
     rest = tuple(sorted(choice.item.number for choice in choices if choice.method in ("raycast", "out of view")))
     shares.append(Share("raycast", rest, dict(raycast), reason="clutter, and what is over the budget"))
     left_out = tuple(

@@ -98,7 +98,7 @@ def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach
     distance = max(float(np.linalg.norm(nearest - pose.position)), 1e-3)
     direction = _unit(pose.position - box.position)
     sides = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]]) * 4.0
-    in_view, gain, width = _view(radar, pose, box, info.size, nearest, reach)
+    in_view, gain, width = _view(radar, pose, box, info.size, nearest)
     area = min(float(np.abs(direction @ box.rotation) @ sides), width * distance)
     semantic = SEMANTIC_CLASSES[info.semantic]
     mean = float(class_reflectivity()[info.semantic]) * area
@@ -138,15 +138,15 @@ def _smooth_share(state: WorldState, info: InstanceInfo) -> float:
     triangles, total, smooth = state._triangles, 0.0, 0.0
     for part in info.parts:
         corners = triangles.corners[triangles.first[part] : triangles.first[part + 1]]
-        area = float(np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum())
+        area = float(
+            np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+        )
         rough = state.world.materials[state.world.parts.material[part]].scattering_coefficient
         total, smooth = total + area, smooth + area * (1.0 - rough**2)
     return smooth / total if total > 0.0 else 0.0
 
 
-def _view(
-    radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array, reach: float
-) -> tuple[bool, float, float]:
+def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) -> tuple[bool, float, float]:
     """Return whether a box may be in the field of view, the antenna's largest power gain over it, and its width there [m].
 
     The box is taken as its sphere; one wider than 20 deg as if it stood where the antenna is best.
@@ -158,7 +158,7 @@ def _view(
     if far <= radius or np.arcsin(radius / far) > np.radians(10.0):
         x, y, _ = (nearest - pose.position) @ pose.rotation
         behind = far > radius and np.abs(np.arctan2(y, x)) > fov[0] / 2.0 and _outside(pose, center, radius, fov)
-        return not behind, 1.0 * float(field_gain(radar.pattern, np.array([[1.0, 0.0, 0.0]]))[0]) ** 2, wide
+        return not behind, float(field_gain(radar.pattern, np.array([[1.0, 0.0, 0.0]]))[0]) ** 2, wide
     signs = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)] + [(0, 0, 0)]) / 2.0
     corners = (box.apply(signs * size) - pose.position) @ pose.rotation
     gain = float(field_gain(radar.pattern, corners).max()) ** 2

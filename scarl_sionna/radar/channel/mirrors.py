@@ -85,7 +85,8 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
     ``sqrt(2 wavelength d)``. Nearer scatterers have a smaller one.
     """
     faces = face_table(state)
-    triangles, found = faces.triangles, []
+    triangles = faces.triangles
+    found: list[Mirror] = []
     chosen = np.flatnonzero(np.isin(state.world.parts.instance[faces.part], instances) & triangles.normal.any(axis=1))
     _, group = np.unique(faces.plane[chosen], return_inverse=True)
     area = np.linalg.norm(
