@@ -27,7 +27,9 @@ class Atmosphere(Spec):
     and Hogan, J. Atmos. Ocean. Technol. 21, 2004); rain is taken alike, within a factor of two.
     """
 
-    visibility: float | None = Field(None, gt=0.0, description="meteorological optical range, 5 % contrast [m]; None: no fog")
+    visibility: float | None = Field(
+        None, gt=0.0, description="meteorological optical range, 5 % contrast [m]; None: no fog"
+    )
     rain_rate: float = Field(0.0, ge=0.0, le=500.0, description="[mm/h]")
     lidar_ratio: float = Field(19.0, gt=0.0, description="extinction over backscatter coefficient [sr]")
 
