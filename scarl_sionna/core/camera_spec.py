@@ -38,7 +38,9 @@ class CameraSpec(Spec):
         None, description="instead of the field of view: focal length, or that of columns and of rows [px]"
     )
     principal_point: tuple[float, float] | None = Field(None, description="column and row [px]; None: the middle")
-    samples_per_pixel: int = Field(32, ge=1, le=65536, description="path-traced samples of the RGB image")
+    samples_per_pixel: int = Field(
+        32, ge=1, le=65536, description="light paths of the RGB image; error against time: docs/camera.md"
+    )
     denoise: bool = Field(True, description="Open Image Denoise over the RGB image, led by albedo and normals")
     max_depth: int = Field(6, ge=1, le=64, description="longest light path of the RGB image [segments]")
     exposure: float = Field(1.0, gt=0.0, description="factor on the scene's radiance before the tone curve")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ET
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -33,9 +34,11 @@ def sky_elements(lighting: Lighting, folder: Path, mi: Any) -> list[ET.Element]:
         ET.SubElement(element, "vector", {"name": "sun_direction", "value": _text(sun_direction(lighting))})
         ET.SubElement(element, "float", {"name": "turbidity", "value": repr(lighting.turbidity)})
         return [element]
-    clear, sun = clear_sky(mi, lighting)
+    image, sun = _sky_of(
+        mi, lighting.with_(headlamps=False, street_lamps=False, wetness=0.0, visibility=None, exposure=1.0)
+    )
     file = folder / "sky.exr"
-    mi.Bitmap(sky_image(lighting, clear, sun)).write(str(file))
+    mi.Bitmap(image).write(str(file))
     sky = ET.Element("emitter", {"type": "envmap"})
     ET.SubElement(sky, "string", {"name": "filename", "value": str(file)})
     turn = ET.SubElement(sky, "transform", {"name": "to_world"})
@@ -46,6 +49,13 @@ def sky_elements(lighting: Lighting, folder: Path, mi: Any) -> list[ET.Element]:
     ET.SubElement(element, "vector", {"name": "direction", "value": _text(-sun_direction(lighting))})
     ET.SubElement(element, "rgb", {"name": "irradiance", "value": _text(sun)})
     return [sky, element]
+
+
+@lru_cache(maxsize=4)
+def _sky_of(mi: Any, lighting: Lighting) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
+    """Return the environment map and the sun's irradiance; kept, since worlds are often loaded again."""
+    clear, sun = clear_sky(mi, lighting)
+    return sky_image(lighting, clear, sun), sun
 
 
 def _text(values: npt.ArrayLike) -> str:

@@ -94,9 +94,10 @@ def sky_image(lighting: Lighting, clear: Array, sun_irradiance: Array) -> npt.ND
     ndarray of float32, shape (rows, columns, 3)
         Radiance. The sun's disc is not in it.
     """
-    directions = sky_directions()
-    height = np.maximum(directions[..., 2], 0.0)
-    sky = clear * twilight_factor(lighting.sun_elevation_deg)
+    horizon = SKY_SIZE[0] // 2
+    directions = sky_directions()[:horizon]
+    height = directions[..., 2]
+    sky = clear[:horizon] * twilight_factor(lighting.sun_elevation_deg)
     zenith = 9.0 / (7.0 * np.pi) * overcast_illuminance(lighting) / UNIT_LUMINANCE
     grey = _CLOUD_GREY / (LUMINANCE_WEIGHTS @ _CLOUD_GREY)
     layer = (zenith * (1.0 + 2.0 * height) / 3.0)[..., None] * grey
@@ -113,9 +114,8 @@ def sky_image(lighting: Lighting, clear: Array, sun_irradiance: Array) -> npt.ND
         sky = (1.0 - opacity[..., None]) * sky + opacity[..., None] * cloud
     glow = lighting.night_sky_luminance / UNIT_LUMINANCE * np.array([0.85, 1.0, 1.35])
     sky = sky + glow * (1.0 + 1.5 * np.exp(-height / 0.15))[..., None]
-    ground = directions[..., 2] < 0.0
-    sky[ground] = sky[~ground][-SKY_SIZE[1] :].mean(axis=0)  # below the horizon: as at the horizon
-    return sky.astype(np.float32)
+    below = np.broadcast_to(sky[-1].mean(axis=0), (SKY_SIZE[0] - horizon, SKY_SIZE[1], 3))  # as at the horizon
+    return np.concatenate([sky, below]).astype(np.float32)
 
 
 def _cloud_noise(directions: Array) -> tuple[Array, Array]:
@@ -150,16 +150,16 @@ def _clouds(directions: Array, cover: float) -> tuple[Array, Array]:
 def clear_sky(mi: Any, lighting: Lighting) -> tuple[Array, Array]:
     """Return the clear sky's radiance without the sun, shape (rows, columns, 3), and the sun's irradiance, shape (3,).
 
-    Evaluated with Mitsuba's `sunsky` emitter; run it inside ``variant.optical()``.
+    Zero below the horizon. Evaluated with Mitsuba's `sunsky` emitter; run it inside ``variant.optical()``.
     """
     toward = sun_direction(lighting)
     base = {"type": "sunsky", "sun_direction": toward.tolist(), "turbidity": lighting.turbidity}
     if lighting.sun_elevation_deg <= -18.0:
         return np.zeros((*SKY_SIZE, 3)), np.zeros(3)
-    directions = sky_directions()
-    upward = np.where(directions[..., 2:] > 0.0, directions, directions * [1.0, 1.0, 0.0] + [0.0, 0.0, 1e-3])
-    upward /= np.linalg.norm(upward, axis=-1, keepdims=True)
-    sky = _evaluate(mi, mi.load_dict({**base, "sun_scale": 0.0}), upward.reshape(-1, 3)).reshape(*SKY_SIZE, 3)
+    upper = sky_directions()[: SKY_SIZE[0] // 2]
+    sky = np.zeros((*SKY_SIZE, 3))
+    emitter = mi.load_dict({**base, "sun_scale": 0.0})
+    sky[: len(upper)] = _evaluate(mi, emitter, upper.reshape(-1, 3)).reshape(upper.shape)
     if lighting.sun_elevation_deg <= 0.0:
         return sky, np.zeros(3)
     half, count = np.radians(0.5358 / 2.0), 4000
