@@ -167,7 +167,9 @@ def solve_raycast(
     _warn_of_small_objects(state, radar, pose, rays_of, reach, chosen_ids)
     twist = radar_twist or Twist()
     owned = np.isin(state.world.parts.instance, chosen_ids)
-    model = _Model(radar, pose, class_reflectivity(class_rcs), rcs_model, rays_of.solid_angle, reach, twist.linear, owned)
+    model = _Model(
+        radar, pose, class_reflectivity(class_rcs), rcs_model, rays_of.solid_angle, reach, twist.linear, owned
+    )
     phases = _fixed_phases(hit_phase)
     clock = {"cast": 0.0, "amplitude": 0.0, "thin": 0.0}
     batches = []
