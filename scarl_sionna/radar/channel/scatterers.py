@@ -154,9 +154,12 @@ def _columns(
     toward = -direction @ world_from_model.rotation
     matrix = model.matrices(toward)
     _warn(name, radar, model, toward, distance, matrix)
+    sounding = np.flatnonzero(matrix.any(axis=(1, 2)))
+    point, direction, distance = (column[sounding] for column in (point, direction, distance))
+    matrix = matrix[sounding]
     body_basis = spherical_basis(world_from_model.rotation, -direction)
     radar_basis = spherical_basis(pose.rotation, direction)
-    turn = np.einsum("nri,nbi->nrb", radar_basis, body_basis)
+    turn = radar_basis @ np.swapaxes(body_basis, 1, 2)
     scale = radar.wavelength / (4.0 * np.pi * distance**2)
     arm = point - body.position
     relative = twist.velocity_at(arm) - radar_twist.linear
@@ -167,7 +170,7 @@ def _columns(
         "point": point,
         "direction": direction,
         "distance": distance,
-        "a": np.einsum("nrb,nbc,ntc->nrt", turn, matrix, turn) * scale[:, None, None],
+        "a": turn @ matrix @ np.swapaxes(turn, 1, 2) * scale[:, None, None],
         "length_rate": 2.0 * radial,
         "length_acceleration": 2.0 * (across / distance + np.einsum("ni,ni->n", direction, centripetal)),
         "instance": np.full(len(point), number, dtype=np.int32),
@@ -176,7 +179,12 @@ def _columns(
 
 
 def _warn(
-    name: str, radar: RadarSpec, model: ScattererModel, toward: Array, distance: Array, matrix: npt.NDArray[np.complex128]
+    name: str,
+    radar: RadarSpec,
+    model: ScattererModel,
+    toward: Array,
+    distance: Array,
+    matrix: npt.NDArray[np.complex128],
 ) -> None:
     """Warn of each way in which a model is used outside of what it is right for."""
     sounding = np.abs(matrix).any(axis=(1, 2))
@@ -208,11 +216,10 @@ def _warn(
 
 
 def _in_view(columns: Columns, radar: RadarSpec, pose: Pose, reach: float) -> Columns:
-    """Leave out centres that return nothing, are too far, or out of the field of view."""
+    """Leave out centres that are too far or out of the field of view."""
     x, y, z = (columns["direction"] @ pose.rotation).T
     seen = (np.abs(np.arctan2(y, x)) <= np.radians(radar.azimuth_fov_deg) / 2.0) & (columns["distance"] < reach)
     seen &= np.abs(np.arcsin(np.clip(z, -1.0, 1.0))) <= np.radians(radar.elevation_fov_deg) / 2.0
-    seen &= columns["a"].any(axis=(1, 2))
     return {name: column[seen] for name, column in columns.items()}
 
 
@@ -221,8 +228,10 @@ def _hidden(state: WorldState, pose: Pose, columns: Columns, group_size: float) 
     count = len(columns["distance"])
     if not count:
         return np.zeros(0, dtype=bool)
-    cube = np.floor(columns["point"] / group_size).astype(np.int64)
-    group = np.unique(np.column_stack([cube, columns["instance"]]), axis=0, return_inverse=True)[1].reshape(-1)
+    cube = np.column_stack([np.floor(columns["point"] / group_size).astype(np.int64), columns["instance"]])
+    cube -= cube.min(axis=0)
+    number = np.ravel_multi_index(tuple(cube.T), tuple(cube.max(axis=0) + 1))  # sorting rows takes ten times longer
+    group = np.unique(number, return_inverse=True)[1].reshape(-1)
     power = np.sum(np.abs(columns["a"]) ** 2, axis=(1, 2))
     order = np.lexsort((-power, group))
     leader = order[np.flatnonzero(np.diff(group[order], prepend=-1))]
