@@ -375,7 +375,9 @@ def wall() -> Problem:
     curves = [
         *(curve for curve in common(state, poses) if curve.method != "auto"),
         over("hybrid", "sbr's max_phase", through, "0.4 rad", state, poses),
-        over("auto", "tolerance", [("1 dB", {})], "1 dB", state, poses),
+        over(
+            "auto", "tubes a ray", [(f"{x:g}", {"accuracy": Accuracy(sbr_tubes_per_ray=x)}) for x in (0.02, 0.1)], "0.1", state, poses
+        ),
         Curve("scatterers + mirrors", "one centre", [Point(
             "1 centre", frames(state, poses, method="hybrid", plan=ChannelPlan(
                 (Share("scatterers", ("ball",), {"models": {"ball": _ball_model(radius, position)}}, True),),

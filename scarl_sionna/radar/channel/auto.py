@@ -162,13 +162,15 @@ def _choose(
 
 
 def _within(choice: _Choice, radar: RadarSpec, budget: int) -> _Choice:
-    """Return the choice, with one bounce only, or given to `raycast`, where it would cost more than is left."""
+    """Return the choice, a vehicle's with one bounce only, or given to `raycast`, where it would cost more than is left."""
     if choice.tubes <= budget or choice.settings is None:
         return choice
-    single = choice.settings.with_(max_depth=1)
-    tubes = num_tubes(choice.item, radar, single)
-    if tubes <= budget:
-        return _Choice(choice.item, "sbr", "one bounce only, for the budget", single, tubes)
+    tubes = choice.tubes
+    if choice.item.info.actor is not None:
+        single = choice.settings.with_(max_depth=1)
+        tubes = num_tubes(choice.item, radar, single)
+        if tubes <= budget:
+            return _Choice(choice.item, "sbr", "one bounce only, for the budget", single, tubes)
     return _Choice(choice.item, "raycast", f"{tubes} tubes are over the budget of {budget} that is left: RCS by class")
 
 

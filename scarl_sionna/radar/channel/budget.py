@@ -30,6 +30,9 @@ DIFFUSE_CLASSES = frozenset(
 SPECKLE_DB = 10.0
 """A rough surface is taken to send back at most this much more than its mean: 4.5e-5 of exponential speckle is above."""
 
+LONG = 20.0
+"""Objects longer than this [m] (guardrails, walls) are followed by many more tubes after each bounce."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -118,11 +121,13 @@ def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach
 def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrChannelSettings) -> int:
     """Return about how many patches `sbr` makes of an instance, within a factor of three for those of highway_guardrail.
 
-    Every face that is lit is one, long edges are cut in steps of `edge_spacing`, and each further bounce triples them.
+    Half of the faces are lit, long edges are cut in steps of `edge_spacing`, and each further bounce doubles the number; on long
+    things, which see themselves along their length, it multiplies by six.
     """
     side = np.sqrt(4.0 * settings.max_phase * item.distance * radar.wavelength / (2.0 * np.pi))
     edges = item.size / (side * settings.edge_spacing) * np.sqrt(item.num_faces / 100.0)
-    return int(3 ** (settings.max_depth - 1) * (1000.0 + 0.8 * item.num_faces + 1.5 * edges))
+    growth = 6 if item.size > LONG else 2
+    return int(growth ** (settings.max_depth - 1) * (1000.0 + 0.5 * item.num_faces + 1.5 * edges))
 
 
 def _db(ratio: float) -> float:
