@@ -274,7 +274,7 @@ def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
             if isinstance(error, OutputError):
                 raise
             raise output_error(root, error) from error
-        folder.finalize()
+        folder.finalize(afresh=True)
 
 
 def _remove(root: Path, name: str) -> None:

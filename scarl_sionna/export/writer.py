@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -39,6 +39,10 @@ CARD = "README.md"
 LOG_FILE = "export.log"
 _OWN = frozenset({MANIFEST, CARD, LOG_FILE, ARRAYS, IMAGES, SHARDS})
 _RUN = "run"
+MANIFEST_SECONDS = 900.0
+"""How long to wait for the many jobs of an array that begin or end at once [s]."""
+Row = list[Any] | None
+"""Checksum, number of frames, failed frames and bytes of a shard, as the manifest holds them."""
 
 
 class DatasetFolder:
@@ -66,13 +70,16 @@ class DatasetFolder:
         self, root: str | Path, plan: DatasetPlan, *, overwrite: bool = False, part: str | None = None
     ) -> None:
         self.root, self.plan, self.overwrite, self.part = Path(root), plan, overwrite, part
+        self.rows: dict[str, list[Row]] = {}
         self._stack = ExitStack()
 
     def __enter__(self) -> DatasetFolder:
         try:
             with ExitStack() as stack:
                 self._lock(stack)
-                with FileLock(self.root, "manifest", timeout=60.0, what="another export writes the manifest"):
+                with FileLock(
+                    self.root, "manifest", timeout=MANIFEST_SECONDS, what="another export writes the manifest"
+                ):
                     self._prepare()
                 self._stack = stack.pop_all()
         except OSError as error:
@@ -91,11 +98,21 @@ class DatasetFolder:
         configuration = self.plan.scene_hash(scene)
         return ShardWriter(self.root, self.plan.scene(scene), shard, self.plan.options, configuration, lock_timeout)
 
-    def finalize(self) -> dict[str, Any]:
-        """Write the manifest with the checksums of all shards that are there, and the dataset card; return the manifest."""
+    def is_finished(self, scene: str, shard: int) -> bool:
+        """Return whether a shard was finished with all of its frames when the dataset was opened."""
+        return _is_full(self.rows[scene][shard], self.plan.scene(scene), shard, self.plan.options)
+
+    def finalize(self, *, afresh: bool = False) -> dict[str, Any]:
+        """Write the manifest with the checksums of all shards that are there, and the dataset card; return the manifest.
+
+        `afresh` reads the records of all shards, not only of those that the manifest lacks.
+        """
         try:
-            with FileLock(self.root, "manifest", timeout=60.0, what="another export writes the manifest"):
-                data = self._write_manifest()
+            with FileLock(self.root, "manifest", timeout=MANIFEST_SECONDS, what="another export writes the manifest"):
+                there = self._manifest_there()
+                if there is not None:  # other parts of the export may have added to it
+                    self.plan = self.plan.merged(plan_of(there))
+                data = self._write_manifest({} if there is None or afresh else there["shards"])
                 work = self.root / WORK_FOLDER
                 for folder in [*sorted(work.glob("*")), work]:
                     if folder.is_dir() and not any(folder.iterdir()):
@@ -118,7 +135,9 @@ class DatasetFolder:
     def _prepare(self) -> None:
         if self.overwrite and self.part is None:
             self._clear()
+        manifest = None if self.overwrite else self._manifest_there()
         there = self._plan_there()
+        grows = True
         if there is not None:
             changes = self.plan.changes(there)
             if changes and holds_frames(self.root):
@@ -127,9 +146,16 @@ class DatasetFolder:
                     f"{self.root} holds frames of another configuration ({shown}); choose another folder or overwrite"
                 )
             self.plan = self.plan if changes else self.plan.merged(there)
+            grows = [(s.name, s.num_frames) for s in self.plan.scenes] != [(s.name, s.num_frames) for s in there.scenes]
         for stale in self.root.glob(f"{PARTIAL}*"):
             stale.unlink()
-        self._write_manifest()
+        self._write_manifest({} if manifest is None or grows else manifest["shards"])
+
+    def _manifest_there(self) -> dict[str, Any] | None:
+        try:
+            return read_manifest(LocalFiles(self.root))
+        except DatasetError:
+            return None
 
     def _plan_there(self) -> DatasetPlan | None:
         if not (self.root / MANIFEST).exists():
@@ -176,17 +202,19 @@ class DatasetFolder:
             else:
                 path.unlink()
 
-    def _write_manifest(self) -> dict[str, Any]:
-        shards: dict[str, list[list[Any] | None]] = {}
+    def _write_manifest(self, known: Mapping[str, list[Row]]) -> dict[str, Any]:
         for scene in self.plan.scenes:
-            rows, arrays = shard_rows(self.root, scene, self.plan.options)
-            shards[scene.name] = rows
+            self.rows[scene.name], arrays = shard_rows(self.root, scene, self.plan.options, known.get(scene.name, []))
             for name, text in metadata_texts(scene, arrays, self.plan.options).items():
                 _write_if_other(self.root / name, text)
-        data = manifest_data(self.plan, shards)
+        data = manifest_data(self.plan, {scene.name: self.rows[scene.name] for scene in self.plan.scenes})
         _write_if_other(self.root / CARD, dataset_card(data))
         _write_if_other(self.root / MANIFEST, dump_manifest(data))
         return data
+
+
+def _is_full(row: Row, scene: ScenePlan, shard: int, options: StoreOptions) -> bool:
+    return row is not None and row[1] == len(scene.shard_range(shard, options))
 
 
 def _write_if_other(path: Path, text: str) -> None:
@@ -198,13 +226,23 @@ def _write_if_other(path: Path, text: str) -> None:
     write_whole(path, text)
 
 
-def shard_rows(root: Path, scene: ScenePlan, options: StoreOptions) -> tuple[list[list[Any] | None], dict[str, Any]]:
-    """Return checksum, frames, failed frames and bytes of each finished shard (None where there is none), and the arrays."""
-    rows: list[list[Any] | None] = []
+def shard_rows(
+    root: Path, scene: ScenePlan, options: StoreOptions, known: Sequence[Row] = ()
+) -> tuple[list[Row], dict[str, Any]]:
+    """Return checksum, frames, failed frames and bytes of each finished shard (None where there is none), and the arrays.
+
+    A shard that `known` lists with all of its frames is not read again: its record is the largest part of a large dataset's
+    bookkeeping. The arrays are those of the shards that were read.
+    """
+    rows: list[Row] = []
     arrays: dict[str, Any] = {}
     for shard in range(scene.num_shards(options)):
+        path = root / record_name(scene.name, shard)
+        if shard < len(known) and _is_full(known[shard], scene, shard, options) and path.exists():
+            rows.append(known[shard])
+            continue
         try:
-            text = (root / record_name(scene.name, shard)).read_bytes()
+            text = path.read_bytes()
             record = ShardRecord.parse(text)
         except (FileNotFoundError, DatasetError):
             rows.append(None)

@@ -13,7 +13,6 @@ from typing import Any
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError
 from scarl_sionna.export.encoding import StoreOptions
-from scarl_sionna.export.shard_writer import read_record
 from scarl_sionna.export.writer import LOG_FILE, DatasetFolder
 from scarl_sionna.scenario.spec import ScenarioSpec
 
@@ -158,10 +157,9 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
         scene = folder.plan.scene(name)
         frames = scene.shard_range(shard, settings.options)
         report.num_frames += len(frames)
-        record = read_record(folder.root, name, shard)
-        if record is not None and set(record.frames) >= set(frames):
+        if folder.is_finished(name, shard):
             report.num_kept += len(frames)
-            report.num_bytes += record.num_bytes
+            report.num_bytes += folder.rows[name][shard][3]  # type: ignore[index]
         else:
             jobs.append(
                 ShardJob(
