@@ -15,6 +15,7 @@ from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.radar import point_targets, quantize, synthesize
+from scarl_sionna.radar.channel.sbr_settings import SbrChannelSettings
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.radar.synthesis.blocks import retraced, shifted, synthesize_blocks
 from scarl_sionna.world import load_scene
@@ -314,7 +315,8 @@ def test_flash_of_a_blade_on_a_rolling_wheel(tmp_path, chirps: int, bound: float
     start = -48 * radar.doppler_interval
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        signal = slow_time(synthesize_blocks(retraced(world, radar, pose, start, "sbr"), radar, chirps, accuracy=FINE))
+        paths_at = retraced(world, radar, pose, start, "sbr", settings=SbrChannelSettings(floor_db=None))
+        signal = slow_time(synthesize_blocks(paths_at, radar, chirps, accuracy=FINE))
     wavenumber = 2.0 * np.pi * radar.start_frequency / oracle.SPEED_OF_LIGHT
     time = start + np.arange(96) * radar.doppler_interval
     expected = np.conj([blade_field(t, pose.position, wavenumber) for t in time])  # beat = tx conj(rx)
