@@ -47,16 +47,16 @@ def test_built_in_scenes_solve_at_77_ghz(name: str, place, lacking) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "place", "lacking"), MORE)
-def test_more_built_in_scenes_solve_at_77_ghz(name: str, place, lacking) -> None:
-    test_built_in_scenes_solve_at_77_ghz(name, place, lacking)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "place", "lacking"), BIG)
 def test_cities_solve_at_77_ghz(name: str, place, lacking) -> None:
     world, paths = solve(name, place, lacking)
     assert len(world.parts.name) > 500 and paths.num_paths > 0 and np.isfinite(paths.a).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "place", "lacking"), MORE)
+def test_more_built_in_scenes_solve_at_77_ghz(name: str, place, lacking) -> None:
+    test_built_in_scenes_solve_at_77_ghz(name, place, lacking)
 
 
 @pytest.mark.slow
@@ -87,21 +87,54 @@ def xml(folder, bsdfs: str, used: str) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize(
-    ("bsdf", "used", "expected"),
-    [
-        (
-            '<bsdf type="diffuse" id="mat-itu_brick"/>',
-            "mat-itu_brick",
-            "brick",
-        ),  # Sionna's naming, as Blender exports it
-        pytest.param('<bsdf type="diffuse" id="asphalt_wet"/>', "asphalt_wet", "asphalt_wet", marks=pytest.mark.slow),  # our name
-        (
-            '<bsdf type="itu-radio-material" id="road"><string name="type" value="asphalt_concrete"/></bsdf>',
-            "road",
-            "asphalt_concrete",
-        ),
-        pytest.param(
-            '<bsdf type="itu-radio-material" id="pane"><string name="type" value="clear_acrylic"/></bsdf>', "pane",
-            "clear_acrylic", marks=pytest.mark.slow,
+SLOW = pytest.mark.slow
+OWN = [
+    # Sionna's naming, as Blender exports it; a name of our table; Sionna's radio materials
+    ('<bsdf type="diffuse" id="mat-itu_brick"/>', "mat-itu_brick", "brick"),
+    pytest.param('<bsdf type="diffuse" id="asphalt_wet"/>', "asphalt_wet", "asphalt_wet", marks=SLOW),
+    ('<bsdf type="itu-radio-material" id="road"><string name="type" value="asphalt_concrete"/></bsdf>', "road", "asphalt_concrete"),
+    pytest.param(
+        '<bsdf type="itu-radio-material" id="pane"><string name="type" value="clear_acrylic"/></bsdf>', "pane", "clear_acrylic",
+        marks=SLOW,
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("bsdf", "used", "expected"), OWN)
+def test_a_users_own_xml_gets_our_materials(tmp_path, bsdf: str, used: str, expected: str) -> None:
+    state = load_scene(xml(tmp_path, bsdf, used)).at(0.0)
+    assert state.world.parts.material == (expected,)
+    with variant.radio():
+        paths = solve_paths(state, RADAR, Pose([-8.0, 0.1, 0.2]), "sionna", num_samples=50_000, max_depth=1)
+    assert paths.num_paths == 1
+    q = np.sqrt(builtin_materials()[expected].at(RADAR.start_frequency))
+    material = builtin_materials()[expected]
+    if material.thickness is None:
+        coherent = np.sqrt(1 - material.scattering_coefficient**2)
+        expected_level = abs((1 - q) / (1 + q)) * coherent * RADAR.wavelength / (4 * np.pi * 14.0)
+        assert abs(paths.a[0, 0, 0]) == pytest.approx(expected_level, rel=1e-6)
+
+
+def test_a_users_own_material_in_a_users_own_xml(tmp_path) -> None:
+    table = tmp_path / "mine.toml"
+    table.write_text(
+        '[slate]\nrelative_permittivity = 6.5\nconductivity = 0.6\nsource = "mine"\nuncertainty = "10 %"\n'
+    )
+    path = xml(tmp_path, '<bsdf type="diffuse" id="slate"/>', "slate")
+    with pytest.raises(MaterialError, match="unknown radio material 'slate'"):
+        load_scene(path)
+    world = load_scene(path, load_materials([table]))
+    with variant.radio():
+        paths = solve_paths(world.at(0.0), RADAR, Pose([-8.0, 0.1, 0.2]), "sionna", num_samples=50_000, max_depth=1)
+    q = np.sqrt(world.materials["slate"].at(77e9))
+    assert abs(paths.a[0, 0, 0]) == pytest.approx(
+        abs((1 - q) / (1 + q)) * RADAR.wavelength / (4 * np.pi * 14.0), rel=1e-6
+    )
+
+
+def test_outside_the_band_the_error_names_what_has_data(tmp_path) -> None:
+    state = load_scene(xml(tmp_path, '<bsdf type="diffuse" id="asphalt"/>', "asphalt")).at(0.0)
+    with variant.radio(), pytest.raises(MaterialRangeError, match="'asphalt' has no data at 60 GHz.*concrete"):
+        solve_paths(
+            state, RADAR.with_(start_frequency=60e9), Pose([-8.0, 0.1, 0.2]), "sionna", num_samples=50_000, max_depth=1
         )
