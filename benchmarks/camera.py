@@ -29,8 +29,8 @@ FRONT = Pose([2.45, 0.0, 0.7])
 CHART = CameraSpec(width=160, height=90, images=("rgb",), denoise=False)
 QUALITIES = {
     "draft": {"samples_per_pixel": 8, "denoise": True},
-    "default": {"samples_per_pixel": 32, "denoise": True},
-    "full": {"samples_per_pixel": 256, "denoise": True},
+    "default": {"samples_per_pixel": 16, "denoise": True},
+    "full": {"samples_per_pixel": 256, "denoise": False},
 }
 
 Image = npt.NDArray[np.uint8]
@@ -132,20 +132,26 @@ def chart(state: Any, pose: Pose, counts: tuple[int, ...], reference_spp: int) -
 def draw(results: dict[bool, list[tuple[float, ...]]], path: Path) -> None:
     """Draw the work-precision chart, draft, default and full marked."""
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     figure, panels = plt.subplots(1, 2, figsize=(10.5, 4.2), layout="constrained")
-    marks = {quality["samples_per_pixel"]: name for name, quality in QUALITIES.items()}
+    marks = {(quality["denoise"], quality["samples_per_pixel"]): name for name, quality in QUALITIES.items()}
     for axis, column, label in ((panels[0], 1, "PSNR [dB]"), (panels[1], 2, "SSIM")):
-        for denoise, style in ((False, "o--"), (True, "s-")):
+        for denoise, style, place, side in ((False, "o--", (6, -10), "left"), (True, "s-", (-5, 6), "right")):
             rows = np.array(results[denoise])
             axis.semilogx(rows[:, 3], rows[:, column], style, label="denoised" if denoise else "as traced")
             for line in rows:
-                name = f"{line[0]:.0f}" + (f" = {marks[int(line[0])]}" if denoise and int(line[0]) in marks else "")
-                axis.annotate(name, (line[3], line[column]), textcoords="offset points", xytext=(4, -11), fontsize=8)
+                name = marks.get((denoise, int(line[0])))
+                label_text = f"{line[0]:.0f}" + (f" = {name}" if name else "")
+                axis.annotate(
+                    label_text, (line[3], line[column]), textcoords="offset points", xytext=place, fontsize=8, ha=side
+                )
         axis.set(xlabel=f"CPU time of one image of {CHART.width} x {CHART.height} [s]", ylabel=label)
-        axis.margins(0.12)
+        axis.set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
+        axis.xaxis.set_minor_formatter(NullFormatter())
+        axis.margins(0.15)
         axis.grid(True, which="both", alpha=0.3)
-        axis.legend()
+        axis.legend(loc="lower right")
     figure.suptitle("RGB image against a reference of many samples; numbers: samples a pixel")
     figure.savefig(path, dpi=110)
 

@@ -39,7 +39,7 @@ class CameraSpec(Spec):
     )
     principal_point: tuple[float, float] | None = Field(None, description="column and row [px]; None: the middle")
     samples_per_pixel: int = Field(
-        32, ge=1, le=65536, description="light paths of the RGB image; error against time: docs/camera.md"
+        16, ge=1, le=65536, description="light paths of the RGB image; error against time: docs/camera.md"
     )
     denoise: bool = Field(True, description="Open Image Denoise over the RGB image, led by albedo and normals")
     max_depth: int = Field(6, ge=1, le=64, description="longest light path of the RGB image [segments]")
