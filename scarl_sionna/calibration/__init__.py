@@ -1,0 +1,36 @@
+"""Calibration of radio materials against measurements, with uncertainty. See docs/calibration.md."""
+
+from __future__ import annotations
+
+from .errors import CalibrationError, ConvergenceError, UnusedParameterError
+from .estimate import CalibrationResult, calibrate
+from .forward import ForwardModel
+from .spec import (
+    CalibrationProblem,
+    FreeParameter,
+    Lobe,
+    LobedTarget,
+    PointTarget,
+    RadarMap,
+    RcsPattern,
+    ScenePowers,
+    SlabMeasurement,
+)
+
+__all__ = [
+    "CalibrationError",
+    "CalibrationProblem",
+    "CalibrationResult",
+    "ConvergenceError",
+    "ForwardModel",
+    "FreeParameter",
+    "Lobe",
+    "LobedTarget",
+    "PointTarget",
+    "RadarMap",
+    "RcsPattern",
+    "ScenePowers",
+    "SlabMeasurement",
+    "UnusedParameterError",
+    "calibrate",
+]

@@ -1,0 +1,302 @@
+"""Least squares from several starts, with covariance, intervals and what the measurements cannot tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import OptimizeResult, least_squares
+from scipy.stats import chi2, norm, qmc
+
+from .errors import ConvergenceError, UnusedParameterError
+from .forward import Channel, ForwardModel
+from .spec import CalibrationProblem
+
+Array = npt.NDArray[np.float64]
+
+INTERVAL = float(norm.ppf(0.975))
+"""Half width of a 95 % interval of a normal distribution [standard deviations]."""
+WEAK = 0.3
+"""A direction is not identified if the data leave more than this of the bounds' range as its standard deviation: a uniform
+distribution over the range has 0.29."""
+SAME_COST = 1e-3
+"""Minima whose sums of squares differ by less than this share (or by less than 0.1) are equally good."""
+APART = 0.02
+"""... and are two if a parameter differs by more than this of its range, and by more than 3 standard deviations."""
+TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class WeakDirection:
+    """A combination of parameters that the data do not fix.
+
+    Attributes
+    ----------
+    weights : dict of str to float
+        Share of each parameter, in units of its range; those below 0.1 are left out.
+    std : float
+        Standard deviation along it in units of the bounds' range, by the data alone; infinite where nothing is known.
+    """
+
+    weights: dict[str, float]
+    std: float
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationResult:
+    """An estimate with its uncertainty.
+
+    Attributes
+    ----------
+    problem : CalibrationProblem
+    model : ForwardModel
+    values, std : ndarray of float64, shape (num_parameters,)
+        In the order of ``problem.parameters``; `std` is from the Fisher information with the stated noise and priors.
+    covariance : ndarray of float64, shape (num_parameters, num_parameters)
+    chi_square, degrees_of_freedom : float, int
+        Of the measurements that were used.
+    converged : bool
+    reason : str
+        Why it converged, or why not.
+    at_bound : list of str
+        Parameters that ended on a bound; their interval is not valid.
+    weak : list of WeakDirection
+    correlated : list of (str, str, float)
+        Pairs whose correlation is above 0.95.
+    other_minima : list of ndarray
+        Equally good minima somewhere else.
+    starts : list of (ndarray, float)
+        Start and sum of squares of each search.
+    num_evaluations : int
+    """
+
+    problem: CalibrationProblem
+    model: ForwardModel
+    values: Array
+    std: Array
+    covariance: Array
+    chi_square: float
+    degrees_of_freedom: int
+    converged: bool
+    reason: str
+    at_bound: list[str]
+    weak: list[WeakDirection]
+    correlated: list[tuple[str, str, float]]
+    other_minima: list[Array]
+    starts: list[tuple[Array, float]]
+    num_evaluations: int
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the parameters."""
+        return self.model.names
+
+    @property
+    def misfit(self) -> float:
+        """Root of chi-square per degree of freedom, at least 1: by how much the stated noise is too small for the misfit."""
+        return max(1.0, (self.chi_square / self.degrees_of_freedom) ** 0.5) if self.degrees_of_freedom > 0 else 1.0
+
+    @property
+    def p_value(self) -> float:
+        """Probability of so large a misfit if model and noise are right."""
+        return float(chi2.sf(self.chi_square, self.degrees_of_freedom)) if self.degrees_of_freedom > 0 else 1.0
+
+    @property
+    def interval(self) -> Array:
+        """95 % intervals by the stated noise, shape (num_parameters, 2)."""
+        return np.stack([self.values - INTERVAL * self.std, self.values + INTERVAL * self.std], axis=1)
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the estimates; NaN where a parameter is not determined."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(self.covariance / np.outer(self.std, self.std))
+
+    def __getitem__(self, name: str) -> float:
+        """Return the estimate of a parameter."""
+        return float(self.values[self.names.index(name)])
+
+    def require_converged(self) -> CalibrationResult:
+        """Return this result, or raise :class:`ConvergenceError` with the reason."""
+        if not self.converged:
+            raise ConvergenceError(self.reason)
+        return self
+
+    def rms(self, channel: Channel, parameters: Array | None = None) -> float:
+        """Return the rms of prediction minus data of a measurement, in the unit of its values."""
+        point = self.values if parameters is None else parameters
+        return float(np.sqrt(np.mean((self.model.predict(channel, point) - channel.data) ** 2)))
+
+
+def calibrate(problem: CalibrationProblem, on_progress: Callable[[int, int], None] | None = None) -> CalibrationResult:
+    r"""Estimate the free parameters of a problem.
+
+    Parameters
+    ----------
+    problem : CalibrationProblem
+    on_progress : callable, optional
+        Called with the number of finished starts and of all.
+
+    Returns
+    -------
+    CalibrationResult
+        Look at `converged` and `reason`: a search that failed returns its best point, marked as not converged.
+
+    Raises
+    ------
+    UnusedParameterError
+        If no measurement depends on a parameter.
+    ScarlError
+        Of :class:`ForwardModel`.
+
+    Notes
+    -----
+    Minimised is the sum of squares of the residuals over their noise, priors included, by a trust-region method with bounds
+    (Levenberg-Marquardt steps, reflective at the bounds) [1]_, from several starts. At the minimum the covariance is the
+    inverse of the Fisher information,
+
+    .. math:: C = (J^T J)^{-1}, \quad J_{ik} = \frac{1}{\sigma_i} \frac{\partial f_i}{\partial p_k}
+
+    References
+    ----------
+    .. [1] M. A. Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21(1), 1999; `scipy.optimize.least_squares`.
+    .. [2] S. M. Kay, *Fundamentals of Statistical Signal Processing: Estimation Theory*, 1993, chapter 3.
+    """
+    model = ForwardModel(problem)
+    starts = _starts(model)
+    _require_used(model, starts)
+    span, lower = model.span, model.lower
+
+    def residuals(unit: Array) -> Array:
+        return model.residuals(lower + span * unit)
+
+    def jacobian(unit: Array) -> Array:
+        return np.asarray(model.jacobian(lower + span * unit) * span)
+
+    found: list[OptimizeResult] = []
+    for number, start in enumerate(starts):
+        inside = np.clip((start - lower) / span, 1e-6, 1.0 - 1e-6)
+        found.append(
+            least_squares(
+                residuals, inside, jac=jacobian, bounds=(0.0, 1.0), method="trf", x_scale="jac", ftol=TOLERANCE,
+                xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=problem.max_evaluations,
+            )
+        )  # fmt: skip
+        if on_progress is not None:
+            on_progress(number + 1, len(starts))
+    best = min(found, key=lambda item: float(item.cost))
+    costs = [(start, 2.0 * float(item.cost)) for start, item in zip(starts, found, strict=True)]
+    return _result(model, best, found, costs)
+
+
+def _starts(model: ForwardModel) -> list[Array]:
+    """Return the given start and points spread over the bounds."""
+    more = model.problem.num_starts - 1
+    spread = (
+        qmc.LatinHypercube(len(model.free), seed=model.problem.seed).random(more)
+        if more
+        else np.zeros((0, len(model.free)))
+    )
+    return [model.start, *(model.lower + model.span * row for row in spread)]
+
+
+def _require_used(model: ForwardModel, starts: list[Array]) -> None:
+    """Raise if the derivatives to a parameter vanish everywhere that was looked."""
+    middle = [model.lower + 0.5 * model.span, model.lower + 0.37 * model.span]
+    columns = [
+        np.abs(model.jacobian(point, with_prior=False) * model.span).max(axis=0) for point in (*starts[:1], *middle)
+    ]
+    largest = np.max(columns, axis=0)
+    unused = [
+        name for name, value in zip(model.names, largest, strict=True) if not value > 1e-9 * max(1e-12, largest.max())
+    ]
+    if unused:
+        raise UnusedParameterError(unused)
+
+
+def _result(
+    model: ForwardModel, best: OptimizeResult, found: list[OptimizeResult], starts: list[tuple[Array, float]]
+) -> CalibrationResult:
+    names, span = model.names, model.span
+    values = model.lower + span * best.x
+    scaled = model.jacobian(values) * span
+    fisher = scaled.T @ scaled
+    covariance = _inverse(fisher) * np.outer(span, span)
+    std = np.sqrt(np.diag(covariance))
+    data_only = model.jacobian(values, with_prior=False) * span
+    at_bound = [name for name, unit in zip(names, best.x, strict=True) if unit < 1e-4 or unit > 1.0 - 1e-4]
+    others = _other_minima(model, best, found, std)
+    weak = _weak(names, data_only.T @ data_only)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance / np.outer(std, std)
+    correlated = [
+        (names[i], names[k], float(correlation[i, k]))
+        for i in range(len(names))
+        for k in range(i)
+        if np.isfinite(correlation[i, k]) and abs(correlation[i, k]) > 0.95
+    ]
+    num_data = sum(len(item.data) for item in model.channels if not item.spec.held_out)
+    residuals = model.residuals(values)[:num_data]
+    converged, reason = _verdict(best, at_bound, others, weak)
+    return CalibrationResult(
+        model.problem, model, values, std, covariance, float(residuals @ residuals), num_data - len(names), converged, reason,
+        at_bound, weak, correlated, others, starts, sum(int(item.nfev) for item in found),
+    )  # fmt: skip
+
+
+def _inverse(fisher: Array) -> Array:
+    """Return the inverse; infinite variance for parameters in directions without information."""
+    values, vectors = np.linalg.eigh(fisher)
+    floor = 1e-13 * max(float(values[-1]), 1e-300)
+    known = values > floor
+    inverse = (vectors[:, known] / values[known]) @ vectors[:, known].T
+    lost = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-6
+    inverse[lost, lost] = np.inf
+    return np.asarray(inverse)
+
+
+def _weak(names: list[str], fisher: Array) -> list[WeakDirection]:
+    """Return the directions in which the data say less than the bounds."""
+    values, vectors = np.linalg.eigh(fisher)
+    out = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        std = float(value**-0.5) if value > 1e-13 * max(float(values[-1]), 1e-300) else float("inf")
+        if std > WEAK:
+            sign = np.sign(vector[np.argmax(np.abs(vector))])
+            weights = {n: float(sign * w) for n, w in zip(names, vector, strict=True) if abs(w) > 0.1}
+            out.append(WeakDirection(weights, std))
+    return out
+
+
+def _other_minima(model: ForwardModel, best: OptimizeResult, found: list[OptimizeResult], std: Array) -> list[Array]:
+    """Return minima as good as the best one that are somewhere else."""
+    others: list[Array] = []
+    for item in found:
+        as_good = 2.0 * (item.cost - best.cost) < max(0.1, SAME_COST * 2.0 * best.cost)
+        apart = np.abs(item.x - best.x)
+        if item.status > 0 and as_good and np.any((apart > APART) & (apart * model.span > 3.0 * std)):
+            point = model.lower + model.span * item.x
+            if all(np.any(np.abs(point - other) > APART * model.span) for other in others):
+                others.append(point)
+    return others
+
+
+def _verdict(
+    best: OptimizeResult, at_bound: list[str], others: list[Array], weak: list[WeakDirection]
+) -> tuple[bool, str]:
+    """Return whether the best search converged, and the reason."""
+    if best.status <= 0:
+        return (
+            False,
+            f"the best search stopped after {best.nfev} evaluations; raise max_evaluations, or scale the bounds down",
+        )
+    if others:
+        return False, f"{len(others) + 1} minima are equally good; add a measurement or a prior that tells them apart"
+    if any(not np.isfinite(item.std) for item in weak):
+        lost = ", ".join(weak[0].weights)
+        return False, f"the measurements cannot tell {lost} apart; fix one of them or give it a prior"
+    if at_bound:
+        return False, f"{', '.join(at_bound)} ended on a bound; widen the bounds, or the model does not fit the data"
+    return True, str(best.message)

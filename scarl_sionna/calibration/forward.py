@@ -1,0 +1,235 @@
+"""The model of a problem: from parameters to weighted residuals and their exact derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.world.materials import MaterialTable, load_materials
+
+from .physics import MATERIAL_FIELDS, TrialMaterial, derivative, slab_field, target_field
+from .scene_model import map_data, map_model, path_powers
+from .spec import (
+    CalibrationProblem,
+    FreeParameter,
+    Lobe,
+    Measurement,
+    RadarMap,
+    RcsPattern,
+    ScenePowers,
+    SlabMeasurement,
+)
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+TINY = 1e-300
+"""Keeps the logarithm of a field that vanishes finite."""
+FIELD_RANGES = {
+    "relative_permittivity": (1.0, np.inf), "conductivity": (0.0, np.inf), "thickness": (0.0, np.inf),
+    "roughness_rms": (0.0, np.inf), "scattering_coefficient": (0.0, 1.0), "xpd_coefficient": (0.0, 1.0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Numbers of one evaluation, sorted by what they belong to."""
+
+    materials: Mapping[str, TrialMaterial]
+    targets: Mapping[str, dict[str, complex]]
+    gains: Mapping[str, complex]
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One measurement, compiled: its data as real numbers, and the field that the model gives for it."""
+
+    spec: Measurement
+    form: str
+    data: Array
+    sigma: Array
+    field: Callable[[Trial], Complex]
+
+
+class ForwardModel:
+    """A problem ready to be evaluated.
+
+    Raises
+    ------
+    UnknownMaterialError, UnknownNameError
+        If a measurement or a parameter names what is not there; both list what is.
+    ParameterRangeError
+        If bounds reach outside what a material can be, or data do not fit.
+    MaterialRangeError
+        If a material has no data at a measurement's frequency.
+    """
+
+    def __init__(self, problem: CalibrationProblem) -> None:
+        self.problem = problem
+        self.table: MaterialTable = load_materials(problem.materials)
+        self.free = problem.parameters
+        self.lower = np.array([item.lower for item in self.free])
+        self.upper = np.array([item.upper for item in self.free])
+        for item in self.free:
+            self._check(item)
+        self.start = np.array([self._start(item) for item in self.free])
+        self.channels = [self._compile(item) for item in problem.measurements]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the free parameters."""
+        return [item.name for item in self.free]
+
+    @property
+    def span(self) -> Array:
+        """Upper minus lower bound, shape (num_parameters,)."""
+        return np.asarray(self.upper - self.lower)
+
+    def _check(self, item: FreeParameter) -> None:
+        """Raise if a parameter is unknown or its bounds are out of what it can be."""
+        measured = [spec.name for spec in self.problem.measurements]
+        if item.owner in self.problem.targets:
+            target = self.problem.targets[item.owner]
+            known = ["floor_dbsm"] + [f"{lobe}.{name}" for lobe in target.lobes for name in Lobe.model_fields]
+            if item.field not in known:
+                raise UnknownNameError(f"parameter of target '{item.owner}'", item.field, known)
+            return
+        if item.owner in measured:
+            if item.field != "gain_db":
+                raise UnknownNameError(f"parameter of measurement '{item.owner}'", item.field, ["gain_db"])
+            return
+        if item.owner not in self.table and item.field in MATERIAL_FIELDS:
+            self.table[item.owner]  # UnknownMaterialError with the known names
+        if item.owner not in self.table:
+            known = [*self.problem.targets, *measured, *self.table]
+            raise UnknownNameError("material, target or measurement", item.owner, known)
+        if item.field not in MATERIAL_FIELDS:
+            raise UnknownNameError("material parameter", item.field, MATERIAL_FIELDS)
+        least, most = FIELD_RANGES.get(item.field, (-np.inf, np.inf))
+        if item.lower < least or item.upper > most:
+            raise ParameterRangeError(
+                f"bounds of {item.name}", f"{item.lower:g} to {item.upper:g}", f"within {least:g} to {most:g}",
+                "no material is outside",
+            )  # fmt: skip
+
+    def _start(self, item: FreeParameter) -> float:
+        """Return where the search begins."""
+        given = item.start if item.start is not None else item.prior_mean
+        if given is None and item.owner in self.table and item.owner not in self.problem.targets:
+            given = getattr(self.table[item.owner], item.field, None)
+        middle = 0.5 * (item.lower + item.upper)
+        return middle if given is None or not item.lower <= given <= item.upper else float(given)
+
+    def _compile(self, spec: Measurement) -> Channel:
+        """Return a measurement with its model."""
+        field: Callable[[Trial], Complex]
+        form, data = getattr(spec, "form", "complex"), spec.data
+        if isinstance(spec, SlabMeasurement):
+            slab, base = spec, self.table[spec.material]
+
+            def field(trial: Trial) -> Complex:
+                return slab_field(slab, trial.materials.get(slab.material) or TrialMaterial.of(base, {}))
+
+        elif isinstance(spec, RcsPattern):
+            pattern = spec
+            if spec.target not in self.problem.targets:
+                raise UnknownNameError("target", spec.target, self.problem.targets)
+            target = self.problem.targets[spec.target]
+
+            def field(trial: Trial) -> Complex:
+                return target_field(target, trial.targets.get(pattern.target, {}), pattern.aspect_deg)
+
+        else:
+            model = path_powers(spec, self.table) if isinstance(spec, ScenePowers) else map_model(spec, self.table)
+            data = map_data(spec) if isinstance(spec, RadarMap) else data
+
+            def field(trial: Trial) -> Complex:
+                return model(trial.materials)
+
+        noise = np.broadcast_to(np.asarray(spec.noise, dtype=np.float64), data.shape)
+        flat = np.concatenate([data.real, data.imag]) if form == "complex" else data.real
+        sigma = np.concatenate([noise, noise]) if form == "complex" else noise
+        return Channel(spec, form, flat, sigma, field)
+
+    def trial(self, parameters: npt.NDArray[np.complexfloating] | Array) -> Trial:
+        """Return parameters sorted by owner."""
+        changes: dict[str, dict[str, complex]] = {}
+        for item, value in zip(self.free, parameters, strict=True):
+            changes.setdefault(item.owner, {})[item.field] = complex(value)
+        targets = {name: value for name, value in changes.items() if name in self.problem.targets}
+        measured = {spec.name for spec in self.problem.measurements}
+        gains = {name: value["gain_db"] for name, value in changes.items() if name in measured and name not in targets}
+        rest = {name: value for name, value in changes.items() if name not in targets and name not in gains}
+        return Trial({name: TrialMaterial.of(self.table[name], value) for name, value in rest.items()}, targets, gains)
+
+    def _field(self, channel: Channel, parameters: Complex) -> Complex:
+        trial = self.trial(parameters)
+        gain = trial.gains.get(channel.spec.name, complex(channel.spec.gain_db))
+        return channel.field(trial) * np.exp(np.log(10.0) / 20.0 * gain)
+
+    def predict(self, channel: Channel, parameters: Array) -> Array:
+        """Return what the model says a measurement shows, in the unit of its values."""
+        return _observed(channel.form, self._field(channel, parameters.astype(np.complex128)))
+
+    def predict_with_jacobian(self, channel: Channel, parameters: Array) -> tuple[Array, Array]:
+        """Return the prediction and its derivatives, shapes (num_values,) and (num_values, num_parameters)."""
+        value, jacobian = derivative(lambda point: self._field(channel, point), parameters, self.span)
+        return _observed(channel.form, value), _observed_slope(channel.form, value, jacobian)
+
+    def residuals(self, parameters: Array) -> Array:
+        """Return (prediction - data) / noise of all measurements that are used, then the priors."""
+        parts = [
+            (self.predict(item, parameters) - item.data) / item.sigma
+            for item in self.channels
+            if not item.spec.held_out
+        ]
+        return np.concatenate([*parts, self._prior(parameters)])
+
+    def jacobian(self, parameters: Array, with_prior: bool = True) -> Array:
+        """Return the derivatives of :meth:`residuals`."""
+        parts = [
+            self.predict_with_jacobian(item, parameters)[1] / item.sigma[:, None]
+            for item in self.channels
+            if not item.spec.held_out
+        ]
+        if with_prior:
+            rows = [column for column, item in enumerate(self.free) if item.prior_std is not None]
+            prior = np.zeros((len(rows), len(self.free)))
+            for row, column in enumerate(rows):
+                prior[row, column] = 1.0 / float(self.free[column].prior_std or 1.0)
+            parts.append(prior)
+        return np.concatenate(parts)
+
+    def _prior(self, parameters: Array) -> Array:
+        return np.array(
+            [
+                (value - item.prior_mean) / item.prior_std
+                for item, value in zip(self.free, parameters, strict=True)
+                if item.prior_std is not None and item.prior_mean is not None
+            ]
+        )
+
+
+def _observed(form: str, field: Complex) -> Array:
+    if form == "complex":
+        return np.concatenate([field.real, field.imag])
+    if form == "amplitude":
+        return np.abs(field)
+    power = np.abs(field) ** 2
+    return power if form == "power" else 10.0 * np.log10(power + TINY)
+
+
+def _observed_slope(form: str, field: Complex, slope: Complex) -> Array:
+    if form == "complex":
+        return np.concatenate([slope.real, slope.imag])
+    power = np.abs(field) ** 2
+    of_power = 2.0 * (np.conj(field)[:, None] * slope).real
+    if form == "power":
+        return of_power
+    if form == "amplitude":
+        return np.asarray(of_power / (2.0 * np.sqrt(power + TINY))[:, None])
+    return np.asarray(10.0 / np.log(10.0) * of_power / (power + TINY)[:, None])
