@@ -98,6 +98,17 @@ def test_parts_in_any_order_give_the_same_bytes(scenarios, undisturbed, tmp_path
     assert contents(out) == contents(undisturbed)
 
 
+@pytest.mark.slow
+def test_parts_at_the_same_time_give_the_same_bytes(files, undisturbed, tmp_path) -> None:
+    out = tmp_path / "out"
+    processes = [start(*files, "--out", out, "--shard", f"{index}/3") for index in range(3)]
+    for process in processes:
+        _, errors = process.communicate(timeout=300)
+        assert process.returncode == 0, errors
+    assert contents(out) == contents(undisturbed)
+    assert verify(out).complete
+
+
 def test_scenes_may_come_one_after_the_other(scenarios, undisturbed, tmp_path) -> None:
     out = tmp_path / "out"
     export(scenarios[1:], out, SETTINGS)
