@@ -74,7 +74,9 @@ class TracedPaths:
     def of_targets(self, first: int, stop: int | None = None) -> TracedPaths:
         """Return the paths to a range of the targets, counted from its first."""
         rows = (self.target >= first) & (self.target < (np.inf if stop is None else stop))
-        arrays: dict[str, Any] = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        arrays: dict[str, Any] = {
+            name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)
+        }
         return replace(self, **{**arrays, "target": self.target[rows] - first})
 
 
@@ -223,7 +225,9 @@ def _solve(scene: Any, options: dict[str, Any]) -> tuple[dict[str, npt.NDArray[A
             faces, vertices = np.array(found.primitives), np.array(found.vertices)
         a = np.array(found.a[0]).astype(np.complex128) + 1j * np.array(found.a[1])
     except (RuntimeError, MemoryError) as error:
-        raise EngineError(f"Sionna RT's path solver failed ({error}); use fewer num_samples or less max_depth") from error
+        raise EngineError(
+            f"Sionna RT's path solver failed ({error}); use fewer num_samples or less max_depth"
+        ) from error
     rx, tx, path = np.nonzero(valid)
     columns: dict[str, npt.NDArray[Any]] = {
         "target": rx.astype(np.int64),

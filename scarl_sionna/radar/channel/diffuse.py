@@ -87,9 +87,7 @@ def _directions(start: Array, points: Array, end: Array) -> Array:
     return np.divide(step, length, out=np.zeros_like(step), where=length > 0.0)
 
 
-def _part_of_chain(
-    kind: npt.NDArray[np.int32], normal: Array, offset: Array, chosen: npt.NDArray[np.bool_]
-) -> Chain:
+def _part_of_chain(kind: npt.NDArray[np.int32], normal: Array, offset: Array, chosen: npt.NDArray[np.bool_]) -> Chain:
     return Chain((kind == SPECULAR) & chosen, (kind == REFRACTION) & chosen, normal, offset)
 
 

@@ -173,7 +173,9 @@ def propagated(chain: Chain, travel: Array, field: Complex, coefficients: Coeffi
         r_te, r_tm, t_te, t_tm = coefficients(k, np.where(used, cosine, 1.0))
         te_axis = _te_axis(before, n)
         te = np.where(chain.mirror[:, k], r_te, t_te)[:, None] * np.einsum("pi,pqi->pq", te_axis, field)
-        tm = np.where(chain.mirror[:, k], r_tm, t_tm)[:, None] * np.einsum("pi,pqi->pq", np.cross(te_axis, before), field)
+        tm = np.where(chain.mirror[:, k], r_tm, t_tm)[:, None] * np.einsum(
+            "pi,pqi->pq", np.cross(te_axis, before), field
+        )
         onward = te[:, :, None] * te_axis[:, None] + tm[:, :, None] * np.cross(te_axis, after)[:, None]
         field = np.where(used[:, None, None], onward, field)
         before = after

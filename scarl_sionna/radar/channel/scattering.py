@@ -48,16 +48,16 @@ def scattered_columns(
         row, home = _pairs(there.target[first], back.target, count)
         out, middle = first[row], second[row]
         rows = [(there, out), (between, middle), (back, home)]
-        transfer = np.einsum(
-            "pki,pkl,plj->pij", back.transfer[home], between.transfer[middle], there.transfer[out]
-        )
+        transfer = np.einsum("pki,pkl,plj->pij", back.transfer[home], between.transfer[middle], there.transfer[out])
     target = there.target[out]
     length = np.stack([legs.length[chosen] for legs, chosen in rows])
     spreading = wavelength / (4.0 * np.pi) * np.sqrt(points.rcs[target] / (4.0 * np.pi)) ** (len(rows) - 1)
     parts, known = state.world.parts, state.world.instances
     new = max(known, default=0) + 1 + np.arange(count)
     label = new if points.instance is None else points.instance.astype(np.int64)
-    semantic = np.array([known[int(number)].semantic if int(number) in known else 0 for number in label], dtype=np.uint8)
+    semantic = np.array(
+        [known[int(number)].semantic if int(number) in known else 0 for number in label], dtype=np.uint8
+    )
     met = [legs.part[chosen] for legs, chosen in rows]
     kinds = [legs.kind[chosen] for legs, chosen in rows]
     return {
