@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from scarl_sionna import cli_export
+from scarl_sionna import cli_calibrate, cli_export
 from scarl_sionna.cli_common import collected_warnings, reported
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.scenario.spec import ScenarioSpec
@@ -32,6 +32,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(cli_export.app)
+app.add_typer(cli_calibrate.app)
 if find_spec(COMMANDS_OF_VIEWS) is not None:
     app.add_typer(import_module(COMMANDS_OF_VIEWS).app)
 _DEFAULTS = ScenarioSpec()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from .errors import CalibrationError, ConvergenceError, UnusedParameterError
 from .estimate import CalibrationResult, calibrate
 from .forward import ForwardModel
+from .material_file import calibrated_materials, save_materials
+from .report import write_report
 from .spec import (
     CalibrationProblem,
     FreeParameter,
@@ -33,4 +35,7 @@ __all__ = [
     "SlabMeasurement",
     "UnusedParameterError",
     "calibrate",
+    "calibrated_materials",
+    "save_materials",
+    "write_report",
 ]

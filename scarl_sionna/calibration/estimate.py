@@ -21,6 +21,8 @@ INTERVAL = float(norm.ppf(0.975))
 WEAK = 0.3
 """A direction is not identified if the data leave more than this of the bounds' range as its standard deviation: a uniform
 distribution over the range has 0.29."""
+LOST = 3.0
+"""A direction with more than this standard deviation, priors included, is no estimate [range of the bounds]."""
 SAME_COST = 1e-3
 """Minima whose sums of squares differ by less than this share (or by less than 0.1) are equally good."""
 APART = 0.02
@@ -239,7 +241,7 @@ def _result(
     ]
     num_data = sum(len(item.data) for item in model.channels if not item.spec.held_out)
     residuals = model.residuals(values)[:num_data]
-    converged, reason = _verdict(best, at_bound, others, weak)
+    converged, reason = _verdict(best, at_bound, others, _weak(names, fisher))
     return CalibrationResult(
         model.problem, model, values, std, covariance, float(residuals @ residuals), num_data - len(names), converged, reason,
         at_bound, weak, correlated, others, starts, sum(int(item.nfev) for item in found),
@@ -294,9 +296,12 @@ def _verdict(
         )
     if others:
         return False, f"{len(others) + 1} minima are equally good; add a measurement or a prior that tells them apart"
-    if any(not np.isfinite(item.std) for item in weak):
-        lost = ", ".join(weak[0].weights)
-        return False, f"the measurements cannot tell {lost} apart; fix one of them or give it a prior"
+    lost = [" and ".join(item.weights) for item in weak if item.std > LOST]
+    if lost:
+        return (
+            False,
+            f"measurements and priors do not fix {', nor '.join(lost)}; fix one by hand, give it a prior, or measure more",
+        )
     if at_bound:
         return False, f"{', '.join(at_bound)} ended on a bound; widen the bounds, or the model does not fit the data"
     return True, str(best.message)
