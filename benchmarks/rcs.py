@@ -180,7 +180,7 @@ def bench_car(phi_deg: float = 150.0, count: int = 3) -> None:
             f"| {error[0, 0]:+.2f} | {error[1, 1]:+.2f} | {error[1, 0]:+.2f} | {seconds:.2f} |",
             flush=True,
         )
-    axes, save = chart("CPU seconds an aspect", "error of the co-polar RCS, mean over 1 deg [dB]", "rcs_car.svg")
+    axes, save = chart("CPU seconds an aspect", "error of the co-polar RCS, mean over 1 deg [dB]", "rcs_car.png")
     axes.set_title(f"ss.rcs of a car of {len(body.triangles.normal)} faces at 77 GHz, rays and depth")
     for settings, seconds, error in points[1:]:
         axes.loglog(
@@ -191,6 +191,7 @@ def bench_car(phi_deg: float = 150.0, count: int = 3) -> None:
             name + (" (default)" if settings == default else ""), (seconds, error), (5, 5), textcoords="offset points"
         )
     axes.axhline(0.5, color="0.5", linewidth=0.8, linestyle="--")
+    axes.margins(x=0.3, y=0.1)  # room for the names
     save()
 
 
@@ -199,7 +200,7 @@ def bench_slope() -> None:
     from tests.oracles import rcs as oracle
 
     theta, phi = np.linspace(0.2, 2.8, 8), np.linspace(0.1, 5.0, 8)
-    axes, save = chart("edge of the facets / radius", "rms error [dB]", "rcs_tessellation.svg")
+    axes, save = chart("edge of the facets / radius", "rms error [dB]", "rcs_tessellation.png")
     print("\nSphere: rms error over 8 aspects [dB] against PO of the smooth sphere, and against Mie")
     print("| ka | faces | edge / radius | against PO [dB] | against Mie [dB] |\n|---|---|---|---|---|")
     for number, ka in enumerate((50.0, 150.0, 500.0)):
@@ -263,7 +264,7 @@ def chart(across: str, up: str, name: str):
     def save() -> None:
         path = FIGURES / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path)
+        figure.savefig(path, dpi=130)
         print(f"  figure {path.name}")
 
     return axes, save
