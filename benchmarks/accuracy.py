@@ -84,6 +84,7 @@ def draw(result: dict[str, Any], file: Path) -> None:
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import FuncFormatter, LogLocator
 
     figure, axes = plt.subplots(figsize=(7.2, 4.6), layout="constrained")
     least = max(min(point["error_db"] for curve in result["curves"] for point in curve["points"]), 1e-3)
@@ -118,7 +119,12 @@ def draw(result: dict[str, Any], file: Path) -> None:
         color="0.4",
     )
     axes.set_ylim(bottom, 130.0)
-    axes.set(xlabel="time of a radar frame, warm [s]", ylabel=f"error [dB], {result['measure']}", title=result["title"])
+    axes.set(xlabel="time of a radar frame, warm [s]", ylabel="error [dB]")
+    axes.set_title(f"{result['title']}\n{result['measure']}", fontsize=10)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axes.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.grid(which="major", alpha=0.35)
     axes.grid(which="minor", alpha=0.12)
     axes.plot([], [], "o", ms=13, mfc="none", mec="0.3", label="default")

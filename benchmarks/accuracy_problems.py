@@ -251,16 +251,14 @@ def sphere() -> Problem:
     poses = [looking_at_origin(angle, 0.1, distance) for angle in (0.1, 0.5, 0.9)]
     curves = []
     states = {n: scene([Thing("ball", ball(radius, subdivisions=n), "Static", "steel")]) for n in (2, 3, 4, 5, 6)}
-    for method, default in (
-        ("sbr", SbrChannelSettings(max_depth=1)),
-        ("sionna", None),
-        ("raycast", None),
-        ("auto", None),
+    for method, options, chosen in (
+        ("sbr", {"settings": SbrChannelSettings(max_depth=1)}, (2, 3, 4, 5, 6)),
+        ("sionna", {"num_samples": 20_000}, (2, 4, 5)),
+        ("raycast", {"num_rays": 100_000}, (2, 5)),
+        ("auto", {}, (4, 5)),
     ):
-        options = {"settings": default} if default is not None else {}
         points = [
-            Point(f"{20 * 4**n} faces", frames(state, poses, method=method, **options), n == 5)
-            for n, state in states.items()
+            Point(f"{20 * 4**n} faces", frames(states[n], poses, method=method, **options), n == 5) for n in chosen
         ]
         curves.append(Curve(method, "tessellation", points))
     return Problem(
@@ -298,10 +296,13 @@ def two_ray() -> Problem:
     radius, height = 0.1, 0.5
     ranges = np.array([10.0, 12.0, 15.0, 18.0, 21.0, 25.0, 30.0, 36.0, 43.0, 50.0])
     ground = Thing("ground", plane(256.0, 64.0), "Roads", "asphalt", is_object=False)
-    state = scene(
-        [ground, Thing("ball", ball(radius, (0, 0, height), 5), "Static", "steel")], (),
-        {"asphalt": Material(radio=SMOOTH)}, _smooth_table(),
-    )  # fmt: skip
+    states = {
+        n: scene(
+            [ground, Thing("ball", ball(radius, (0, 0, height), n), "Static", "steel")], (),
+            {"asphalt": Material(radio=SMOOTH)}, _smooth_table(),
+        ) for n in (3, 4, 5)
+    }  # fmt: skip
+    state = states[5]
     poses = [Pose.from_euler([x, 0, 0.5], yaw=np.pi) for x in ranges]
     material = state.world.materials[SMOOTH]
     straight, bounced = np.hypot(ranges, 0.5 - height), np.hypot(ranges, 0.5 + height)
@@ -316,17 +317,17 @@ def two_ray() -> Problem:
     # Mixed pairs leave at the bisector's point of the ball, which is 2 a (1 - cos) less far in front of its middle.
     mixed = np.exp(-2j * wave * radius * (1.0 - np.cos(half_bistatic)))
     exact = _ball_amplitude(radius, ranges) * straight**2 * (one**2 + 2.0 * one * other * mixed + other**2)
-    through = [
-        (label, {"plan": ChannelPlan((Share("sbr", ("ball",), options, True),), ("ground",), echoes=False)})
-        for label, options in sbr_knobs(floor_db=None, max_depth=1)
-    ]
+    one_bounce = SbrChannelSettings(floor_db=None, max_depth=1)
+    through = ChannelPlan((Share("sbr", ("ball",), {"settings": one_bounce}, True),), ("ground",), echoes=False)
     point = {"ball": _ball_model(radius, np.array([0.0, 0.0, height]))}
     curves = [
         over("raycast", "rays", [(f"{n:.0e}", {"num_rays": n, "instances": ["ball"]}) for n in (100_000, 1_000_000)],
              "1e+06", state, poses),
         over("sionna", "rays", [(f"{n:.0e}", {"num_samples": n}) for n in (20_000, 200_000)], "2e+05", state, poses),
         over("sbr", "max_phase", sbr_knobs(), "0.4 rad", state, poses),
-        over("hybrid", "sbr's max_phase", through, "0.4 rad", state, poses),
+        Curve("hybrid", "tessellation of the ball", [
+            Point(f"{20 * 4**n} faces", frames(one, poses, method="hybrid", plan=through), n == 5) for n, one in states.items()
+        ]),
         Curve("scatterers + mirrors", "one centre", [Point(
             "1 centre", frames(state, poses, method="hybrid", plan=ChannelPlan(
                 (Share("scatterers", ("ball",), {"models": point}, True),), ("ground",), echoes=False)), True)]),
