@@ -6,11 +6,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.scarl-setup-done
 TEST_STAMP := $(VENV)/.scarl-test-setup-done
+DOCS_STAMP := $(VENV)/.scarl-docs-setup-done
 OUT ?= demo_out
 QUALITY ?= draft
 PYTEST_ARGS ?=
 
-.PHONY: help setup demo test test-slow lint format bench clean distclean
+.PHONY: help setup demo test test-slow lint format bench docs notebooks clean distclean
 
 help: ## Show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -44,6 +45,15 @@ format: $(TEST_STAMP) ## Format the code
 
 bench: $(STAMP) ## Run the benchmarks: error against time
 	@for name in synthesis radar_frame camera lidar frame; do echo "== benchmarks/$$name.py"; $(BIN)/python benchmarks/$$name.py || exit 1; done
+
+notebooks: $(TEST_STAMP) ## Run all notebooks; copies with figures go to build/notebooks
+	$(BIN)/python scripts/run_notebooks.py
+
+$(DOCS_STAMP): $(STAMP)
+	@bash scripts/setup_env.sh $(VENV) docs && touch $@
+
+docs: $(DOCS_STAMP) ## Build the documentation site into build/site; fails on any warning
+	$(BIN)/mkdocs build --strict
 
 clean: ## Remove caches and outputs, but not .venv
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache $(OUT)

@@ -10,7 +10,9 @@ nbformat = pytest.importorskip("nbformat")
 nbclient = pytest.importorskip("nbclient")
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-QUICK = ("03_radar_signal_chain", "07_rcs_of_your_mesh", "11_multipath_and_ghosts")
+QUICK = (
+    "03_radar_signal_chain", "05_where_methods_fail", "06_materials", "07_rcs_of_your_mesh", "11_multipath_and_ghosts",
+)  # fmt: skip
 TIMEOUT = 180.0
 """What a notebook may take on two cores [s]."""
 

@@ -1,0 +1,78 @@
+"""Hooks of the documentation site: notebooks as pages, CONTRIBUTING.md, and links that leave docs/.
+
+Notebooks are taken with their figures from `build/notebooks`, where `make notebooks` puts them, else without outputs.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).resolve().parents[1]
+EXECUTED, SOURCES = ROOT / "build" / "notebooks", ROOT / "notebooks"
+_OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)#\s]+)\)")
+_ANSI = re.compile(r"\x1b\[[0-9;]*m")
+
+
+def _text(value: str | list[str]) -> str:
+    return value if isinstance(value, str) else "".join(value)
+
+
+def _shown(output: dict[str, Any], picture: str) -> tuple[str, bytes | None]:
+    """Return the Markdown of one output of a cell, and the PNG to which it refers as `picture`."""
+    data = output.get("data", {})
+    if "image/png" in data:
+        return f"![output]({picture})\n", base64.b64decode(_text(data["image/png"]))
+    is_log = output.get("name") == "stderr"
+    text = "" if is_log else _ANSI.sub("", _text(output.get("text", data.get("text/plain", "")))).rstrip()
+    return (f"```text\n{text}\n```\n" if text else ""), None
+
+
+def notebook_page(notebook: dict[str, Any], name: str) -> tuple[str, dict[str, bytes]]:
+    """Return a notebook as Markdown, and its pictures by file name."""
+    parts: list[str] = []
+    pictures: dict[str, bytes] = {}
+    for cell in notebook["cells"]:
+        source = _text(cell["source"])
+        if cell["cell_type"] == "markdown":
+            parts.append(source + "\n")
+            continue
+        parts.append(f"```python\n{source}\n```\n")
+        for output in cell.get("outputs", []):
+            text, png = _shown(output, f"{name}_{len(pictures)}.png")
+            if png is not None:
+                pictures[f"{name}_{len(pictures)}.png"] = png
+            parts.append(text)
+    parts.append(f"From `notebooks/{name}.ipynb`.\n")
+    return "\n".join(part for part in parts if part), pictures
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add a page for every notebook with its pictures, and CONTRIBUTING.md."""
+    for source in sorted(SOURCES.glob("*.ipynb")):
+        executed = EXECUTED / source.name
+        notebook = json.loads((executed if executed.is_file() else source).read_text(encoding="utf-8"))
+        text, pictures = notebook_page(notebook, source.stem)
+        files.append(File.generated(config, f"notebooks/{source.stem}.md", content=text))
+        for picture, png in pictures.items():
+            files.append(File.generated(config, f"notebooks/{picture}", content=png))
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").replace("](docs/", "](")
+    files.append(File.generated(config, "contributing.md", content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
+    """Lead links to notebooks to their pages, and name other files of the repository by their path: the site has none of them."""
+
+    def inside(match: re.Match[str]) -> str:
+        label, target = match.groups()
+        if target.startswith("notebooks/"):
+            return f"[{label}]({target.removesuffix('.ipynb')}.md)"
+        return f"`{target}`"
+
+    return _OUTSIDE.sub(inside, markdown)

@@ -1,0 +1,23 @@
+"""The code of docs/getting_started.md runs as it is printed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "getting_started.md"
+
+
+def test_getting_started(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "docs"}
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for number, block in enumerate(blocks):
+        exec(compile(block, f"{PAGE.name}, block {number}", "exec"), names)
+    frame, rd, data = names["frame"], names["rd"], names["ds"]
+    assert names["image"].shape[2] == 3 and np.isfinite(rd.power).all()
+    assert (tmp_path / "frame.png").stat().st_size > 10_000
+    assert {"front_center/radar", "front_center/lidar"} <= set(frame.results)
+    assert len(data) == 2 and data[1].radar["front/radar"].adc.shape == (4, 192, 512)
