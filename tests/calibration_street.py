@@ -39,11 +39,11 @@ def street(folder: Path) -> Path:
     return write_scene(folder, things, materials=looks)
 
 
-def street_problem(scene: Path, noise: float, **changes: object) -> CalibrationProblem:
+def street_problem(scene: Path, noise: float, max_depth: int = 2, **changes: object) -> CalibrationProblem:
     """Return the problem with a map of zeros in place of the measurement."""
     spec = RadarMap(
         name="map", scene=str(scene), position=(0.0, 0.0, 1.0), targets=TARGETS, radar=RADAR, noise=noise, num_samples=20_000,
-        max_depth=2, values=(0.0,) * (3 * 128), values_imag=(0.0,) * (3 * 128),
+        max_depth=max_depth, values=(0.0,) * (3 * 128), values_imag=(0.0,) * (3 * 128),
     )  # fmt: skip
     return CalibrationProblem(**{"parameters": PARAMETERS, "measurements": (spec,), "num_starts": 1, **changes})
 

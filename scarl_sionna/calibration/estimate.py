@@ -137,7 +137,8 @@ def calibrate(problem: CalibrationProblem, on_progress: Callable[[int, int], Non
 
     Parameters
     ----------
-    problem : CalibrationProblem
+    problem : CalibrationProblem or ForwardModel
+        A model that was made before keeps its traced paths.
     on_progress : callable, optional
         Called with the number of finished starts and of all.
 
@@ -166,7 +167,8 @@ def calibrate(problem: CalibrationProblem, on_progress: Callable[[int, int], Non
     .. [1] M. A. Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21(1), 1999; `scipy.optimize.least_squares`.
     .. [2] S. M. Kay, *Fundamentals of Statistical Signal Processing: Estimation Theory*, 1993, chapter 3.
     """
-    model = ForwardModel(problem)
+    model = problem if isinstance(problem, ForwardModel) else ForwardModel(problem)
+    problem = model.problem
     starts = _starts(model)
     _require_used(model, starts)
     span, lower = model.span, model.lower

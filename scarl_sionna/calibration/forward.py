@@ -144,8 +144,8 @@ class ForwardModel:
                 return target_field(target, trial.targets.get(pattern.target, {}), pattern.aspect_deg)
 
         else:
+            data = map_data(spec) if isinstance(spec, RadarMap) else data  # first: it costs less than to trace
             model = path_powers(spec, self.table) if isinstance(spec, ScenePowers) else map_model(spec, self.table)
-            data = map_data(spec) if isinstance(spec, RadarMap) else data
 
             def field(trial: Trial) -> Complex:
                 return model(trial.materials)

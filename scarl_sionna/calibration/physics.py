@@ -27,7 +27,7 @@ MATERIAL_FIELDS = (
     "relative_permittivity", "conductivity", "permittivity_exponent", "conductivity_exponent", "thickness", "roughness_rms",
     "scattering_coefficient", "xpd_coefficient",
 )  # fmt: skip
-NUM_NODES = 8
+NUM_NODES = 4
 """Points of Cauchy's integral; its error falls as (radius over distance to the nearest singularity) to this power."""
 RADIUS = 1e-3
 """Of the circle, as a share of the parameter's range."""

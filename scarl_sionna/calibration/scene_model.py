@@ -172,7 +172,7 @@ def map_model(measurement: RadarMap, table: MaterialTable) -> Callable[[Trials],
     unit = replace(paths, a=np.ones_like(paths.a))
     basis = np.stack([np.conj(_cells(unit.select(np.array([row])), measurement)) for row in kept], axis=1)
     column = "VH".index(radar.polarization)
-    return lambda trials: basis @ fixed.columns(trials)["a"][kept, column, column]
+    return lambda trials: np.einsum("vp,p->v", basis, fixed.columns(trials)["a"][kept, column, column])  # no threads
 
 
 def _cells(paths: RadarPaths, measurement: RadarMap) -> Complex:
