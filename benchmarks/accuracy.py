@@ -48,9 +48,10 @@ def run(name: str, repeats: int) -> dict[str, Any]:
     for curve in problem.curves:
         points = []
         for point in curve.points:
-            begin = time.perf_counter()
+            begin, spent = time.perf_counter(), time.process_time()
             answer = point.run()
             cold = (time.perf_counter() - begin) / problem.num_frames
+            cold_cpu = (time.process_time() - spent) / problem.num_frames
             walls, cpus = [], []
             for _ in range(repeats if cold < 10.0 else 0):
                 wall, cpu = time.perf_counter(), time.process_time()
@@ -60,13 +61,13 @@ def run(name: str, repeats: int) -> dict[str, Any]:
             row = {
                 "label": point.label, "default": point.is_default, "error_db": round(problem.error(answer), 5),
                 "cold": round(cold, 4), "wall": round(float(np.median(walls)) if walls else cold, 4),
-                "cpu": round(float(np.median(cpus)), 4) if cpus else None,
+                "cpu": round(float(np.median(cpus)) if cpus else cold_cpu, 4),
                 "paths": int(np.mean([paths.num_paths for paths in answer])),
             }  # fmt: skip
             points.append(row)
             print(
                 f"{name:10} {curve.method:20} {point.label:14} {row['error_db']:9.4f} dB  warm {row['wall']:7.3f} s  cpu "
-                f"{row['cpu'] if row['cpu'] is not None else float('nan'):7.3f} s  cold {row['cold']:7.3f} s  {row['paths']} paths",
+                f"{row['cpu']:7.3f} s  cold {row['cold']:7.3f} s  {row['paths']} paths",
                 flush=True,
             )
         curves.append({"method": curve.method, "knob": curve.knob, "points": points})
