@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTED, SOURCES = ROOT / "build" / "notebooks", ROOT / "notebooks"
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)#\s]+)\)")
+_FENCE_IN_LIST = re.compile(r"^  ```.*?^  ```$", re.MULTILINE | re.DOTALL)
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -67,7 +69,11 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Lead links to notebooks to their pages, and name other files of the repository by their path: the site has none of them."""
+    """Make of GitHub's Markdown what the site needs.
+
+    Links to notebooks lead to their pages, other files of the repository are named by their path, since the site has none of
+    them, and blocks of code in lists are indented by four.
+    """
 
     def inside(match: re.Match[str]) -> str:
         label, target = match.groups()
@@ -75,4 +81,5 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
             return f"[{label}]({target.removesuffix('.ipynb')}.md)"
         return f"`{target}`"
 
+    markdown = _FENCE_IN_LIST.sub(lambda match: textwrap.indent(match.group(0), "  "), markdown)
     return _OUTSIDE.sub(inside, markdown)
