@@ -260,3 +260,27 @@ def test_report_of_an_undetermined_estimate_has_no_infinities(tmp_path: Path) ->
     ]
     write_report(calibrate(CalibrationProblem(parameters=free, measurements=[bench()], num_starts=1)), tmp_path)
     assert "Infinity" not in (tmp_path / "estimate.json").read_text()
+
+
+def test_the_example_of_the_documentation_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (EXAMPLES.parent / "docs" / "calibration.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(page.split("```python\n")[1].split("```")[0], names)
+    assert names["result"].converged and names["result"].p_value > 0.01
+    assert names["table"]["asphalt"].relative_permittivity == names["result"]["asphalt.relative_permittivity"]
+    text = page.split("```yaml\n")[1].split("```")[0]
+    (tmp_path / "problem.yaml").write_text(text)
+    problem = CalibrationProblem.load(tmp_path / "problem.yaml")
+    assert problem.measurements[0].kind == "map" and problem.measurements[0].radar.num_samples == 128
+
+
+def test_car_study_without_its_prior_is_flagged() -> None:
+    problem = CalibrationProblem.load(EXAMPLES / "calibration_car_rcs.yaml")
+    free = [
+        item.with_(prior_mean=None, prior_std=None) if item.field == "side.width_deg" else item
+        for item in problem.parameters
+    ]
+    result = calibrate(problem.with_(parameters=free))
+    assert [name for item in result.weak for name in item.weights] == ["car.side.width_deg"] and not result.converged
+    assert calibrate(problem).converged

@@ -1,0 +1,104 @@
+"""The calibration's model as a Keras layer, so that a radar simulation can stand inside a TensorFlow model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import MissingPackageError
+from scarl_sionna.world.engine import ensure_engine
+
+from .forward import ForwardModel
+
+Array = npt.NDArray[np.float64]
+
+
+def simulation_layer(model: ForwardModel, name: str = "simulation") -> Any:
+    """Return a Keras layer from parameters to what the measurements show.
+
+    Parameters
+    ----------
+    model : ForwardModel
+    name : str
+
+    Returns
+    -------
+    keras.layers.Layer
+        Maps (batch, num_parameters) between 0 and 1, from lower to upper bound, to (batch, num_values): predictions of the
+        measurements that are used, over their noise. Values and gradients are exact in float64 inside, float32 outside.
+
+    Raises
+    ------
+    MissingPackageError
+        If TensorFlow is not installed.
+    EngineError
+        If the engine cannot start beside a TensorFlow that was imported before.
+
+    Notes
+    -----
+    :func:`whitened_data` is the matching target for a loss. The derivatives are those of :mod:`.physics`, so a step of
+    training costs four evaluations of the model for each parameter and sample.
+    """
+    ensure_engine()  # before TensorFlow: each brings an LLVM of its own
+    try:
+        import tensorflow as tf
+    except ImportError as error:
+        raise MissingPackageError("tensorflow", "tensorflow") from error
+
+    num_values, num_parameters = len(whitened_data(model)), len(model.names)
+
+    def forward(units: Any) -> Any:
+        rows = [_predicted(model, unit) for unit in np.asarray(units, dtype=np.float64)]
+        return np.array(rows, dtype=np.float32).reshape(-1, num_values)
+
+    def backward(units: Any, upstream: Any) -> Any:
+        rows = [
+            np.asarray(above, dtype=np.float64) @ _slope(model, unit)
+            for unit, above in zip(np.asarray(units, dtype=np.float64), upstream, strict=True)
+        ]
+        return np.array(rows, dtype=np.float32).reshape(-1, num_parameters)
+
+    @tf.custom_gradient  # type: ignore[untyped-decorator]
+    def simulate(units: Any) -> Any:
+        values = tf.numpy_function(forward, [units], tf.float32)
+        values.set_shape((None, num_values))
+
+        def gradient(upstream: Any) -> Any:
+            slope = tf.numpy_function(backward, [units, upstream], tf.float32)
+            slope.set_shape((None, num_parameters))
+            return slope
+
+        return values, gradient
+
+    class Simulation(tf.keras.layers.Layer):  # type: ignore[misc]
+        """Predictions of a calibration's model."""
+
+        def call(self, units: Any) -> Any:
+            """Return predictions over noise, shape (batch, num_values)."""
+            return simulate(tf.cast(units, tf.float32))
+
+        def compute_output_shape(self, input_shape: Any) -> Any:
+            """Return (batch, num_values)."""
+            return (input_shape[0], num_values)
+
+    return Simulation(name=name)
+
+
+def whitened_data(model: ForwardModel) -> Array:
+    """Return the data of the measurements that are used over their noise, shape (num_values,)."""
+    return np.concatenate([item.data / item.sigma for item in model.channels if not item.spec.held_out])
+
+
+def _predicted(model: ForwardModel, unit: Array) -> Array:
+    """Return predictions over noise."""
+    point = model.lower + model.span * unit
+    return np.concatenate(
+        [model.predict(item, point) / item.sigma for item in model.channels if not item.spec.held_out]
+    )
+
+
+def _slope(model: ForwardModel, unit: Array) -> Array:
+    """Return the derivatives of the predictions over noise to the unit parameters."""
+    return np.asarray(model.jacobian(model.lower + model.span * unit, with_prior=False) * model.span)
