@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .generate import observe, simulate
     from .radar import (
         RadarPaths,
+        attenuate_paths,
         detect,
         label_cells,
         label_paths,
@@ -74,6 +75,7 @@ __all__ = [
     "Twist",
     "World",
     "WorldState",
+    "attenuate_paths",
     "compile_scatterers",
     "detect",
     "label_cells",
@@ -111,8 +113,8 @@ _HOME = {
     ".fusion": ("Rig",),
     ".generate": ("observe", "simulate"),
     ".radar": (
-        "RadarPaths", "detect", "label_cells", "label_paths", "label_points", "point_targets", "quantize", "range_doppler",
-        "range_doppler_angle", "synthesize", "virtual_cube",
+        "RadarPaths", "attenuate_paths", "detect", "label_cells", "label_paths", "label_points", "point_targets", "quantize",
+        "range_doppler", "range_doppler_angle", "synthesize", "virtual_cube",
     ),
     ".radar.channel": ("solve_paths",),
     ".radar.rcs": ("rcs",),

@@ -11,6 +11,7 @@ from .paths import RadarPaths
 from .points import point_targets
 from .processing import RangeDoppler, range_doppler, virtual_cube
 from .synthesis import synthesize
+from .weather import attenuate_paths
 
 __all__ = [
     "CellLabels",
@@ -21,6 +22,7 @@ __all__ = [
     "RangeDoppler",
     "RangeDopplerAngle",
     "add_noise",
+    "attenuate_paths",
     "detect",
     "label_cells",
     "label_paths",
