@@ -15,6 +15,7 @@ import yaml
 
 from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError, UnknownNameError
+from scarl_sionna.core.lidar_pattern import RasterScan
 from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.radar_spec import RadarSpec
@@ -242,7 +243,7 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
         raise UnknownNameError("quality", quality, QUALITIES)
     draft = quality == "draft"
     camera = CameraSpec(width=480, height=270, samples_per_pixel=8) if draft else CameraSpec()
-    lidar = LidarSpec(num_azimuth=480, num_elevation=64) if draft else LidarSpec()
+    lidar = LidarSpec(scan=RasterScan(num_azimuth=480)) if draft else LidarSpec()
     if radar is None:
         radar = RadarSpec.preset("awr1843boost")
         radar = radar.with_(num_rays=250_000) if draft else radar

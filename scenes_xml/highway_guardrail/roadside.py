@@ -89,7 +89,7 @@ def _lamps_and_barriers(write: WriteMesh) -> Iterator[Group]:
         yield lamp.place(f"lamp_{k}", "Pole", s, -5.6)
     barrier = Kit(write, "barrier", {"concrete": furniture.barrier()}, {"concrete": "concrete_grey"})
     for k in range(3):
-        yield barrier.place(f"barrier_{k}", "Wall", 60.0 + 6.15 * k, at.PAVEMENT_LEFT + 1.0)
+        yield barrier.place(f"barrier_{k}", "Wall", 60.0 + 6.6 * k, at.PAVEMENT_LEFT + 1.0)
 
 
 def _buildings(write: WriteMesh) -> Iterator[Group]:

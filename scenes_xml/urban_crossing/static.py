@@ -82,7 +82,8 @@ def houses() -> Iterator[tuple[str, dict[str, Mesh], str, float, tuple[float, fl
 
 def _town_house(width: float, storeys: int, generator: np.random.Generator, texture_size: float) -> building.House:
     """Return a terraced house with regular windows to the street and the yard and a door to the street."""
-    eaves = 0.6 + 3.1 * storeys
+    eaves = 0.6 + 3.1 * storeys + float(np.round(generator.uniform(-0.2, 0.2), 2))
+    overhang = float(np.round(generator.uniform(0.24, 0.36), 3))  # so that no two roofs have a face in one plane
     columns = max(3, int(width // 2.6))
     along = (np.arange(columns) - (columns - 1) / 2) * (width - 1.2) / columns
     door = int(generator.integers(0, columns))
@@ -95,5 +96,5 @@ def _town_house(width: float, storeys: int, generator: np.random.Generator, text
                 windows.append(("back", float(round(y, 3)), 1.0 + 3.1 * storey, 1.1, 1.4))
     ridge = eaves + float(np.round(generator.uniform(2.6, 3.8), 1))
     return building.House(
-        width, 10.0, eaves, ridge, windows, [("front", float(round(along[door], 3)), 1.15, 2.3)], 0.3, texture_size, bool(generator.uniform() < 0.7)
+        width, 10.0, eaves, ridge, windows, [("front", float(round(along[door], 3)), 1.15, 2.3)], overhang, texture_size, bool(generator.uniform() < 0.7)
     )

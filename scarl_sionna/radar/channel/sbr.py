@@ -20,6 +20,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.world import variant
 from scarl_sionna.world.face_rays import FaceRays
 from scarl_sionna.world.face_tracing import face_table
+from scarl_sionna.world.overlap import seen_overlaps
 from scarl_sionna.world.path_tracing import DIFFUSE, SPECULAR
 
 from .antennas import check_antennas
@@ -142,7 +143,7 @@ def solve_sbr(
         "method": "sbr", "settings": settings.model_dump(), "max_distance": reach, "num_faces": len(start),
         "num_tubes": dict(tracer.count), "num_patches": len(columns["length"]), "left_out": left_out,
     }  # fmt: skip
-    _warn(state, radar, columns, amplitude**2, chosen_instances)
+    _warn(state, radar, tx.pose.position, columns, amplitude**2, chosen_instances)
     columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, settings.floor_db)
     columns = in_order(columns)
     diagnostics["seconds"] = time.perf_counter() - clock
@@ -198,7 +199,9 @@ def _rows(state: WorldState, tracer: Tracer, patches: Tubes, surfaces: Surfaces)
     return [{name: column[seen] for name, column in columns.items()}, *blocks]
 
 
-def _warn(state: WorldState, radar: RadarSpec, columns: Columns, power: Array, chosen: list[int]) -> None:
+def _warn(
+    state: WorldState, radar: RadarSpec, origin: Array, columns: Columns, power: Array, chosen: list[int]
+) -> None:
     """Warn once of each way in which the scene is outside of what physical optics can do."""
     small = []
     for number in chosen:
@@ -209,6 +212,15 @@ def _warn(state: WorldState, radar: RadarSpec, columns: Columns, power: Array, c
         warnings.warn(
             f"{len(small)} instance(s) in view are smaller than {SMALLEST_SIZE:g} wavelengths, such as '{small[0][0]}' "
             f"({1e3 * small[0][1]:.3g} mm); physical optics is wrong by decibels there: use method='scatterers' or point targets",
+            ScarlWarning, stacklevel=4,
+        )  # fmt: skip
+    names, of_part = state.world.parts.name, state.world.parts.instance
+    double = [o for o in seen_overlaps(state, origin) if {of_part[o.first], of_part[o.second]} <= set(chosen)]
+    if double:
+        first, second = names[double[0].first], names[double[0].second]
+        warnings.warn(
+            f"{len(double)} pair(s) of parts overlap in one plane, such as '{first}' and '{second}': both scatter, up to 6 dB too "
+            "strong where they overlap; move one by 0.1 mm, or leave it out with instances=",
             ScarlWarning, stacklevel=4,
         )  # fmt: skip
     grazing = float(power[columns["cosine"] < GRAZING_COSINE].sum())

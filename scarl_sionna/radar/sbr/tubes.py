@@ -9,9 +9,9 @@ Tubes wait in pools, one for each number of halvings and one for those to cut, s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import TypeAlias
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -110,14 +110,17 @@ class _Waiting:
         return len(self.row)
 
     def take(self, some: Index | slice) -> _Waiting:
-        return _Waiting(*(None if column is None else column[some] for column in vars(self).values()))
+        return self._of_columns(None if column is None else column[some] for column in vars(self).values())
+
+    @classmethod
+    def _of_columns(cls, columns: Iterable[Any]) -> _Waiting:
+        return cls(*columns)
 
     def to_cut(self, some: Index, label: Index, odd: Index) -> _Waiting:
-        columns = list(vars(self).values())[:-2]
-        return _Waiting(*(column[some] for column in columns), label, odd)
+        return replace(self.without_cut(some), label=label, odd=odd)
 
     def without_cut(self, some: Index) -> _Waiting:
-        return _Waiting(*(column[some] for column in list(vars(self).values())[:-2]))
+        return self._of_columns(column[some] for column in list(vars(self).values())[:-2])
 
     def halved(self) -> _Waiting:
         """Cut tubes in two across their longest side."""
@@ -126,7 +129,7 @@ class _Waiting:
         a, b, c = np.moveaxis(self.tri[np.arange(len(self))[:, None], order], 1, 0)
         middle = (a + b) / 2.0
         halves = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-        return _Waiting.of(halves, *(np.tile(column, 2) for column in (self.row, self.wide, self.fine)))
+        return _Waiting.of(halves, np.tile(self.row, 2), np.tile(self.wide, 2), np.tile(self.fine, 2))
 
     @property
     def rays(self) -> Index:
@@ -138,7 +141,7 @@ class _Waiting:
         if len(parts) == 1:
             return parts[0]
         columns = zip(*(vars(part).values() for part in parts), strict=True)
-        return cls(*(None if column[0] is None else np.concatenate(column) for column in columns))
+        return cls._of_columns(None if column[0] is None else np.concatenate(column) for column in columns)
 
 
 @dataclass(eq=False)
@@ -168,7 +171,8 @@ class _Pools:
     def take(self) -> tuple[int, _Waiting]:
         full = [number for number, weight in self.weight.items() if weight >= self.limit]
         number = max(full) if full else min(self.weight)
-        waiting, chosen, weight = self.parts[number], [], 0
+        waiting, weight = self.parts[number], 0
+        chosen: list[_Waiting] = []
         while waiting and (not chosen or weight + int(waiting[-1].rays.sum()) <= self.limit):
             chosen.append(waiting.pop())
             weight += int(chosen[-1].rays.sum())
