@@ -12,6 +12,7 @@ from scipy.stats import chi2, norm, qmc
 
 from .errors import ConvergenceError, UnusedParameterError
 from .forward import Channel, ForwardModel
+from .physics import RADIUS
 from .spec import CalibrationProblem
 
 Array = npt.NDArray[np.float64]
@@ -27,6 +28,8 @@ SAME_COST = 1e-3
 """Minima whose sums of squares differ by less than this share (or by less than 0.1) are equally good."""
 APART = 0.02
 """... and are two if a parameter differs by more than this of its range, and by more than 3 standard deviations."""
+INSIDE = 2.0 * RADIUS
+"""Searches start this share of the range away from the bounds: roots such as sqrt(1 - S^2) have no derivative on them."""
 TOLERANCE = 1e-10
 
 
@@ -181,7 +184,7 @@ def calibrate(problem: CalibrationProblem, on_progress: Callable[[int, int], Non
 
     found: list[OptimizeResult] = []
     for number, start in enumerate(starts):
-        inside = np.clip((start - lower) / span, 1e-6, 1.0 - 1e-6)
+        inside = np.clip((start - lower) / span, INSIDE, 1.0 - INSIDE)
         found.append(
             least_squares(
                 residuals, inside, jac=jacobian, bounds=(0.0, 1.0), method="trf", x_scale="jac", ftol=TOLERANCE,
