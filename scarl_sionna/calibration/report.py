@@ -128,7 +128,7 @@ def _correlation_figure(result: CalibrationResult) -> Figure:
     from matplotlib.figure import Figure
 
     count = len(result.names)
-    figure = Figure(figsize=(2.5 + 0.5 * count, 2.0 + 0.5 * count), layout="constrained")
+    figure = Figure(figsize=(5.0 + 0.5 * count, 3.6 + 0.5 * count), layout="constrained")
     axes = figure.subplots()
     image = axes.imshow(result.correlation, cmap="RdBu", vmin=-1.0, vmax=1.0)
     axes.set_xticks(range(count), result.names, rotation=60, ha="right")
