@@ -103,7 +103,7 @@ def rain_attenuation(rain_rate: float, frequency: float, polarization: Literal["
     .. math:: \gamma = k R^\alpha, \quad \log_{10} k = \sum_j a_j e^{-((\log_{10} f - b_j) / c_j)^2} + m \log_{10} f + c
 
     and the same sum for :math:`\alpha`, f in GHz. A path at the elevation e differs by ``cos(e)**2`` in the difference between the
-    polarisations, below 1e-2 of the attenuation within 20 degrees.
+    polarisations, 0.3 % of the attenuation at 20 degrees and 100 mm/h.
 
     References
     ----------
