@@ -18,7 +18,7 @@ LIFT = 4e-7
 """A ray starts this far above its face, relative to the largest coordinate: some float32 steps of it."""
 SMALLEST_LIFT = 1e-6
 """[m]."""
-SAME_DISTANCE = 1e-5
+SAME_DISTANCE = 1e-6
 """What is met this near to a point (relative to 1 m + distance) is the point itself: float32 directions are 6e-8 off, which a
 face at grazing incidence makes larger."""
 _BISECTIONS = 9
