@@ -36,6 +36,8 @@ SMALLEST_MIRROR = 1.0
 """Narrower faces [m] are no mirrors for `auto`."""
 ONE_BOUNCE = ("Pole", "TrafficSign")
 """Classes of convex bodies: a second bounce on the same body is weak."""
+ANY_SHAPE = ("Unlabeled", "Static", "Dynamic", "Other")
+"""Classes of which a body may be a corner reflector, which needs three bounces."""
 KNOBS = ((2.0, 2.0, 0.1, 2), (1.0, 1.0, 0.05, 2), (0.2, 0.4, 0.02, 3), (0.0, 0.2, 0.01, 3))
 """Tolerance from which it holds [dB], max_phase [rad], integration_phase [rad], bounces of `sbr`."""
 
@@ -197,6 +199,8 @@ def _one(
     if item.size < SMALLEST_BODY * radar.wavelength:
         return _Choice(item, "raycast", f"smaller than {SMALLEST_BODY:g} wavelengths: RCS by class")
     settings = sbr_settings(accuracy.channel_tolerance_db, one_bounce=semantic in ONE_BOUNCE)
+    if semantic in ANY_SHAPE:
+        settings = settings.with_(max_depth=3)
     return _Choice(item, "sbr", "coherent body", settings, num_tubes(item, radar, settings))
 
 
