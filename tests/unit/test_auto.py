@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 
 from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.errors import ParameterRangeError
@@ -13,13 +14,14 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.auto import sbr_settings
-from scarl_sionna.radar.channel.budget import cell_noise_power, estimate
+from scarl_sionna.radar.channel.budget import cell_noise_power, estimate, own_bounces
 from scarl_sionna.radar.channel.hybrid import received_power
 from scarl_sionna.radar.noise import sample_noise_power
 from scarl_sionna.radar.scatterers import ScattererModel
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.world import load_scene
-from tests.scenes import Material, Thing, box, plane, write_scene
+from tests.oracles.rcs import TRIHEDRAL_MESH
+from tests.scenes import Material, Thing, ball, box, plane, write_scene
 
 RADAR = RadarSpec(num_rays=100_000)
 POSE = Pose([0.0, 0.0, 0.6])
@@ -113,9 +115,7 @@ def test_without_a_budget_all_is_raycast(state) -> None:
 def test_a_tolerance_sets_the_knobs() -> None:
     phases = [sbr_settings(tolerance).max_phase for tolerance in (3.0, 1.0, 0.3, 0.05)]
     assert phases == sorted(phases, reverse=True) and len(set(phases)) == 4
-    assert (
-        sbr_settings(0.1, one_bounce=True).max_depth == 1 < sbr_settings(1.0).max_depth <= sbr_settings(0.1).max_depth
-    )
+    assert sbr_settings(1.0).max_depth <= sbr_settings(0.1).max_depth
 
 
 def test_a_model_is_used_where_it_holds(state) -> None:
@@ -158,3 +158,43 @@ def test_the_sensor_takes_any_solver(state, method) -> None:
         state, POSE, Twist(), np.random.default_rng(0)
     )
     assert frame.num_paths > 0 and all(value >= 0.0 for value in frame.diagnostics["seconds"].values())
+
+
+def test_bounces_that_objects_make_on_themselves(tmp_path) -> None:
+    corners = 0.1 * np.array(TRIHEDRAL_MESH[0])
+    faces = np.array(TRIHEDRAL_MESH[1])
+    things = {
+        "plate": plane(0.3, 0.3, (0, 4, 0), (-1, 0, 0)),
+        "ball": ball(0.2, (0, 2, 0)),
+        "dihedral": trimesh.util.concatenate(
+            [plane(0.3, 0.3, (0, 0.1, 0), (-1, -1, 0)), plane(0.3, 0.3, (0, -0.1, 0), (-1, 1, 0))]
+        ),
+        "corner": trimesh.Trimesh(corners @ _boresight().T + [0, -3, 0], faces, process=False),
+    }
+    path = write_scene(tmp_path, [Thing(name, mesh, "TrafficSign", "steel") for name, mesh in things.items()])
+    state = load_scene(path).at(0.0)
+    pose = Pose([-15.0, 0.0, 0.0])
+    found = own_bounces(state, pose, [1, 2, 3, 4])
+    assert found == {1: 1, 2: 1, 3: 2, 4: 3}
+    assert own_bounces(state, pose, []) == {}
+
+
+@pytest.mark.parametrize("tolerance", [3.0, 1.0, 0.3])
+def test_a_corner_reflector_is_found_whatever_its_class_is(tmp_path, tolerance) -> None:
+    mesh = trimesh.Trimesh(0.1 * np.array(TRIHEDRAL_MESH[0]) @ _boresight().T, TRIHEDRAL_MESH[1], process=False)
+    state = load_scene(write_scene(tmp_path, [Thing("corner", mesh, "TrafficSign", "steel")])).at(0.0)
+    pose, radar = Pose([-15.0, 0.0, 0.0]), RadarSpec()
+    paths = solve_paths(state, radar, pose, accuracy=Accuracy(channel_tolerance_db=tolerance))
+    exact = solve_paths(state, radar, pose, "sbr")
+
+    def echo(found) -> complex:
+        length = np.linalg.norm(found.tx_point - pose.position, axis=1) + np.linalg.norm(found.rx_point - pose.position, axis=1)
+        return complex(np.sum(found.a[:, 0, 0] * np.exp(-2j * np.pi * radar.center_frequency / 299792458.0 * length)))
+
+    assert abs(20 * np.log10(abs(echo(paths)) / abs(echo(exact)))) < tolerance
+
+
+def _boresight() -> np.ndarray:
+    """Rotation that turns the axis (1, 1, 1) of the corner towards -x."""
+    axis = np.ones(3) / np.sqrt(3.0)
+    return trimesh.geometry.align_vectors(axis, [-1.0, 0.0, 0.0])[:3, :3]

@@ -17,7 +17,7 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers import ScattererModel
 
-from .budget import Estimate, estimate, num_tubes
+from .budget import Estimate, estimate, num_tubes, own_bounces
 from .hybrid import solve_hybrid
 from .mirrors import Mirror, find_mirrors
 from .plan import ChannelPlan, Share
@@ -34,12 +34,10 @@ MIRROR_CLASSES = ("Roads", "SideWalks", "Ground", "Water", "Wall", "Building", "
 """Classes whose large flat faces act as mirrors."""
 SMALLEST_MIRROR = 1.0
 """Narrower faces [m] are no mirrors for `auto`."""
-ONE_BOUNCE = ("Pole", "TrafficSign")
-"""Classes of convex bodies: a second bounce on the same body is weak."""
-ANY_SHAPE = ("Unlabeled", "Static", "Dynamic", "Other")
-"""Classes of which a body may be a corner reflector, which needs three bounces."""
+VEHICLES = ("Car", "Truck", "Bus", "Train", "Motorcycle", "Bicycle")
+"""Classes whose further bounces are weak, by the chart of the car: the tolerance limits their number."""
 KNOBS = ((2.0, 2.0, 0.1, 2), (1.0, 1.0, 0.05, 2), (0.2, 0.4, 0.02, 3), (0.0, 0.2, 0.01, 3))
-"""Tolerance from which it holds [dB], max_phase [rad], integration_phase [rad], bounces of `sbr`."""
+"""Tolerance from which it holds [dB], max_phase [rad], integration_phase [rad], bounces of `sbr` on a vehicle at most."""
 
 
 @dataclass
@@ -146,9 +144,11 @@ def _choose(
     budget = int(accuracy.sbr_tubes_per_ray * radar.num_rays)
     mirrors = _mirrors(state, radar, pose, items)
     flat = {int(state.world.parts.instance[mirror.part]) for mirror in mirrors}
+    seen = [item.number for item in items if item.in_view and item.is_coherent and item.info.is_object]
+    bounces = own_bounces(state, pose, [number for number in seen if number not in flat])
     choices = []
     for item in items:
-        choice = _one(item, radar, pose, state, accuracy, models, flat)
+        choice = _one(item, radar, pose, state, accuracy, models, flat, bounces)
         if choice.method == "sbr":
             choice = _within(choice, radar, budget)
             budget -= choice.tubes
@@ -178,7 +178,7 @@ def _within(choice: _Choice, radar: RadarSpec, budget: int) -> _Choice:
 
 def _one(
     item: Estimate, radar: RadarSpec, pose: Pose, state: WorldState, accuracy: Accuracy,
-    models: Mapping[str, ScattererModel], flat: set[int],
+    models: Mapping[str, ScattererModel], flat: set[int], bounces: Mapping[int, int],
 ) -> _Choice:  # fmt: skip
     semantic = SEMANTIC_CLASSES[item.info.semantic]
     if not item.in_view:
@@ -198,18 +198,16 @@ def _one(
         return _Choice(item, "raycast", "large flat faces: a mirror; its rough part by class")
     if item.size < SMALLEST_BODY * radar.wavelength:
         return _Choice(item, "raycast", f"smaller than {SMALLEST_BODY:g} wavelengths: RCS by class")
-    settings = sbr_settings(accuracy.channel_tolerance_db, one_bounce=semantic in ONE_BOUNCE)
-    if semantic in ANY_SHAPE:
-        settings = settings.with_(max_depth=3)
+    settings = sbr_settings(accuracy.channel_tolerance_db)
+    depth = bounces[item.number]
+    settings = settings.with_(max_depth=min(depth, settings.max_depth) if semantic in VEHICLES else depth)
     return _Choice(item, "sbr", "coherent body", settings, num_tubes(item, radar, settings))
 
 
-def sbr_settings(tolerance_db: float, one_bounce: bool = False) -> SbrChannelSettings:
+def sbr_settings(tolerance_db: float) -> SbrChannelSettings:
     """Return the knobs of `sbr` for a tolerance, by the charts of docs/accuracy.md."""
     _, max_phase, integration_phase, depth = next(row for row in KNOBS if tolerance_db >= row[0])
-    return SbrChannelSettings(
-        max_phase=max_phase, integration_phase=integration_phase, max_depth=1 if one_bounce else depth
-    )
+    return SbrChannelSettings(max_phase=max_phase, integration_phase=integration_phase, max_depth=depth)
 
 
 def _toward(state: WorldState, item: Estimate, pose: Pose) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,12 @@ SPECKLE_DB = 10.0
 
 LONG = 20.0
 """Objects longer than this [m] (guardrails, walls) are followed by many more tubes after each bounce."""
+
+PROBES = 256
+"""Rays that find out how often an object reflects to itself."""
+LEAST_SHARE = 0.01
+"""Part of those rays that must go on for another bounce to count: a corner reflector on a body is often small."""
+MOST_BOUNCES = 3
 
 
 @dataclass(frozen=True)
@@ -128,6 +135,58 @@ def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrChannelSettings) ->
     edges = item.size / (side * settings.edge_spacing) * np.sqrt(item.num_faces / 100.0)
     growth = 6 if item.size > LONG else 2
     return int(growth ** (settings.max_depth - 1) * (1000.0 + 0.5 * item.num_faces + 1.5 * edges))
+
+
+def own_bounces(state: WorldState, pose: Pose, numbers: Sequence[int]) -> dict[int, int]:
+    """Return how many bounces objects make of a ray from the radar on themselves, 1 to `MOST_BOUNCES`.
+
+    Rays go to points spread evenly over what of each object's faces looks at the radar, and on in the mirror direction: a plate
+    or a ball has one bounce, a dihedral two, a corner reflector three.
+    """
+    targets, owner = [], []
+    for number in numbers:
+        points = _lit_points(state, pose, number)
+        targets.append(points)
+        owner.append(np.full(len(points), number))
+    bounces = dict.fromkeys(numbers, 1)
+    if not numbers:
+        return bounces
+    who = np.concatenate(owner)
+    sight = np.concatenate(targets) - pose.position
+    direction = sight / np.linalg.norm(sight, axis=1, keepdims=True)
+    origin = np.broadcast_to(pose.position, direction.shape)
+    instance = state.world.parts.instance
+    sent = {number: max(int(np.sum(who == number)), 1) for number in numbers}
+    for bounce in range(1, MOST_BOUNCES + 1):
+        hits = state.cast(origin, direction)
+        own = instance[hits.part] == who[hits.ray]
+        ray = hits.ray[own]
+        who, direction, normal = who[ray], direction[ray], hits.normal[own]
+        for number in np.unique(who).tolist():
+            if np.sum(who == number) >= LEAST_SHARE * sent[number]:
+                bounces[number] = max(bounces[number], bounce)
+        direction = direction - 2.0 * np.einsum("ij,ij->i", direction, normal)[:, None] * normal
+        origin = hits.point[own] + 1e-5 * (1.0 + hits.distance[own, None]) * normal
+    return bounces
+
+
+def _lit_points(state: WorldState, pose: Pose, number: int) -> Array:
+    """Return points on the faces of an instance that look at the radar, evenly over their projected area, shape (n, 3)."""
+    triangles = state._triangles
+    corners = triangles.of_parts(state.world.instances[number].parts)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
+    sight = pose.position - corners.mean(axis=1)
+    sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-9)
+    reach = np.cumsum(np.abs(np.einsum("ij,ij->i", cross, sight)))
+    if not len(reach) or reach[-1] <= 0.0:
+        return np.zeros((0, 3))
+    step = (np.arange(PROBES) + 0.5) / PROBES
+    face = np.searchsorted(reach, step * reach[-1])
+    first, second = (np.modf(step[:, None] * PROBES * np.array([0.7548776662, 0.5698402910]))[0]).T  # Roberts' sequence
+    flip = first + second > 1.0
+    first, second = np.where(flip, 1.0 - first, first), np.where(flip, 1.0 - second, second)
+    a, b, c = np.moveaxis(corners[face], 1, 0)
+    return np.asarray(a + first[:, None] * (b - a) + second[:, None] * (c - a))
 
 
 def _db(ratio: float) -> float:
