@@ -17,7 +17,7 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers import ScattererModel
 
-from .budget import Estimate, estimate, num_tubes, own_bounces
+from .budget import LONG, Estimate, estimate, num_tubes, own_bounces
 from .hybrid import solve_hybrid
 from .mirrors import Mirror, find_mirrors
 from .plan import ChannelPlan, Share
@@ -200,7 +200,11 @@ def _one(
         return _Choice(item, "raycast", f"smaller than {SMALLEST_BODY:g} wavelengths: RCS by class")
     settings = sbr_settings(accuracy.channel_tolerance_db)
     depth = bounces[item.number]
-    settings = settings.with_(max_depth=min(depth, settings.max_depth) if semantic in VEHICLES else depth)
+    if semantic in VEHICLES:
+        depth = min(depth, settings.max_depth)
+    elif item.size > LONG:  # probes are too far apart there, and it sees itself along its length
+        depth = max(depth, settings.max_depth)
+    settings = settings.with_(max_depth=depth)
     return _Choice(item, "sbr", "coherent body", settings, num_tubes(item, radar, settings))
 
 
