@@ -203,7 +203,7 @@ def _one(
     if semantic in VEHICLES:
         depth = min(depth, settings.max_depth)
     elif item.size > LONG:  # probes are too far apart there, and it sees itself along its length
-        depth = max(depth, settings.max_depth)
+        depth = settings.max_depth
     settings = settings.with_(max_depth=depth)
     return _Choice(item, "sbr", "coherent body", settings, num_tubes(item, radar, settings))
 
