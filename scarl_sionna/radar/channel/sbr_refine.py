@@ -12,20 +12,23 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.radar.sbr.tube_shape import (
+    CORNER_SIZE,
+    COUNTS,
+    INSET,
+    LARGEST_LATTICE,
+    OFFSETS,
+    TOO_LONG,
+    WEIGHTS,
+    cut_off,
+    halved,
+    layouts,
+)
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 Pieces = tuple[Array, Index, Index]
 
-_LARGEST_LATTICE = 8
-"""Segments along the longest side of a tube that is probed at once; a longer tube is halved first."""
-_SLIVER_SEGMENTS = (4, 8, 16, 32, 64)
-"""The same for a tube narrower than the spacing, which is probed along its sides only."""
-_INSET = 1e-3
-"""Probes stand this part of the tube's size inside its border, which may be an edge shared with another face."""
-_POINT_LIKE = 0.125
-"""Tubes below this part of the edge spacing are probed by one ray: what they straddle is too small to matter."""
-_CORNER_SIZE = 0.125
-"""Tubes in which more than two things meet are halved on, down to this part of the edge spacing."""
 _RAYS_PER_BATCH = 2_000_000
 """Rays worked at once: some 200 MB."""
 
@@ -65,12 +68,13 @@ def refine(corners: Array, rows: Index, probe: Probe, spacing: Array, edge_spaci
     while len(level[1]):
         waiting = []
         for tri, row, wide, fine in _batches(level):
-            longest, layout, long = _layout(tri, wide, fine)
+            longest, layout = _layout(tri, wide, fine)
+            long = layout == TOO_LONG
             short = ~long
             settled, uneven = _probe(tri[short], row[short], fine[short], longest[short], layout[short], probe)
             done += settled
             again = np.concatenate([np.flatnonzero(long), np.flatnonzero(short)[uneven]])
-            halves = _halve(tri[again])
+            halves = halved(tri[again])
             waiting.append((halves, *(np.tile(a[again], 2) for a in (row, wide, fine))))
         level = tuple(np.concatenate(columns) for columns in zip(*waiting, strict=True))  # type: ignore[assignment]
     return tuple(np.concatenate(columns) for columns in zip(*done, strict=True))  # type: ignore[return-value]
@@ -81,21 +85,15 @@ def _batches(level: tuple[Array, Index, Array, Array]) -> list[tuple[Array, Inde
     return [tuple(a[i : i + size] for a in level) for i in range(0, len(level[0]), size)]  # type: ignore[misc]
 
 
-def _layout(tri: Array, wide: Array, fine: Array) -> tuple[Array, Index, npt.NDArray[np.bool_]]:
-    """Return each tube's longest side, its layout of probes, and whether it is too long to be probed as it is."""
+def _layout(tri: Array, wide: Array, fine: Array) -> tuple[Array, Index]:
+    """Return each tube's longest side and its layout of probes."""
     side = tri[:, [1, 2, 0]] - tri
     longest = np.sqrt(np.einsum("nij,nij->ni", side, side).max(axis=1))
     a, b = side[:, 0], side[:, 1]
     dot = np.einsum("ni,ni->n", a, b)
     twice = np.einsum("ni,ni->n", a, a) * np.einsum("ni,ni->n", b, b) - dot**2
     height = np.sqrt(np.maximum(twice, 0.0)) / longest
-    segments = np.maximum(np.ceil(longest / wide), 1)
-    layout = np.minimum(segments, _LARGEST_LATTICE).astype(np.int64)
-    layout[longest <= _POINT_LIKE * fine] = 0
-    sliver = (segments > 2) & (height <= wide)
-    step = np.searchsorted(_SLIVER_SEGMENTS, segments[sliver])
-    layout[sliver] = _LARGEST_LATTICE + 1 + np.minimum(step, len(_SLIVER_SEGMENTS) - 1)
-    return longest, layout, segments > np.where(sliver, _SLIVER_SEGMENTS[-1], _LARGEST_LATTICE)
+    return longest, layouts(longest, height, wide, fine)
 
 
 def _probe(
@@ -104,10 +102,10 @@ def _probe(
     """Return the pieces that are settled, and the numbers of the tubes to halve."""
     if not len(tri):
         return [], np.zeros(0, dtype=np.int64)
-    count = _COUNTS[layout]
+    count = COUNTS[layout]
     start = np.cumsum(count) - count
     tube = np.repeat(np.arange(len(tri)), count)
-    weight = np.arange(len(tube)) - np.repeat(start - _OFFSETS[layout], count)
+    weight = np.arange(len(tube)) - np.repeat(start - OFFSETS[layout], count)
     labels = probe.labels(tri, row, tube, weight, _TABLE)
     same = np.minimum.reduceat(labels, start) == np.maximum.reduceat(labels, start)
     straddles = ~same & (longest <= fine)
@@ -123,7 +121,7 @@ def _cut(
     at_corner = labels[start[chosen, None] + np.arange(3)]
     equal = at_corner == np.roll(at_corner, -1, axis=1)  # corner i against i + 1
     two = equal.sum(axis=1) == 1
-    large = size[chosen] > _CORNER_SIZE
+    large = size[chosen] > CORNER_SIZE
     rest = ~two & ~large
     small = chosen[rest]
     whole = np.where(equal[rest, 0], at_corner[rest, 0], labels[start[small] + 3])
@@ -149,50 +147,15 @@ def _along_edge(
     tri, label = tri[pick, order], at_corner[pick, order]
     share, beyond = probe.border(tri, row, label)
     border = tri[:, :1] + share[:, :, None] * (tri[:, 1:] - tri[:, :1])
-    tip = np.stack([tri[:, 0], border[:, 0], border[:, 1]], axis=1)
-    near = np.stack([border[:, 0], tri[:, 1], tri[:, 2]], axis=1)
-    far = np.stack([border[:, 0], tri[:, 2], border[:, 1]], axis=1)
+    tip, near, far = cut_off(tri, border)
     pieces = [(tip, row, label[:, 0]), (near, row, label[:, 1]), (far, row, label[:, 1])]
     return pieces, (beyond == label[:, 1:]).all(axis=1)
 
 
-def _halve(tri: Array) -> Array:
-    """Cut triangles in two across their longest side."""
-    side = tri[:, [1, 2, 0]] - tri  # from corner i to i + 1
-    order = (np.einsum("nij,nij->ni", side, side).argmax(axis=1)[:, None] + np.arange(3)) % 3
-    turned = tri[np.arange(len(tri))[:, None], order]
-    middle = (turned[:, 0] + turned[:, 1]) / 2.0
-    first, second = turned.copy(), turned
-    first[:, 1], second[:, 0] = middle, middle
-    return np.concatenate([first, second])
-
-
-def _lattice(segments: int) -> Array:
-    """Return barycentric coordinates of the probes: the corners first; for one segment also the centroid."""
-    corner = np.eye(3)
-    if segments == 0:
-        return np.full((1, 3), 1.0 / 3.0)
-    if segments == 1:
-        return np.vstack([corner, np.full((1, 3), 1.0 / 3.0)])
-    nodes = [(i, j, segments - i - j) for i in range(segments + 1) for j in range(segments + 1 - i)]
-    inside = [node for node in nodes if max(node) < segments]
-    return np.vstack([corner, np.array(inside, dtype=np.float64) / segments])
-
-
-def _border(segments: int) -> Array:
-    """Return barycentric coordinates of probes along the three sides, the corners first."""
-    part = np.arange(1, segments)[:, None] / segments
-    corner = np.eye(3)
-    return np.vstack([corner, *((1.0 - part) * corner[i] + part * corner[(i + 1) % 3] for i in range(3))])
-
-
 def inset(weights: Array) -> Array:
     """Return barycentric coordinates moved a little towards the middle."""
-    return np.asarray(weights + _INSET * (1.0 / 3.0 - weights))
+    return np.asarray(weights + INSET * (1.0 / 3.0 - weights))
 
 
-_LAYOUTS = [_lattice(n) for n in range(_LARGEST_LATTICE + 1)] + [_border(n) for n in _SLIVER_SEGMENTS]
-_COUNTS = np.array([len(layout) for layout in _LAYOUTS])
-_OFFSETS = np.cumsum(_COUNTS) - _COUNTS
-_LARGEST_COUNT = int(_COUNTS[: _LARGEST_LATTICE + 1].max())
-_TABLE = inset(np.vstack(_LAYOUTS))
+_LARGEST_COUNT = int(COUNTS[: LARGEST_LATTICE + 1].max())
+_TABLE = inset(WEIGHTS)

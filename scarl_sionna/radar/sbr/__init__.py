@@ -1,6 +1,6 @@
 """Shooting and bouncing rays with physical optics on a triangle mesh, in the far field.
 
-`body` holds the mesh, `caster` asks the engine what a ray meets, `tubes` cuts ray tubes until each one lies on one plane,
+`body` holds the mesh, `caster` asks the engine what a ray meets, `tubes` cuts ray tubes (`tube_shape`) until each one lies on one plane,
 `trace` follows them from bounce to bounce, `surface` reflects their fields and `solve` sums what they radiate.
 """
 

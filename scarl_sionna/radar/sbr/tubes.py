@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .caster import Probe
+from .tube_shape import CORNER_SIZE, COUNTS, INSET, OFFSETS, TOO_LONG, WEIGHTS, cut_off, halved, layouts
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -25,16 +26,6 @@ Pieces: TypeAlias = "tuple[Array, Index, Index]"
 
 BISECTIONS = 11
 """By default the place of an edge is found to 2^-11 of the edge spacing."""
-_LARGEST_LATTICE = 8
-"""Segments along the longest side of a tube that is probed at once; a longer tube is halved first."""
-_SLIVER_SEGMENTS = (4, 8, 16, 32, 64)
-"""The same for a tube narrower than the spacing, which is probed along its sides only."""
-_INSET = 1e-3
-"""Probes stand this part of the tube's size inside its border, which may be an edge shared with another face."""
-_POINT_LIKE = 0.125
-"""Tubes below this part of the edge spacing are probed by one ray: what they straddle is too small to matter."""
-_CORNER_SIZE = 0.125
-"""Tubes in which more than two things meet are halved on, down to this part of the edge spacing."""
 _CUT = 1 << 20
 """Pool of the tubes that are cut along an edge: the last one to be worked on."""
 
@@ -124,17 +115,12 @@ class _Waiting:
 
     def halved(self) -> _Waiting:
         """Cut tubes in two across their longest side."""
-        sides = np.roll(self.tri, -1, axis=1) - self.tri  # from corner i to i + 1
-        order = (np.einsum("nij,nij->ni", sides, sides).argmax(axis=1)[:, None] + np.arange(3)) % 3
-        a, b, c = np.moveaxis(self.tri[np.arange(len(self))[:, None], order], 1, 0)
-        middle = (a + b) / 2.0
-        halves = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-        return _Waiting.of(halves, np.tile(self.row, 2), np.tile(self.wide, 2), np.tile(self.fine, 2))
+        return _Waiting.of(halved(self.tri), np.tile(self.row, 2), np.tile(self.wide, 2), np.tile(self.fine, 2))
 
     @property
     def rays(self) -> Index:
         """Rays with which each is worked on at once."""
-        return _COUNTS[self.layout] if self.odd is None else np.full(len(self), 2)
+        return COUNTS[self.layout] if self.odd is None else np.full(len(self), 2)
 
     @classmethod
     def joined(cls, parts: list[_Waiting]) -> _Waiting:
@@ -183,30 +169,23 @@ class _Pools:
 
 
 def _layout(tri: Array, wide: Array, fine: Array) -> tuple[Array, Index]:
-    """Return each tube's longest side and its layout of probes, `_TOO_LONG` for a tube that is halved before it is probed."""
+    """Return each tube's longest side and its layout of probes, `TOO_LONG` for a tube that is halved before it is probed."""
     sides = np.roll(tri, -1, axis=1) - tri
     longest = np.sqrt(np.einsum("nij,nij->ni", sides, sides).max(axis=1, initial=0.0))
     height = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / longest
-    segments = np.maximum(np.ceil(longest / wide), 1)
-    layout = np.minimum(segments, _LARGEST_LATTICE).astype(np.int64)
-    layout[longest <= _POINT_LIKE * fine] = 0
-    sliver = (segments > 2) & (height <= wide)
-    step = np.searchsorted(_SLIVER_SEGMENTS, segments[sliver])
-    layout[sliver] = _LARGEST_LATTICE + 1 + np.minimum(step, len(_SLIVER_SEGMENTS) - 1)
-    layout[segments > np.where(sliver, _SLIVER_SEGMENTS[-1], _LARGEST_LATTICE)] = _TOO_LONG
-    return longest, layout
+    return longest, layouts(longest, height, wide, fine)
 
 
 def _probed(tubes: _Waiting, probe: Probe) -> tuple[list[Pieces], _Waiting, _Waiting]:
     """Return the pieces that are settled, the tubes to halve, and those to cut along an edge."""
-    short = np.flatnonzero(tubes.layout != _TOO_LONG)
-    long = np.flatnonzero(tubes.layout == _TOO_LONG)
+    short = np.flatnonzero(tubes.layout != TOO_LONG)
+    long = np.flatnonzero(tubes.layout == TOO_LONG)
     if not len(short):
         return [], tubes, tubes.take(short)
     probed = tubes.take(short) if len(long) else tubes
-    count = _COUNTS[probed.layout]
+    count = COUNTS[probed.layout]
     start = np.cumsum(count) - count
-    labels = probe.within(_inset(probed.tri), probed.row, _TABLE, count, _OFFSETS[probed.layout])
+    labels = probe.within(_inset(probed.tri), probed.row, WEIGHTS, count, OFFSETS[probed.layout])
     same = np.minimum.reduceat(labels, start) == np.maximum.reduceat(labels, start)
     pieces = [(probed.tri[same], probed.row[same], labels[start[same]])] if same.any() else []
     uneven = np.flatnonzero(~same)
@@ -227,7 +206,7 @@ def _probed(tubes: _Waiting, probe: Probe) -> tuple[list[Pieces], _Waiting, _Wai
 
 
 def _above_corner_size(tubes: _Waiting) -> npt.NDArray[np.bool_]:
-    return np.asarray(tubes.longest > _CORNER_SIZE * tubes.fine)
+    return np.asarray(tubes.longest > CORNER_SIZE * tubes.fine)
 
 
 def _along_edge(tubes: _Waiting, probe: Probe, bisections: int) -> tuple[list[Pieces], _Waiting]:
@@ -255,42 +234,12 @@ def _along_edge(tubes: _Waiting, probe: Probe, bisections: int) -> tuple[list[Pi
         beyond = np.where(inside, beyond, found)
     kept = (beyond == label[:, 1:]).all(axis=1) | ~_above_corner_size(tubes)
     border = tri[kept, :1] + ((low + high) / 2.0)[kept, :, None] * (tri[kept, 1:] - tri[kept, :1])
-    one, two, three = np.moveaxis(tri[kept], 1, 0)
     row, label = tubes.row[kept], label[kept]
-    pieces = [
-        (np.stack([one, border[:, 0], border[:, 1]], axis=1), row, label[:, 0]),
-        (np.stack([border[:, 0], two, three], axis=1), row, label[:, 1]),
-        (np.stack([border[:, 0], three, border[:, 1]], axis=1), row, label[:, 1]),
-    ]
+    tip, near, far = cut_off(tri[kept], border)
+    pieces = [(tip, row, label[:, 0]), (near, row, label[:, 1]), (far, row, label[:, 1])]
     return pieces if len(row) else [], tubes.without_cut(np.flatnonzero(~kept))
 
 
 def _inset(tri: Array) -> Array:
     center = tri.mean(axis=1, keepdims=True)
-    return np.asarray(tri + _INSET * (center - tri))
-
-
-def _lattice(segments: int) -> Array:
-    """Return barycentric coordinates of the probes: the corners first; for one segment also the centroid."""
-    corner = np.eye(3)
-    if segments == 0:
-        return np.full((1, 3), 1.0 / 3.0)
-    if segments == 1:
-        return np.vstack([corner, np.full((1, 3), 1.0 / 3.0)])
-    nodes = [(i, j, segments - i - j) for i in range(segments + 1) for j in range(segments + 1 - i)]
-    inside = [node for node in nodes if max(node) < segments]
-    return np.vstack([corner, np.array(inside, dtype=np.float64) / segments])
-
-
-def _border(segments: int) -> Array:
-    """Return barycentric coordinates of probes along the three sides, the corners first."""
-    part = np.arange(1, segments)[:, None] / segments
-    corner = np.eye(3)
-    return np.vstack([corner, *((1.0 - part) * corner[i] + part * corner[(i + 1) % 3] for i in range(3))])
-
-
-_LAYOUTS = [_lattice(n) for n in range(_LARGEST_LATTICE + 1)] + [_border(n) for n in _SLIVER_SEGMENTS]
-_TOO_LONG = len(_LAYOUTS)
-_COUNTS = np.array([*(len(layout) for layout in _LAYOUTS), 1])
-_OFFSETS = np.cumsum(_COUNTS) - _COUNTS
-_TABLE = np.vstack(_LAYOUTS)
+    return np.asarray(tri + INSET * (center - tri))

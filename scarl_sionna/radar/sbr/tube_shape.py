@@ -1,0 +1,82 @@
+"""Where a triangular footprint is probed, and how it is halved and cut: shared by the tracers of bodies and of scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+LARGEST_LATTICE = 8
+"""Segments along the longest side of a tube that is probed at once; a longer tube is halved first."""
+SLIVER_SEGMENTS = (4, 8, 16, 32, 64)
+"""The same for a tube narrower than the spacing, which is probed along its sides only."""
+INSET = 1e-3
+"""Probes stand this part of the tube's size inside its border, which may be an edge shared with another face."""
+POINT_LIKE = 0.125
+"""Tubes below this part of the edge spacing are probed by one ray: what they straddle is too small to matter."""
+CORNER_SIZE = 0.125
+"""Tubes in which more than two things meet are halved on, down to this part of the edge spacing."""
+
+
+def _lattice(segments: int) -> Array:
+    """Return barycentric coordinates of the probes: the corners first; for one segment also the centroid."""
+    corner = np.eye(3)
+    if segments == 0:
+        return np.full((1, 3), 1.0 / 3.0)
+    if segments == 1:
+        return np.vstack([corner, np.full((1, 3), 1.0 / 3.0)])
+    nodes = [(i, j, segments - i - j) for i in range(segments + 1) for j in range(segments + 1 - i)]
+    inside = [node for node in nodes if max(node) < segments]
+    return np.vstack([corner, np.array(inside, dtype=np.float64) / segments])
+
+
+def _border(segments: int) -> Array:
+    """Return barycentric coordinates of probes along the three sides, the corners first."""
+    part = np.arange(1, segments)[:, None] / segments
+    corner = np.eye(3)
+    return np.vstack([corner, *((1.0 - part) * corner[i] + part * corner[(i + 1) % 3] for i in range(3))])
+
+
+_LAYOUTS = [_lattice(n) for n in range(LARGEST_LATTICE + 1)] + [_border(n) for n in SLIVER_SEGMENTS]
+TOO_LONG = len(_LAYOUTS)
+"""Layout of a tube that is halved before it is probed."""
+COUNTS = np.array([*(len(layout) for layout in _LAYOUTS), 1])
+"""Probes of each layout, the last that of `TOO_LONG`."""
+OFFSETS = np.cumsum(COUNTS) - COUNTS
+"""First row of each layout in `WEIGHTS`."""
+WEIGHTS = np.vstack(_LAYOUTS)
+"""Barycentric coordinates of the probes, layout after layout."""
+
+
+def layouts(longest: Array, height: Array, wide: Array, fine: Array) -> Index:
+    """Return each tube's layout of probes from its longest side, its height, and its spacings in the open and at edges."""
+    segments = np.maximum(np.ceil(longest / wide), 1)
+    layout = np.minimum(segments, LARGEST_LATTICE).astype(np.int64)
+    layout[longest <= POINT_LIKE * fine] = 0
+    sliver = (segments > 2) & (height <= wide)
+    step = np.searchsorted(SLIVER_SEGMENTS, segments[sliver])
+    layout[sliver] = LARGEST_LATTICE + 1 + np.minimum(step, len(SLIVER_SEGMENTS) - 1)
+    layout[segments > np.where(sliver, SLIVER_SEGMENTS[-1], LARGEST_LATTICE)] = TOO_LONG
+    return layout
+
+
+def halved(tri: Array) -> Array:
+    """Cut triangles, shape (n, 3, 3), in two across their longest side: all first halves, then all second ones."""
+    side = np.roll(tri, -1, axis=1) - tri  # from corner i to i + 1
+    order = (np.einsum("nij,nij->ni", side, side).argmax(axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(tri[np.arange(len(tri))[:, None], order], 1, 0)
+    middle = (a + b) / 2.0
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+def cut_off(tri: Array, border: Array) -> tuple[Array, Array, Array]:
+    """Cut triangles between the points `border`, shape (n, 2, 3), of the two sides at corner 0: its tip and the two rest pieces."""
+    one, two, three = np.moveaxis(tri, 1, 0)
+    first, second = np.moveaxis(border, 1, 0)
+    return (
+        np.stack([one, first, second], axis=1),
+        np.stack([first, two, three], axis=1),
+        np.stack([first, three, second], axis=1),
+    )
