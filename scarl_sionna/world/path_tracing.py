@@ -266,11 +266,6 @@ def _ordered(columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]
     return {name: column[order] for name, column in columns.items()}
 
 
-def surface_velocity(state: WorldState, part: npt.NDArray[np.int64], point: Array) -> Array:
-    """Return the velocity of surface points, see :meth:`WorldState.point_velocity`."""
-    return state.point_velocity(part, point)
-
-
 def mirror_extent(state: WorldState, part: int, face: int) -> float:
     """Return the smaller extent [m] of the flat region of a part that a face belongs to.
 

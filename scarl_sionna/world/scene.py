@@ -63,7 +63,7 @@ class World:
         moved: dict[str, Motion] = {}
         if entry.trajectory is not None:
             start = entry.trajectory.start
-            moved = Actor(entry.name, number, entry.trajectory, entry.joints).motions(start if np.isfinite(start) else 0.0)
+            moved = self.actor(entry.name).motions(start if np.isfinite(start) else 0.0)
         vertices = self._vertices(parts, moved)
         frame_from_box, size = upright_box(vertices, fixed_axes=is_actor or not entry.is_object)
         name = entry.name if is_actor else None
@@ -76,8 +76,7 @@ class World:
         """Return the vertices of parts in the frame of their instance, those with a joint in the place where that has them."""
         vertices = []
         for part in parts:
-            name = self.parts.name[part]
-            own = self._meshes[name].vertices
+            name, own = self.parts.name[part], self.mesh(part).vertices
             vertices.append(moved[name].pose.apply(own) if name in moved else own)
         return np.concatenate(vertices)
 

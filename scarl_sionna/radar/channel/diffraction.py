@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.fresnel import reflection
 from scarl_sionna.world.edges import Wedge, wedge_at
-from scarl_sionna.world.path_tracing import DIFFRACTION, REFRACTION, SPECULAR, TracedPaths, surface_velocity
+from scarl_sionna.world.path_tracing import DIFFRACTION, REFRACTION, SPECULAR, TracedPaths
 
 from .images import Chain, material_coefficients, propagated, spherical_basis
 from .utd import edge_transfer
@@ -119,7 +119,7 @@ def edge_leg(
     field = np.einsum("ij,pqj->pqi", turned, field)
     field = propagated(second, travel[1], field, material_coefficients(materials, index[:, where + 1 :], frequency))
     basis = spherical_basis(end_rotation, -travel[1][:, -1])
-    velocity = surface_velocity(state, part, points)
+    velocity = state.point_velocity(part, points)
     rate, acceleration = _motion(
         wedge, source, target, _seen_velocity(backward, station.velocity, velocity[:where][::-1]) - velocity[where],
         _seen_velocity(second, end_velocity, velocity[where + 1 :]) - velocity[where],

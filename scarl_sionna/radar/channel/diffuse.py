@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.world.path_tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths, surface_velocity
+from scarl_sionna.world.path_tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths
 from scarl_sionna.world.twins import RADIO_FREQUENCY
 
 from .images import Chain, spherical_basis
@@ -50,7 +50,7 @@ def diffuse_columns(
     steps = np.linalg.norm(np.diff(point, axis=1), axis=2) if width > 1 else np.zeros((count, 0))
     column = np.arange(max(width - 1, 0))
     inner = np.sum(steps, axis=1, where=(column >= first[:, None]) & (column < last[:, None]))
-    surfaces = surface_velocity(state, part.ravel(), point.reshape(-1, 3)).reshape(point.shape)
+    surfaces = state.point_velocity(part.ravel(), point.reshape(-1, 3)).reshape(point.shape)
     arrive = np.take_along_axis(travel, depth[:, None, None].astype(np.int64), axis=1)[:, 0]
     turn = np.where((kind != NONE)[..., None], travel[:, :-1] - travel[:, 1:], 0.0)
     rate = np.einsum("pdi,pdi->p", turn, surfaces) + arrive @ rx.velocity - travel[:, 0] @ tx.velocity

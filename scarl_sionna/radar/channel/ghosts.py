@@ -19,7 +19,7 @@ from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import POINT_INTERACTION
 from scarl_sionna.radar.scatterers import ScattererModel
-from scarl_sionna.world.path_tracing import SPECULAR, surface_velocity
+from scarl_sionna.world.path_tracing import SPECULAR
 from scarl_sionna.world.subset import alone
 
 from .images import spherical_basis
@@ -143,7 +143,7 @@ def _acceleration(state: WorldState, found: RadarPaths, station: Station, legs: 
     result = np.zeros(found.num_paths)
     rows = np.flatnonzero(found.interaction[:, 0] == POINT_INTERACTION)
     part = np.array([state.world.instances[int(number)].parts[0] for number in found.instance[rows, 0]], dtype=np.int64)
-    velocity = surface_velocity(state, part, found.rx_point[rows])
+    velocity = state.point_velocity(part, found.rx_point[rows])
     for way in legs:
         relative = velocity - way.station_velocity[rows]
         radial = np.einsum("pi,pi->p", relative, way.direction[rows])
@@ -220,7 +220,7 @@ def _of_model(
     body = Pose() if info.actor is None else state.actor_pose(info.actor)
     world_from_model = body.compose(frame)
     point = world_from_model.apply(model.centers)
-    velocity = surface_velocity(state, np.full(len(point), info.parts[0], dtype=np.int64), point)
+    velocity = state.point_velocity(np.full(len(point), info.parts[0], dtype=np.int64), point)
     turn, directions, distances, rate = [], [], [], np.zeros(len(point))
     for image in (tx, rx):
         offset = point - image.position

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.world.path_tracing import DIFFRACTION, DIFFUSE, REFRACTION, SPECULAR, TracedPaths, surface_velocity
+from scarl_sionna.world.path_tracing import DIFFRACTION, DIFFUSE, REFRACTION, SPECULAR, TracedPaths
 
 from .diffraction import EdgeLeg, edge_leg
 from .images import Chain, material_coefficients, spherical_basis, transfer
@@ -179,7 +179,7 @@ def _straight(
             [state.world.materials[name] for name in known], np.where(part >= 0, material[part], -1), frequency
         ),
     )
-    surfaces = surface_velocity(state, part.ravel(), point.reshape(-1, 3)).reshape(point.shape)
+    surfaces = state.point_velocity(part.ravel(), point.reshape(-1, 3)).reshape(point.shape)
     relative = chain.image_velocity(end_velocity[target], surfaces) - station.velocity
     ahead = images[:, 0] - station.position
     length = np.linalg.norm(ahead, axis=1)

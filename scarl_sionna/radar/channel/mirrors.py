@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.world.face_tracing import face_table
-from scarl_sionna.world.path_tracing import mirror_extent, surface_velocity
+from scarl_sionna.world.path_tracing import mirror_extent
 
 from .images import Chain, material_coefficients, spherical_basis, transfer
 from .legs import Station
@@ -212,7 +212,7 @@ def leg(
         ),
     )
     parts = np.array([[mirror.part for mirror in way]] * len(points), dtype=np.int64).reshape(len(points), len(way))
-    surface = surface_velocity(state, parts.ravel(), vertices.reshape(-1, 3)).reshape(vertices.shape)
+    surface = state.point_velocity(parts.ravel(), vertices.reshape(-1, 3)).reshape(vertices.shape)
     velocity = np.broadcast_to(station.velocity, points.shape).copy()
     for k, mirror in enumerate(way):
         velocity -= 2.0 * np.einsum("pi,i->p", velocity - surface[:, k], mirror.normal)[:, None] * mirror.normal
