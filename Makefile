@@ -28,10 +28,10 @@ setup: $(STAMP) ## Make .venv with all that is needed; does nothing when it is u
 demo: $(STAMP) ## Simulate a short synchronized dataset and its contact sheet into OUT (demo_out)
 	$(BIN)/scarl-sionna demo --out $(OUT) --quality $(QUALITY)
 
-test: lint ## Run the linters and all tests but the slow ones
+test: lint docs ## Run the linters, build the documentation site, and run all tests but the slow ones
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
-test-slow: lint ## Run the linters and all tests
+test-slow: lint docs ## Run the linters, build the documentation site, and run all tests
 	$(BIN)/python -m pytest --run-slow $(PYTEST_ARGS)
 
 lint: $(TEST_STAMP) ## Check style, types and the direction of imports
@@ -53,7 +53,8 @@ $(DOCS_STAMP): $(STAMP)
 	@bash scripts/setup_env.sh $(VENV) docs && touch $@
 
 docs: $(DOCS_STAMP) ## Build the documentation site into build/site; fails on any warning
-	$(BIN)/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "docs: build/site/index.html is ready"
 
 clean: ## Remove caches and outputs, but not .venv
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache $(OUT)
