@@ -30,11 +30,20 @@ class BodyShape:
         Girths over those of an average adult.
     head_scale : float
         Size of the head over an adult's; children have larger ones.
+    shoulders, hips : float
+        Widths of the upper and of the lower trunk over those of the average adult.
+    leg_inset, arm_inset : float
+        By how much the limbs are drawn nearer to the middle than their joints [heights]: the model's joints stand as far apart as
+        the outer measures of pelvis and shoulders. Limbs turn about y, so the motion is the same.
     """
 
     height: float = 1.75
     build: float = 1.0
     head_scale: float = 1.0
+    shoulders: float = 1.0
+    hips: float = 1.0
+    leg_inset: float = 0.0
+    arm_inset: float = 0.0
 
 
 def loft(rings: Array, segments: int = 20, exponent: float = 2.2) -> Mesh:
@@ -70,88 +79,104 @@ def loft(rings: Array, segments: int = 20, exponent: float = 2.2) -> Mesh:
     return outward(merge(parts))
 
 
-def _limb(stations: list[tuple[float, float, float]], length: float, scale: float, segments: int = 14) -> Mesh:
+def _limb(stations: list[tuple[float, float, float]], length: float, scale: float, light: bool = False) -> Mesh:
     """Return a limb along -z with round ends; a station is (part of the length, half girth along x, along y)."""
     t, rx, ry = np.array(stations).T
-    fine = np.linspace(0, 1, 13)
+    segments = 8 if light else 14
+    fine = np.linspace(0, 1, 4 if light else 13)
     x, y = np.interp(fine, t, rx) * scale, np.interp(fine, t, ry) * scale
     rows = [(-s * length, a, b, 0.0, 0.0) for s, a, b in zip(fine, x, y, strict=True)]
-    cap = np.radians([80.0, 55.0, 28.0])
+    cap = np.radians([70.0, 35.0] if light else [80.0, 55.0, 28.0])
     top = [(np.sin(c) * x[0] * 0.9, x[0] * np.cos(c), y[0] * np.cos(c), 0.0, 0.0) for c in cap]
     bottom = [(-length - np.sin(c) * x[-1] * 0.9, x[-1] * np.cos(c), y[-1] * np.cos(c), 0.0, 0.0) for c in cap[::-1]]
     return loft(np.array(top + rows + bottom), segments, 2.0)
 
 
-def body(shape: BodyShape) -> dict[str, tuple[Mesh, str]]:
+def body(shape: BodyShape, light: bool = False) -> dict[str, tuple[Mesh, str]]:
     """Return the shapes of a body, name -> (mesh, role); a name is a segment's, with a suffix where it has several shapes.
 
-    Roles: ``skin``, ``hair``, ``top``, ``trousers``, ``shoes``.
+    Roles: ``skin``, ``hair``, ``top``, ``trousers``, ``shoes``. A `light` body has one shape for each of the 13 segments and the hair,
+    of a tenth of the triangles.
     """
     h, g = shape.height, shape.height * shape.build
     parts: dict[str, tuple[Mesh, str]] = {
-        "torso": (_torso(h, g), "top"),
-        "pelvis": (_pelvis(h, g), "trousers"),
-        "head": (_head(h * shape.head_scale, g), "skin"),
-        "head_hair": (_hair(h * shape.head_scale, g), "hair"),
+        "torso": (_torso(h, g, shape.shoulders, light), "top"),
+        "pelvis": (_pelvis(h, g, shape.hips, light), "trousers"),
+        "head": (_head(h * shape.head_scale, g, light), "skin"),
+        "head_hair": (_hair(h * shape.head_scale, light), "hair"),
     }
     thigh = [(0.0, 0.052, 0.050), (0.35, 0.050, 0.046), (0.8, 0.037, 0.036), (1.0, 0.034, 0.034)]
     calf = [(0.0, 0.034, 0.034), (0.3, 0.037, 0.034), (0.6, 0.031, 0.029), (1.0, 0.026, 0.025)]
     upper = [(0.0, 0.031, 0.031), (0.5, 0.029, 0.028), (1.0, 0.025, 0.025)]
     lower = [(0.0, 0.025, 0.025), (0.3, 0.025, 0.024), (0.95, 0.018, 0.018), (1.0, 0.018, 0.018)]
-    for side in ("left", "right"):
-        parts[f"{side}_upper_leg"] = (_limb(thigh, UPPER_LEG * h, g), "trousers")
-        parts[f"{side}_lower_leg"] = (_limb(calf, LOWER_LEG * h, g), "trousers")
-        parts[f"{side}_foot"] = (_shoe(h), "shoes")
-        parts[f"{side}_upper_arm"] = (_limb(upper, UPPER_ARM * h, g), "top")
-        parts[f"{side}_lower_arm"] = (_limb(lower, LOWER_ARM * h * 0.97, g), "top")
-        parts[f"{side}_lower_arm_hand"] = (_hand(h), "skin")
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        leg, arm = (0.0, -sign * shape.leg_inset * h, 0.0), (0.0, -sign * shape.arm_inset * h, 0.0)
+        parts[f"{side}_upper_leg"] = (_limb(thigh, UPPER_LEG * h, g, light).moved(leg), "trousers")
+        parts[f"{side}_lower_leg"] = (_limb(calf, LOWER_LEG * h, g, light).moved(leg), "trousers")
+        parts[f"{side}_foot"] = (_shoe(h, light).moved(leg), "shoes")
+        parts[f"{side}_upper_arm"] = (_limb(upper, UPPER_ARM * h, g, light).moved(arm), "top")
+        if light:
+            parts[f"{side}_lower_arm"] = (_limb(lower, (LOWER_ARM + 0.06) * h, g, light).moved(arm), "top")
+        else:
+            parts[f"{side}_lower_arm"] = (_limb(lower, LOWER_ARM * h * 0.97, g).moved(arm), "top")
+            parts[f"{side}_lower_arm_hand"] = (_hand(h).moved(arm), "skin")
     return parts
 
 
-def _rings(table: list[tuple[float, float, float, float]], h: float, g: float) -> Array:
+def _rings(table: list[tuple[float, float, float, float]], h: float, g: float, count: int = 18) -> Array:
     """Return rings from (z, half depth, half width, middle x), z and x in heights, girths in girths, smoothed."""
     z, depth, width, middle = np.array(table).T
-    fine = np.unique(np.concatenate([np.linspace(z[0], z[-1], 18), z[[0, -1]]]))
+    fine = np.unique(np.concatenate([np.linspace(z[0], z[-1], count), z[[0, -1]]]))
     columns = [np.interp(fine, z, c) for c in (depth, width, middle)]
     return np.stack([fine * h, columns[0] * g, columns[1] * g, columns[2] * h, 0 * fine], 1)
 
 
-def _torso(h: float, g: float) -> Mesh:
+def _torso(h: float, g: float, shoulders: float, light: bool) -> Mesh:
     table = [
         (0.000, 0.056, 0.078, 0.000), (0.05, 0.056, 0.079, 0.000), (0.11, 0.061, 0.087, 0.002), (0.19, 0.068, 0.099, 0.004),
         (0.240, 0.064, 0.116, 0.000), (0.272, 0.053, 0.127, -0.003), (0.297, 0.040, 0.118, -0.006), (0.312, 0.032, 0.070, -0.006),
         (0.320, 0.026, 0.035, -0.005),
     ]  # fmt: skip
-    return loft(_rings(table, h, g), 26, 2.4)
+    table = [(z, depth, width * (1.0 + (shoulders - 1.0) * min(z / 0.24, 1.0)), x) for z, depth, width, x in table]
+    return loft(_rings(table, h, g, 8 if light else 18), 10 if light else 26, 2.4)
 
 
-def _pelvis(h: float, g: float) -> Mesh:
+def _pelvis(h: float, g: float, hips: float, light: bool) -> Mesh:
     table = [
         (-0.055, 0.030, 0.050, -0.004), (-0.035, 0.056, 0.086, -0.006), (0.0, 0.064, 0.097, -0.006), (0.03, 0.060, 0.090, -0.002),
         (0.055, 0.057, 0.080, 0.0),
     ]  # fmt: skip
-    return loft(_rings(table, h, g), 26, 2.3)
+    table = [(z, depth, width * (hips if z <= 0.0 else 1.0 + (hips - 1.0) * (1.0 - z / 0.055)), x) for z, depth, width, x in table]
+    return loft(_rings(table, h, g, 5 if light else 18), 10 if light else 26, 2.3)
 
 
-def _ellipsoid(centre: tuple[float, float, float], radii: tuple[float, float, float], low: float = -1.0, rows: int = 14) -> Mesh:
+def ellipsoid(
+    centre: tuple[float, float, float], radii: tuple[float, float, float], low: float = -1.0, rows: int = 14, segments: int = 22
+) -> Mesh:
+    """Return an ellipsoid [m], cut off below `low` of its half height."""
     z = np.sin(np.radians(np.linspace(np.degrees(np.arcsin(max(low, -0.997))), 86.0, rows)))
     r = np.sqrt(1 - z * z)
     columns = [centre[2] + z * radii[2], r * radii[0], r * radii[1], np.full(rows, centre[0]), np.full(rows, centre[1])]
-    return loft(np.stack(columns, 1), 22, 2.1)
+    return loft(np.stack(columns, 1), segments, 2.1)
 
 
-def _head(h: float, g: float) -> Mesh:
-    skull = _ellipsoid((0.008 * h, 0.0, 0.078 * h), (0.051 * h, 0.043 * h, 0.062 * h))
-    jaw = _ellipsoid((0.022 * h, 0.0, 0.045 * h), (0.034 * h, 0.033 * h, 0.036 * h))
-    nose = _ellipsoid((0.060 * h, 0.0, 0.066 * h), (0.009 * h, 0.008 * h, 0.014 * h), rows=6)
-    ears = [_ellipsoid((0.003 * h, s * 0.0435 * h, 0.070 * h), (0.011 * h, 0.006 * h, 0.018 * h), rows=6) for s in (-1, 1)]
+def _head(h: float, g: float, light: bool) -> Mesh:
+    if light:
+        neck = _rings([(-0.02, 0.031, 0.032, -0.006), (0.05, 0.028, 0.028, 0.0)], h, g, 2)
+        return merge([loft(neck, 8, 2.0), ellipsoid((0.012 * h, 0.0, 0.072 * h), (0.053 * h, 0.043 * h, 0.066 * h), rows=7, segments=10)])
+    skull = ellipsoid((0.008 * h, 0.0, 0.078 * h), (0.051 * h, 0.043 * h, 0.062 * h))
+    jaw = ellipsoid((0.022 * h, 0.0, 0.045 * h), (0.034 * h, 0.033 * h, 0.036 * h))
+    nose = ellipsoid((0.060 * h, 0.0, 0.066 * h), (0.009 * h, 0.008 * h, 0.014 * h), rows=6)
+    ears = [ellipsoid((0.003 * h, s * 0.0435 * h, 0.070 * h), (0.011 * h, 0.006 * h, 0.018 * h), rows=6) for s in (-1, 1)]
     neck = _rings([(-0.02, 0.031, 0.032, -0.006), (0.03, 0.030, 0.031, -0.003), (0.05, 0.028, 0.028, 0.0)], h, g)
     return merge([loft(neck, 16, 2.0), skull, jaw, nose, *ears])
 
 
-def _hair(h: float, g: float) -> Mesh:
-    cap = _ellipsoid((-0.003 * h, 0.0, 0.084 * h), (0.0535 * h, 0.0475 * h, 0.0625 * h), low=0.05)
-    back = _ellipsoid((-0.020 * h, 0.0, 0.070 * h), (0.038 * h, 0.0445 * h, 0.055 * h), low=-0.75)
+def _hair(h: float, light: bool) -> Mesh:
+    if light:
+        return ellipsoid((-0.010 * h, 0.0, 0.082 * h), (0.050 * h, 0.0475 * h, 0.0625 * h), low=-0.2, rows=5, segments=10)
+    cap = ellipsoid((-0.003 * h, 0.0, 0.084 * h), (0.0535 * h, 0.0475 * h, 0.0625 * h), low=0.05)
+    back = ellipsoid((-0.020 * h, 0.0, 0.070 * h), (0.038 * h, 0.0445 * h, 0.055 * h), low=-0.75)
     return merge([cap, back])
 
 
@@ -164,16 +189,18 @@ def _hand(h: float) -> Mesh:
     return loft(np.array([(z, a * h, b * h, 0.004 * h, 0.0) for z, a, b in rows]), 12, 2.3)
 
 
-def _shoe(h: float) -> Mesh:
+def _shoe(h: float, light: bool = False) -> Mesh:
     """Return a shoe: heel at -0.25, toe at 0.8, sole at -0.25 lengths of the foot from the ankle."""
     foot = FOOT * h
     x = np.array([-0.25, -0.21, -0.1, 0.1, 0.3, 0.5, 0.68, 0.77, 0.8])
     top = np.array([-0.10, 0.02, 0.09, 0.06, -0.04, -0.10, -0.14, -0.18, -0.22])
     half = np.array([0.09, 0.13, 0.15, 0.155, 0.175, 0.185, 0.155, 0.10, 0.05])
     sole = -0.25 + 0.02 * np.clip((x - 0.6) / 0.2, 0, 1)
+    if light:
+        x, top, half, sole = (column[[0, 2, 4, 6, 8]] for column in (x, top, half, sole))
     rows = []
     for xi, ti, wi, si in zip(x, top, half, sole, strict=True):
-        angle = np.linspace(0, np.pi, 9)
+        angle = np.linspace(0, np.pi, 5 if light else 9)
         y, z = wi * np.cos(angle), si + 0.05 + (ti - si - 0.05) * np.sin(angle) ** 0.8
         ring = np.concatenate([np.stack([y, z], 1), [[-wi, si], [wi, si]]])
         rows.append(np.column_stack([np.full(len(ring), xi), ring]))
