@@ -19,12 +19,15 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.toml_file import read_toml
 
 from .articulation import Joint, joints_from_tables
+from .lanes import LaneNetwork, lanes_from_tables
 from .motion import Trajectory, trajectory_from_table
 
 MESH_PLUGINS = ("ply", "obj", "cube")
 """Shape plugins that a scene may use: the ones that are triangle meshes."""
 
-LAMP_KINDS = ("headlamp", "taillamp", "street_lamp")
+_TABLES = {"scene", "lighting", "materials", "instances", "actors", "lanes", "parking", "signals"}
+
+LAMP_KINDS = ("headlamp", "taillamp", "street_lamp", "indoor", "signal_red", "signal_amber", "signal_green")
 """What a material's `lamp` may be."""
 
 _CLASS_HINTS = {
@@ -70,6 +73,7 @@ class SceneDocument:
     """A scene's description.
 
     `root` is the parsed XML, with file names made absolute; `is_foreign` is true where no scene.toml states the classes.
+    `lanes` are the lanes, parking places and signals; None where the scene.toml has none.
     """
 
     name: str
@@ -82,6 +86,7 @@ class SceneDocument:
     info: dict[str, Any] = field(default_factory=dict)
     is_foreign: bool = False
     lighting: Lighting | None = None
+    lanes: LaneNetwork | None = None
 
 
 def read_document(path: Path) -> SceneDocument:
@@ -106,6 +111,8 @@ def read_document(path: Path) -> SceneDocument:
     table: dict[str, Any] = {}
     if toml_path.is_file():
         table = read_toml(toml_path)
+        if unknown := set(table) - _TABLES:
+            raise UnknownNameError(f"table of {toml_path.parent.name}/scene.toml", sorted(unknown)[0], _TABLES)
     info = table.get("scene", {})
     if table:
         instances = _instances_from_table(table, tuple(shapes), toml_path)
@@ -126,7 +133,15 @@ def read_document(path: Path) -> SceneDocument:
         info=info,
         is_foreign=not table,
         lighting=_lighting(table.get("lighting", {})),
+        lanes=_lanes(table),
     )
+
+
+def _lanes(table: Mapping[str, Any]) -> LaneNetwork | None:
+    """Return the lanes, parking places and signals of a scene.toml; None where it has none."""
+    if not table.keys() & {"lanes", "parking", "signals"}:
+        return None
+    return lanes_from_tables(table.get("lanes", []), table.get("parking", []), table.get("signals"))
 
 
 def _parse_xml(path: Path) -> ET.Element:
