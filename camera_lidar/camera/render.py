@@ -100,7 +100,7 @@ def _trace(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) ->
         sensor = ray_sensor(mi, spec, pose, each)
         integrator = mi.load_dict(integrator_dict(spec))
         lighting = state.world.lighting
-        if lighting is not None and lighting.visibility is not None:
+        if lighting is not None and lighting.visibility is not None and not state.world.document.info.get("enclosed", False):
             integrator = haze_integrator(mi, integrator, lighting.visibility, state.airlight)
         total = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
         for launch in range(launches):
@@ -130,5 +130,7 @@ def render_rgb(
 ) -> npt.NDArray[np.uint8]:
     """Return the 8-bit sRGB image, shape (height, width, 3): :func:`render_radiance`, then :func:`develop`."""
     radiance = render_radiance(state, spec, world_from_sensor, seed_generator, sensor_twist)
-    lighting = state.world.lighting
-    return develop(radiance, spec, seed_generator, 1.0 if lighting is None else lighting.exposure)
+    lighting, info = state.world.lighting, state.world.document.info
+    # a scene under its own lamps (tunnel, underground car park) states the exposure that suits them, whatever the sky does
+    exposure = float(info["exposure"]) if "exposure" in info else (1.0 if lighting is None else lighting.exposure)
+    return develop(radiance, spec, seed_generator, exposure)

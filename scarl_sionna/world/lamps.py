@@ -1,7 +1,7 @@
 """Lamps of vehicles and streets as emitters: glowing surfaces, and the low beams of head lamps.
 
-A surface of a material with ``lamp = "headlamp" | "taillamp" | "street_lamp"`` in scene.toml glows when the lighting says so. In
-front of each half (left, right) of a head lamp's surface hangs a projector with the light distribution of a low beam.
+A surface of a material with ``lamp = "headlamp" | "taillamp" | "street_lamp"`` in scene.toml glows when the lighting says so, those
+of `ALWAYS_ON` (rooms and tunnels, traffic lights) under every lighting. In front of each half (left, right) of a head lamp's surface hangs a projector with the light distribution of a low beam.
 """
 
 from __future__ import annotations
@@ -24,12 +24,18 @@ Array = npt.NDArray[np.float64]
 
 STREET_LAMP_FLUX = 9000.0
 """Of one luminaire [lm]: an LED of 75 W."""
-_COLORS = {"headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.0, 0.0), "street_lamp": (1.0, 0.86, 0.66)}
-"""Linear RGB: LED of 5000 K, red, LED of 4000 K, before they are scaled to luminance 1."""
+_COLORS = {
+    "headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.0, 0.0), "street_lamp": (1.0, 0.86, 0.66),
+    "indoor": (1.0, 0.93, 0.82), "signal_red": (1.0, 0.02, 0.01), "signal_amber": (1.0, 0.36, 0.0), "signal_green": (0.0, 1.0, 0.32),
+}  # fmt: skip
+"""Linear RGB: LED of 5000 K, red, LED of 4000 K, LED of 5000 K, signals, before they are scaled to luminance 1."""
+ALWAYS_ON = {"indoor": 8000.0, "signal_red": 6400.0, "signal_amber": 6400.0, "signal_green": 6400.0}
+"""Luminance of lamps that shine by day, too [cd/m2]: a fluorescent tube or LED panel; a signal of 200 cd (EN 12368, class 2) over its
+lens of 200 mm."""
 _GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 8.0}
 """Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear position
 lamp gives 4 to 17 cd (UN Regulations 149 and 148)."""
-_WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0}
+_WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0, "indoor": 3.0, "signal_red": 0.02, "signal_amber": 0.02, "signal_green": 0.02}
 """How often a light path asks a surface for light; beams ask at weight 1."""
 
 BEAM_FOV_DEG = 100.0
@@ -40,6 +46,8 @@ def is_on(lamp: str | None, lighting: Lighting | None) -> bool:
     """Return whether a kind of lamp is switched on."""
     if lamp is None or lighting is None:
         return False
+    if lamp in ALWAYS_ON:
+        return True
     return lighting.street_lamps if lamp == "street_lamp" else lighting.headlamps
 
 
@@ -163,7 +171,9 @@ def _glow(lamp: str, vertices: Array, faces: npt.NDArray[np.int64]) -> float:
     """Return the radiance of a lamp's surface in the scenes' unit."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     area_vectors = np.cross(b - a, c - a) / 2.0
-    if lamp == "street_lamp":
+    if lamp in ALWAYS_ON:
+        luminance = ALWAYS_ON[lamp]
+    elif lamp == "street_lamp":
         luminance = STREET_LAMP_FLUX / (np.pi * np.linalg.norm(area_vectors, axis=1).sum())
     else:  # two lamps, seen from along x
         luminance = _GLOW_INTENSITY[lamp] / (np.abs(area_vectors[:, 0]).sum() / 2.0 / 2.0)
