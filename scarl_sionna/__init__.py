@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .core.pose import Pose, Twist
     from .core.radar_spec import RadarSpec
     from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
+    from .core.weather import Weather
     from .export.reader import open_dataset
     from .fusion import Rig
     from .generate import observe, simulate
@@ -73,6 +74,7 @@ __all__ = [
     "SpinningScan",
     "TableScan",
     "Twist",
+    "Weather",
     "World",
     "WorldState",
     "attenuate_paths",
@@ -109,6 +111,7 @@ _HOME = {
     ".core.pose": ("Pose", "Twist"),
     ".core.radar_spec": ("RadarSpec",),
     ".core.results": ("Frame", "ImageFrame", "LidarScan", "RadarFrame"),
+    ".core.weather": ("Weather",),
     ".export.reader": ("open_dataset",),
     ".fusion": ("Rig",),
     ".generate": ("observe", "simulate"),

@@ -1,8 +1,9 @@
-"""The air between a sensor and what it sees: fog and rain at optical wavelengths."""
+"""The air between a sensor and what it sees: fog, rain and snow at optical wavelengths."""
 
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from pydantic import Field
 
@@ -21,25 +22,28 @@ _OPTICAL_BAND = (400e-9, 2000e-9)
 
 
 class Atmosphere(Spec):
-    """Fog and rain, homogeneous along every ray.
+    """Fog, rain and snow, homogeneous along every ray.
 
     `lidar_ratio` is extinction over backscatter: about 18 to 20 sr for the droplets of fog and clouds (O'Connor, Illingworth
-    and Hogan, J. Atmos. Ocean. Technol. 21, 2004); rain is taken alike, within a factor of two.
+    and Hogan, J. Atmos. Ocean. Technol. 21, 2004); rain and snow are taken alike, within a factor of two.
     """
 
     visibility: float | None = Field(
         None, gt=0.0, description="meteorological optical range, 5 % contrast [m]; None: no fog"
     )
     rain_rate: float = Field(0.0, ge=0.0, le=500.0, description="[mm/h]")
+    snow_rate: float = Field(0.0, ge=0.0, le=50.0, description="as melted water [mm/h]")
+    snow: Literal["dry", "wet"] = "dry"
     lidar_ratio: float = Field(19.0, gt=0.0, description="extinction over backscatter coefficient [sr]")
 
     def weather_extinction(self, wavelength: float) -> float:
-        """Return the one-way power extinction coefficient of fog and rain [1/m] at an optical wavelength [m]."""
+        """Return the one-way power extinction coefficient of fog, rain and snow [1/m] at an optical wavelength [m]."""
         fog = 0.0 if self.visibility is None else fog_extinction(self.visibility, wavelength)
-        return fog + rain_extinction(self.rain_rate)
+        snow = 0.0 if self.snow_rate == 0.0 else snow_extinction(self.snow_rate, wavelength, self.snow)
+        return fog + rain_extinction(self.rain_rate) + snow
 
     def weather_backscatter(self, wavelength: float) -> float:
-        """Return the backscatter coefficient of fog and rain [1/(m sr)] at an optical wavelength [m]."""
+        """Return the backscatter coefficient of fog, rain and snow [1/(m sr)] at an optical wavelength [m]."""
         return self.weather_extinction(wavelength) / self.lidar_ratio
 
 
@@ -114,3 +118,42 @@ def rain_extinction(rain_rate: float) -> float:
     if not rain_rate >= 0.0:
         raise ParameterRangeError("rain_rate", f"{rain_rate} mm/h", ">= 0 mm/h")
     return 1.076 * rain_rate**0.67 * _DB_PER_KM
+
+
+def snow_extinction(snow_rate: float, wavelength: float, snow: Literal["dry", "wet"] = "dry") -> float:
+    r"""Return the one-way power extinction coefficient of falling snow at optical wavelengths [1/m].
+
+    Parameters
+    ----------
+    snow_rate : float
+        As melted water [mm/h], >= 0.
+    wavelength : float
+        [m], 0.4e-6 to 2e-6.
+    snow : {"dry", "wet"}
+
+    Raises
+    ------
+    ParameterRangeError
+        If a value is outside the range above.
+
+    Notes
+    -----
+    .. math:: \gamma = a S^b \ \text{dB/km}, \quad
+        a, b = \begin{cases} 5.42 \cdot 10^{-5} \lambda + 5.4958776, \ 1.38 & \text{dry} \\
+        1.023 \cdot 10^{-4} \lambda + 3.7855466, \ 0.72 & \text{wet} \end{cases}
+
+    with the wavelength in nm. *Validity*: an empirical fit; measured snowfalls scatter by a factor of about 3 around it.
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.1814, "Prediction methods required for the design of terrestrial free-space optical links", 2007,
+       section 5.
+    """
+    if not snow_rate >= 0.0:
+        raise ParameterRangeError("snow_rate", f"{snow_rate} mm/h", ">= 0 mm/h")
+    if snow not in ("dry", "wet"):
+        raise ParameterRangeError("snow", repr(snow), "'dry' or 'wet'")
+    if not _OPTICAL_BAND[0] <= wavelength <= _OPTICAL_BAND[1]:
+        raise ParameterRangeError("wavelength", f"{wavelength} m", "0.4e-6 to 2e-6 m")
+    slope, constant, power = (5.42e-5, 5.4958776, 1.38) if snow == "dry" else (1.023e-4, 3.7855466, 0.72)
+    return (slope * wavelength * 1e9 + constant) * snow_rate**power * _DB_PER_KM
