@@ -75,13 +75,19 @@ class Weather(Spec):
         None, gt=0.0, le=2.0, description="liquid water of the fog [g/m3], instead of a visibility"
     )
     snow_rate: float = Field(0.0, ge=0.0, le=20.0, description="as melted water [mm/h]")
-    snow: Literal["dry", "wet"] = Field("dry", description="wet: flakes with 10 % of liquid water by volume, near 0 degrees")
+    snow: Literal["dry", "wet"] = Field(
+        "dry", description="wet: flakes with 10 % of liquid water by volume, near 0 degrees"
+    )
     spray: Spray | None = Field(None, description="behind moving vehicles on wet roads; None: not modelled")
     wind: tuple[float, float] = Field((0.0, 0.0), description="velocity of the air along the world's x and y [m/s]")
-    turbulence: float = Field(0.5, ge=0.0, le=5.0, description="standard deviation of the air's velocity, each axis [m/s]")
+    turbulence: float = Field(
+        0.5, ge=0.0, le=5.0, description="standard deviation of the air's velocity, each axis [m/s]"
+    )
     temperature_celsius: float = Field(10.0, ge=-20.0, le=40.0, description="of air and drops [degrees Celsius]")
     gases: bool = Field(False, description="oxygen and water vapour take their part of the radar's power (P.676)")
-    wetness: float | None = Field(None, ge=0.0, le=1.0, description="of the surfaces; None: what the rain makes of them")
+    wetness: float | None = Field(
+        None, ge=0.0, le=1.0, description="of the surfaces; None: what the rain makes of them"
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Weather:
@@ -90,9 +96,13 @@ class Weather(Spec):
         if max(abs(value) for value in self.wind) > 60.0:
             raise ValueError("a wind of at most 60 m/s along each axis")
         if self.rain_rate > 0.0 and self.temperature_celsius < -5.0:
-            raise ValueError(f"rain at -5 degrees Celsius or above, not at {self.temperature_celsius:g}; give a snow_rate")
+            raise ValueError(
+                f"rain at -5 degrees Celsius or above, not at {self.temperature_celsius:g}; give a snow_rate"
+            )
         if self.snow_rate > 0.0 and self.temperature_celsius > 5.0:
-            raise ValueError(f"snow at 5 degrees Celsius or below, not at {self.temperature_celsius:g}; give a rain_rate")
+            raise ValueError(
+                f"snow at 5 degrees Celsius or below, not at {self.temperature_celsius:g}; give a rain_rate"
+            )
         return self
 
     @classmethod
