@@ -85,8 +85,8 @@ def scene_configuration(scenario: ScenarioSpec) -> dict[str, Any]:
     TimeRangeError
         If a frame's time lies outside of the scene's motion.
     """
-    from scarl_sionna.world.document import read_document
     from scarl_sionna.world.scene import find_scene
+    from scarl_sionna.world.scene_file import read_document
 
     document = read_document(find_scene(scenario.scene))
     motions = [item.trajectory for item in document.instances if item.trajectory is not None]

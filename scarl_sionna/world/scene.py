@@ -18,10 +18,11 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
 
-from .document import InstanceEntry, SceneDocument, read_document
+from .document import InstanceEntry, SceneDocument
 from .geometry import Triangles, encloses, even_directions, refine_distance, upright_box
 from .materials import MaterialTable, load_materials
 from .motion import Motion
+from .scene_file import read_document
 from .tables import Actor, InstanceInfo, RayHits, part_table
 from .twins import MeshData, Twin
 
