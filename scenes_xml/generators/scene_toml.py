@@ -25,7 +25,10 @@ class Instance:
 
 @dataclass(frozen=True)
 class ActorEntry:
-    """A moving instance: waypoints (times [s], positions [m], headings [deg] or None) and joints as tables."""
+    """A moving instance: waypoints (times [s], positions [m], headings [deg] or None) and joints as tables.
+
+    With a `model` (a name of scenes_xml/actors) its shapes, class and joints are the model's, in the colours `variant`.
+    """
 
     name: str
     semantic: str
@@ -33,6 +36,37 @@ class ActorEntry:
     positions: Array
     yaw_deg: Array | None = None
     joints: Sequence[Mapping[str, Any]] = field(default_factory=tuple)
+    model: str | None = None
+    variant: str | None = None
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A lane: `kind` is ``drive``, ``cycle``, ``walk`` or ``parking``; centre line, shape (n, 3) [m], in the direction of travel.
+
+    `width` [m], `speed` limit [m/s], names of the lanes that continue it, of its left neighbour, of those with right of way over
+    its end, and its signal group: as docs/scenes.md says.
+    """
+
+    name: str
+    points: Array
+    kind: str = "drive"
+    width: float = 3.25
+    speed: float = 13.9
+    next: tuple[str, ...] = ()
+    left: str | None = None
+    yield_to: tuple[str, ...] = ()
+    signal: str | None = None
+
+
+@dataclass(frozen=True)
+class Parking:
+    """A place of a parked car: its middle on the ground [m], heading [deg] and size [m]."""
+
+    position: tuple[float, float, float]
+    yaw_deg: float = 0.0
+    length: float = 5.0
+    width: float = 2.2
 
 
 def scene_toml(
@@ -41,8 +75,14 @@ def scene_toml(
     instances: Sequence[Instance],
     actors: Sequence[ActorEntry],
     lighting: str = "day",
+    lanes: Sequence[Lane] = (),
+    parking: Sequence[Parking] = (),
+    signals: Mapping[str, Any] | None = None,
 ) -> str:
-    """Return the text of a scene.toml: `head` is its table ``[scene]``, `lighting` the preset of its light."""
+    """Return the text of a scene.toml: `head` is its table ``[scene]``, `lighting` the preset of its light.
+
+    `signals` holds the `cycle` [s] and for each group (`green`) the start and the end of its green [s].
+    """
     lines = ["[scene]", *(f"{key} = {_value(value)}" for key, value in head.items()), ""]
     lines += ["[lighting]", f"preset = {_value(lighting)}", ""]
     for name, b in bsdfs.items():
@@ -51,16 +91,44 @@ def scene_toml(
         lines += ["[[instances]]", f'name = "{item.name}"', f'class = "{item.semantic}"']
         lines += [f"shapes = {_value(item.shapes)}", f"object = {_value(item.is_object)}", ""]
     for actor in actors:
-        lines += ["[[actors]]", f'name = "{actor.name}"', f'class = "{actor.semantic}"', f'shapes = ["{actor.name}_*"]']
+        lines += ["[[actors]]", f'name = "{actor.name}"']
+        if actor.model is None:
+            lines += [f'class = "{actor.semantic}"', f'shapes = ["{actor.name}_*"]']
+        else:
+            lines.append(f'model = "{actor.model}"')
+            lines += [f'variant = "{actor.variant}"'] if actor.variant else []
         lines += ["[actors.trajectory]", 'kind = "waypoints"', f"times = {_value(actor.times)}"]
         if actor.yaw_deg is not None:
             lines.append(f"yaw_deg = {_value(np.round(actor.yaw_deg, 6))}")
-        lines.append("positions = [")
-        lines += [f"    [{x + 0.0:.6f}, {y + 0.0:.6f}, {z + 0.0:.6f}]," for x, y, z in actor.positions.round(6)]
-        lines += ["]", ""]
+        lines += ["positions = [", *_rows(actor.positions, 6), "]", ""]
         for joint in actor.joints:
             lines += ["[[actors.joints]]", *(f"{key} = {_value(value)}" for key, value in joint.items()), ""]
+    for lane in lanes:
+        lines += _lane(lane)
+    for place in parking:
+        lines += ["[[parking]]", f"position = {_value(np.round(place.position, 4).tolist())}"]
+        lines += [
+            f"{key} = {_value(round(float(getattr(place, key)), 4))}" for key in ("yaw_deg", "length", "width")
+        ] + [""]
+    if signals:
+        green = ", ".join(f"{group} = {_value(list(span))}" for group, span in signals["green"].items())
+        lines += ["[signals]", f"cycle = {_value(signals['cycle'])}", f"green = {{ {green} }}", ""]
     return "\n".join(lines)
+
+
+def _lane(lane: Lane) -> list[str]:
+    lines = ["[[lanes]]", f'name = "{lane.name}"', f'kind = "{lane.kind}"', f"width = {_value(float(lane.width))}"]
+    lines += [f"speed = {_value(float(lane.speed))}", "points = [", *_rows(np.asarray(lane.points, float), 4), "]"]
+    for key in ("next", "left", "yield_to", "signal"):
+        value = getattr(lane, key)
+        lines += [f"{key} = {_value(value)}"] if value else []
+    return [*lines, ""]
+
+
+def _rows(points: Array, digits: int) -> list[str]:
+    return [
+        f"    [{x + 0.0:.{digits}f}, {y + 0.0:.{digits}f}, {z + 0.0:.{digits}f}]," for x, y, z in points.round(digits)
+    ]
 
 
 def _value(value: Any) -> str:

@@ -143,8 +143,19 @@ def _digit(draw: ImageDraw.ImageDraw, digit: str, x: float, y: float, w: float, 
         draw.rounded_rectangle([x, y + 0.42 * h, x + w, y + h], 0.46 * w, outline=ink, width=int(t))
     elif digit == "0":
         draw.rounded_rectangle([x, y, x + w, y + h], 0.5 * w, outline=ink, width=int(t))
+    elif digit == "3":
+        for top, bottom in ((0.0, 0.54), (0.44, 1.0)):
+            draw.arc([x - 0.1 * w, y + top * h, x + 0.98 * w, y + bottom * h], 215, 505, fill=ink, width=int(t))
+    elif digit == "5":
+        draw.line(
+            [(x + 0.92 * w, y + t / 2), (x + 0.16 * w, y + t / 2), (x + 0.1 * w, y + 0.48 * h)],
+            fill=ink,
+            width=int(t),
+            joint="curve",
+        )
+        draw.arc([x - 0.1 * w, y + 0.38 * h, x + w, y + h], 220, 505, fill=ink, width=int(t))
     else:
-        raise ValueError(f"sign_speed draws only the digits 0 and 8, got {digit!r}")
+        raise ValueError(f"sign_speed draws only the digits 0, 3, 5 and 8, got {digit!r}")
 
 
 def sign_bend(size: int) -> Image.Image:

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators import car, mesh
-from ..generators.mesh import Mesh
+from ..generators import car, kit
+from ..generators.car_shapes import CARS, ROLES
+from ..generators.kit import Writer
+from ..generators.palette import PALETTE
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
 from ..generators.xml import Placement, scene_xml
 from . import images, roadside, static
-from .cars import CARS
 from .layout import ACTORS, CURVE, SEED, TIMES
-from .materials import MATERIALS
 
 NAME = "highway_guardrail"
 TABLE = {
@@ -32,27 +32,6 @@ TABLE = {
     "ego": "ego",
 }
 
-HEAD = (
-    '\t<integrator type="path">\n\t\t<integer name="max_depth" value="6"/>\n\t</integrator>',
-    '\t<sensor type="perspective" id="front_view">\n'
-    '\t\t<float name="fov" value="90"/>\n\t\t<string name="fov_axis" value="x"/>\n'
-    '\t\t<float name="near_clip" value="0.05"/>\n\t\t<float name="far_clip" value="10000"/>\n'
-    '\t\t<transform name="to_world">\n\t\t\t<lookat origin="2.35, 0, 0.8" target="12.35, 0, 0.8" up="0, 0, 1"/>\n'
-    "\t\t</transform>\n"
-    '\t\t<sampler type="independent">\n\t\t\t<integer name="sample_count" value="64"/>\n\t\t</sampler>\n'
-    '\t\t<film type="hdrfilm">\n\t\t\t<integer name="width" value="960"/>\n\t\t\t<integer name="height" value="540"/>\n'
-    '\t\t\t<rfilter type="gaussian"/>\n\t\t</film>\n\t</sensor>',
-    '\t<emitter type="sunsky" id="sky">\n\t\t<vector name="sun_direction" x="-0.42" y="0.70" z="0.58"/>\n'
-    '\t\t<float name="turbidity" value="3.2"/>\n\t\t<float name="albedo" value="0.2"/>\n'
-    '\t\t<float name="sun_scale" value="2"/>\n\t\t<float name="sky_scale" value="2"/>\n\t</emitter>',
-)
-"""Integrator, default view (front sensor of the ego car at t = 0) and sky."""
-
-ROLES = {
-    "glass": "car_glass", "trim": "car_trim", "tyre": "tyre_rubber", "rim": "wheel_rim", "headlamp": "headlamp",
-    "taillamp": "taillamp", "chrome": "chrome", "plate": "number_plate",
-}  # fmt: skip
-
 GROUND = (
     Instance("road", "Roads", ("road_asphalt",), False),
     Instance("lane_markings", "RoadLine", ("marking_*",), False),
@@ -60,25 +39,6 @@ GROUND = (
     Instance("terrain", "Terrain", ("terrain_*",), False),
     Instance("guardrail_right", "GuardRail", ("guardrail_*",), True),
 )
-
-
-class Writer:
-    """Collects shapes and writes each mesh once."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.placements: list[Placement] = []
-        (folder / "meshes").mkdir(parents=True, exist_ok=True)
-        (folder / "textures").mkdir(exist_ok=True)
-
-    def mesh(self, name: str, part: Mesh, crease_deg: float = 35.0) -> str:
-        """Write a mesh and return its file name."""
-        mesh.write_ply(mesh.finish(part, crease_deg), self.folder / "meshes" / f"{name}.ply")
-        return f"{name}.ply"
-
-    def add(self, shape: str, part: Mesh, bsdf: str, crease_deg: float = 35.0) -> None:
-        """Write a mesh in world coordinates and add it as a shape."""
-        self.placements.append(Placement(shape, self.mesh(shape, part, crease_deg), bsdf))
 
 
 def _add_actors(writer: Writer) -> list[ActorEntry]:
@@ -98,11 +58,10 @@ def _add_actors(writer: Writer) -> list[ActorEntry]:
     return actors
 
 
-def build(folder: Path) -> None:
-    """Write the whole scene into `folder`."""
+def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
+    """Write the whole scene into `folder`; it comes in one variant and one level of geometry."""
+    kit.only_one(NAME, variant, detail)
     writer = Writer(folder)
-    for old in (folder / "meshes").glob("*.ply"):
-        old.unlink()
     images.write(folder / "textures", SEED)
     instances = list(GROUND)
     static.add_road(writer.add)
@@ -112,9 +71,9 @@ def build(folder: Path) -> None:
         instances.append(found)
     actors = _add_actors(writer)
     used = {p.bsdf for p in writer.placements}
-    bsdfs = {name: bsdf for name, bsdf in MATERIALS.items() if name in used}
+    bsdfs = {name: bsdf for name, bsdf in PALETTE.items() if name in used}
     comment = f"{NAME}: written by scenes_xml/{NAME}/build.py; do not edit"
-    (folder / f"{NAME}.xml").write_text(scene_xml(comment, HEAD, bsdfs, writer.placements), encoding="utf-8")
+    (folder / f"{NAME}.xml").write_text(scene_xml(comment, kit.head(), bsdfs, writer.placements), encoding="utf-8")
     (folder / "scene.toml").write_text(scene_toml(TABLE, bsdfs, instances, actors), encoding="utf-8")
 
 

@@ -10,15 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators import car, furniture, pedestrian, vegetation
+from ..generators import car, furniture, kit, pedestrian, vegetation
+from ..generators.car_shapes import CARS as SHAPES
+from ..generators.car_shapes import ROLES
+from ..generators.kit import Writer
 from ..generators.mesh import Mesh
+from ..generators.palette import PALETTE
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
 from ..generators.xml import Placement, scene_xml
-from ..highway_guardrail.build import HEAD, ROLES, Writer
-from ..highway_guardrail.cars import CARS as SHAPES
 from . import images, static
 from . import layout as at
-from .materials import MATERIALS
 
 NAME = "urban_crossing"
 TABLE = {
@@ -41,22 +42,21 @@ GROUND = (
 )
 
 
-def build(folder: Path) -> None:
-    """Write the whole scene into `folder`."""
+def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
+    """Write the whole scene into `folder`; it comes in one variant and one level of geometry."""
+    kit.only_one(NAME, variant, detail)
     writer = Writer(folder)
-    for old in (folder / "meshes").glob("*.ply"):
-        old.unlink()
     static.add_street(writer.add)
     instances = [*GROUND]
     for group in (_houses(writer), _furniture(writer), _trees(writer), _parked(writer)):
         instances += list(group)
     actors = [*_cars(writer), *_walkers(writer)]
     used = {placement.bsdf for placement in writer.placements}
-    bsdfs = {name: bsdf for name, bsdf in MATERIALS.items() if name in used}
+    bsdfs = {name: bsdf for name, bsdf in PALETTE.items() if name in used}
     textures = {name for b in bsdfs.values() for name in (b.texture, b.puddles) if name}
     images.write(folder / "textures", at.SEED, textures)
     comment = f"{NAME}: written by scenes_xml/{NAME}/build.py; do not edit"
-    (folder / f"{NAME}.xml").write_text(scene_xml(comment, HEAD, bsdfs, writer.placements), encoding="utf-8")
+    (folder / f"{NAME}.xml").write_text(scene_xml(comment, kit.head(), bsdfs, writer.placements), encoding="utf-8")
     (folder / "scene.toml").write_text(scene_toml(TABLE, bsdfs, instances, actors), encoding="utf-8")
 
 

@@ -1,8 +1,8 @@
-"""Measures of the three cars."""
+"""Measures of the cars of `highway_guardrail` and `urban_crossing`, and the materials of a car's parts."""
 
 from __future__ import annotations
 
-from ..generators.car import CarShape
+from .car import CarShape
 
 CARS: dict[str, CarShape] = {
     "ego": CarShape(
@@ -30,3 +30,9 @@ CARS: dict[str, CarShape] = {
     ),
 }  # fmt: skip
 """Saloon, compact SUV and estate; widths without the mirrors, which reach |y| = 0.95 m."""
+
+ROLES = {
+    "glass": "car_glass", "trim": "car_trim", "tyre": "tyre_rubber", "rim": "wheel_rim", "headlamp": "headlamp",
+    "taillamp": "taillamp", "chrome": "chrome", "plate": "number_plate",
+}  # fmt: skip
+"""Role of a part of a car -> its material; `paint` is chosen for each car."""

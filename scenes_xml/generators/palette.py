@@ -1,10 +1,10 @@
-"""Optical, radio and lidar properties of every material of the scene."""
+"""Palette of the scenes: optical, radio and lidar properties of every material, by the name of its BSDF."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from ..generators.xml import Bsdf
+from .xml import Bsdf
 
 TYPICAL = "estimate, typical of this surface at 1550 nm"
 ROUGH = {"roughness": 0.85, "specular": 0.25}
@@ -23,7 +23,25 @@ def _textured(radio: str, lidar: float, texture: str, source: str = TYPICAL, **f
     return Bsdf("principled", radio, lidar, source, texture=texture, floats=floats or ROUGH)
 
 
-MATERIALS: dict[str, Bsdf] = {
+CLOTH = {"roughness": 0.9, "specular": 0.15, "sheen": 0.4}
+BODY = "estimate; thin dry fabric hardly weakens a radar wave, so a clothed body counts as skin for the radar"
+
+
+def _cloth(lidar: float, *color: float) -> Bsdf:
+    return Bsdf("principled", "skin", lidar, BODY, color=(color[0], color[1], color[2]), floats=CLOTH)
+
+
+def _paint(lidar: float, *color: float) -> Bsdf:
+    return Bsdf(
+        "principled", "car_paint", lidar, "estimate, clear coat", color=(color[0], color[1], color[2]), floats=PAINT
+    )
+
+
+def _plaster(texture: str) -> Bsdf:
+    return Bsdf("principled", "brick", 0.50, "estimate, light plaster on brick", texture=texture, floats=ROUGH)
+
+
+PALETTE: dict[str, Bsdf] = {
     "asphalt_worn": _textured("asphalt", 0.20, "asphalt.png", "estimate, aged asphalt concrete, rises into the SWIR", roughness=0.75, specular=0.35),
     "road_marking": _textured("road_paint", 0.55, "marking.png", "estimate, worn thermoplastic marking"),
     "gravel_verge": _textured("gravel", 0.32, "gravel.png"),
@@ -60,18 +78,37 @@ MATERIALS: dict[str, Bsdf] = {
     "black_plastic": _principled("plastic", 0.08, (0.02, 0.02, 0.02), roughness=0.5),
     "reflector": _principled("plastic", 0.70, (0.70, 0.55, 0.25), "estimate, prismatic reflector, diffuse share only", roughness=0.15, clearcoat=1.0),
     "lamp_glass": _principled("plastic", 0.40, (0.75, 0.75, 0.70), roughness=0.1, clearcoat=1.0),
+    "asphalt_street": Bsdf(
+        "principled", "asphalt", 0.20, "estimate, aged asphalt concrete", texture="asphalt.png",
+        floats={"roughness": 0.75, "specular": 0.35},
+    ),
+    "paving": Bsdf("principled", "concrete", 0.38, TYPICAL, texture="paving.png", floats=ROUGH),
+    "plaster_yellow": _plaster("plaster_yellow.png"),
+    "plaster_red": _plaster("plaster_red.png"),
+    "plaster_grey": _plaster("plaster_grey.png"),
+    "car_paint_white": _paint(0.65, 0.74, 0.74, 0.72),
+    "car_paint_green": _paint(0.35, 0.02, 0.11, 0.07),
+    "skin": Bsdf("principled", "skin", 0.35, "estimate, skin at 1550 nm: water absorbs", color=(0.50, 0.31, 0.22), floats={"roughness": 0.55, "specular": 0.35}),
+    "hair": Bsdf("principled", "skin", 0.30, BODY, color=(0.045, 0.028, 0.018), floats={"roughness": 0.6, "specular": 0.3}),
+    "top_red": _cloth(0.55, 0.42, 0.035, 0.04),
+    "top_yellow": _cloth(0.60, 0.70, 0.42, 0.03),
+    "top_grey": _cloth(0.50, 0.22, 0.23, 0.25),
+    "top_green": _cloth(0.50, 0.05, 0.16, 0.08),
+    "top_blue": _cloth(0.50, 0.03, 0.09, 0.30),
+    "trousers_blue": _cloth(0.45, 0.035, 0.055, 0.11),
+    "trousers_dark": _cloth(0.35, 0.025, 0.025, 0.028),
+    "trousers_khaki": _cloth(0.50, 0.27, 0.21, 0.13),
+    "shoes_dark": Bsdf("principled", "rubber", 0.20, TYPICAL, color=(0.03, 0.025, 0.022), floats={"roughness": 0.5, "specular": 0.4}),
+    "shoes_white": Bsdf("principled", "rubber", 0.55, TYPICAL, color=(0.68, 0.68, 0.66), floats={"roughness": 0.5, "specular": 0.4}),
+    "sign_crossing": Bsdf("principled", "metal", 0.60, "estimate, retroreflective sheet, diffuse share only", texture="sign_crossing.png", floats={"roughness": 0.4}),
 }  # fmt: skip
 """Name of the bsdf -> its properties."""
 
 _LAMPS = {"headlamp": "headlamp", "taillamp": "taillamp", "lamp_glass": "street_lamp"}
 _WETS = {
     "asphalt_worn": 1.0, "road_marking": 1.0, "gravel_verge": 0.7, "grass_meadow": 0.35, "concrete_grey": 0.7, "bark": 0.6,
-    "roof_tile": 0.8, "brick_wall": 0.3, "plaster_wall": 0.2,
+    "asphalt_street": 1.0, "paving": 1.0, "roof_tile": 0.8, "brick_wall": 0.3, "plaster_wall": 0.2,
 }  # fmt: skip
-for _name, _bsdf in MATERIALS.items():
-    MATERIALS[_name] = replace(
-        _bsdf,
-        lamp=_LAMPS.get(_name),
-        wets=_WETS.get(_name, 0.0),
-        puddles="puddles.png" if _name in ("asphalt_worn",) else None,
-    )
+_PUDDLES = {"asphalt_worn": "puddles.png", "asphalt_street": "puddles.png"}
+for _name, _bsdf in PALETTE.items():
+    PALETTE[_name] = replace(_bsdf, lamp=_LAMPS.get(_name), wets=_WETS.get(_name, 0.0), puddles=_PUDDLES.get(_name))
