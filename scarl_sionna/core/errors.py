@@ -6,7 +6,9 @@ Each one keeps its data as attributes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from copy import copy
+from dataclasses import dataclass
 from difflib import get_close_matches
 
 
@@ -108,6 +110,125 @@ class DatasetError(ScarlError):
 
 class ExportError(ScarlError, RuntimeError):
     """An export stopped; what was finished is kept, and the same command goes on from there."""
+
+
+@dataclass(frozen=True)
+class ScenarioPlace:
+    """Where something of a scenario was written.
+
+    Attributes
+    ----------
+    key : str
+        Path of the key, for instance ``"actors[1].trajectory.lanes[0]"``.
+    file : str, optional
+        The scenario's file; None for a scenario made in Python.
+    line, column : int, optional
+        In the file, counted from 1.
+    """
+
+    key: str = ""
+    file: str | None = None
+    line: int | None = None
+    column: int | None = None
+
+    def __str__(self) -> str:
+        where = "scenario" if self.file is None else str(self.file)
+        if self.line is not None:
+            where += f", line {self.line}" + (f", column {self.column}" if self.column is not None else "")
+        return f"{where}: {self.key}" if self.key else where
+
+
+class ScenarioError(ParameterRangeError):
+    """Something in a scenario is wrong. The message names file, line, column and key; so do the attributes.
+
+    Attributes
+    ----------
+    place : ScenarioPlace
+    message, remedy : str
+    problems : tuple of ScenarioError
+        All that was found wrong, in the order of the lines; the error raised is the first of them.
+    """
+
+    def __init__(self, message: str, place: ScenarioPlace | None = None, remedy: str = "", **data: object) -> None:
+        self.place = place or ScenarioPlace()
+        self.message, self.allowed, self.remedy = message, message, remedy
+        self.problems: tuple[ScenarioError, ...] = (self,)
+        self.name, self.value = self.place.key or "scenario", data.pop("value", None)
+        for name, value in data.items():  # what the other base of a subclass keeps
+            setattr(self, name, value)
+        Exception.__init__(self, self.text)
+
+    @property
+    def file(self) -> str | None:
+        """File of the scenario."""
+        return self.place.file
+
+    @property
+    def line(self) -> int | None:
+        """Line in the file, from 1."""
+        return self.place.line
+
+    @property
+    def column(self) -> int | None:
+        """Column in the file, from 1."""
+        return self.place.column
+
+    @property
+    def key(self) -> str:
+        """Path of the key in the scenario."""
+        return self.place.key
+
+    @property
+    def text(self) -> str:
+        """Message of this problem alone, without the others that were found."""
+        return f"{self.place}: {self.message}" + (f"; {self.remedy}" if self.remedy else "")
+
+    def __str__(self) -> str:
+        others = [problem for problem in self.problems if problem is not self]
+        if not others:
+            return self.text
+        return "\n  ".join([f"{len(self.problems)} problems:", *(problem.text for problem in self.problems)])
+
+    def at(self, place: ScenarioPlace) -> ScenarioError:
+        """Return this problem at another place."""
+        other = copy(self)
+        other.place, other.name, other.problems = place, place.key or "scenario", (other,)
+        return other
+
+    @staticmethod
+    def first_of(problems: Sequence[ScenarioError]) -> ScenarioError:
+        """Return the first of some problems in the order of their lines; it tells of all."""
+        ordered = sorted(problems, key=lambda one: (one.line is None, one.line or 0, one.column or 0))
+        ordered[0].problems = tuple(ordered)
+        return ordered[0]
+
+
+class ScenarioFileError(ScenarioError):
+    """A scenario's file, or one that it names, cannot be read, or is not YAML."""
+
+
+class ScenarioKeyError(ScenarioError):
+    """A key is unknown, stands twice or is missing."""
+
+
+class ScenarioValueError(ScenarioError):
+    """A value is of another type or unit, or outside its range."""
+
+
+class ScenarioNameError(ScenarioError, UnknownNameError):
+    """A scene, an actor model, a lane or another name is not known."""
+
+
+class ScenarioTimeError(ScenarioError, TimeRangeError):
+    """A motion begins after the first frame or ends before the last one."""
+
+
+class OutsideSceneError(ScenarioError, PlacementError):
+    """An actor stands, drives or walks where there is no ground of the scene."""
+
+
+class CollisionError(ScenarioError, PlacementError):
+    """Two bodies overlap."""
 
 
 class ScarlWarning(UserWarning):

@@ -1,0 +1,168 @@
+"""Reads YAML and JSON with the line and column of every key, so that an error can name them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from scarl_sionna.core.errors import ScenarioError, ScenarioFileError, ScenarioKeyError, ScenarioPlace
+
+KeyPath = tuple[str | int, ...]
+"""Keys and list positions from the top, for instance ``("actors", 1, "model")``."""
+
+_DEEPEST = 32
+"""More levels than any scenario has: an alias inside its own anchor."""
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML as in version 1.2: ``1e3`` is a number, ``18:30`` is a text, a date is a text."""
+
+
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag.rpartition(":")[2] not in ("int", "float", "timestamp")]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:int", re.compile(r"^[-+]?(?:0x[0-9a-fA-F]+|[0-9]+)$"), list("-+0123456789")
+)
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|\.(?:inf|Inf|INF))$|^\.(?:nan|NaN|NAN)$"),
+    list("-+0123456789."),
+)
+
+
+def _decimal(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
+    text = str(node.value)
+    return int(text, 16 if "x" in text else 10)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _decimal)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a scenario comes from: its file, and line and column (from 1) of each key."""
+
+    file: str
+    marks: Mapping[KeyPath, tuple[int, int]] = field(default_factory=dict)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the file."""
+        return Path(self.file).resolve().parent
+
+    def without(self, keys: Iterable[str]) -> Origin:
+        """Return the origin without the lines of some keys of the top level, which no longer say what they said."""
+        gone = set(keys)
+        return Origin(self.file, {path: mark for path, mark in self.marks.items() if not path or path[0] not in gone})
+
+
+def key_text(path: Iterable[str | int]) -> str:
+    """Return a key path as text: ``actors[1].model``."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def path_of(text: str) -> KeyPath:
+    """Return the key path of a text, the inverse of `key_text`."""
+    return tuple(int(number) if number else word for number, word in re.findall(r"\[(\d+)\]|([^.\[\]]+)", text))
+
+
+def place_of(path: KeyPath, origin: Origin | None) -> ScenarioPlace:
+    """Return the place of a key; of one that is not written, that of the nearest key around it."""
+    if origin is None:
+        return ScenarioPlace(key_text(path))
+    known = next(path[:length] for length in range(len(path), -1, -1) if path[:length] in origin.marks or not length)
+    line, column = origin.marks[known] if known else (None, None)
+    return ScenarioPlace(key_text(path), origin.file, line, column)
+
+
+def read_marked(path: Path) -> tuple[Any, Origin]:
+    """Return the content of a YAML or JSON file, and where each of its keys stands.
+
+    Raises
+    ------
+    ScenarioFileError
+        If the file cannot be read or is not YAML.
+    ScenarioKeyError
+        If a key stands twice, or is not a text.
+    """
+    file = str(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ScenarioFileError(
+            f"scenario file cannot be read ({reason})", ScenarioPlace("", file), "give a readable YAML or JSON file",
+            value=path,
+        ) from error  # fmt: skip
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        marks: dict[KeyPath, tuple[int, int]] = {}
+        problems: list[ScenarioError] = []
+        if node is not None:
+            _walk(loader, node, (), marks, problems, file)
+        if problems:
+            raise ScenarioError.first_of(problems)
+        data = None if node is None else loader.construct_document(node)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = ScenarioPlace("", file) if mark is None else ScenarioPlace("", file, mark.line + 1, mark.column + 1)
+        what = " ".join(part for part in (error.context, error.problem) if part)
+        raise ScenarioFileError(f"scenario file is not valid YAML ({what})", place, value=path) from error
+    except yaml.YAMLError as error:
+        raise ScenarioFileError(
+            f"scenario file is not valid YAML ({error})", ScenarioPlace("", file), value=path
+        ) from error
+    finally:
+        loader.dispose()
+    return data, Origin(file, marks)
+
+
+def _walk(
+    loader: _Loader, node: yaml.Node, path: KeyPath, marks: dict[KeyPath, tuple[int, int]],
+    problems: list[ScenarioError], file: str,
+) -> None:  # fmt: skip
+    """Note line and column of every key and list item below a node."""
+    if len(path) > _DEEPEST:
+        raise yaml.MarkedYAMLError(problem="is nested too deeply", problem_mark=node.start_mark)
+    marks.setdefault(path, _mark(node))
+    if isinstance(node, yaml.SequenceNode):
+        for index, item in enumerate(node.value):
+            _walk(loader, item, (*path, index), marks, problems, file)
+    elif isinstance(node, yaml.MappingNode):
+        _check_keys(node, path, problems, file)
+        loader.flatten_mapping(node)
+        for key, value in node.value:
+            inner = (*path, str(key.value))
+            scalar = isinstance(value, yaml.ScalarNode) and value.start_mark.line == key.start_mark.line
+            marks[inner] = _mark(value if scalar else key)
+            _walk(loader, value, inner, marks, problems, file)
+
+
+def _check_keys(node: yaml.MappingNode, path: KeyPath, problems: list[ScenarioError], file: str) -> None:
+    seen: dict[str, int] = {}
+    for key, _ in node.value:
+        if key.tag == "tag:yaml.org,2002:merge":
+            continue
+        line, column = _mark(key)
+        place = ScenarioPlace(key_text((*path, str(key.value))), file, line, column)
+        if not isinstance(key, yaml.ScalarNode) or key.tag != "tag:yaml.org,2002:str":
+            problems.append(ScenarioKeyError("is not a key of a scenario: keys are words", place))
+        elif key.value in seen:
+            problems.append(ScenarioKeyError(f"stands twice: first in line {seen[key.value]}", place, "remove one"))
+        else:
+            seen[key.value] = line
+
+
+def _mark(node: yaml.Node) -> tuple[int, int]:
+    return node.start_mark.line + 1, node.start_mark.column + 1

@@ -1,0 +1,142 @@
+"""How an actor of a scenario moves, as plain data: routes along lanes with events, waypoints, tables, and what stands."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from scarl_sionna.core.spec import Spec
+
+Vector = tuple[float, float, float]
+Point = Annotated[tuple[float, ...], Field(min_length=2, max_length=3)]
+Speed = Annotated[float, Field(ge=0.0, le=70.0)]
+
+
+class BrakeSpec(Spec):
+    """Braking down to a speed."""
+
+    kind: Literal["brake"] = "brake"
+    time: float = Field(description="when it begins [s]")
+    deceleration: float = Field(6.0, gt=0.0, le=12.0, description="at most [m/s2]")
+    jerk: float = Field(15.0, gt=0.0, le=100.0, description="at most [m/s3]")
+    speed: Speed = Field(0.0, description="at its end [m/s]")
+
+
+class AccelerateSpec(Spec):
+    """Speeding up to a speed."""
+
+    kind: Literal["accelerate"] = "accelerate"
+    time: float = Field(description="when it begins [s]")
+    acceleration: float = Field(2.0, gt=0.0, le=10.0, description="at most [m/s2]")
+    jerk: float = Field(2.0, gt=0.0, le=100.0, description="at most [m/s3]")
+    speed: Speed = Field(description="at its end [m/s]")
+
+
+class ShiftSpec(Spec):
+    """A smooth move to the side while driving on: a lane change, a cut-in, or passing an obstacle."""
+
+    kind: Literal["shift"] = "shift"
+    time: float = Field(description="when it begins [s]")
+    duration: float = Field(3.0, gt=0.0, le=60.0, description="how long it takes [s]")
+    by: float = Field(ge=-15.0, le=15.0, description="how far, positive to the left [m]")
+
+
+Event = Annotated[BrakeSpec | AccelerateSpec | ShiftSpec, Field(discriminator="kind")]
+
+
+class RouteSpec(Spec):
+    """Driving, cycling or walking along lanes of the scene. `start` and `speed` hold at time 0, before the first event."""
+
+    kind: Literal["route"] = "route"
+    lanes: tuple[str, ...] = Field(min_length=1, description="names of lanes, each one continues the one before")
+    start: float = Field(0.0, ge=0.0, description="way along the first lane at time 0 [m]")
+    speed: Speed | None = Field(
+        None, description="at time 0, kept until an event [m/s]; default: the first lane's limit"
+    )
+    profile: tuple[tuple[float, Speed], ...] | None = Field(
+        None, min_length=2, description="pairs of time [s] and speed [m/s] instead of `speed`"
+    )
+    offset: float = Field(
+        0.0, ge=-15.0, le=15.0, description="from the lane's middle at time 0, positive to the left [m]"
+    )
+    events: tuple[Event, ...] = Field((), description="in the order of their times")
+
+    @model_validator(mode="after")
+    def _check(self) -> RouteSpec:
+        if self.profile is not None:
+            if self.speed is not None or any(event.kind != "shift" for event in self.events):
+                raise ValueError("either `profile`, or `speed` with events that change it")
+            times = [time for time, _ in self.profile]
+            if any(late <= early for early, late in pairwise(times)):
+                raise ValueError("times of `profile` that rise")
+        times = [event.time for event in self.events]
+        if times != sorted(times):
+            raise ValueError("events in the order of their times")
+        return self
+
+
+class WaypointsSpec(Spec):
+    """A smooth way through points, at given times or at one speed."""
+
+    kind: Literal["waypoints"] = "waypoints"
+    positions: tuple[Point, ...] = Field(min_length=2, description="[x, y] on the ground, or [x, y, z] [m, world]")
+    times: tuple[float, ...] | None = Field(None, description="one for each position [s]")
+    speed: Annotated[float, Field(gt=0.0, le=70.0)] | None = Field(None, description="instead of `times` [m/s]")
+    depart: float = Field(0.0, description="when it sets off, with `speed`; before, it waits [s]")
+    yaw_deg: tuple[float, ...] | None = Field(
+        None, description="headings, one for each position; default: along the way"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> WaypointsSpec:
+        if (self.times is None) == (self.speed is None):
+            raise ValueError("either `times` or `speed`")
+        for name, values in (("times", self.times), ("yaw_deg", self.yaw_deg)):
+            if values is not None and len(values) != len(self.positions):
+                raise ValueError(f"as many {name} as positions: {len(values)} and {len(self.positions)} are given")
+        if self.times is not None and any(b <= a for a, b in pairwise(self.times)):
+            raise ValueError("times that rise")
+        return self
+
+
+class ConstantTwistSpec(Spec):
+    """Constant velocity and rate of turn; `position` and `yaw_deg` hold at time 0."""
+
+    kind: Literal["constant_twist"] = "constant_twist"
+    position: Point = Field(description="[m, world]")
+    velocity: Vector = Field(description="[m/s, world]")
+    yaw_deg: float | None = Field(None, description="heading; default: along the velocity [deg]")
+    angular_velocity_z: float = Field(0.0, ge=-10.0, le=10.0, description="[rad/s]")
+
+
+class StaticSpec(Spec):
+    """Something that stands: at a position, in a parking place, or on a lane."""
+
+    kind: Literal["static"] = "static"
+    position: Point | None = Field(None, description="[m, world]")
+    parking: int | None = Field(None, ge=0, description="number of a parking place of the scene, from 0")
+    lane: str | None = Field(None, description="name of a lane, with `start` and `offset`")
+    start: float = Field(0.0, ge=0.0, description="way along the lane [m]")
+    offset: float = Field(0.0, ge=-15.0, le=15.0, description="from the lane's middle, positive to the left [m]")
+    yaw_deg: float = Field(0.0, description="in the world, or from the direction of the place or lane [deg]")
+
+    @model_validator(mode="after")
+    def _check(self) -> StaticSpec:
+        if sum(value is not None for value in (self.position, self.parking, self.lane)) != 1:
+            raise ValueError("one of `position`, `parking`, `lane`")
+        return self
+
+
+class TableSpec(Spec):
+    """The motion that a file holds: CSV or Parquet, SUMO's floating car data, or CommonRoad."""
+
+    kind: Literal["table"] = "table"
+    file: str = Field(min_length=1, description="path, relative to the scenario's file")
+    id: str | None = Field(None, description="whose rows; default: the actor's name")
+
+
+TrajectorySpec = Annotated[
+    RouteSpec | WaypointsSpec | ConstantTwistSpec | StaticSpec | TableSpec, Field(discriminator="kind")
+]
