@@ -19,10 +19,12 @@ from scarl_sionna.core.pose import Pose, Twist
 
 from .gait import SEGMENTS, WalkingGait
 from .motion import Motion, Trajectory
+from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
 
 PANEL = 0.25
 """Length of the panels over which a rate is integrated by an 8-point Gauss rule [s]."""
-_SEGMENT = re.compile(rf"_({'|'.join(SEGMENTS)})(?:_[a-z]+)?$")
+_SEGMENT = re.compile(rf"(?:^|_)({'|'.join(SEGMENTS)})(?:_[a-z]+)?$")
+_PEDALLING = re.compile(rf"(?:^|_)({'|'.join(PEDALLING_SEGMENTS)})(?:_[a-z]+)?$")
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
@@ -138,6 +140,25 @@ class Walk:
         return {shape: moved[segment] for shape, segment in self.shapes.items()}
 
 
+@dataclass(frozen=True, eq=False)
+class Pedal:
+    """A pedalling cyclist: `shapes` holds the part of each shape, which is modelled in that part's frame, see `pedalling`."""
+
+    shapes: Mapping[str, str]
+    legs: PedallingLegs
+    cadence: Cadence
+    trajectory: Trajectory
+    turned: Accumulated
+    start_angle: float = 0.0
+    changes_shape: bool = False
+
+    def motions(self, time: float) -> dict[str, Motion]:
+        """Return the motion of every part at the angle that the cranks have after the way so far."""
+        rate = self.cadence.rate(forward_speed(self.trajectory, time))
+        moved = self.legs.motions(self.turned.at(time) + self.start_angle, rate)
+        return {shape: moved[part] for shape, part in self.shapes.items()}
+
+
 def joints_from_tables(
     tables: Sequence[Mapping[str, Any]], actor: str, shapes: Sequence[str], trajectory: Trajectory
 ) -> tuple[Joint, ...]:
@@ -146,8 +167,9 @@ def joints_from_tables(
     Parameters
     ----------
     tables : sequence of mapping
-        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius) and ``walk`` (height[, phase]), whose
-        shapes are those of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for instance ``walker_head_hair``.
+        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius), ``walk`` (height[, phase]) and ``pedal``
+        (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The shapes of the last two are those of the actor
+        whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for instance ``walker_head_hair``.
     actor : str
         Whose joints they are, for error messages.
     shapes : sequence of str
@@ -169,8 +191,10 @@ def joints_from_tables(
             joint: Joint = _wheel(table, what, shapes, trajectory)
         elif kind == "walk":
             joint = _walk(table, what, shapes, trajectory)
+        elif kind == "pedal":
+            joint = _pedal(table, what, shapes, trajectory)
         else:
-            raise UnknownNameError(f"kind of {what}", kind, ("wheel", "walk"))
+            raise UnknownNameError(f"kind of {what}", kind, ("wheel", "walk", "pedal"))
         used = set(joint.shapes)
         if twice := sorted(used & taken):
             raise ParameterRangeError(f"{what}.shapes", twice[0], "a shape without another joint")
@@ -200,13 +224,41 @@ def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajector
 
 def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Walk:
     _check_keys(table, what, {"height"}, {"phase"})
-    found = {shape: match[1] for shape in shapes if (match := _SEGMENT.search(shape))}
-    if missing := [segment for segment in SEGMENTS if segment not in found.values()]:
-        raise ParameterRangeError(
-            f"{what}.shapes", f"no shape ends in '_{missing[0]}'", "at least one shape for each segment of the body"
-        )
+    found = _segments(shapes, _SEGMENT, SEGMENTS, what)
     gait = WalkingGait(float(table["height"]))
     return Walk(
         found, gait, trajectory,
         Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))), float(table.get("phase", 0.0)),
+    )  # fmt: skip
+
+
+def _segments(shapes: Sequence[str], pattern: re.Pattern[str], segments: Sequence[str], what: str) -> dict[str, str]:
+    """Return the segment of each shape whose id names one."""
+    found = {shape: match[1] for shape in shapes if (match := pattern.search(shape))}
+    if missing := [segment for segment in segments if segment not in found.values()]:
+        raise ParameterRangeError(
+            f"{what}.shapes", f"no shape ends in '_{missing[0]}'", "at least one shape for each segment of the body"
+        )
+    return found
+
+
+def _pedal(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Pedal:
+    needed = {"axle", "crank", "hip", "foot_y", "upper_leg", "lower_leg", "pedal_from_ankle", "wheel_radius", "gear"}
+    angles = {"foot_pitch_deg", "foot_swing_deg", "foot_lag_deg"}
+    _check_keys(table, what, needed, angles | {"cadence_limit", "coast_above", "phase"})
+    pairs = {}
+    for name in ("axle", "hip", "pedal_from_ankle"):
+        pair = np.asarray(table[name], dtype=np.float64)
+        if pair.shape != (2,) or not np.isfinite(pair).all():
+            raise ParameterRangeError(f"{what}.{name}", table[name], "two finite coordinates x, z [m]")
+        pairs[name] = (float(pair[0]), float(pair[1]))
+    lengths = {name: float(table[name]) for name in ("crank", "foot_y", "upper_leg", "lower_leg")}
+    turns = {name.removesuffix("_deg"): np.radians(float(table[name])) for name in angles & set(table)}
+    cadence = Cadence(
+        float(table["wheel_radius"]), float(table["gear"]), float(table.get("cadence_limit", np.inf)) / 60.0,
+        float(table.get("coast_above", np.inf)),
+    )  # fmt: skip
+    return Pedal(
+        _segments(shapes, _PEDALLING, PEDALLING_SEGMENTS, what), PedallingLegs(**pairs, **lengths, **turns), cadence, trajectory,
+        Accumulated(trajectory, cadence.rate), 2.0 * np.pi * float(table.get("phase", 0.0)),
     )  # fmt: skip
