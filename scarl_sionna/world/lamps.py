@@ -27,16 +27,18 @@ STREET_LAMP_FLUX = 9000.0
 _COLORS = {
     "headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.0, 0.0), "street_lamp": (1.0, 0.86, 0.66),
     "indoor": (1.0, 0.93, 0.82), "signal_red": (1.0, 0.02, 0.01), "signal_amber": (1.0, 0.36, 0.0), "signal_green": (0.0, 1.0, 0.32),
+    "lane_red": (1.0, 0.02, 0.01), "lane_green": (0.0, 1.0, 0.32),
 }  # fmt: skip
 """Linear RGB: LED of 5000 K, red, LED of 4000 K, LED of 5000 K, signals, before they are scaled to luminance 1."""
-ALWAYS_ON = {"indoor": 8000.0, "signal_red": 6400.0, "signal_amber": 6400.0, "signal_green": 6400.0}
+ALWAYS_ON = {"indoor": 8000.0, "signal_red": 6400.0, "signal_amber": 6400.0, "signal_green": 6400.0, "lane_red": 300.0, "lane_green": 300.0}
 """Luminance of lamps that shine by day, too [cd/m2]: a fluorescent tube or LED panel; a signal of 200 cd (EN 12368, class 2) over its
-lens of 200 mm."""
+lens of 200 mm; a lane signal dimmed for a tunnel (engineering estimate)."""
 _GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 8.0}
 """Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear position
 lamp gives 4 to 17 cd (UN Regulations 149 and 148)."""
-_WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0, "indoor": 3.0, "signal_red": 0.02, "signal_amber": 0.02, "signal_green": 0.02}
-"""How often a light path asks a surface for light; beams ask at weight 1."""
+_WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0, "indoor": 3.0}
+_SIGNAL_WEIGHT = 0.05
+"""How often a light path asks a surface for light; beams ask at weight 1. Signals are bright to look at and light little."""
 
 BEAM_FOV_DEG = 100.0
 _BEAM_SIZE = (256, 768)
@@ -102,7 +104,7 @@ def lamp_elements(
             continue
         emitter = ET.Element("emitter", {"type": "area"})
         ET.SubElement(emitter, "rgb", {"name": "radiance", "value": "1, 1, 1"})
-        ET.SubElement(emitter, "float", {"name": "sampling_weight", "value": repr(_WEIGHTS[lamp])})
+        ET.SubElement(emitter, "float", {"name": "sampling_weight", "value": repr(_WEIGHTS.get(lamp, _SIGNAL_WEIGHT))})
         glowing[shape] = emitter
         if lamp == "headlamp":
             beams += [_beam(f"beam-{shape}-{side}", folder / "low_beam.exr") for side in ("left", "right")]

@@ -12,7 +12,9 @@ from scarl_sionna.core.errors import MaterialError, SceneError, UnknownNameError
 from .document import MaterialEntry
 from .xml_file import property_of
 
-LAMP_KINDS = ("headlamp", "taillamp", "street_lamp", "indoor", "signal_red", "signal_amber", "signal_green")
+LAMP_KINDS = (
+    "headlamp", "taillamp", "street_lamp", "indoor", "signal_red", "signal_amber", "signal_green", "lane_red", "lane_green",
+)  # fmt: skip
 """What a material's `lamp` may be."""
 
 
