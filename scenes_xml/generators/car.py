@@ -75,7 +75,7 @@ def _smoothstep(x: Array) -> Array:
     return np.asarray(x * x * (3 - 2 * x))
 
 
-def _deform(shape: CarShape, p: Array) -> Array:
+def deform(shape: CarShape, p: Array) -> Array:
     """Return points with the nose and tail bowed in plan and sloped in side view; x = +-half length stays on the axis."""
     x, y, z = p[..., 0], p[..., 1] / (shape.width / 2), p[..., 2]
     front = _smoothstep((x - (shape.front_axle + 0.30)) / (shape.half_length - shape.front_axle - 0.30))
@@ -107,7 +107,7 @@ def _stations(shape: CarShape) -> tuple[Array, Array]:
     return x, inset
 
 
-def _shell_ring(shape: CarShape, x: float, inset: float, deck: PchipInterpolator) -> Array:
+def shell_ring(shape: CarShape, x: float, inset: float, deck: PchipInterpolator) -> Array:
     """Return one closed cross-section, shape (n, 3): bottom middle, left side, top middle, right side."""
     arch_radius = shape.wheel_radius + 0.055
     low = shape.floor + 0.45 * inset + 0.05 * _smoothstep(np.array((abs(x) - 1.7) / 0.6))
@@ -147,15 +147,15 @@ def shell(shape: CarShape) -> tuple[Mesh, Mesh]:
     xs, insets = _stations(shape)
     z = np.array(shape.deck)
     deck = PchipInterpolator(z[:, 0], z[:, 1])
-    rings = np.stack([_shell_ring(shape, float(x), float(i), deck) for x, i in zip(xs, insets, strict=True)])
-    parts = [grid(_deform(shape, rings), close_columns=True)]
+    rings = np.stack([shell_ring(shape, float(x), float(i), deck) for x, i in zip(xs, insets, strict=True)])
+    parts = [grid(deform(shape, rings), close_columns=True)]
     columns = rings.shape[1]
     column = np.repeat(np.tile(np.arange(columns), len(rings) - 1), 2)
     black = [np.minimum(column, columns - 1 - column) < (6 if shape.cladding else 3)]
     for ring, flip in ((rings[0], False), (rings[-1], True)):
         centre = np.array([ring[0, 0], 0.0, 0.5 * (ring[:, 2].min() + ring[:, 2].max())])
         levels = [centre + (ring - centre) * t for t in (1.0, 0.86, 0.66, 0.42, 0.2, 0.0)]
-        cap = grid(_deform(shape, np.stack(levels)), close_columns=True)
+        cap = grid(deform(shape, np.stack(levels)), close_columns=True)
         black.append(np.zeros(len(cap.faces), bool))
         parts.append(cap if flip else cap.flipped())
     whole, is_black = outward(merge(parts)), np.concatenate(black)
@@ -188,11 +188,16 @@ def _cabin_outline(base: tuple[float, float], half: float, bow: float, breaks: A
     return np.column_stack([x, y])
 
 
-def cabin(shape: CarShape) -> tuple[Mesh, Mesh, Mesh]:
-    """Return the painted, the glazed and the black part of the cabin; together a closed surface with the shell below."""
+def cabin_breaks(shape: CarShape) -> Array:
+    """Return where the columns of the cabin's side stand, 0 = front to 1 = rear."""
     inner = [v for pair in shape.glazing for v in pair]
     fill = [0.5 * (a + b) for a, b in shape.glazing]
-    breaks = np.unique(np.round([0.0, *inner, *fill, 1.0], 6))
+    return np.unique(np.round([0.0, *inner, *fill, 1.0], 6))
+
+
+def cabin_points(shape: CarShape) -> tuple[Array, Array, int]:
+    """Return the grid of the cabin (rows, columns, 3) [m], the kind of each cell (`_cabin_kinds`), and the columns of its left half."""
+    breaks = cabin_breaks(shape)
     low = _cabin_outline(shape.cabin_base, shape.cabin_base_width, 0.20, breaks, 0.10)
     high = _cabin_outline(shape.cabin_top, shape.cabin_top_width, 0.10, breaks, 0.06)
     z = np.array(shape.deck)
@@ -215,8 +220,15 @@ def cabin(shape: CarShape) -> tuple[Mesh, Mesh, Mesh]:
         roof.append(np.stack([rx, ry, _roof(shape, rx, ry) - drop], -1))
     half = np.concatenate([walls, np.stack(roof)])
     full = np.concatenate([half, half[:, -2:0:-1] * [1.0, -1.0, 1.0]], axis=1)
-    surface = grid(full, close_columns=True)
     kind = _cabin_kinds(shape, breaks, len(half), half.shape[1], full.shape[1])
+    return full, kind, half.shape[1]
+
+
+def cabin(shape: CarShape) -> tuple[Mesh, Mesh, Mesh]:
+    """Return the painted, the glazed and the black part of the cabin; together a closed surface with the shell below."""
+    full, kind, _ = cabin_points(shape)
+    centre_x = 0.5 * (shape.cabin_top[0] + shape.cabin_top[1])
+    surface = grid(full, close_columns=True)
     flip = np.einsum("i,i->", surface.vertices[surface.faces[0]].mean(0) - [centre_x, 0, 1.0], np.cross(
         *(surface.vertices[surface.faces[0]][1:] - surface.vertices[surface.faces[0]][0]))) < 0  # fmt: skip
     surface = surface.flipped() if flip else surface
@@ -305,12 +317,13 @@ def wheel_centre(shape: CarShape, name: str) -> tuple[float, float, float]:
     return (shape.front_axle if front else shape.rear_axle, 0.44 * shape.width * (1 if left else -1), shape.wheel_radius)
 
 
-def build(shape: CarShape, turning_wheels: bool = False) -> dict[str, tuple[Mesh, str]]:
+def build(shape: CarShape, turning_wheels: bool = False, mirrors_apart: bool = False) -> dict[str, tuple[Mesh, str]]:
     """Return the parts of a car: name -> (mesh, role); the role names the kind of material.
 
     Roles: ``paint``, ``glass``, ``trim``, ``tyre``, ``rim``, ``headlamp``, ``taillamp``, ``chrome``, ``plate``. With
     `turning_wheels` each tyre and rim is a part of its own (``wheel_front_left_tyre``), about the centre of `wheel_centre`;
-    else all tyres are one part and all rims another.
+    else all tyres are one part and all rims another. With `mirrors_apart` the outside mirrors are a part of their own, not of the
+    body.
     """
     lower, dark = shell(shape)
     painted, glazed, black = cabin(shape)
@@ -399,6 +412,8 @@ def build(shape: CarShape, turning_wheels: bool = False) -> dict[str, tuple[Mesh
         "chrome": (merge(chromes), "chrome"),
         "plates": (merge(plates), "plate"),
     }
+    if mirrors_apart:
+        parts |= {"body": (body, "paint"), "mirrors": (merge(mirrors), "paint")}
     if turning_wheels:
         del parts["tyres"], parts["rims"]
         for name, (tyre, rim, _) in wheels.items():

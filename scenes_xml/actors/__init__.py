@@ -1,0 +1,1 @@
+"""Actor models: vehicles and people as plain Mitsuba files, and the scripts that build them."""

@@ -1,0 +1,122 @@
+"""Small car, saloon and SUV."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..generators import car, car_light
+from ..generators.car import CarShape
+from ..generators.mesh import Mesh, box, merge
+from ..generators.vehicle_parts import bar, car_underbody, plate_text
+from . import materials
+from .materials import ROLES, VEHICLE, Color
+from .model import Model, Part
+
+SHAPES: dict[str, CarShape] = {
+    "small_car": CarShape(
+        length=3.70, width=1.66, height=1.50, front_axle=1.17, rear_axle=-1.17,
+        deck=((-1.85, 0.94), (-1.72, 0.98), (-1.0, 0.98), (0.0, 0.96), (0.75, 0.94), (1.15, 0.88), (1.55, 0.80), (1.85, 0.72)),
+        cabin_base=(-1.77, 1.00), cabin_top=(-1.42, 0.18), cabin_base_width=0.75, cabin_top_width=0.60,
+        glazing=((0.05, 0.44), (0.48, 0.86)),
+        wheel_radius=0.29, floor=0.17, front_bow=0.22, rear_bow=0.13, tail_slope=0.03, nose_slope=0.11, lamp_height=0.69, tail_lamp=(0.70, 0.95),
+        extra={"plate_z": 0.60, "tail_lamp_inner": 0.72, "mirror_z": 1.01, "handle_z": 0.83, "roof_sag": 0.06},
+    ),
+    "saloon": CarShape(
+        length=4.6, width=1.82, height=1.46, front_axle=1.38, rear_axle=-1.36,
+        deck=((-2.3, 0.93), (-2.15, 0.985), (-1.7, 0.985), (-1.0, 0.955), (0.0, 0.935), (0.95, 0.915), (1.5, 0.85), (2.0, 0.76), (2.3, 0.69)),
+        cabin_base=(-1.85, 1.10), cabin_top=(-0.95, 0.28), cabin_base_width=0.82, cabin_top_width=0.60,
+        glazing=((0.06, 0.44), (0.475, 0.82)),
+        tail_lamp=(0.74, 0.90), extra={"plate_z": 0.62, "mirror_z": 0.98},
+    ),
+    "suv": CarShape(
+        length=4.60, width=1.88, height=1.69, front_axle=1.38, rear_axle=-1.36,
+        deck=((-2.3, 1.06), (-2.15, 1.09), (-1.2, 1.09), (0.0, 1.07), (0.95, 1.05), (1.45, 1.00), (2.0, 0.92), (2.3, 0.84)),
+        cabin_base=(-2.22, 1.16), cabin_top=(-1.92, 0.36), cabin_base_width=0.865, cabin_top_width=0.70,
+        glazing=((0.05, 0.34), (0.37, 0.66), (0.70, 0.91)),
+        wheel_radius=0.36, floor=0.24, spokes=6, rear_bow=0.10, tail_slope=0.03, lamp_height=0.80, tail_lamp=(0.74, 1.03), cladding=True,
+        extra={"plate_z": 0.76, "tail_lamp_inner": 0.76, "mirror_z": 1.13, "handle_z": 0.92, "roof_sag": 0.045},
+    ),
+}  # fmt: skip
+"""Measures; widths without mirrors."""
+
+TITLES = {"small_car": "Small car", "saloon": "Saloon car", "suv": "Sport utility vehicle"}
+PAINTS: dict[str, dict[str, Color]] = {
+    "small_car": {"yellow": (0.62, 0.36, 0.015), "red": (0.40, 0.014, 0.016), "white": (0.70, 0.70, 0.68), "blue": (0.02, 0.12, 0.34), "black": (0.012, 0.012, 0.014)},
+    "saloon": {"blue": (0.012, 0.045, 0.16), "silver": (0.50, 0.51, 0.52), "red": (0.36, 0.012, 0.014), "white": (0.70, 0.70, 0.68), "black": (0.012, 0.012, 0.014)},
+    "suv": {"grey": (0.13, 0.14, 0.15), "white": (0.70, 0.70, 0.68), "green": (0.02, 0.075, 0.045), "red": (0.30, 0.012, 0.016), "black": (0.012, 0.012, 0.014)},
+}  # fmt: skip
+"""The first one is the default."""
+
+
+def joints(centres: dict[str, tuple[float, float, float]], wheels: dict[str, list[str]]) -> list[dict[str, Any]]:
+    """Return wheel joints: name of each wheel -> its centre (the height is the radius) [m] and its shapes."""
+    return [
+        {"kind": "wheel", "shapes": wheels[name], "center": centre, "radius": centre[2]}
+        for name, centre in centres.items()
+    ]
+
+
+def build(name: str) -> Model:
+    """Return the model of a car."""
+    shape = SHAPES[name]
+    under = car_underbody(shape.front_axle, shape.rear_axle, shape.width, shape.length, shape.floor, shape.wheel_radius)
+    detailed = {
+        part: Part(replace(mesh, uv=None), ROLES[role], 50.0 if role == "paint" else 35.0)
+        for part, (mesh, role) in car.build(shape, turning_wheels=True, mirrors_apart=True).items()
+    }
+    plates, letters = _plates(shape)
+    detailed |= {"plates": Part(plates, "number_plate"), "plate_text": Part(letters, "black_plastic")}
+    detailed["underbody"] = Part(merge(list(under.values())), "underbody_steel")
+    detailed |= _extras(shape, name, detailed)
+    light = {part: Part(mesh, ROLES[role], 40.0) for part, (mesh, role) in car_light.build(shape).items()}
+    light["plates"] = Part(plates, "number_plate")
+    light["underbody"] = Part(under["floor"], "underbody_steel")
+    centres = {wheel: car.wheel_centre(shape, wheel) for wheel in car.WHEELS}
+    wheels = {wheel: [f"wheel_{wheel}_tyre", f"wheel_{wheel}_rim"] for wheel in car.WHEELS}
+    head = {
+        "name": name, "title": TITLES[name], "class": "Car", "motion": "vehicle",
+        "length": shape.length, "width": shape.width, "height": shape.height,
+        "wheelbase": shape.front_axle - shape.rear_axle, "rear_axle": shape.rear_axle, "ego_mount": shape.length <= 4.6,
+    }  # fmt: skip
+    default = next(iter(PAINTS[name].values()))
+    bsdfs = {"paint": materials.paint(default), **VEHICLE}
+    variants = {variant: {"paint": color} for variant, color in PAINTS[name].items()}
+    return Model(head, detailed, light, bsdfs, variants, joints(centres, wheels))
+
+
+def _plates(shape: CarShape) -> tuple[Mesh, Mesh]:
+    """Return both number plates, flat, 3 mm inside the outer length, and their letters, which reach it."""
+    x = shape.length / 2 - 0.003
+    boxes, letters = [], []
+    for sign, z in ((1.0, 0.475), (-1.0, shape.extra["plate_z"])):
+        boxes.append(box((0.04, 0.52, 0.11), (sign * (x - 0.02), 0.0, z)))
+        letters.append(plate_text(sign * x, z, sign > 0, 3))
+    return merge(boxes), merge(letters)
+
+
+def _extras(shape: CarShape, name: str, parts: dict[str, Part]) -> dict[str, Part]:
+    """Return mirror glass, and the roof rails of the SUV."""
+    mirrors = parts["mirrors"].mesh.vertices
+    reach, rear = np.abs(mirrors[:, 1]).max(), mirrors[:, 0].min()
+    low = np.abs(mirrors[:, 1]) > shape.cabin_base_width + 0.02
+    z = 0.5 * (mirrors[low, 2].min() + mirrors[low, 2].max())
+    y = 0.5 * (reach + shape.cabin_base_width + 0.02)
+    glass = box((0.008, reach - shape.cabin_base_width - 0.07, 0.10), (rear + 0.004, y, z))
+    found = {"mirror_glass": Part(merge([glass, glass.mirrored_y()]), "mirror_silver")}
+    if name == "suv":
+        found["rails"] = Part(_rails(shape), "bright_metal")
+    return found
+
+
+def _rails(shape: CarShape) -> Mesh:
+    rear, front = shape.cabin_top
+    y, z = 0.86 * shape.cabin_top_width, shape.height - 0.028
+    middle = 0.5 * (rear + front)
+    ends = (rear + 0.30, front - 0.30)
+    parts = [bar((ends[0], y, z), (ends[1], y, z), 0.018, 8)]
+    parts += [bar((x, y, z), (x + (0.05 if x < middle else -0.05), y, z - 0.10), 0.02, 6) for x in ends]
+    left = merge(parts)
+    return merge([left, left.mirrored_y()])
