@@ -83,12 +83,13 @@ def _walker(
         "name": name, "title": title, "class": "Pedestrian", "motion": "walk", "length": length, "width": width, "height": height,
     }  # fmt: skip
     first = next(iter(variants.values()))
-    bsdfs = {key: _tinted(bsdf, first.get(key)) for key, bsdf in MATERIALS.items()}
+    bsdfs = {key: tinted(bsdf, first.get(key)) for key, bsdf in MATERIALS.items()}
     joints = [{"kind": "walk", "height": shape.height}]
     return Model(head, _parts(shape, False, worn), _parts(shape, True, worn_light), bsdfs, variants, joints)
 
 
-def _tinted(bsdf: Bsdf, color: Color | None) -> Bsdf:
+def tinted(bsdf: Bsdf, color: Color | None) -> Bsdf:
+    """Return a material in another colour, or itself."""
     return bsdf if color is None else Bsdf(**{**vars(bsdf), "color": color})
 
 
@@ -197,7 +198,7 @@ def standing_adult() -> Model:
         parts["jacket"] = (clothing.jacket_hem(MAN, light).moved(STANDING.hip), "top")
         levels.append(
             {
-                role: Part(merge([body for body, own in parts.values() if own == role]), role, CREASE)
+                f"body_{role}": Part(merge([body for body, own in parts.values() if own == role]), role, CREASE)
                 for role in sorted({own for _, own in parts.values()})
             }
         )
@@ -205,7 +206,7 @@ def standing_adult() -> Model:
         "name": "standing_adult", "title": "Adult who stands", "class": "Pedestrian", "motion": "stand", "length": 0.50, "width": 0.60,
         "height": 1.72,
     }  # fmt: skip
-    bsdfs = {key: _tinted(bsdf, variants["green"].get(key)) for key, bsdf in MATERIALS.items()}
+    bsdfs = {key: tinted(bsdf, variants["green"].get(key)) for key, bsdf in MATERIALS.items()}
     return Model(head, levels[0], levels[1], bsdfs, variants)
 
 

@@ -114,23 +114,23 @@ def bicycle_helmet(shape: BodyShape, light: bool = False) -> Mesh:
     h = shape.height * shape.head_scale
     rows, segments = (4, 10) if light else (9, 22)
     shell = ellipsoid(
-        (0.004 * h, 0.0, 0.090 * h), (0.068 * h, 0.056 * h, 0.064 * h), low=0.05, rows=rows, segments=segments
+        (0.004 * h, 0.0, 0.078 * h), (0.069 * h, 0.057 * h, 0.072 * h), low=0.05, rows=rows, segments=segments
     )
     if light:
         return shell
     ribs = []
     for y in (-0.03, 0.0, 0.03):
         t = np.radians(np.linspace(15.0, 165.0, 9))
-        top = 0.066 * h * np.sqrt(1.0 - (y / 0.056) ** 2)
+        top = 0.073 * h * np.sqrt(1.0 - (y / 0.056) ** 2)
         ribs.append(
             tube(
-                np.stack([0.004 * h + 0.068 * h * np.cos(t), np.full(9, y * h), 0.090 * h + top * np.sin(t)], 1),
+                np.stack([0.004 * h + 0.068 * h * np.cos(t), np.full(9, y * h), 0.078 * h + top * np.sin(t)], 1),
                 0.005 * h,
                 6,
             )
         )
     strap = tube(
-        np.array([(0.012, s * y, z) for s, y, z in ((1, 0.052, 0.09), (1, 0.046, 0.03), (1, 0.02, 0.006), (-1, 0.02, 0.006), (-1, 0.046, 0.03), (-1, 0.052, 0.09))]) * h,
+        np.array([(0.012, s * y, z) for s, y, z in ((1, 0.052, 0.08), (1, 0.046, 0.03), (1, 0.02, 0.006), (-1, 0.02, 0.006), (-1, 0.046, 0.03), (-1, 0.052, 0.08))]) * h,
         0.003 * h, 5,
     )  # fmt: skip
     return merge([shell, *ribs, strap])
