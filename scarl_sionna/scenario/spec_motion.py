@@ -34,6 +34,15 @@ class AccelerateSpec(Spec):
     speed: Speed = Field(description="at its end [m/s]")
 
 
+class StopSpec(Spec):
+    """Keeping the speed and braking in time to stand at a place: a stop line, the end of a queue."""
+
+    kind: Literal["stop"] = "stop"
+    at: float = Field(ge=0.0, description="way along the lanes from the start of the first one [m]")
+    deceleration: float = Field(3.0, gt=0.0, le=12.0, description="at most [m/s2]")
+    jerk: float = Field(5.0, gt=0.0, le=100.0, description="at most [m/s3]")
+
+
 class ShiftSpec(Spec):
     """A smooth move to the side while driving on: a lane change, a cut-in, or passing an obstacle."""
 
@@ -43,7 +52,7 @@ class ShiftSpec(Spec):
     by: float = Field(ge=-15.0, le=15.0, description="how far, positive to the left [m]")
 
 
-Event = Annotated[BrakeSpec | AccelerateSpec | ShiftSpec, Field(discriminator="kind")]
+Event = Annotated[BrakeSpec | AccelerateSpec | StopSpec | ShiftSpec, Field(discriminator="kind")]
 
 
 class RouteSpec(Spec):
@@ -55,9 +64,6 @@ class RouteSpec(Spec):
     speed: Speed | None = Field(
         None, description="at time 0, kept until an event [m/s]; default: the first lane's limit"
     )
-    profile: tuple[tuple[float, Speed], ...] | None = Field(
-        None, min_length=2, description="pairs of time [s] and speed [m/s] instead of `speed`"
-    )
     offset: float = Field(
         0.0, ge=-15.0, le=15.0, description="from the lane's middle at time 0, positive to the left [m]"
     )
@@ -65,13 +71,7 @@ class RouteSpec(Spec):
 
     @model_validator(mode="after")
     def _check(self) -> RouteSpec:
-        if self.profile is not None:
-            if self.speed is not None or any(event.kind != "shift" for event in self.events):
-                raise ValueError("either `profile`, or `speed` with events that change it")
-            times = [time for time, _ in self.profile]
-            if any(late <= early for early, late in pairwise(times)):
-                raise ValueError("times of `profile` that rise")
-        times = [event.time for event in self.events]
+        times = [event.time for event in self.events if not isinstance(event, StopSpec)]
         if times != sorted(times):
             raise ValueError("events in the order of their times")
         return self
