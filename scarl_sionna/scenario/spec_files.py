@@ -81,7 +81,7 @@ def place_of(path: KeyPath, origin: Origin | None) -> ScenarioPlace:
     if origin is None:
         return ScenarioPlace(key_text(path))
     known = next(path[:length] for length in range(len(path), -1, -1) if path[:length] in origin.marks or not length)
-    line, column = origin.marks[known] if known else (None, None)
+    line, column = origin.marks.get(known, (None, None)) if known or not path else (None, None)
     return ScenarioPlace(key_text(path), origin.file, line, column)
 
 

@@ -59,7 +59,10 @@ def problems_of(error: ParameterRangeError, origin: Origin | None, data: Any = N
 def _expand(error: ValidationError, prefix: KeyPath, origin: Origin | None, data: Any) -> Iterator[ScenarioError]:
     """Yield the problems of an error and of those inside it."""
     model = _model_named(error.title)
-    for item in error.errors():
+    items = error.errors()
+    for item in items:
+        if item["type"] == "too_short" and any(_inside(other["loc"], item["loc"]) for other in items):
+            continue  # items that are wrong themselves were not counted
         path = _written((*prefix, *item["loc"]), data)
         inner = item.get("ctx", {}).get("error")
         if isinstance(inner, ScenarioError):
@@ -68,6 +71,10 @@ def _expand(error: ValidationError, prefix: KeyPath, origin: Origin | None, data
             yield from _expand(inner.__cause__, path, origin, data)
         else:
             yield _problem(item, path, model, origin)
+
+
+def _inside(path: tuple[int | str, ...], other: tuple[int | str, ...]) -> bool:
+    return len(path) > len(other) and path[: len(other)] == other
 
 
 def _written(path: KeyPath, data: Any) -> KeyPath:
