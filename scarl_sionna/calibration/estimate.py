@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import chi2, norm, qmc
 
+from .adam import adam
 from .errors import ConvergenceError, UnusedParameterError
 from .forward import Channel, ForwardModel
 from .physics import RADIUS
@@ -31,6 +32,8 @@ APART = 0.02
 INSIDE = 2.0 * RADIUS
 """Searches start this share of the range away from the bounds: roots such as sqrt(1 - S^2) have no derivative on them."""
 TOLERANCE = 1e-10
+ROUNDING = 1e-11
+"""Of a derivative, a range of the parameter and a unit of the prediction: what Cauchy's integral leaves of a constant is 1e-13."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +163,7 @@ def calibrate(problem: CalibrationProblem, on_progress: Callable[[int, int], Non
     Notes
     -----
     Minimised is the sum of squares of the residuals over their noise, priors included, by a trust-region method with bounds
-    (Levenberg-Marquardt steps, reflective at the bounds) [1]_, from several starts. At the minimum the covariance is the
+    (Levenberg-Marquardt steps, reflective at the bounds) [1]_, or by Adam, from several starts. At the minimum the covariance is the
     inverse of the Fisher information,
 
     .. math:: C = (J^T J)^{-1}, \quad J_{ik} = \frac{1}{\sigma_i} \frac{\partial f_i}{\partial p_k}
@@ -185,12 +188,15 @@ def calibrate(problem: CalibrationProblem, on_progress: Callable[[int, int], Non
     found: list[OptimizeResult] = []
     for number, start in enumerate(starts):
         inside = np.clip((start - lower) / span, INSIDE, 1.0 - INSIDE)
-        found.append(
-            least_squares(
-                residuals, inside, jac=jacobian, bounds=(0.0, 1.0), method="trf", x_scale="jac", ftol=TOLERANCE,
-                xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=problem.max_evaluations,
-            )
-        )  # fmt: skip
+        if problem.optimizer == "adam":
+            found.append(adam(residuals, jacobian, inside, problem.max_evaluations))
+        else:
+            found.append(
+                least_squares(
+                    residuals, inside, jac=jacobian, bounds=(0.0, 1.0), method="trf", x_scale="jac", ftol=TOLERANCE,
+                    xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=problem.max_evaluations,
+                )
+            )  # fmt: skip
         if on_progress is not None:
             on_progress(number + 1, len(starts))
     best = min(found, key=lambda item: float(item.cost))
@@ -216,9 +222,9 @@ def _require_used(model: ForwardModel, starts: list[Array]) -> None:
         np.abs(model.jacobian(point, with_prior=False) * model.span).max(axis=0) for point in (*starts[:1], *middle)
     ]
     largest = np.max(columns, axis=0)
-    unused = [
-        name for name, value in zip(model.names, largest, strict=True) if not value > 1e-9 * max(1e-12, largest.max())
-    ]
+    size = max(float(np.abs(model.predict(item, middle[0]) / item.sigma).max(initial=0.0)) for item in model.channels)
+    least = max(1e-9 * float(largest.max()), ROUNDING * size, 1e-21)
+    unused = [name for name, value in zip(model.names, largest, strict=True) if not value > least]
     if unused:
         raise UnusedParameterError(unused)
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.world.materials import MaterialTable, load_materials
 
+from .body_model import mesh_field
 from .physics import MATERIAL_FIELDS, TrialMaterial, derivative, slab_field, target_field
 from .scene_model import map_data, map_model, path_powers
 from .spec import (
@@ -18,6 +19,7 @@ from .spec import (
     FreeParameter,
     Lobe,
     Measurement,
+    MeshRcs,
     RadarMap,
     RcsPattern,
     ScenePowers,
@@ -145,7 +147,10 @@ class ForwardModel:
 
         else:
             data = map_data(spec) if isinstance(spec, RadarMap) else data  # first: it costs less than to trace
-            model = path_powers(spec, self.table) if isinstance(spec, ScenePowers) else map_model(spec, self.table)
+            if isinstance(spec, MeshRcs):
+                model = mesh_field(spec, self.table)
+            else:
+                model = path_powers(spec, self.table) if isinstance(spec, ScenePowers) else map_model(spec, self.table)
 
             def field(trial: Trial) -> Complex:
                 return model(trial.materials)

@@ -150,6 +150,27 @@ class RcsPattern(MeasurementBase):
         return self
 
 
+class MeshRcs(MeasurementBase):
+    """RCS of a mesh of one material by shooting and bouncing rays, as :func:`scarl_sionna.rcs`; geometry is traced once."""
+
+    kind: Literal["mesh_rcs"] = "mesh_rcs"
+    mesh: str = Field(description="path of a PLY, OBJ, STL or glTF file [m]")
+    material: str
+    theta_deg: Numbers = Field(90.0, description="direction to the radar, from +z [deg]")
+    phi_deg: Numbers = Field(0.0, description="and from +x [deg]")
+    polarization: Literal["VV", "HH", "VH", "HV"] = "VV"
+    frequency: float = Field(77e9, gt=0.0, description="[Hz]")
+    form: Form = Field("power_db", description="complex and amplitude are roots of the RCS [m], power is [m2], power_db [dBsm]")
+
+    @model_validator(mode="after")
+    def _check_grid(self) -> MeshRcs:
+        for name, given in (("theta_deg", self.theta_deg), ("phi_deg", self.phi_deg), ("noise", self.noise or 0.0)):
+            if np.size(given) not in (1, len(self.values)):
+                raise ValueError(f"{name}: one number or one for each of the {len(self.values)} values")
+        _form_fits(self.form, self.values_imag)
+        return self
+
+
 class PointTarget(Spec):
     """A reflector of known RCS in the scene."""
 
@@ -212,7 +233,7 @@ def _form_fits(form: str, imaginary: tuple[float, ...]) -> None:
         raise ValueError("values_imag with form 'complex', and only with it")
 
 
-Measurement = Annotated[SlabMeasurement | RcsPattern | ScenePowers | RadarMap, Field(discriminator="kind")]
+Measurement = Annotated[SlabMeasurement | RcsPattern | MeshRcs | ScenePowers | RadarMap, Field(discriminator="kind")]
 
 
 class CalibrationProblem(Spec):
@@ -226,6 +247,9 @@ class CalibrationProblem(Spec):
     targets: dict[str, LobedTarget] = Field(default_factory=dict)
     num_starts: int = Field(4, ge=1, le=1000, description="the given start and others spread over the bounds")
     max_evaluations: int = Field(200, ge=1, description="of the model, for each start")
+    optimizer: Literal["least_squares", "adam"] = Field(
+        "least_squares", description="trust region with Levenberg-Marquardt steps, or Adam: gradients only"
+    )
     seed: int = Field(0, ge=0)
 
     @model_validator(mode="after")
@@ -284,7 +308,7 @@ def _read_measurement(item: Any, folder: Path) -> Any:
     table, columns, rows = item.pop("table", None), item.pop("columns", {}), item.pop("rows", None)
     if table is not None:
         item |= _columns(folder / table, columns, rows)
-    for key in ("file", "scene"):
+    for key in ("file", "scene", "mesh"):
         if isinstance(item.get(key), str) and (folder / item[key]).exists():
             item[key] = str(folder / item[key])
     return item

@@ -154,7 +154,7 @@ def trace_paths(
         scene, twin = state.radio_scene(), state.world.twin("radio")
         batches, counts = [], [0]
         for first in range(0, len(points), per_batch):
-            with _devices(mi, scene, np.asarray(source, dtype=np.float64), points[first : first + per_batch]):
+            with endpoints(mi, scene, np.asarray(source, dtype=np.float64), points[first : first + per_batch]):
                 columns, count = _solve(scene, options)
             columns["target"] += first
             columns["part"] = twin.part_of_number(columns.pop("object"))
@@ -181,7 +181,7 @@ def trace_paths(
 
 
 @contextmanager
-def _devices(mi: Any, scene: Any, source: Array, targets: Array) -> Iterator[None]:
+def endpoints(mi: Any, scene: Any, source: Array, targets: Array) -> Iterator[None]:
     """Put a transmitter and receivers of both polarisations into the scene, world axes, and take them out again."""
     import sionna.rt as rt
 

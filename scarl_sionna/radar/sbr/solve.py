@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +60,7 @@ def unit_vectors(theta: Array, phi: Array) -> tuple[Array, Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Plan:
+class Plan:
     """Looks sorted by wave and observer: `view` is a pair (wave, observer), with one look a frequency."""
 
     waves: Waves
@@ -72,7 +73,8 @@ class _Plan:
     wavenumber: Array  # (num_looks,), in the order of `look`
 
 
-def _plan(looks: Looks) -> _Plan:
+def plan_of(looks: Looks) -> Plan:
+    """Return the looks sorted by wave and observer."""
     angles = np.column_stack([looks.theta, looks.phi, looks.theta_s, looks.phi_s])
     views, view_of = np.unique(angles, axis=0, return_inverse=True)
     view_of = view_of.reshape(-1)
@@ -84,7 +86,7 @@ def _plan(looks: Looks) -> _Plan:
     np.maximum.at(highest, wave_of[view_of], looks.frequency)
     waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), SPEED_OF_LIGHT / highest)
     observer, theta_s, phi_s = unit_vectors(views[:, 2], views[:, 3])
-    return _Plan(
+    return Plan(
         waves=waves,
         first_view=np.searchsorted(wave_of, np.arange(len(sources) + 1)),
         observer=observer,
@@ -130,9 +132,10 @@ def scattering_matrices(
     """
     result = np.zeros((len(looks), 4), dtype=np.complex128)
     if len(looks):
-        plan = _plan(looks)
+        plan = plan_of(looks)
         for bounce in bounces(body, surfaces, plan.waves, settings):
-            _add_bounce(result, body, bounce, plan, settings)
+            for seen in footprints_seen(body, bounce, plan, settings):
+                _radiate(result, bounce, plan, *seen)
     return result.reshape(len(looks), 2, 2)
 
 
@@ -144,8 +147,10 @@ def _expand(first: Index, member: Index) -> tuple[Index, Index]:
     return position, first[member][position] + within
 
 
-def _add_bounce(result: Complex, body: Body, bounce: Bounce, plan: _Plan, settings: SbrSettings) -> None:
-    """Add what the footprints of one bounce radiate to their observers, in batches of bounded size."""
+def footprints_seen(
+    body: Body, bounce: Bounce, plan: Plan, settings: SbrSettings
+) -> Iterator[tuple[Index, Index, Array]]:
+    """Yield the parts of a bounce's footprints that their observers see: tubes, views and corners, in bounded batches."""
     tubes = bounce.tubes
     looks_of_wave = plan.first_look[plan.first_view[1:]] - plan.first_look[plan.first_view[:-1]]
     work = np.cumsum(looks_of_wave[tubes.wave])
@@ -161,15 +166,15 @@ def _add_bounce(result: Complex, body: Body, bounce: Bounce, plan: _Plan, settin
             seen = plan.backward[view] | ~front | tubes.free[tube]
         else:
             seen = front & tubes.free[tube]
-        _radiate(result, bounce, plan, tube[seen], view[seen], tubes.corners[tube[seen]])
+        yield tube[seen], view[seen], tubes.corners[tube[seen]]
         tested = front & ~seen
-        _add_visible(result, body, bounce, plan, tube[tested], view[tested], settings)
+        yield from _not_hidden(body, bounce, plan, tube[tested], view[tested], settings)
 
 
-def _add_visible(
-    result: Complex, body: Body, bounce: Bounce, plan: _Plan, tube: Index, view: Index, settings: SbrSettings
-) -> None:
-    """Add the parts of footprints that their observers see."""
+def _not_hidden(
+    body: Body, bounce: Bounce, plan: Plan, tube: Index, view: Index, settings: SbrSettings
+) -> Iterator[tuple[Index, Index, Array]]:
+    """Yield the parts of footprints that nothing hides from their observers."""
     if not len(tube):
         return
     tubes = bounce.tubes
@@ -178,10 +183,20 @@ def _add_visible(
     sizes = (settings.ray_spacing * wavelength, settings.edge_spacing * wavelength)
     for corners, rows, dark in refine(tubes.corners[tube], np.arange(len(tube)), hidden, *sizes, *settings.limits):
         seen = dark == 0
-        _radiate(result, bounce, plan, tube[rows[seen]], view[rows[seen]], corners[seen])
+        yield tube[rows[seen]], view[rows[seen]], corners[seen]
 
 
-def _radiate(result: Complex, bounce: Bounce, plan: _Plan, tube: Index, view: Index, corners: Array) -> None:
+def phase_weights(bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> tuple[Index, Index, Complex]:
+    """Return what turns the currents of footprints into far fields: looks, positions in `tube`, and -jk/4pi times the phase integral."""
+    tubes = bounce.tubes
+    difference = plan.observer[view] - tubes.direction[tube]
+    pair, entry = _expand(plan.first_look, view)
+    k = plan.wavenumber[entry]
+    integral = triangle_phase_integral(corners[pair], k[:, None] * difference[pair])
+    return plan.look[entry], pair, -0.25j * k / np.pi * integral * np.exp(-1j * k * tubes.path[tube[pair]])
+
+
+def _radiate(result: Complex, bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> None:
     """Add the field of footprints to the looks of their views."""
     if not len(tube):
         return
@@ -191,12 +206,7 @@ def _radiate(result: Complex, bounce: Bounce, plan: _Plan, tube: Index, view: In
         plan.observer[view],
     )  # fmt: skip
     amplitude = np.einsum("nri,nit->nrt", plan.receive[view], vector).reshape(-1, 4)
-    difference = plan.observer[view] - tubes.direction[tube]
-    pair, entry = _expand(plan.first_look, view)
-    k = plan.wavenumber[entry]
-    integral = triangle_phase_integral(corners[pair], k[:, None] * difference[pair])
-    factor = -0.25j * k / np.pi * integral * np.exp(-1j * k * tubes.path[tube[pair]])
-    look = plan.look[entry]
+    look, pair, factor = phase_weights(bounce, plan, tube, view, corners)
     for column in range(4):
         part = factor * amplitude[pair, column]
         result[:, column] += np.bincount(look, part.real, len(result)) + 1j * np.bincount(look, part.imag, len(result))
