@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from ..generators import bicycle, clothing, pedestrian
+from ..generators import bicycle, clothing, kick_scooter, motorcycle, pedestrian
 from ..generators.bicycle import BicycleShape
+from ..generators.kick_scooter import KickScooterShape
 from ..generators.mesh import Mesh
+from ..generators.motorcycle import MotorcycleShape
 from ..generators.pedestrian import FOOT, LOWER_LEG, UPPER_LEG, BodyShape
 from ..generators.posture import Posture, head_frame, posed, set_at, torso_frame
 from ..generators.xml import Bsdf
@@ -19,6 +21,7 @@ BODY: dict[str, Bsdf] = {
     "top": cloth((0.55, 0.16, 0.02)), "trousers": cloth((0.035, 0.045, 0.08), 0.45), "shoes": shoes((0.03, 0.022, 0.018)),
     "skin": bare((0.50, 0.31, 0.22)), "hair": hair((0.045, 0.028, 0.018)), "bag": bag((0.05, 0.06, 0.08)),
     "helmet": Bsdf("principled", "plastic", 0.5, "estimate, moulded polycarbonate", color=(0.7, 0.7, 0.7), floats={"roughness": 0.25, "specular": 0.5}),
+    "frame_steel": Bsdf("principled", "metal", 0.2, "estimate, powder-coated steel", color=(0.03, 0.03, 0.032), floats={"roughness": 0.4, "specular": 0.5}),
     "visor": Bsdf("principled", "plastic", 0.06, "estimate, smoked polycarbonate", color=(0.01, 0.011, 0.013), floats={"roughness": 0.06, "specular": 0.6}),
     "paint": paint((0.02, 0.10, 0.28)),
 }  # fmt: skip
@@ -119,5 +122,90 @@ def cyclist() -> Model:
     return _model(head, _cyclist, variants, joints, moving)
 
 
-MODELS: dict[str, Callable[[], Model]] = {"bicycle": cyclist}
+SCOOTER = KickScooterShape()
+_SOLE = SCOOTER.deck_top + 0.25 * FOOT * RIDER.height
+UPRIGHT = Posture(
+    hip=(-0.075, 0.0, 1.035), lean_deg=5.0, grip=SCOOTER.grip, foot=(0.075, 0.045, _SOLE), other_foot=(-0.20, -0.045, _SOLE), gaze_deg=4.0,
+    toe_out_deg=8.0, hip_width=0.07, elbow=(-0.5, 0.4, -0.7),
+)  # fmt: skip
+
+
+def _scooter_rider(light: bool) -> dict[str, tuple[Mesh, str]]:
+    parts = dict(kick_scooter.build(SCOOTER, light))
+    parts |= {f"rider_{name}": part for name, part in posed(RIDER, UPRIGHT, light).items()}
+    parts["rider_jacket"] = (clothing.jacket_hem(RIDER, light).moved(UPRIGHT.hip), "top")
+    if light:
+        del parts["rider_pelvis"], parts["rider_head_hair"]
+    else:
+        parts["rider_collar"] = (set_at(clothing.collar(RIDER), *torso_frame(UPRIGHT)), "top")
+        parts["rider_backpack"] = (set_at(clothing.backpack(RIDER), *torso_frame(UPRIGHT)), "bag")
+    return parts
+
+
+def scooter() -> Model:
+    """Return an electric kick scooter with a rider of 1.75 m who stands on it."""
+    half, radius = SCOOTER.wheelbase / 2.0, SCOOTER.wheel_radius
+    head = {
+        "name": "scooter", "title": "Electric kick scooter with a rider", "class": "Bicycle", "motion": "cycle",
+        "wheelbase": SCOOTER.wheelbase, "rear_axle": -half,
+    }  # fmt: skip
+    variants = {
+        "black": {
+            "paint": (0.02, 0.02, 0.022),
+            "top": (0.16, 0.165, 0.175),
+            "trousers": (0.05, 0.08, 0.17),
+            "bag": (0.02, 0.02, 0.022),
+        },
+        "turquoise": {
+            "paint": (0.02, 0.42, 0.38),
+            "top": (0.30, 0.03, 0.05),
+            "trousers": (0.03, 0.03, 0.035),
+            "bag": (0.10, 0.10, 0.11),
+        },
+        "orange": {
+            "paint": (0.70, 0.15, 0.02),
+            "top": (0.02, 0.06, 0.14),
+            "trousers": (0.20, 0.16, 0.10),
+            "bag": (0.22, 0.15, 0.07),
+        },
+    }
+    return _model(head, _scooter_rider, variants, _wheels((half, 0.0, radius), (-half, 0.0, radius), radius))
+
+
+MOTORCYCLE = MotorcycleShape()
+BIKER = BodyShape(1.78, 1.08, 1.0, arm_inset=0.012)
+ASTRIDE = Posture(
+    hip=(-0.27, 0.0, 0.925), lean_deg=20.0, grip=MOTORCYCLE.grip, foot=(MOTORCYCLE.peg[0] - 0.11, MOTORCYCLE.peg[1], MOTORCYCLE.peg[2] + 0.075),
+    gaze_deg=2.0, toe_out_deg=4.0, foot_pitch_deg=6.0, hip_width=0.10, elbow=(-0.3, 0.6, -0.6), knee=(1.0, 0.25, 0.4),
+)  # fmt: skip
+
+
+def _biker(light: bool) -> dict[str, tuple[Mesh, str]]:
+    parts = dict(motorcycle.build(MOTORCYCLE, light))
+    parts |= {f"rider_{name}": part for name, part in posed(BIKER, ASTRIDE, light).items()}
+    shell, visor = (set_at(part, *head_frame(BIKER, ASTRIDE)) for part in clothing.motorcycle_helmet(BIKER, light))
+    parts |= {"rider_helmet": (shell, "helmet"), "rider_visor": (visor, "visor")}
+    del parts["rider_head"], parts["rider_head_hair"]  # inside the helmet
+    for side in () if light else ("left", "right"):
+        parts[f"rider_{side}_glove"] = (parts.pop(f"rider_{side}_lower_arm_hand")[0], "shoes")
+    return parts
+
+
+def biker() -> Model:
+    """Return a motorcycle without fairing and a rider of 1.78 m."""
+    half, radius = MOTORCYCLE.wheelbase / 2.0, MOTORCYCLE.wheel_radius
+    head = {
+        "name": "motorcycle", "title": "Motorcycle with a rider", "class": "Motorcycle", "motion": "cycle",
+        "wheelbase": MOTORCYCLE.wheelbase, "rear_axle": -half,
+    }  # fmt: skip
+    black = {"top": (0.02, 0.02, 0.022), "trousers": (0.022, 0.022, 0.024), "shoes": (0.015, 0.015, 0.015)}
+    variants = {
+        "red": {"paint": (0.40, 0.015, 0.015), "helmet": (0.60, 0.60, 0.60), **black},
+        "blue": {"paint": (0.015, 0.05, 0.28), "helmet": (0.015, 0.015, 0.017), **black},
+        "yellow": {"paint": (0.65, 0.42, 0.01), "helmet": (0.50, 0.04, 0.03), **black, "top": (0.14, 0.07, 0.03)},
+    }
+    return _model(head, _biker, variants, _wheels((half, 0.0, radius), (-half, 0.0, radius), radius))
+
+
+MODELS: dict[str, Callable[[], Model]] = {"bicycle": cyclist, "scooter": scooter, "motorcycle": biker}
 """Name of each model -> the function that makes it."""
