@@ -63,12 +63,26 @@ def demo(
     context: typer.Context,
     out: Annotated[Path, typer.Option(help="Folder to write to.")] = Path("demo_out"),
     scenario: Annotated[
-        Path | None, typer.Option(help="Scenario file (.yaml, .json); the options below win over it.")
+        str | None,
+        typer.Option(help="Scenario file (.yaml, .json) or the name of a ready scenario; the options below win over it."),
     ] = None,
     frames: Annotated[int | None, typer.Option(help=f"Number of frames (default: {_DEFAULTS.num_frames}).")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length instead of a number of frames [s].")] = None,
     quality: Annotated[str | None, typer.Option(help=f"draft or full (default: {_DEFAULTS.quality}).")] = None,
     scene: Annotated[
         str | None, typer.Option(help=f"Scene name or path of an XML file (default: {_DEFAULTS.scene}).")
+    ] = None,
+    variant: Annotated[
+        int | None, typer.Option(help=f"Variant of the scene, built on first use (default: {_DEFAULTS.variant}).")
+    ] = None,
+    detail: Annotated[
+        str | None, typer.Option(help=f"Level of geometry, light or detailed (default: {_DEFAULTS.detail}).")
+    ] = None,
+    lighting: Annotated[
+        str | None, typer.Option(help="day, dusk, night, overcast or rain (default: that of the scene).")
+    ] = None,
+    weather: Annotated[
+        str | None, typer.Option(help="clear, drizzle, rain, heavy_rain, fog, dense_fog or snow (default: clear).")
     ] = None,
     rig: Annotated[
         str | None,
@@ -91,15 +105,20 @@ def demo(
     """
     given = {
         "num_frames": frames,
+        "duration": duration,
         "quality": quality,
         "scene": scene,
+        "variant": variant,
+        "detail": detail,
+        "lighting": lighting,
+        "weather": weather,
         "rig": rig,
         "seed": seed,
         "frame_rate": frame_rate,
     }
     changes = {name: value for name, value in given.items() if value is not None}
     with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
-        base = ScenarioSpec.load(scenario) if scenario else _DEFAULTS
+        base = cli_export.named_scenario(scenario) if scenario else _DEFAULTS
         started = perf_counter()
         summary = _run(base.with_(**changes), out, overwrite)
         _print_summary(summary, perf_counter() - started)

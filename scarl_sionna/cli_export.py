@@ -12,19 +12,20 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from scarl_sionna.cli_common import EXIT_INCOMPLETE, collected_warnings, reported
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.scenario.spec import ScenarioSpec
+from scarl_sionna.scenario.spec import ScenarioSpec, scenario_names
 
 if TYPE_CHECKING:
     from scarl_sionna.exporting import ExportReport, ExportSettings
 
 app = typer.Typer()
+_FILES = (".yaml", ".yml", ".json")
 
 
 @app.command()
 def export(
     context: typer.Context,
     scenarios: Annotated[
-        list[str], typer.Argument(metavar="SCENARIO...", help="Scenario files (.yaml, .json) or names of scenes.")
+        list[str], typer.Argument(metavar="SCENARIO...", help="Scenario files (.yaml, .json), names of ready scenarios or of scenes.")
     ],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
     frames: Annotated[int | None, typer.Option(help="Frames of each scenario, instead of those in its file.")] = None,
@@ -144,15 +145,20 @@ def show_dataset(place: str) -> str:
 
 
 def load_scenario(text: str, frames: int | None = None) -> ScenarioSpec:
-    """Return the scenario of a file, named after it, or of a scene's name."""
+    """Return the scenario of a file, named after it, a ready one, or that of a scene's name."""
     path = Path(text)
-    if path.suffix in (".yaml", ".yml", ".json"):
-        scenario = ScenarioSpec.load(path)
+    if path.suffix in _FILES or text in scenario_names():
+        scenario = named_scenario(text)
         if scenario.name is None:
             scenario = scenario.with_(name=re.sub(r"[^A-Za-z0-9_\-]", "_", path.stem))
     else:
         scenario = ScenarioSpec(scene=text)
     return scenario if frames is None else scenario.with_(num_frames=frames)
+
+
+def named_scenario(text: str) -> ScenarioSpec:
+    """Return the scenario of a file, or a ready one by its name."""
+    return ScenarioSpec.load(text) if Path(text).suffix in _FILES else ScenarioSpec.preset(text)
 
 
 def _part(text: str) -> tuple[int, int]:

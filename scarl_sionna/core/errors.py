@@ -181,7 +181,8 @@ class ScenarioError(ParameterRangeError):
     @property
     def text(self) -> str:
         """Message of this problem alone, without the others that were found."""
-        return f"{self.place}: {self.message}" + (f"; {self.remedy}" if self.remedy else "")
+        between = " " if self.place.key and self.message.startswith("= ") else ": "
+        return f"{self.place}{between}{self.message}" + (f"; {self.remedy}" if self.remedy else "")
 
     def __str__(self) -> str:
         others = [problem for problem in self.problems if problem is not self]

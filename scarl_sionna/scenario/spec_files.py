@@ -101,7 +101,7 @@ def read_marked(path: Path) -> tuple[Any, Origin]:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise ScenarioFileError(
-            f"scenario file cannot be read ({reason})", ScenarioPlace("", file), "give a readable YAML or JSON file",
+            f"scenario file = {path} cannot be read ({reason})", ScenarioPlace("", file), "give a readable YAML or JSON file",
             value=path,
         ) from error  # fmt: skip
     loader = _Loader(text)
@@ -118,10 +118,10 @@ def read_marked(path: Path) -> tuple[Any, Origin]:
         mark = error.problem_mark or error.context_mark
         place = ScenarioPlace("", file) if mark is None else ScenarioPlace("", file, mark.line + 1, mark.column + 1)
         what = " ".join(part for part in (error.context, error.problem) if part)
-        raise ScenarioFileError(f"scenario file is not valid YAML ({what})", place, value=path) from error
+        raise ScenarioFileError(f"scenario file = {path} is not valid YAML ({what})", place, value=path) from error
     except yaml.YAMLError as error:
         raise ScenarioFileError(
-            f"scenario file is not valid YAML ({error})", ScenarioPlace("", file), value=path
+            f"scenario file = {path} is not valid YAML ({error})", ScenarioPlace("", file), value=path
         ) from error
     finally:
         loader.dispose()

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.export import write_dataset
 from tests.exports import scenario_files
 from tests.frames import RIG, make_frame
@@ -71,7 +72,7 @@ def test_a_folder_that_cannot_be_written(tmp_path) -> None:
 
 def test_debug_shows_the_exception(tmp_path) -> None:
     result = RUNNER.invoke(app, ["--debug", "demo", "--frames", "0", "--out", str(tmp_path)])
-    assert type(result.exception).__name__ == "ParameterRangeError"
+    assert isinstance(result.exception, ParameterRangeError)
 
 
 def test_a_number_that_is_none_is_a_usage_error() -> None:

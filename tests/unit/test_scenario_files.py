@@ -235,10 +235,10 @@ def test_all_that_is_wrong_is_told_at_once_in_the_order_of_the_lines(tmp_path) -
 
 
 def test_a_file_that_is_not_there(tmp_path) -> None:
-    with pytest.raises(ScenarioFileError, match="scenario file cannot be read"):
+    with pytest.raises(ScenarioFileError, match="scenario file = .* cannot be read"):
         ScenarioSpec.load(tmp_path / "none.yaml")
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ScenarioFileError, match="scenario file cannot be read"):
+    with pytest.raises(ScenarioFileError, match="scenario file = .* cannot be read"):
         ScenarioSpec.load(tmp_path / "binary.yaml")
 
 
