@@ -142,9 +142,11 @@ class SceneKit:
         positions: Array,
         variant: str | None = None,
         yaw_deg: Array | None = None,
+        detail: str | None = None,
     ) -> None:
         """Add an actor by the name of its model (scenes_xml/actors), with waypoints at `times` [s], shape (n, 3) [m]."""
-        self.actors.append(ActorEntry(name, "", times, np.asarray(positions), yaw_deg, model=model, variant=variant))
+        entry = ActorEntry(name, "", times, np.asarray(positions), yaw_deg, model=model, variant=variant, detail=detail)
+        self.actors.append(entry)
 
     def write(self, script: str | None = None) -> None:
         """Write textures, XML and scene.toml; materials and textures that nothing uses are left out."""

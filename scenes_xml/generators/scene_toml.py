@@ -38,6 +38,7 @@ class ActorEntry:
     joints: Sequence[Mapping[str, Any]] = field(default_factory=tuple)
     model: str | None = None
     variant: str | None = None
+    detail: str | None = None
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,7 @@ def scene_toml(
         else:
             lines.append(f'model = "{actor.model}"')
             lines += [f'variant = "{actor.variant}"'] if actor.variant else []
+            lines += [f'detail = "{actor.detail}"'] if actor.detail else []
         lines += ["[actors.trajectory]", 'kind = "waypoints"', f"times = {_value(actor.times)}"]
         if actor.yaw_deg is not None:
             lines.append(f"yaw_deg = {_value(np.round(actor.yaw_deg, 6))}")
