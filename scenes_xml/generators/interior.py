@@ -29,6 +29,7 @@ MATERIALS: dict[str, Bsdf] = {
     "lining_concrete": _printed("lining_concrete.png", "concrete", 0.35, **ROUGH),
     "lining_coated": _printed("lining_coated.png", "concrete", 0.55, **COATED),
     "garage_concrete": _printed("garage_concrete.png", "concrete", 0.40, **ROUGH),
+    "garage_core": _plain("concrete", 0.45, (0.20, 0.33, 0.36), roughness=0.6),
     "garage_floor": _printed("garage_floor.png", "concrete", 0.30, roughness=0.22, specular=0.5),
     "lamp_indoor": _plain("plastic", 0.50, (0.8, 0.8, 0.78), "indoor", roughness=0.4),
     "signal_green_on": _plain("plastic", 0.30, (0.02, 0.35, 0.12), "signal_green", roughness=0.2),
