@@ -68,6 +68,9 @@ class Weather(Spec):
     """
 
     rain_rate: float = Field(0.0, ge=0.0, le=200.0, description="[mm/h]")
+    drop_sizes: Literal["marshall_palmer", "drizzle", "widespread", "thunderstorm"] = Field(
+        "marshall_palmer", description="distribution of the rain's drops, for what they send back to a radar"
+    )
     visibility: float | None = Field(
         None, gt=10.0, description="meteorological range in the fog alone, 5 % contrast [m]; None: no fog"
     )

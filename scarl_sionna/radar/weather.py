@@ -1,4 +1,4 @@
-"""The air between a radar and what it sees: attenuation by gases, fog and rain at 75 to 82 GHz."""
+"""The air between a radar and what it sees: attenuation by gases, fog, rain and snow at 75 to 82 GHz."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from scarl_sionna.core.atmosphere import CONTRAST, Atmosphere
+from scarl_sionna.core.atmosphere import Atmosphere
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.weather import Weather
+from scarl_sionna.core.weather import fog_water_of as liquid_water
 
 from .antenna import PathGeometry
+from .hydrometeors import snow
 from .paths import RadarPaths
 
 # Recommendation ITU-R P.838-3 (2005), Tables 1 to 4: rows a_j, b_j, c_j; then the slope m and the constant c
@@ -49,8 +52,6 @@ _GAS_DB_PER_KM = np.array([0.36244, 0.35373, 0.34794, 0.34441, 0.34263, 0.34228,
 """Line-by-line sum of Recommendation ITU-R P.676-12, Annex 1: 1013 hPa, 15 degrees C, 7.5 g/m3 of water vapour."""
 
 _FOG_BAND = (1e9, 200e9)
-_KUNKEL = (144.7, 0.88)
-"""Extinction [1/km] of fog is the first times its liquid water [g/m3] to the power of the second."""
 _ICE_POINT = 273.15
 FOG_TEMPERATURE = 283.15
 """Default temperature of the droplets of fog [K]."""
@@ -124,25 +125,6 @@ def _regression(rows: tuple[tuple[float, ...], ...], line: tuple[float, float], 
     return bells + line[0] * x + line[1]
 
 
-def liquid_water(visibility: float) -> float:
-    r"""Return the liquid water content of fog [g/m3] of a visibility (5 % contrast) [m].
-
-    .. math:: M = \left(\frac{\ln 20}{144.7 \, V}\right)^{1 / 0.88}, \quad V \text{ in km}
-
-    Recommendation ITU-R P.840 names 0.05 g/m3 at 300 m and 0.5 g/m3 at 50 m; this gives 0.048 and 0.37. Measured fogs of one
-    visibility differ by a factor of about 2.
-
-    References
-    ----------
-    .. [1] B. A. Kunkel, "Parameterization of droplet terminal velocity and extinction coefficient in fog models",
-       J. Climate Appl. Meteorol. 23, 1984.
-    """
-    if not visibility > 0.0:
-        raise ParameterRangeError("visibility", f"{visibility} m", "> 0 m")
-    factor, power = _KUNKEL
-    return float((-math.log(CONTRAST) / (visibility / 1e3) / factor) ** (1.0 / power))
-
-
 def water_permittivity(frequency: float, temperature: float) -> complex:
     """Return the relative permittivity of liquid water, eps' - j eps'', by the two Debye terms of ITU-R P.840.
 
@@ -202,7 +184,7 @@ def fog_attenuation(water: float, frequency: float, temperature: float = FOG_TEM
 def specific_attenuation(
     atmosphere: Atmosphere, frequency: float, polarization: Literal["V", "H"], gases: bool = True
 ) -> float:
-    """Return the one-way specific attenuation of gases, fog and rain together [dB/km].
+    """Return the one-way specific attenuation of gases, fog, rain and snow together [dB/km].
 
     Parameters
     ----------
@@ -222,7 +204,35 @@ def specific_attenuation(
     total = gas_attenuation(frequency) if gases else 0.0
     if atmosphere.visibility is not None:
         total += fog_attenuation(liquid_water(atmosphere.visibility), frequency)
+    if atmosphere.snow_rate > 0.0:
+        total += snow(atmosphere.snow_rate, frequency, atmosphere.snow, _ICE_POINT).attenuation_db_per_km
     return total + rain_attenuation(atmosphere.rain_rate, frequency, polarization)
+
+
+def weather_attenuation(weather: Weather, frequency: float, polarization: Literal["V", "H"]) -> float:
+    """Return the one-way specific attenuation of a weather [dB/km], of its drops at their own temperature.
+
+    Parameters
+    ----------
+    weather : Weather
+    frequency : float
+        [Hz]; 75e9 to 82e9 where the weather has gases.
+    polarization : {"V", "H"}
+
+    Raises
+    ------
+    ParameterRangeError
+        If a value is out of range.
+    """
+    kelvin = weather.temperature_celsius + _ICE_POINT
+    total = gas_attenuation(frequency) if weather.gases else 0.0
+    if weather.fog_liquid_water > 0.0:
+        total += fog_attenuation(weather.fog_liquid_water, frequency, kelvin)
+    if weather.rain_rate > 0.0:
+        total += rain_attenuation(weather.rain_rate, frequency, polarization)
+    if weather.snow_rate > 0.0:
+        total += snow(weather.snow_rate, frequency, weather.snow, kelvin).attenuation_db_per_km
+    return total
 
 
 def attenuate_paths(paths: RadarPaths, radar: RadarSpec, atmosphere: Atmosphere, gases: bool = True) -> RadarPaths:
@@ -253,10 +263,15 @@ def attenuate_paths(paths: RadarPaths, radar: RadarSpec, atmosphere: Atmosphere,
     A path of length L (there and back) loses ``gamma L`` dB. The way out has the transmitted polarisation, the way back the
     received one, so the cross-polar elements take the mean of both.
 
-    *Not modelled*: echoes of the rain itself (volume clutter, the stronger effect on detection in heavy rain near the radar), its
-    depolarisation, the refractive index of air (0.3 m in 1 km), wet surfaces and radomes, snow.
+    *Not modelled*: depolarisation by drops, the refractive index of air (0.3 m in 1 km), wet radomes. Echoes of what falls are paths
+    of their own, see :func:`scarl_sionna.radar.clutter.volume_clutter`.
     """
-    values = [specific_attenuation(atmosphere, radar.center_frequency, name, gases) for name in ("V", "H")]  # type: ignore[arg-type]
+    v, h = (specific_attenuation(atmosphere, radar.center_frequency, name, gases) for name in ("V", "H"))  # type: ignore[arg-type]
+    return attenuate(paths, radar, (v, h))
+
+
+def attenuate(paths: RadarPaths, radar: RadarSpec, values: tuple[float, float]) -> RadarPaths:
+    """Return paths lowered by one-way specific attenuations for V and H [dB/km], see :func:`attenuate_paths`."""
     mean = (np.array(values)[:, None] + np.array(values)[None, :]) / 2.0
     length = PathGeometry.of(paths, radar).center_length()
     loss_db = mean * (length / 1e3)[:, None, None]
