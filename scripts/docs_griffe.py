@@ -10,7 +10,8 @@ from typing import Any
 from griffe import Docstring, ExprCall, ExprKeyword, Extension
 
 _MATH = re.compile(r"^\.\. math::[ ]*(.*(?:\n(?:[ ]+.*|(?=\n[ ]{2,}\S)))*)", re.MULTILINE)
-_ROLE = re.compile(r":(?:func|class|meth|mod|attr|data|math):`~?([^`]+)`")
+_ROLE = re.compile(r":(?:func|class|meth|mod|attr|data):`~?([^`]+)`")
+_INLINE = re.compile(r":math:`([^`]+)`")
 _REFERENCE = re.compile(r"^\.\. \[(\d+)\] ", re.MULTILINE)
 
 
@@ -18,12 +19,13 @@ def _equation(match: re.Match[str]) -> str:
     first, _, rest = match.group(1).partition("\n")
     lines = [first.strip(), *textwrap.dedent(rest).splitlines()]
     text = "\n".join(line for line in lines if line.strip())
-    return f"```latex\n{text}\n```"
+    return f"$$\n{text}\n$$"
 
 
 def markdown(text: str) -> str:
     """Return a docstring with its reStructuredText as Markdown."""
     text = _MATH.sub(_equation, text)
+    text = _INLINE.sub(lambda match: f"${match.group(1)}$", text)
     text = _ROLE.sub(r"`\1`", text)
     return _REFERENCE.sub(r"\1. ", text)
 

@@ -1,4 +1,4 @@
-"""Hooks of the documentation site: notebooks as pages, CONTRIBUTING.md, and links that leave docs/.
+"""Hooks of the documentation site: notebooks as pages, CONTRIBUTING.md, links that leave docs/, and equations as MathML.
 
 Notebooks are taken with their figures from `build/notebooks`, where `make notebooks` puts them, else without outputs.
 """
@@ -9,15 +9,18 @@ import base64
 import json
 import re
 import textwrap
+from html import unescape
 from pathlib import Path
 from typing import Any
 
+from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTED, SOURCES = ROOT / "build" / "notebooks", ROOT / "notebooks"
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)#\s]+)\)")
 _FENCE_IN_LIST = re.compile(r"^  ```.*?^  ```$", re.MULTILINE | re.DOTALL)
+_EQUATION = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.DOTALL)
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -83,3 +86,13 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
 
     markdown = _FENCE_IN_LIST.sub(lambda match: textwrap.indent(match.group(0), "  "), markdown)
     return _OUTSIDE.sub(inside, markdown)
+
+
+def on_page_content(html: str, **others: Any) -> str:
+    """Typeset equations here, so that the site loads nothing from elsewhere."""
+
+    def typeset(match: re.Match[str]) -> str:
+        inline, text = match.group(1) == "span", unescape(match.group(2)).strip()
+        return str(convert(text[2:-2].strip(), display="inline" if inline else "block"))
+
+    return _EQUATION.sub(typeset, html)
