@@ -143,3 +143,30 @@ def street_lamp(height: float = 5.2) -> dict[str, Mesh]:
     glass = revolve(np.array([(0.0005, 0.0), (0.10, 0.0), (0.19, 0.36), (0.0005, 0.36)])[::-1] + [0.0, height - 0.45], 18)
     cap = revolve(np.array([(0.0005, 0.0), (0.27, 0.0), (0.25, 0.05), (0.06, 0.14), (0.0005, 0.15)])[::-1] + [0.0, height - 0.08], 20)
     return {"pole": Mesh(pole.vertices, pole.faces), "head": outward(cap), "glass": outward(glass)}
+
+
+def sign_stack(*signs: tuple[str, float]) -> dict[str, Mesh]:
+    """Return ``face_0``, ``face_1`` ..., ``back`` and ``pole`` of signs (kind, height of the middle [m]) on one pole, the highest first.
+
+    A kind ``yield`` is a triangle on its tip.
+    """
+    faces, backs, pole = {}, [], None
+    for number, (kind, height) in enumerate(signs):
+        if kind == "yield":
+            parts = sign("triangle", 0.0)
+            turned = {key: _upside_down(parts[key], height) for key in ("face", "back")}
+            single = sign("triangle", height)["pole"]
+        else:
+            turned = single_parts = sign(kind, height)
+            single = single_parts["pole"]
+        faces[f"face_{number}"] = turned["face"]
+        backs.append(Mesh(turned["back"].vertices, turned["back"].faces))
+        pole = single if pole is None else pole
+    assert pole is not None
+    return {**faces, "back": merge(backs), "pole": pole}
+
+
+def _upside_down(part: Mesh, height: float) -> Mesh:
+    """Return a part of a sign at height 0, turned by 180 deg about x and lifted; the picture turns with it, so uv is turned back."""
+    uv = None if part.uv is None else np.column_stack([1.0 - part.uv[:, 0], 1.0 - part.uv[:, 1]])
+    return Mesh(part.vertices * [1.0, -1.0, -1.0] + [0.0, 0.0, height], part.faces, uv)

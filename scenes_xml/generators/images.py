@@ -24,11 +24,11 @@ def save(path: Path, image: Array | Image.Image, levels: int = 32) -> None:
         textures.save(path, image, levels)
 
 
-def asphalt(seed: int, size: int = 512, tone: float = 1.0) -> Array:
+def asphalt(seed: int, size: int = 384, tone: float = 1.0) -> Array:
     """Return asphalt without wheel tracks, for a tile of 4 m."""
     value = (
         0.42
-        + 0.085 * textures.periodic_noise(size, seed + 1, 0.15, 40.0)
+        + 0.085 * textures.periodic_noise(size, seed + 1, 0.15, 30.0)
         + 0.03 * textures.periodic_noise(size, seed + 2, 1.3, 1.0, 30.0)
     )
     value = np.where(textures.periodic_noise(size, seed + 3, 0.0, 100.0) > 2.1, value + 0.14, value)

@@ -113,6 +113,13 @@ class SceneKit:
         """Say what shapes are: patterns of their ids, by default ``<name>_*``."""
         self.instances.append(Instance(name, semantic, tuple(shapes) or (f"{name}_*",), is_object))
 
+    def slim(self, parts: Mapping[str, Mesh], *joined: str) -> dict[str, Mesh]:
+        """Return parts as they are, or at the light level with those named `joined` as one, under the last name."""
+        if not self.is_light:
+            return dict(parts)
+        body = mesh.merge([Mesh(parts[name].vertices, parts[name].faces) for name in joined])
+        return {name: part for name, part in parts.items() if name not in joined} | {joined[-1]: body}
+
     def prefab(
         self, prefix: str, parts: Mapping[str, Mesh], bsdfs: Mapping[str, str], crease_deg: float = 40.0
     ) -> Prefab:
