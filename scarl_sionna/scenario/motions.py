@@ -159,11 +159,12 @@ def _route(spec: RouteSpec, name: str, body: Body, setting: Setting, place: Plac
     shifts = [
         _shift(event, profile, start + body.rear_axle, setting) for event in spec.events if isinstance(event, ShiftSpec)
     ]
-    assert setting.network is not None
+    network = setting.network
+    assert network is not None  # its lanes were found
 
     def along(duration: float | None) -> PathTrajectory:
         return route_trajectory(
-            setting.network, spec.lanes, start, profile, model=body, duration=duration, start_time=setting.start,
+            network, spec.lanes, start, profile, model=body, duration=duration, start_time=setting.start,
             offset=offset, shifts=shifts, name=name,
         )  # fmt: skip
 

@@ -138,6 +138,23 @@ class ScenarioSpec(Spec):
             return beside
         return Path(path)
 
+    def resolved(self) -> ScenarioSpec:
+        """Return the scenario with absolute paths of all files, so that it means the same in another process and folder."""
+
+        def walk(value: Any, key: str = "") -> Any:
+            if isinstance(value, dict):
+                return {name: walk(item, name) for name, item in value.items()}
+            if isinstance(value, list):
+                return [walk(item, key) for item in value]
+            is_path = key in ("file", "scene", "model") and isinstance(value, str)
+            if is_path and ("/" in value or Path(value).suffix) and (found := self.find(value)).exists():
+                return str(found.resolve())
+            return value
+
+        other = type(self)(**walk(self.to_dict()))
+        other._origin = self._origin
+        return other
+
     def with_(self, **changes: Any) -> ScenarioSpec:
         """Return a copy with some fields changed; the copy is validated again. A `duration` replaces the number of frames."""
         values = {name: getattr(self, name) for name in type(self).model_fields}

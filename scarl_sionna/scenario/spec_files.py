@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -47,20 +47,16 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _decimal)
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a scenario comes from: its file, and line and column (from 1) of each key."""
+    """Where a scenario comes from: its file, that file's folder, and line and column (from 1) of each key."""
 
     file: str
+    folder: Path
     marks: Mapping[KeyPath, tuple[int, int]] = field(default_factory=dict)
-
-    @property
-    def folder(self) -> Path:
-        """Folder of the file."""
-        return Path(self.file).resolve().parent
 
     def without(self, keys: Iterable[str]) -> Origin:
         """Return the origin without the lines of some keys of the top level, which no longer say what they said."""
         gone = set(keys)
-        return Origin(self.file, {path: mark for path, mark in self.marks.items() if not path or path[0] not in gone})
+        return replace(self, marks={path: mark for path, mark in self.marks.items() if not path or path[0] not in gone})
 
 
 def key_text(path: Iterable[str | int]) -> str:
@@ -125,7 +121,7 @@ def read_marked(path: Path) -> tuple[Any, Origin]:
         ) from error
     finally:
         loader.dispose()
-    return data, Origin(file, marks)
+    return data, Origin(file, path.resolve().parent, marks)
 
 
 def _walk(

@@ -98,7 +98,7 @@ def _lighting(value: Any) -> Any:
         return {**_preset(Lighting, str(value["preset"]), ("preset",)).model_dump(), **changes}
     if "time_of_day" not in value:
         raise ScenarioKeyError("is missing", ScenarioPlace("time_of_day"), 'give the hour, for instance "18:30"')
-    numbers = {}
+    numbers: dict[str, Any] = {}
     for key, lower, upper in (("day_of_year", 1, 366), ("latitude_deg", -90, 90), ("north_deg", -360, 360)):
         if key in value:
             number = value[key]
