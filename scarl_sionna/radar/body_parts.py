@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.world.dielectrics import water_permittivity
 from scarl_sionna.world.materials import MaterialTable, RadioMaterial, builtin_materials
 
 from .sbr import Body, PartSurfaces, Surface
@@ -212,7 +213,10 @@ def _surface(entry: RadioMaterial | complex | None, frequency: float, rough: boo
     if not isinstance(entry, RadioMaterial):
         return Surface(entry, None, frequency)
     coherence = float(np.sqrt(1.0 - entry.scattering_coefficient**2)) if rough else 1.0
-    return Surface(entry.at(frequency), entry.thickness, frequency, coherence)
+    film = None
+    if entry.water_film > 0.0:
+        film = (water_permittivity(frequency, entry.water_temperature), entry.water_film)
+    return Surface(entry.at(frequency), entry.thickness, frequency, coherence, film)
 
 
 def _permittivity(value: Any) -> complex:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.world.dielectrics import water_permittivity
 from scarl_sionna.world.materials import RadioMaterial
 
 Real = npt.NDArray[np.float64]
@@ -92,8 +93,85 @@ def layer_reflection(
     return coefficients[0], coefficients[1]
 
 
+def film_coefficients(
+    film: complex,
+    film_thickness: float,
+    permittivity: complex,
+    thickness: float | None,
+    cos_incidence: npt.ArrayLike,
+    frequency: float,
+) -> tuple[tuple[Complex, Complex], tuple[Complex, Complex]]:
+    r"""Return reflection and transmission coefficients, TE and TM each, of a film on a half space or on a layer in air.
+
+    Parameters
+    ----------
+    film, permittivity : complex
+        Relative permittivities of the film and of what it lies on, imaginary parts <= 0.
+    film_thickness : float
+        [m].
+    thickness : float or None
+        Of the layer below, with air behind [m]; None: a half space, which lets nothing through.
+    cos_incidence : array_like of float
+        Cosine of the angle from the normal in air, 0 to 1.
+    frequency : float
+        [Hz].
+
+    Returns
+    -------
+    (te, tm), (te, tm) : ndarray of complex128
+        Reflection, signs as in :func:`halfspace_reflection`; transmission between the outer faces.
+
+    Notes
+    -----
+    From the last interface to the first, with the interfaces' coefficients r and the phase q of a layer:
+
+    .. math:: R_i = \frac{r_i + R_{i+1} e^{-2jq_{i+1}}}{1 + r_i R_{i+1} e^{-2jq_{i+1}}}, \quad
+              T_i = \frac{(1 + r_i) T_{i+1} e^{-jq_{i+1}}}{1 + r_i R_{i+1} e^{-2jq_{i+1}}}
+
+    for the tangential field of TE, the magnetic field of TM.
+
+    References
+    ----------
+    .. [1] M. Born, E. Wolf, *Principles of Optics*, 7th ed., section 1.6; Recommendation ITU-R P.2040-3, section 2.2.2.
+    """
+    cosine = np.asarray(cos_incidence, dtype=np.float64)
+    media = [1.0 + 0j, film, permittivity, *([] if thickness is None else [1.0 + 0j])]
+    depths = [film_thickness, *([] if thickness is None else [thickness])]
+    normal = [np.sqrt(medium - (1.0 - cosine**2) + 0j) for medium in media]
+    wave = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
+    reflected, passed = [], []
+    for magnetic in (False, True):
+        admittance = [q / medium if magnetic else q for q, medium in zip(normal, media, strict=True)]
+        total = _interface(admittance[-2], admittance[-1])
+        through = 1.0 + total
+        for index in range(len(depths), 0, -1):
+            once = np.exp(-1j * wave * depths[index - 1] * normal[index])
+            face = _interface(admittance[index - 1], admittance[index])
+            denominator = 1.0 + face * total * once**2
+            through = (1.0 + face) * through * once / denominator
+            total = (face + total * once**2) / denominator
+        reflected.append(total)
+        passed.append(np.zeros_like(through) if thickness is None else through)
+    return (reflected[0], reflected[1]), (passed[0], passed[1])
+
+
+def _interface(first: Complex, second: Complex) -> Complex:
+    """Return (a - b) / (a + b), 0 where both vanish (grazing)."""
+    total = first + second
+    return np.asarray(np.divide(first - second, total, out=np.zeros_like(total), where=total != 0))
+
+
+def _wet(material: RadioMaterial, frequency: float, cosine: Real) -> tuple[tuple[Complex, Complex], tuple[Complex, Complex]]:
+    water = water_permittivity(frequency, material.water_temperature)
+    return film_coefficients(
+        water, material.water_film, material.at(frequency), material.thickness, cosine, frequency
+    )
+
+
 def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
     """Return the reflection coefficients of a material, TE and TM: of one layer if it has a thickness, else a half space.
+
+    A film of water lies on its face where the material has one, see :func:`film_coefficients`.
 
     Parameters
     ----------
@@ -108,6 +186,8 @@ def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.Arr
     MaterialRangeError
         If the material has no data at this frequency.
     """
+    if material.water_film > 0.0:
+        return _wet(material, frequency, np.asarray(cos_incidence, dtype=np.float64))[0]
     permittivity = material.at(frequency)
     if material.thickness is None:
         return halfspace_reflection(permittivity, cos_incidence)
@@ -148,6 +228,10 @@ def transmission(material: RadioMaterial, frequency: float, cos_incidence: npt.A
     if material.thickness is None:
         nothing = np.zeros(cosine.shape, dtype=np.complex128)
         return nothing, nothing.copy()
+    if material.water_film > 0.0:
+        whole = 2.0 * np.pi * (material.thickness + material.water_film) * frequency / SPEED_OF_LIGHT
+        te, tm = _wet(material, frequency, cosine)[1]
+        return te * np.exp(1j * whole * cosine), tm * np.exp(1j * whole * cosine)
     depth = 2.0 * np.pi * material.thickness * frequency / SPEED_OF_LIGHT
     phase = depth * np.sqrt(permittivity - (1.0 - cosine**2) + 0j)
     once = np.exp(-1j * phase)

@@ -14,6 +14,7 @@ from scarl_sionna.core.results import RadarFrame
 
 from .adc import quantize
 from .channel import solve_paths
+from .clutter import through_weather
 from .synthesis import synthesize
 from .synthesis.blocks import retraced, synthesize_blocks
 
@@ -66,7 +67,7 @@ class Radar:
         sensor_twist : Twist
             Velocity of the radar, world axes.
         seed_generator : numpy.random.Generator
-            Source of the receiver noise, the only randomness.
+            Source of the receiver noise, and of the drops in the air where the weather is not clear.
 
         Returns
         -------
@@ -80,13 +81,19 @@ class Radar:
         """
         options = {"radar_twist": sensor_twist, **self.solver_options}
         paths = solve_paths(state, self.spec, world_from_sensor, self.method, **options)
+        drops = None if state.world.weather.is_clear else seed_generator.spawn(1)[0]
+        alone, paths = paths, through_weather(paths, state, self.spec, drops, sensor_twist)
         start = time.perf_counter()
         rng = seed_generator if self.noise else None
         if self.chirps_per_block is None:
             adc = synthesize(paths, self.spec, rng=rng)
         else:
             paths_at = retraced(state.world, self.spec, world_from_sensor, state.time, self.method, **options)
-            adc = synthesize_blocks(paths_at, self.spec, self.chirps_per_block, rng=rng)
+            adc = synthesize_blocks(
+                lambda time: through_weather(paths_at(time), state, self.spec, None), self.spec, self.chirps_per_block, rng=rng
+            )
+            if paths.num_paths > alone.num_paths:  # drops are traced once: they move straight
+                adc += synthesize(paths.select(slice(alone.num_paths, None)), self.spec)
         synthesized = time.perf_counter()
         codes, scale, num_saturated = quantize(adc, self.spec)
         solve = paths.diagnostics.get("seconds", {})

@@ -59,6 +59,8 @@ class RadioMaterial(Spec):
     permittivity_exponent: float = Field(0.0, description="b of the power law")
     conductivity_exponent: float = Field(1.0, description="d of the power law; 1: constant loss tangent")
     thickness: float | None = Field(None, gt=0.0, description="of the layer with air behind [m]; None: half space")
+    water_film: float = Field(0.0, ge=0.0, le=0.1, description="depth of water on its face [m]; 0: dry")
+    water_temperature: float = Field(283.15, ge=250.0, le=330.0, description="of that water [K]")
     roughness_rms: float = Field(0.0, ge=0.0, description="standard deviation of the surface height [m]")
     scattering_coefficient: float = Field(
         0.0, ge=0.0, le=1.0, description="fraction of the reflected field that is scattered diffusely"

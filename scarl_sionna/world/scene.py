@@ -17,6 +17,7 @@ from scarl_sionna.core.lighting import Lighting
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
+from scarl_sionna.core.weather import Weather
 
 from .document import InstanceEntry, SceneDocument
 from .geometry import Triangles, encloses, even_directions, refine_distance, upright_box
@@ -25,6 +26,7 @@ from .motion import Motion
 from .scene_file import read_document
 from .tables import Actor, InstanceInfo, RayHits, part_table
 from .twins import MeshData, Twin
+from .wet import wet_surfaces
 
 Array = npt.NDArray[np.float64]
 
@@ -42,7 +44,9 @@ class World:
     def __init__(self, document: SceneDocument, materials: MaterialTable) -> None:
         self.document = document
         self.materials = materials
+        self.weather = Weather()
         self.lighting = document.lighting
+        self._dry = document, materials, document.lighting
         self.name = document.name
         self.ego = document.ego
         self.parts, self._entries = part_table(document, materials)
@@ -106,8 +110,31 @@ class World:
             scene's own XML.
         """
         other = copy.copy(self)
-        other.lighting = Lighting.preset(lighting) if isinstance(lighting, str) else lighting
+        chosen = Lighting.preset(lighting) if isinstance(lighting, str) else lighting
+        other.lighting = self.weather.over(chosen)
+        other._dry = *self._dry[:2], chosen
         other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
+        return other
+
+    def with_weather(self, weather: Weather | str) -> World:
+        """Return this world in another weather: its materials wet, its lighting as :meth:`Weather.over` has it.
+
+        Sensors read `weather` for what is in the air. It shares everything but the optical twin; geometry and instances stay.
+
+        Parameters
+        ----------
+        weather : Weather or str
+            Or the name of a preset, one of :data:`scarl_sionna.core.weather.WEATHER_PRESETS`; ``"clear"`` goes back to the scene as
+            it was loaded.
+        """
+        other = copy.copy(self)
+        other.weather = Weather.preset(weather) if isinstance(weather, str) else weather
+        document, materials, lighting = self._dry
+        other.document, other.materials = wet_surfaces(document, materials, other.weather)
+        other.parts = part_table(other.document, other.materials)[0]
+        other.lighting = other.weather.over(lighting)
+        if other.lighting != self.lighting:
+            other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
         return other
 
     def mesh(self, part: int) -> MeshData:

@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.radar.fresnel import halfspace_reflection, layer_reflection
+from scarl_sionna.radar.fresnel import film_coefficients, halfspace_reflection, layer_reflection
 
 Real = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -32,18 +32,23 @@ class Surface:
         [Hz].
     coherence : float
         Part of the reflected field that a rough surface leaves in the mirror reflection, 0 to 1.
+    film : tuple of (complex, float), optional
+        Relative permittivity and depth [m] of a film on the face, such as water.
     """
 
     permittivity: complex | None = None
     thickness: float | None = None
     frequency: float = 77e9
     coherence: float = 1.0
+    film: tuple[complex, float] | None = None
 
     def coefficients(self, cosine: Real) -> tuple[Complex, Complex]:
         """Return TE and TM reflection coefficients; a perfect conductor has -1 and +1."""
         if self.permittivity is None:
             ones = np.ones(len(cosine), dtype=np.complex128)
             return -ones, ones
+        if self.film is not None:
+            return film_coefficients(*self.film, self.permittivity, self.thickness, cosine, self.frequency)[0]
         if self.thickness is None:
             return halfspace_reflection(self.permittivity, cosine)
         return layer_reflection(self.permittivity, cosine, self.thickness, self.frequency)
