@@ -71,6 +71,9 @@ def family_house(generator: np.random.Generator, walls: str | None = None, has_g
 def house_parts(plan: HousePlan, is_light: bool) -> dict[str, Mesh]:
     """Return the parts of a house; at the light level walls, roof and panes alone."""
     parts = house(plan.shape)
+    for plain in ("frames", "panes", "doors"):  # of one colour: no texture coordinates
+        lift = 0.001 if plain == "panes" else 0.0  # so that a pane and the bar before it end in two planes
+        parts[plain] = Mesh(parts[plain].vertices + [0.0, 0.0, lift], parts[plain].faces)
     if plan.garage:
         x = plan.shape.length / 2 + plan.garage / 2
         front = -plan.half_depth + 1.2

@@ -155,6 +155,11 @@ class SceneKit:
         entry = ActorEntry(name, "", times, np.asarray(positions), yaw_deg, model=model, variant=variant, detail=detail)
         self.actors.append(entry)
 
+    def parked(self, name: str, model: str, place: Parking, variant: str | None = None) -> None:
+        """Add an actor that stands in a parking place."""
+        position = np.array([place.position], float)
+        self.actor(name, model, np.zeros(1), position, variant, np.array([place.yaw_deg]))
+
     def write(self, script: str | None = None) -> None:
         """Write textures, XML and scene.toml; materials and textures that nothing uses are left out."""
         name = str(self.table["name"])

@@ -27,7 +27,7 @@ class Instance:
 class ActorEntry:
     """A moving instance: waypoints (times [s], positions [m], headings [deg] or None) and joints as tables.
 
-    With a `model` (a name of scenes_xml/actors) its shapes, class and joints are the model's, in the colours `variant`.
+    One time alone: it stands.  With a `model` (a name of scenes_xml/actors) its shapes, class and joints are the model's, in the colours `variant`.
     """
 
     name: str
@@ -99,10 +99,7 @@ def scene_toml(
             lines.append(f'model = "{actor.model}"')
             lines += [f'variant = "{actor.variant}"'] if actor.variant else []
             lines += [f'detail = "{actor.detail}"'] if actor.detail else []
-        lines += ["[actors.trajectory]", 'kind = "waypoints"', f"times = {_value(actor.times)}"]
-        if actor.yaw_deg is not None:
-            lines.append(f"yaw_deg = {_value(np.round(actor.yaw_deg, 6))}")
-        lines += ["positions = [", *_rows(actor.positions, 6), "]", ""]
+        lines += _trajectory(actor)
         for joint in actor.joints:
             lines += ["[[actors.joints]]", *(f"{key} = {_value(value)}" for key, value in joint.items()), ""]
     for lane in lanes:
@@ -116,6 +113,17 @@ def scene_toml(
         green = ", ".join(f"{group} = {_value(list(span))}" for group, span in signals["green"].items())
         lines += ["[signals]", f"cycle = {_value(signals['cycle'])}", f"green = {{ {green} }}", ""]
     return "\n".join(lines)
+
+
+def _trajectory(actor: ActorEntry) -> list[str]:
+    if len(actor.times) == 1:
+        yaw = 0.0 if actor.yaw_deg is None else round(float(actor.yaw_deg[0]), 6)
+        place = _value([round(float(value), 6) for value in actor.positions[0]])
+        return ["[actors.trajectory]", 'kind = "static"', f"position = {place}", f"yaw_deg = {_value(yaw)}", ""]
+    lines = ["[actors.trajectory]", 'kind = "waypoints"', f"times = {_value(actor.times)}"]
+    if actor.yaw_deg is not None:
+        lines.append(f"yaw_deg = {_value(np.round(actor.yaw_deg, 6))}")
+    return [*lines, "positions = [", *_rows(actor.positions, 6), "]", ""]
 
 
 def _lane(lane: Lane) -> list[str]:
