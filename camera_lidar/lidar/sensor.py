@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.atmosphere import Atmosphere
 from scarl_sionna.core.lidar_receiver import HeterodyneReceiver, ScarlReceiver
 from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.world.placement import check_placement
+from scarl_sionna.world.spray import SprayCloud, spray_clouds
 from scarl_sionna.world.tables import PartTable
 
 from .beat import estimate_beats, synthesize_beats
@@ -22,6 +24,7 @@ from .pattern import shot_directions, shot_times
 from .receiver import receive
 from .returns import Cast, Echoes, gather, join, place_in_group, trace
 from .rolling import RollingCaster
+from .spray import add_spray, dim_echoes
 
 Array = npt.NDArray[np.float64]
 
@@ -55,6 +58,8 @@ class Lidar:
     ) -> LidarScan:
         """Return the scan that begins at the state's time: one row a detected return.
 
+        The air is that of the spec's own `atmosphere`; where that is left clear, the world's weather.
+
         Parameters
         ----------
         state : scarl_sionna.world.WorldState
@@ -72,15 +77,26 @@ class Lidar:
             If the lidar is inside a closed mesh.
         """
         check_placement(state, world_from_sensor.position, "lidar")
+        weather = state.world.weather
+        if not weather.is_clear and self.spec.atmosphere == Atmosphere():
+            spec = self.spec.with_(atmosphere=weather.atmosphere)
+            return replace(Lidar(spec)._observe(state, world_from_sensor, sensor_twist, seed_generator), spec=self.spec)
+        return self._observe(state, world_from_sensor, sensor_twist, seed_generator)
+
+    def _observe(
+        self, state: Any, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
+    ) -> LidarScan:
         spec, parts = self.spec, state.world.parts
         times = shot_times(spec)
         motion = sensor_motion(state, world_from_sensor, sensor_twist, float(times.max()))
         origins, directions = shot_rays(motion, shot_directions(spec), times)
         still = len(motion.times) == 1 or bool(np.all(motion.linear == motion.linear[0]))
         shots = _Shots(origins, directions, motion.linear[0] if still else motion.linear_at(times), times)
-        echoes = self._trace(state, motion, shots)
+        clouds = spray_clouds(state)
+        echoes = dim_echoes(self._trace(state, motion, shots), clouds, origins, directions)
         returns = gather(spec, echoes)
-        found, beats = self._receive(echoes, returns, shots, seed_generator)
+        wind = np.array([*state.world.weather.wind, 0.0])
+        found, beats = self._receive(echoes, returns, shots, clouds, wind, seed_generator)
         return self._scan(world_from_sensor, motion, parts, returns, found, beats)
 
     def _trace(self, state: Any, motion: Motion, shots: _Shots) -> Echoes:
@@ -97,7 +113,13 @@ class Lidar:
         return join(blocks) if len(blocks) > 1 else blocks[0]
 
     def _receive(
-        self, echoes: Echoes, returns: Echoes, shots: _Shots, generator: np.random.Generator
+        self,
+        echoes: Echoes,
+        returns: Echoes,
+        shots: _Shots,
+        clouds: tuple[SprayCloud, ...],
+        wind: Array,
+        generator: np.random.Generator,
     ) -> tuple[Detections, npt.NDArray[np.complex64] | None]:
         spec, receiver = self.spec, self.spec.receiver
         if isinstance(receiver, ScarlReceiver):
@@ -113,12 +135,18 @@ class Lidar:
             ), None
         assert isinstance(receiver, HeterodyneReceiver)
         air_velocity = -np.einsum(
-            "...j,...j->...", np.broadcast_to(shots.velocity, shots.directions.shape), shots.directions
+            "...j,...j->...", np.broadcast_to(shots.velocity - wind, shots.directions.shape), shots.directions
         )
         if receiver.raw_signal:
             beats = synthesize_beats(spec, echoes, air_velocity, generator)
             return estimate_beats(spec, beats, returns), beats
-        return receive_heterodyne(spec, returns, air_velocity, generator), None
+        found = receive_heterodyne(spec, returns, air_velocity, generator)
+        if clouds:
+            nearest = np.full(spec.num_shots, np.inf)
+            np.minimum.at(nearest, echoes.shot, echoes.distance)
+            drops = generator.spawn(1)[0]
+            found = add_spray(spec, found, clouds, shots.origins, shots.directions, air_velocity, nearest, drops)
+        return found, None
 
     def _scan(
         self,
