@@ -44,10 +44,11 @@ if TYPE_CHECKING:
     from .radar.scatterer_compile import compile_scatterers
     from .radar.scatterers import ScattererModel
     from .radar.synthesis.blocks import retraced, synthesize_blocks
-    from .world import World, WorldState, load_scene
+    from .world import ActorModel, StagedActor, World, WorldState, load_scene, read_actor_model, stage
 
 __all__ = [
     "Accuracy",
+    "ActorModel",
     "Atmosphere",
     "BrownConrady",
     "CameraSpec",
@@ -72,6 +73,7 @@ __all__ = [
     "ScarlWarning",
     "ScattererModel",
     "SpinningScan",
+    "StagedActor",
     "TableScan",
     "Twist",
     "Weather",
@@ -91,9 +93,11 @@ __all__ = [
     "range_doppler",
     "range_doppler_angle",
     "rcs",
+    "read_actor_model",
     "retraced",
     "simulate",
     "solve_paths",
+    "stage",
     "synthesize",
     "synthesize_blocks",
     "virtual_cube",
@@ -124,7 +128,7 @@ _HOME = {
     ".radar.scatterer_compile": ("compile_scatterers",),
     ".radar.scatterers": ("ScattererModel",),
     ".radar.synthesis.blocks": ("retraced", "synthesize_blocks"),
-    ".world": ("World", "WorldState", "load_scene"),
+    ".world": ("ActorModel", "StagedActor", "World", "WorldState", "load_scene", "read_actor_model", "stage"),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

@@ -51,6 +51,7 @@ class SceneDocument:
 
     `root` is the parsed XML, with file names made absolute; `is_foreign` is true where no scene.toml states the classes.
     `lanes` are the lanes, parking places and signals; None where the scene.toml has none.
+    `files` are further files that the description was read from.
     """
 
     name: str
@@ -64,6 +65,7 @@ class SceneDocument:
     is_foreign: bool = False
     lighting: Lighting | None = None
     lanes: LaneNetwork | None = None
+    files: tuple[Path, ...] = ()
 
 
 def twin_xml(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
@@ -12,18 +13,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import SceneError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.errors import ParameterRangeError, SceneError, TimeRangeError, UnknownNameError
 from scarl_sionna.core.lighting import Lighting
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.weather import Weather
 
+from .actor_model import DETAILS
 from .document import InstanceEntry, SceneDocument
 from .geometry import Triangles, encloses, even_directions, refine_distance, upright_box
 from .materials import MaterialTable, load_materials
 from .motion import Motion
 from .scene_file import read_document
+from .staging import StagedActor
+from .staging import stage as stage_document
 from .tables import Actor, InstanceInfo, RayHits, part_table
 from .twins import MeshData, Twin
 from .wet import wet_surfaces
@@ -386,7 +390,9 @@ def _sionna_scenes() -> dict[str, Path]:
     return {folder.name: folder / f"{folder.name}.xml" for folder in folders if (folder / f"{folder.name}.xml").is_file()}
 
 
-def load_scene(name_or_path: str | Path, materials: MaterialTable | None = None) -> World:
+def load_scene(
+    name_or_path: str | Path, materials: MaterialTable | None = None, *, variant: int = 0, detail: str = "detailed"
+) -> World:
     """Load a scene.
 
     Parameters
@@ -396,6 +402,12 @@ def load_scene(name_or_path: str | Path, materials: MaterialTable | None = None)
         or the path of a Mitsuba or Sionna XML; a ``scene.toml`` beside it states classes, materials and actors.
     materials : MaterialTable, optional
         Radio materials; default: the built-in table. See :func:`scarl_sionna.world.materials.load_materials`.
+    variant : int
+        Of a scene of ``scenes_xml``: 0 is the one of the package, any other number the seed of another place of its kind,
+        which is built on first use into a cache folder.
+    detail : str
+        Level of geometry: ``"detailed"`` or ``"light"`` (few shapes and triangles). It goes for actors that name a model, too;
+        of a scene given by its path only for those.
 
     Returns
     -------
@@ -404,15 +416,71 @@ def load_scene(name_or_path: str | Path, materials: MaterialTable | None = None)
     Raises
     ------
     UnknownNameError
-        If there is no such scene.
+        If there is no such scene or level.
     SceneError, MeshError, MaterialError
         If its files are missing or broken, or a material is unknown.
+    ParameterRangeError
+        If the variant is not allowed, or not 0 for a scene that has none.
     """
-    return World(read_document(find_scene(name_or_path)), materials or load_materials())
+    document = read_document(find_scene(name_or_path, variant, detail), detail)
+    return World(document, materials or load_materials())
 
 
-def find_scene(name_or_path: str | Path) -> Path:
-    """Return the XML file of a scene by its name or path; the file itself is not looked at."""
+def stage(
+    world: World | str | Path,
+    actors: Sequence[StagedActor],
+    ego: str | None = None,
+    *,
+    variant: int = 0,
+    detail: str = "detailed",
+) -> World:
+    """Return a scene with actors put into it.
+
+    Parameters
+    ----------
+    world : World, str or Path
+        A loaded scene, which stays as it is, or what `load_scene` takes; with a name the scene is loaded once only.
+    actors : sequence of StagedActor
+    ego : str, optional
+        The actor that carries the rig from now on; None: that of the scene.
+    variant, detail
+        As in `load_scene`; used where `world` is a name or a path.
+
+    Raises
+    ------
+    SceneError, UnknownNameError
+        If a name stands twice, or `ego` is no actor of the scene.
+    """
+    if isinstance(world, World):
+        document, materials, lighting = world._dry
+        staged = World(stage_document(replace(document, lighting=lighting), actors, ego), materials)
+        return staged if world.weather == Weather() else staged.with_weather(world.weather)
+    document = read_document(find_scene(world, variant, detail), detail)
+    return World(stage_document(document, actors, ego), load_materials())
+
+
+def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detailed") -> Path:
+    """Return the XML file of a scene by its name or path, built where need be; the file itself is not looked at."""
+    if detail not in DETAILS:
+        raise UnknownNameError("detail", str(detail), DETAILS)
+    name = str(name_or_path)
+    if not isinstance(variant, int) or isinstance(variant, bool) or variant < 0:
+        raise ParameterRangeError("variant", repr(variant), "whole numbers from 0")
+    path = _file_of(name_or_path)
+    if path is not None or name not in scene_names():
+        if variant != 0:
+            raise ParameterRangeError("variant", variant, f"0: '{name}' is no scene of this package and has no variants")
+        return path if path is not None else _sionna_file(name)
+    import scenes_xml
+
+    try:
+        return scenes_xml.scene_path(name, variant, detail)
+    except OSError as error:
+        raise SceneError(str(error.strerror or error)) from error
+
+
+def _file_of(name_or_path: str | Path) -> Path | None:
+    """Return the XML that a path names, or None for what is the name of a scene."""
     path = Path(name_or_path)
     if path.suffix == ".xml":
         return path
@@ -421,9 +489,10 @@ def find_scene(name_or_path: str | Path) -> Path:
         if len(candidates) != 1:
             raise SceneError(f"holds {len(candidates)} XML files", path, "give the path of one XML")
         return candidates[0]
-    name = str(name_or_path)
-    if name in scene_names():
-        return Path(str(files("scenes_xml") / name / f"{name}.xml"))
+    return None
+
+
+def _sionna_file(name: str) -> Path:
     sionna = _sionna_scenes()
     if name in sionna:
         return sionna[name]

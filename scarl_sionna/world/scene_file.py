@@ -12,14 +12,18 @@ from scarl_sionna.core.lighting import Lighting
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.toml_file import read_toml
 
+from .actor_model import read_actor_model
 from .articulation import joints_from_tables
 from .document import InstanceEntry, SceneDocument
 from .lanes import LaneNetwork, lanes_from_tables
 from .material_entries import material_entries
 from .motion import trajectory_from_table
+from .staging import StagedActor, stage
 from .xml_file import bsdf_of, check_shapes, parse_xml
 
 _TABLES = {"scene", "lighting", "materials", "instances", "actors", "lanes", "parking", "signals"}
+
+_STAGED_KEYS = {"name", "model", "variant", "detail", "colors", "radio", "phase", "trajectory"}
 
 _CLASS_HINTS = {
     "building": "Building", "house": "Building", "church": "Building", "roof": "Building", "road": "Roads",
@@ -30,13 +34,15 @@ _CLASS_HINTS = {
 """Word in a shape's id -> class, for scenes without a scene.toml."""
 
 
-def read_document(path: Path) -> SceneDocument:
-    """Read and check a scene.
+def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
+    """Read and check a scene, and put the actors into it that name a model.
 
     Parameters
     ----------
     path : Path
         The XML file; a ``scene.toml`` beside it is read when there is one.
+    detail : str
+        Level of geometry of the models whose actors state none: ``"detailed"`` or ``"light"``.
 
     Raises
     ------
@@ -60,10 +66,13 @@ def read_document(path: Path) -> SceneDocument:
     else:
         instances = tuple(InstanceEntry(name, _guess_class(name), (name,), is_object=True) for name in shapes)
     ego = info.get("ego")
-    actors = [entry.name for entry in instances if entry.trajectory is not None]
+    staged = _staged(table, toml_path, detail)
+    actors = [
+        entry.name for entry in (*instances, *staged) if isinstance(entry, StagedActor) or entry.trajectory is not None
+    ]
     if ego is not None and ego not in actors:
         raise UnknownNameError("actor in scene.ego", str(ego), actors)
-    return SceneDocument(
+    document = SceneDocument(
         name=info.get("name", path.stem),
         path=path,
         root=root,
@@ -76,6 +85,27 @@ def read_document(path: Path) -> SceneDocument:
         lighting=_lighting(table.get("lighting", {})),
         lanes=_lanes(table),
     )
+    return stage(document, staged) if staged else document
+
+
+def _staged(table: Mapping[str, Any], path: Path, detail: str) -> tuple[StagedActor, ...]:
+    """Return the actors that name a model instead of shapes."""
+    actors = []
+    for row in table.get("actors", []):
+        if "model" not in row:
+            continue
+        name = str(row.get("name", "?"))
+        if unknown := set(row) - _STAGED_KEYS:
+            raise UnknownNameError(
+                f"key of [[actors]] '{name}', which names a model, in {path.name}", sorted(unknown)[0], _STAGED_KEYS
+            )
+        if "name" not in row:
+            raise SceneError("an [[actors]] entry lacks 'name'", path)
+        given = {key: value for key, value in row.items() if key not in ("name", "model", "trajectory")}
+        model = read_actor_model(row["model"], near=path.parent)
+        trajectory = trajectory_from_table(row.get("trajectory", {}), name)
+        actors.append(StagedActor(name, model, trajectory, **{"detail": detail, **given}))
+    return tuple(actors)
 
 
 def _lanes(table: Mapping[str, Any]) -> LaneNetwork | None:
@@ -95,6 +125,8 @@ def _instances_from_table(table: dict[str, Any], shapes: tuple[str, ...], path: 
     entries = []
     for kind, own_keys in (("instances", {"object", "room"}), ("actors", set())):
         for row in table.get(kind, []):
+            if "model" in row and kind == "actors":
+                continue
             entries.append(_instance(row, kind, own_keys | {"name", "class", "shapes"}, shapes, owner, path))
     names = [entry.name for entry in entries]
     if repeated := {name for name in names if names.count(name) > 1}:
