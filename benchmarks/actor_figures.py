@@ -30,7 +30,7 @@ LARGEST_FILE = 300_000
 VIEWS = {
     "front": (33.0, 11.0),
     "rear": (147.0, 14.0),
-    "side": (90.0, 6.0),
+    "right": (-33.0, 11.0), "side": (90.0, 6.0),
     "below": (40.0, -25.0),
     "above": (30.0, 45.0),
 }
@@ -98,7 +98,7 @@ def _paint(mi: Any, scene: Any, colors: dict[str, Any]) -> None:
 
 def _tone(linear: np.ndarray) -> np.ndarray:
     """Return 8-bit sRGB, exposed so that a white diffuse wall in the sun is just white."""
-    x = np.clip(linear * 0.55, 0.0, None)
+    x = np.clip(linear * 1.35, 0.0, None)
     x = x * (1.0 + x / 2.2) / (1.0 + x)
     srgb = np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.clip(x, 1e-9, None) ** (1 / 2.4) - 0.055)
     return np.asarray(np.rint(255.0 * np.clip(srgb, 0.0, 1.0)), dtype=np.uint8)

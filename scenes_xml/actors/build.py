@@ -10,11 +10,14 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from . import cars, cycles, people
+from . import cars, cycles, heavy, people
 from .model import Model, write_model
 
 MODELS: dict[str, Callable[[], Model]] = {
     **{name: partial(cars.build, name) for name in cars.SHAPES},
+    "van": heavy.make_van,
+    "lorry": heavy.make_lorry,
+    "bus": heavy.make_bus,
     **people.MODELS,
     **cycles.MODELS,
 }

@@ -40,5 +40,6 @@ VEHICLE: dict[str, Bsdf] = {
 ROLES = {
     "paint": "paint", "glass": "car_glass", "trim": "black_plastic", "tyre": "tyre_rubber", "rim": "wheel_rim", "wheel": "wheel_mean",
     "headlamp": "headlamp", "taillamp": "taillamp", "chrome": "bright_metal", "plate": "number_plate",
+    "indicator": "indicator", "mirror_glass": "mirror_silver", "underbody": "underbody_steel", "chassis": "chassis_steel",
 }  # fmt: skip
 """Role of a part of a generator -> its BSDF."""

@@ -30,7 +30,7 @@ def first_hits(mesh: Mesh, origins: Array, direction: Array) -> Array:
     return best
 
 
-def _slab(front: Array, back: Array, uv: Array | None) -> Mesh:
+def slab(front: Array, back: Array, uv: Array | None) -> Mesh:
     """Return the front surface of a patch and the skirt that joins it to `back`; both of shape (rows, columns, 3)."""
     surface = grid(front, uv)
     rim = np.concatenate([front[0], front[1:, -1], front[-1, -2::-1], front[-2:0:-1, 0]])
@@ -47,6 +47,7 @@ def panel(
     rise: float = 0.005,
     with_uv: bool = False,
     cells: tuple[int, int] = (4, 9),
+    reach: float = 5.0,
 ) -> Mesh:
     """Return a four-sided panel lying `rise` [m] above the body, projected along +-x.
 
@@ -60,12 +61,14 @@ def panel(
         Direction of projection, from outside to the body.
     side : float
         +1 keeps the outline's y, -1 mirrors it.
+    reach : float
+        Where the projection starts, abs(x) [m], outside the body.
     """
     corner = np.array(outline, float)
     v, u = np.meshgrid(np.linspace(0, 1, cells[0]), np.linspace(0, 1, cells[1]), indexing="ij")
     weights = ((1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v)
     yz = sum(w[..., None] * c for w, c in zip(weights, corner, strict=True))
-    start = np.stack([np.full(u.shape, -5.0 * direction[0]), side * yz[..., 0], yz[..., 1]], -1)
+    start = np.stack([np.full(u.shape, -reach * direction[0]), side * yz[..., 0], yz[..., 1]], -1)
     distance = first_hits(body, start.reshape(-1, 3), direction).reshape(u.shape)
     distance = np.where(np.isfinite(distance), distance, np.max(distance[np.isfinite(distance)]))
     on_body = start + distance[..., None] * direction
@@ -73,7 +76,7 @@ def panel(
     facing = -direction[0] * side
     uv = np.stack([u if facing > 0 else 1 - u, 1 - v], -1) if with_uv else None
     order = slice(None) if facing < 0 else slice(None, None, -1)
-    return _slab(front[:, order], back[:, order], None if uv is None else uv[:, order])
+    return slab(front[:, order], back[:, order], None if uv is None else uv[:, order])
 
 
 def strips(body: Mesh, lines: Sequence[Array], width: float, rise: float) -> Mesh:
@@ -93,7 +96,7 @@ def strips(body: Mesh, lines: Sequence[Array], width: float, rise: float) -> Mes
         if not np.isfinite(distance).all():
             continue
         on_body = start + distance[..., None] * direction
-        slab = _slab(on_body - rise * direction, on_body + 0.006 * direction, None)
+        band = slab(on_body - rise * direction, on_body + 0.006 * direction, None)
         # a line along +x has its normal along +z: rows x columns = z x x = +y
-        parts += [slab, slab.mirrored_y()]
+        parts += [band, band.mirrored_y()]
     return merge(parts)
