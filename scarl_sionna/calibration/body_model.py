@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.body_parts import check_size, load_body
-from scarl_sionna.radar.sbr import Looks, PartSurfaces, SbrSettings, Surface
+from scarl_sionna.radar.body_parts import check_size, load_body, surface_of
+from scarl_sionna.radar.sbr import Looks, PartSurfaces, SbrSettings
 from scarl_sionna.radar.sbr.replay import FixedTubes
 from scarl_sionna.world.materials import MaterialTable
 
@@ -40,7 +40,7 @@ def mesh_field(measurement: MeshRcs, table: MaterialTable) -> Callable[[Mapping[
 
     def field(materials: Mapping[str, TrialMaterial]) -> Complex:
         trial = materials.get(measurement.material) or TrialMaterial.of(base, {})
-        surface = Surface(trial.at(measurement.frequency), trial.thickness, measurement.frequency)  # type: ignore[arg-type]
-        return np.sqrt(4.0 * np.pi) * tubes.matrices(PartSurfaces((surface,)))[:, receive, transmit]
+        surfaces = PartSurfaces((surface_of(trial.as_radio(), measurement.frequency),))
+        return np.sqrt(4.0 * np.pi) * tubes.matrices(surfaces)[:, receive, transmit]
 
     return field

@@ -59,6 +59,16 @@ class TrialMaterial:
         loss = self.conductivity * ratio**self.conductivity_exponent / (2.0 * np.pi * frequency * VACUUM_PERMITTIVITY)
         return complex(self.relative_permittivity * ratio**self.permittivity_exponent - 1j * loss)
 
+    @property
+    def water_film(self) -> float:
+        """Return the depth of water on the material [m]; not a parameter of its own."""
+        return self.base.water_film
+
+    @property
+    def water_temperature(self) -> float:
+        """Return the temperature of that water [K]."""
+        return self.base.water_temperature
+
     def as_radio(self) -> RadioMaterial:
         """Return this object for the radio code, which reads attributes only."""
         return cast(RadioMaterial, self)

@@ -210,8 +210,11 @@ def _entry(material: Any, materials: MaterialTable | None) -> RadioMaterial | co
 def _surface(entry: RadioMaterial | complex | None, frequency: float, rough: bool) -> Surface:
     if entry is None:
         return Surface()
-    if not isinstance(entry, RadioMaterial):
-        return Surface(entry, None, frequency)
+    return surface_of(entry, frequency, rough) if isinstance(entry, RadioMaterial) else Surface(entry, None, frequency)
+
+
+def surface_of(entry: RadioMaterial, frequency: float, rough: bool = False) -> Surface:
+    """Return what a material reflects like at a frequency [Hz]; `rough` as of :func:`surfaces_of`."""
     coherence = float(np.sqrt(1.0 - entry.scattering_coefficient**2)) if rough else 1.0
     film = None
     if entry.water_film > 0.0:
