@@ -13,6 +13,7 @@ from scarl_sionna.world import variant
 
 from .denoise import denoise
 from .develop import develop
+from .falling import add_falling
 from .haze import haze_integrator
 from .motion import shifted_sensor, shifted_state
 from .ray_sensor import ray_sensor, stratified_samples
@@ -128,8 +129,12 @@ def render_rgb(
     seed_generator: np.random.Generator,
     sensor_twist: Twist | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """Return the 8-bit sRGB image, shape (height, width, 3): :func:`render_radiance`, then :func:`develop`."""
+    """Return the 8-bit sRGB image, shape (height, width, 3): :func:`render_radiance`, what falls, then :func:`develop`."""
     radiance = render_radiance(state, spec, world_from_sensor, seed_generator, sensor_twist)
+    weather = state.world.weather
+    if weather.rain_rate > 0.0 or weather.snow_rate > 0.0:
+        drops = seed_generator.spawn(1)[0]
+        radiance = add_falling(radiance, state, spec, world_from_sensor, sensor_twist or Twist(), drops)
     lighting, info = state.world.lighting, state.world.document.info
     # a scene under its own lamps (tunnel, underground car park) states the exposure that suits them, whatever the sky does
     exposure = float(info["exposure"]) if "exposure" in info else (1.0 if lighting is None else lighting.exposure)

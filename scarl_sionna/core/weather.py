@@ -183,7 +183,8 @@ class Weather(Spec):
         covered = 1.0 if hides_sun else base.cloud_cover
         if covered > base.cloud_cover and base.sun_elevation_deg > 0.0:
             clear, dull = (Lighting.preset(name).exposure for name in ("day", "overcast"))
-            changes["exposure"] = base.exposure * (dull / clear) ** (covered - base.cloud_cover)
+            share = min((covered - base.cloud_cover) / (1.0 - Lighting.preset("day").cloud_cover), 1.0)
+            changes["exposure"] = base.exposure * (dull / clear) ** share
         return base.with_(cloud_cover=covered, **changes)
 
 
