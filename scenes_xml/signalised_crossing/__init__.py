@@ -1,0 +1,1 @@
+"""A crossing with traffic lights between tall façades in a town."""
