@@ -108,6 +108,21 @@ class DatasetError(ScarlError):
         super().__init__(where + message + (f"; {remedy}" if remedy else ""))
 
 
+class TrajectoryFileError(ScarlError):
+    """A file of recorded motion is not there, or what stands in it is not usable; `row` (from 1, without the header), `column`: where."""
+
+    def __init__(self, message: str, path: object = None, remedy: str = "", row: int | None = None, column: str | None = None) -> None:
+        self.path, self.remedy, self.row, self.column = path, remedy, row, column
+        where = f"{path}: " if path is not None else ""
+        where += f"row {row}: " if row is not None else ""
+        where += f"column '{column}': " if column is not None else ""
+        super().__init__(where + message + (f"; {remedy}" if remedy else ""))
+
+
+class SimulatorError(ScarlError, RuntimeError):
+    """Another simulator (SUMO) refused its input or stopped."""
+
+
 class ExportError(ScarlError, RuntimeError):
     """An export stopped; what was finished is kept, and the same command goes on from there."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +18,7 @@ from .bodies import Body, BodyLike, body_of
 from .collisions import find_collisions
 from .drivers import Crowd, Driver, Obstacle
 from .paths import PathTrajectory, SmoothPath, sample_motion
+from .planned import PlannedActor
 from .profiles import way_from_states
 from .routes import smoothing_of
 from .tracks import Track, TrackGraph, track_graph
@@ -33,37 +33,6 @@ STEP = 0.1
 WARM_UP = 5.0
 """Time that is simulated before the first instant, so that gaps and speeds fit together [s]."""
 _TOP_SPEED = {"bicycle": 6.0, "scooter": 6.0, "lorry": 25.0, "bus": 27.8}
-
-
-@dataclass(frozen=True, eq=False)
-class PlannedActor:
-    """One actor of planned traffic.
-
-    Attributes
-    ----------
-    name : str
-    model : str
-        Name of the actor model.
-    variant : str or None
-        Name of the model's variant; None: its first.
-    trajectory : Trajectory
-        Known for the whole duration.
-    body : Body
-        Measures that it was planned with.
-    phase : float
-        Phase of the gait at the start, 0 to 1.
-    active : (float, float)
-        Times at which its middle is on the lanes [s]; before and after, it is on the straight continuation of a lane beyond
-        the scene. Empty (start = stop) where it never is.
-    """
-
-    name: str
-    model: str
-    variant: str | None
-    trajectory: Trajectory
-    body: Body
-    phase: float = 0.0
-    active: tuple[float, float] = field(default=(-np.inf, np.inf))
 
 
 def simulate_traffic(

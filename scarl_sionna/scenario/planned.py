@@ -1,0 +1,72 @@
+"""What a planner or a reader of recorded traffic returns: actors with their motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.world.lanes import LaneNetwork
+from scarl_sionna.world.motion import Trajectory
+
+from .bodies import Body
+
+Array = npt.NDArray[np.float64]
+Ground = Callable[[Array], Array]
+"""Returns the heights (N,) [m] of the ground below points (N, 2) [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedActor:
+    """One actor of planned traffic.
+
+    Attributes
+    ----------
+    name : str
+    model : str
+        Name of the actor model.
+    variant : str or None
+        Name of the model's variant; None: its first.
+    trajectory : Trajectory
+        Known for the whole duration.
+    body : Body
+        Measures that it was planned with.
+    phase : float
+        Phase of the gait at the start, 0 to 1.
+    active : (float, float)
+        Times at which its middle is on the lanes [s]; before and after, it is on the straight continuation of a lane beyond
+        the scene. Empty (start = stop) where it never is.
+    deviation : float
+        Of recorded motion: largest distance from the record [m], but for lane changes that the record makes in one step.
+    num_lane_changes : int
+        Of recorded motion: lane changes of the record that jumped and were drawn out.
+    """
+
+    name: str
+    model: str
+    variant: str | None
+    trajectory: Trajectory
+    body: Body
+    phase: float = 0.0
+    active: tuple[float, float] = field(default=(-np.inf, np.inf))
+    deviation: float = 0.0
+    num_lane_changes: int = 0
+
+
+def lane_ground(network: LaneNetwork) -> Ground:
+    """Return the ground of a network of lanes: the height of the nearest point of a centre line, these 0.25 m apart."""
+    if not network.lanes:
+        raise ParameterRangeError("network", "no lanes", "one lane or more")
+    points = np.concatenate(
+        [lane.at(np.linspace(0.0, lane.length, max(int(4.0 * lane.length), 1) + 1)) for lane in network.lanes]
+    )
+    tree = cKDTree(points[:, :2])
+
+    def ground(plan: Array) -> Array:
+        return np.asarray(points[tree.query(np.atleast_2d(plan))[1], 2])
+
+    return ground
