@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from scarl_sionna.core import seeds
-from scarl_sionna.core.errors import PlacementError, TimeRangeError
+from scarl_sionna.core.errors import PlacementError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.registry import Sensor, sensor_class
 from scarl_sionna.core.results import Frame
@@ -137,17 +137,18 @@ def simulate(
 def resolve_rig(scenario: ScenarioSpec) -> Rig:
     """Return the scenario's rig: a preset in its quality, or the rig of a file."""
     if Path(scenario.rig).suffix in (".yaml", ".yml", ".json"):
-        return Rig.load(scenario.rig)
+        return Rig.load(scenario.find(scenario.rig))
     return Rig.preset(scenario.rig, scenario.quality)
 
 
 def load_world(scenario: ScenarioSpec) -> World:
-    """Load the scene and check that its motion covers all frames."""
-    from scarl_sionna.world import load_scene  # here, so that reading a scenario does not start the engine
+    """Return the world of a scenario, see :func:`scarl_sionna.scenario.compose.build_world`.
 
-    world = load_scene(scenario.scene)
-    start, stop = world.time_range
-    for time in (scenario.times[0], scenario.times[-1]):
-        if not start <= time <= stop:
-            raise TimeRangeError(time, start, stop, f"scene '{scenario.scene}'")
-    return world
+    Raises
+    ------
+    ScenarioError
+        If a name is unknown, a motion does not cover all frames, or bodies overlap; it names file and line.
+    """
+    from scarl_sionna.scenario.compose import build_world  # here, so that reading a scenario does not start the engine
+
+    return build_world(scenario)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import platform
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.export.encoding import StoreOptions, foreign_fields
 from scarl_sionna.export.manifest import DatasetPlan, ScenePlan, differences
 from scarl_sionna.export.schema import RESULT_TYPES, check_schema
@@ -50,9 +49,9 @@ def plan_export(
     ParameterRangeError
         If two scenarios have the same name, the rigs differ, or a sensor kind cannot be stored.
     UnknownNameError, SceneError
-        If a scene or rig is unknown or its files are missing.
-    TimeRangeError
-        If a frame's time lies outside of a scene's motion.
+        If a rig is unknown, or files of a scene or rig are missing.
+    ScenarioError
+        If a scenario cannot be; see `scene_configuration`.
     """
     check_schema()
     named: dict[str, ScenarioSpec] = {}
@@ -69,7 +68,7 @@ def plan_export(
     for mount in rig.sensors:
         check_storable(mount.name, mount.kind)
     software = {"python": platform.python_version(), **{name: _version(name) for name in PROVENANCE_PACKAGES}}
-    named = {name: scenario.with_(scene=_findable(scenario.scene)) for name, scenario in named.items()}
+    named = {name: scenario.resolved() for name, scenario in named.items()}
     scenes = tuple(
         ScenePlan(name, scenario.num_frames, scene_configuration(scenario), scenario.split)
         for name, scenario in named.items()
@@ -82,41 +81,30 @@ def scene_configuration(scenario: ScenarioSpec) -> dict[str, Any]:
 
     Raises
     ------
-    TimeRangeError
-        If a frame's time lies outside of the scene's motion.
+    ScenarioError
+        If the scenario cannot be: an unknown name, a motion that ends too early, bodies that overlap.
     """
-    from scarl_sionna.world.scene import find_scene
-    from scarl_sionna.world.scene_file import read_document
+    from scarl_sionna.scenario.compose import compose
+    from scarl_sionna.scenario.fingerprint import fingerprint
 
-    document = read_document(find_scene(scenario.scene))
-    motions = [item.trajectory for item in document.instances if item.trajectory is not None]
-    start, stop = max((m.start for m in motions), default=-math.inf), min((m.stop for m in motions), default=math.inf)
-    for time in (scenario.times[0], scenario.times[-1]):
-        if not start <= time <= stop:
-            raise TimeRangeError(time, start, stop, f"scene '{scenario.scene}'")
+    composition = compose(scenario)
     return {
         "scene": Path(scenario.scene).stem,
-        "scene_files": _checksum(document),
+        "scene_files": _checksum(composition.scene),
         "start_time": scenario.start_time,
         "frame_rate": scenario.frame_rate,
         "seed": scenario.seed,
+        **fingerprint(composition),
     }
 
 
 def _checksum(document: SceneDocument) -> str:
-    """Return the SHA-256 of a scene's files: XML, ``scene.toml``, and every file that the XML names."""
+    """Return the SHA-256 of a scene's files: XML, ``scene.toml``, those of its actors' models, and every file that the XML names."""
     path = document.path
     named = {Path(item.get("value", "")) for item in document.root.iter("string") if item.get("name") == "filename"}
-    digest = hashlib.sha256()
-    contents = [file.read_bytes() for file in (path, path.parent / "scene.toml") if file.is_file()]
-    for content in (*contents, *(file.read_bytes() for file in sorted(named) if file.is_file())):
-        digest.update(hashlib.sha256(content).digest())
-    return digest.hexdigest()
-
-
-def _findable(scene: str) -> str:
-    """Return a scene's name, or its path so that it means the same in another process."""
-    return str(Path(scene).resolve()) if Path(scene).exists() and (Path(scene).suffix or "/" in scene) else scene
+    files = {path, path.parent / "scene.toml", *document.files, *named}
+    digests = sorted(hashlib.sha256(file.read_bytes()).digest() for file in files if file.is_file())
+    return hashlib.sha256(b"".join(digests)).hexdigest()
 
 
 def check_storable(name: str, kind: str) -> None:

@@ -6,6 +6,7 @@ what another gets.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -127,7 +128,8 @@ def draw_reflectances(seed: int, document: SceneDocument) -> SceneDocument:
     materials = {}
     for bsdf, entry in document.materials.items():
         if entry.lidar_reflectance is not None:
-            factor = FACTOR ** seeds.generator(seed, "scenario_reflectances", bsdf=bsdf).uniform(-1.0, 1.0)
+            name = re.sub(r"^(actor-.*?)-\d+$", r"\1", bsdf)  # staged ones are numbered in the order of their actors
+            factor = FACTOR ** seeds.generator(seed, "scenario_reflectances", bsdf=name).uniform(-1.0, 1.0)
             most = 1.0 - (entry.lidar_transmittance or 0.0)
             entry = replace(entry, lidar_reflectance=min(float(entry.lidar_reflectance * factor), most))
         materials[bsdf] = entry

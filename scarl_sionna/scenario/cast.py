@@ -1,0 +1,163 @@
+"""Who takes part in a scenario: models, looks and motions of the ego vehicle, the actors and the traffic."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from scarl_sionna.core.errors import (
+    ScarlError,
+    ScenarioError,
+    ScenarioFileError,
+    ScenarioValueError,
+    UnknownNameError,
+)
+from scarl_sionna.world.actor_model import ActorModel, Color, read_actor_model
+from scarl_sionna.world.document import SceneDocument
+from scarl_sionna.world.motion import Trajectory
+from scarl_sionna.world.staging import StagedActor
+
+from .bodies import Body
+from .motions import Setting, trajectory_of
+from .randomize import Jitter, draw_jitter, draw_look
+from .spec import ScenarioSpec
+from .spec_actors import ActorSpec, EgoSpec, MeshSpec
+from .spec_files import KeyPath
+from .spec_light import name_error
+
+EGO = "ego"
+"""Name of the ego vehicle of a scenario."""
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One who takes part: where the scenario states it, and what is put into the scene."""
+
+    path: KeyPath
+    actor: StagedActor
+
+    @property
+    def body(self) -> Body:
+        """Its measures."""
+        return Body.of(self.actor.model)
+
+
+@dataclass(frozen=True, eq=False)
+class Role:
+    """One whom a scenario names, before it moves: model and look are known."""
+
+    path: KeyPath
+    name: str
+    spec: EgoSpec | ActorSpec
+    model: ActorModel
+    variant: str | None
+    colors: dict[str, Color]
+
+
+def roles_of(spec: ScenarioSpec, problems: list[ScenarioError]) -> list[Role]:
+    """Return whom a scenario names; what is wrong with them is added to `problems`."""
+    roles = []
+    for path, name, one in _named(spec):
+        try:
+            roles.append(_role(spec, path, name, one))
+        except ScenarioError as error:
+            problems.append(error)
+    return roles
+
+
+def _named(spec: ScenarioSpec) -> Iterator[tuple[KeyPath, str, EgoSpec | ActorSpec]]:
+    if spec.ego is not None:
+        yield ("ego",), EGO, spec.ego
+    for index, actor in enumerate(spec.actors):
+        yield ("actors", index), actor.name, actor
+
+
+def _role(spec: ScenarioSpec, path: KeyPath, name: str, one: EgoSpec | ActorSpec) -> Role:
+    model = _model(spec, path, one)
+    if one.variant is not None and one.variant not in model.variants:
+        error = UnknownNameError(f"variant of '{model.name}'", one.variant, model.variants)
+        raise name_error(error, spec.place(*path, "variant"))
+    for bsdf in one.colors:
+        if bsdf not in model.materials:
+            error = UnknownNameError(f"BSDF of '{model.name}'", bsdf, model.materials)
+            raise name_error(error, spec.place(*path, "colors", bsdf))
+    variant, colors = one.variant, {bsdf: (red, green, blue) for bsdf, (red, green, blue) in one.colors.items()}
+    if spec.randomization.colors and one.variant is None:
+        variant, drawn = draw_look(spec.seed, name, model.variants, model.motion)
+        colors = {**drawn, **colors}
+    return Role(path, name, one, model, variant, colors)
+
+
+def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> ActorModel:
+    mesh = one.mesh if isinstance(one, ActorSpec) else None
+    if mesh is None:
+        place = spec.place(*path, "model")
+        text = str(one.model)
+        try:
+            return read_actor_model(spec.find(text) if "/" in text else text)
+        except UnknownNameError as error:
+            raise name_error(error, place) from error
+        except ScarlError as error:
+            raise ScenarioFileError(str(error), place, value=text) from error
+    file = spec.find(mesh.file)
+    if not file.is_file():
+        raise ScenarioFileError(f"'{mesh.file}' is not there", spec.place(*path, "mesh", "file"), value=mesh.file)
+    try:
+        return _mesh_model(file.resolve(), file.stat().st_mtime_ns, mesh)
+    except UnknownNameError as error:
+        raise name_error(error, spec.place(*path, "mesh")) from error
+    except ScarlError as error:
+        raise ScenarioFileError(str(error), spec.place(*path, "mesh"), value=mesh.file) from error
+
+
+@lru_cache(maxsize=64)
+def _mesh_model(file: Path, changed: int, mesh: MeshSpec) -> ActorModel:
+    """Return the model of a mesh; `changed` tells when the file was, so that a new one is read."""
+    from scarl_sionna.world.actor_mesh import actor_from_mesh
+
+    return actor_from_mesh(file, file.stem, mesh.semantic)
+
+
+def cast_of(
+    spec: ScenarioSpec, scene: SceneDocument, roles: Sequence[Role], setting: Setting, attempt: int = 0
+) -> list[Member]:
+    """Return the ego vehicle and the actors with their motions.
+
+    Raises
+    ------
+    ScenarioError
+        If a motion is not possible; it tells of all such motions.
+    """
+    members, problems = [], []
+    for role in roles:
+        jitter = draw_jitter(spec.seed, role.name, spec.randomization.placements, attempt)
+        try:
+            members.append(Member(role.path, _staged(spec, role, _motion(spec, scene, role, setting, jitter))))
+        except ScenarioError as error:
+            problems.append(error)
+    if problems:
+        raise ScenarioError.first_of(problems)
+    return members
+
+
+def _motion(spec: ScenarioSpec, scene: SceneDocument, role: Role, setting: Setting, jitter: Jitter) -> Trajectory:
+    stated = role.spec.trajectory
+    if stated is None:
+        entry = next((one for one in scene.instances if one.name == scene.ego and one.trajectory is not None), None)
+        if entry is None or entry.trajectory is None:
+            raise ScenarioValueError(
+                f"states no motion, and scene '{spec.scene}' has no ego vehicle whose motion it could take",
+                spec.place(*role.path), "give it a `trajectory`",
+            )  # fmt: skip
+        return entry.trajectory
+    place = functools.partial(spec.place, *role.path, "trajectory")
+    return trajectory_of(stated, role.name, Body.of(role.model), setting, place, jitter)
+
+
+def _staged(spec: ScenarioSpec, role: Role, trajectory: Trajectory) -> StagedActor:
+    return StagedActor(
+        role.name, role.model, trajectory, detail=role.spec.detail or spec.detail, variant=role.variant, colors=role.colors or None
+    )  # fmt: skip

@@ -1,0 +1,183 @@
+"""Builds the world of a scenario: scene, actors and their motions, traffic, weather and light, and the checks that all this can be."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import scenes_xml
+from scarl_sionna.core.errors import (
+    ScenarioError,
+    ScenarioFileError,
+    ScenarioNameError,
+    ScenarioValueError,
+    UnknownNameError,
+)
+from scarl_sionna.world.document import SceneDocument
+from scarl_sionna.world.materials import MaterialTable, load_materials
+from scarl_sionna.world.scene_file import read_document
+from scarl_sionna.world.staging import stage
+
+from .cast import EGO, Member, cast_of, roles_of
+from .checks import check_collisions, check_places, check_times, first_collision
+from .motions import Setting
+from .randomize import draw_materials, draw_reflectances
+from .road_users import traffic_of
+from .spec import ScenarioSpec
+from .spec_light import name_error
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import World
+
+ATTEMPTS = 20
+"""How often placements are drawn again where bodies touch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Composition:
+    """All that a scenario's world is made of, before it is loaded.
+
+    Attributes
+    ----------
+    spec : ScenarioSpec
+    scene : SceneDocument
+        The scene as its files have it.
+    document : SceneDocument
+        With the scenario's actors in it.
+    members : tuple of Member
+        The ego vehicle and the actors of the scenario, then traffic.
+    materials : MaterialTable
+        Radio materials.
+    """
+
+    spec: ScenarioSpec
+    scene: SceneDocument
+    document: SceneDocument
+    members: tuple[Member, ...]
+    materials: MaterialTable
+
+
+def compose(spec: ScenarioSpec) -> Composition:
+    """Return what a scenario's world is made of; every call with an equal scenario gives the same, in whatever process.
+
+    Raises
+    ------
+    ScenarioError
+        If a name is unknown, a motion is not possible or ends too early, or bodies overlap; it names the line.
+    """
+    scene = scene_of(spec)
+    problems: list[ScenarioError] = []
+    roles = roles_of(spec, problems)
+    setting = Setting(spec.scene, scene.lanes, spec.times[0], spec.times[-1], spec.find)
+    own: list[Member] = []
+    for attempt in range(ATTEMPTS):
+        try:
+            own = cast_of(spec, scene, roles, setting, attempt)
+        except ScenarioError as error:
+            problems += error.problems
+        if problems:
+            raise ScenarioError.first_of(problems)
+        if spec.randomization.placements is None or first_collision(spec, own) is None:
+            break
+    kept = remaining(spec, scene)
+    check_times(spec, own, kept)
+    members = (*own, *traffic_of(spec, own, kept, setting))
+    document = kept
+    if members:
+        ego = EGO if spec.ego is not None else None
+        document = stage(kept, [member.actor for member in members], ego=ego or kept.ego)
+    check_collisions(spec, members, kept)
+    materials = load_materials()
+    if spec.randomization.materials:
+        materials, document = draw_materials(spec.seed, materials), draw_reflectances(spec.seed, document)
+    return Composition(spec, scene, document, members, materials)
+
+
+def build_world(spec: ScenarioSpec) -> World:
+    """Return the world of a scenario.
+
+    Parameters
+    ----------
+    spec : ScenarioSpec
+
+    Returns
+    -------
+    World
+        With the scenario's actors, light and weather; its ego is the scenario's, else the scene's.
+
+    Raises
+    ------
+    ScenarioError
+        As `compose`, and if an actor stands, drives or walks beside the scene's ground.
+    SceneError, MeshError, MaterialError
+        If files of the scene are broken.
+    """
+    from scarl_sionna.world.scene import World
+
+    composition = compose(spec)
+    world = World(composition.document, composition.materials)
+    check_places(spec, composition.members, world)
+    if spec.lighting is not None:
+        world = world.with_lighting(spec.lighting)
+    if spec.weather is not None:
+        world = world.with_weather(spec.weather)
+    return world
+
+
+def scene_of(spec: ScenarioSpec) -> SceneDocument:
+    """Return the scene that a scenario names, as its files have it."""
+    from scarl_sionna.world.scene import find_scene
+
+    text = spec.scene
+    if text in scenes_xml.scene_names():
+        return read_document(scenes_xml.scene_path(text, spec.variant, spec.detail), spec.detail)
+    if spec.variant != 0:
+        raise ScenarioValueError(
+            f"= {spec.variant}, but '{text}' is no scene that the package builds: it has no variants",
+            spec.place("variant"), "leave it out", value=spec.variant,
+        )  # fmt: skip
+    is_path = text.endswith(".xml") or "/" in text
+    if is_path and not spec.find(text).exists():
+        raise ScenarioFileError(
+            f"scene file '{text}' is not there", spec.place("scene"), "give the name of a scene or the path of a Mitsuba XML",
+            value=text,
+        )  # fmt: skip
+    try:
+        found = find_scene(spec.find(text) if is_path else text)
+    except UnknownNameError as error:
+        raise name_error(error, spec.place("scene")) from error
+    return read_document(found, spec.detail)
+
+
+def remaining(spec: ScenarioSpec, scene: SceneDocument) -> SceneDocument:
+    """Return the scene without those of its own actors that a scenario does not keep."""
+    names = {entry.name for entry in scene.instances if entry.trajectory is not None}
+    gone = set() if spec.keeps_actors else names - {scene.ego}
+    if spec.ego is not None and scene.ego is not None:
+        gone.add(scene.ego)
+    taken = {entry.name for entry in scene.instances} - gone
+    for index, actor in enumerate(spec.actors):
+        if actor.name in taken:
+            raise ScenarioNameError(
+                f"'{actor.name}' is the name of something in scene '{spec.scene}'", spec.place("actors", index, "name"),
+                "give the actor another name", value=actor.name, kind="actor", known=[],
+            )  # fmt: skip
+    return without_actors(scene, gone)
+
+
+def without_actors(document: SceneDocument, names: Collection[str]) -> SceneDocument:
+    """Return a scene without some of its instances and their shapes."""
+    if not names:
+        return document
+    shapes = {shape for entry in document.instances if entry.name in names for shape in entry.shapes}
+    root = ET.Element(document.root.tag, dict(document.root.attrib))
+    root.extend(child for child in document.root if not (child.tag == "shape" and child.get("id") in shapes))
+    return replace(
+        document,
+        root=root,
+        instances=tuple(entry for entry in document.instances if entry.name not in names),
+        bsdf_of_shape={shape: bsdf for shape, bsdf in document.bsdf_of_shape.items() if shape not in shapes},
+        ego=None if document.ego in names else document.ego,
+    )
