@@ -37,6 +37,10 @@ MATERIALS: dict[str, Bsdf] = {
     "sign_directions": _sign("sign_directions.png"),
     "sign_bus_stop": _sign("sign_bus_stop.png"),
     "sign_50": _sign("sign_50.png"),
+    "sign_limit_120": _sign("sign_120.png"),
+    "sign_ahead": _sign("sign_ahead.png"),
+    "sign_exit_way": _sign("sign_exit_way.png"),
+    "noise_panel": Bsdf("principled", "wood", 0.4, TYPICAL, texture="noise_panel.png", floats=ROUGH, wets=0.4),
 }  # fmt: skip
 """Name of the bsdf -> its properties."""
 
@@ -57,6 +61,14 @@ def ashlar(seed: int, size: int = 256, rows: int = 6) -> Array:
     tone = 0.64 + 0.03 * textures.periodic_noise(size, seed + 412, 0.6, 4.0) + g.uniform(-0.04, 0.04, (rows, 3))[row[:, None], column]
     joint = (k * rows % size < rows * 2)[:, None] | ((k[None, :] + shift[:, None]) * 3 % size < 6)
     return textures.tinted(np.where(joint, tone * 0.8, tone), (0.22, 0.20, 0.17), (0.95, 0.90, 0.81))
+
+
+def noise_panel(seed: int, size: int = 128) -> Array:
+    """Return boards of wood-fibre concrete with grooves and posts' joints, a tile of 4 m, shape (size, size, 3)."""
+    k = np.arange(size)
+    tone = 0.5 + 0.05 * textures.periodic_noise(size, seed + 431, 0.4, 6.0) + 0.05 * textures.periodic_noise(size, seed + 432, 1.4, 1.0, 8.0)
+    tone[k % 16 < 2, :] -= 0.16
+    return textures.tinted(tone, (0.12, 0.16, 0.11), (0.62, 0.66, 0.52))
 
 
 def poster(seed: int) -> Image.Image:
@@ -95,5 +107,9 @@ IMAGES: dict[str, Callable[[int], Any]] = {
     "sign_directions.png": lambda seed: lettered(256, 80, "Centre  ^\nStation  >", (20, 70, 160), (250, 250, 250), 0.72),
     "sign_bus_stop.png": lambda seed: bus_flag(),
     "sign_50.png": lambda seed: limit("50"),
+    "sign_120.png": lambda seed: limit("120"),
+    "sign_ahead.png": lambda seed: lettered(256, 150, "A 7\nNorth\nHarbour", (20, 70, 160), (250, 250, 250), 0.85),
+    "sign_exit_way.png": lambda seed: lettered(256, 150, "Exit 12\nLakeside\nAirport  >", (20, 70, 160), (250, 250, 250), 0.85),
+    "noise_panel.png": noise_panel,
 }
 """File -> function of the seed that draws it."""
