@@ -106,7 +106,7 @@ def adult_man() -> Model:
         "torso_collar": (clothing.collar(MAN), "top"),
     }
     light = {"pelvis": (clothing.jacket_hem(MAN, True), "top")}
-    return _walker("adult_man", "Man who walks", MAN, (0.95, 0.56, 1.70), worn, light, variants)
+    return _walker("adult_man", "Man who walks", MAN, (1.00, 0.52, 1.76), worn, light, variants)
 
 
 def adult_woman() -> Model:
@@ -142,7 +142,7 @@ def adult_woman() -> Model:
         "torso_collar": (clothing.collar(WOMAN), "top"), "torso_bag": (clothing.shoulder_bag(WOMAN), "bag"),
     }  # fmt: skip
     light = {"head_hair": (clothing.long_hair(WOMAN, True), "hair"), "pelvis": (clothing.coat_hem(WOMAN, True), "top")}
-    return _walker("adult_woman", "Woman who walks", WOMAN, (0.90, 0.50, 1.60), worn, light, variants)
+    return _walker("adult_woman", "Woman who walks", WOMAN, (0.94, 0.47, 1.64), worn, light, variants)
 
 
 def child() -> Model:
@@ -175,7 +175,7 @@ def child() -> Model:
         "pelvis": (clothing.jacket_hem(CHILD, True), "top"),
         "torso_backpack": (clothing.backpack(CHILD, True), "bag"),
     }
-    return _walker("child", "Child who walks to school", CHILD, (0.70, 0.45, 1.20), worn, light, variants)
+    return _walker("child", "Child who walks to school", CHILD, (0.72, 0.35, 1.26), worn, light, variants)
 
 
 STANDING = Posture(
@@ -203,8 +203,8 @@ def standing_adult() -> Model:
             }
         )
     head = {
-        "name": "standing_adult", "title": "Adult who stands", "class": "Pedestrian", "motion": "stand", "length": 0.50, "width": 0.60,
-        "height": 1.72,
+        "name": "standing_adult", "title": "Adult who stands", "class": "Pedestrian", "motion": "stand", "length": 0.48, "width": 0.67,
+        "height": 1.66,
     }  # fmt: skip
     bsdfs = {key: tinted(bsdf, variants["green"].get(key)) for key, bsdf in MATERIALS.items()}
     return Model(head, levels[0], levels[1], bsdfs, variants)

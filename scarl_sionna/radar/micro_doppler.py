@@ -1,0 +1,231 @@
+"""Spectrograms of what moves on its own: of a whole target and of single parts of it, with estimates of their velocities.
+
+Model, sources, measured errors and limits: docs/micro_doppler.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.radar_spec import RadarSpec
+
+from .channel import solve_paths
+from .paths import RadarPaths
+from .processing import doppler_axis, range_doppler, virtual_cube
+from .synthesis import synthesize
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import World, WorldState
+
+Array = npt.NDArray[np.float64]
+
+WHOLE = "whole"
+"""Name of the spectrogram of all paths."""
+SAME_POINT = 1e-4
+"""Distance within which a path's point and the hit of a ray towards it are one [m], for each metre of distance from the radar."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrogram:
+    """Doppler spectra over time.
+
+    Attributes
+    ----------
+    time : ndarray of float64, shape (num_times,)
+        Start of each spectrum's chirps [s].
+    radial_velocity : ndarray of float64, shape (num_bins,)
+        Rising, positive when opening [m/s].
+    power : ndarray of float64, shape (num_times, num_bins)
+        Summed over range, averaged over channels and looks [W]; zeros where nothing was hit.
+    """
+
+    time: Array
+    radial_velocity: Array
+    power: Array
+
+    def mean_velocity(self) -> Array:
+        """Return the power-weighted mean of the radial velocity at each time, shape (num_times,) [m/s]; nan without power."""
+        total = self.power.sum(axis=1)
+        first = self.power @ self.radial_velocity
+        return np.divide(first, total, out=np.full(len(total), np.nan), where=total > 0.0)
+
+    def edges(self, below_db: float = 35.0) -> Array:
+        """Return the lowest and the highest radial velocity at which a spectrum is still within some decibels of its peak.
+
+        Parameters
+        ----------
+        below_db : float
+            How far below the peak of each spectrum [dB], > 0. The window's main lobe widens the edges by up to its own half width there.
+
+        Returns
+        -------
+        ndarray of float64, shape (num_times, 2)
+            [m/s]; between bins, interpolated on the decibel scale. nan without power.
+        """
+        if not below_db > 0.0:
+            raise ParameterRangeError("below_db", f"{below_db} dB", "> 0 dB")
+        found = np.full((len(self.time), 2), np.nan)
+        for row, power in enumerate(self.power):
+            if power.max() <= 0.0:
+                continue
+            level = 10.0 * np.log10(np.maximum(power / power.max(), 1e-30)) + below_db
+            inside = np.flatnonzero(level >= 0.0)
+            for column, (edge, step) in enumerate(((inside[0], -1), (inside[-1], 1))):
+                found[row, column] = self._crossing(level, int(edge), step)
+        return found
+
+    def _crossing(self, level: Array, edge: int, step: int) -> float:
+        beyond = edge + step
+        if not 0 <= beyond < len(level):
+            return float(self.radial_velocity[edge])
+        share = level[edge] / (level[edge] - level[beyond])
+        return float(self.radial_velocity[edge] + share * (self.radial_velocity[beyond] - self.radial_velocity[edge]))
+
+
+def part_of_paths(paths: RadarPaths, state: WorldState) -> npt.NDArray[np.int32]:
+    """Return on which part of the scene the scattering point of each direct path lies.
+
+    Parameters
+    ----------
+    paths : RadarPaths
+        As solved in this state, by a solver whose paths end at surface points (``raycast``, ``sbr``).
+    state : WorldState
+
+    Returns
+    -------
+    ndarray of int32, shape (num_paths,)
+        Row of ``world.parts``; -1 for what came by several bounces or is no point of a surface in view.
+    """
+    origin = paths.world_from_rx.position
+    way = paths.rx_point - origin
+    distance = np.linalg.norm(way, axis=1)
+    part = np.full(paths.num_paths, -1, dtype=np.int32)
+    hits = state.cast(origin, way / np.maximum(distance, 1e-12)[:, None])
+    same = np.abs(hits.distance - distance[hits.ray]) <= SAME_POINT * np.maximum(distance[hits.ray], 1.0)
+    direct = paths.depth[hits.ray] == 1
+    part[hits.ray[same & direct]] = hits.part[same & direct]
+    return part
+
+
+def spectrograms(
+    world: World,
+    radar: RadarSpec,
+    pose: Pose | Callable[[float], Pose],
+    times: npt.ArrayLike,
+    groups: Mapping[str, Sequence[int]] | None = None,
+    *,
+    looks: Sequence[float] = (0.0,),
+    num_doppler_bins: int | None = None,
+    window: str = "hann",
+    method: str = "raycast",
+    **options: Any,
+) -> dict[str, Spectrogram]:
+    """Return the spectrogram of a target and of groups of its parts, each column solved anew.
+
+    Parameters
+    ----------
+    world : World
+    radar : RadarSpec
+        One frame of it makes one spectrum: its `frame_time` is the window. Of several channels the powers are averaged.
+    pose : Pose or callable
+        world_from_radar, or that as a function of time [s].
+    times : array_like of float, shape (num_times,)
+        Start of each column [s].
+    groups : mapping of str to sequence of int, optional
+        Parts (rows of ``world.parts``) whose paths make a spectrogram of their own, as if the others were only in their way.
+    looks : sequence of float
+        Times that are added to each of `times` [s], for example whole cycles of a gait: the powers are averaged, which takes the
+        speckle out.
+    num_doppler_bins : int, optional
+        More than the chirps interpolates.
+    window : str
+        Over the chirps and over range.
+    method, options
+        Of :func:`scarl_sionna.radar.solve_paths`.
+
+    Returns
+    -------
+    dict of str to Spectrogram
+        ``"whole"`` and one for each group.
+    """
+    columns = np.asarray(times, dtype=np.float64)
+    groups = groups or {}
+    axis = doppler_axis(radar, num_doppler_bins)
+    power = {name: np.zeros((len(columns), len(axis))) for name in (WHOLE, *groups)}
+    for look in looks:
+        for row, time in enumerate(columns + look):
+            state = world.at(float(time))
+            place = pose(float(time)) if callable(pose) else pose
+            paths = solve_paths(state, radar, place, method=method, **options)
+            power[WHOLE][row] += _spectrum(paths, radar, num_doppler_bins, window)
+            part = part_of_paths(paths, state) if groups else None
+            for name, parts in groups.items():
+                own = paths.select(np.isin(part, parts))
+                if own.num_paths:
+                    power[name][row] += _spectrum(own, radar, num_doppler_bins, window)
+    return {name: Spectrogram(columns, axis, total / len(looks)) for name, total in power.items()}
+
+
+def _spectrum(paths: RadarPaths, radar: RadarSpec, num_doppler_bins: int | None, window: str) -> Array:
+    cube = virtual_cube(synthesize(paths, radar), radar)
+    return range_doppler(cube, radar, window, num_doppler_bins=num_doppler_bins).power.astype(np.float64).sum(axis=1)
+
+
+def surface_velocities(
+    world: World, time: float, pose: Pose, parts: Sequence[int], step: float = 1e-5
+) -> tuple[Array, Array, Array]:
+    """Return how fast the surface of parts moves away from a place, from the poses alone, and how much of it is in view.
+
+    Parameters
+    ----------
+    world : World
+    time : float
+        [s]
+    pose : Pose
+        Of the radar, at rest.
+    parts : sequence of int
+        Rows of ``world.parts``.
+    step : float
+        Of the central difference [s].
+
+    Returns
+    -------
+    velocity : ndarray of float64, shape (num_triangles,)
+        d(distance)/dt of the middle of each triangle [m/s].
+    area : ndarray of float64, shape (num_triangles,)
+        Of the triangles [m2].
+    in_view : ndarray of float64, shape (num_triangles,)
+        That across the line of sight where the middle is in view, 0 where something hides it [m2].
+
+    Notes
+    -----
+    No velocity of the world is used: an answer of the kinematic model that is independent of what the solvers take.
+    """
+    before, now, after = (world.at(time + sign * step) for sign in (-1.0, 0.0, 1.0))
+    velocities, areas, across, points = [], [], [], []
+    for part in parts:
+        corners = world.mesh(part).vertices[world.mesh(part).faces]
+        middle = corners.mean(axis=1)
+        doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        ways = [np.linalg.norm(state.part_pose(part).apply(middle) - pose.position, axis=1) for state in (before, after)]
+        point = now.part_pose(part).apply(middle)
+        sight = point - pose.position
+        sight /= np.linalg.norm(sight, axis=1)[:, None]
+        velocities.append((ways[1] - ways[0]) / (2.0 * step))
+        areas.append(0.5 * np.linalg.norm(doubled, axis=1))
+        across.append(0.5 * np.abs(np.einsum("ij,ij->i", now.part_pose(part).rotate(doubled), sight)))
+        points.append(point)
+    point = np.concatenate(points)
+    way = point - pose.position
+    distance = np.linalg.norm(way, axis=1)
+    hits = now.cast(pose.position, way / distance[:, None])
+    seen = np.zeros(len(point), dtype=bool)
+    seen[hits.ray] = np.abs(hits.distance - distance[hits.ray]) <= SAME_POINT * distance[hits.ray]
+    return np.concatenate(velocities), np.concatenate(areas), np.where(seen, np.concatenate(across), 0.0)
