@@ -236,5 +236,6 @@ IMAGES: dict[str, Callable[[int], Any]] = {
     "sign_zone.png": sign_zone,
     "sign_bend_left.png": lambda seed: textures.sign_bend(192),
     "sign_arrows.png": sign_chevron,
+    "sign_arrows_right.png": lambda seed: sign_chevron(seed).transpose(Image.Transpose.FLIP_LEFT_RIGHT),
 }
 """File name -> function of the seed that returns sRGB values or an image."""

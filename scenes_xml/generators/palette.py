@@ -146,6 +146,7 @@ PALETTE: dict[str, Bsdf] = {
     "sign_zone": _textured("metal", 0.60, "sign_zone.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4),
     "sign_bend_left": _textured("metal", 0.60, "sign_bend_left.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4),
     "sign_arrows": _textured("metal", 0.60, "sign_arrows.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4),
+    "sign_arrows_right": _textured("metal", 0.60, "sign_arrows_right.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4),
 }  # fmt: skip
 """Name of the bsdf -> its properties."""
 
