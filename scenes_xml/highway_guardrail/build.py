@@ -16,7 +16,7 @@ from ..generators.palette import PALETTE
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
 from ..generators.xml import Placement, scene_xml
 from . import images, roadside, static
-from .layout import ACTORS, CURVE, SEED, TIMES
+from .layout import ACTORS, CURVE, SEED, TIMES, lanes
 
 NAME = "highway_guardrail"
 TABLE = {
@@ -74,7 +74,7 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     bsdfs = {name: bsdf for name, bsdf in PALETTE.items() if name in used}
     comment = f"{NAME}: written by scenes_xml/{NAME}/build.py; do not edit"
     (folder / f"{NAME}.xml").write_text(scene_xml(comment, kit.head(), bsdfs, writer.placements), encoding="utf-8")
-    (folder / "scene.toml").write_text(scene_toml(TABLE, bsdfs, instances, actors), encoding="utf-8")
+    (folder / "scene.toml").write_text(scene_toml(TABLE, bsdfs, instances, actors, lanes=lanes()), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..generators.road import RoadCurve
+from ..generators.scene_toml import Lane
 
 SEED = 0
 CURVE = RoadCurve()
@@ -41,3 +42,12 @@ ACTORS = (
     ActorPlan("car_ahead", 21.0, LANE_RIGHT, 19.0, "car_paint_silver"),
     ActorPlan("oncoming", 38.0, LANE_LEFT, -12.0, "car_paint_red"),
 )
+
+
+def lanes() -> list[Lane]:
+    """Return both lanes; the road's ends stay 5 m away."""
+    way = np.arange(ROAD_START + 5.0, ROAD_STOP - 5.0 + 1e-9, 2.0)
+    return [
+        Lane("right", CURVE.point(way, LANE_RIGHT), "drive", LANE_WIDTH, 19.4),
+        Lane("left", CURVE.point(way[::-1], LANE_LEFT), "drive", LANE_WIDTH, 19.4),
+    ]

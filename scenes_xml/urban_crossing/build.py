@@ -57,7 +57,7 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     images.write(folder / "textures", at.SEED, textures)
     comment = f"{NAME}: written by scenes_xml/{NAME}/build.py; do not edit"
     (folder / f"{NAME}.xml").write_text(scene_xml(comment, kit.head(), bsdfs, writer.placements), encoding="utf-8")
-    (folder / "scene.toml").write_text(scene_toml(TABLE, bsdfs, instances, actors), encoding="utf-8")
+    (folder / "scene.toml").write_text(scene_toml(TABLE, bsdfs, instances, actors, lanes=at.lanes()), encoding="utf-8")
 
 
 def _place(

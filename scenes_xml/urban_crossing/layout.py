@@ -12,6 +12,7 @@ import numpy as np
 from ..generators.mesh import Array
 from ..generators.pedestrian import BodyShape
 from ..generators.road import RoadCurve
+from ..generators.scene_toml import Lane
 
 SEED = 100
 STREET = RoadCurve(bend_start=1e6, bend_stop=1e6 + 1.0)
@@ -89,3 +90,20 @@ def walker_positions(plan: WalkerPlan) -> Array:
     x, y = (np.array(plan.start)[:, None] + np.array(plan.velocity)[:, None] * TIMES)[:2]
     over = np.maximum(y - KERB_LEFT, KERB_RIGHT - y)
     return np.stack([x, y, KERB_HEIGHT * np.clip(over / 0.8 + 0.5, 0.0, 1.0)], 1)
+
+
+def lanes() -> list[Lane]:
+    """Return the lanes of vehicles, those of both pavements, and the way across the street."""
+    x = np.arange(START + 4.0, STOP - 4.0 + 1e-9, 2.0)
+    y = np.arange(-5.7, 6.9 + 1e-9, 0.6)
+    kerb = KERB_HEIGHT * np.clip(np.maximum(y - KERB_LEFT, KERB_RIGHT - y) / 0.8 + 0.5, 0.0, 1.0)
+    right, left = (np.stack([x, np.full_like(x, side), np.full_like(x, KERB_HEIGHT)], 1) for side in (-5.7, 6.9))
+    across = np.stack([np.full_like(y, 0.5 * sum(ZEBRA)), y, kerb], 1)
+    road = np.stack([x, 0.0 * x, 0.0 * x], 1)
+    return [
+        Lane("right", road, "drive", LANE_LEFT),
+        Lane("left", road[::-1] + [0.0, LANE_LEFT, 0.0], "drive", LANE_LEFT),
+        Lane("walk_right", right, "walk", 1.6, 1.4),
+        Lane("walk_left", left[::-1], "walk", 1.6, 1.4),
+        Lane("zebra", across, "walk", ZEBRA[1] - ZEBRA[0], 1.4),
+    ]
