@@ -95,7 +95,7 @@ def body_of(model: BodyLike | str | None, bodies: Mapping[str, BodyLike] | None 
     if isinstance(model, str):
         if bodies and model in bodies:
             return Body.of(bodies[model])
-        from scarl_sionna.world.staging import read_actor_model
+        from scarl_sionna.world.actor_model import read_actor_model
 
         return Body.of(read_actor_model(model))
     return Body.of(model)

@@ -1,201 +1,207 @@
-"""Whether what a scenario states can be: motions that last, bodies that do not overlap, actors on the scene's ground."""
+"""Checks of planned motion against a world: who floats, sinks, leaves the scene, or moves as nothing can."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import (
-    CollisionError,
-    OutsideSceneError,
-    ScarlWarning,
-    ScenarioError,
-    ScenarioPlace,
-    ScenarioTimeError,
-)
-from scarl_sionna.world.document import InstanceEntry, SceneDocument
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.world.motion import Trajectory
+from scarl_sionna.world.scene import World
 
-from .bodies import WALKER, Body
-from .cast import Member
-from .collisions import Collision, Measures, find_collisions
-from .spec import ScenarioSpec
+from .bodies import Body, BodyLike
+from .paths import sample_motion
 
-if TYPE_CHECKING:
-    from scarl_sionna.world import World
+Array = npt.NDArray[np.float64]
+Planned = Sequence[tuple[str, Trajectory, BodyLike]]
+"""Name, motion and body of each actor."""
 
-STEP = 0.05
-"""Time between the instants at which bodies are compared [s]: at a closing speed of 60 m/s they move 3 m, less than a car's length."""
-TOUCH = 0.05
-"""Overlap of boxes that still counts as passing by [m]: bodies are rounder than their boxes."""
-GROUND_STEP = 0.25
-"""Time between the instants at which the ground below an actor is looked for [s]."""
-CLEARANCE, DROP = 0.1, 1.0
-"""From how far above its origin [m], and how deep from there, ground is looked for [m]."""
-_LONGEST = 2000
-"""Most instants that are compared."""
-
-Moving = tuple[str, Trajectory, Measures]
+_ABOVE, _BELOW = 1.0, 4.0
+"""From how far above the origin to how far below it the ground is looked for [m]."""
+_LAYERS = 6
+"""How many surfaces of actors a ray may meet above the ground."""
+_GUST = 2e-3
+"""Half of the time step by which a trajectory is compared with its own velocity [s]."""
 
 
-def body_of_entry(entry: InstanceEntry) -> Body:
-    """Return the usual measures of a class, for an actor of the scene whose model is not known."""
-    return WALKER if entry.semantic == "Pedestrian" else Body()
+@dataclass(frozen=True)
+class GroundFault:
+    """An actor that does not stand on the ground at a time [s]: `height` of its contact above it [m], negative below; infinite: no ground."""
+
+    name: str
+    time: float
+    height: float
 
 
-def moving_of(document: SceneDocument) -> Iterator[tuple[InstanceEntry, Trajectory]]:
-    """Yield the actors of a scene with their motions."""
-    for entry in document.instances:
-        if entry.trajectory is not None:
-            yield entry, entry.trajectory
+@dataclass(frozen=True)
+class MotionFault:
+    """A motion that is not possible: `what` (``speed``, ``acceleration`` or ``jump``), its `value` [m/s, m/s^2 or m], the `limit` and the time [s]."""
+
+    name: str
+    time: float
+    what: str
+    value: float
+    limit: float
 
 
-def check_times(spec: ScenarioSpec, members: Sequence[Member], document: SceneDocument) -> None:
-    """Raise if a motion begins after the first frame or ends before the last one.
-
-    Raises
-    ------
-    ScenarioTimeError
-        At the actor's trajectory; for an actor of the scene itself at what makes the scenario longer.
-    """
-    problems: list[ScenarioError] = []
-    for member in members:
-        problem = _time_problem(
-            spec, member.actor.trajectory, f"'{member.actor.name}'", spec.place(*member.path, "trajectory"),
-            "name more lanes, let it drive slower or stop, or make the scenario shorter",
-        )  # fmt: skip
-        problems += [problem] if problem is not None else []
-    for entry, trajectory in moving_of(document):
-        problem = _time_problem(
-            spec,
-            trajectory,
-            f"'{entry.name}' of scene '{spec.scene}'",
-            spec.place("num_frames"),
-            "make the scenario shorter",
-        )
-        problems += [problem] if problem is not None else []
-    if problems:
-        raise ScenarioError.first_of(problems)
+def contacts(body: BodyLike) -> Array:
+    """Return the points (C, 3) [m, actor's frame] with which a body stands: its wheels, or its middle."""
+    whole = Body.of(body)
+    if whole.wheelbase <= 0.0:
+        return np.zeros((1, 3))
+    half = 0.4 * whole.width if whole.wheelbase > 1.6 else 0.0
+    axles = (whole.rear_axle, whole.rear_axle + whole.wheelbase)
+    return np.unique([[x, y, 0.0] for x in axles for y in (-half, half)], axis=0)
 
 
-def _time_problem(
-    spec: ScenarioSpec, trajectory: Trajectory, what: str, place: ScenarioPlace, remedy: str
-) -> ScenarioTimeError | None:
-    first, last = spec.times[0], spec.times[-1]
-    for time, words in ((first, "first"), (last, "last")):
-        if not trajectory.start <= time <= trajectory.stop:
-            return ScenarioTimeError(
-                f"the {words} frame, at {time:.6g} s, is outside the motion of {what} ({trajectory.start:.6g} to "
-                f"{trajectory.stop:.6g} s)",
-                place, remedy, value=time, time=time, start=trajectory.start, stop=trajectory.stop, what=what,
-            )  # fmt: skip
-    return None
-
-
-def instants(spec: ScenarioSpec) -> npt.NDArray[np.float64]:
-    """Return the instants at which bodies are compared [s]: from the first to the last frame."""
-    first, last = spec.times[0], spec.times[-1]
-    count = min(int(np.ceil((last - first) / STEP)) + 1, _LONGEST)
-    return np.linspace(first, last, count) if last > first else np.array([first])
-
-
-def first_collision(spec: ScenarioSpec, members: Sequence[Member]) -> Collision | None:
-    """Return the first overlap among some members, or None."""
-    hits = find_collisions(_moving(members), instants(spec), TOUCH)
-    return hits[0] if hits else None
-
-
-def _moving(members: Sequence[Member]) -> list[Moving]:
-    return [(member.actor.name, member.actor.trajectory, member.body) for member in members]
-
-
-def check_collisions(spec: ScenarioSpec, members: Sequence[Member], document: SceneDocument) -> None:
-    """Raise, or warn, if bodies overlap at the start or during the run.
+def ground_heights(world: World, points: npt.ArrayLike, time: float | None = None) -> Array:
+    """Return the heights (N,) [m] of what stands still below points (N, 3) [m, world]; minus infinity where there is nothing.
 
     Parameters
     ----------
-    spec : ScenarioSpec
-        Its `collisions` says what an overlap does.
-    members : sequence of Member
-    document : SceneDocument
-        With the scene's own actors that stay.
-
-    Raises
-    ------
-    CollisionError
-        At the actor that the scenario names last.
+    world : World
+    points : array_like of float, shape (N, 3)
+        Ground is looked for from 1 m above to 4 m below each.
+    time : float or None
+        Where the world's actors stand, through which the rays go on [s]; None: at the world's first time.
     """
-    if spec.collisions == "allow":
-        return
-    own = [(entry.name, trajectory, body_of_entry(entry)) for entry, trajectory in moving_of(document)]
-    names = {member.actor.name: member for member in members}
-    problems: list[ScenarioError] = []
-    for hit in find_collisions([*_moving(members), *own], instants(spec), TOUCH):
-        if hit.first in names or hit.second in names:  # what a scene does on its own is the scene's
-            problems.append(_collision(spec, hit, names))
-    if not problems:
-        return
-    if spec.collisions == "error":
-        raise ScenarioError.first_of(problems)
-    for problem in problems:
-        warnings.warn(str(problem), ScarlWarning, stacklevel=3)
+    origins = np.array(points, dtype=np.float64).reshape(-1, 3) + [0.0, 0.0, _ABOVE]
+    start = world.time_range[0]
+    state = world.at(time if time is not None else float(start) if np.isfinite(start) else 0.0)
+    heights = np.full(len(origins), -np.inf)
+    lowest = origins[:, 2] - _ABOVE - _BELOW
+    left = np.arange(len(origins))
+    for _ in range(_LAYERS):
+        if not left.size:
+            break
+        hits = state.cast(origins[left], np.tile([0.0, 0.0, -1.0], (left.size, 1)), _ABOVE + _BELOW)
+        still = world.parts.actor[hits.part] < 0
+        rows = left[hits.ray]
+        found = still & (hits.point[:, 2] >= lowest[rows])
+        heights[rows[found]] = hits.point[found, 2]
+        origins[rows[~still], 2] = hits.point[~still, 2] - 1e-4
+        left = rows[~still]
+    return heights
 
 
-def _collision(spec: ScenarioSpec, hit: Collision, names: dict[str, Member]) -> CollisionError:
-    involved = [name for name in (hit.first, hit.second) if name in names]
-    blamed = max(
-        involved, key=lambda name: (names[name].path[:1] != ("traffic",) and spec.place(*names[name].path).line) or 0
-    )
-    other = hit.second if blamed == hit.first else hit.first
-    at_start = hit.time <= spec.times[0]
-    where = ""
-    if other in names and (line := spec.place(*names[other].path).line) is not None:
-        where = f" (line {line})"
-    words = "overlaps with" if at_start else "collides with"
-    return CollisionError(
-        f"'{blamed}' {words} '{other}'{where} at {hit.time:.4g} s, by up to {hit.depth:.2g} m until {hit.last:.4g} s",
-        spec.place(*names[blamed].path), "change a start, a speed or an offset, or set `collisions: allow`",
-        value=blamed, time=hit.time, other=other, depth=hit.depth,
-    )  # fmt: skip
+def check_ground(world: World, actors: Planned, times: npt.ArrayLike, tolerance: float = 0.05) -> list[GroundFault]:
+    """Return who floats or sinks, by rays from its wheels (or feet) down to what stands still.
 
+    Parameters
+    ----------
+    world : World
+        Its own actors do not count as ground.
+    actors : sequence of (name, trajectory, body)
+    times : array_like of float, shape (N,)
+        [s]; an actor is looked at where its motion is known.
+    tolerance : float
+        Height above or depth below the ground that is allowed [m]: the mean over the wheels.
 
-def check_places(spec: ScenarioSpec, members: Sequence[Member], world: World) -> None:
-    """Raise if one of a scenario's actors stands, drives or walks where there is no ground of the scene below it.
-
-    Traffic is not looked at: it comes from beyond the scene and goes there.
-
-    Raises
-    ------
-    OutsideSceneError
-        At the actor's trajectory, with the first place and time.
+    Returns
+    -------
+    list of GroundFault
+        One for each actor and time, in their order.
     """
-    if not (own := [member for member in members if member.path[:1] != ("traffic",)]):
-        return
-    times = np.linspace(
-        spec.times[0], spec.times[-1], min(2 + int((spec.times[-1] - spec.times[0]) / GROUND_STEP), 200)
+    labels, spots = [], []
+    for name, trajectory, body in actors:
+        feet = contacts(body)
+        for time in np.atleast_1d(np.asarray(times, dtype=np.float64)):
+            if trajectory.start <= time <= trajectory.stop:
+                labels.append((name, float(time), len(feet)))
+                spots.append(trajectory.pose(float(time)).apply(feet))
+    if not spots:
+        return []
+    points = np.concatenate(spots)
+    away = points[:, 2] - ground_heights(world, points)
+    faults, first = [], 0
+    for name, time, count in labels:
+        height = float(np.mean(away[first : first + count]))
+        first += count
+        if not abs(height) <= tolerance:
+            faults.append(GroundFault(name, time, height))
+    return faults
+
+
+def scene_extent(world: World) -> tuple[Array, Array]:
+    """Return the lowest and the highest corner (3,) [m] of all that stands still."""
+    still = np.flatnonzero(world.parts.actor < 0)
+    if not still.size:
+        raise ParameterRangeError("world", world.name, "a scene with something that stands still")
+    vertices = [world.mesh(int(part)).vertices for part in still]
+    return np.min([points.min(0) for points in vertices], axis=0), np.max(
+        [points.max(0) for points in vertices], axis=0
     )
-    places = np.array([[member.actor.trajectory.pose(time).position for time in times] for member in own])
-    above = places.reshape(-1, 3) + [0.0, 0.0, CLEARANCE]
-    down = np.broadcast_to([0.0, 0.0, -1.0], above.shape)
-    hits = world.at(spec.times[0]).cast(above, down, DROP)
-    grounded = np.zeros(len(above), dtype=bool)
-    grounded[hits.ray] = True
-    problems: list[ScenarioError] = []
-    for member, there, way in zip(own, grounded.reshape(len(own), -1), places, strict=True):
-        if not there.all():
-            index = int(np.argmin(there))
-            x, y, z = way[index]
-            problems.append(
-                OutsideSceneError(
-                    f"there is no ground of scene '{spec.scene}' below '{member.actor.name}' at {times[index]:.4g} s: "
-                    f"({x:.4g}, {y:.4g}, {z:.4g}) m",
-                    spec.place(*member.path, "trajectory"), "move it into the scene", value=(float(x), float(y), float(z)),
-                    time=float(times[index]),
+
+
+def check_extent(
+    world: World, actors: Sequence[tuple[str, Trajectory, object]], times: npt.ArrayLike, margin: float = 0.0
+) -> list[tuple[str, float]]:
+    """Return name and first time [s] of each actor whose origin leaves the scene in plan by more than a margin [m].
+
+    The scene is the box round all that stands still. Traffic goes on beyond it; look at `PlannedActor.active` there.
+    """
+    low, high = scene_extent(world)
+    found = []
+    for name, trajectory, *_ in actors:
+        instants = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        instants = instants[(instants >= trajectory.start) & (instants <= trajectory.stop)]
+        if not instants.size:
+            continue
+        plan = sample_motion(trajectory, instants).position[:, :2]
+        outside = np.any((plan < low[:2] - margin) | (plan > high[:2] + margin), axis=1)
+        if outside.any():
+            found.append((name, float(instants[outside.argmax()])))
+    return found
+
+
+def check_motion(
+    actors: Sequence[tuple[str, Trajectory, object]],
+    times: npt.ArrayLike,
+    max_speed: float = 70.0,
+    max_acceleration: float = 12.0,
+    max_jump: float = 1e-3,
+) -> list[MotionFault]:
+    """Return what in motions is beyond what can be: too fast, too hard, or a jump.
+
+    Parameters
+    ----------
+    actors : sequence of (name, trajectory, ...)
+    times : array_like of float, shape (N,)
+        Rising; accelerations are differences of the velocity from one to the next [s].
+    max_speed, max_acceleration : float
+        [m/s], [m/s^2]; 12 m/s^2 is more than any tyre gives.
+    max_jump : float
+        Difference [m] between two positions 4 ms apart and the way by the velocities there.
+
+    Returns
+    -------
+    list of MotionFault
+        The worst of each kind for each actor.
+    """
+    faults = []
+    for name, trajectory, *_ in actors:
+        instants = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        instants = instants[(instants >= trajectory.start + _GUST) & (instants <= trajectory.stop - _GUST)]
+        if not instants.size:
+            continue
+        before, middle, after = (sample_motion(trajectory, instants + shift) for shift in (-_GUST, 0.0, _GUST))
+        speed = np.linalg.norm(middle.velocity, axis=1)
+        way = _GUST / 3.0 * (before.velocity + 4.0 * middle.velocity + after.velocity)  # Simpson's rule
+        jump = np.linalg.norm(after.position - before.position - way, axis=1)
+        rows = [("speed", speed, max_speed), ("jump", jump, max_jump)]
+        if len(instants) > 1:
+            rows.append(
+                (
+                    "acceleration",
+                    np.linalg.norm(np.diff(middle.velocity, axis=0), axis=1) / np.diff(instants),
+                    max_acceleration,
                 )
-            )  # fmt: skip
-    if problems:
-        raise ScenarioError.first_of(problems)
+            )
+        for what, values, limit in rows:
+            worst = int(values.argmax())
+            if values[worst] > limit:
+                faults.append(MotionFault(name, float(instants[worst]), what, float(values[worst]), limit))
+    return faults

@@ -12,10 +12,11 @@ from typing import BinaryIO, cast
 import numpy as np
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, TrajectoryFileError
+from scarl_sionna.core.seeds import generator
 from scarl_sionna.world.lanes import LaneNetwork
 
 from .bodies import BodyLike, body_of
-from .planned import Ground, PlannedActor, lane_ground
+from .planned import Ground, PlannedActor, draw_variant, lane_ground
 from .recorded import Record, smooth_record
 
 _WORDS = (
@@ -131,8 +132,9 @@ def planned_from_samples(
             warnings.warn(f"'{name}' is left out: {error}", ScarlWarning, stacklevel=3)
             continue
         present = (float(rows[0, 0]), float(rows[-1, 0]))
+        look = draw_variant(model, models, float(generator(0, "recorded_looks", name=name).uniform()))
         found = (smoothed.deviation, smoothed.num_lane_changes)
-        actors.append(PlannedActor(name, model, None, smoothed.trajectory, body, 0.0, present, *found))
+        actors.append(PlannedActor(name, model, look, smoothed.trajectory, body, 0.0, present, *found))
     if left_out:
         warnings.warn(
             f"{len(left_out)} actors are there at one instant only and are left out: {', '.join(left_out[:5])}",

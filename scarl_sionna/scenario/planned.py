@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.world.lanes import LaneNetwork
 from scarl_sionna.world.motion import Trajectory
 
-from .bodies import Body
+from .bodies import Body, BodyLike
 
 Array = npt.NDArray[np.float64]
 Ground = Callable[[Array], Array]
@@ -70,3 +70,14 @@ def lane_ground(network: LaneNetwork) -> Ground:
         return np.asarray(points[tree.query(np.atleast_2d(plan))[1], 2])
 
     return ground
+
+
+def draw_variant(model: str, models: Mapping[str, BodyLike] | None, number: float) -> str | None:
+    """Return one of a model's variants for a random number from 0 to 1; None where it has none."""
+    source: object = models[model] if models and model in models else None
+    if source is None:
+        from scarl_sionna.world.actor_model import read_actor_model
+
+        source = read_actor_model(model)
+    variants = sorted(getattr(source, "variants", ()))
+    return variants[min(int(number * len(variants)), len(variants) - 1)] if variants else None

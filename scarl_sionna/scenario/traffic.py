@@ -18,7 +18,7 @@ from .bodies import Body, BodyLike, body_of
 from .collisions import find_collisions
 from .drivers import Crowd, Driver, Obstacle
 from .paths import PathTrajectory, SmoothPath, sample_motion
-from .planned import PlannedActor
+from .planned import PlannedActor, draw_variant
 from .profiles import way_from_states
 from .routes import smoothing_of
 from .tracks import Track, TrackGraph, track_graph
@@ -304,7 +304,9 @@ def _planned(
         if present.size
         else (start_time, start_time)
     )
-    return PlannedActor(name, model, _variant(model, models, draw), trajectory, body, float(draw.uniform()), active)
+    return PlannedActor(
+        name, model, draw_variant(model, models, float(draw.uniform())), trajectory, body, float(draw.uniform()), active
+    )
 
 
 def _line(route: Sequence[Track]) -> tuple[Array, Array]:
@@ -315,18 +317,6 @@ def _line(route: Sequence[Track]) -> tuple[Array, Array]:
         chord.append(track.chord[1:] + start)
         start += track.length
     return np.concatenate(points), np.concatenate(chord)
-
-
-def _variant(model: str, models: Mapping[str, BodyLike] | None, draw: np.random.Generator) -> str | None:
-    """Return one of a model's variants; one number is drawn in any case."""
-    number = float(draw.uniform())
-    source = models[model] if models and model in models else None
-    if source is None:
-        from scarl_sionna.world.staging import read_actor_model
-
-        source = read_actor_model(model)
-    variants = sorted(getattr(source, "variants", ()))
-    return variants[int(number * len(variants))] if variants else None
 
 
 def _parked(
@@ -356,7 +346,11 @@ def _parked(
         along = 0.4 * (place.length - body.length) * slack[0]
         position = place.position + along * np.array([np.cos(yaw), np.sin(yaw), 0.0])
         trajectory = StaticTrajectory(Pose.from_euler(position, yaw=float(yaw)))
-        actors.append(PlannedActor(f"{names}_parked_{number}", model, _variant(model, models, draw), trajectory, body))
+        actors.append(
+            PlannedActor(
+                f"{names}_parked_{number}", model, draw_variant(model, models, float(draw.uniform())), trajectory, body
+            )
+        )
     return actors
 
 
