@@ -20,8 +20,8 @@ LEAST_COVER = 0.02
 """A drop that covers less of a pixel, over its whole streak, is part of the haze."""
 LARGEST_IMAGE = 3.0
 """A drop as wide as this [px] is so near the lens that it is out of focus; it is left out."""
-MOST_DROPS = 60_000
-STEPS = 12
+MOST_DROPS = 400_000
+STEPS = 32
 """Places along a streak."""
 DROP_RADIANCE = 0.94
 """Of a drop over that of the sky behind its wide view: K. Garg, S. K. Nayar, "Vision and rain", Int. J. Comput. Vis. 75(1), 2007."""

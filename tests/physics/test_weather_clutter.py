@@ -1,0 +1,208 @@
+"""Echoes of rain and spray: mean power against the radar equation's integral, speckle, Doppler, what hides them, labels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import kstest
+
+from scarl_sionna.core.antenna_pattern import CosinePattern
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.weather import Spray, Weather
+from scarl_sionna.radar import label_cells, label_paths, point_targets, range_doppler, synthesize, virtual_cube
+from scarl_sionna.radar.channel.hybrid import joined, received_power
+from scarl_sionna.radar.clutter import (
+    NEAREST,
+    VOLUME_INTERACTION,
+    clutter_budget,
+    falling,
+    mean_clutter_power,
+    spray_clutter,
+    through_weather,
+    two_way_gain_integral,
+    volume_clutter,
+)
+from scarl_sionna.radar.hydrometeors import spray
+from scarl_sionna.radar.sensor import Radar
+from scarl_sionna.world import load_scene
+from scarl_sionna.world.spray import spray_clouds
+
+RADAR = RadarSpec(num_chirps=64, num_samples=128, ramp_time=7.5e-6, bandwidth=75e6 * 2)
+HEAVY = Weather(rain_rate=50.0)
+ETA = falling(HEAVY, RADAR.center_frequency)[0].reflectivity
+
+
+def test_two_way_gain_is_integrated() -> None:
+    """cos^(2n) over azimuth and cos^(2m + 1) over elevation, each between -90 and 90 deg, by quadrature."""
+    pattern = CosinePattern(half_power_azimuth_deg=45.0, half_power_elevation_deg=15.0)
+    n, m = (np.log(0.5) / np.log(np.cos(np.radians(angle))) for angle in (45.0, 15.0))
+    exact = quad(lambda x: np.cos(x) ** (2 * n), -np.pi / 2, np.pi / 2)[0]
+    exact *= quad(lambda x: np.cos(x) ** (2 * m + 1), -np.pi / 2, np.pi / 2)[0]
+    assert two_way_gain_integral(pattern) == pytest.approx(100.0 * exact, rel=1e-3)  # 10 dBi, 1 deg cells
+
+
+def test_attenuated_mean_is_the_integral() -> None:
+    rate = 2.0 * 18.0 * np.log(10.0) / 1e4
+    integral = quad(lambda r: np.exp(-rate * r) / r**2, 5.0, 40.0)[0]
+    ratio = mean_clutter_power(RADAR, ETA, 5.0, 40.0, 18.0) / mean_clutter_power(RADAR, ETA, 5.0, 40.0)
+    assert ratio == pytest.approx(integral / (1.0 / 5.0 - 1.0 / 40.0), rel=1e-9)
+
+
+def test_mean_power_per_range_is_the_radar_equations() -> None:
+    """60 realisations; 5 standard errors of the mean in each of four parts of the range, errors found from the spread itself."""
+    edges = np.array([NEAREST, 4.0, 10.0, 20.0, 40.0])
+    found = np.zeros((60, 4))
+    for seed in range(60):
+        paths = volume_clutter(HEAVY, RADAR, Pose(), np.random.default_rng(seed), reach=40.0, num_points=1500)
+        distance = np.linalg.norm(paths.tx_point, axis=1)
+        power = received_power(paths, RADAR)
+        found[seed] = np.histogram(distance, edges, weights=power)[0]
+    exact = mean_clutter_power(RADAR, ETA, edges[:-1], edges[1:])
+    error = found.std(axis=0, ddof=1) / np.sqrt(60)
+    assert np.all(np.abs(found.mean(axis=0) - exact) < 5.0 * error)
+    assert np.all(error < 0.1 * exact)
+
+
+def test_power_of_a_cell_is_exponential() -> None:
+    """A cell without windows, of 300 frames: its power over the mean is exponential (Kolmogorov and Smirnov, 0.1 %)."""
+    radar = RADAR.with_(num_chirps=1, tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))
+    power = []
+    for seed in range(300):
+        paths = volume_clutter(HEAVY, radar, Pose(), np.random.default_rng(seed), reach=60.0, num_points=1500)
+        beat = np.fft.fft(synthesize(paths, radar)[0, 0] * np.hanning(radar.num_samples))
+        power.append(np.abs(beat[int(20.0 / radar.range_resolution)]) ** 2)
+    assert kstest(np.array(power) / np.mean(power), "expon").pvalue > 1e-3
+
+
+def test_doppler_is_the_fall_and_the_wind() -> None:
+    """Upwards the drops come down with the mean speed of fall; forwards the wind and the radar's own speed are seen."""
+    quiet = HEAVY.with_(turbulence=0.0)
+    up = Pose([0.0, 0.0, 0.0], [np.cos(np.pi / 4), 0.0, -np.sin(np.pi / 4), 0.0])  # x of the radar looks up
+    paths = volume_clutter(quiet, RADAR, up, np.random.default_rng(0), reach=40.0)
+    along = paths.tx_point / np.linalg.norm(paths.tx_point, axis=1, keepdims=True)
+    straight = along[:, 2] > 0.999
+    fall = -paths.length_rate[straight] / 2.0
+    expected = falling(quiet, RADAR.center_frequency)[0]
+    assert fall.mean() == pytest.approx(expected.mean_fall_speed, abs=5.0 * fall.std() / np.sqrt(straight.sum()) + 0.01)
+    windy = quiet.with_(wind=(6.0, 0.0))
+    paths = volume_clutter(
+        windy, RADAR, Pose(), np.random.default_rng(0), Twist([20.0, 0.0, 0.0], np.zeros(3)), reach=40.0
+    )
+    ahead = paths.tx_point[:, 0] > 0.999 * np.linalg.norm(paths.tx_point, axis=1)
+    assert (paths.length_rate[ahead] / 2.0).mean() == pytest.approx(6.0 - 20.0, abs=0.2)
+
+
+def test_what_is_left_out_is_below_the_noise() -> None:
+    """A light drizzle for a deaf radar is left out, heavy rain for the board of the paper is not; nothing falls, nothing is made."""
+    deaf = RADAR.with_(tx_power_dbm=-60.0)
+    budget = clutter_budget(Weather(rain_rate=0.2), deaf)
+    assert budget.reach == 0.0
+    assert volume_clutter(Weather(rain_rate=0.2), deaf, Pose(), np.random.default_rng(0)).num_paths == 0
+    board = clutter_budget(HEAVY, RadarSpec.preset("awr1843boost"))
+    assert board.snr_db[1] > 20.0
+    assert board.reach > 100.0
+    assert volume_clutter(Weather(visibility=50.0), RADAR, Pose(), np.random.default_rng(0)).num_paths == 0
+    assert list(board.snr_db) == sorted(board.snr_db, reverse=True)
+
+
+def test_labels_of_the_air() -> None:
+    """Clutter is instance 0, class 0, direct; a cell with a target says so, and shares sum to 1."""
+    target = point_targets([[15.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 10.0, RADAR, Pose())
+    drops = volume_clutter(HEAVY, RADAR, Pose(), np.random.default_rng(2), reach=30.0, num_points=2000)
+    paths = joined([target, drops], Pose(), {})
+    assert set(drops.interaction.ravel()) == {VOLUME_INTERACTION}
+    labels = label_paths(paths)
+    assert labels.instance[0] == 1
+    assert not labels.instance[1:].any()
+    assert not labels.is_ghost.any()
+    rd = range_doppler(virtual_cube(synthesize(paths, RADAR), RADAR), RADAR)
+    cells = label_cells(rd, paths)
+    own = cells.instance == 1
+    assert own.any()
+    sums = np.bincount(cells.cell, weights=cells.entry_share)
+    assert sums[sums > 0] == pytest.approx(1.0)
+    column = int(np.argmin(np.abs(rd.range - 15.0)))
+    assert own[:, column].any()
+    assert not own[:, int(np.argmin(np.abs(rd.range - 5.0)))].any()
+
+
+@pytest.fixture(scope="module")
+def world():
+    return load_scene("highway_guardrail")
+
+
+def test_surfaces_hide_the_rain_behind_them(world) -> None:
+    state = world.with_weather(HEAVY).at(0.0)
+    pose = state.actor_pose("ego").compose(Pose([2.4, 0.0, 0.5]))
+    free = volume_clutter(HEAVY, RADAR, pose, np.random.default_rng(0), reach=40.0, num_points=3000)
+    seen = volume_clutter(HEAVY, RADAR, pose, np.random.default_rng(0), state=state, reach=40.0, num_points=3000)
+    assert 0.2 * free.num_paths < seen.num_paths < free.num_paths
+    assert free.tx_point[:, 2].min() < -1.0
+    assert seen.tx_point[:, 2].min() > -0.3  # the verge lies a little lower than the road
+
+
+def test_clear_weather_changes_no_byte_and_rain_does(world) -> None:
+    radar = RADAR.with_(num_rays=2000)
+    pose = world.at(0.0).actor_pose("ego").compose(Pose([2.4, 0.0, 0.5]))
+    frames = {}
+    for name in ("clear", "rain"):
+        state = world.with_weather(name).at(0.0)
+        sensor = Radar(radar, method="raycast")
+        frames[name] = sensor.observe(state, pose, Twist(), np.random.default_rng(5))
+    own = Radar(radar, method="raycast").observe(world.at(0.0), pose, Twist(), np.random.default_rng(5))
+    assert np.array_equal(own.adc_int, frames["clear"].adc_int)
+    assert "weather" not in frames["clear"].diagnostics
+    assert frames["rain"].diagnostics["weather"]["clutter_points"] > 1000
+    again = Radar(radar, method="raycast").observe(
+        world.with_weather("rain").at(0.0), pose, Twist(), np.random.default_rng(5)
+    )
+    assert np.array_equal(again.adc_int, frames["rain"].adc_int)
+    assert not np.array_equal(own.adc_int, frames["rain"].adc_int)
+
+
+def test_spray_is_behind_moving_vehicles_on_wet_roads_only(world) -> None:
+    spec = Spray()
+    dry = world.with_weather(Weather(spray=spec)).at(1.0)
+    wet = world.with_weather(Weather(spray=spec, wetness=1.0)).at(1.0)
+    slow = world.with_weather(Weather(spray=spec.with_(min_speed=100.0), wetness=1.0)).at(1.0)
+    assert spray_clouds(dry) == spray_clouds(slow) == ()
+    clouds = {cloud.actor: cloud for cloud in spray_clouds(wet)}
+    assert "car_ahead" in clouds
+    cloud = clouds["car_ahead"]
+    rear = wet.actor_pose("car_ahead").inverse().apply(cloud.world_from_cloud.position)
+    assert rear[0] < -1.5
+    assert cloud.decay_length == pytest.approx(
+        np.linalg.norm(wet.actor_twist("car_ahead").linear) * spec.lifetime, rel=1e-6
+    )
+
+
+def test_spray_sends_back_its_whole_cross_section(world) -> None:
+    """Sum over a cloud's points of |a|^2 over that of 1 m2 at each place: eta times the volume's decay integral, within 5 standard errors."""
+    state = world.with_weather(Weather(spray=Spray(), wetness=1.0, turbulence=0.0)).at(1.0)
+    cloud = next(item for item in spray_clouds(state) if item.actor == "car_ahead")
+    pose = cloud.world_from_cloud.compose(Pose([-cloud.length - 8.0, 0.0, 0.7]))  # behind the cloud, looking forward
+    paths = spray_clutter(state, RADAR, pose, np.random.default_rng(1), num_points=4000)
+    near = np.abs(cloud.world_from_cloud.inverse().apply(paths.tx_point)[:, 1]) < cloud.width / 2.0 + 1e-6
+    paths = paths.select(near)
+    place = cloud.world_from_cloud.inverse().apply(paths.tx_point)
+    assert place[:, 0].max() <= 1e-6
+    assert place[:, 0].min() >= -cloud.length - 1e-6
+    unit = point_targets(paths.tx_point, np.zeros((paths.num_paths, 3)), 1.0, RADAR, pose)
+    sigma = np.abs(paths.a[:, 0, 0]) ** 2 / np.abs(unit.a[:, 0, 0]) ** 2
+    drops = spray(cloud.water_content, cloud.drop_diameter, RADAR.center_frequency, 283.15)
+    exact = drops.reflectivity * cloud.width * cloud.height * cloud.decay_length * (1.0 - np.exp(-3.0))
+    assert sigma.sum() == pytest.approx(exact, rel=5.0 / np.sqrt(paths.num_paths))
+
+
+def test_paths_are_attenuated_and_told(world) -> None:
+    state = world.with_weather(Weather(rain_rate=25.0)).at(0.0)
+    pose = Pose([0.0, 0.0, 200.0])  # above the scene: nothing hides
+    far = point_targets([[100.0, 0.0, 200.0]], [[0.0, 0.0, 0.0]], 1.0, RADAR, pose)
+    wet = through_weather(far, state, RADAR, None)
+    told = wet.diagnostics["weather"]["attenuation_db_per_km"]
+    loss = -20.0 * np.log10(np.abs(wet.a[0, 0, 0] / far.a[0, 0, 0]))
+    assert loss == pytest.approx(0.2 * told["V"], rel=1e-9)
+    assert told["V"] == pytest.approx(10.99, abs=0.1)  # P.838-3 at 77 GHz
+    assert through_weather(far, world.at(0.0), RADAR, None) is far
