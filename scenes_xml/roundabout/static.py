@@ -35,7 +35,7 @@ def add_ground(kit: SceneKit, p: Plan) -> Ground:
             line, np.array([crossing_node(p, number, 1), crossing_node(p, (number + 1) % 4, -1)]), 2.6
         )
         kerb, pavement = polygon.kerb_and_pavement(line, -1, at.PAVEMENT, at.KERB_HEIGHT, drop)
-        stones.append(kerb)
+        stones.append(ground.add(kerb))
         slabs.append(ground.add(pavement))
         inner = polygon.shifted(line, -at.PAVEMENT)
         first, second = (np.degrees(np.arctan2(*inner[k][::-1])) for k in (0, -1))
@@ -61,7 +61,7 @@ def _islands(kit: SceneKit, p: Plan, ground: Ground) -> None:
     for direction in p.directions:
         for outline in at.island_outlines(p):
             kerb, top = polygon.island(turned(outline, direction), at.KERB_HEIGHT, 0.12)
-            stones.append(kerb)
+            stones.append(ground.add(kerb))
             tops.append(ground.add(top))
     kit.add("islands_kerbs", merge(stones), "kerb_stone")
     kit.add("islands_tops", merge(tops), "setts")
