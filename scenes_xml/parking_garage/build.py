@@ -92,13 +92,13 @@ def _lanes(kit: SceneKit, plan: at.Layout) -> None:
 def _parked(kit: SceneKit, plan: at.Layout) -> None:
     for number, (bay, model, colour, nose) in enumerate(plan.parked):
         yaw = bay.yaw_deg if nose else bay.yaw_deg + 180.0
-        kit.actor(
-            f"parked_{number:02d}", model, at.TIMES[[0, -1]], np.tile([(bay.x, bay.y, 0.0)], (2, 1)), COLOURS.get(model, (None,))[colour % len(COLOURS.get(model, (None,)))],
-            np.full(2, yaw), detail="light",
-        )  # fmt: skip
+        there = np.tile([(bay.x, bay.y, 0.0)], (2, 1))
+        kit.actor(f"parked_{number:02d}", model, at.TIMES[[0, -1]], there, COLOURS[model][colour], np.full(2, yaw), detail="light")
 
 
-COLOURS: dict[str, tuple[str | None, ...]] = {}
+COLOURS = {
+    "small_car": ("yellow", "white", "blue", "red"), "saloon": ("silver", "white", "black", "red"), "suv": ("grey", "white", "green", "black"),
+}  # fmt: skip
 """Colour variants of the actor models by their name."""
 
 
@@ -112,7 +112,7 @@ def _moving(kit: SceneKit, plan: at.Layout) -> None:
 
     kit.actor("ego", "saloon", t, along(-24.0, plan.ego_speed, y))
     kit.actor("car_ahead", "suv", t, along(-8.0 + plan.shift, 2.5, y))
-    kit.actor("van", "van", t, along(19.0 + plan.shift, -2.4, -y))
+    kit.actor("car_opposite", "saloon", t, along(19.0 + plan.shift, -2.4, -y), "red")
     v = np.clip((t - 1.0) / 7.0, 0.0, 1.0)
     back = 3.0 * v**3 * (10.0 - 15.0 * v + 6.0 * v * v)
     kit.actor("backing_car", "small_car", t, np.column_stack([np.full(n, 8.85), -13.4 + 0.5 * back, flat]), None, np.full(n, -90.0))

@@ -24,7 +24,7 @@ CROSS = 6.2
 RAMP_LENGTH = 30.0
 RAMP_HALF = 2.1
 TIMES = np.arange(0.0, 9.0 + 1e-9, 0.5)
-PARKED_MODELS = ("small_car", "saloon", "suv", "saloon", "van", "small_car")
+PARKED_MODELS = ("small_car", "saloon", "suv", "saloon", "suv", "small_car")
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def bays(spans: int, core_left: int) -> list[Bay]:
 
 def keep_free(bay: Bay, half: float) -> bool:
     """Return whether the default drive needs a bay: a car backs out of one, and people walk through others."""
-    return bay.row in (0, 1) and abs(bay.x - 17.0) < 2.6 or bay.row == 0 and abs(bay.x - 9.0) < 3.6
+    return (bay.row in (0, 1) and abs(bay.x - 17.0) < 2.6) or (bay.row == 0 and abs(bay.x - 9.0) < 3.6)
 
 
 def layout(variant: int = 0) -> Layout:
@@ -105,7 +105,7 @@ def layout(variant: int = 0) -> Layout:
     core = 0 if variant == 0 else int(g.integers(0, 2))
     places = bays(spans, core)
     half = 0.5 * spans * SPAN
-    share = 0.26 if variant == 0 else float(g.uniform(0.15, 0.45))
+    share = 0.24 if variant == 0 else float(g.uniform(0.15, 0.45))
     parked, free = [], []
     for bay in places:
         taken = g.uniform() < share
@@ -123,7 +123,7 @@ def layout(variant: int = 0) -> Layout:
     tint = (1.0, 1.0, 1.0) if variant == 0 else tuple(float(v) for v in g.uniform([0.9, 0.9, 0.85], [1.0, 1.0, 1.0]))
     lamps = 5.2 if variant == 0 else float(g.choice([3.9, 5.2, 7.8]))
     speed = 2.8 if variant == 0 else float(g.uniform(2.2, 3.2))
-    return Layout(spans, ceiling, beam, lamps, core, guard, line, tint, tuple(parked[:22]), tuple(free), speed, 0.0 if variant == 0 else float(g.uniform(0.0, 1.5)))
+    return Layout(spans, ceiling, beam, lamps, core, guard, line, tint, tuple(parked[:14]), tuple(free), speed, 0.0 if variant == 0 else float(g.uniform(0.0, 1.5)))
 
 
 def ramp_height(u: np.ndarray, level: float) -> np.ndarray:

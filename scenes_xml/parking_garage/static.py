@@ -47,20 +47,22 @@ def add_hall(kit: SceneKit, plan: at.Layout) -> None:
             ceiling += [box((0.36, 2 * y, plan.beam), (px, 0.0, low + plan.beam / 2))]
     kit.add("ceiling_slab", merge([Mesh(m.vertices, m.faces, m.uv if k == 0 else m.uv / 4.0) for k, m in enumerate(ceiling)]), "garage_concrete")
     kit.instance("ceiling", "Wall", ["ceiling_slab"])
-    parts = {"shaft": box((*at.COLUMN, top), (0.0, 0.0, top / 2))}
-    if not kit.is_light:
-        parts["guard"] = merge([box((0.04, 0.04, 0.9), (sx * 0.145, sy * 0.295, 0.45)) for sx in (-1, 1) for sy in (-1, 1)])
-        parts["band"] = box((at.COLUMN[0] + 0.012, at.COLUMN[1] + 0.012, 0.22), (0.0, 0.0, 1.75))
-    column = kit.prefab("column", parts, {"shaft": "garage_concrete", "guard": plan.guard, "band": plan.guard})
+    guard = [box((0.04, 0.04, 0.9), (sx * 0.145, sy * 0.295, 0.45)) for sx in (-1, 1) for sy in (-1, 1)]
+    guard.append(box((at.COLUMN[0] + 0.012, at.COLUMN[1] + 0.012, 0.22), (0.0, 0.0, 1.75)))
+    guards = []
     if kit.is_light:
         shafts = [box((*at.COLUMN, top), (px, py, top / 2)) for px in plan.column_x for py in at.COLUMN_Y]
         kit.add("columns_shafts", merge(shafts), "garage_concrete")
         kit.instance("columns", "Pole", ["columns_shafts"])
         return
+    column = kit.prefab("column", {"shaft": box((*at.COLUMN, top), (0.0, 0.0, top / 2))}, {"shaft": "garage_concrete"})
     for n, px in enumerate(plan.column_x):
         for m, py in enumerate(at.COLUMN_Y):
             if not (m in (1, 2) and plan.core[0] - 0.1 < px < plan.core[1] + 0.1):
                 kit.place(column, f"column_{n}_{m}", "Pole", (px, py, 0.0))
+                guards.append(merge(guard).moved((px, py, 0.0)))
+    kit.add("guards_columns", merge(guards), plan.guard)
+    kit.instance("column_guards", "Static", ["guards_columns"])
 
 
 def add_markings(kit: SceneKit, plan: at.Layout) -> None:

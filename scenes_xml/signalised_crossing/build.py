@@ -58,8 +58,8 @@ def _traffic(kit: SceneKit, plan: at.Layout) -> None:
     t, inner, outer = at.TIMES, 0.5 * at.LANE, 1.5 * at.LANE
     still = t[[0, -1]]
 
-    def stands(name: str, model: str, x: float, y: float, yaw: float, variant: str | None = None, z: float = 0.0) -> None:
-        kit.actor(name, model, still, np.tile([(x, y, z)], (2, 1)), variant, np.full(2, yaw))
+    def stands(name: str, model: str, x: float, y: float, yaw: float, variant: str | None = None, z: float = 0.0, detail: str | None = None) -> None:
+        kit.actor(name, model, still, np.tile([(x, y, z)], (2, 1)), variant, np.full(2, yaw), detail)
 
     kit.actor("ego", "saloon", t, _along(-40.0, -inner, plan.speed))
     kit.actor("car_ahead", "suv", t, _along(-22.0 + 0.5 * plan.shift, -inner, 9.5), "red")
@@ -67,8 +67,8 @@ def _traffic(kit: SceneKit, plan: at.Layout) -> None:
     kit.actor("motorcycle", "motorcycle", t, _along(58.0 + plan.shift, outer, -10.0))
     kit.actor("cyclist", "bicycle", t, _along(-27.0, -at.MAIN + 0.9, 4.6))
     stands("bus", "bus", plan.stop_x + 1.0, -outer - 0.2, 0.0)
-    stands("waiting_south", "small_car", 0.5 * at.LANE, -at.STOP_Y - 2.4, 90.0)
-    stands("waiting_north", "saloon", -0.5 * at.LANE, at.STOP_Y + 2.8, -90.0, "white")
+    stands("waiting_south", "small_car", 0.5 * at.LANE, -at.STOP_Y - 2.4, 90.0, detail="light")
+    stands("waiting_north", "saloon", -0.5 * at.LANE, at.STOP_Y + 2.8, -90.0, "white", detail="light")
     for name, model, start, y, speed in (("woman", "adult_woman", -6.0, -14.9, 1.25), ("child", "child", -6.4, -14.3, 1.25), ("man", "adult_man", 5.6, 14.6, -1.35)):
         x = start + speed * t
         z = _kerb(np.abs(x) - at.SIDE)

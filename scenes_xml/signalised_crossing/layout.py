@@ -70,7 +70,7 @@ def layout(variant: int = 0) -> Layout:
     kinds = []
     for _ in range(5):
         axis = float(np.round(g.uniform(2.3, 3.1), 2))
-        width = float(np.round(g.uniform(13.0, 19.0), 1))
+        width = float(np.round(g.uniform(16.0, 24.0), 1))
         kinds.append((width, int(g.integers(4, 7)), axis, float(np.round(g.uniform(1.0, 1.5), 2)), bool(g.uniform() < 0.5)))
     houses = []
     for sx in (-1.0, 1.0):

@@ -116,12 +116,17 @@ def _with_trim(parts: dict[str, Mesh], is_light: bool) -> dict[str, Mesh]:
     return {"walls": merge([parts["walls"], parts["trim"]]), "panes": parts["panes"]}
 
 
+def _one(parts: dict[str, Mesh], name: str) -> dict[str, Mesh]:
+    """Return all parts as one."""
+    return {name: merge([Mesh(m.vertices, m.faces) for m in parts.values()])}
+
+
 def add_signals(kit: SceneKit) -> None:
     """Add masts, cantilevers, heads (the main street has green) and heads for people on foot."""
     colours = {"case": "black_plastic", "red": "signal_red_off", "amber": "signal_amber_off", "green": "signal_green_off"}
     head = kit.prefab("signal_head", traffic_light.head(kit.is_light), colours)
     walker = None if kit.is_light else kit.prefab("walker_head", traffic_light.walker_head(), {k: colours[k] for k in ("case", "red", "green")})
-    post = kit.prefab("signal_post", traffic_light.mast(), {"pole": "grey_steel", "button": "paint_yellow"})
+    post = kit.prefab("signal_post", _one(traffic_light.mast(), "pole"), {"pole": "grey_steel"})
     arm = kit.prefab("signal_arm", traffic_light.cantilever(6.2), {"pole": "galvanized_steel"})
     street = kit.prefab("street_sign", traffic_light.plate(2.2, 0.7), {"face": "sign_directions", "back": "sign_back"})
     for name, (heading, is_main) in at.ARMS.items():
@@ -161,8 +166,10 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
     kit.place(shelter, "bus_shelter", "Static", (plan.stop_x, y, at.KERB), 180.0)
     stop = kit.prefab("stop_post", bus_stop.post(), {"pole": "galvanized_steel", "flag": "sign_bus_stop", "board": "white_plastic"})
     kit.place(stop, "bus_stop_sign", "TrafficSign", (plan.stop_x + 3.6, -at.MAIN - 0.6, at.KERB), 180.0)
-    glass = {"pole": "black_plastic", "head": "black_plastic", "glass": "lamp_glass"}
-    lamp = kit.prefab("lamp", furniture.lamp_post(7.5, 1.6), glass)
+    glass = {"pole": "black_plastic", "glass": "lamp_glass"}
+    lamp_parts = furniture.lamp_post(7.5, 1.6)
+    lamp_parts["pole"] = merge([Mesh(m.vertices, m.faces) for m in (lamp_parts["pole"], lamp_parts.pop("head"))])
+    lamp = kit.prefab("lamp", lamp_parts, glass)
     for side, sign in (("left", 1.0), ("right", -1.0)):
         for number, x in enumerate(np.r_[-np.arange(27.0, at.REACH[0] - 5.0, plan.lamp_spacing), np.arange(22.0, at.REACH[0] - 5.0, plan.lamp_spacing)]):
             kit.place(lamp, f"lamp_{side}_{number}", "Pole", (float(x), sign * (at.MAIN + 0.5), at.KERB), 180.0 if sign > 0 else 0.0)

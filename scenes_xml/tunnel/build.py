@@ -208,7 +208,7 @@ def _traffic(kit: SceneKit, plan: at.Layout) -> None:
 
 def _colour(t: at.Traffic) -> str | None:
     """Return the colour variant of a vehicle; None is the first one of its model."""
-    colours = {"saloon": ("blue", "red", "white")}.get(t.model, ())
+    colours = {"saloon": ("blue", "red", "white"), "suv": ("grey", "white", "green"), "small_car": ("yellow", "red", "white")}.get(t.model, ())
     return colours[t.variant % len(colours)] if colours and t.variant else None
 
 
