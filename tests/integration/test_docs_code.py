@@ -1,0 +1,97 @@
+"""The Python blocks of the README and of every page run as they are printed, one after the other within a page.
+
+Pages that begin in the middle of a session find the names that a session has: a state, a radar, its pose.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+import scarl_sionna as ss
+from scarl_sionna.core.pose import Twist
+from scarl_sionna.export import write_dataset
+from tests.calibration_street import street
+from tests.drive import drive
+
+REPO = Path(__file__).resolve().parents[2]
+OWN_TESTS = ("getting_started.md", "reading.md", "formats.md")
+"""Pages whose results are looked at by tests of their own."""
+SLOW = ("scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md")
+PAGES = sorted(
+    path
+    for path in (REPO / "README.md", *(REPO / "docs").glob("*.md"))
+    if "```python" in path.read_text(encoding="utf-8") and path.name not in OWN_TESTS
+)
+MATERIAL = '[my_wall]\nsource = "own"\nrelative_permittivity = 3.0\nconductivity = 0.2\n'
+
+
+@dataclass(frozen=True, eq=False)
+class SonarPing:
+    """Result of the sensor that docs/dataset.md plugs in."""
+
+    echo: np.ndarray
+
+
+@cache
+def session() -> dict[str, Any]:
+    """Return the names of a session."""
+    world = ss.load_scene("highway_guardrail")
+    state = world.at(0.5)
+    pose = state.actor_pose("ego").compose(ss.Pose([2.36, 0.0, 0.8]))
+    radar = ss.RadarSpec.preset("awr1843boost").with_(num_rays=2_000)
+    targets = pose.apply(np.array([[12.0, 0.5, 0.0], [30.0, -2.0, 0.3]]))
+    paths = ss.point_targets(targets, np.zeros((2, 3)), np.ones(2), radar, pose)
+    return {
+        "__name__": "docs", "np": np, "ss": ss, "world": world, "state": state, "radar": radar, "pose": pose, "paths": paths,
+        "twist": Twist(), "rng": np.random.default_rng(0), "world_from_camera": pose, "world_from_lidar": pose,
+        "camera_spec": ss.CameraSpec(width=64, height=36), "points_camera_optical": np.array([[0.5, 0.2, 10.0]]),
+        "positions": targets, "velocities": np.zeros((2, 3)), "rcs": np.ones(2), "mesh": corner(), "SonarSpec": object,
+        "SonarPing": SonarPing,
+    }  # fmt: skip
+
+
+def corner() -> trimesh.Trimesh:
+    """Return a trihedral of 5 cm."""
+    points = 0.05 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    return trimesh.Trimesh(points, [[0, 1, 2], [0, 2, 3], [0, 3, 1]], process=False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a working folder with the files that pages name."""
+    root = tmp_path_factory.mktemp("docs_code")
+    (root / "examples").symlink_to(REPO / "examples")
+    for name in ("my_materials.toml", "mine.toml"):
+        (root / name).write_text(MATERIAL, encoding="utf-8")
+    street(root / "street").rename(root / "street" / "street.xml")
+    for file in (root / "street").iterdir():
+        file.rename(root / file.name)
+    for name in ("corner", "body", "windows", "tyres", "car"):
+        corner().export(root / f"{name}.ply")
+    source = drive(num_frames=13, ends=("front",), scenes=("drive",))
+    for name in ("out", "demo_out"):
+        write_dataset(root / name, source.rig, {"drive": list(source.scenes[0])})
+    return root
+
+
+def case(page: Path) -> object:
+    return pytest.param(page, id=page.name, marks=pytest.mark.slow if page.name in SLOW else ())
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("page", [case(page) for page in PAGES])
+def test_blocks_run(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    names = dict(session())
+    for number, block in enumerate(
+        re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    ):
+        exec(compile(block, f"{page.name}, block {number}", "exec"), names)
