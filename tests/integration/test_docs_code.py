@@ -30,7 +30,7 @@ PAGES = sorted(
     for path in (REPO / "README.md", *(REPO / "docs").glob("*.md"))
     if "```python" in path.read_text(encoding="utf-8") and path.name not in OWN_TESTS
 )
-MATERIAL = '[my_wall]\nsource = "own"\nrelative_permittivity = 3.0\nconductivity = 0.2\n'
+MATERIAL = '[my_wall]\nsource = "own"\nrelative_permittivity = 3.0\nconductivity = 0.2\nuncertainty = "10 %"\n'
 
 
 @dataclass(frozen=True, eq=False)
