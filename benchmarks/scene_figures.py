@@ -17,29 +17,45 @@ from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.world import load_scene
 
-LARGEST_FILE = 300_000
-PICTURES = {
-    "scene_urban_crossing_day": ("urban_crossing", "day", 1.5, False),
-    "scene_urban_crossing_night": ("urban_crossing", "night", 1.5, False),
-    "scene_urban_crossing_above": ("urban_crossing", "day", 1.5, True),
-    "scene_highway_guardrail_above": ("highway_guardrail", "day", 0.9, True),
-}
-"""Name -> scene, lighting, time [s], from above."""
+LARGEST_FILE = 340_000
+STREET = Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(2.0))
+"""A camera on the ego's roof."""
 ABOVE = Pose.from_euler([-12.0, -2.0, 13.0], yaw=np.radians(5.0), pitch=np.radians(27.0))
-"""A camera above and behind the ego, relative to it; between the houses of the crossing."""
+"""A camera above and behind the ego; between the houses of a street."""
 
 
-def picture(scene: str, lighting: str, time: float, above: bool) -> Image.Image:
+def mount(x: float, y: float, z: float, yaw_deg: float, pitch_deg: float) -> Pose:
+    """Return the pose of a camera relative to the ego [m, deg]; a positive pitch looks down."""
+    return Pose.from_euler([x, y, z], yaw=np.radians(yaw_deg), pitch=np.radians(pitch_deg))
+
+
+PICTURES: dict[str, tuple[str, str, float, Pose]] = {
+    "scene_urban_crossing_day": ("urban_crossing", "day", 1.5, STREET),
+    "scene_urban_crossing_night": ("urban_crossing", "night", 1.5, STREET),
+    "scene_urban_crossing_above": ("urban_crossing", "day", 1.5, ABOVE),
+    "scene_highway_guardrail_above": ("highway_guardrail", "day", 0.9, ABOVE),
+    "scene_tunnel_street": ("tunnel", "day", 1.5, STREET),
+    "scene_tunnel_above": ("tunnel", "day", 1.5, mount(-13.0, 1.6, 4.6, -1.0, 9.0)),
+    "scene_parking_garage_street": ("parking_garage", "day", 2.5, STREET),
+    "scene_parking_garage_above": ("parking_garage", "day", 5.0, mount(-4.6, 3.0, 2.15, -14.0, 9.0)),
+    "scene_signalised_crossing_street": ("signalised_crossing", "day", 1.5, STREET),
+    "scene_signalised_crossing_above": ("signalised_crossing", "day", 3.0, mount(-15.0, -2.0, 14.0, 5.0, 26.0)),
+    "scene_motorway_street": ("motorway", "day", 2.0, STREET),
+    "scene_motorway_above": ("motorway", "day", 1.0, mount(-20.0, 4.0, 13.0, -3.0, 17.0)),
+}
+"""Name -> scene, lighting, time [s], camera relative to the ego."""
+
+
+def picture(scene: str, lighting: str, time: float, camera: Pose) -> Image.Image:
     """Return a denoised image of 640 x 360."""
-    state = load_scene(scene).with_lighting(lighting).at(time)
-    ego = state.actor_pose("ego")
-    mount = ABOVE if above else Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(2.0))
-    samples = 36 if lighting == "night" else 16
+    world = load_scene(scene).with_lighting(lighting)
+    state = world.at(time)
+    samples = 36 if lighting == "night" or world.document.info.get("enclosed") else 16
     spec = CameraSpec(
-        width=640, height=360, horizontal_fov_deg=66.0 if above else 75.0, images=("rgb",),
+        width=640, height=360, horizontal_fov_deg=75.0 if camera is STREET else 66.0, images=("rgb",),
         samples_per_pixel=samples, denoise=True,
     )  # fmt: skip
-    frame = Camera(spec).observe(state, ego.compose(mount), Twist(), np.random.default_rng(0))
+    frame = Camera(spec).observe(state, state.actor_pose("ego").compose(camera), Twist(), np.random.default_rng(0))
     return Image.fromarray(frame.rgb)
 
 
