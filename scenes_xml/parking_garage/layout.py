@@ -123,7 +123,7 @@ def layout(variant: int = 0) -> Layout:
     tint = (1.0, 1.0, 1.0) if variant == 0 else tuple(float(v) for v in g.uniform([0.9, 0.9, 0.85], [1.0, 1.0, 1.0]))
     lamps = 5.2 if variant == 0 else float(g.choice([3.9, 5.2, 7.8]))
     speed = 2.8 if variant == 0 else float(g.uniform(2.2, 3.2))
-    return Layout(spans, ceiling, beam, lamps, core, guard, line, tint, tuple(parked[:14]), tuple(free), speed, 0.0 if variant == 0 else float(g.uniform(0.0, 1.5)))
+    return Layout(spans, ceiling, beam, lamps, core, guard, line, tint, tuple(parked[:12]), tuple(free), speed, 0.0 if variant == 0 else float(g.uniform(0.0, 1.5)))
 
 
 def ramp_height(u: np.ndarray, level: float) -> np.ndarray:

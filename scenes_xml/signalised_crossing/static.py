@@ -170,9 +170,17 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
     lamp_parts = furniture.lamp_post(7.5, 1.6)
     lamp_parts["pole"] = merge([Mesh(m.vertices, m.faces) for m in (lamp_parts["pole"], lamp_parts.pop("head"))])
     lamp = kit.prefab("lamp", lamp_parts, glass)
+    places = np.r_[-np.arange(27.0, at.REACH[0] - 5.0, plan.lamp_spacing), np.arange(22.0, at.REACH[0] - 5.0, plan.lamp_spacing)]
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        for number, x in enumerate(np.r_[-np.arange(27.0, at.REACH[0] - 5.0, plan.lamp_spacing), np.arange(22.0, at.REACH[0] - 5.0, plan.lamp_spacing)]):
-            kit.place(lamp, f"lamp_{side}_{number}", "Pole", (float(x), sign * (at.MAIN + 0.5), at.KERB), 180.0 if sign > 0 else 0.0)
+        turn = 180.0 if sign > 0 else 0.0
+        if kit.is_light:
+            for part, body in lamp_parts.items():
+                copies = [body.moved((float(x), sign * (at.MAIN + 0.5), at.KERB), np.radians(turn)) for x in places]
+                kit.add(f"lamps_{side}_{part}", merge(copies), glass[part])
+            kit.instance(f"lamps_{side}", "Pole")
+            continue
+        for number, x in enumerate(places):
+            kit.place(lamp, f"lamp_{side}_{number}", "Pole", (float(x), sign * (at.MAIN + 0.5), at.KERB), turn)
     covers = [(-31.0, -3.5), (-9.0, -1.2), (-4.0, 4.2), (6.5, -4.6), (24.0, 1.9), (41.0, -2.3), (-52.0, 2.5), (2.2, 28.0), (-1.1, -34.0)]
     kit.add("manhole_covers", merge([manhole_cover().moved((x, y, 0.0)) for x, y in covers]), "manhole_iron")
     kit.instance("manholes", "Static", ["manhole_covers"])
