@@ -1,6 +1,7 @@
 """Pictures of the actor models for docs/actors.md: contact sheets of all models, detailed and light, and of their colours.
 
-python benchmarks/actor_figures.py [--figures docs/figures] [--only saloon bus] [--views front rear] [--width 420] [--samples 48]
+python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people colours]
+python benchmarks/actor_figures.py --only saloon bus [--views front rear] [--width 560] [--samples 12]
 
 With --only, one sheet of those models is written (actors_chosen.png), for a look while a model is made.
 """
@@ -8,104 +9,63 @@ With --only, one sheet of those models is written (actors_chosen.png), for a loo
 from __future__ import annotations
 
 import argparse
-import sys
+import tempfile
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from camera_lidar.camera import denoise
-from scarl_sionna.world import variant
+import scarl_sionna as ss
+from camera_lidar import Camera
+from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.core.lighting import Lighting
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.world.actor_model import actor_names
+from scarl_sionna.world.motion import ConstantTwistTrajectory, StaticTrajectory
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
-ACTORS = Path(__file__).resolve().parents[1] / "scenes_xml" / "actors"
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
+COLORFUL = ("saloon", "van", "lorry", "bus")
 LARGEST_FILE = 300_000
-VIEWS = {
-    "front": (33.0, 11.0),
-    "rear": (147.0, 14.0),
-    "right": (-33.0, 11.0), "side": (90.0, 6.0),
-    "below": (40.0, -25.0),
-    "above": (30.0, 45.0),
-}
+VIEWS = {"front": (33.0, 11.0), "rear": (147.0, 14.0), "right": (-33.0, 11.0), "side": (90.0, 8.0), "above": (30.0, 45.0)}
 """Name -> azimuth from the model's +x to its left and elevation of the eye [deg]."""
-FOV_DEG = 22.0
-SKY = (
-    '<emitter type="sunsky"><vector name="sun_direction" x="0.35" y="0.72" z="0.60"/><float name="turbidity" value="4"/>'
-    '<float name="sun_scale" value="1.6"/><float name="sky_scale" value="2.4"/></emitter>'
-)
-GROUND = (
-    '<shape type="rectangle"><transform name="to_world"><scale value="400"/></transform><bsdf type="principled">'
-    '<rgb name="base_color" value="0.26 0.26 0.265"/><float name="roughness" value="0.9"/></bsdf></shape>'
-)
+FOV_DEG = 24.0
+SPEEDS = {"vehicle": 0.0, "cycle": 4.0, "walk": 1.4, "stand": 0.0}
+"""By the kind of motion [m/s]."""
+TIME = 0.35
+STUDIO = """<scene version="3.0.0"><bsdf type="twosided" id="asphalt"><bsdf type="principled"><rgb name="base_color" value="0.24 0.24 0.245"/>
+<float name="roughness" value="0.9"/></bsdf></bsdf><shape type="cube" id="ground"><transform name="to_world"><scale x="300" y="300" z="0.5"/>
+<translate z="-0.5"/></transform><ref id="asphalt" name="bsdf"/></shape></scene>"""
 
 
-def picture(
-    name: str, level: str, view: str, size: tuple[int, int], samples: int, colors: dict[str, Any] | None = None
-) -> Image.Image:
-    """Return a denoised picture of a model."""
-    folder = ACTORS / name
-    actor = tomllib.loads((folder / "actor.toml").read_text(encoding="utf-8"))["actor"]
-    file = folder / f"{name}{'' if level == 'detailed' else '_light'}.xml"
-    body = file.read_text(encoding="utf-8").split('<scene version="3.0.0">')[1].rsplit("</scene>", 1)[0]
-    body = body.replace('value="meshes/', f'value="{folder}/meshes/')
-    azimuth, elevation = np.radians(VIEWS[view])
-    middle = np.array([0.0, 0.0, 0.5 * actor["height"]])
-    eye = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
-    right = np.array([-eye[1], eye[0], 0.0]) / np.hypot(*eye[:2])
-    up = np.cross(eye, right)
-    half = 0.5 * np.array([actor["length"], actor["width"], actor["height"]])
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    tangent = np.tan(np.radians(FOV_DEG / 2))
-    aspect = size[0] / size[1]
-    distance = max(
-        (corners @ eye + np.abs(corners @ right) / tangent).max(),
-        (corners @ eye + np.abs(corners @ up) * aspect / tangent).max(),
-    )
-    origin = middle + eye * distance * 1.08
-    sensor = (
-        f'<sensor type="perspective"><float name="fov" value="{FOV_DEG}"/><string name="fov_axis" value="x"/>'
-        f'<transform name="to_world"><lookat origin="{_text(origin)}" target="{_text(middle)}" up="0, 0, 1"/></transform>'
-        f'<film type="hdrfilm"><integer name="width" value="{size[0]}"/><integer name="height" value="{size[1]}"/>'
-        '<rfilter type="box"/></film></sensor>'
-    )
-    ground = "" if view == "below" else GROUND
-    integrator = '<integrator type="aov"><string name="aovs" value="albedo:albedo,normal:sh_normal"/><integrator type="path"><integer name="max_depth" value="6"/></integrator></integrator>'
-    with variant.optical() as mi:
-        scene = mi.load_string(f'<scene version="3.0.0">{integrator}{sensor}{SKY}{ground}{body}</scene>')
-        if colors:
-            _paint(mi, scene, colors)
-        image = np.array(mi.render(scene, spp=samples, seed=0))
-    radiance = np.ascontiguousarray(image[..., :3], dtype=np.float32)
-    guides = np.ascontiguousarray(image[..., -6:], dtype=np.float32)
-    return Image.fromarray(_tone(denoise(radiance, guides)))
+class Studio:
+    """An empty plain under the day's sky, in which one model after another is photographed."""
 
+    def __init__(self, folder: Path) -> None:
+        (folder / "studio.xml").write_text(STUDIO, encoding="utf-8")
+        self.world = ss.load_scene(folder / "studio.xml").with_lighting(Lighting.preset("day").with_(exposure=0.62))
 
-def _paint(mi: Any, scene: Any, colors: dict[str, Any]) -> None:
-    params = mi.traverse(scene)
-    for bsdf, rgb in colors.items():
-        key = next((k for k in params.keys() if k.startswith(f"{bsdf}.") and k.endswith("base_color.value")), None)  # noqa: SIM118
-        if key is not None:
-            params[key] = mi.Color3f(*rgb)
-    params.update()
-
-
-def _tone(linear: np.ndarray) -> np.ndarray:
-    """Return 8-bit sRGB, exposed so that a white diffuse wall in the sun is just white."""
-    x = np.clip(linear * 1.35, 0.0, None)
-    x = x * (1.0 + x / 2.2) / (1.0 + x)
-    srgb = np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.clip(x, 1e-9, None) ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(255.0 * np.clip(srgb, 0.0, 1.0)), dtype=np.uint8)
-
-
-def _text(values: np.ndarray) -> str:
-    return ", ".join(f"{float(v):.6f}" for v in values)
+    def picture(self, name: str, level: str, view: str, size: tuple[int, int], samples: int, variant: str | None = None) -> Image.Image:
+        """Return a denoised picture of a model."""
+        model = ss.read_actor_model(name)
+        speed = SPEEDS[model.motion]
+        turned = Pose.from_euler([0.0, 0.0, 0.0], yaw=np.radians(125.0))  # the sun stands behind the camera's right shoulder
+        path = StaticTrajectory(turned) if speed == 0.0 else ConstantTwistTrajectory(turned, Twist(turned.rotate([speed, 0.0, 0.0])))
+        state = ss.stage(self.world, [ss.StagedActor("it", model, path, detail=level, variant=variant)]).at(TIME)
+        half = 0.5 * np.array([model.length, model.width, model.height])
+        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+        azimuth, elevation = np.radians(VIEWS[view])
+        eye = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+        right = np.array([-eye[1], eye[0], 0.0]) / np.hypot(eye[0], eye[1])
+        tangent = np.tan(np.radians(FOV_DEG / 2))
+        reach = np.maximum(np.abs(corners @ right), np.abs(corners @ np.cross(eye, right)) * size[0] / size[1])
+        distance = 1.06 * float((corners @ eye + reach / tangent).max())
+        mount = Pose.from_euler(eye * distance + [0.0, 0.0, half[2]], yaw=azimuth + np.pi, pitch=elevation)
+        spec = CameraSpec(
+            width=size[0], height=size[1], horizontal_fov_deg=FOV_DEG, images=("rgb",), samples_per_pixel=samples, denoise=True
+        )
+        frame = Camera(spec).observe(state, state.actor_pose("it").compose(mount), Twist(), np.random.default_rng(0))
+        return Image.fromarray(frame.rgb)
 
 
 def sheet(tiles: list[tuple[str, Image.Image]], columns: int) -> Image.Image:
@@ -123,12 +83,11 @@ def sheet(tiles: list[tuple[str, Image.Image]], columns: int) -> Image.Image:
 
 
 def save(image: Image.Image, path: Path) -> None:
-    """Write a PNG below `LARGEST_FILE`: fewer colours where it is larger."""
+    """Write a PNG below `LARGEST_FILE`: fewer colours where it is larger, rare ones (lamps) kept."""
     for colors in (None, 256, 128, 64):
         buffer = BytesIO()
-        (image if colors is None else image.quantize(colors, dither=Image.Dither.NONE)).save(
-            buffer, "PNG", optimize=True
-        )
+        plain = image if colors is None else image.quantize(colors, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        plain.save(buffer, "PNG", optimize=True)
         if buffer.tell() <= LARGEST_FILE:
             path.write_bytes(buffer.getvalue())
             print(f"{path}: {buffer.tell() // 1000} kB")
@@ -136,26 +95,53 @@ def save(image: Image.Image, path: Path) -> None:
     raise SystemExit(f"{path.name} has {buffer.tell()} bytes")
 
 
+def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> None:
+    if "vehicles" in wanted:
+        size = (400, 225)
+        tiles = [
+            (f"{name}, {level}", studio.picture(name, level, "front", size, samples))
+            for level in ("detailed", "light") for name in VEHICLES
+        ]  # fmt: skip
+        save(sheet(tiles, 3), folder / "actors_vehicles.png")
+        tiles = [(name, studio.picture(name, "detailed", "right" if name == "bus" else "rear", size, samples)) for name in VEHICLES]
+        save(sheet(tiles, 3), folder / "actors_rear.png")
+    if "people" in wanted:
+        size = (230, 300)
+        names = [name for name in actor_names() if name not in VEHICLES]
+        tiles = [
+            (f"{name}{', light' if level == 'light' else ''}", studio.picture(name, level, "front", size, samples))
+            for level in ("detailed", "light") for name in names
+        ]  # fmt: skip
+        save(sheet(tiles, len(names)), folder / "actors_people.png")
+    if "colours" in wanted:
+        tiles = []
+        for name in COLORFUL:
+            for variant in list(ss.read_actor_model(name).variants)[:5]:
+                tiles.append((f"{name}: {variant}", studio.picture(name, "detailed", "front", (256, 144), samples, variant)))
+        save(sheet(tiles, 5), folder / "actors_colours.png")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--figures", type=Path, default=Path("docs/figures"))
+    parser.add_argument("--sheets", nargs="*", default=["vehicles", "people", "colours"])
     parser.add_argument("--only", nargs="*", default=[])
-    parser.add_argument("--views", nargs="*", default=["front"], choices=VIEWS)
+    parser.add_argument("--views", nargs="*", default=["front", "rear"], choices=VIEWS)
     parser.add_argument("--levels", nargs="*", default=["detailed", "light"])
-    parser.add_argument("--width", type=int, default=320)
-    parser.add_argument("--samples", type=int, default=48)
+    parser.add_argument("--width", type=int, default=560)
+    parser.add_argument("--samples", type=int, default=24)
     arguments = parser.parse_args()
-    size = (arguments.width, arguments.width * 9 // 16)
-    if arguments.only:
+    with tempfile.TemporaryDirectory() as folder:
+        studio = Studio(Path(folder))
+        if not arguments.only:
+            _sheets(studio, arguments.sheets, arguments.figures, arguments.samples)
+            return
+        size = (arguments.width, arguments.width * 9 // 16)
         tiles = [
-            (f"{name}, {level}", picture(name, level, view, size, arguments.samples))
+            (f"{name}, {level}", studio.picture(name, level, view, size, arguments.samples))
             for name in arguments.only for level in arguments.levels for view in arguments.views
         ]  # fmt: skip
-        save(
-            sheet(tiles, len(arguments.views) * (2 if len(arguments.views) < 2 else 1)),
-            arguments.figures / "actors_chosen.png",
-        )
-        return
+        save(sheet(tiles, len(arguments.views)), arguments.figures / "actors_chosen.png")
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ VEHICLE: dict[str, Bsdf] = {
     "tyre_rubber": _bsdf("rubber", 0.05, (0.018, 0.018, 0.018), "estimate, rubber with carbon black", roughness=0.8, specular=0.3),
     "wheel_rim": _bsdf("metal", 0.50, (0.55, 0.56, 0.58), "estimate, lacquered aluminium", roughness=0.28, metallic=0.9),
     "wheel_mean": _bsdf("metal", 0.15, (0.05, 0.05, 0.052), "estimate, mean of tyre and rim; for the radar its rim", roughness=0.6, specular=0.4),
-    "headlamp": _bsdf("plastic", 0.35, (0.70, 0.72, 0.75), "estimate, clear polycarbonate over reflectors", lamp="headlamp", roughness=0.06, specular=0.6),
+    "headlamp": _bsdf("plastic", 0.35, (0.40, 0.42, 0.45), "estimate, clear polycarbonate over reflectors", lamp="headlamp", roughness=0.06, specular=0.6),
     "taillamp": _bsdf("plastic", 0.40, (0.42, 0.010, 0.014), "estimate, red acrylic over reflectors", lamp="taillamp", roughness=0.06, specular=0.6),
     "indicator": _bsdf("plastic", 0.45, (0.70, 0.22, 0.02), "estimate, amber acrylic", roughness=0.1, specular=0.6),
     "bright_metal": _bsdf("metal", 0.50, (0.72, 0.73, 0.74), roughness=0.25, metallic=1.0),

@@ -128,7 +128,7 @@ def _box_body() -> tuple[Mesh, Mesh, Mesh]:
         for x in np.arange(x0 + 0.6, x1 - 0.4, 0.95)
         for s in (1.0, -1.0)
     ]
-    marking += [box((0.006, 0.5, 0.055), (x0 + 0.009, y, z)) for y in (-0.92, 0.92) for z in (z0 + 0.18, z1 - 0.18)]
+    marking += [box((0.006, 0.52, 0.055), (x0 + 0.009, y, z)) for y in (-0.92, 0.92) for z in (z0 + 0.18, z1 - 0.18)]
     return panels, merge(frame), merge(marking)
 
 
