@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.world.motion import Trajectory
-from scarl_sionna.world.scene import World
+from scarl_sionna.world.scene import World, WorldState
 
 from .bodies import Body, BodyLike
 from .paths import sample_motion
@@ -21,8 +22,8 @@ Planned = Sequence[tuple[str, Trajectory, BodyLike]]
 
 _ABOVE, _BELOW = 1.0, 4.0
 """From how far above the origin to how far below it the ground is looked for [m]."""
-_LAYERS = 6
-"""How many surfaces of actors a ray may meet above the ground."""
+_ASIDE = 1e4
+"""How high actors are put out of the way of the rays [m]."""
 _GUST = 2e-3
 """Half of the time step by which a trajectory is compared with its own velocity [s]."""
 
@@ -66,24 +67,16 @@ def ground_heights(world: World, points: npt.ArrayLike, time: float | None = Non
     points : array_like of float, shape (N, 3)
         Ground is looked for from 1 m above to 4 m below each.
     time : float or None
-        Where the world's actors stand, through which the rays go on [s]; None: at the world's first time.
+        [s]; None: the world's first. The world's actors are out of the way.
     """
     origins = np.array(points, dtype=np.float64).reshape(-1, 3) + [0.0, 0.0, _ABOVE]
     start = world.time_range[0]
-    state = world.at(time if time is not None else float(start) if np.isfinite(start) else 0.0)
+    moment = time if time is not None else float(start) if np.isfinite(start) else 0.0
+    aside = {actor.name: Pose([0.0, 0.0, _ASIDE]) for actor in world.actors}  # a sole on the road would hide it
+    state = WorldState(world, moment, aside, dict.fromkeys(aside, Twist()))
     heights = np.full(len(origins), -np.inf)
-    lowest = origins[:, 2] - _ABOVE - _BELOW
-    left = np.arange(len(origins))
-    for _ in range(_LAYERS):
-        if not left.size:
-            break
-        hits = state.cast(origins[left], np.tile([0.0, 0.0, -1.0], (left.size, 1)), _ABOVE + _BELOW)
-        still = world.parts.actor[hits.part] < 0
-        rows = left[hits.ray]
-        found = still & (hits.point[:, 2] >= lowest[rows])
-        heights[rows[found]] = hits.point[found, 2]
-        origins[rows[~still], 2] = hits.point[~still, 2] - 1e-4
-        left = rows[~still]
+    hits = state.cast(origins, np.tile([0.0, 0.0, -1.0], (len(origins), 1)), _ABOVE + _BELOW)
+    heights[hits.ray] = hits.point[:, 2]
     return heights
 
 
