@@ -21,11 +21,11 @@ from scarl_sionna.world.scene_file import read_document
 from scarl_sionna.world.staging import stage
 
 from .cast import EGO, Member, cast_of, roles_of
-from .checks import check_collisions, check_places, check_times, first_collision
 from .motions import Setting
 from .randomize import draw_materials, draw_reflectances
 from .road_users import traffic_of
 from .spec import ScenarioSpec
+from .spec_checks import check_collisions, check_places, check_times, first_collision
 from .spec_light import name_error
 
 if TYPE_CHECKING:

@@ -42,6 +42,7 @@ from .spec_motion import (
     TrajectorySpec,
     WaypointsSpec,
 )
+from .tables import read_table
 
 Array = npt.NDArray[np.float64]
 PlaceOf = Callable[..., ScenarioPlace]
@@ -51,6 +52,8 @@ MARGIN = 0.5
 """How long a motion goes on after the last frame where its path allows it [s]: sensors look at instants within a frame."""
 _GAIT = (1.5, 4.0)
 """Acceleration [m/s2] and jerk [m/s3] with which one who walks sets off and stops."""
+_REST = 0.1
+"""How far from the end of a lane people stop [m]."""
 
 
 @dataclass(frozen=True)
@@ -162,16 +165,19 @@ def _route(spec: RouteSpec, name: str, body: Body, setting: Setting, place: Plac
     network = setting.network
     assert network is not None  # its lanes were found
 
-    def along(duration: float | None) -> PathTrajectory:
+    def along(speeds: SpeedProfile, duration: float | None) -> PathTrajectory:
         return route_trajectory(
-            network, spec.lanes, start, profile, model=body, duration=duration, start_time=setting.start,
+            network, spec.lanes, start, speeds, model=body, duration=duration, start_time=setting.start,
             offset=offset, shifts=shifts, name=name,
         )  # fmt: skip
 
+    duration = setting.last + MARGIN - setting.start
     try:
-        return along(setting.last + MARGIN - setting.start)
+        return along(profile, duration)
     except ParameterRangeError:
-        return along(None)  # as far as the lanes go
+        if body.motion == "walk" and profile.final_speed > 0.0:  # people stop where their way ends
+            return along(profile.stop_at(whole - start - _REST, *_GAIT), duration)
+        return along(profile, None)  # as far as the lanes go
 
 
 def _profile(spec: RouteSpec, speed: float, start: float, setting: Setting, place: PlaceOf) -> SpeedProfile:
@@ -301,7 +307,7 @@ def _static(spec: StaticSpec, setting: Setting, place: PlaceOf, jitter: Jitter) 
 
 
 def _table(spec: TableSpec, name: str, setting: Setting, place: PlaceOf) -> Trajectory:
-    tracks = tracks_of(setting.find(spec.file), place("file"))
+    tracks = tracks_of(setting.find(spec.file), setting.network, place("file"))
     wanted = spec.id or name
     if wanted not in tracks:
         error = UnknownNameError("track", wanted, tracks)
@@ -309,14 +315,14 @@ def _table(spec: TableSpec, name: str, setting: Setting, place: PlaceOf) -> Traj
     return tracks[wanted]
 
 
-def tracks_of(path: Path, place: ScenarioPlace) -> dict[str, Trajectory]:
+def tracks_of(path: Path, network: LaneNetwork | None, place: ScenarioPlace) -> dict[str, Trajectory]:
     """Return the trajectories that a file holds, by id."""
     try:
         content = path.read_bytes()
     except OSError as error:
         raise ScenarioFileError(f"'{path}' cannot be read ({error.strerror})", place, value=str(path)) from error
     try:
-        return _read(str(path), hash(content))
+        return _read(str(path), hash(content), network)
     except ScenarioError:
         raise
     except ScarlError as error:
@@ -324,11 +330,9 @@ def tracks_of(path: Path, place: ScenarioPlace) -> dict[str, Trajectory]:
 
 
 @lru_cache(maxsize=8)
-def _read(path: str, content: int) -> dict[str, Trajectory]:
+def _read(path: str, content: int, network: LaneNetwork | None) -> dict[str, Trajectory]:
     """Return the tracks of a file; `content` is a hash of its bytes, so that a changed file is read again."""
-    from .tables import read_table
-
-    return dict(read_table(path))
+    return read_table(path, ground=network)
 
 
 def _shifted(jitter: Jitter, heading: float) -> Array:

@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
-from scarl_sionna.core.errors import ParameterRangeError, ScenarioValueError, UnknownNameError
+import numpy as np
+
+from scarl_sionna.core.errors import (
+    ParameterRangeError,
+    ScarlWarning,
+    ScenarioError,
+    ScenarioFileError,
+    ScenarioValueError,
+    TrajectoryFileError,
+    UnknownNameError,
+)
 from scarl_sionna.world.actor_model import Color, read_actor_model
 from scarl_sionna.world.document import SceneDocument
 from scarl_sionna.world.motion import Trajectory
@@ -12,15 +24,18 @@ from scarl_sionna.world.staging import StagedActor
 
 from .bodies import BodyLike
 from .cast import Member
-from .checks import body_of_entry, moving_of
+from .collisions import find_collisions
+from .commonroad import read_commonroad
+from .fcd import read_fcd
 from .motions import MARGIN, Setting
+from .planned import PlannedActor
 from .randomize import draw_look
 from .spec import ScenarioSpec
 from .spec_actors import TrafficSpec
+from .spec_checks import PATH_OF_TRAFFIC, STEP, body_of_entry, moving_of
 from .spec_light import name_error
-from .traffic import PlannedActor, simulate_traffic
-
-PATH = ("traffic",)
+from .sumo import run_sumo
+from .traffic import simulate_traffic
 
 
 def traffic_seed(spec: ScenarioSpec) -> int:
@@ -55,25 +70,78 @@ def traffic_of(
         planned = _planned(spec, spec.traffic, own, document, setting)
         return tuple(_member(spec, actor) for actor in planned if actor.active[0] < actor.active[1])
     except UnknownNameError as error:
-        raise name_error(error, spec.place(*PATH, "mix", error.name)) from error
+        raise name_error(error, spec.place(*PATH_OF_TRAFFIC, "mix", error.name)) from error
+    except ScenarioError:
+        raise
+    except TrajectoryFileError as error:
+        raise ScenarioFileError(str(error), spec.place(*PATH_OF_TRAFFIC, "file"), value=spec.traffic.file) from error
     except ParameterRangeError as error:
-        raise ScenarioValueError(str(error), spec.place(*PATH), value=error.value) from error
+        raise ScenarioValueError(str(error), spec.place(*PATH_OF_TRAFFIC), value=error.value) from error
 
 
 def _planned(
     spec: ScenarioSpec, traffic: TrafficSpec, own: Sequence[Member], document: SceneDocument, setting: Setting
 ) -> list[PlannedActor]:
-    if setting.network is None:
+    source, start = traffic.source, setting.start
+    if setting.network is None and (source == "built_in" or traffic.file is None):
         raise ScenarioValueError(
-            f"needs lanes, and scene '{spec.scene}' has none", spec.place(*PATH), "choose a scene with lanes"
+            f"needs lanes, and scene '{spec.scene}' has none", spec.place(*PATH_OF_TRAFFIC), "choose a scene with lanes"
         )
-    others: list[tuple[Trajectory, BodyLike]] = [(member.actor.trajectory, member.body) for member in own]
-    others += [(trajectory, body_of_entry(entry)) for entry, trajectory in moving_of(document)]
-    start = setting.start
-    return simulate_traffic(
-        setting.network, traffic.density, traffic.mix, setting.last + MARGIN - start, traffic_seed(spec),
-        pedestrians=traffic.pedestrians, cyclists=traffic.cyclists, parked=traffic.parked, others=others, start_time=start,
-    )  # fmt: skip
+    given: list[tuple[Trajectory, BodyLike]] = [(member.actor.trajectory, member.body) for member in own]
+    given += [(trajectory, body_of_entry(entry)) for entry, trajectory in moving_of(document)]
+    duration = setting.last + MARGIN - start
+    if source == "built_in":
+        assert setting.network is not None
+        return simulate_traffic(
+            setting.network, traffic.density, traffic.mix, duration, traffic_seed(spec), pedestrians=traffic.pedestrians,
+            cyclists=traffic.cyclists, parked=traffic.parked, others=given, start_time=start,
+        )  # fmt: skip
+    if source == "sumo":
+        lanes = setting.network if traffic.file is None else _file(spec, traffic)
+        assert lanes is not None
+        return _apart(
+            run_sumo(
+                lanes, duration, seed=traffic_seed(spec), density=traffic.density, mix=traffic.mix, start_time=start,
+                ground=setting.network,
+            ),
+            given, setting,
+        )  # fmt: skip
+    file, span = _file(spec, traffic), (start, start + duration)
+    if source == "fcd":
+        return read_fcd(file, span=span, ground=setting.network)
+    return read_commonroad(file, span=span, ground=setting.network)
+
+
+def _file(spec: ScenarioSpec, traffic: TrafficSpec) -> Path:
+    path = spec.find(str(traffic.file))
+    if not path.is_file():
+        raise ScenarioFileError(
+            f"'{traffic.file}' is not there", spec.place(*PATH_OF_TRAFFIC, "file"), value=traffic.file
+        )
+    return path
+
+
+def _apart(
+    planned: list[PlannedActor], given: Sequence[tuple[Trajectory, BodyLike]], setting: Setting
+) -> list[PlannedActor]:
+    """Return the traffic without those that meet the ego vehicle or an actor: SUMO does not know of these."""
+    times = np.arange(setting.first, setting.last + STEP / 2.0, STEP)
+    bodies = [(f"given {number}", trajectory, body) for number, (trajectory, body) in enumerate(given)]
+    hits = find_collisions([*bodies, *((one.name, one.trajectory, one.body) for one in planned)], times)
+    met = {
+        name
+        for hit in hits
+        if hit.first.startswith("given ")
+        for name in (hit.second,)
+        if not name.startswith("given ")
+    }
+    if met:
+        warnings.warn(
+            f"{len(met)} of {len(planned)} vehicles of SUMO meet an actor of the scenario and are left out: "
+            f"{', '.join(sorted(met)[:5])}",
+            ScarlWarning, stacklevel=2,
+        )  # fmt: skip
+    return [one for one in planned if one.name not in met]
 
 
 def _member(spec: ScenarioSpec, planned: PlannedActor) -> Member:
@@ -91,4 +159,4 @@ def _member(spec: ScenarioSpec, planned: PlannedActor) -> Member:
         colors=colors or None,
         phase=planned.phase,
     )
-    return Member(PATH, actor)
+    return Member(PATH_OF_TRAFFIC, actor)

@@ -59,7 +59,7 @@ class TrafficSpec(Spec):
     """Others on the road: simulated here, by SUMO, or read from a file."""
 
     source: Literal["built_in", "sumo", "fcd", "commonroad"] = "built_in"
-    file: str | None = Field(None, description="of `fcd` or `commonroad`, relative to the scenario's file")
+    file: str | None = Field(None, description="FCD, CommonRoad or SUMO's configuration, relative to the scenario's file")
     density: float = Field(10.0, ge=0.0, le=150.0, description="vehicles on a kilometre of lane [1/km]")
     mix: dict[str, Annotated[float, Field(ge=0.0)]] | None = Field(
         None, description="shares of the models of vehicles; default: that of a town"
@@ -71,8 +71,10 @@ class TrafficSpec(Spec):
 
     @model_validator(mode="after")
     def _check(self) -> TrafficSpec:
-        if (self.file is not None) != (self.source in ("fcd", "commonroad")):
-            raise ValueError("`file` with source fcd or commonroad, and only there")
+        if self.file is None and self.source in ("fcd", "commonroad"):
+            raise ValueError(f"a `file` with source {self.source}")
+        if self.file is not None and self.source == "built_in":
+            raise ValueError("source sumo, fcd or commonroad with a `file`")
         if self.mix is not None and not sum(self.mix.values()) > 0.0:
             raise ValueError("a `mix` with a share above 0")
         return self
