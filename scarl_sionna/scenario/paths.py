@@ -113,6 +113,8 @@ class SmoothPath:
             raise ParameterRangeError("points", f"point {int(steps.argmin())} twice in a row", "distinct neighbours")
         chord = np.concatenate([[0.0], np.cumsum(steps)])
         dense, way = _densify(given, chord, smoothing, extend, sparse)
+        if offset != 0.0 or shifts:  # beside a curve, not beside a corner
+            dense = _least_squares(way, dense, smoothing)(way)
         lateral = offset + sum((shift.at(way) for shift in shifts), np.zeros_like(way))
         if np.any(lateral):
             tangent = np.gradient(dense[:, :2], way, axis=0)

@@ -17,8 +17,8 @@ from .profiles import SpeedProfile, constant_way, smooth_way
 
 Array = npt.NDArray[np.float64]
 
-WALK_SMOOTHING = 0.6
-"""Distance of the knots of a walker's path [m]: about one step."""
+WALK_SMOOTHING = 1.5
+"""Distance of the knots of a walker's path [m]: about two steps; a corner is taken in three."""
 
 
 def smoothing_of(body: Body) -> float:
@@ -158,7 +158,7 @@ def vehicle_trajectory(
     start_time : float
         First time, where a speed is given [s].
     smoothing : float or None
-        Distance of the path's knots [m]; None: 3 m, for a walker 0.6 m, and less between waypoints that lie closer.
+        Distance of the path's knots [m]; None: 3 m, for a walker 1.5 m, and less between waypoints that lie closer.
     name : str
         For error messages.
 

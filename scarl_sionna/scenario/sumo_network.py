@@ -22,6 +22,8 @@ Array = npt.NDArray[np.float64]
 
 _LONGEST_CONNECTOR = 80.0
 """A lane that crosses others and is longer than this is a road and not a way across a junction [m]."""
+_SHORTEST_EDGE = 5.0
+"""A lane that is shorter belongs to the junction at its ends [m]."""
 _PIECE = 12.0
 """Shortest piece of a lane with a speed of its own [m]."""
 _AMBER = 3.0
@@ -88,7 +90,8 @@ def write_sumo_network(network: LaneNetwork, folder: str | Path) -> SumoNetwork:
     if not lanes:
         raise ParameterRangeError("network", "no lanes of kind 'drive'", "one or more")
     folder = Path(folder)
-    across, crossing = _ways_across(network, lanes)
+    across, crossing, shared = _ways_across(network, lanes)
+    lanes, across = _cut(lanes, across, shared)
     lanes = _split(lanes, across)
     nodes = _nodes(lanes, across, crossing)
     roads = _roads({name: lane for name, lane in lanes.items() if name not in across}, nodes)
@@ -115,27 +118,35 @@ def write_sumo_network(network: LaneNetwork, folder: str | Path) -> SumoNetwork:
     )
 
 
-def _ways_across(network: LaneNetwork, lanes: dict[str, Lane]) -> tuple[set[str], list[list[str]]]:
-    """Return the lanes that are ways across junctions, and the pairs of lanes that cross."""
-    graph = track_graph(LaneNetwork(tuple(network.lanes), (), network.signals), 0.0, 0.25, 1.0, on_foot=False)
+def _ways_across(
+    network: LaneNetwork, lanes: dict[str, Lane]
+) -> tuple[set[str], list[list[str]], dict[str, tuple[float, float]]]:
+    """Return the lanes that are ways across junctions, the pairs of lanes that cross, and what others share of each lane's start and end [m]."""
+    graph = track_graph(LaneNetwork(tuple(network.lanes), (), network.signals), 0.0, 0.9, 4.6, on_foot=False)
     before: dict[str, list[str]] = {name: [] for name in lanes}
     for name, lane in lanes.items():
         for following in lane.next:
             if following in before:
                 before[following].append(name)
-    sides: dict[int, list[str]] = {}
-    merging: set[int] = set()
-    starting: dict[int, int] = {}
+    sides: dict[int, list[tuple[str, float, float, bool]]] = {}
     for track in graph.tracks:
-        for zone, first, _, merges in track.zones:
+        for zone, first, last, merges in track.zones:
             if track.lane in lanes:
-                sides.setdefault(zone, []).append(str(track.lane))
-                starting[zone] = starting.get(zone, 0) + (first < 1.0)
-                merging |= {zone} if merges else set()
-    crossing = [
-        names for zone, names in sides.items()
-        if len(names) == 2 and zone not in merging and not (starting[zone] == 2 and set(before[names[0]]) & set(before[names[1]]))
-    ]  # fmt: skip
+                sides.setdefault(zone, []).append((str(track.lane), first, last, merges))
+    crossing: list[list[str]] = []
+    shared = {name: (0.0, 0.0) for name in lanes}
+    for rows in sides.values():
+        if len(rows) != 2:
+            continue
+        names = [row[0] for row in rows]
+        if rows[0][3]:  # both end in the same lane
+            for name, first, _, _ in rows:
+                shared[name] = (shared[name][0], max(shared[name][1], lanes[name].length - first))
+        elif set(before[names[0]]) & set(before[names[1]]) and max(row[1] for row in rows) < 1.0:
+            for name, _, last, _ in rows:
+                shared[name] = (max(shared[name][0], last), shared[name][1])
+        else:
+            crossing.append(names)
 
     def is_short(name: str) -> bool:
         return bool(before[name]) and bool(lanes[name].next) and lanes[name].length < _LONGEST_CONNECTOR
@@ -147,9 +158,50 @@ def _ways_across(network: LaneNetwork, lanes: dict[str, Lane]) -> tuple[set[str]
             if other in lanes and is_short(other) and source not in across
         }  # fmt: skip
         if beside <= across:
-            break
+            return across, crossing, shared
         across |= beside
-    return across, crossing
+
+
+def _cut(
+    lanes: dict[str, Lane], across: set[str], shared: dict[str, tuple[float, float]]
+) -> tuple[dict[str, Lane], set[str]]:
+    """Return lanes without what they share with others where they fork or merge: those pieces become ways across the junction there."""
+    neighbours = {lane.left for lane in lanes.values() if lane.left} | {
+        name for name, lane in lanes.items() if lane.left
+    }
+    entered = {following for lane in lanes.values() for following in lane.next}
+    found: dict[str, Lane] = {}
+    pieces, first_of = set(across), {}
+    for name, lane in lanes.items():
+        head, tail = shared[name] if name not in across and name not in neighbours else (0.0, 0.0)
+        head, tail = head if name in entered else 0.0, tail if lane.next else 0.0
+        if name in entered and lane.next and (lane.length < _SHORTEST_EDGE or lane.length - head - tail < 1.5):
+            found[name], first_of[name] = lane, name
+            if name not in neighbours:
+                pieces.add(name)
+            continue
+        low = int(np.searchsorted(lane.distances, head)) if head > 0.0 else 0
+        high = (
+            int(np.searchsorted(lane.distances, lane.length - tail, side="right")) - 1
+            if tail > 0.0
+            else len(lane.points) - 1
+        )
+        if high <= low:
+            low, high, head, tail = 0, len(lane.points) - 1, 0.0, 0.0
+        start, end = f"{name}.start", f"{name}.end"
+        first_of[name] = start if low > 0 else name
+        is_cut = high < len(lane.points) - 1
+        found[name] = replace(lane, points=lane.points[low : high + 1], next=(end,) if is_cut else lane.next)
+        if low > 0:
+            found[start] = Lane(start, lane.points[: low + 1], "drive", lane.width, lane.speed, (name,))
+            pieces.add(start)
+        if is_cut:
+            found[end] = Lane(end, lane.points[high:], "drive", lane.width, lane.speed, lane.next)
+            pieces.add(end)
+    return {
+        name: replace(lane, next=tuple(one if name == f"{one}.start" else first_of.get(one, one) for one in lane.next))
+        for name, lane in found.items()
+    }, pieces
 
 
 def _split(lanes: dict[str, Lane], across: set[str]) -> dict[str, Lane]:
@@ -172,7 +224,10 @@ def _split(lanes: dict[str, Lane], across: set[str]) -> dict[str, Lane]:
         edges = [*cuts, len(lane.points) - 1]
         pieces: list[tuple[int, int, float]] = []
         for first, last in pairwise(edges):
-            inside = (ways >= lane.distances[first] + 3.0) & (ways <= lane.distances[last] - 3.0)
+            start, stop = lane.distances[first] + 3.0, lane.distances[last] - 3.0
+            inside = (ways >= min(start, stop - 1.0)) & (
+                ways <= max(stop, start + 1.0)
+            )  # what is beyond 3 m bends for its neighbours
             speed = float(np.clip(limits[inside].min(), 2.0, lane.speed))
             if pieces and abs(pieces[-1][2] - speed) < 0.1 * speed:
                 pieces[-1] = (pieces[-1][0], last, min(speed, pieces[-1][2]))
@@ -285,7 +340,14 @@ def _write_nodes(
         x, y, z = np.mean(places[node], axis=0)
         kind = "traffic_light" if node in signalled else "priority"
         values = {"id": _number(node), "x": f"{x:.3f}", "y": f"{y:.3f}", "z": f"{z:.3f}", "type": kind}
-        ET.SubElement(root, "node", values | ({"tl": _number(node)} if node in signalled else {}))
+        element = ET.SubElement(root, "node", values | ({"tl": _number(node)} if node in signalled else {}))
+        if (
+            np.ptp(places[node], axis=0).max() < 0.5
+        ):  # lanes go on: netconvert shall not cut them back to round the node off
+            element.set(
+                "shape",
+                f"{x - 0.1:.3f},{y - 0.1:.3f} {x + 0.1:.3f},{y - 0.1:.3f} {x + 0.1:.3f},{y + 0.1:.3f} {x - 0.1:.3f},{y + 0.1:.3f}",
+            )
     _save(root, folder / "lanes.nod.xml")
 
 

@@ -25,7 +25,8 @@ _COMFORTABLE_TURN = 2.0
 class Track:
     """One way to go: a lane, a walkway in one direction, or the straight continuation of a lane beyond the scene.
 
-    `lane` is the lane's name, None beyond the scene; `zones` holds (zone, first, last way [m]) in the order of travel.
+    `lane` is the lane's name, None beyond the scene; `zones` holds (zone, first, last way [m], whether both tracks merge there) in the order
+    of travel; `right` is how far to the right of the points one keeps [m].
     """
 
     points: Array
@@ -39,6 +40,7 @@ class Track:
     before: list[int] = field(default_factory=list)
     zones: list[tuple[int, float, float, bool]] = field(default_factory=list)
     length: float = 0.0
+    right: float = 0.0
 
     def __post_init__(self) -> None:
         self.chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1))])
@@ -85,7 +87,8 @@ def track_graph(
     index_of: dict[tuple[str, bool], int] = {}
     for lane in network.lanes:
         if lane.kind == "walk":
-            for backwards in (False, True) if on_foot and lane.width >= 1.4 else (False,) if on_foot else ():
+            both = lane.width >= 1.4 and not any(_is_reverse(lane, other) for other in network.lanes)
+            for backwards in (False, True) if on_foot and both else (False,) if on_foot else ():
                 index_of[lane.name, backwards] = len(graph.tracks)
                 graph.tracks.append(_walkway(lane, backwards))
         elif lane.kind in ("drive", "cycle"):
@@ -110,6 +113,12 @@ def track_graph(
     return graph
 
 
+def _is_reverse(lane: Lane, other: Lane) -> bool:
+    """Return whether another lane is the same walkway in the opposite direction."""
+    ends = np.linalg.norm(lane.points[[0, -1]] - other.points[[-1, 0]], axis=1)
+    return other.kind == "walk" and bool(ends.max() < 0.5) and other.nearest(lane.at(lane.length / 2.0))[1] < 0.5
+
+
 def _walkway(lane: Lane, backwards: bool) -> Track:
     """Return a walkway in one direction: people keep to the right."""
     points = lane.points[::-1] if backwards else lane.points
@@ -118,11 +127,8 @@ def _walkway(lane: Lane, backwards: bool) -> Track:
     points = np.stack(
         [np.interp(np.linspace(0.0, chord[-1], count), chord, points[:, axis]) for axis in range(3)], axis=1
     )
-    tangent = np.gradient(points[:, :2], axis=0)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    offset = min(0.25 * lane.width, 0.6) if lane.width >= 1.4 else 0.0
-    points[:, :2] += offset * np.column_stack([tangent[:, 1], -tangent[:, 0]])
-    return Track(points, "walk", 0.7, lane.speed, lane.name, None if backwards else lane.signal)
+    right = min(0.25 * lane.width, 0.6) if lane.width >= 1.4 else 0.0
+    return Track(points, "walk", 0.7, lane.speed, lane.name, None if backwards else lane.signal, right=right)
 
 
 def _continue(graph: TrackGraph, index: int, run_out: float) -> None:
@@ -176,6 +182,10 @@ def _find_zones(graph: TrackGraph, half_width: float, longest: float) -> None:
             parallel = np.abs(np.sin(headings[first][one] - headings[second][other])) < 0.2
             beside = (tracks[first].width + tracks[second].width) / 2.0 - 0.25
             shared = away < np.where(parallel, np.minimum(allowed, beside), allowed)
+            if (
+                tracks[first].kind == tracks[second].kind == "walk"
+            ):  # those who come towards each other keep to the right
+                shared &= np.cos(headings[first][one] - headings[second][other]) > -0.8
             _add_zones(graph, first, int(second), ways[first], ways[second], one[shared], other[shared])
 
 

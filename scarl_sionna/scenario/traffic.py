@@ -290,7 +290,7 @@ def _planned(
     low, high = chords[0] - 12.0, states[-1, 0] + 12.0
     first, last = np.searchsorted(chord, [low, high])
     kept = slice(max(int(first) - 1, 0), min(int(last) + 1, len(chord)))
-    path = SmoothPath(points[kept], smoothing_of(body), (body.length + 1.0, body.length + 1.0))
+    path = SmoothPath(points[kept], smoothing_of(body), (body.length + 1.0, body.length + 1.0), offset=-route[0].right)
     ends = path.way_of(chords[[0, -1]] - chord[kept][0])
     scale = (ends[1] - ends[0]) / (chords[-1] - chords[0]) if chords[-1] - chords[0] > 5.0 else 1.0
     way = way_from_states(instants, ends[0] + scale * (chords - chords[0]), scale * states[:, 1], scale * states[:, 2])
