@@ -207,7 +207,7 @@ def snow(snow_rate: float, frequency: float, kind: Literal["dry", "wet"], temper
 
 def _grid(largest: float) -> tuple[Array, float]:
     step = largest / _STEPS
-    return (np.arange(_STEPS) + 0.5) * step, step
+    return np.asarray((np.arange(_STEPS) + 0.5) * step, dtype=np.float64), step
 
 
 def _cloud(

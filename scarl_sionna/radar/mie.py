@@ -67,7 +67,7 @@ def _coefficients(
     orders = np.arange(1, int(last.max()) + 1)[:, None]
     inner = index * x
     derivative = np.zeros((len(orders) + 1, len(x)), dtype=np.complex128)
-    current = np.zeros(len(x), dtype=np.complex128)
+    current: npt.NDArray[np.complex128] = np.zeros(len(x), dtype=np.complex128)
     for order in range(int(max(last.max(), np.abs(inner).max())) + 20, 0, -1):  # D_(n-1) from D_n
         current = order / inner - 1.0 / (current + order / inner)
         if order - 1 <= len(orders):

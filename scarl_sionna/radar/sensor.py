@@ -93,7 +93,7 @@ class Radar:
                 lambda time: through_weather(paths_at(time), state, self.spec, None), self.spec, self.chirps_per_block, rng=rng
             )
             if paths.num_paths > alone.num_paths:  # drops are traced once: they move straight
-                adc += synthesize(paths.select(slice(alone.num_paths, None)), self.spec)
+                adc += synthesize(paths.select(np.arange(alone.num_paths, paths.num_paths)), self.spec)
         synthesized = time.perf_counter()
         codes, scale, num_saturated = quantize(adc, self.spec)
         solve = paths.diagnostics.get("seconds", {})

@@ -109,7 +109,7 @@ def spray_clouds(state: WorldState) -> tuple[SprayCloud, ...]:
         if speed < model.min_speed:
             continue
         box, (length, width, height) = info.frame_from_box, info.size
-        rear = pose.compose(Pose([box.position[0] - length / 2.0, box.position[1], box.position[2] - height / 2.0]))
+        rear = pose.compose(Pose(box.position - np.array([length, 0.0, height]) / 2.0))
         clouds.append(
             SprayCloud(
                 actor=info.actor,
