@@ -126,7 +126,7 @@ def test_every_car_park_keeps_its_aisles_free():
         free = {(bay.x, bay.y) for bay in plan.free}
         assert parked and free and not free & set(parked) and len(set(parked)) == len(parked)
         for x, y in [*parked, *free]:
-            assert 2.5 <= abs(abs(y) - garage.AISLE) and abs(x) < plan.half  # bays begin 3 m from the aisle's middle
+            assert abs(abs(y) - garage.AISLE) >= 2.5 and abs(x) < plan.half  # bays begin 3 m from the aisle's middle
             away = np.abs(plan.column_x - x).min()
             assert away >= 0.15 + 0.5 * garage.BAY - 1e-9  # no column within a bay
         assert plan.ceiling - plan.beam > 2.1
