@@ -158,20 +158,21 @@ def _route(spec: RouteSpec, name: str, body: Body, setting: Setting, place: Plac
     if jitter.lateral != 0.0:
         offset = float(np.clip(spec.offset + jitter.lateral, min(-room, spec.offset), max(room, spec.offset)))
     speed = lanes[0].speed if spec.speed is None else spec.speed
-    profile = _profile(spec, speed, start, setting, place)
+    begin = setting.start if spec.since is None else spec.since
+    profile = _profile(spec, speed, start, begin, place)
     shifts = [
-        _shift(event, profile, start + body.rear_axle, setting) for event in spec.events if isinstance(event, ShiftSpec)
+        _shift(event, profile, start + body.rear_axle, begin) for event in spec.events if isinstance(event, ShiftSpec)
     ]
     network = setting.network
     assert network is not None  # its lanes were found
 
     def along(speeds: SpeedProfile, duration: float | None) -> PathTrajectory:
         return route_trajectory(
-            network, spec.lanes, start, speeds, model=body, duration=duration, start_time=setting.start,
+            network, spec.lanes, start, speeds, model=body, duration=duration, start_time=begin,
             offset=offset, shifts=shifts, name=name,
         )  # fmt: skip
 
-    duration = setting.last + MARGIN - setting.start
+    duration = setting.last + MARGIN - begin
     try:
         return along(profile, duration)
     except ParameterRangeError:
@@ -180,7 +181,7 @@ def _route(spec: RouteSpec, name: str, body: Body, setting: Setting, place: Plac
         return along(profile, None)  # as far as the lanes go
 
 
-def _profile(spec: RouteSpec, speed: float, start: float, setting: Setting, place: PlaceOf) -> SpeedProfile:
+def _profile(spec: RouteSpec, speed: float, start: float, begin: float, place: PlaceOf) -> SpeedProfile:
     """Return the speed over time that the events make."""
     profile = SpeedProfile(speed)
     for index, event in enumerate(spec.events):
@@ -194,10 +195,10 @@ def _profile(spec: RouteSpec, speed: float, start: float, setting: Setting, plac
                     f"= {event.at:g} is too near to stop at: {error}", place("events", index, "at"), value=event.at
                 ) from error
             continue
-        wait = event.time - setting.start - profile.duration
+        wait = event.time - begin - profile.duration
         if wait < -1e-9:
             raise ScenarioValueError(
-                f"= {event.time:g} s is before the event before it ends, at {setting.start + profile.duration:.4g} s",
+                f"= {event.time:g} s is before the event before it ends, at {begin + profile.duration:.4g} s",
                 place("events", index, "time"), value=event.time,
             )  # fmt: skip
         profile = profile.hold(max(wait, 0.0))
@@ -218,11 +219,11 @@ def _profile(spec: RouteSpec, speed: float, start: float, setting: Setting, plac
     return profile
 
 
-def _shift(event: ShiftSpec, profile: SpeedProfile, start: float, setting: Setting) -> LateralShift:
+def _shift(event: ShiftSpec, profile: SpeedProfile, start: float, begin: float) -> LateralShift:
     """Return a shift along the way of one over time."""
-    begin = max(event.time - setting.start, 0.0)
-    way = profile.way(begin + event.duration)
-    first, last = float(way(begin)), float(way(begin + event.duration))
+    since = max(event.time - begin, 0.0)
+    way = profile.way(since + event.duration)
+    first, last = float(way(since)), float(way(since + event.duration))
     return LateralShift(start + first, max(last - first, 1e-3), event.by)
 
 

@@ -82,7 +82,7 @@ def traffic_of(
 def _planned(
     spec: ScenarioSpec, traffic: TrafficSpec, own: Sequence[Member], document: SceneDocument, setting: Setting
 ) -> list[PlannedActor]:
-    source, start = traffic.source, setting.start
+    source, start = traffic.source, setting.first
     if setting.network is None and (source == "built_in" or traffic.file is None):
         raise ScenarioValueError(
             f"needs lanes, and scene '{spec.scene}' has none", spec.place(*PATH_OF_TRAFFIC), "choose a scene with lanes"

@@ -56,16 +56,19 @@ Event = Annotated[BrakeSpec | AccelerateSpec | StopSpec | ShiftSpec, Field(discr
 
 
 class RouteSpec(Spec):
-    """Driving, cycling or walking along lanes of the scene. `start` and `speed` hold at time 0, before the first event."""
+    """Driving, cycling or walking along lanes of the scene. `start` and `speed` hold at time `since`, before the first event."""
 
     kind: Literal["route"] = "route"
     lanes: tuple[str, ...] = Field(min_length=1, description="names of lanes, each one continues the one before")
-    start: float = Field(0.0, ge=0.0, description="way along the first lane at time 0 [m]")
+    start: float = Field(0.0, ge=0.0, description="way along the first lane at `since` [m]")
     speed: Speed | None = Field(
-        None, description="at time 0, kept until an event [m/s]; default: the first lane's limit"
+        None, description="at `since`, kept until an event [m/s]; default: the first lane's limit"
+    )
+    since: float | None = Field(
+        None, description="when the motion begins [s]; default: 0, or the first frame where that is earlier"
     )
     offset: float = Field(
-        0.0, ge=-15.0, le=15.0, description="from the lane's middle at time 0, positive to the left [m]"
+        0.0, ge=-15.0, le=15.0, description="from the lane's middle before any event, positive to the left [m]"
     )
     events: tuple[Event, ...] = Field((), description="in the order of their times")
 
