@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import tomllib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.world import World, load_scene
 
 ACTORS = Path(str(files("scenes_xml"))) / "actors"
@@ -18,7 +18,7 @@ NAMES = ("adult_man", "adult_woman", "child", "standing_adult", "bicycle", "scoo
 
 def actor_table(model: str) -> dict[str, Any]:
     """Return the actor.toml of a model."""
-    return tomllib.loads((ACTORS / model / "actor.toml").read_text(encoding="utf-8"))
+    return read_toml(ACTORS / model / "actor.toml")
 
 
 def actor_world(

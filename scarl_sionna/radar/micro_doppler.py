@@ -18,7 +18,7 @@ from scarl_sionna.core.radar_spec import RadarSpec
 
 from .channel import solve_paths
 from .paths import RadarPaths
-from .processing import doppler_axis, range_doppler, virtual_cube
+from .processing import doppler_axis, range_doppler, virtual_cube, window_values
 from .synthesis import synthesize
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class Spectrogram:
         Parameters
         ----------
         below_db : float
-            How far below the peak of each spectrum [dB], > 0. The window's main lobe widens the edges by up to its own half width there.
+            How far below the peak of each spectrum [dB], > 0. The window widens the edges by up to :func:`window_half_width`.
 
         Returns
         -------
@@ -87,6 +87,26 @@ class Spectrogram:
             return float(self.radial_velocity[edge])
         share = level[edge] / (level[edge] - level[beyond])
         return float(self.radial_velocity[edge] + share * (self.radial_velocity[beyond] - self.radial_velocity[edge]))
+
+
+def window_half_width(radar: RadarSpec, below_db: float, window: str = "hann") -> float:
+    """Return half the width of a single Doppler line at some decibels below its peak [m/s]: by how much a window widens edges.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the line's side lobes are higher than that.
+    """
+    values = window_values(window, radar.num_chirps)
+    fine = 256
+    line = np.abs(np.fft.rfft(values, fine * len(values)))
+    level = 20.0 * np.log10(np.maximum(line / line[0], 1e-15)) + below_db
+    inside = np.flatnonzero(level >= 0.0)
+    if len(inside) != inside[-1] + 1:
+        highest = below_db - level[np.flatnonzero(level < 0.0)[0] :].max()
+        raise ParameterRangeError("below_db", f"{below_db} dB", f"< {highest:.1f} dB, the side lobes of a {window} window")
+    bin_width = 2.0 * radar.unambiguous_velocity / radar.num_chirps
+    return float(inside[-1] / fine * bin_width)
 
 
 def part_of_paths(paths: RadarPaths, state: WorldState) -> npt.NDArray[np.int32]:
@@ -178,9 +198,39 @@ def _spectrum(paths: RadarPaths, radar: RadarSpec, num_doppler_bins: int | None,
     return range_doppler(cube, radar, window, num_doppler_bins=num_doppler_bins).power.astype(np.float64).sum(axis=1)
 
 
-def surface_velocities(
-    world: World, time: float, pose: Pose, parts: Sequence[int], step: float = 1e-5
-) -> tuple[Array, Array, Array]:
+@dataclass(frozen=True, eq=False)
+class SurfaceMotion:
+    """How the triangles of some parts move, as the kinematic model has it.
+
+    Attributes
+    ----------
+    part : ndarray of int32, shape (num_triangles,)
+        Row of ``world.parts``.
+    radial_velocity : ndarray of float64, shape (num_triangles,)
+        d(distance)/dt of the middle of each triangle [m/s].
+    area : ndarray of float64, shape (num_triangles,)
+        [m2]
+    in_view : ndarray of float64, shape (num_triangles,)
+        Area across the line of sight where the middle is in view, 0 where something hides it [m2].
+    """
+
+    part: npt.NDArray[np.int32]
+    radial_velocity: Array
+    area: Array
+    in_view: Array
+
+    def mean_velocity(self, parts: Sequence[int]) -> float:
+        """Return the mean over what is in view of some parts [m/s]; nan if nothing is."""
+        weight = np.where(np.isin(self.part, parts), self.in_view, 0.0)
+        return float(self.radial_velocity @ weight / weight.sum()) if weight.any() else float("nan")
+
+    def extremes(self, parts: Sequence[int]) -> tuple[float, float]:
+        """Return the lowest and the highest velocity of some parts, in view or not [m/s]."""
+        chosen = self.radial_velocity[np.isin(self.part, parts)]
+        return float(chosen.min()), float(chosen.max())
+
+
+def surface_motion(world: World, time: float, pose: Pose, parts: Sequence[int] | None = None, step: float = 1e-5) -> SurfaceMotion:
     """Return how fast the surface of parts moves away from a place, from the poses alone, and how much of it is in view.
 
     Parameters
@@ -190,27 +240,22 @@ def surface_velocities(
         [s]
     pose : Pose
         Of the radar, at rest.
-    parts : sequence of int
-        Rows of ``world.parts``.
+    parts : sequence of int, optional
+        Rows of ``world.parts``; all if not given.
     step : float
         Of the central difference [s].
 
     Returns
     -------
-    velocity : ndarray of float64, shape (num_triangles,)
-        d(distance)/dt of the middle of each triangle [m/s].
-    area : ndarray of float64, shape (num_triangles,)
-        Of the triangles [m2].
-    in_view : ndarray of float64, shape (num_triangles,)
-        That across the line of sight where the middle is in view, 0 where something hides it [m2].
+    SurfaceMotion
 
     Notes
     -----
     No velocity of the world is used: an answer of the kinematic model that is independent of what the solvers take.
     """
     before, now, after = (world.at(time + sign * step) for sign in (-1.0, 0.0, 1.0))
-    velocities, areas, across, points = [], [], [], []
-    for part in parts:
+    numbers, velocities, areas, across, points = [], [], [], [], []
+    for part in range(len(world.parts.name)) if parts is None else parts:
         corners = world.mesh(part).vertices[world.mesh(part).faces]
         middle = corners.mean(axis=1)
         doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -218,6 +263,7 @@ def surface_velocities(
         point = now.part_pose(part).apply(middle)
         sight = point - pose.position
         sight /= np.linalg.norm(sight, axis=1)[:, None]
+        numbers.append(np.full(len(point), part, dtype=np.int32))
         velocities.append((ways[1] - ways[0]) / (2.0 * step))
         areas.append(0.5 * np.linalg.norm(doubled, axis=1))
         across.append(0.5 * np.abs(np.einsum("ij,ij->i", now.part_pose(part).rotate(doubled), sight)))
@@ -228,4 +274,5 @@ def surface_velocities(
     hits = now.cast(pose.position, way / distance[:, None])
     seen = np.zeros(len(point), dtype=bool)
     seen[hits.ray] = np.abs(hits.distance - distance[hits.ray]) <= SAME_POINT * distance[hits.ray]
-    return np.concatenate(velocities), np.concatenate(areas), np.where(seen, np.concatenate(across), 0.0)
+    in_view = np.where(seen, np.concatenate(across), 0.0)
+    return SurfaceMotion(np.concatenate(numbers), np.concatenate(velocities), np.concatenate(areas), in_view)
