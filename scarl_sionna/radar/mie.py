@@ -69,7 +69,7 @@ def _coefficients(
     derivative = np.zeros((len(orders) + 1, len(x)), dtype=np.complex128)
     current: npt.NDArray[np.complex128] = np.zeros(len(x), dtype=np.complex128)
     for order in range(int(max(last.max(), np.abs(inner).max())) + 20, 0, -1):  # D_(n-1) from D_n
-        current = order / inner - 1.0 / (current + order / inner)
+        current = np.asarray(order / inner - 1.0 / (current + order / inner), dtype=np.complex128)
         if order - 1 <= len(orders):
             derivative[order - 1] = current
     with np.errstate(over="ignore", invalid="ignore"):

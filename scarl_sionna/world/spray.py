@@ -108,8 +108,8 @@ def spray_clouds(state: WorldState) -> tuple[SprayCloud, ...]:
         speed = float(twist.linear @ pose.rotation[:, 0])
         if speed < model.min_speed:
             continue
-        box, (length, width, height) = info.frame_from_box, info.size
-        rear = pose.compose(Pose(box.position - np.array([length, 0.0, height]) / 2.0))
+        box, (length, width, _) = info.frame_from_box, info.size
+        rear = pose.compose(Pose(np.array([box.position[0] - length / 2.0, box.position[1], 0.0])))
         clouds.append(
             SprayCloud(
                 actor=info.actor,

@@ -26,8 +26,8 @@ from scarl_sionna.radar.clutter import (
 )
 from scarl_sionna.radar.hydrometeors import spray
 from scarl_sionna.radar.sensor import Radar
-from scarl_sionna.world import load_scene
 from scarl_sionna.world.spray import spray_clouds
+from tests.weather_street import street
 
 RADAR = RadarSpec(num_chirps=64, num_samples=128, ramp_time=7.5e-6, bandwidth=75e6 * 2)
 HEAVY = Weather(rain_rate=50.0)
@@ -129,8 +129,8 @@ def test_labels_of_the_air() -> None:
 
 
 @pytest.fixture(scope="module")
-def world():
-    return load_scene("highway_guardrail")
+def world(tmp_path_factory):
+    return street(tmp_path_factory.mktemp("street"))
 
 
 def test_surfaces_hide_the_rain_behind_them(world) -> None:
@@ -184,15 +184,22 @@ def test_spray_sends_back_its_whole_cross_section(world) -> None:
     cloud = next(item for item in spray_clouds(state) if item.actor == "car_ahead")
     pose = cloud.world_from_cloud.compose(Pose([-cloud.length - 8.0, 0.0, 0.7]))  # behind the cloud, looking forward
     paths = spray_clutter(state, RADAR, pose, np.random.default_rng(1), num_points=4000)
-    near = np.abs(cloud.world_from_cloud.inverse().apply(paths.tx_point)[:, 1]) < cloud.width / 2.0 + 1e-6
-    paths = paths.select(near)
     place = cloud.world_from_cloud.inverse().apply(paths.tx_point)
     assert place[:, 0].max() <= 1e-6
-    assert place[:, 0].min() >= -cloud.length - 1e-6
+    assert np.abs(place[:, 1]).max() < cloud.width / 2.0 + 1e-6
+    assert place[:, 2].min() > -1e-6
+    assert place[:, 2].max() < cloud.height + 1e-6
+    paths = paths.select(place[:, 0] > -18.0)  # farther back that of the ego begins
     unit = point_targets(paths.tx_point, np.zeros((paths.num_paths, 3)), 1.0, RADAR, pose)
     sigma = np.abs(paths.a[:, 0, 0]) ** 2 / np.abs(unit.a[:, 0, 0]) ** 2
     drops = spray(cloud.water_content, cloud.drop_diameter, RADAR.center_frequency, 283.15)
-    exact = drops.reflectivity * cloud.width * cloud.height * cloud.decay_length * (1.0 - np.exp(-3.0))
+    exact = (
+        drops.reflectivity
+        * cloud.width
+        * cloud.height
+        * cloud.decay_length
+        * (1.0 - np.exp(-18.0 / cloud.decay_length))
+    )
     assert sigma.sum() == pytest.approx(exact, rel=5.0 / np.sqrt(paths.num_paths))
 
 

@@ -15,15 +15,15 @@ from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
 from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.weather import WEATHER_PRESETS, Spray, Weather, fog_water_of, visibility_of
-from scarl_sionna.world import load_scene
 from scarl_sionna.world.spray import spray_clouds
+from tests.weather_street import street
 
 HETERODYNE = LidarSpec(receiver=HeterodyneReceiver(), num_azimuth=80, num_elevation=30, max_returns=2)
 
 
 @pytest.fixture(scope="module")
-def world():
-    return load_scene("highway_guardrail")
+def world(tmp_path_factory):
+    return street(tmp_path_factory.mktemp("street"))
 
 
 def scan(world, weather, spec=HETERODYNE, time=1.0, x=2.4):
