@@ -53,7 +53,7 @@ def family_house(generator: np.random.Generator, walls: str | None = None, has_g
     }  # fmt: skip
     garage = 3.4 if (generator.uniform() < 0.6 if has_garage is None else has_garage) else 0.0
     overhang = float(np.round(generator.uniform(0.35, 0.5), 3))
-    tile = 2.0 if surface == "wall_brick" else 3.0
+    tile = 1.3 if surface == "wall_brick" else 3.0
     shape = House(
         length,
         depth,

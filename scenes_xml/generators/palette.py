@@ -139,6 +139,7 @@ PALETTE: dict[str, Bsdf] = {
     "bin_yellow": _principled("plastic", 0.55, (0.72, 0.48, 0.03), roughness=0.5),
     "bin_green": _principled("plastic", 0.35, (0.025, 0.13, 0.05), roughness=0.5),
     "straw": _principled("grass", 0.50, (0.48, 0.36, 0.13), "estimate, dry straw", roughness=0.9, specular=0.15),
+    "crop": _textured("grass", 0.50, "crop.png", "estimate, ripe grain"),
     "sign_walkers": _textured("metal", 0.60, "sign_walkers.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4),
     "sign_yield": _textured("metal", 0.60, "sign_yield.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4),
     "sign_roundabout": _textured("metal", 0.60, "sign_roundabout.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4),

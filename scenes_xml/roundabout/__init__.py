@@ -1,1 +1,1 @@
-"""The scene `roundabout`."""
+"""A roundabout of one lane with four arms, islands and zebra crossings."""

@@ -1,0 +1,1 @@
+"""A residential street with detached houses, gardens, street trees and parked cars."""
