@@ -65,6 +65,8 @@ def _front(b: Block, width: float, is_light: bool) -> dict[str, list[Mesh]]:
     if is_light:
         walls.append(_quad(-half, half, -0.2, b.shop - 0.35, 0.0, b.tile))
     else:
+        # rooms end behind the windows: nothing is seen through a house
+        walls.append(_quad(-half + 0.5, half - 0.5, -0.2, top, 0.5, b.tile))
         for x in edges:
             low, high = max(-half, x - pillar / 2), min(half, x + pillar / 2)
             walls.append(box((high - low, 0.42, b.shop - 0.15), (0.5 * (low + high), 0.21, 0.5 * (b.shop - 0.55))))
