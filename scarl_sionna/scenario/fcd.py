@@ -132,6 +132,8 @@ def planned_from_samples(
             warnings.warn(f"'{name}' is left out: {error}", ScarlWarning, stacklevel=3)
             continue
         present = (float(rows[0, 0]), float(rows[-1, 0]))
+        if span is not None:
+            present = (max(present[0], span[0]), min(present[1], span[1]))
         look = draw_variant(model, models, float(generator(0, "recorded_looks", name=name).uniform()))
         found = (smoothed.deviation, smoothed.num_lane_changes)
         actors.append(PlannedActor(name, model, look, smoothed.trajectory, body, 0.0, present, *found))

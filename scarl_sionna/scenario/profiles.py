@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BPoly, CubicSpline, PPoly
+from scipy.interpolate import CubicSpline, PPoly
 
 from scarl_sionna.core.errors import ParameterRangeError
 
@@ -128,8 +128,19 @@ def constant_way(speed: float, start_time: float, stop_time: float, offset: floa
 
 def way_from_states(times: Array, ways: Array, speeds: Array, accelerations: Array) -> PPoly:
     """Return the C2 piecewise quintic with given ways [m], speeds [m/s] and accelerations [m/s^2] at times [s], shape (N,)."""
-    states = np.stack([ways, speeds, accelerations], axis=1)[:, :, None]
-    return PPoly.from_bernstein_basis(BPoly.from_derivatives(times, list(states[:, :, 0])))
+    step = np.diff(times)
+    way = np.diff(ways) - speeds[:-1] * step - accelerations[:-1] * step**2 / 2.0
+    speed = (np.diff(speeds) - accelerations[:-1] * step) * step
+    pull = np.diff(accelerations) * step**2 / 2.0
+    rows = [
+        (6.0 * way - 3.0 * speed + pull) / step**5,
+        (-15.0 * way + 7.0 * speed - 2.0 * pull) / step**4,
+        (10.0 * way - 4.0 * speed + pull) / step**3,
+        accelerations[:-1] / 2.0,
+        speeds[:-1],
+        ways[:-1],
+    ]
+    return PPoly(np.array(rows), times)
 
 
 def smooth_way(times: npt.ArrayLike, ways: npt.ArrayLike) -> PPoly:

@@ -21,6 +21,8 @@ from .sumo_network import SumoNetwork, write_sumo_network
 from .traffic import DEFAULT_MIX
 
 _TOP_SPEED = {"lorry": 25.0, "bus": 27.8, "bicycle": 6.0, "scooter": 6.0}
+_LEAD = 3.0
+"""Part of the warm-up that is recorded, too: the rear axle follows the way of before [s]."""
 
 
 def run_sumo(
@@ -149,12 +151,13 @@ def _record(
     samples: Samples = {}
     kinds: dict[str, tuple[str, bool]] = {}
     first, last = round(warm_up / step), round((warm_up + duration) / step)
+    early = max(first - round(_LEAD / step), 0)
     try:
         libsumo.start(["sumo", *options])
         try:
             for index in range(last + 1):
                 libsumo.simulationStep()
-                if index < first:
+                if index < early:
                     continue
                 time = start_time + (index - first) * step
                 for domain, is_person in ((libsumo.vehicle, False), (libsumo.person, True)):
@@ -168,7 +171,8 @@ def _record(
             libsumo.close()
     except (libsumo.TraCIException, libsumo.FatalTraCIError, RuntimeError) as error:
         raise SimulatorError(f"SUMO stopped: {error}") from error
-    return samples, kinds
+    seen = {name: rows for name, rows in samples.items() if len(rows) > 1 and rows[-1][0] > start_time}
+    return seen, kinds
 
 
 def _write_routes(
