@@ -7,6 +7,7 @@ Quaternions are [w, x, y, z]; lengths are metres; everything is float64.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -40,10 +41,10 @@ class Pose:
     def __post_init__(self) -> None:
         position = np.array(self.position, dtype=np.float64)
         quaternion = np.array(self.quaternion, dtype=np.float64)
-        if position.shape != (3,) or not np.isfinite(position).all():
+        if position.shape != (3,) or not _all_finite(position):
             raise ParameterRangeError("position", self.position, "three finite coordinates [m]")
-        norm = float(np.linalg.norm(quaternion)) if quaternion.shape == (4,) else 0.0
-        if not np.isfinite(norm) or norm < 1e-12:
+        norm = math.sqrt(quaternion @ quaternion) if quaternion.shape == (4,) else 0.0
+        if not math.isfinite(norm) or norm < 1e-12:
             raise ParameterRangeError("quaternion", self.quaternion, "four finite numbers [w, x, y, z], not all zero")
         if abs(norm - 1.0) > 1e-15:  # not twice: a pose read from a file keeps its last bit
             quaternion = quaternion / norm
@@ -63,8 +64,12 @@ class Pose:
         cls, position: npt.ArrayLike, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0
     ) -> Pose:
         """Return the pose with intrinsic yaw (about z), pitch (about y, positive = nose down) and roll (about x) [rad]."""
-        quaternion = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
-        return cls(np.asarray(position, dtype=np.float64), np.roll(quaternion, 1))
+        cy, cp, cr = (math.cos(angle / 2.0) for angle in (yaw, pitch, roll))
+        sy, sp, sr = (math.sin(angle / 2.0) for angle in (yaw, pitch, roll))
+        quaternion = [
+            cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr, cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr,
+        ]  # fmt: skip
+        return cls(np.asarray(position, dtype=np.float64), np.array(quaternion))
 
     @cached_property
     def rotation(self) -> Array:
@@ -119,6 +124,12 @@ class Pose:
         return {"position": self.position.tolist(), "quaternion": self.quaternion.tolist()}
 
 
+def _all_finite(vector: Array) -> bool:
+    """Return whether no coordinate is infinite or not a number; quicker for three numbers than NumPy."""
+    x, y, z = vector.tolist()
+    return math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
+
+
 def _product(first: Array, second: Array) -> Array:
     """Return the quaternion of the rotation `second`, then `first`, with w >= 0."""
     a, b, c, d = first.tolist()
@@ -144,11 +155,14 @@ class Twist:
     def __post_init__(self) -> None:
         for name in ("linear", "angular"):
             value = np.array(getattr(self, name), dtype=np.float64)
-            if value.shape != (3,) or not np.isfinite(value).all():
+            if value.shape != (3,) or not _all_finite(value):
                 raise ParameterRangeError(name, getattr(self, name), "three finite components")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
 
     def velocity_at(self, offset: npt.ArrayLike) -> Array:
         """Return the velocity [m/s] of points at `offset` (..., 3) [m, world axes] from the body's origin."""
-        return self.linear + np.cross(self.angular, np.asarray(offset, dtype=np.float64))
+        lever = np.asarray(offset, dtype=np.float64)
+        a, b, c = self.angular.tolist()
+        x, y, z = lever[..., 0], lever[..., 1], lever[..., 2]
+        return self.linear + np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)

@@ -295,6 +295,12 @@ class PathTrajectory:
         _, _, _, linear, angular = self._state(time)
         return Twist(linear[0], angular[0])
 
+    def forward_speeds(self, times: Array) -> Array:
+        """Return the speed of the origin along the body's x axis [m/s] at times (N,) [s]."""
+        _, heading, slope, linear, _ = self.sample(times)
+        flat = linear[:, 0] * np.cos(heading) + linear[:, 1] * np.sin(heading)
+        return np.asarray(flat * np.cos(slope) + linear[:, 2] * np.sin(slope))
+
     def speed(self, times: npt.ArrayLike) -> Array:
         """Return the speed of the rear axle [m/s] at times (N,) [s]."""
         return np.asarray(self._rate(times))

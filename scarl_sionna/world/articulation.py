@@ -17,20 +17,21 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 
-from .gait import SEGMENTS, WalkingGait
-from .motion import Motion, Trajectory
+from .gait import SEGMENTS, WalkingGait, walking_gait
+from .motion import Motion, Trajectory, forward_speeds
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
 
 PANEL = 0.25
 """Length of the panels over which a rate is integrated by an 8-point Gauss rule [s]."""
 _SEGMENT = re.compile(rf"(?:^|_)({'|'.join(SEGMENTS)})(?:_[a-z]+)?$")
 _PEDALLING = re.compile(rf"(?:^|_)({'|'.join(PEDALLING_SEGMENTS)})(?:_[a-z]+)?$")
+_AXLE = np.array([0.0, 1.0, 0.0])
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 def forward_speed(trajectory: Trajectory, time: float) -> float:
     """Return the speed of an actor's origin along its heading [m/s]; negative when it reverses."""
-    return float(trajectory.twist(time).linear @ trajectory.pose(time).rotation[:, 0])
+    return float(forward_speeds(trajectory, np.array([time]))[0])
 
 
 class Accumulated:
@@ -52,23 +53,33 @@ class Accumulated:
         self._rate = rate
         self._origin = trajectory.start if np.isfinite(trajectory.start) else 0.0
         self._sums = {0: 0.0}
+        self._last = self._origin, 0.0
 
-    def _integral(self, start: float, stop: float) -> float:
+    def _integrals(self, starts: list[float], stops: list[float]) -> list[float]:
+        """Return the integrals over some intervals."""
+        start, stop = np.array(starts), np.array(stops)
         half, middle = (stop - start) / 2.0, (stop + start) / 2.0
-        rates = [self._rate(forward_speed(self._trajectory, middle + half * node)) for node in _NODES]
-        return float(half * (_WEIGHTS @ rates))
+        times = middle[:, None] + half[:, None] * _NODES
+        speeds = forward_speeds(self._trajectory, times.ravel()).tolist()
+        rates = np.array([self._rate(speed) for speed in speeds]).reshape(times.shape)
+        return (half * (rates @ _WEIGHTS)).tolist()  # type: ignore[no-any-return]
 
     def at(self, time: float) -> float:
         """Return the integral up to a time [s]."""
+        if time == self._last[0]:
+            return self._last[1]
         panel = int(np.floor((time - self._origin) / PANEL))
         step = 1 if panel >= 0 else -1
         known = panel
         while known not in self._sums:
             known -= step
-        for index in range(known, panel, step):
-            start = self._origin + index * PANEL
-            self._sums[index + step] = self._sums[index] + self._integral(start, start + step * PANEL)
-        return self._sums[panel] + self._integral(self._origin + panel * PANEL, time)
+        new = list(range(known, panel, step))
+        starts = [self._origin + index * PANEL for index in (*new, panel)]
+        *parts, rest = self._integrals(starts, [*(start + step * PANEL for start in starts[:-1]), time])
+        for index, part in zip(new, parts, strict=True):
+            self._sums[index + step] = self._sums[index] + part
+        self._last = time, self._sums[panel] + rest
+        return self._last[1]
 
 
 class Joint(Protocol):
@@ -111,10 +122,10 @@ class Wheel:
         """Return the turn about the axle: angle = way / radius."""
         angle = self.travelled.at(time) / self.radius
         rate = forward_speed(self.trajectory, time) / self.radius
-        turn = Pose.from_euler(np.zeros(3), pitch=angle)
+        turn = Motion.about(_AXLE, angle, rate).pose
         spin = np.array([0.0, rate, 0.0])
         origin = self.center - turn.rotate(self.center)
-        motion = Motion(Pose(origin, turn.quaternion), Twist(-np.cross(spin, turn.rotate(self.center)), spin))
+        motion = Motion(Pose(origin, turn.quaternion), Twist(-Twist(angular=spin).velocity_at(turn.rotate(self.center)), spin))
         return dict.fromkeys(self.shapes, motion)
 
 
@@ -132,11 +143,11 @@ class Walk:
     def motions(self, time: float) -> dict[str, Motion]:
         """Return the motion of every segment at the phase and the speed that the actor has."""
         step = 1e-3
-        speed = max(forward_speed(self.trajectory, time), 0.0)
         before = max(time - step, self.trajectory.start)
         after = min(time + step, self.trajectory.stop)
-        rise = max(forward_speed(self.trajectory, after), 0.0) - max(forward_speed(self.trajectory, before), 0.0)
-        moved = self.gait.motions(self.phase.at(time) + self.phase_offset, speed, rise / max(after - before, step))
+        speed, first, last = np.maximum(forward_speeds(self.trajectory, np.array([time, before, after])), 0.0).tolist()
+        rise = (last - first) / max(after - before, step)
+        moved = self.gait.motions(self.phase.at(time) + self.phase_offset, speed, rise)
         return {shape: moved[segment] for shape, segment in self.shapes.items()}
 
 
@@ -184,11 +195,12 @@ def joints_from_tables(
     """
     joints: list[Joint] = []
     taken: set[str] = set()
+    travelled = Accumulated(trajectory, lambda speed: speed)
     for number, table in enumerate(tables):
         what = f"{actor}.joints[{number}]"
         kind = str(table.get("kind", "wheel"))
         if kind == "wheel":
-            joint: Joint = _wheel(table, what, shapes, trajectory)
+            joint: Joint = _wheel(table, what, shapes, trajectory, travelled)
         elif kind == "walk":
             joint = _walk(table, what, shapes, trajectory)
         elif kind == "pedal":
@@ -210,7 +222,9 @@ def _check_keys(table: Mapping[str, Any], what: str, required: set[str], optiona
         raise UnknownNameError(f"key of {what}", sorted(unknown)[0], required | optional | {"kind"})
 
 
-def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Wheel:
+def _wheel(
+    table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory, travelled: Accumulated
+) -> Wheel:
     _check_keys(table, what, {"shapes", "center", "radius"}, set())
     if unknown := [shape for shape in table["shapes"] if shape not in shapes]:
         raise UnknownNameError(f"shape of {what}", str(unknown[0]), shapes)
@@ -219,13 +233,13 @@ def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajector
         raise ParameterRangeError(f"{what}.center", table["center"], "three finite coordinates [m]")
     if not (np.isfinite(radius) and radius > 0.0):
         raise ParameterRangeError(f"{what}.radius", f"{radius} m", "> 0 m")
-    return Wheel(tuple(table["shapes"]), center, radius, trajectory, Accumulated(trajectory, lambda speed: speed))
+    return Wheel(tuple(table["shapes"]), center, radius, trajectory, travelled)
 
 
 def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Walk:
     _check_keys(table, what, {"height"}, {"phase"})
     found = _segments(shapes, _SEGMENT, SEGMENTS, what)
-    gait = WalkingGait(float(table["height"]))
+    gait = walking_gait(float(table["height"]))
     return Walk(
         found, gait, trajectory,
         Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))), float(table.get("phase", 0.0)),

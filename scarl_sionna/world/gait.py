@@ -10,8 +10,10 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -131,16 +133,27 @@ class WalkingGait:
         """Return by how much the body is lifted so that the lowest sole of a cycle stands on the ground [m]."""
         key = round(relative, 3)  # a step of 1 mm/s; the offset changes by micrometres over it
         if key not in self._ground:
-            foot = self.lengths.foot
-            lowest = np.inf
-            for phase in np.arange(0.0, 1.0, 1.0 / 64):
-                values, rates = self._curves(phase, key)
-                moved = self._chain(values, rates, self.lengths.leg)
-                for side in ("left", "right"):
-                    sole = moved[f"{side}_foot"].pose.apply(SOLE * foot)
-                    lowest = min(lowest, float(sole[:, 2].min()))
-            self._ground[key] = -lowest
+            self._ground[key] = -self._lowest_sole(key)
         return self._ground[key]
+
+    def _lowest_sole(self, relative: float) -> float:
+        """Return the height of the lowest point of a sole over a cycle, with the hips at the length of a leg [m]."""
+        lengths = self.lengths
+        phases = np.arange(0.0, 1.0, 1.0 / 64)
+        fall = np.array([_pelvis_fall(phase, 1.66 * relative * RAD)[0] for phase in phases.tolist()])
+        vertical = 0.015 * relative * lengths.leg * (np.sin(2.0 * np.pi * (2.0 * phases - 0.35)) - 1.0)
+        splines = {name: (_periodic(points), sign) for name, (points, sign) in _control_points(relative, _support(relative)).items()}
+        lowest = np.inf
+        for side, shift in ((1.0, 0.5), (-1.0, 0.0)):
+            hip, knee, ankle = (
+                sign * RAD * spline((phases + shift) % 1.0) for spline, sign in (splines[name] for name in ("hip", "knee", "ankle"))
+            )
+            shank, sole = hip + knee, hip + knee + ankle
+            reach = -lengths.upper_leg * np.cos(hip) - lengths.lower_leg * np.cos(shank)
+            points = reach - SOLE[:, :1] * lengths.foot * np.sin(sole) + SOLE[:, 2:] * lengths.foot * np.cos(sole)
+            height = lengths.leg + vertical + side * lengths.half_hip * np.sin(fall) + points * np.cos(fall)
+            lowest = min(lowest, float(height.min()))
+        return lowest
 
     def _chain(self, value: dict[str, float], rate: dict[str, float], hip_height: float) -> dict[str, Motion]:
         lengths = self.lengths
@@ -181,15 +194,14 @@ class WalkingGait:
         slow = min(relative, 0.5)  # appendix A and B: what grows up to RV = 0.5 and then stays
 
         def sine(name: str, scale: float, offset: float, amplitude: float, cycles: float, lag: float) -> None:
-            angle = 2.0 * np.pi * (cycles * phase - lag)
-            value[name] = scale * (offset + amplitude * float(np.sin(angle)))
-            slope[name] = scale * amplitude * 2.0 * np.pi * cycles * float(np.cos(angle))
+            angle = 2.0 * math.pi * (cycles * phase - lag)
+            value[name] = scale * (offset + amplitude * math.sin(angle))
+            slope[name] = scale * amplitude * 2.0 * math.pi * cycles * math.cos(angle)
 
         bob, sway, surge = 0.015 * relative, -0.128 * (slow - slow**2), -0.084 * (slow - slow**2)
         sine("vertical", leg, -bob, bob, 2.0, 0.35)
         sine("lateral", leg, 0.0, sway, 1.0, 0.1)
-        cycle = 1.346 / np.sqrt(max(relative, 1e-3))
-        support = (0.752 * cycle - 0.143) / cycle
+        support = _support(relative)
         sine("forward", leg, 0.0, surge, 2.0, -2.0 * (0.625 - support))
         lean = 8.0 * (slow - slow**2)
         sine("lean", -RAD, -lean, lean, 2.0, 0.1)
@@ -200,12 +212,12 @@ class WalkingGait:
         value["pelvis_fall"], slope["pelvis_fall"] = _pelvis_fall(phase, 1.66 * relative * RAD)
         curves = _control_points(relative, support)
         for name, (points, sign) in curves.items():
-            spline = _periodic(points)
+            curve = _Periodic(points)
             sides = {"": 0.0} if name == "thorax_torsion" else {"left_": 0.5, "right_": 0.0}
             for side, shift in sides.items():
-                where = (phase + shift) % 1.0
-                value[side + name] = sign * RAD * float(spline(where))
-                slope[side + name] = sign * RAD * float(spline(where, 1))
+                angle, change = curve.at((phase + shift) % 1.0)
+                value[side + name] = sign * RAD * angle
+                slope[side + name] = sign * RAD * change
         return value, slope
 
 
@@ -213,6 +225,18 @@ RAD = np.pi / 180.0
 X, Y, Z = np.eye(3)
 SOLE = np.array([[-0.25, 0.0, -0.25], [0.25, 0.0, -0.25], [0.8, 0.0, -0.25]])
 """Heel, ball and toe of a sole in the frame of a foot, in lengths of the foot."""
+
+
+@lru_cache(maxsize=64)
+def walking_gait(height: float) -> WalkingGait:
+    """Return the gait of a body's height [m], one for all who are as tall."""
+    return WalkingGait(height)
+
+
+def _support(relative: float) -> float:
+    """Return the relative duration of support at a relative speed [1/s]."""
+    cycle = 1.346 / math.sqrt(max(relative, 1e-3))
+    return (0.752 * cycle - 0.143) / cycle
 
 
 def _pelvis_fall(phase: float, amplitude: float) -> tuple[float, float]:
@@ -261,3 +285,36 @@ def _periodic(points: list[tuple[float, float]]) -> PchipInterpolator:
     phase, angle = (np.array(column) for column in zip(*sorted(points), strict=True))
     shifts = (-2.0, -1.0, 0.0, 1.0, 2.0)
     return PchipInterpolator(np.concatenate([phase + shift for shift in shifts]), np.tile(angle, len(shifts)))
+
+
+class _Periodic:
+    """The same curve as `_periodic`, with its derivative, for one phase: no object of SciPy is made for it."""
+
+    def __init__(self, points: list[tuple[float, float]]) -> None:
+        self._points = sorted(points)
+        first, last = self._points[0], self._points[-1]
+        self._knots = [(last[0] - 1.0, last[1]), *self._points, (first[0] + 1.0, first[1])]
+
+    def at(self, phase: float) -> tuple[float, float]:
+        """Return value and slope at a phase [cycles]."""
+        count, start = len(self._points), self._points[0][0]
+        phase = start + (phase - start) % 1.0
+        number = sum(knot[0] <= phase for knot in self._points) - 1  # of the last knot before
+        (x0, y0), (x1, y1) = self._knots[number + 1], self._knots[number + 2]
+        width = x1 - x0
+        slope = (y1 - y0) / width
+        d0, d1 = self._derivative(number % count), self._derivative((number + 1) % count)
+        c, b = (3.0 * slope - 2.0 * d0 - d1) / width, (d0 + d1 - 2.0 * slope) / width**2
+        step = phase - x0
+        return y0 + step * (d0 + step * (c + step * b)), d0 + step * (2.0 * c + 3.0 * step * b)
+
+    def _derivative(self, number: int) -> float:
+        """Return the derivative at a knot by Fritsch and Butland: the weighted harmonic mean of the slopes on both sides."""
+        (x0, y0), (x1, y1) = self._knots[number], self._knots[number + 1]
+        x2, y2 = self._knots[number + 2]
+        before, after = x1 - x0, x2 - x1
+        first, second = (y1 - y0) / before, (y2 - y1) / after
+        if first * second <= 0.0:
+            return 0.0
+        w1, w2 = 2.0 * after + before, after + 2.0 * before
+        return (w1 + w2) / (w1 / first + w2 / second)

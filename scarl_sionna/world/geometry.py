@@ -6,7 +6,7 @@ at 77 GHz. So the hit point is computed again in float64 on the plane of that tr
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,11 +57,24 @@ class Triangles:
             return self
         corners = self.corners.copy()
         normal, offset = self.normal.copy(), self.offset.copy()
-        for part, pose in world_from_part.items():
-            rows = slice(self.first[part], self.first[part + 1])
+        for rows, pose in self._runs(world_from_part):
             corners[rows] = pose.apply(self.corners[rows])
-            normal[rows], offset[rows] = _planes(corners[rows])
+            normal[rows] = pose.rotate(self.normal[rows])
+            offset[rows] = np.einsum("ij,ij->i", normal[rows], corners[rows, 0])
         return Triangles(corners, normal, offset, self.first)
+
+    def _runs(self, world_from_part: Mapping[int, Pose]) -> Iterator[tuple[slice, Pose]]:
+        """Yield the rows of neighbouring parts that have the same pose, and the pose."""
+        first, stop, last = 0, -1, None
+        for part in sorted(world_from_part):
+            pose = world_from_part[part]
+            if part != stop or pose is not last:
+                if last is not None:
+                    yield slice(self.first[first], self.first[stop]), last
+                first, last = part, pose
+            stop = part + 1
+        if last is not None:
+            yield slice(self.first[first], self.first[stop]), last
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the lower and the upper corner of every part's axis-parallel box, each of shape (num_parts, 3)."""

@@ -18,7 +18,10 @@ _REST_SPEED = 1e-3
 
 
 class Trajectory(Protocol):
-    """Pose and velocity of a rigid body over time; `start` and `stop` bound the times that may be asked for [s]."""
+    """Pose and velocity of a rigid body over time; `start` and `stop` bound the times that may be asked for [s].
+
+    A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for many times at once.
+    """
 
     @property
     def start(self) -> float:
@@ -33,6 +36,14 @@ class Trajectory(Protocol):
 
     def twist(self, time: float) -> Twist:
         """Return the velocity at a time [s]."""
+
+
+def forward_speeds(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return the speed of an actor's origin along its heading [m/s], negative when it reverses, at times (N,) [s]."""
+    when = np.asarray(times, dtype=np.float64)
+    if own := getattr(trajectory, "forward_speeds", None):  # those that can answer for many times at once
+        return np.asarray(own(when))
+    return np.array([trajectory.twist(time).linear @ trajectory.pose(time).rotation[:, 0] for time in when.tolist()])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +82,11 @@ class StaticTrajectory:
 
     def twist(self, time: float) -> Twist:
         """Return zero velocity."""
-        return Twist()
+        return _REST
+
+    def forward_speeds(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return zeros."""
+        return np.zeros(times.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +109,9 @@ class ConstantTwistTrajectory:
     def twist(self, time: float) -> Twist:
         """Return the constant velocity."""
         return self.velocity
+
+
+_REST = Twist()
 
 
 class WaypointTrajectory:
@@ -142,6 +160,21 @@ class WaypointTrajectory:
     def _check(self, time: float) -> None:
         if not self.start <= time <= self.stop:
             raise TimeRangeError(time, self.start, self.stop, f"'{self.name}'")
+
+    def forward_speeds(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return the speed along the heading [m/s] at times (N,) [s]."""
+        if times.size:
+            self._check(float(times.min()))
+            self._check(float(times.max()))
+        velocity = self._position(times, 1)
+        if self._yaw is not None:
+            yaw = self._yaw(times)
+            return np.asarray(velocity[:, 0] * np.cos(yaw) + velocity[:, 1] * np.sin(yaw))
+        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        for row in np.flatnonzero(speed < _REST_SPEED):
+            heading = self._heading(float(times[row]))[0]
+            speed[row] = velocity[row, 0] * np.cos(heading) + velocity[row, 1] * np.sin(heading)
+        return np.asarray(speed)
 
     def _heading(self, time: float) -> tuple[float, float]:
         """Return heading [rad] and its rate [rad/s]."""

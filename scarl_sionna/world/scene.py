@@ -66,6 +66,16 @@ class World:
         )
         self.instances = {number: self._info(number, entry) for number, entry in enumerate(self._entries, start=1)}
 
+    @cached_property
+    def _moving_parts(self) -> tuple[tuple[int, int], ...]:
+        """Part and index of its actor, of every part that has one."""
+        index = self.parts.actor.tolist()
+        return tuple((part, index[part]) for part in range(len(index)) if index[part] >= 0)
+
+    @cached_property
+    def _actor_of_name(self) -> dict[str, Actor]:
+        return {actor.name: actor for actor in self.actors}
+
     def _info(self, number: int, entry: InstanceEntry) -> InstanceInfo:
         parts = tuple(int(part) for part in np.flatnonzero(self.parts.instance == number))
         is_actor = entry.trajectory is not None
@@ -147,10 +157,9 @@ class World:
 
     def actor(self, name: str) -> Actor:
         """Return an actor by name."""
-        for actor in self.actors:
-            if actor.name == name:
-                return actor
-        raise UnknownNameError("actor", name, [actor.name for actor in self.actors])
+        if name not in self._actor_of_name:
+            raise UnknownNameError("actor", name, self._actor_of_name)
+        return self._actor_of_name[name]
 
     @property
     def time_range(self) -> tuple[float, float]:
@@ -207,12 +216,17 @@ class WorldState:
     def _part_motion(self) -> dict[int, Motion]:
         """Motion in the world of every part that belongs to an actor."""
         motions = {}
-        for part, index in enumerate(self.world.parts.actor):
-            if index >= 0:
-                name = self.world.actors[index].name
-                whole = Motion(self._poses[name], self._twists[name])
-                own = self._joints.get(name, {}).get(self.world.parts.name[part])
-                motions[part] = whole if own is None else whole.then(own)
+        wholes = {name: Motion(pose, self._twists[name]) for name, pose in self._poses.items()}
+        moved: dict[int, Motion] = {}  # by the identity of the joint's motion, which several shapes can share
+        for part, index in self.world._moving_parts:
+            name = self.world.actors[index].name
+            whole, own = wholes[name], self._joints.get(name, {}).get(self.world.parts.name[part])
+            if own is None:
+                motions[part] = whole
+                continue
+            if id(own) not in moved:
+                moved[id(own)] = whole.then(own)
+            motions[part] = moved[id(own)]
         return motions
 
     def part_pose(self, part: int) -> Pose:
@@ -475,6 +489,8 @@ def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detail
 
     try:
         return scenes_xml.scene_path(name, variant, detail)
+    except ValueError as error:
+        raise ParameterRangeError("variant, detail", f"{variant}, {detail}", f"a level of '{name}' that exists", str(error)) from error
     except OSError as error:
         raise SceneError(str(error.strerror or error)) from error
 

@@ -35,6 +35,10 @@ _DEFAULT_COLOR = "0.45, 0.45, 0.45"
 _RADIO_BSDFS = ("itu-radio-material", "radio-material", "itu-radio-material-no-scattering")
 
 
+_WRITTEN = [r".*\.vertex_positions$", r".*\.vertex_normals$", r".*\.faces$", r".*\.emitter\.radiance\.value$", r"beam-.*\.to_world$"]
+"""Parameters of the engine's scene that are read or written."""
+
+
 @dataclass(frozen=True, eq=False)
 class MeshData:
     """Vertices as the engine holds them (float32 values as float64) and faces of one part."""
@@ -83,7 +87,10 @@ class Twin:
                 raise SceneError(f"the engine did not load shape '{absent[0]}'", document.path)
             self._part_of_registry = self._registry_table(mi)
             self._params = mi.traverse(self.mi_scene)
+            self._params.keep(_WRITTEN)  # every update looks at all that are kept
         self._applied: object = None
+        self._pose_of: dict[str, Pose] = {}
+        self._velocity_of: dict[str, tuple[float, ...]] = {}
         self._local_normals: dict[str, Array] = {}
         self._lamps: Lamps | None = None
         if kind == "optical" and lighting is not None:
@@ -148,6 +155,9 @@ class Twin:
             return
         with variant.use(self.kind) as mi:
             for name, pose in world_from_part.items():
+                if _is_same(self._pose_of.get(name), pose):
+                    continue
+                self._pose_of[name] = pose
                 world = pose.apply(meshes[name].vertices).astype(np.float32)
                 self._params[f"{name}.vertex_positions"] = mi.Float(world.ravel())
                 self._rotate_normals(mi, name, pose)
@@ -156,7 +166,10 @@ class Twin:
             self._params.update()
             if self.sionna_scene is not None:
                 for name, twist in twist_of_part.items():
-                    self._object(name).velocity = mi.Vector3f(*(float(value) for value in twist.linear))
+                    velocity = tuple(twist.linear.tolist())
+                    if self._velocity_of.get(name) != velocity:
+                        self._velocity_of[name] = velocity
+                        self._object(name).velocity = mi.Vector3f(*velocity)
         self._applied = state
 
     def _rotate_normals(self, mi: Any, name: str, pose: Pose) -> None:
@@ -272,6 +285,13 @@ def _plain_look(element: ET.Element) -> ET.Element:
     inner = ET.SubElement(outer, "bsdf", {"type": "diffuse"})
     ET.SubElement(inner, "rgb", {"name": "reflectance", "value": color})
     return outer
+
+
+def _is_same(known: Pose | None, pose: Pose) -> bool:
+    """Return whether a part stands where it stood."""
+    if known is None or known is pose:
+        return known is pose
+    return bool((known.position == pose.position).all() and (known.quaternion == pose.quaternion).all())
 
 
 def _require(document: SceneDocument, bsdfs: Mapping[str, ET.Element]) -> None:

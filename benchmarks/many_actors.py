@@ -1,0 +1,119 @@
+"""Seconds a frame against the number of actors in one scene: state, acceleration structures of both twins, and loading.
+
+    python benchmarks/many_actors.py [--actors 10,50,200] [--details light,detailed] [--frames 6]
+
+Actors of all models of ``scenes_xml/actors`` drive, cycle and walk on bends beside ``urban_crossing``; all of them move in every
+frame. `state` is ``world.at(t)`` with the pose of every wheel and limb, `optical` and `radio` write all vertices into a twin and
+make its acceleration structure anew (one ray is cast).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import os
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import scarl_sionna as ss
+from scarl_sionna.world import actor_names
+from scarl_sionna.world.motion import WaypointTrajectory
+
+SPEED = {"vehicle": 10.0, "cycle": 5.0, "walk": 1.3, "stand": 0.0}
+"""[m/s]"""
+DOWN = np.array([[0.0, 0.0, -1.0]])
+
+
+@dataclass
+class Clock:
+    """Wall and CPU seconds of steps, by name."""
+
+    wall: dict[str, list[float]] = field(default_factory=dict)
+    cpu: dict[str, list[float]] = field(default_factory=dict)
+
+    def run(self, name: str, work: Callable[[], object]) -> object:
+        """Do one step and note how long it took."""
+        start, busy = time.perf_counter(), time.process_time()
+        result = work()
+        self.wall.setdefault(name, []).append(time.perf_counter() - start)
+        self.cpu.setdefault(name, []).append(time.process_time() - busy)
+        return result
+
+
+def bend(speed: float, number: int) -> WaypointTrajectory:
+    """Return a drive of 8 s along a bend, somewhere on a grid beside the street."""
+    times = np.linspace(0.0, 8.0, 17)
+    row, column = divmod(number, 20)
+    way, turn = speed * times, 0.02 * (-1) ** number
+    x = 15.0 * column + np.sin(turn * way) / turn
+    y = 60.0 + 14.0 * row + (1.0 - np.cos(turn * way)) / turn
+    return WaypointTrajectory(times, np.stack([x, y, np.zeros_like(x)], axis=1), name=f"actor_{number}")
+
+
+def crowd(count: int, detail: str) -> list[ss.StagedActor]:
+    """Return actors of all models and variants, in turn."""
+    models = [ss.read_actor_model(name) for name in actor_names()]
+    actors = []
+    for number in range(count):
+        model = models[number % len(models)]
+        variants = list(model.variants) or [None]
+        variant = variants[number // len(models) % len(variants)]
+        motion = bend(SPEED[model.motion], number)
+        actors.append(ss.StagedActor(f"actor_{number}", model, motion, detail, variant, phase=0.37 * number % 1.0))
+    return actors
+
+
+def measure(count: int, detail: str, frames: int) -> tuple[ss.World, Clock]:
+    """Load a scene with actors and step through frames."""
+    clock = Clock()
+    world = clock.run("load", lambda: ss.stage("urban_crossing", crowd(count, detail)))
+    assert isinstance(world, ss.World)
+    above = np.array([0.0, 0.0, 50.0])
+    for time_of_frame in np.linspace(0.5, 7.5, frames):
+        state = clock.run("state", lambda t=time_of_frame: _complete(world.at(t)))
+        assert isinstance(state, ss.WorldState)
+        clock.run("optical", lambda s=state: s.cast(above, DOWN))
+        clock.run("radio", lambda s=state: s.cast(above, DOWN, twin="radio"))
+        clock.run("boxes", state.boxes)
+    return world, clock
+
+
+def _complete(state: ss.WorldState) -> ss.WorldState:
+    """Return a state whose wheels and limbs have their poses."""
+    state.part_pose(len(state.world.parts.name) - 1)
+    return state
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--actors", default="10,50,200")
+    parser.add_argument("--details", default="light,detailed")
+    parser.add_argument("--frames", type=int, default=6)
+    given = parser.parse_args()
+    packages = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("mitsuba", "drjit", "sionna-rt", "numpy"))
+    print(f"{platform.processor() or platform.machine()}, {len(os.sched_getaffinity(0))} cores; Python {platform.python_version()}, {packages}")
+    ss.load_scene("urban_crossing").at(0.0).cast([0.0, 0.0, 50.0], DOWN)  # the engine starts
+    steps = ("state", "optical", "radio", "boxes")
+    print("seconds: wall of the first frame, and median of the others as wall / CPU of all cores")
+    print("| actors | detail | shapes | triangles | load |" + "".join(f" {step} first | {step} |" for step in steps) + " frame |")
+    print("|" + "---|" * (6 + 2 * len(steps)))
+    for detail in given.details.split(","):
+        for count in (int(number) for number in given.actors.split(",")):
+            world, clock = measure(count, detail, given.frames)
+            triangles = sum(len(world.mesh(part).faces) for part in range(len(world.parts.name)))
+            cells = [str(count), detail, str(len(world.parts.name)), str(triangles), f"{clock.wall['load'][0]:.2f} / {clock.cpu['load'][0]:.2f}"]
+            whole = 0.0
+            for step in steps:
+                steady = float(np.median(clock.wall[step][1:]))
+                whole += steady
+                cells += [f"{clock.wall[step][0]:.3f}", f"{steady:.3f} / {np.median(clock.cpu[step][1:]):.3f}"]
+            print("| " + " | ".join([*cells, f"{whole:.3f}"]) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
