@@ -43,18 +43,18 @@ def add_road(kit: SceneKit, plan: at.Layout) -> None:
 
 
 def add_barriers(kit: SceneKit, plan: at.Layout) -> None:
-    """Add the median barrier and the guardrails on both sides."""
+    """Add the median barrier and the guardrails on both sides; along the bend their boxes would hold the road, so they have none."""
     curve = plan.curve
     s = stations(curve, at.START + 4.0, at.STOP - 4.0, 4.0)
     kit.add("median_barrier", motorway.barrier(curve, s), "concrete_grey", 30.0)
-    kit.instance("median", "Wall", ["median_barrier"], True)
+    kit.instance("median", "Wall", ["median_barrier"])
     spacing = 8.0 if kit.is_light else plan.post_spacing
     for side, sign in (("right", -1), ("left", 1)):
         offset = sign * (plan.pavement + 0.75)
         kit.add(f"guardrail_{side}_beam", motorway.rail(curve, s, offset, -sign), "galvanized_steel", 25.0)
         places = np.arange(at.START + 5.0, at.STOP - 4.0, spacing)
         kit.add(f"guardrail_{side}_posts", motorway.rail_posts(curve, places, offset, -sign), "galvanized_steel")
-        kit.instance(f"guardrail_{side}", "GuardRail", [f"guardrail_{side}_*"], True)
+        kit.instance(f"guardrail_{side}", "GuardRail", [f"guardrail_{side}_*"])
 
 
 def add_structures(kit: SceneKit, plan: at.Layout) -> None:

@@ -49,9 +49,11 @@ def _along(x: float, y: float, speed: float) -> Array:
 
 
 def _kerb(distance: Array) -> Array:
-    """Return the height of a foot on its way over a kerb, at its distance behind the kerb's edge [m]."""
-    u = np.clip(distance / 0.7 + 0.5, 0.0, 1.0)
-    return at.KERB * u * u * (3.0 - 2.0 * u)
+    """Return the height of a foot on its way over a dropped kerb, at its distance behind the kerb's edge [m]: a low step, then a ramp."""
+    low = 0.15 * at.KERB
+    u = np.clip(distance / 0.4 + 0.5, 0.0, 1.0)
+    slope = np.clip((distance - 0.15) / (0.5 * (0.15 + at.RAMP) - 0.15), 0.0, 1.0)
+    return low * u * u * (3.0 - 2.0 * u) + (at.KERB - low) * slope
 
 
 def _traffic(kit: SceneKit, plan: at.Layout) -> None:
@@ -70,9 +72,9 @@ def _traffic(kit: SceneKit, plan: at.Layout) -> None:
     stands("waiting_south", "small_car", 0.5 * at.LANE, -at.STOP_Y - 2.4, 90.0, detail="light")
     stands("waiting_north", "saloon", -0.5 * at.LANE, at.STOP_Y + 2.8, -90.0, "white", detail="light")
     for name, model, start, y, speed in (("woman", "adult_woman", -6.0, -14.9, 1.25), ("child", "child", -6.4, -14.3, 1.25), ("man", "adult_man", 5.6, 14.6, -1.35)):
-        x = start + speed * t
-        z = _kerb(np.abs(x) - at.SIDE)
-        kit.actor(name, model, t, np.column_stack([x, np.full(len(t), y), z]))
+        fine = np.linspace(t[0], t[-1], 10 * (len(t) - 1) + 1)  # the ground slopes below their feet
+        x = start + speed * fine
+        kit.actor(name, model, fine, np.column_stack([x, np.full(len(fine), y), _kerb(np.abs(x) - at.SIDE)]))
     stands("standing", "standing_adult", plan.stop_x + 2.7, -at.MAIN - 1.5, 90.0, z=at.KERB)
 
 

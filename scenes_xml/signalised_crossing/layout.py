@@ -23,6 +23,10 @@ CORNER = 6.0
 REACH = (100.0, 80.0)
 """How far the streets go from the middle, along x and along y [m]."""
 KERB = 0.12
+RAMP = 1.3
+"""Width of the strip behind the kerb that slopes where the kerb is dropped [m]."""
+DROPPED = 2.2
+"""Half length of a dropped kerb [m]."""
 CROSS_X, CROSS_Y = (10.0, 13.5), (13.3, 16.3)
 """Zebra crossings: from the middle along x (over the main street) and along y (over the side street) [m]."""
 STOP_X, STOP_Y = 15.0, 17.8

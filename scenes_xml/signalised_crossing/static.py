@@ -27,20 +27,33 @@ def add_ground(kit: SceneKit, plan: at.Layout) -> None:
     kit.add("road_side", merge(sides), "asphalt_street")
     kit.instance("road", "Roads", ["road_*"])
     kerbs, tops = [], []
+    dropped = np.array([(float(np.mean(at.CROSS_X)), at.MAIN), (at.SIDE, float(np.mean(at.CROSS_Y)))])
     for sx in (-1.0, 1.0):
         for sy in (-1.0, 1.0):
-            line = polygon.fillet([(rx, at.MAIN), (at.SIDE, at.MAIN), (at.SIDE, ry)], at.CORNER, 0.9)
-            outline = np.vstack([line, [(rx, ry)]]) * [sx, sy]
-            outline = outline if polygon.area(outline) > 0 else outline[::-1]
-            kerb, top = polygon.island(outline, at.KERB, 0.15, 1.2)
+            line = _refined(polygon.fillet([(rx, at.MAIN), (at.SIDE, at.MAIN), (at.SIDE, ry)], at.CORNER, 0.9), dropped)
+            drop = polygon.lowered(line, dropped, at.DROPPED, 1.0)
+            side = int(-sx * sy)
+            turned = line * [sx, sy]
+            kerb, edge = polygon.kerb_and_pavement(turned, side, at.RAMP, at.KERB, drop)
+            outline = np.vstack([polygon.shifted(turned, side * at.RAMP), [(sx * rx, sy * ry)]])
             kerbs.append(kerb)
-            tops.append(top)
+            tops += [edge, polygon.sheet(outline, at.KERB, 1.2)]
     kit.add("kerb_stones", merge(kerbs), "concrete_grey")
     kit.add("pavement_slabs", merge(tops), "paving")
     kit.instance("pavements", "SideWalks", ["kerb_stones", "pavement_slabs"])
     far = 60.0
     kit.add("ground_far", _rectangle((-rx - far, rx + far), (-ry - far, ry + far), -0.3, 4.0), "asphalt_street")
     kit.instance("ground_far", "Ground", ["ground_far"])
+
+
+def _refined(line: np.ndarray, places: np.ndarray, reach: float = 4.5, step: float = 0.5) -> np.ndarray:
+    """Return a plane polyline with points `step` apart where it is near one of the places [m]."""
+    fine = polygon.resample(line, step)
+    along, own = polygon.length_along(fine), polygon.length_along(line)
+    near = np.linalg.norm(fine[:, None] - places[None], axis=2).min(1) < reach
+    s = np.unique(np.round(np.r_[own, along[near]], 3))
+    s = s[np.r_[True, np.diff(s) > 0.02]]
+    return np.column_stack([np.interp(s, own, line[:, k]) for k in (0, 1)])
 
 
 def _bars(along_y: bool, centre: float, half: float, width: float) -> list[Mesh]:
