@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from .radar.scatterers import ScattererModel
     from .radar.synthesis.blocks import retraced, synthesize_blocks
     from .world import ActorModel, StagedActor, World, WorldState, load_scene, read_actor_model, stage
+    from .world.actor_mesh import actor_from_mesh
 
 __all__ = [
     "Accuracy",
@@ -79,6 +80,7 @@ __all__ = [
     "Weather",
     "World",
     "WorldState",
+    "actor_from_mesh",
     "attenuate_paths",
     "compile_scatterers",
     "detect",
@@ -129,6 +131,7 @@ _HOME = {
     ".radar.scatterers": ("ScattererModel",),
     ".radar.synthesis.blocks": ("retraced", "synthesize_blocks"),
     ".world": ("ActorModel", "StagedActor", "World", "WorldState", "load_scene", "read_actor_model", "stage"),
+    ".world.actor_mesh": ("actor_from_mesh",),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

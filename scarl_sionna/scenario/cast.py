@@ -118,7 +118,7 @@ def _mesh_model(file: Path, changed: int, mesh: MeshSpec) -> ActorModel:
     """Return the model of a mesh; `changed` tells when the file was, so that a new one is read."""
     from scarl_sionna.world.actor_mesh import actor_from_mesh
 
-    return actor_from_mesh(file, file.stem, mesh.semantic)
+    return actor_from_mesh(file, None, mesh.semantic, mesh.material, scale=mesh.scale, up=mesh.up, forward=mesh.forward)
 
 
 def cast_of(

@@ -21,8 +21,8 @@ class MeshSpec(Spec):
     semantic: str = Field("Car", description="semantic class")
     material: str = Field("car_paint", description="radio material of all of it")
     scale: float = Field(1.0, gt=0.0, description="metres in a unit of the file")
-    up: Literal["x", "y", "z"] = "z"
-    forward: Literal["x", "y", "z", "-x", "-y", "-z"] = "x"
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = Field(None, description="axis of the file; default: y for glTF, else z")
+    forward: Literal["x", "y", "z", "-x", "-y", "-z"] | None = Field(None, description="axis; default: z for glTF, else x")
 
 
 class _Body(Spec):
