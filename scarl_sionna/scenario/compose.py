@@ -25,7 +25,7 @@ from .motions import Setting
 from .randomize import draw_materials, draw_reflectances
 from .road_users import traffic_of
 from .spec import ScenarioSpec
-from .spec_checks import check_collisions, check_places, check_times, first_collision
+from .spec_checks import check_collisions, check_gaits, check_places, check_times, first_collision
 from .spec_light import name_error
 
 if TYPE_CHECKING:
@@ -88,6 +88,7 @@ def compose(spec: ScenarioSpec) -> Composition:
     if members:
         ego = EGO if spec.ego is not None else None
         document = stage(kept, [member.actor for member in members], ego=ego or kept.ego)
+        check_gaits(spec, members, document)
     check_collisions(spec, members, kept)
     materials = load_materials()
     if spec.randomization.materials:

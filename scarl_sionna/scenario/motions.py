@@ -52,6 +52,8 @@ MARGIN = 0.5
 """How long a motion goes on after the last frame where its path allows it [s]: sensors look at instants within a frame."""
 _GAIT = (1.5, 4.0)
 """Acceleration [m/s2] and jerk [m/s3] with which one who walks sets off and stops."""
+_PACE = 0.2
+"""Distance of the points between those of one who walks [m]."""
 _REST = 0.1
 """How far from the end of a lane people stop [m]."""
 
@@ -250,11 +252,16 @@ def _paced(points: Array, spec: WaypointsSpec, name: str, body: Body, setting: S
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if steps.min() < 1e-3:
         raise ParameterRangeError(f"{name}.positions", "a point twice in a row", "distinct points")
-    smoothing = min(smoothing_of(body), float(np.median(steps)))
-    path = SmoothPath(points, smoothing, (body.length + 1.0, body.length + 1.0), sparse=True)
-    chord = np.concatenate([[0.0], np.cumsum(steps)])
-    ways = path.way_of(chord) + body.rear_axle
     walks = body.motion in ("walk", "stand")
+    chord = np.concatenate([[0.0], np.cumsum(steps)])
+    margin = (body.length + 1.0, body.length + 1.0)
+    if walks:  # straight from point to point, rounded at the corners
+        way = np.linspace(0.0, chord[-1], int(np.ceil(chord[-1] / _PACE)) + 1)
+        straight = np.stack([np.interp(way, chord, points[:, axis]) for axis in range(3)], axis=1)
+        path = SmoothPath(straight, smoothing_of(body), margin)
+    else:
+        path = SmoothPath(points, min(smoothing_of(body), float(np.median(steps))), margin, sparse=True)
+    ways = path.way_of(chord) + body.rear_axle
     acceleration, jerk = _GAIT if walks else (2.0, 4.0)
     start = min(setting.start, spec.depart)
     profile = SpeedProfile(spec.speed)

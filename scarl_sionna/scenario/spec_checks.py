@@ -12,10 +12,12 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import (
     CollisionError,
     OutsideSceneError,
+    ParameterRangeError,
     ScarlWarning,
     ScenarioError,
     ScenarioPlace,
     ScenarioTimeError,
+    ScenarioValueError,
 )
 from scarl_sionna.world.document import InstanceEntry, SceneDocument
 from scarl_sionna.world.motion import Trajectory
@@ -102,6 +104,34 @@ def _time_problem(
                 what=what,
             )
     return None
+
+
+def check_gaits(spec: ScenarioSpec, members: Sequence[Member], document: SceneDocument) -> None:
+    """Raise if one of a scenario's actors cannot move its limbs as fast as its motion asks for.
+
+    Raises
+    ------
+    ScenarioValueError
+        At the actor's trajectory.
+    """
+    entries = {entry.name: entry for entry in document.instances}
+    problems: list[ScenarioError] = []
+    for member in members:
+        joints = entries[member.actor.name].joints if member.path[:1] != PATH_OF_TRAFFIC else ()
+        limbs = [joint for joint in joints if joint.changes_shape]
+        try:
+            for time in instants(spec)[::2] if limbs else ():
+                for joint in limbs:
+                    joint.motions(float(time))
+        except ParameterRangeError as error:
+            problems.append(
+                ScenarioValueError(
+                    f"'{member.actor.name}' at {time:.4g} s: {error}", spec.place(*member.path, "trajectory"),
+                    "let it move more slowly", value=error.value,
+                )
+            )  # fmt: skip
+    if problems:
+        raise ScenarioError.first_of(problems)
 
 
 def instants(spec: ScenarioSpec) -> npt.NDArray[np.float64]:

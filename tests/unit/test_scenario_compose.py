@@ -147,6 +147,8 @@ BAD = [
      "no ground"),
     (actor(model="suv", trajectory="{kind: waypoints, positions: [[0, 12], [0, 60]], speed: 10}"), OutsideSceneError, 6,
      "actors[0].trajectory", "no ground"),
+    (actor(model="child", trajectory="{kind: waypoints, positions: [[0, -8], [0, -2]], speed: 3}"), ScenarioValueError, 6,
+     "actors[0].trajectory", "walking speed"),
     ("variant: 3\n", ScenarioValueError, 3, "variant", "no variants"),
     ("traffic: {density: 10, mix: {suvv: 1}}\n", ScenarioNameError, 3, "traffic.mix.suvv", "did you mean 'suv'"),
     ("ego: {trajectory: {kind: route, lanes: [east], start: 20,\n  speed: 8, events: [{kind: stop, at: 21}]}}\n",
