@@ -16,6 +16,7 @@ from scarl_sionna.core.results import Frame
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.fusion.labels import count_labels
 from scarl_sionna.fusion.rig import Rig
+from scarl_sionna.fusion.visibility import add_visibility
 from scarl_sionna.scenario.spec import ScenarioSpec
 
 if TYPE_CHECKING:
@@ -104,6 +105,9 @@ def observe(
             seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name),
         )
         timings[mount.kind] = timings.get(mount.kind, 0.0) + perf_counter() - started
+    started = perf_counter()
+    results = add_visibility(state, objects, results)
+    timings["labels"] = perf_counter() - started
     return Frame(
         index=index,
         timestamp_ns=timestamp_ns,

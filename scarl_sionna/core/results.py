@@ -38,6 +38,15 @@ class ImageFrame:
     flow : ndarray of float32, shape (height, width, 2)
         Way [px] (column, row) of the surface point in a pixel within the next ``spec.flow_interval`` seconds; NaN where
         nothing is hit, or where the point leaves what the lens sees. It may lead out of the image.
+    object_pixels : ndarray of int32, shape (num_objects,)
+        Pixels of the instance image, in the order of `Frame.objects`, as all that follows.
+    object_box, object_visible_box : ndarray of float32, shape (num_objects, 4)
+        Smallest rectangle [px] (left, top, right, bottom) around all of the object that would be in the image if nothing hid it, and
+        around what is seen; NaN where there is nothing. Pixel centres lie at half numbers.
+    object_occlusion : ndarray of float32, shape (num_objects,)
+        Share of the object's silhouette in the image that something nearer hides, 0 to 1; NaN where it is not in the image.
+    object_truncation : ndarray of float32, shape (num_objects,)
+        Share of its silhouette that lies outside of the image, 0 to 1; NaN where the camera cannot see it at all.
     """
 
     spec: CameraSpec
@@ -48,6 +57,11 @@ class ImageFrame:
     instance: npt.NDArray[np.uint16] | None = None
     normal: npt.NDArray[np.float32] | None = None
     flow: npt.NDArray[np.float32] | None = None
+    object_pixels: npt.NDArray[np.int32] | None = None
+    object_box: npt.NDArray[np.float32] | None = None
+    object_visible_box: npt.NDArray[np.float32] | None = None
+    object_occlusion: npt.NDArray[np.float32] | None = None
+    object_truncation: npt.NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +103,8 @@ class LidarScan:
         Measured carrier-to-noise ratio of the beat after the transform of one chirp, linear; NaN if the receiver has none.
     beat_signal : ndarray of complex64, shape (num_shots, 2, num_samples), or None
         Up and down chirp of every shot in units of the noise's standard deviation a sample; only on request.
+    object_points : ndarray of int32, shape (num_objects,), or None
+        Returns of each object, in the order of `Frame.objects`.
     """
 
     spec: LidarSpec
@@ -107,6 +123,7 @@ class LidarScan:
     reflectance: npt.NDArray[np.float32] | None = None
     cnr: npt.NDArray[np.float32] | None = None
     beat_signal: npt.NDArray[np.complex64] | None = None
+    object_points: npt.NDArray[np.int32] | None = None
 
     @property
     def num_points(self) -> int:
@@ -133,6 +150,15 @@ class RadarFrame:
         Paths that the signal was made of.
     diagnostics : mapping
         What the solver chose and left out.
+    cell_instance : ndarray of uint16, shape (num_chirps, num_samples), or None
+        Ground truth of the range-Doppler map with Hann windows and without zero padding: the instance with most power in the
+        cell; 0 where no path reaches. Only if ``spec.cell_labels``.
+    cell_share, cell_ghost_share : ndarray of uint8, same shape, or None
+        That instance's share of the cell's power, and the share of all power that came by multipath, times 255.
+    cell_power : ndarray of float32, same shape, or None
+        Power of all paths in the cell without noise [W]; compare with `RangeDoppler.noise_power`.
+    object_power, object_ghost_power : ndarray of float64, shape (num_objects,), or None
+        Power of an object over all cells of that map, direct and by multipath [W], in the order of `Frame.objects`.
     """
 
     spec: RadarSpec
@@ -142,6 +168,12 @@ class RadarFrame:
     num_saturated: int = 0
     num_paths: int = 0
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    cell_instance: npt.NDArray[np.uint16] | None = None
+    cell_share: npt.NDArray[np.uint8] | None = None
+    cell_ghost_share: npt.NDArray[np.uint8] | None = None
+    cell_power: npt.NDArray[np.float32] | None = None
+    object_power: npt.NDArray[np.float64] | None = None
+    object_ghost_power: npt.NDArray[np.float64] | None = None
 
     @property
     def adc(self) -> npt.NDArray[np.complex64]:

@@ -96,6 +96,8 @@ def encode_frame(frame: Frame, options: StoreOptions, pool: Executor) -> Encoded
             images[f"{name}/{frame.index:06d}.png"] = (item.name, data)
             return
         value = np.asarray(data)
+        if schema.OBJECT in item.axes[:1] and group != "objects":
+            value = pad(value, options.object_capacity)
         arrays[name] = ArrayInfo(item.dtype, value.shape, item.axes, schema.attributes(item))
         values[name] = value
 
@@ -186,7 +188,7 @@ def _radar_columns(result: RadarFrame, options: StoreOptions) -> Iterator[tuple[
         if item.name == "adc":
             as_complex = options.radar_format == "complex64"
             yield (schema.ADC_COMPLEX, result.adc) if as_complex else (item, result.adc_int)
-        elif item is not schema.POSE and item.storage == "array":
+        elif item is not schema.POSE and item.storage == "array" and getattr(result, item.name) is not None:
             yield item, getattr(result, item.name)
 
 

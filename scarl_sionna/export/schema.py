@@ -103,6 +103,11 @@ CAMERA: tuple[Field, ...] = (
         "flow", "float32", ("row", "column", "column_row"), "px",
         "forward optical flow of the surface point in each pixel, nan where nothing is hit",
     ),
+    Field("object_pixels", "int32", (OBJECT,), "", "pixels of the instance image"),
+    Field("object_box", "float32", (OBJECT, "ltrb"), "px", "rectangle around all of the object that the image would show if nothing hid it; nan: none"),
+    Field("object_visible_box", "float32", (OBJECT, "ltrb"), "px", "rectangle around what the image shows of the object; nan: nothing"),
+    Field("object_occlusion", "float32", (OBJECT,), "", "share of the silhouette in the image that something nearer hides; nan: not in the image"),
+    Field("object_truncation", "float32", (OBJECT,), "", "share of the silhouette outside of the image; nan: out of sight"),
 )  # fmt: skip
 
 LIDAR: tuple[Field, ...] = (
@@ -134,6 +139,7 @@ LIDAR: tuple[Field, ...] = (
         "",
         "up and down chirp of every shot, in units of the noise's standard deviation",
     ),
+    Field("object_points", "int32", (OBJECT,), "", "returns of the object"),
 )
 
 RADAR: tuple[Field, ...] = (
@@ -146,6 +152,12 @@ RADAR: tuple[Field, ...] = (
     Field("num_saturated", "int64", (), "", "samples at the converter's limit"),
     Field("num_paths", "int64", (), "", "propagation paths that the signal was made of"),
     Field("diagnostics", "", (), "", "what the channel solver chose and left out", "json"),
+    Field("cell_instance", "uint16", ("doppler", "range"), "", "instance with most power in a cell of the range-Doppler map (Hann windows); 0: none"),
+    Field("cell_share", "uint8", ("doppler", "range"), "1/255", "that instance's share of the cell's power"),
+    Field("cell_ghost_share", "uint8", ("doppler", "range"), "1/255", "share of the cell's power that came by multipath"),
+    Field("cell_power", "float32", ("doppler", "range"), "W", "power of all paths in the cell, without noise"),
+    Field("object_power", "float64", (OBJECT,), "W", "power of the object over all cells, direct"),
+    Field("object_ghost_power", "float64", (OBJECT,), "W", "power of the object over all cells, by multipath"),
 )  # fmt: skip
 
 ADC_COMPLEX = Field(

@@ -58,7 +58,13 @@ class StoredResult:
 
     def read(self, field: str) -> npt.NDArray[Any] | None:
         """Return a field as it is stored, or None if this frame does not have it."""
-        return self._frame.scene.read_array(self._frame.index, f"{self.name}/{field}")
+        scene, index = self._frame.scene, self._frame.index
+        value = scene.read_array(index, f"{self.name}/{field}")
+        item = self._by_name.get(field)
+        if value is None or item is None or item.axes[:1] != (schema.OBJECT,):
+            return value
+        count = scene.read_array(index, "objects/num_objects")
+        return value[: int(count)]  # type: ignore[arg-type]
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in self._by_name:
@@ -106,7 +112,7 @@ class StoredRadar(StoredResult):
 
     def to_result(self) -> RadarFrame:
         """Return the radar's frame with all arrays in memory."""
-        names = ("adc_int", "adc_scale", "num_saturated", "num_paths", "diagnostics")
+        names = [item.name for item in fields(RadarFrame) if item.name not in ("spec", "world_from_sensor")]
         return RadarFrame(self.spec, self.world_from_sensor, **{name: getattr(self, name) for name in names})
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.radar_spec import RadarSpec
@@ -15,6 +16,9 @@ from scarl_sionna.core.results import RadarFrame
 from .adc import quantize
 from .channel import solve_paths
 from .clutter import through_weather
+from .labels import label_cells
+from .paths import RadarPaths
+from .processing import range_doppler, virtual_cube
 from .synthesis import synthesize
 from .synthesis.blocks import retraced, synthesize_blocks
 
@@ -97,10 +101,13 @@ class Radar:
         synthesized = time.perf_counter()
         codes, scale, num_saturated = quantize(adc, self.spec)
         solve = paths.diagnostics.get("seconds", {})
+        quantized = time.perf_counter()
+        truth = self._truth(adc, paths, state) if self.spec.cell_labels else {}
         seconds = {
             **(solve if isinstance(solve, Mapping) else {"solve": solve}),
             "synthesize": synthesized - start,
-            "quantize": time.perf_counter() - synthesized,
+            "quantize": quantized - synthesized,
+            "label": time.perf_counter() - quantized,
         }
         return RadarFrame(
             spec=self.spec,
@@ -110,4 +117,24 @@ class Radar:
             num_saturated=num_saturated,
             num_paths=paths.num_paths,
             diagnostics={**paths.diagnostics, "seconds": seconds},
+            **truth,
         )
+
+    def _truth(self, adc: npt.NDArray[np.complex64], paths: RadarPaths, state: WorldState) -> dict[str, npt.NDArray[Any]]:
+        """Return what fills the cells of the frame's range-Doppler map, and the power of every object."""
+        labels = label_cells(range_doppler(virtual_cube(adc, self.spec), self.spec), paths, state)
+        power = labels.entry_share * labels.power.reshape(-1)[labels.cell]
+        size = max(state.world.instances, default=0) + 1
+        objects = [number for number, info in state.world.instances.items() if info.is_object]
+        direct, ghost = (
+            np.bincount(labels.entry_instance[rows], power[rows], size)[objects]
+            for rows in (~labels.entry_is_ghost, labels.entry_is_ghost)
+        )
+        return {
+            "cell_instance": labels.instance.astype(np.uint16),
+            "cell_share": np.rint(255.0 * labels.share).astype(np.uint8),
+            "cell_ghost_share": np.rint(255.0 * labels.ghost_share).astype(np.uint8),
+            "cell_power": labels.power,
+            "object_power": direct,
+            "object_ghost_power": ghost,
+        }

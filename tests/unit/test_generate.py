@@ -146,7 +146,7 @@ def test_stages_are_reported_and_timed(world) -> None:
     seen: list[tuple[str, float]] = []
     result = observe(world, RIG, 0.1, on_stage=lambda stage, part: seen.append((stage, part)))
     assert seen == [(name, i / 4) for i, name in enumerate(RIG.names)]
-    assert set(result.timings) == {"world", "camera", "lidar", "radar"}
+    assert set(result.timings) == {"world", "camera", "lidar", "radar", "labels"}
 
 
 def test_a_world_without_ego_needs_a_pose(tmp_path) -> None:

@@ -107,7 +107,7 @@ def test_the_whole_hierarchy_is_plain_zarr(dataset_path) -> None:
         warnings.warn("one at least", UserWarning, stacklevel=1)
     assert [str(item.message) for item in caught] == ["one at least"]
     arrays = {name: item for name, item in members.items() if isinstance(item, zarr.Array)}
-    assert len(arrays) == 2 * (3 + 9 + 3 + 1 + 16 + 5)
+    assert len(arrays) == 2 * (3 + 9 + 8 + 1 + 17 + 11)
     scene = open_dataset(dataset_path).scene("a")
     for name, array in arrays.items():
         if name.startswith("a/"):

@@ -1,0 +1,212 @@
+"""What each camera and lidar of a frame sees of every object: pixels, rectangles, occlusion, truncation, returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import find_objects
+
+from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
+from scarl_sionna.core.results import ImageFrame, LidarScan, ObjectState
+
+if TYPE_CHECKING:
+    from scarl_sionna.world import WorldState
+
+Array = npt.NDArray[np.float64]
+
+RAYS_ACROSS = 32
+"""At most so many rays along each side of an object's rectangle: a silhouette is known to about 1 %."""
+RAYS_LEAST = 6
+MAX_LAYERS = 6
+"""Surfaces within an object's box that a ray may pass before it is taken to miss the object."""
+WIDEST = 4.0
+"""Tangent of the widest angle off the optical axis that counts: 76 deg."""
+NEAR = 0.05
+"""Nearer than this to the camera's plane nothing counts [m]."""
+SMALLEST = 0.5
+"""An object whose box has fewer pixels than this is out of sight."""
+STEP = 1e-3
+"""Behind a surface that hides an object the ray goes on after so much [m]."""
+_CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+@dataclass(frozen=True, eq=False)
+class _Silhouettes:
+    """Of each object: rectangle in the image, share hidden and share outside; NaN where there is none."""
+
+    box: npt.NDArray[np.float32]
+    occlusion: npt.NDArray[np.float32]
+    truncation: npt.NDArray[np.float32]
+
+
+def add_visibility(state: WorldState, objects: Sequence[ObjectState], results: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the results with what each sensor sees of each object, see `ImageFrame` and `LidarScan`.
+
+    Parameters
+    ----------
+    state : WorldState
+    objects : sequence of ObjectState
+        Of the frame.
+    results : mapping of str to sensor result
+        Results of other kinds are returned as they are.
+
+    Notes
+    -----
+    A silhouette is what rays through a grid over the object's box meet of the object when everything else is passed: a ray begins
+    where it enters the box and goes on behind surfaces of others. What the camera's own first hits are along the same rays
+    tells what is hidden. Cameras with the same place and projection share their silhouettes.
+    """
+    known: dict[Any, _Silhouettes] = {}
+    numbers = np.array([item.instance for item in objects], dtype=np.int64)
+    out = {}
+    for name, result in results.items():
+        if isinstance(result, LidarScan):
+            count = np.bincount(result.instance.reshape(-1), minlength=2**16)
+            result = replace(result, object_points=count[numbers].astype(np.int32))
+        elif isinstance(result, ImageFrame) and objects:
+            place = result.world_from_sensor
+            spec = result.spec
+            key = (
+                place.position.tobytes(),
+                place.quaternion.tobytes(),
+                spec.width,
+                spec.height,
+                repr(spec.lens),
+                spec.horizontal_fov_deg,
+            )
+            if key not in known:
+                known[key] = _silhouettes(state, objects, place, spec)
+            seen = _seen(result, numbers)
+            box = known[key].box
+            if seen:  # a coarse grid over a large object may end before the last pixel that shows it
+                visible = seen["object_visible_box"]
+                box = np.concatenate([np.fmin(box[:, :2], visible[:, :2]), np.fmax(box[:, 2:], visible[:, 2:])], axis=1)
+            result = replace(
+                result, object_box=box, object_occlusion=known[key].occlusion,
+                object_truncation=known[key].truncation, **seen,
+            )  # fmt: skip
+        out[name] = result
+    return out
+
+
+def _seen(image: ImageFrame, numbers: npt.NDArray[np.int64]) -> dict[str, npt.NDArray[Any]]:
+    """Return pixels and rectangle of each instance in an instance image."""
+    if image.instance is None:
+        return {}
+    count = np.bincount(image.instance.reshape(-1), minlength=2**16)
+    slices = find_objects(image.instance, int(numbers.max(initial=1)))
+    box = np.full((len(numbers), 4), np.nan, dtype=np.float32)
+    for row, number in enumerate(numbers):
+        if slices[number - 1] is not None:
+            rows, columns = slices[number - 1]
+            box[row] = columns.start, rows.start, columns.stop, rows.stop
+    return {"object_pixels": count[numbers].astype(np.int32), "object_visible_box": box}
+
+
+def _silhouettes(state: WorldState, objects: Sequence[ObjectState], place: Pose, spec: CameraSpec) -> _Silhouettes:
+    sensor_from_world = place.inverse()
+    owner, rays = [], []
+    for row, item in enumerate(objects):
+        found = _grid(sensor_from_world.compose(item.world_from_box), item.size, spec)
+        if found is not None:
+            owner.append(np.full(len(found), row))
+            rays.append(found)
+    count = len(objects)
+    box = np.full((count, 4), np.nan, dtype=np.float32)
+    occlusion, truncation = np.full(count, np.nan, np.float32), np.full(count, np.nan, np.float32)
+    if not rays:
+        return _Silhouettes(box, occlusion, truncation)
+    which, optical = np.concatenate(owner), np.concatenate(rays)
+    pixel, _ = spec.project(optical)
+    inside = np.all((pixel >= 0.0) & (pixel < [spec.width, spec.height]), axis=-1) & np.isfinite(pixel).all(axis=-1)
+    direction = place.rotate(optical @ CAMERA_OPTICAL_FROM_SENSOR)
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    alone = _meets(state, objects, which, place.position, direction)
+    first = np.zeros(len(which), dtype=np.int64)
+    hits = state.cast(place.position, direction[alone])
+    first[np.flatnonzero(alone)[hits.ray]] = state.world.parts.instance[hits.part]
+    numbers = np.array([item.instance for item in objects])
+    seen = alone & (first == numbers[which])
+    whole, there, visible = (
+        np.bincount(which[mask], minlength=count) for mask in (alone, alone & inside, seen & inside)
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        truncation[:] = 1.0 - there / whole
+        occlusion[:] = 1.0 - visible / there
+    for row in np.flatnonzero(there):
+        mine = pixel[(which == row) & alone & inside]
+        half = 0.5 * _pitch(pixel[which == row])
+        low, high = mine.min(axis=0) - half, mine.max(axis=0) + half
+        box[row] = *np.maximum(low, 0.0), *np.minimum(high, [spec.width, spec.height])
+    return _Silhouettes(box, occlusion, truncation)
+
+
+def _pitch(pixel: Array) -> Array:
+    """Return the distance of neighbouring rays of a grid [px]."""
+    span = np.nanmax(pixel, axis=0) - np.nanmin(pixel, axis=0)
+    side = np.sqrt(len(pixel))
+    return np.asarray(span / max(side - 1.0, 1.0))
+
+
+def _grid(camera_from_box: Pose, size: Array, spec: CameraSpec) -> Array | None:
+    """Return rays with z = 1 over the rectangle around a box, shape (num_rays, 3), camera_optical; None if it is out of sight."""
+    optical = camera_from_box.apply(_CORNERS * size) @ CAMERA_OPTICAL_FROM_SENSOR.T
+    if optical[:, 2].max() < NEAR:
+        return None
+    if optical[:, 2].min() < NEAR:  # the rectangle of a box that reaches behind the camera has no bounds
+        low, high = np.full(2, -WIDEST), np.full(2, WIDEST)
+    else:
+        plane = np.clip(optical[:, :2] / optical[:, 2:], -WIDEST, WIDEST)
+        low, high = plane.min(axis=0), plane.max(axis=0)
+    focal = np.diag(spec.intrinsics)[:2]
+    extent = (high - low) * focal
+    edges = spec.rays(np.array([[0.0, 0.0], [spec.width, spec.height]]))
+    limits = np.sort(np.clip(edges[:, :2] / np.maximum(edges[:, 2:], 1e-3), -WIDEST, WIDEST), axis=0)
+    if np.prod(extent) < SMALLEST or np.any(high < limits[0]) or np.any(low > limits[1]):
+        return None
+    side = int(np.clip(np.ceil(extent.max()), RAYS_LEAST, RAYS_ACROSS))
+    x, y = (a + (b - a) * (np.arange(side) + 0.5) / side for a, b in zip(low, high, strict=True))
+    across, down = np.meshgrid(x, y)
+    return np.stack([across.ravel(), down.ravel(), np.ones(side * side)], axis=-1)
+
+
+def _meets(
+    state: WorldState, objects: Sequence[ObjectState], which: npt.NDArray[np.int64], origin: Array, direction: Array
+) -> npt.NDArray[np.bool_]:
+    """Return which rays meet their object, whatever stands before it."""
+    enter, leave = np.empty(len(which)), np.empty(len(which))
+    for row in np.unique(which):
+        mine = which == row
+        enter[mine], leave[mine] = _slabs(objects[row], origin, direction[mine])
+    numbers = np.array([item.instance for item in objects])[which]
+    begin = np.maximum(enter - STEP, 0.0)
+    met = np.zeros(len(which), dtype=bool)
+    active = np.flatnonzero((enter <= leave) & (leave > 0.0))
+    for _ in range(MAX_LAYERS):
+        if not len(active):
+            break
+        hits = state.cast(origin + begin[active, None] * direction[active], direction[active])
+        rays = active[hits.ray]
+        along = begin[rays] + hits.distance
+        own = state.world.parts.instance[hits.part] == numbers[rays]
+        within = along <= leave[rays] + STEP
+        met[rays[own & within]] = True
+        onward = within & ~own
+        active = rays[onward]
+        begin[active] = along[onward] + STEP
+    return met
+
+
+def _slabs(item: ObjectState, origin: Array, direction: Array) -> tuple[Array, Array]:
+    """Return where rays enter and leave an object's box [m]."""
+    box_from_world = item.world_from_box.inverse()
+    start, local = box_from_world.apply(origin), box_from_world.rotate(direction)
+    local = np.where(np.abs(local) < 1e-12, 1e-12, local)
+    half = item.size / 2.0 + STEP
+    first, second = (-half - start) / local, (half - start) / local
+    return np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)

@@ -1,0 +1,122 @@
+"""What sensors see of objects, against plates whose outlines are known in closed form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scarl_sionna as ss
+from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.pose import Twist
+from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.fusion import Rig, SensorMount
+from tests.scenes import Thing, box, plane, write_scene
+
+CAMERA = CameraSpec(width=400, height=200, horizontal_fov_deg=90.0, images=("semantic", "instance", "depth"))
+FOCAL = 200.0
+"""[px]"""
+HERE = ss.Pose([0.0, 0.0, 0.0])
+RADAR = RadarSpec(num_rays=40_000, num_chirps=16, num_samples=128)
+RIG = Rig(
+    "look",
+    (
+        SensorMount("camera", "camera", CAMERA, HERE),
+        SensorMount("lidar", "lidar", LidarSpec(num_azimuth=301, num_elevation=61), HERE),
+        SensorMount("radar", "radar", RADAR, HERE),
+    ),
+)
+
+
+def thing(name: str, x: float, y: tuple[float, float], z: tuple[float, float] = (-1.0, 1.0)) -> Thing:
+    """Return a thin plate across the view."""
+    size = (0.02, y[1] - y[0], z[1] - z[0])
+    return Thing(name, box(size, (x, (y[0] + y[1]) / 2, (z[0] + z[1]) / 2)), "Static", "steel")
+
+
+@pytest.fixture(scope="module")
+def frame(tmp_path_factory: pytest.TempPathFactory) -> ss.Frame:
+    scene = write_scene(
+        tmp_path_factory.mktemp("plates"),
+        instances=[
+            thing("near", 10.0, (-1.0, 1.0)),
+            thing("half_hidden", 20.0, (0.0, 4.0)),  # the near plate's shadow ends at y = 2
+            thing("hidden", 30.0, (-1.0, 1.0)),
+            thing("cut", 10.0, (8.0, 12.0)),  # the image ends at y = 10
+            thing("behind", -10.0, (-1.0, 1.0)),
+            thing("beside", 5.0, (20.0, 21.0)),
+            Thing("ground", plane(200.0, 200.0, (0.0, 0.0, -5.0)), "Roads", is_object=False),
+        ],
+    )
+    return ss.observe(ss.load_scene(str(scene)), RIG, 0.0, world_from_vehicle=HERE)
+
+
+def row(frame: ss.Frame, name: str) -> int:
+    return [item.name for item in frame.objects].index(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "occlusion", "truncation"),
+    [("near", 0.0, 0.0), ("half_hidden", 0.5, 0.0), ("hidden", 1.0, 0.0), ("cut", 0.0, 0.5)],
+)
+def test_occlusion_and_truncation(frame: ss.Frame, name: str, occlusion: float, truncation: float) -> None:
+    image, index = frame.results["camera"], row(frame, name)
+    assert image.object_occlusion[index] == pytest.approx(occlusion, abs=0.04)  # a column of rays of 32
+    assert image.object_truncation[index] == pytest.approx(truncation, abs=0.04)
+
+
+@pytest.mark.parametrize("name", ["behind", "beside"])
+def test_out_of_sight(frame: ss.Frame, name: str) -> None:
+    image, index = frame.results["camera"], row(frame, name)
+    assert image.object_pixels[index] == 0
+    assert np.isnan(image.object_box[index]).all() and np.isnan(image.object_visible_box[index]).all()
+    assert np.isnan(image.object_occlusion[index])
+
+
+def test_rectangles_and_pixels(frame: ss.Frame) -> None:
+    image, index = frame.results["camera"], row(frame, "near")
+    left, right = 200.0 - FOCAL / 9.99, 200.0 + FOCAL / 9.99
+    expected = [left, 100.0 - FOCAL / 9.99, right, 100.0 + FOCAL / 9.99]
+    np.testing.assert_allclose(image.object_box[index], expected, atol=1.0)
+    np.testing.assert_allclose(image.object_visible_box[index], expected, atol=1.0)
+    assert image.object_pixels[index] == pytest.approx((right - left) ** 2, rel=0.06)
+    half = row(frame, "half_hidden")
+    whole, seen = image.object_box[half], image.object_visible_box[half]
+    # y from 4 to 0 at 19.99 m, seen from 4 to 2
+    np.testing.assert_allclose(whole[[0, 2]], [200.0 - 4.0 * FOCAL / 19.99, 200.0], atol=1.5)
+    np.testing.assert_allclose(seen[[0, 2]], [200.0 - 4.0 * FOCAL / 19.99, 200.0 - FOCAL / 9.99], atol=1.5)
+    assert np.isnan(image.object_visible_box[row(frame, "hidden")]).all()
+    assert np.isfinite(image.object_box[row(frame, "hidden")]).all()
+
+
+def test_counts_are_those_of_the_data(frame: ss.Frame) -> None:
+    scan, image = frame.results["lidar"], frame.results["camera"]
+    for index, item in enumerate(frame.objects):
+        assert scan.object_points[index] == np.count_nonzero(scan.instance == item.instance) == item.num_lidar_points
+        assert image.object_pixels[index] == np.count_nonzero(image.instance == item.instance) == item.num_pixels
+
+
+def test_radar_cells_and_objects(frame: ss.Frame) -> None:
+    radar = frame.results["radar"]
+    near, hidden = row(frame, "near"), row(frame, "hidden")
+    rd = ss.range_doppler(ss.virtual_cube(radar.adc, RADAR), RADAR)
+    bin_ = int(np.abs(rd.range - 10.0).argmin())
+    rest = int(np.abs(rd.radial_velocity).argmin())
+    assert radar.cell_instance[rest, bin_] == frame.objects[near].instance
+    assert radar.cell_share[rest, bin_] > 240 and radar.cell_ghost_share[rest, bin_] < 128
+    assert radar.cell_power[rest, bin_] == pytest.approx(rd.power[rest, bin_], rel=0.3)  # with noise, one instance
+    assert radar.object_power[near] > 1e3 * radar.object_power[hidden]
+    assert radar.object_power[row(frame, "behind")] == 0.0
+    total = (radar.object_power + radar.object_ghost_power).sum()
+    assert total <= radar.cell_power.sum() * (1.0 + 1e-6)
+
+
+def test_labels_of_cells_can_be_left_out(frame: ss.Frame, tmp_path: Path) -> None:
+    from scarl_sionna.radar.sensor import Radar
+
+    scene = write_scene(tmp_path, instances=[thing("near", 10.0, (-1.0, 1.0))])
+    state = ss.load_scene(str(scene)).at(0.0)
+    result = Radar(RADAR.with_(cell_labels=False)).observe(state, HERE, Twist(), np.random.default_rng(0))
+    assert result.cell_instance is None and result.object_power is None
