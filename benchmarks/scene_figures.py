@@ -42,6 +42,12 @@ PICTURES: dict[str, tuple[str, str, float, Pose]] = {
     "scene_signalised_crossing_above": ("signalised_crossing", "day", 3.0, mount(-15.0, -2.0, 14.0, 5.0, 26.0)),
     "scene_motorway_street": ("motorway", "day", 2.0, STREET),
     "scene_motorway_above": ("motorway", "day", 1.0, mount(-20.0, 4.0, 13.0, -3.0, 17.0)),
+    "scene_roundabout_street": ("roundabout", "day", 1.0, STREET),
+    "scene_roundabout_above": ("roundabout", "day", 2.0, mount(-16.0, -24.0, 21.0, 34.0, 26.0)),
+    "scene_suburban_street_street": ("suburban_street", "day", 1.0, STREET),
+    "scene_suburban_street_above": ("suburban_street", "day", 2.6, mount(-12.0, -7.0, 17.0, 16.0, 27.0)),
+    "scene_country_road_street": ("country_road", "day", 1.0, STREET),
+    "scene_country_road_above": ("country_road", "day", 1.5, mount(-16.0, -14.0, 20.0, 18.0, 22.0)),
 }
 """Name -> scene, lighting, time [s], camera relative to the ego."""
 

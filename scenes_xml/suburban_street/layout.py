@@ -25,6 +25,7 @@ VERGE, WALK = 1.75, 3.65
 CROSSING = 44.0
 """Arc length where the kerbs are lowered for people who cross."""
 DRIVE_HALF = 1.55
+FRONTS = ("hedge", "picket", "hedge", "wall", "hedge", "none")
 KINDS = 7
 """How many different houses there are."""
 
@@ -90,7 +91,7 @@ def plan(variant: int) -> Plan:
             # a house faces the street with its front (-y): its right end (+x) lies against the street's direction on the left side
             drive = middle + away if side > 0 else middle - away
             middle, drive = round(middle, 2), round(drive, 2)
-            front = str(generator.choice(("hedge", "hedge", "picket", "wall", "none")))
+            front = FRONTS[(number + 2 * (side > 0) + variant) % len(FRONTS)]
             near = -32.0 < middle < 100.0
             lots.append(
                 Lot(
