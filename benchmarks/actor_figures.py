@@ -27,7 +27,13 @@ from scarl_sionna.world.motion import ConstantTwistTrajectory, StaticTrajectory
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
 COLORFUL = ("saloon", "van", "lorry", "bus")
 LARGEST_FILE = 300_000
-VIEWS = {"front": (33.0, 11.0), "rear": (147.0, 14.0), "right": (-33.0, 11.0), "side": (90.0, 8.0), "above": (30.0, 45.0)}
+VIEWS = {
+    "front": (33.0, 11.0),
+    "rear": (147.0, 14.0),
+    "right": (-33.0, 11.0),
+    "side": (90.0, 8.0),
+    "above": (30.0, 45.0),
+}
 """Name -> azimuth from the model's +x to its left and elevation of the eye [deg]."""
 FOV_DEG = 24.0
 SPEEDS = {"vehicle": 0.0, "cycle": 4.0, "walk": 1.4, "stand": 0.0}
@@ -45,12 +51,20 @@ class Studio:
         (folder / "studio.xml").write_text(STUDIO, encoding="utf-8")
         self.world = ss.load_scene(folder / "studio.xml").with_lighting(Lighting.preset("day").with_(exposure=0.62))
 
-    def picture(self, name: str, level: str, view: str, size: tuple[int, int], samples: int, variant: str | None = None) -> Image.Image:
+    def picture(
+        self, name: str, level: str, view: str, size: tuple[int, int], samples: int, variant: str | None = None
+    ) -> Image.Image:
         """Return a denoised picture of a model."""
         model = ss.read_actor_model(name)
         speed = SPEEDS[model.motion]
-        turned = Pose.from_euler([0.0, 0.0, 0.0], yaw=np.radians(125.0))  # the sun stands behind the camera's right shoulder
-        path = StaticTrajectory(turned) if speed == 0.0 else ConstantTwistTrajectory(turned, Twist(turned.rotate([speed, 0.0, 0.0])))
+        turned = Pose.from_euler(
+            [0.0, 0.0, 0.0], yaw=np.radians(125.0)
+        )  # the sun stands behind the camera's right shoulder
+        path = (
+            StaticTrajectory(turned)
+            if speed == 0.0
+            else ConstantTwistTrajectory(turned, Twist(turned.rotate([speed, 0.0, 0.0])))
+        )
         state = ss.stage(self.world, [ss.StagedActor("it", model, path, detail=level, variant=variant)]).at(TIME)
         half = 0.5 * np.array([model.length, model.width, model.height])
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
@@ -62,7 +76,12 @@ class Studio:
         distance = 1.06 * float((corners @ eye + reach / tangent).max())
         mount = Pose.from_euler(eye * distance + [0.0, 0.0, half[2]], yaw=azimuth + np.pi, pitch=elevation)
         spec = CameraSpec(
-            width=size[0], height=size[1], horizontal_fov_deg=FOV_DEG, images=("rgb",), samples_per_pixel=samples, denoise=True
+            width=size[0],
+            height=size[1],
+            horizontal_fov_deg=FOV_DEG,
+            images=("rgb",),
+            samples_per_pixel=samples,
+            denoise=True,
         )
         frame = Camera(spec).observe(state, state.actor_pose("it").compose(mount), Twist(), np.random.default_rng(0))
         return Image.fromarray(frame.rgb)
@@ -83,27 +102,32 @@ def sheet(tiles: list[tuple[str, Image.Image]], columns: int) -> Image.Image:
 
 
 def save(image: Image.Image, path: Path) -> None:
-    """Write a PNG below `LARGEST_FILE`: fewer colours where it is larger, rare ones (lamps) kept."""
-    for colors in (None, 256, 128, 64):
+    """Write a PNG below `LARGEST_FILE`: with coarser steps of brightness where it is larger."""
+    values = np.asarray(image).astype(int)
+    for step in (1, 2, 3, 4, 5, 6, 8):
         buffer = BytesIO()
-        plain = image if colors is None else image.quantize(colors, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-        plain.save(buffer, "PNG", optimize=True)
+        Image.fromarray(np.minimum(np.rint(values / step) * step, 255).astype(np.uint8)).save(
+            buffer, "PNG", optimize=True
+        )
         if buffer.tell() <= LARGEST_FILE:
             path.write_bytes(buffer.getvalue())
-            print(f"{path}: {buffer.tell() // 1000} kB")
+            print(f"{path}: {buffer.tell() // 1000} kB, steps of {step}", flush=True)
             return
     raise SystemExit(f"{path.name} has {buffer.tell()} bytes")
 
 
 def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> None:
     if "vehicles" in wanted:
-        size = (400, 225)
+        size = (360, 202)
         tiles = [
             (f"{name}, {level}", studio.picture(name, level, "front", size, samples))
             for level in ("detailed", "light") for name in VEHICLES
         ]  # fmt: skip
         save(sheet(tiles, 3), folder / "actors_vehicles.png")
-        tiles = [(name, studio.picture(name, "detailed", "right" if name == "bus" else "rear", size, samples)) for name in VEHICLES]
+        tiles = [
+            (name, studio.picture(name, "detailed", "right" if name == "bus" else "rear", size, samples))
+            for name in VEHICLES
+        ]
         save(sheet(tiles, 3), folder / "actors_rear.png")
     if "people" in wanted:
         size = (230, 300)
@@ -117,7 +141,9 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
         tiles = []
         for name in COLORFUL:
             for variant in list(ss.read_actor_model(name).variants)[:5]:
-                tiles.append((f"{name}: {variant}", studio.picture(name, "detailed", "front", (256, 144), samples, variant)))
+                tiles.append(
+                    (f"{name}: {variant}", studio.picture(name, "detailed", "front", (256, 144), samples, variant))
+                )
         save(sheet(tiles, 5), folder / "actors_colours.png")
 
 

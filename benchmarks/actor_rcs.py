@@ -67,7 +67,9 @@ def main() -> None:
             rows.append(measure(name, detail, arguments.aspects))
             print(rows[-1], flush=True)
     if arguments.table is not None:
-        arguments.table.write_text(json.dumps({"frequency": FREQUENCY, "rows": rows}, indent=1) + "\n", encoding="utf-8")
+        arguments.table.write_text(
+            json.dumps({"frequency": FREQUENCY, "rows": rows}, indent=1) + "\n", encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

@@ -1,0 +1,199 @@
+"""The actor models of scenes_xml/actors: what their files state is what their meshes are."""
+
+from __future__ import annotations
+
+import functools
+import runpy
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.world.actor_model import ActorModel, actor_names, read_actor_model
+from scarl_sionna.world.materials import load_materials
+from scenes_xml.actors.build import MODELS, build
+from scenes_xml.actors.cars import SHAPES
+from scenes_xml.generators import car
+
+FOLDER = Path(__file__).resolve().parents[2] / "scenes_xml" / "actors"
+NAMES = actor_names()
+VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
+LEVELS = ("", "_light")
+BESIDE = ("mirrors", "mirror_glass")
+"""Measures are those without mirrors, as in type approval (UN R.E.3: width)."""
+
+
+@functools.cache
+def meshes(name: str, level: str) -> dict[str, trimesh.Trimesh]:
+    """Return the meshes of a level by shape id, as they lie on disk."""
+    root = ET.parse(FOLDER / name / f"{name}{level}.xml").getroot()
+    found = {}
+    for shape in root.iter("shape"):
+        file = next(e.get("value") for e in shape.iter("string") if e.get("name") == "filename")
+        found[str(shape.get("id"))] = trimesh.load(FOLDER / name / str(file), process=False)
+    return found
+
+
+def bsdfs(name: str, level: str) -> tuple[set[str], set[str]]:
+    root = ET.parse(FOLDER / name / f"{name}{level}.xml").getroot()
+    return {str(e.get("id")) for e in root.findall("bsdf")}, {str(e.get("id")) for e in root.iter("ref")}
+
+
+def bounds(name: str, level: str) -> np.ndarray:
+    points = np.concatenate([np.asarray(m.vertices) for k, m in meshes(name, level).items() if k not in BESIDE])
+    return np.stack([points.min(0), points.max(0)])
+
+
+def model(name: str) -> ActorModel:
+    return read_actor_model(name)
+
+
+def test_every_model_of_the_registry_lies_on_disk_and_no_other():
+    assert set(NAMES) == set(MODELS)
+    assert set(VEHICLES) <= set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_table_is_complete_and_its_names_exist(name):
+    found = model(name)
+    materials = load_materials()
+    assert found.name == name
+    assert found.semantic in SEMANTIC_CLASSES
+    assert len(found.variants) >= 3
+    for level in LEVELS:
+        defined, used = bsdfs(name, level)
+        assert defined == used
+        assert defined <= set(found.materials)
+        assert not defined & set(meshes(name, level)), "Mitsuba demands one id for one thing"
+    for entry in found.materials.values():
+        assert np.isfinite(materials[entry.radio].at(77e9))
+        assert 0.0 < entry.lidar_reflectance < 1.0
+    for colors in found.variants.values():
+        assert set(colors) <= set(found.materials)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_meshes_are_sound_and_small(name):
+    for level in LEVELS:
+        for shape, mesh in meshes(name, level).items():
+            assert np.isfinite(mesh.vertices).all()
+            assert mesh.area_faces.min() > 1e-9, f"{shape}{level}: a triangle without area"
+            assert np.abs(np.linalg.norm(mesh.vertex_normals, axis=1) - 1.0).max() < 1e-2
+    assert sum(file.stat().st_size for file in (FOLDER / name).rglob("*") if file.is_file()) < 700_000
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_light_level_has_few_shapes_and_triangles(name):
+    detailed, light = meshes(name, ""), meshes(name, "_light")
+    count = sum(len(m.faces) for m in detailed.values()), sum(len(m.faces) for m in light.values())
+    assert count[1] < count[0] < 20_000
+    assert len(light) <= len(detailed)
+    if name in VEHICLES:
+        assert count[1] < 1_500
+        assert len(light) < len(detailed) < 30
+        assert sum(not shape.startswith("wheel_") for shape in light) < 8
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_measures_are_those_of_the_meshes(name):
+    found = model(name)
+    size = np.array([found.length, found.width, found.height])
+    stated = np.array([-0.5, -0.5, 0.0]) * size, np.array([0.5, 0.5, 1.0]) * size
+    np.testing.assert_allclose(bounds(name, ""), stated, atol=0.02)
+    np.testing.assert_allclose(bounds(name, "_light"), stated, atol=0.05)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_measures_are_legal_and_typical(name):
+    found = model(name)
+    assert found.width <= 2.55  # Directive 96/53/EC, annex I, 1.2 (a)
+    assert found.height <= 4.00  # 1.3
+    assert found.length <= 12.0  # 1.1: motor vehicles other than buses; a bus of 12 m is the usual one
+    # A to E segment cars; large panel vans; wheelbase 0.45 to 0.68 of the length for all of them
+    low, high = {"Car": (3.4, 6.0), "Truck": (7.0, 12.0), "Bus": (10.0, 12.0)}[found.semantic]
+    assert low <= found.length <= high
+    assert found.wheelbase is not None
+    assert 0.45 < found.wheelbase / found.length < 0.68
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_wheels_stand_on_the_ground_and_turn_about_their_middle(name):
+    found = model(name)
+    joints = [joint for joint in found.joints if joint["kind"] == "wheel"]
+    assert len(joints) == (6 if name == "lorry" else 4)
+    outer = bounds(name, "")
+    on_joints = {shape for joint in joints for shape in joint["shapes"]}
+    assert on_joints == {shape for shape in meshes(name, "") if shape.startswith("wheel_")}
+    axles = sorted({round(float(joint["center"][0]), 6) for joint in joints})
+    assert found.wheelbase == pytest.approx(axles[-1] - np.mean(axles[:-1]), abs=1e-6)
+    assert found.rear_axle == pytest.approx(np.mean(axles[:-1]), abs=1e-6)
+    for joint in joints:
+        center, radius = np.array(joint["center"]), joint["radius"]
+        assert center[2] == pytest.approx(radius)
+        for level in LEVELS:
+            for shape in set(joint["shapes"]) & set(meshes(name, level)):
+                mesh = meshes(name, level)[shape]
+                reach = np.linalg.norm((mesh.vertices - center)[:, [0, 2]], axis=1)
+                assert reach.max() <= radius + 1e-4
+                if shape.endswith("_tyre"):
+                    assert mesh.vertices[:, 2].min() == pytest.approx(0.0, abs=1e-4)
+                    # the mesh is the same after a turn of a spoke or less: its middle is the axle
+                    middle = 0.5 * (mesh.vertices.min(0) + mesh.vertices.max(0))
+                    np.testing.assert_allclose(middle[[0, 2]], center[[0, 2]], atol=1e-4)
+                assert mesh.vertices.min(0)[1] >= outer[0, 1] and mesh.vertices.max(0)[1] <= outer[1, 1]
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_lamps_look_the_right_way_and_shine(name):
+    found = model(name)
+    for level in LEVELS:
+        parts = meshes(name, level)
+        for shape, bsdf, sign in (("headlamps", "headlamp", 1.0), ("taillamps", "taillamp", -1.0)):
+            assert found.materials[bsdf].lamp == bsdf
+            lamp = parts[shape]
+            assert sign * lamp.vertices[:, 0].mean() > 0.35 * found.length
+            flux = (lamp.face_normals * lamp.area_faces[:, None])[lamp.face_normals[:, 0] * sign > 0.3].sum(0)
+            assert sign * flux[0] > 0.02  # [m2] seen from ahead or behind
+            left = lamp.area_faces[lamp.triangles_center[:, 1] > 0.0].sum()
+            assert left == pytest.approx(
+                lamp.area / 2, rel=0.05
+            )  # the body below is not triangulated mirror-symmetrically
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_bodies_look_outward(name):
+    """The flux of the position through the normals is three times the volume: negative where a body is inside out."""
+    for level in LEVELS:
+        for shape, mesh in meshes(name, level).items():
+            if mesh.is_watertight or shape.startswith("wheel_"):
+                centred = mesh.triangles_center - 0.5 * (mesh.vertices.min(0) + mesh.vertices.max(0))
+                assert (centred * mesh.face_normals * mesh.area_faces[:, None]).sum() > 0.0, f"{shape}{level}"
+        body = [m for shape, m in meshes(name, level).items() if shape in ("body", "cab", "load_box")]
+        for mesh in body:
+            centred = mesh.triangles_center - 0.5 * (mesh.vertices.min(0) + mesh.vertices.max(0))
+            assert (centred * mesh.face_normals * mesh.area_faces[:, None]).sum() > 0.0
+
+
+@pytest.mark.parametrize("name", ["saloon", "van"])
+def test_files_are_what_the_script_writes(name, tmp_path):
+    build(name, tmp_path)
+    here = {p.relative_to(tmp_path): p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+    there = {p.relative_to(FOLDER / name): p.read_bytes() for p in (FOLDER / name).rglob("*") if p.is_file()}
+    assert here == there
+
+
+def test_mirrors_apart_leaves_the_rest_of_a_car_as_it_is():
+    whole, apart = (car.build(SHAPES["saloon"], mirrors_apart=value) for value in (False, True))
+    assert set(apart) == {*whole, "mirrors"}
+    split = np.concatenate([apart["body"][0].vertices, apart["mirrors"][0].vertices])
+    np.testing.assert_array_equal(split, whole["body"][0].vertices)
+
+
+def test_the_page_has_the_vehicles_as_they_are():
+    repo = FOLDER.parents[1]
+    script = runpy.run_path(str(repo / "scripts" / "actors_table.py"))
+    page = (repo / "docs" / "actors.md").read_text(encoding="utf-8")
+    assert script["updated"](page, ("vehicles",)) == page, "run: python scripts/actors_table.py"
