@@ -72,7 +72,7 @@ def ground_heights(world: World, points: npt.ArrayLike, time: float | None = Non
     origins = np.array(points, dtype=np.float64).reshape(-1, 3) + [0.0, 0.0, _ABOVE]
     start = world.time_range[0]
     moment = time if time is not None else float(start) if np.isfinite(start) else 0.0
-    aside = {actor.name: Pose([0.0, 0.0, _ASIDE]) for actor in world.actors}  # a sole on the road would hide it
+    aside = {actor.name: Pose(np.array([0.0, 0.0, _ASIDE])) for actor in world.actors}  # a sole on the road would hide it
     state = WorldState(world, moment, aside, dict.fromkeys(aside, Twist()))
     heights = np.full(len(origins), -np.inf)
     hits = state.cast(origins, np.tile([0.0, 0.0, -1.0], (len(origins), 1)), _ABOVE + _BELOW)

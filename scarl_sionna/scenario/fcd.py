@@ -68,7 +68,7 @@ def read_fcd(
         Times [s] at which all actors shall be known: one that is in the file for a part of it goes straight on before and after.
         None: each for the time that it is in the file.
     ground : LaneNetwork, callable or None
-        Gives the heights: that of the nearest lane, or a function of points (N, 2). None: the file's, 0 where it has none.
+        Gives the heights: that of the nearest lane, or a function of points, (N, 3) where the file has heights, else (N, 2). None: the file's, 0 where it has none.
     types : mapping or None
         Actor models by SUMO's type names; None, or a type that it lacks: by the words in its name (:func:`model_of_type`).
     models : mapping or None
@@ -110,6 +110,7 @@ def planned_from_samples(
     offset: tuple[float, float] = (0.0, 0.0),
 ) -> list[PlannedActor]:
     """Return the actors of samples as SUMO gives them; `kinds` holds each one's type name and whether it is a person."""
+    with_heights = any(row[3] != 0.0 for rows in samples.values() for row in rows)
     height: Callable[..., np.ndarray] | None = lane_ground(ground) if isinstance(ground, LaneNetwork) else ground
     actors, left_out = [], []
     for name in sorted(samples):
@@ -122,7 +123,7 @@ def planned_from_samples(
         body = body_of(model, models)
         points = rows[:, 1:4] + [offset[0], offset[1], 0.0]
         if height is not None:
-            points[:, 2] = height(points[:, :2])
+            points[:, 2] = height(points if with_heights else points[:, :2])
         record = Record(
             name, rows[:, 0], points, np.radians(90.0 - rows[:, 4]), 0.0 if is_person else body.length / 2.0
         )

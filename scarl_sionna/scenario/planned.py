@@ -17,7 +17,7 @@ from .bodies import Body, BodyLike
 
 Array = npt.NDArray[np.float64]
 Ground = Callable[[Array], Array]
-"""Returns the heights (N,) [m] of the ground below points (N, 2) [m]."""
+"""Returns the heights (N,) [m] of the ground at points (N, 2) [m], or (N, 3) where a source knows about what height they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +58,20 @@ class PlannedActor:
 
 
 def lane_ground(network: LaneNetwork) -> Ground:
-    """Return the ground of a network of lanes: the height of the nearest point of a centre line, these 0.25 m apart."""
+    """Return the ground of a network of lanes: the height of the nearest point of a centre line, these 0.25 m apart.
+
+    Points with two coordinates get that of the lane nearest in plan; with three, a road under a bridge and the one on it are told apart.
+    """
     if not network.lanes:
         raise ParameterRangeError("network", "no lanes", "one lane or more")
     points = np.concatenate(
         [lane.at(np.linspace(0.0, lane.length, max(int(4.0 * lane.length), 1) + 1)) for lane in network.lanes]
     )
-    tree = cKDTree(points[:, :2])
+    trees = {2: cKDTree(points[:, :2]), 3: cKDTree(points)}
 
-    def ground(plan: Array) -> Array:
-        return np.asarray(points[tree.query(np.atleast_2d(plan))[1], 2])
+    def ground(spots: Array) -> Array:
+        wanted = np.atleast_2d(spots)
+        return np.asarray(points[trees[wanted.shape[1]].query(wanted)[1], 2])
 
     return ground
 

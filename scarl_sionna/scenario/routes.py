@@ -200,7 +200,7 @@ def vehicle_trajectory(
     if time.shape != (len(points),) or not np.all(np.diff(time) > 0.0):
         raise ParameterRangeError(f"{name}.times", f"shape {time.shape}", f"{len(points)} strictly rising times [s]")
     way: PPoly = (
-        constant_way((ways[-1] - ways[0]) / (time[1] - time[0]), *time, ways[0])
+        constant_way(float((ways[-1] - ways[0]) / (time[1] - time[0])), float(time[0]), float(time[1]), float(ways[0]))
         if len(time) == 2
         else smooth_way(time, ways)
     )

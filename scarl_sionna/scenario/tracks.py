@@ -48,7 +48,10 @@ class Track:
 
     def at(self, way: npt.ArrayLike) -> Array:
         """Return points [m] at ways [m] along the track."""
-        return np.stack([np.interp(way, self.chord, self.points[:, axis]) for axis in range(3)], axis=-1)
+        return np.stack(
+            [np.interp(np.asarray(way, dtype=np.float64), self.chord, self.points[:, axis]) for axis in range(3)],
+            axis=-1,
+        )
 
 
 @dataclass(eq=False)

@@ -112,7 +112,7 @@ def simulate_traffic(
     longest = max([body.length for body in chosen.values()] + [4.6])
     graph = track_graph(network, duration + WARM_UP, width, longest, on_foot=pedestrians > 0)
     start, num_steps = start_time - WARM_UP, round((duration + WARM_UP) / STEP + 0.5)
-    instants = start + STEP * np.arange(num_steps + 1)
+    instants: Array = start + STEP * np.arange(num_steps + 1, dtype=np.float64)
     obstacles = [_obstacle(graph, trajectory, Body.of(body), instants) for trajectory, body in others]
     planner = _Planner(graph, generator(seed, "traffic"), duration + WARM_UP, obstacles)
 
@@ -180,7 +180,12 @@ def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: Body, instants: A
             way = track.chord[nearest] + share[rows, nearest] * np.diff(track.chord)[nearest]
             direction = step[nearest] / np.linalg.norm(step[nearest], axis=1, keepdims=True)
             forward = (direction * along).sum(1)
-            for row in np.flatnonzero(away[rows, nearest] < body.width / 2.0 + (0.4 if track.kind == "walk" else 1.1)):
+            level = (
+                np.abs(np.interp(way, track.chord, track.points[:, 2]) - motion.position[:, 2]) < 2.5
+            )  # not on a bridge above
+            for row in np.flatnonzero(
+                level & (away[rows, nearest] < body.width / 2.0 + (0.4 if track.kind == "walk" else 1.1))
+            ):
                 front = float(
                     way[row] + (body.length / 2.0 - offset if forward[row] > 0.0 else body.length / 2.0 + offset)
                 )
