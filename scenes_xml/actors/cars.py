@@ -45,7 +45,7 @@ SHAPES: dict[str, CarShape] = {
 TITLES = {"small_car": "Small car", "saloon": "Saloon car", "suv": "Sport utility vehicle"}
 PAINTS: dict[str, dict[str, Color]] = {
     "small_car": {"yellow": (0.62, 0.36, 0.015), "red": (0.40, 0.014, 0.016), "white": (0.70, 0.70, 0.68), "blue": (0.02, 0.12, 0.34), "black": (0.012, 0.012, 0.014)},
-    "saloon": {"blue": (0.012, 0.045, 0.16), "silver": (0.50, 0.51, 0.52), "red": (0.36, 0.012, 0.014), "white": (0.70, 0.70, 0.68), "black": (0.012, 0.012, 0.014)},
+    "saloon": {"blue": (0.012, 0.045, 0.16), "silver": (0.27, 0.28, 0.29), "red": (0.36, 0.012, 0.014), "white": (0.70, 0.70, 0.68), "black": (0.012, 0.012, 0.014)},
     "suv": {"grey": (0.13, 0.14, 0.15), "white": (0.70, 0.70, 0.68), "green": (0.02, 0.075, 0.045), "red": (0.30, 0.012, 0.016), "black": (0.012, 0.012, 0.014)},
 }  # fmt: skip
 """The first one is the default."""
