@@ -95,18 +95,32 @@ def main() -> None:
     parser.add_argument("--details", default="light,detailed")
     parser.add_argument("--frames", type=int, default=6)
     given = parser.parse_args()
-    packages = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("mitsuba", "drjit", "sionna-rt", "numpy"))
-    print(f"{platform.processor() or platform.machine()}, {len(os.sched_getaffinity(0))} cores; Python {platform.python_version()}, {packages}")
+    packages = ", ".join(
+        f"{name} {importlib.metadata.version(name)}" for name in ("mitsuba", "drjit", "sionna-rt", "numpy")
+    )
+    print(
+        f"{platform.processor() or platform.machine()}, {len(os.sched_getaffinity(0))} cores; Python {platform.python_version()}, {packages}"
+    )
     ss.load_scene("urban_crossing").at(0.0).cast([0.0, 0.0, 50.0], DOWN)  # the engine starts
     steps = ("state", "optical", "radio", "boxes")
     print("seconds: wall of the first frame, and median of the others as wall / CPU of all cores")
-    print("| actors | detail | shapes | triangles | load |" + "".join(f" {step} first | {step} |" for step in steps) + " frame |")
+    print(
+        "| actors | detail | shapes | triangles | load |"
+        + "".join(f" {step} first | {step} |" for step in steps)
+        + " frame |"
+    )
     print("|" + "---|" * (6 + 2 * len(steps)))
     for detail in given.details.split(","):
         for count in (int(number) for number in given.actors.split(",")):
             world, clock = measure(count, detail, given.frames)
             triangles = sum(len(world.mesh(part).faces) for part in range(len(world.parts.name)))
-            cells = [str(count), detail, str(len(world.parts.name)), str(triangles), f"{clock.wall['load'][0]:.2f} / {clock.cpu['load'][0]:.2f}"]
+            cells = [
+                str(count),
+                detail,
+                str(len(world.parts.name)),
+                str(triangles),
+                f"{clock.wall['load'][0]:.2f} / {clock.cpu['load'][0]:.2f}",
+            ]
             whole = 0.0
             for step in steps:
                 steady = float(np.median(clock.wall[step][1:]))

@@ -10,7 +10,7 @@ import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,9 +31,21 @@ _VERSION = 1
 """Of what is written; a new number makes new folders."""
 _CREASE = np.radians(35.0)
 """Edges flatter than this are shaded smooth."""
-_AXES = {sign + axis: (1.0 if not sign else -1.0) * row for axis, row in zip("xyz", np.eye(3), strict=True) for sign in ("", "-")}
+_AXES = {
+    sign + axis: (1.0 if not sign else -1.0) * row
+    for axis, row in zip("xyz", np.eye(3), strict=True)
+    for sign in ("", "-")
+}
 _MATERIAL_KEYS = {"radio", "lidar_reflectance", "lidar_transmittance", "color", "roughness", "source", "lamp"}
 _GREY = (0.5, 0.5, 0.5)
+
+
+class _Part(NamedTuple):
+    """One part of a file: its mesh, and the name and the linear RGB colour of its material there."""
+
+    body: trimesh.Trimesh
+    material: str
+    color: tuple[float, ...]
 
 
 def actor_from_mesh(
@@ -105,7 +117,9 @@ def actor_from_mesh(
         raise ParameterRangeError("name of the actor model", repr(model), "letters, digits, '_' and '-'")
     if semantic not in SEMANTIC_CLASSES:
         raise UnknownNameError(f"class of actor model '{model}'", str(semantic), SEMANTIC_CLASSES)
-    kind = motion or {"Pedestrian": "walk" if joints else "stand", "Bicycle": "cycle", "Motorcycle": "cycle"}.get(semantic, "vehicle")
+    kind = motion or {"Pedestrian": "walk" if joints else "stand", "Bicycle": "cycle", "Motorcycle": "cycle"}.get(
+        semantic, "vehicle"
+    )
     if kind not in MOTIONS:
         raise UnknownNameError(f"motion of actor model '{model}'", str(motion), MOTIONS)
     if not (np.isfinite(scale) and scale > 0.0):
@@ -114,14 +128,15 @@ def actor_from_mesh(
     own_up, own_forward = up or ("y" if is_gltf else "z"), forward or ("z" if is_gltf else "x")
     turn = _rotation(own_up, own_forward)
     parts = _parts(mesh, model)
-    parts = {part: (_moved(body, scale * turn), material) for part, (body, material) in parts.items()}
-    low = np.min([body.bounds[0] for body, _ in parts.values()], axis=0)
-    high = np.max([body.bounds[1] for body, _ in parts.values()], axis=0)
+    for part in parts.values():
+        _move(part.body, scale * turn)
+    low = np.min([part.body.bounds[0] for part in parts.values()], axis=0)
+    high = np.max([part.body.bounds[1] for part in parts.values()], axis=0)
     check_measures(model, semantic, high - low, scale, own_up, own_forward)
     origin = np.array([*(low + high)[:2] / 2.0, low[2]])
-    for body, _ in parts.values():
-        body.apply_translation(-origin)
-    _warn_if_open(model, {part: body for part, (body, _) in parts.items()})
+    for part in parts.values():
+        part.body.apply_translation(-origin)
+    _warn_if_open(model, {name: part.body for name, part in parts.items()})
     ids = _ids(parts)
     tables = _material_tables(materials, parts, model)
     head = {
@@ -130,7 +145,7 @@ def actor_from_mesh(
         **({} if wheelbase is None else {"wheelbase": float(wheelbase)}), **({} if rear_axle is None else {"rear_axle": float(rear_axle)}),
     }  # fmt: skip
     rows = [_joint(row, ids, model) for row in joints]
-    written = _Written(head, {ids[part]: (body, part) for part, (body, _) in parts.items()}, tables, rows)
+    written = _Written(head, {ids[name]: (part.body, name) for name, part in parts.items()}, tables, rows)
     return read_actor_model(written.into(Path(folder)) if folder is not None else written.cached())
 
 
@@ -145,7 +160,7 @@ def _rotation(up: str, forward: str) -> Array:
     return np.stack([ahead, np.cross(above, ahead), above])
 
 
-def _parts(mesh: str | Path | trimesh.Trimesh | trimesh.Scene, model: str) -> dict[str, tuple[trimesh.Trimesh, str]]:
+def _parts(mesh: str | Path | trimesh.Trimesh | trimesh.Scene, model: str) -> dict[str, _Part]:
     """Return copies of the meshes of a file in its axes, and the names of their materials, by the name of the part."""
     scene = _loaded(Path(mesh)) if isinstance(mesh, str | Path) else mesh
     if isinstance(scene, trimesh.Trimesh):
@@ -158,9 +173,14 @@ def _parts(mesh: str | Path | trimesh.Trimesh | trimesh.Scene, model: str) -> di
             continue
         own = checked_part(body, f"part '{node}' of '{model}'")
         own.apply_transform(matrix)
-        found[str(node)] = own, str(getattr(getattr(body.visual, "material", None), "name", None) or "")
+        material = str(getattr(getattr(body.visual, "material", None), "name", None) or "")
+        found[str(node)] = _Part(own, material, _color(body))
     if not found:
-        raise MeshError(f"'{model}' holds no triangles", mesh if isinstance(mesh, str | Path) else None, "export the surface as a mesh")
+        raise MeshError(
+            f"'{model}' holds no triangles",
+            mesh if isinstance(mesh, str | Path) else None,
+            "export the surface as a mesh",
+        )
     return found
 
 
@@ -180,17 +200,18 @@ def _loaded(path: Path) -> trimesh.Scene:
     return scene
 
 
-def _moved(body: trimesh.Trimesh, matrix: Array) -> trimesh.Trimesh:
+def _move(body: trimesh.Trimesh, matrix: Array) -> None:
     whole = np.eye(4)
     whole[:3, :3] = matrix
     body.apply_transform(whole)
-    return body
 
 
 def _warn_if_open(model: str, parts: Mapping[str, trimesh.Trimesh]) -> None:
     counts = {part: number for part, body in parts.items() if (number := open_edges(body))}
     if counts:
-        listed = ", ".join(f"'{part}' {number}" for part, number in sorted(counts.items(), key=lambda item: -item[1])[:5])
+        listed = ", ".join(
+            f"'{part}' {number}" for part, number in sorted(counts.items(), key=lambda item: -item[1])[:5]
+        )
         warnings.warn(
             f"mesh '{model}' is not closed: {sum(counts.values())} open edges ({listed}{' ...' if len(counts) > 5 else ''}). Radar rays "
             "that enter through the gaps are mirrored inside of the body and come back later than they should, and a sensor that stands "
@@ -214,19 +235,19 @@ def _ids(parts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _material_tables(
-    materials: Material | Mapping[str, Material], parts: Mapping[str, tuple[trimesh.Trimesh, str]], model: str
+    materials: Material | Mapping[str, Material], parts: Mapping[str, _Part], model: str
 ) -> dict[str, tuple[str, dict[str, Any]]]:
     """Return BSDF id and table of each part's material."""
     if isinstance(materials, str) or "radio" in materials:
         by_name: Mapping[str, Any] = {"*": materials}
     else:
         by_name = materials
-    known = {"*", *parts, *(material for _, material in parts.values() if material)}
+    known = {"*", *parts, *(part.material for part in parts.values() if part.material)}
     if unknown := sorted(set(by_name) - known):
         raise UnknownNameError(f"part or material of mesh '{model}'", unknown[0], known)
     chosen: dict[str, tuple[str, dict[str, Any]]] = {}
     lacking = []
-    for part, (body, material) in parts.items():
+    for part, (_, material, file_color) in parts.items():
         key = next((key for key in (part, material, "*") if key in by_name), None)
         if key is None:
             lacking.append(f"'{part}'" + (f" (material '{material}')" if material else ""))
@@ -236,8 +257,10 @@ def _material_tables(
         if unknown := sorted(set(table) - _MATERIAL_KEYS):
             raise UnknownNameError(f"key of the material of '{key}'", unknown[0], _MATERIAL_KEYS)
         if "radio" not in table:
-            raise MaterialError(f"the material of '{key}' of mesh '{model}' lacks 'radio'; name one of docs/materials.md")
-        color = table.pop("color", None) or _color(body)
+            raise MaterialError(
+                f"the material of '{key}' of mesh '{model}' lacks 'radio'; name one of docs/materials.md"
+            )
+        color = table.pop("color", None) or file_color
         table["color"] = list(check_colors({"color": color}, {"color": 0}, f"mesh '{model}', '{key}'")["color"])
         name = re.sub(r"[^A-Za-z0-9_]+", "_", model if key == "*" and not material else material or part)
         taken = {bsdf: other for bsdf, other in chosen.values()}
@@ -247,7 +270,9 @@ def _material_tables(
         chosen[part] = own, table
     if lacking:
         listed = ", ".join(lacking[:5]) + (" ..." if len(lacking) > 5 else "")
-        raise MaterialError(f"parts of mesh '{model}' have no material: {listed}; add them to `materials`, or '*' for the rest")
+        raise MaterialError(
+            f"parts of mesh '{model}' have no material: {listed}; add them to `materials`, or '*' for the rest"
+        )
     return chosen
 
 
@@ -310,7 +335,9 @@ class _Written:
             for name, content in self._files.items():
                 (folder / name).write_bytes(content)
         except OSError as error:
-            raise MeshError(f"the model cannot be written ({error.strerror})", folder, "choose a folder that can be written") from error
+            raise MeshError(
+                f"the model cannot be written ({error.strerror})", folder, "choose a folder that can be written"
+            ) from error
         return folder
 
     def cached(self) -> Path:

@@ -44,13 +44,19 @@ def checked_part(body: trimesh.Trimesh, what: str) -> trimesh.Trimesh:
     if not sound.any():
         raise MeshError(f"{what} has only triangles without area", remedy="export it again")
     if not sound.all():
-        warnings.warn(f"{what}: {int((~sound).sum())} of {len(faces)} triangles have no area and are left out", ScarlWarning, stacklevel=4)
+        warnings.warn(
+            f"{what}: {int((~sound).sum())} of {len(faces)} triangles have no area and are left out",
+            ScarlWarning,
+            stacklevel=4,
+        )
     return trimesh.Trimesh(vertices, faces[sound], process=False)
 
 
 def open_edges(body: trimesh.Trimesh) -> int:
     """Return how many edges belong to one triangle only, after vertices at the same place are joined."""
-    _, joined = np.unique(np.round(body.vertices / max(1e-7 * float(np.ptp(body.vertices)), 1e-12)), axis=0, return_inverse=True)
+    _, joined = np.unique(
+        np.round(body.vertices / max(1e-7 * float(np.ptp(body.vertices)), 1e-12)), axis=0, return_inverse=True
+    )
     faces = joined.reshape(-1)[body.faces]
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     edges = edges[edges[:, 0] != edges[:, 1]]
@@ -74,12 +80,15 @@ def check_measures(model: str, semantic: str, size: Array, scale: float, up: str
     longest = float(size.max())
     measures = " x ".join(f"{side:.4g}" for side in size)
     if not low <= longest <= high:
-        fitting = next((unit for unit in _UNITS if low <= longest * unit <= high), None)
+        fitting = [f"{name} (scale={scale * unit:g})" for unit, name in _UNITS.items() if low <= longest * unit <= high]
         remedy = f"give the scale that makes it {low:g} to {high:g} m long"
-        if fitting is not None:
-            remedy = f"is the file in {_UNITS[fitting]}? give scale={scale * fitting:g}"
+        if fitting:
+            remedy = f"is the file in {' or '.join(fitting)}?"
         raise ParameterRangeError(
-            f"size of mesh '{model}'", f"{measures} m", f"{low:g} to {high:g} m along the longest side of a {semantic}", remedy
+            f"size of mesh '{model}'",
+            f"{measures} m",
+            f"{low:g} to {high:g} m along the longest side of a {semantic}",
+            remedy,
         )
     length, width, height = size.tolist()
     axes = f"taken with up='{up}', forward='{forward}'"
