@@ -56,30 +56,29 @@ def _front(b: Block, width: float, is_light: bool) -> dict[str, list[Mesh]]:
     edges = np.linspace(-half, half, bays + 1)
     for k in range(bays):
         a, c = edges[k] + pillar / 2, edges[k + 1] - pillar / 2
-        panes.append(_quad(a, c, 0.35, b.shop - 0.75, REVEAL if not is_light else -0.02, 1.0))
+        panes.append(_quad(a, c, 0.35, b.shop - 0.35 if is_light else b.shop - 0.75, REVEAL, 1.0))
+        walls.append(_quad(a, c, -0.2, 0.35, 0.06, b.tile))
         if is_light:
             continue
-        walls.append(_quad(a, c, -0.2, 0.35, 0.06, b.tile))
         trim.append(box((c - a, 0.10, 0.42), (0.5 * (a + c), -0.06, b.shop - 0.56)))
         trim.append(box((0.07, 0.08, b.shop - 1.1), (0.5 * (a + c), REVEAL - 0.03, 0.5 * (b.shop - 0.4))))
-    if is_light:
-        walls.append(_quad(-half, half, -0.2, b.shop - 0.35, 0.0, b.tile))
-    else:
-        # rooms end behind the windows: nothing is seen through a house
-        walls.append(_quad(-half + 0.5, half - 0.5, -0.2, top, 0.5, b.tile))
-        for x in edges:
-            low, high = max(-half, x - pillar / 2), min(half, x + pillar / 2)
+    # rooms end behind the windows: nothing is seen through a house
+    walls.append(_quad(-half + 0.5, half - 0.5, -0.2, top, 0.5, b.tile))
+    for x in edges:
+        low, high = max(-half, x - pillar / 2), min(half, x + pillar / 2)
+        if is_light:
+            walls.append(_quad(low, high, -0.2, b.shop - 0.35, 0.0, b.tile))
+        else:
             walls.append(box((high - low, 0.42, b.shop - 0.15), (0.5 * (low + high), 0.21, 0.5 * (b.shop - 0.55))))
     for storey in range(b.storeys):
         foot = b.shop + 0.45 + storey * b.storey
         sill, lintel, roof = foot + 0.45, foot + 0.45 + b.pane, foot + b.storey
-        if is_light:
-            walls.append(_quad(-half, half, foot, roof, 0.0, b.tile))
-            panes += [_quad(x - b.window / 2, x + b.window / 2, sill, lintel, -0.02, 1.0) for x in centres]
-            continue
         walls += [_quad(-half, half, foot, sill, 0.0, b.tile), _quad(-half, half, lintel, roof, 0.0, b.tile)]
         borders = [-half, *(v for x in centres for v in (x - b.window / 2, x + b.window / 2)), half]
         walls += [_quad(borders[k], borders[k + 1], sill, lintel, 0.0, b.tile) for k in range(0, len(borders), 2)]
+        if is_light:
+            panes.append(_quad(-half + 0.2, half - 0.2, sill, lintel, REVEAL, 1.0))
+            continue
         for k, x in enumerate(centres):
             a, c = x - b.window / 2, x + b.window / 2
             ring = np.array([(a, sill), (a, lintel), (c, lintel), (c, sill), (a, sill)])
