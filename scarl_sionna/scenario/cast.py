@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,6 +16,7 @@ from scarl_sionna.core.errors import (
     ScenarioValueError,
     UnknownNameError,
 )
+from scarl_sionna.world.actor_mesh import actor_from_mesh
 from scarl_sionna.world.actor_model import ActorModel, Color, read_actor_model
 from scarl_sionna.world.document import SceneDocument
 from scarl_sionna.world.motion import Trajectory
@@ -93,7 +95,7 @@ def _role(spec: ScenarioSpec, path: KeyPath, name: str, one: EgoSpec | ActorSpec
 
 def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> ActorModel:
     mesh = one.mesh if isinstance(one, ActorSpec) else None
-    if mesh is None:
+    if not isinstance(one, ActorSpec) or mesh is None:
         place = spec.place(*path, "model")
         text = str(one.model)
         try:
@@ -106,7 +108,7 @@ def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> Actor
     if not file.is_file():
         raise ScenarioFileError(f"'{mesh.file}' is not there", spec.place(*path, "mesh", "file"), value=mesh.file)
     try:
-        return _mesh_model(file.resolve(), file.stat().st_mtime_ns, mesh)
+        return _mesh_model(file.resolve(), file.stat().st_mtime_ns, one.name, mesh.model_dump_json())
     except UnknownNameError as error:
         raise name_error(error, spec.place(*path, "mesh")) from error
     except ScarlError as error:
@@ -114,11 +116,13 @@ def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> Actor
 
 
 @lru_cache(maxsize=64)
-def _mesh_model(file: Path, changed: int, mesh: MeshSpec) -> ActorModel:
-    """Return the model of a mesh; `changed` tells when the file was, so that a new one is read."""
-    from scarl_sionna.world.actor_mesh import actor_from_mesh
-
-    return actor_from_mesh(file, None, mesh.semantic, mesh.material, scale=mesh.scale, up=mesh.up, forward=mesh.forward)
+def _mesh_model(file: Path, changed: int, name: str, text: str) -> ActorModel:
+    """Return the model of a mesh; `changed` tells when the file was, so that a new one is read, `text` holds the `MeshSpec`."""
+    mesh = MeshSpec(**json.loads(text))
+    return actor_from_mesh(
+        file, name, mesh.semantic, mesh.materials, scale=mesh.scale, up=mesh.up, forward=mesh.forward, motion=mesh.motion,
+        wheelbase=mesh.wheelbase, rear_axle=mesh.rear_axle,
+    )  # fmt: skip
 
 
 def cast_of(

@@ -14,15 +14,23 @@ Color = Annotated[tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...], Field(min
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 
 
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+
+
 class MeshSpec(Spec):
     """A mesh of your own as an actor; see `scarl_sionna.actor_from_mesh`."""
 
     file: str = Field(min_length=1, description="glTF, OBJ, PLY or STL, relative to the scenario's file")
     semantic: str = Field("Car", description="semantic class")
-    material: str = Field("car_paint", description="radio material of all of it")
+    materials: dict[str, str] = Field(
+        {"*": "car_paint"}, description='radio materials by part or by material of the file, "*" for the rest'
+    )
     scale: float = Field(1.0, gt=0.0, description="metres in a unit of the file")
-    up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = Field(None, description="axis of the file; default: y for glTF, else z")
-    forward: Literal["x", "y", "z", "-x", "-y", "-z"] | None = Field(None, description="axis; default: z for glTF, else x")
+    up: Axis | None = Field(None, description="axis of the file; default: y for glTF, else z")
+    forward: Axis | None = Field(None, description="axis of the file; default: z for glTF, else x")
+    motion: Literal["vehicle", "cycle", "walk", "stand"] | None = Field(None, description="default: by the class")
+    wheelbase: float | None = Field(None, gt=0.0, description="distance of the axles [m]")
+    rear_axle: float | None = Field(None, le=0.0, description="x of the rear axle from the middle [m]")
 
 
 class _Body(Spec):

@@ -178,7 +178,23 @@ def between_lanes(run: Run) -> None:
     assert all(1.5 < run.in_ego("motorcycle", t)[1] < 2.3 for t in run.times)
 
 
+def backs_out(run: Run) -> None:
+    y = run.way("backing")[:, 1]
+    assert y[0] > 9.0 and y[-1] - run.bodies["backing"].length / 2.0 < 2.4  # onto the other lane, 1.4 m from the middle
+    assert run.speed("ego")[-1] == pytest.approx(3.0, abs=0.05)
+    assert 0.0 < run.spec.lighting.sun_elevation_deg < 35.0
+
+
+def overtaken(run: Run) -> None:
+    lanes = run.composition.scene.lanes
+    start, stop = (run.motions["overtaker"].pose(t).position for t in (0.0, run.last))
+    assert lanes["east"].nearest(start)[1] < 0.3 and lanes["west"].nearest(stop)[1] < 0.3  # from the ego vehicle's lane back to its own
+    assert run.in_ego("overtaker", 2.8)[0] > 15.0  # in time
+    assert run.speed("ego")[-1] == pytest.approx(10.0, abs=0.05)
+
+
 EVENTS: dict[str, Callable[[Run], None]] = {
+    "backing_out_of_a_drive": backs_out,
     "car_park_search": car_park,
     "child_between_parked_cars": steps_out("child"),
     "crossing_at_night_in_rain": rainy_night,
@@ -191,6 +207,7 @@ EVENTS: dict[str, Callable[[Run], None]] = {
     "lorry_pulls_out": pulls_out,
     "motorcycle_between_lanes": between_lanes,
     "oncoming_lorry": oncoming,
+    "oncoming_overtaker": overtaken,
     "overtaking_a_cyclist": overtakes,
     "pedestrian_behind_parked_car": steps_out("man"),
     "roundabout_entry": gives_way,
@@ -201,7 +218,7 @@ EVENTS: dict[str, Callable[[Run], None]] = {
 
 def test_there_are_enough_and_all_have_a_test() -> None:
     assert len(NAMES) >= 12 and set(NAMES) == set(EVENTS)
-    assert len({ScenarioSpec.preset(name).scene for name in NAMES}) >= 6
+    assert len({ScenarioSpec.preset(name).scene for name in NAMES}) >= 8
 
 
 @pytest.mark.parametrize("name", NAMES)
