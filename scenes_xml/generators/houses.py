@@ -68,6 +68,11 @@ def family_house(generator: np.random.Generator, walls: str | None = None, has_g
     return HousePlan(shape, bsdfs, garage)
 
 
+def _scaled_uv(part: Mesh, tile: float) -> Mesh:
+    """Return a part whose texture coordinates, now in metres, count tiles of `tile` [m]."""
+    return Mesh(part.vertices, part.faces, None if part.uv is None else part.uv / tile)
+
+
 def house_parts(plan: HousePlan, is_light: bool) -> dict[str, Mesh]:
     """Return the parts of a house; at the light level walls, roof and panes alone."""
     parts = house(plan.shape)
@@ -78,9 +83,9 @@ def house_parts(plan: HousePlan, is_light: bool) -> dict[str, Mesh]:
         x = plan.shape.length / 2 + plan.garage / 2
         front = -plan.half_depth + 1.2
         body = box((plan.garage - 0.02, 6.0, 3.6), (x, front + 3.0, 0.8))
-        parts["walls"] = merge([parts["walls"], Mesh(body.vertices, body.faces, body.uv / plan.shape.texture_size)])  # type: ignore[operator]
+        parts["walls"] = merge([parts["walls"], _scaled_uv(body, plan.shape.texture_size)])
         cover = box((plan.garage + 0.24, 6.3, 0.14), (x + 0.13, front + 3.0, 2.67))
-        parts["roof"] = merge([parts["roof"], Mesh(cover.vertices, cover.faces, cover.uv / 3.0)])  # type: ignore[operator]
+        parts["roof"] = merge([parts["roof"], _scaled_uv(cover, 3.0)])
         if not is_light:
             gate = merge([box((2.6, 0.05, 0.42), (x, front - 0.01, 0.22 + 0.44 * k)) for k in range(5)])
             parts["gate"] = Mesh(gate.vertices, gate.faces)

@@ -129,7 +129,7 @@ class SceneKit:
         )
 
     def place(
-        self, thing: Prefab, name: str, semantic: str, where: Sequence[float], yaw_deg: float = 0.0, scale: float = 1.0,
+        self, thing: Prefab, name: str, semantic: str, where: Sequence[float] | Array, yaw_deg: float = 0.0, scale: float = 1.0,
         is_object: bool = True, **bsdfs: str,
     ) -> None:  # fmt: skip
         """Place a copy as an instance of its own, foot at `where` [m, world]; `bsdfs` replaces the material of a part."""

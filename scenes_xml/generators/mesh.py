@@ -40,7 +40,7 @@ class Mesh:
     uv: Array | None = None
     normals: Array | None = None
 
-    def moved(self, offset: Sequence[float] = (0.0, 0.0, 0.0), yaw: float = 0.0, scale: float = 1.0) -> Mesh:
+    def moved(self, offset: Sequence[float] | Array = (0.0, 0.0, 0.0), yaw: float = 0.0, scale: float = 1.0) -> Mesh:
         """Return a copy that is scaled, turned about z by `yaw` [rad], then shifted by `offset` [m]."""
         c, s = np.cos(yaw), np.sin(yaw)
         rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .mesh import Array, Mesh, grid, merge
+from .mesh import Array, Faces, Mesh, grid, merge
 
 
 def length_along(line: Array) -> Array:
@@ -39,12 +39,12 @@ def shifted(line: Array, offset: float | Array) -> Array:
     return line[:, :2] + normals(line) * offset[:, None]
 
 
-def fillet(line: Sequence[Sequence[float]], radius: float | Sequence[float], step: float = 0.7) -> Array:
+def fillet(line: Sequence[Sequence[float]] | Array, radius: float | Sequence[float], step: float = 0.7) -> Array:
     """Return a polyline whose corners are arcs of `radius` [m] (one for all or one a corner), points `step` apart in them."""
-    line = np.asarray(line, float)
-    radii = np.broadcast_to(radius, (len(line) - 2,))
-    points = [line[:1]]
-    for a, b, c, r in zip(line, line[1:], line[2:], radii, strict=False):
+    corners = np.asarray(line, float)
+    radii = np.broadcast_to(radius, (len(corners) - 2,))
+    points = [corners[:1]]
+    for a, b, c, r in zip(corners, corners[1:], corners[2:], radii, strict=False):
         u, v = (a - b) / np.linalg.norm(a - b), (c - b) / np.linalg.norm(c - b)
         half = 0.5 * np.arccos(np.clip(u @ v, -1.0, 1.0))
         if half > np.pi / 2 - 1e-6:
@@ -57,7 +57,7 @@ def fillet(line: Sequence[Sequence[float]], radius: float | Sequence[float], ste
         angles = np.linspace(0.0, turn, max(3, int(np.ceil(abs(turn) * size / step)) + 1))
         cos, sin = np.cos(angles), np.sin(angles)
         points.append(middle + np.column_stack([cos * start[0] - sin * start[1], sin * start[0] + cos * start[1]]))
-    return np.vstack([*points, line[-1:]])
+    return np.vstack([*points, corners[-1:]])
 
 
 def area(outline: Array) -> float:
@@ -66,7 +66,7 @@ def area(outline: Array) -> float:
     return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def triangles(outline: Array) -> Array:
+def triangles(outline: Array) -> Faces:
     """Return the triangles of a simple polygon, shape (n - 2, 3), counter-clockwise, by clipping ears (the roundest first)."""
     points = np.asarray(outline, float)[:, :2]
     ring = list(range(len(points)))
@@ -102,7 +102,7 @@ def triangles(outline: Array) -> Array:
         del ring[k], scores[k]
         for near in (k - 1, k % len(ring)):
             scores[near] = quality(near % len(ring))
-    faces.append(tuple(ring))
+    faces.append((ring[0], ring[1], ring[2]))
     return np.array(faces, dtype=np.int64)
 
 
@@ -110,7 +110,7 @@ def sheet(outline: Array, height: float | Array = 0.0, tile: float = 1.0) -> Mes
     """Return a polygon as a surface that looks up, at a height or with one for each corner [m]; uv in tiles of `tile` [m]."""
     points = np.asarray(outline, float)[:, :2]
     z = np.broadcast_to(height, (len(points),))
-    return Mesh(np.column_stack([points, z]), np.asarray(triangles(points), np.int64), points / tile)
+    return Mesh(np.column_stack([points, z]), triangles(points), points / tile)
 
 
 def disc(radius: float, height: float, tile: float, inner: float = 0.0, segments: int = 72) -> Mesh:

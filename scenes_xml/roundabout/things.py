@@ -124,9 +124,9 @@ def _middle(kit: SceneKit, p: Plan, generator: np.random.Generator) -> None:
         )
     if not kit.is_light:
         for number, colour in enumerate(("petals_red", "petals_yellow", "petals_violet")):
-            angle = 2 * np.pi * (np.arange(54) + 0.33 * number) / 54 + generator.normal(0.0, 0.01, 54)
-            radius = 0.40 * inner + 0.35 * number + generator.normal(0.0, 0.08, 54)
-            feet = np.array([on_mound(float(r), float(a)) for r, a in zip(radius, angle, strict=True)])
+            turns = 2 * np.pi * (np.arange(54) + 0.33 * number) / 54 + generator.normal(0.0, 0.01, 54)
+            reach = 0.40 * inner + 0.35 * number + generator.normal(0.0, 0.08, 54)
+            feet = np.array([on_mound(float(r), float(a)) for r, a in zip(reach, turns, strict=True)])
             green, petals = planting.flowers(feet, p.variant * 5 + number)
             kit.add(f"flowers_{number}_green", green, "grass_blades")
             kit.add(f"flowers_{number}_petals", petals, colour, 80.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from ..generators import garden, polygon
 from ..generators.ground import Ground, far_field
@@ -76,13 +77,13 @@ def _apron(line: Array, drop: Array, s: Array, middle: float, side: int) -> Mesh
     return _cut(polygon.band(line, [side * d for d in (0.16, ramp, at.VERGE)], _spread(heights, near), 1.2), near)
 
 
-def _spread(heights: Array, chosen: Array) -> Array:
+def _spread(heights: Array, chosen: npt.NDArray[np.bool_]) -> Array:
     full = np.zeros((len(chosen), heights.shape[1]))
     full[chosen] = heights
     return full
 
 
-def _cut(part: Mesh, rows: Array) -> Mesh:
+def _cut(part: Mesh, rows: npt.NDArray[np.bool_]) -> Mesh:
     """Return the faces of a strip of three columns whose corners all lie in the chosen rows."""
     row = np.arange(len(part.vertices)) // 3
     faces = part.faces[np.all(rows[row[part.faces]], axis=1)]
