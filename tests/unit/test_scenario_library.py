@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from scarl_sionna.cli_export import load_scenario
@@ -263,3 +265,17 @@ def test_its_world_loads_and_all_stand_on_the_ground(name) -> None:
     spec = ScenarioSpec.preset(name)
     assert world.ego == "ego" and world.time_range[0] <= spec.times[0] and spec.times[-1] <= world.time_range[1]
     assert {box.name for box in world.at(spec.times[-1]).boxes()} >= {actor.name for actor in world.actors}
+
+
+def test_the_files_in_the_documentation_can_be(tmp_path) -> None:
+    page = (REPO / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```yaml\n(.*?)```", page, flags=re.DOTALL)
+    assert len(blocks) == 2
+    specs = []
+    for number, block in enumerate(blocks):
+        (tmp_path / f"{number}.yaml").write_text(block, encoding="utf-8")
+        specs.append(ScenarioSpec.load(tmp_path / f"{number}.yaml"))
+    given = yaml.safe_load(blocks[0])
+    assert set(given) == set(ScenarioSpec.model_fields) - {"num_frames"}  # all keys of the format
+    assert {"ego", "cyclist", "man", "parked"} <= {member.actor.name for member in compose(specs[0]).members}
+    assert all(f"| `{name}` |" in page for name in NAMES)
