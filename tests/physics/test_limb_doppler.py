@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.micro_doppler import BELOW_DB, WINDOW, cyclist, radar_of, walker
+from benchmarks.micro_doppler import BELOW_DB, LEGS, SPEED_UP, WINDOW, cyclist, radar_of, tyres, walker
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.radar import point_targets
@@ -21,7 +21,7 @@ def walking(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def riding(tmp_path_factory):
-    return cyclist(tmp_path_factory.mktemp("cyclist"), columns=16, detail="light", num_rays=12_000)
+    return cyclist(tmp_path_factory.mktemp("cyclist"), columns=16, looks=1, detail="light", num_rays=12_000)
 
 
 def test_limbs_of_a_walker(walking):
@@ -43,17 +43,18 @@ def test_envelope_of_a_walker(walking):
 
 
 def test_pedalling_legs(riding):
+    """At a constant speed, so that nothing but the pedalling is correlated."""
+    assert riding.pooled([f"{side}_{part}" for side in ("left", "right") for part in LEGS]) > 0.985  # one look: speckle
     for side in ("left", "right"):
-        for part in ("foot", "lower_leg", "upper_leg"):
-            assert riding.correlation(f"{side}_{part}") > 0.99, (side, part)
+        assert riding.correlation(f"{side}_foot") > 0.998
         assert riding.rms(f"{side}_foot") < 0.06
 
 
-def test_tyre_of_a_cyclist_spans_zero_to_twice_its_speed(riding):
-    edges, exact = riding.edges("wheel_front_tyre"), riding.extremes["wheel_front_tyre"]
-    aside = np.cos(np.radians(20.0))
-    speed = 3.0 + 1.25 * riding.spectra["whole"].time
-    np.testing.assert_allclose(exact[:, 0], -2.0 * speed * aside, rtol=0.03)  # the line of sight is not quite level
+def test_tyre_spans_zero_to_twice_the_speed(tmp_path):
+    rolling = tyres(tmp_path, columns=10, detail="light", num_rays=12_000)
+    edges, exact = rolling.edges("wheel_front_tyre"), rolling.extremes["wheel_front_tyre"]
+    speed = 3.0 + SPEED_UP * rolling.spectra["whole"].time
+    np.testing.assert_allclose(exact[:, 0], -2.0 * speed * np.cos(np.radians(20.0)), rtol=0.03)  # the line of sight is not quite level
     np.testing.assert_allclose(exact[:, 1], 0.0, atol=0.15)
     assert np.corrcoef(edges[:, 0], exact[:, 0])[0, 1] > 0.999
     # a line's width, 0.31 m/s, either way: which point of the rim rays meet is left to chance
