@@ -185,7 +185,7 @@ def spectrograms(
             place = pose(float(time)) if callable(pose) else pose
             paths = solve_paths(state, radar, place, method=method, **options)
             power[WHOLE][row] += _spectrum(paths, radar, num_doppler_bins, window)
-            part = part_of_paths(paths, state) if groups else None
+            part = part_of_paths(paths, state) if groups else np.zeros(0, dtype=np.int32)
             for name, parts in groups.items():
                 own = paths.select(np.isin(part, parts))
                 if own.num_paths:
