@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -25,6 +26,8 @@ PANEL = 0.25
 """Length of the panels over which a rate is integrated by an 8-point Gauss rule [s]."""
 _SEGMENT = re.compile(rf"(?:^|_)({'|'.join(SEGMENTS)})(?:_[a-z]+)?$")
 _PEDALLING = re.compile(rf"(?:^|_)({'|'.join(PEDALLING_SEGMENTS)})(?:_[a-z]+)?$")
+_legs = lru_cache(maxsize=64)(PedallingLegs)
+"""Riders of the same measures have the same legs: their reach is checked once."""
 _AXLE = np.array([0.0, 1.0, 0.0])
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -273,6 +276,6 @@ def _pedal(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajector
         float(table.get("coast_above", np.inf)),
     )  # fmt: skip
     return Pedal(
-        _segments(shapes, _PEDALLING, PEDALLING_SEGMENTS, what), PedallingLegs(**pairs, **lengths, **turns), cadence, trajectory,
+        _segments(shapes, _PEDALLING, PEDALLING_SEGMENTS, what), _legs(**pairs, **lengths, **turns), cadence, trajectory,
         Accumulated(trajectory, cadence.rate), 2.0 * np.pi * float(table.get("phase", 0.0)),
     )  # fmt: skip
