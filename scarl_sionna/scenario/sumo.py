@@ -17,10 +17,13 @@ from scarl_sionna.world.lanes import LaneNetwork
 from .bodies import BodyLike, body_of
 from .fcd import Samples, planned_from_samples
 from .planned import Ground, PlannedActor
+from .separation import without_collisions
 from .sumo_network import SumoNetwork, write_sumo_network
 from .traffic import DEFAULT_MIX
 
 _TOP_SPEED = {"lorry": 25.0, "bus": 27.8, "bicycle": 6.0, "scooter": 6.0}
+_TOUCH = 0.1
+"""Overlap of two boxes that may come from the smoothing of their motion [m]."""
 _LEAD = 3.0
 """Part of the warm-up that is recorded, too: the rear axle follows the way of before [s]."""
 
@@ -79,6 +82,11 @@ def run_sumo(
     SimulatorError
         If SUMO refuses its input or stops.
 
+    Warns
+    -----
+    ScarlWarning
+        If two would touch, the later one is left out: SUMO does not keep all vehicles apart inside junctions.
+
     Notes
     -----
     Krauss's car following and SUMO's lane changes, drawn out over 3 s (``lanechange.duration``), without teleports [1]_.
@@ -133,7 +141,8 @@ def run_sumo(
             options = ["--configuration-file", str(source), *options]
         samples, kinds = _record(libsumo, options, warm, duration, step, start_time)
     span = (start_time, start_time + duration)
-    return planned_from_samples(samples, kinds, span=span, ground=ground, types=types, models=models, offset=offset)
+    actors = planned_from_samples(samples, kinds, span=span, ground=ground, types=types, models=models, offset=offset)
+    return without_collisions(actors, np.arange(start_time, start_time + duration, 0.1), tolerance=_TOUCH)
 
 
 def _libsumo() -> Any:

@@ -351,6 +351,12 @@ def _write_nodes(
     _save(root, folder / "lanes.nod.xml")
 
 
+def _yields(lanes: dict[str, Lane], name: str) -> bool:
+    """Return whether vehicles at the end of a lane give way: the lane says so, or all lanes that lead to it do."""
+    leading = [lane for lane in lanes.values() if name in lane.next]
+    return bool(lanes[name].yield_to) or (bool(leading) and all(lane.yield_to for lane in leading))
+
+
 def _write_edges(folder: Path, lanes: dict[str, Lane], roads: list[list[str]], nodes: _Sets) -> None:
     root = ET.Element("edges")
     for road in roads:
@@ -358,7 +364,7 @@ def _write_edges(folder: Path, lanes: dict[str, Lane], roads: list[list[str]], n
         values = {
             "id": first.name, "from": _number(nodes.of(f"{first.name} start")), "to": _number(nodes.of(f"{first.name} end")),
             "numLanes": str(len(road)), "speed": f"{first.speed:.3f}", "spreadType": "center",
-            "priority": "1" if any(lanes[name].yield_to for name in road) else "5", "shape": _shape(first.points),
+            "priority": "1" if any(_yields(lanes, name) for name in road) else "5", "shape": _shape(first.points),
         }  # fmt: skip
         edge = ET.SubElement(root, "edge", values)
         for index, name in enumerate(road):

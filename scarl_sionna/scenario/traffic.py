@@ -15,12 +15,12 @@ from scarl_sionna.world.lanes import LaneNetwork
 from scarl_sionna.world.motion import StaticTrajectory, Trajectory
 
 from .bodies import Body, BodyLike, body_of
-from .collisions import find_collisions
 from .drivers import Crowd, Driver, Obstacle
 from .paths import PathTrajectory, SmoothPath, sample_motion
 from .planned import PlannedActor, draw_variant
 from .profiles import way_from_states
 from .routes import smoothing_of
+from .separation import without_collisions
 from .tracks import Track, TrackGraph, track_graph
 
 Array = npt.NDArray[np.float64]
@@ -144,7 +144,8 @@ def simulate_traffic(
             )
         )
     actors += _parked(network, parked, shares, models, generator(seed, "parked"), names)
-    return _apart(actors, others, start_time, duration)
+    times = start_time + np.linspace(0.0, duration, max(int(np.ceil(duration / STEP)), 1) + 1)
+    return without_collisions(actors, times, others)
 
 
 def _check(
@@ -357,26 +358,3 @@ def _parked(
             )
         )
     return actors
-
-
-def _apart(
-    actors: list[PlannedActor], others: Sequence[tuple[Trajectory, BodyLike]], start_time: float, duration: float
-) -> list[PlannedActor]:
-    """Return the actors without those whose motion meets another's: the detector has the last word."""
-    times = start_time + np.linspace(0.0, duration, max(int(np.ceil(duration / STEP)), 1) + 1)
-    bodies = [(f"given {number}", trajectory, Body.of(body)) for number, (trajectory, body) in enumerate(others)]
-    bodies += [(actor.name, actor.trajectory, actor.body) for actor in actors]
-    rank = {name: number for number, (name, _, _) in enumerate(bodies)}
-    dropped: set[str] = set()
-    for hit in find_collisions(bodies, times):
-        if hit.first in dropped or hit.second in dropped:
-            continue
-        later = max((hit.first, hit.second), key=rank.__getitem__)
-        if rank[later] >= len(others):
-            dropped.add(later)
-    if dropped:
-        warnings.warn(
-            f"{len(dropped)} of {len(actors)} planned actors would have touched another one and are left out: {', '.join(sorted(dropped)[:5])}",
-            ScarlWarning, stacklevel=3,
-        )  # fmt: skip
-    return [actor for actor in actors if actor.name not in dropped]
