@@ -246,7 +246,7 @@ def build(shape: BicycleShape, light: bool = False) -> Parts:
         tyre, rim = (part.moved(place) for part in wheel(shape, light))
         parts |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}
     lamp = shape.steering(0.49) + [0.066, 0.0, 0.0]
-    rear = (shape.rear[0] - 0.14, 0.0, 2.0 * shape.wheel_radius + 0.045)
+    rear = (shape.rear[0] - 0.137, 0.0, 2.0 * shape.wheel_radius + 0.045)
     rows, sides = (5, 8) if light else (10, 16)
     parts["lamp_front"] = (ellipsoid(tuple(lamp), (0.032, 0.032, 0.032), rows=rows, segments=sides), "headlamp")
     parts["lamp_rear"] = (box((0.02, 0.07, 0.035), rear), "taillamp")
