@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from scarl_sionna.cli_common import EXIT_INCOMPLETE, collected_warnings, reported
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.scenario.spec import ScenarioSpec, scenario_names
 
 if TYPE_CHECKING:
@@ -25,7 +25,10 @@ _FILES = (".yaml", ".yml", ".json")
 def export(
     context: typer.Context,
     scenarios: Annotated[
-        list[str], typer.Argument(metavar="SCENARIO...", help="Scenario files (.yaml, .json), names of ready scenarios or of scenes.")
+        list[str],
+        typer.Argument(
+            metavar="SCENARIO...", help="Scenario files (.yaml, .json), names of ready scenarios or of scenes."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
     frames: Annotated[int | None, typer.Option(help="Frames of each scenario, instead of those in its file.")] = None,
@@ -112,16 +115,71 @@ def verify(
 @app.command()
 def preview(
     context: typer.Context,
-    dataset: Annotated[str, typer.Argument(help="Folder or address of the dataset.")],
-    frame: Annotated[int, typer.Option(help="Position of the frame in the dataset; negative: from the end.")] = 0,
-    suite: Annotated[str | None, typer.Option(help="Group of sensors (default: front_center, or the first).")] = None,
-    out: Annotated[Path, typer.Option(help="PNG file to write.")] = Path("preview.png"),
+    target: Annotated[
+        str, typer.Argument(help="Folder or address of a dataset; or a scenario: file, ready scenario, or scene name.")
+    ],
+    frame: Annotated[int, typer.Option(help="Dataset: position of the frame; negative: from the end.")] = 0,
+    suite: Annotated[
+        str | None, typer.Option(help="Dataset: group of sensors (default: front_center, or the first).")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="File to write (default: preview.png of a dataset, <name>.gif of a scenario; or .mp4)."),
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="Scenario: length [s] (default: the scenario's).")] = None,
+    frame_rate: Annotated[
+        float | None, typer.Option(help="Scenario: pictures a second (default: the scenario's).")
+    ] = None,
+    strip: Annotated[bool, typer.Option(help="Scenario: render the ego vehicle's view five times, too.")] = True,
 ) -> None:
-    """Write the contact sheet of one frame."""
+    """Draw a dataset's frame as a contact sheet, or a scenario from above as an animation with a strip of renders."""
     with reported(context, "nothing was written"):
-        from scarl_sionna.demo import write_sheet
+        if not _is_scenario(target):
+            if "://" not in target and not Path(target).exists():
+                raise UnknownNameError("scenario or scene", target, _ready(), "or give a scenario file, or the folder of a dataset")
+            from scarl_sionna.demo import write_sheet
 
-        typer.echo(f"contact sheet: {write_sheet(dataset, frame, out, suite)}")
+            typer.echo(f"contact sheet: {write_sheet(target, frame, out or Path('preview.png'), suite)}")
+            return
+        from scarl_sionna.preview import write_preview
+
+        scenario = load_scenario(target)
+        if Path(target).suffix not in _FILES and target not in scenario_names():
+            scenario = scenario.with_(duration=duration or 8.0)  # a scene's own drive
+        elif duration is not None:
+            scenario = scenario.with_(duration=duration)
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True)) as progress:
+            tasks: dict[str, Any] = {}
+
+            def on_progress(stage: str, done: int, total: int) -> None:
+                if stage not in tasks:
+                    tasks[stage] = progress.add_task(stage, total=total)
+                progress.update(tasks[stage], completed=done, total=total)
+
+            made = write_preview(
+                scenario,
+                out or Path(f"{scenario.scene_name}.gif"),
+                frame_rate=frame_rate,
+                strip=strip,
+                on_progress=on_progress,
+            )
+        typer.echo(f"animation: {made.animation} ({made.num_frames} pictures)")
+        if made.strip is not None:
+            typer.echo(f"renders: {made.strip}")
+
+
+def _is_scenario(target: str) -> bool:
+    """Return whether a text names a scenario or a scene, and no dataset."""
+    path = Path(target)
+    return path.suffix in (*_FILES, ".xml") or (not path.is_dir() and target in _ready())
+
+
+def _ready() -> tuple[str, ...]:
+    """Return the names of ready scenarios and of scenes."""
+    from scenes_xml import scene_names
+
+    return (*scenario_names(), *scene_names())
 
 
 def show_dataset(place: str) -> str:
