@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -90,7 +91,7 @@ class Study:
 
 def study(
     world: World, radar: RadarSpec, pose: Callable[[float], Pose], times: np.ndarray, groups: Mapping[str, Sequence[int]], looks: Sequence[float],
-    **options: object,
+    **options: Any,
 ) -> Study:  # fmt: skip
     """Return the spectrograms of a target and of groups of its parts, with the answers of its kinematics."""
     spectra = spectrograms(
@@ -168,7 +169,7 @@ def _parts_of(world: World, segment: str) -> list[int]:
     ]  # fmt: skip
 
 
-def spectrogram_axes(axes: object, result: Study, name: str, low: float, high: float) -> object:
+def spectrogram_axes(axes: Any, result: Study, name: str, low: float, high: float) -> Any:
     """Draw a spectrogram, 50 dB deep."""
     spectrum = result.spectra[name]
     level = 10.0 * np.log10(np.maximum(spectrum.power, 1e-30)).T + 30.0
