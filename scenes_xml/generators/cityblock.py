@@ -85,15 +85,15 @@ def _front(b: Block, width: float, is_light: bool) -> dict[str, list[Mesh]]:
             rows = np.stack([np.column_stack([ring[:, 0], np.full(5, y), ring[:, 1]]) for y in (0.0, REVEAL)])
             walls.append(grid(rows, rows[..., [0, 2]] / b.tile))
             panes.append(_quad(a, c, sill, lintel, REVEAL, 1.0))
-            trim.append(box((b.window + 0.2, 0.16, 0.06), (x, -0.05, sill - 0.03)))
-            trim.append(box((0.05, 0.05, b.pane), (x, REVEAL - 0.03, 0.5 * (sill + lintel))))
+            trim.append(box((b.window + 0.2, 0.16, 0.06), (x, -0.05, sill - 0.035)))
+            trim.append(box((0.05, 0.05, b.pane - 0.02), (x, REVEAL - 0.03, 0.5 * (sill + lintel))))
             if b.balconies and storey % 2 == 1 and k % 2 == 0:
                 trim.append(box((b.window + 0.5, 0.7, 0.1), (x, -0.35, sill - 0.1)))
                 trim.append(box((b.window + 0.5, 0.03, 0.9), (x, -0.68, sill + 0.4)))
     walls.append(_quad(-half, half, b.shop + 0.45 + b.storeys * b.storey, top + 0.7, 0.0, b.tile))
-    trim.append(box((width, 0.30, 0.24), (0.0, -0.12, b.height - 0.05)))
+    trim.append(box((width - 0.02, 0.30, 0.24), (0.0, -0.12, b.height - 0.05)))
     if not is_light:
-        trim.append(box((width, 0.16, 0.12), (0.0, -0.06, b.shop + 0.45)))
+        trim.append(box((width - 0.02, 0.16, 0.12), (0.0, -0.06, b.shop + 0.45)))
     return {"walls": walls, "panes": panes, "trim": trim}
 
 
@@ -112,5 +112,5 @@ def block(b: Block, is_light: bool = False) -> dict[str, Mesh]:
     corners = np.array([[(-half_x, -half_y, b.height), (-half_x, half_y, b.height)], [(half_x, -half_y, b.height), (half_x, half_y, b.height)]])
     parts["walls"].append(grid(corners, corners[..., :2] / b.tile).flipped())
     if not is_light:
-        parts["trim"] += [box((2.4, 2.0, 1.6), (-0.2 * b.width, 0.1 * b.depth, b.height + 0.8)), box((0.7, 0.7, 2.2), (0.3 * b.width, -0.1 * b.depth, b.height + 1.0))]
+        parts["trim"] += [box((2.4, 2.0, 1.6), (-0.2 * b.width, 0.1 * b.depth, b.height + 0.7)), box((0.7, 0.7, 2.2), (0.3 * b.width, -0.1 * b.depth, b.height + 1.0))]
     return {key: merge(meshes) for key, meshes in parts.items()}

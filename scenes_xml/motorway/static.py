@@ -110,10 +110,10 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
         where, yaw = _pose(plan, -88.0, plan.pavement + 4.0, -0.3, 180.0)
         kit.place(posts, "sign_exit_posts", "Pole", where, yaw)
         kit.place(board, "sign_exit", "TrafficSign", (where[0], where[1], 3.2), yaw)
-    tree = kit.prefab(
-        "tree", street_tree(vegetation.TreeShape(9.0, 3.2, 2.2, 0.15, 12, 1700), at.SEED + 3, kit.is_light),
-        {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}, 60.0,
-    )  # fmt: skip
+    bsdfs = {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}
+    parts = street_tree(vegetation.TreeShape(9.0, 3.2, 2.2, 0.15, 12, 1700), at.SEED + 3, kit.is_light)
+    tree = None if kit.is_light else kit.prefab("tree", parts, bsdfs, 60.0)
+    copies: list[tuple[tuple[float, float, float], float, float]] = []
     g = np.random.default_rng(at.SEED + 40)
     count = 0
     while count < plan.trees:
@@ -121,8 +121,15 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
         offset, turn, scale = side * (plan.pavement + float(g.uniform(9.0, 24.0))), float(g.uniform(0.0, 360.0)), float(g.uniform(0.85, 1.2))
         if abs(s - plan.bridge) < 22.0:
             continue
-        kit.place(tree, f"tree_{count:02d}", "Vegetation", _pose(plan, s, offset, -0.3)[0], turn, scale)
+        if tree is None:
+            copies.append((_pose(plan, s, offset, -0.3)[0], np.radians(turn), scale))
+        else:
+            kit.place(tree, f"tree_{count:02d}", "Vegetation", _pose(plan, s, offset, -0.3)[0], turn, scale)
         count += 1
+    if tree is None:
+        for part, body in parts.items():
+            kit.add(f"trees_{part}", merge([body.moved(*copy) for copy in copies]), bsdfs[part], 60.0)
+        kit.instance("trees", "Vegetation")
     where_wood = [curve.point(np.array(s), o) for s in np.arange(at.START, at.STOP, 14.0) for o in (-68.0 - 9 * np.sin(s), 66.0 + 8 * np.cos(s)) if abs(s - plan.bridge) > 24.0]
     feet = np.array(where_wood) - [0.0, 0.0, 1.2]
     forest = vegetation.woods(feet, g.uniform(8.0, 14.0, len(feet)), at.SEED + 10, 40)

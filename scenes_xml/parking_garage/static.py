@@ -44,18 +44,18 @@ def add_hall(kit: SceneKit, plan: at.Layout) -> None:
     if plan.beam:
         low = top - plan.beam
         for px in (*plan.column_x, -x + 0.2, x - 0.2):
-            ceiling += [box((0.36, 2 * y, plan.beam), (px, 0.0, low + plan.beam / 2))]
+            ceiling += [box((0.36, 2 * y + 0.1, plan.beam), (px, 0.0, low + plan.beam / 2))]
     kit.add("ceiling_slab", merge([Mesh(m.vertices, m.faces, m.uv if k == 0 else m.uv / 4.0) for k, m in enumerate(ceiling)]), "garage_concrete")
     kit.instance("ceiling", "Wall", ["ceiling_slab"])
-    guard = [box((0.04, 0.04, 0.9), (sx * 0.145, sy * 0.295, 0.45)) for sx in (-1, 1) for sy in (-1, 1)]
+    guard = [box((0.04, 0.04, 0.94), (sx * 0.145, sy * 0.295, 0.43)) for sx in (-1, 1) for sy in (-1, 1)]
     guard.append(box((at.COLUMN[0] + 0.012, at.COLUMN[1] + 0.012, 0.22), (0.0, 0.0, 1.75)))
     guards = []
     if kit.is_light:
-        shafts = [box((*at.COLUMN, top), (px, py, top / 2)) for px in plan.column_x for py in at.COLUMN_Y]
+        shafts = [box((*at.COLUMN, top + 0.1), (px, py, top / 2)) for px in plan.column_x for py in at.COLUMN_Y]
         kit.add("columns_shafts", merge(shafts), "garage_concrete")
         kit.instance("columns", "Pole", ["columns_shafts"])
         return
-    column = kit.prefab("column", {"shaft": box((*at.COLUMN, top), (0.0, 0.0, top / 2))}, {"shaft": "garage_concrete"})
+    column = kit.prefab("column", {"shaft": box((*at.COLUMN, top + 0.1), (0.0, 0.0, top / 2))}, {"shaft": "garage_concrete"})
     for n, px in enumerate(plan.column_x):
         for m, py in enumerate(at.COLUMN_Y):
             if not (m in (1, 2) and plan.core[0] - 0.1 < px < plan.core[1] + 0.1):
@@ -88,7 +88,7 @@ def add_markings(kit: SceneKit, plan: at.Layout) -> None:
     if not kit.is_light:
         for bay in plan.free:
             if bay.row in (0, 3):
-                stops.append(box((1.6, 0.15, 0.1), (bay.x, bay.y + np.sign(bay.y) * 1.75, 0.05)))
+                stops.append(box((1.6, 0.15, 0.12), (bay.x, bay.y + np.sign(bay.y) * 1.75, 0.04)))
         kit.add("wheel_stops", merge(stops), "paint_yellow")
         kit.instance("wheel_stops", "Static", ["wheel_stops"])
 
@@ -137,13 +137,13 @@ def add_core(kit: SceneKit, plan: at.Layout) -> None:
     door = kit.prefab("exit_door", tunnel.exit_door(), {"leaf": "paint_green", "frame": "grey_steel", "handle": "galvanized_steel"})
     middle = 0.5 * (a + b)
     for name, dx, y, yaw in (("right", 1.6, -half, -90.0), ("left", -1.6, half, 90.0)):
-        kit.place(door, f"door_{name}", "Static", (middle + dx, y, 0.0), yaw)
+        kit.place(door, f"door_{name}", "Static", (middle + dx, y, 0.01), yaw)
     if kit.is_light:
         return
     sign = kit.prefab("sign_exit", tunnel.box_sign(), {"case": "black_plastic", "faces": "sign_exit"})
     for name, dx, y, yaw in (("right", 2.7, -half, 180.0), ("left", -2.7, half, 0.0)):
         kit.place(sign, f"sign_exit_{name}", "TrafficSign", (middle + dx, y, 2.1 if plan.ceiling < 3 else 2.3), yaw, scale=0.7)
-    machine = {"box": box((0.55, 0.9, 1.75), (0.28, 0.0, 0.875)), "panel": box((0.02, 0.5, 0.5), (0.56, 0.0, 1.25)), "plate": box((0.03, 0.9, 0.2), (0.56, 0.0, 1.85))}
+    machine = {"box": box((0.55, 0.9, 1.8), (0.285, 0.0, 0.85)), "panel": box((0.02, 0.5, 0.5), (0.56, 0.0, 1.25)), "plate": box((0.03, 0.9, 0.2), (0.56, 0.0, 1.85))}
     ready = kit.prefab("pay_machine", machine, {"box": "paint_blue", "panel": "black_gloss", "plate": "sign_parking"})
     kit.place(ready, "pay_machine", "Static", (middle - 1.6, -half, 0.0), -90.0)
 
@@ -183,8 +183,8 @@ def add_services(kit: SceneKit, plan: at.Layout) -> None:
     kit.instance("cable_trays", "Other", ["tray_cables"])
     hose = kit.prefab("hose", {"box": box((0.22, 0.6, 0.7), (0.11, 0.0, 1.3)), "glass": box((0.01, 0.3, 0.3), (0.225, 0.0, 1.35))}, {"box": "paint_red", "glass": "black_gloss"})
     for n, px in enumerate(plan.column_x[1::3]):
-        kit.place(hose, f"hose_{n}_right", "Static", (px, -at.WALL_Y, 0.0), 90.0)
-        kit.place(hose, f"hose_{n}_left", "Static", (px, at.WALL_Y, 0.0), -90.0)
+        kit.place(hose, f"hose_{n}_right", "Static", (px, -at.WALL_Y + 0.005, 0.0), 90.0)
+        kit.place(hose, f"hose_{n}_left", "Static", (px, at.WALL_Y - 0.005, 0.0), -90.0)
     bar = {"tube": merge([tube(np.array([(0.0, -2.0, 0.0), (0.0, 0.0, 0.0), (0.0, 2.0, 0.0)]), 0.05, 10), box((0.02, 0.02, 0.35), (0.0, -1.4, 0.2)), box((0.02, 0.02, 0.35), (0.0, 1.4, 0.2))]), "plate": tunnel.box_sign(0.5, 0.5)["faces"].moved((0.0, -0.3, -0.25))}
     bar["tube"] = Mesh(bar["tube"].vertices, bar["tube"].faces)
     ready = kit.prefab("height_bar", bar, {"tube": "paint_yellow", "plate": "sign_height"})
@@ -193,7 +193,7 @@ def add_services(kit: SceneKit, plan: at.Layout) -> None:
     grates = [plane((px - 0.3, px + 0.3), (y - 0.3, y + 0.3), MARK / 2) for px in np.arange(-x + 8.0, x, 16.0) for y in (-at.AISLE, at.AISLE)]
     kit.add("grate_drains", merge(grates), "cast_iron")
     kit.instance("drains", "Static", ["grate_drains"])
-    round_bars = extrude(np.column_stack([0.06 * np.cos(np.linspace(0, 2 * np.pi, 12, endpoint=False)), 0.06 * np.sin(np.linspace(0, 2 * np.pi, 12, endpoint=False))]), 0.0, 0.9)
+    round_bars = extrude(np.column_stack([0.06 * np.cos(np.linspace(0, 2 * np.pi, 12, endpoint=False)), 0.06 * np.sin(np.linspace(0, 2 * np.pi, 12, endpoint=False))]), -0.05, 0.9)
     ready = kit.prefab("bollard", {"steel": round_bars}, {"steel": plan.guard})
     for n, dx in enumerate((-2.6, 0.2, 3.2)):
         kit.place(ready, f"bollard_{n}", "Pole", (0.5 * sum(plan.core) + dx, -5.15, 0.0))

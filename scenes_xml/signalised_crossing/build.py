@@ -34,11 +34,11 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     kit.materials |= interior.MATERIALS | urban.MATERIALS
     kit.textures |= interior.IMAGES | urban.IMAGES
     static.add_ground(kit, plan)
-    static.add_markings(kit)
+    static.add_markings(kit, plan)
     static.add_houses(kit, plan)
-    static.add_signals(kit)
+    static.add_signals(kit, plan)
     static.add_furniture(kit, plan)
-    kit.lanes += lanes()
+    kit.lanes += lanes(plan)
     kit.signals |= {"cycle": at.CYCLE, "green": at.GREEN}
     _traffic(kit, plan)
     kit.write()
@@ -69,8 +69,8 @@ def _traffic(kit: SceneKit, plan: at.Layout) -> None:
     kit.actor("motorcycle", "motorcycle", t, _along(58.0 + plan.shift, outer, -10.0))
     kit.actor("cyclist", "bicycle", t, _along(-27.0, -at.MAIN + 0.9, 4.6))
     stands("bus", "bus", plan.stop_x + 1.0, -outer - 0.2, 0.0)
-    stands("waiting_south", "small_car", 0.5 * at.LANE, -at.STOP_Y - 2.4, 90.0, detail="light")
-    stands("waiting_north", "saloon", -0.5 * at.LANE, at.STOP_Y + 2.8, -90.0, "white", detail="light")
+    stands("waiting_south", "small_car", 0.5 * at.LANE, -plan.stop[1] - 2.4, 90.0, detail="light")
+    stands("waiting_north", "saloon", -0.5 * at.LANE, plan.stop[1] + 2.8, -90.0, "white", detail="light")
     for name, model, start, y, speed in (("woman", "adult_woman", -6.0, -14.9, 1.25), ("child", "child", -6.4, -14.3, 1.25), ("man", "adult_man", 5.6, 14.6, -1.35)):
         fine = np.linspace(t[0], t[-1], 10 * (len(t) - 1) + 1)  # the ground slopes below their feet
         x = start + speed * fine

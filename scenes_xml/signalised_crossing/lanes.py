@@ -25,11 +25,11 @@ def offsets(is_main: bool) -> tuple[float, ...]:
     return (0.5 * at.LANE, 1.5 * at.LANE) if is_main else (0.5 * at.LANE,)
 
 
-def lanes() -> list[Lane]:
+def lanes(plan: at.Layout) -> list[Lane]:
     """Return all lanes: into the crossing, through it, out of it, and over the zebra crossings."""
     found, ends, starts = [], {}, {}
     for arm, (heading, is_main) in at.ARMS.items():
-        stop, reach = (at.STOP_X, at.REACH[0]) if is_main else (at.STOP_Y, at.REACH[1])
+        stop, reach = (plan.stop[0], at.REACH[0]) if is_main else (plan.stop[1], at.REACH[1])
         for k, d in enumerate(offsets(is_main)):
             inward, outward = _line((-reach + 2.0, -d), (-stop, -d)), _line((-stop, d), (-reach + 2.0, d))
             ends[arm, k], starts[arm, k] = at.turned(inward, heading), at.turned(outward, heading)

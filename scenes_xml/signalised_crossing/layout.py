@@ -29,8 +29,6 @@ DROPPED = 2.2
 """Half length of a dropped kerb [m]."""
 CROSS_X, CROSS_Y = (10.0, 13.5), (13.3, 16.3)
 """Zebra crossings: from the middle along x (over the main street) and along y (over the side street) [m]."""
-STOP_X, STOP_Y = 15.0, 17.8
-"""Stop lines [m]."""
 CYCLE = 40.0
 GREEN = {"main": (0.0, 18.0), "side": (22.0, 35.0)}
 TIMES = np.arange(0.0, 9.0 + 1e-9, 0.5)
@@ -60,6 +58,8 @@ class Layout:
     stop_x: float
     speed: float
     shift: float
+    stop: tuple[float, float]
+    """Distance of the stop lines from the middle, along x and along y [m]."""
 
 
 WALLS = ("facade_cream", "facade_rose", "facade_grey", "facade_brick", "facade_white", "facade_stone")
@@ -96,7 +96,8 @@ def layout(variant: int = 0) -> Layout:
     lamp = 26.0 if variant == 0 else float(g.uniform(20.0, 32.0))
     stop = 33.0 if variant == 0 else float(g.uniform(30.0, 50.0))
     speed = 8.5 if variant == 0 else float(g.uniform(7.0, 10.0))
-    return Layout(pavement, tuple(kinds), storeys, tuple(houses), corner_walls, lamp, stop, speed, 0.0 if variant == 0 else float(g.uniform(0.0, 4.0)))
+    lines = (15.0, 17.8) if variant == 0 else (float(np.round(g.uniform(14.6, 16.5), 2)), float(np.round(g.uniform(17.4, 19.3), 2)))
+    return Layout(pavement, tuple(kinds), storeys, tuple(houses), corner_walls, lamp, stop, speed, 0.0 if variant == 0 else float(g.uniform(0.0, 4.0)), lines)
 
 
 ARMS = {"west": (0.0, True), "south": (90.0, False), "east": (180.0, True), "north": (-90.0, False)}

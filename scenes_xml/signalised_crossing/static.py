@@ -80,14 +80,14 @@ def _arrow(kinds: str) -> Mesh:
     return merge(parts)
 
 
-def add_markings(kit: SceneKit) -> None:
+def add_markings(kit: SceneKit, plan: at.Layout) -> None:
     """Add lines, arrows, stop lines and zebra crossings."""
     zebra, lines, arrows = [], [], []
     for sign in (-1.0, 1.0):
         zebra += _bars(True, sign * float(np.mean(at.CROSS_X)), at.MAIN, at.CROSS_X[1] - at.CROSS_X[0])
         zebra += _bars(False, sign * float(np.mean(at.CROSS_Y)), at.SIDE, at.CROSS_Y[1] - at.CROSS_Y[0])
     for _, (heading, is_main) in at.ARMS.items():
-        stop, reach, half = (at.STOP_X, at.REACH[0], at.MAIN) if is_main else (at.STOP_Y, at.REACH[1], at.SIDE)
+        stop, reach, half = (plan.stop[0], at.REACH[0], at.MAIN) if is_main else (plan.stop[1], at.REACH[1], at.SIDE)
         yaw = np.radians(heading)
         own = [_rectangle((-stop + 0.3, -stop + 0.8), (-half + 0.15, -0.1), MARK), _rectangle((-reach, -stop), (-0.06, 0.06), MARK)]
         if is_main:
@@ -134,7 +134,7 @@ def _one(parts: dict[str, Mesh], name: str) -> dict[str, Mesh]:
     return {name: merge([Mesh(m.vertices, m.faces) for m in parts.values()])}
 
 
-def add_signals(kit: SceneKit) -> None:
+def add_signals(kit: SceneKit, plan: at.Layout) -> None:
     """Add masts, cantilevers, heads (the main street has green) and heads for people on foot."""
     colours = {"case": "black_plastic", "red": "signal_red_off", "amber": "signal_amber_off", "green": "signal_green_off"}
     head = kit.prefab("signal_head", traffic_light.head(kit.is_light), colours)
@@ -144,7 +144,7 @@ def add_signals(kit: SceneKit) -> None:
     street = kit.prefab("street_sign", traffic_light.plate(2.2, 0.7), {"face": "sign_directions", "back": "sign_back"})
     for name, (heading, is_main) in at.ARMS.items():
         lit = {"green": "signal_green_on"} if is_main else {"red": "signal_red_on"}
-        stop, half = (at.STOP_X, at.MAIN) if is_main else (at.STOP_Y, at.SIDE)
+        stop, half = (plan.stop[0], at.MAIN) if is_main else (plan.stop[1], at.SIDE)
 
         def where(x: float, y: float, z: float = at.KERB, heading: float = heading) -> tuple[float, float, float]:
             px, py = at.turned(np.array([[x, y]]), heading)[0]
@@ -177,7 +177,10 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
     frame = {"frame": "grey_steel", "glass": "shelter_glass", "roof": "grey_steel", "bench": "door_wood", "poster": "poster"}
     shelter = kit.prefab("shelter", bus_stop.shelter(), frame)
     kit.place(shelter, "bus_shelter", "Static", (plan.stop_x, y, at.KERB), 180.0)
-    stop = kit.prefab("stop_post", bus_stop.post(), {"pole": "galvanized_steel", "flag": "sign_bus_stop", "board": "white_plastic"})
+    post = bus_stop.post()
+    if kit.is_light:
+        post = _one(post, "pole")
+    stop = kit.prefab("stop_post", post, {"pole": "galvanized_steel", "flag": "sign_bus_stop", "board": "white_plastic"})
     kit.place(stop, "bus_stop_sign", "TrafficSign", (plan.stop_x + 3.6, -at.MAIN - 0.6, at.KERB), 180.0)
     glass = {"pole": "black_plastic", "glass": "lamp_glass"}
     lamp_parts = furniture.lamp_post(7.5, 1.6)
@@ -194,7 +197,7 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
             continue
         for number, x in enumerate(places):
             kit.place(lamp, f"lamp_{side}_{number}", "Pole", (float(x), sign * (at.MAIN + 0.5), at.KERB), turn)
-    covers = [(-31.0, -3.5), (-9.0, -1.2), (-4.0, 4.2), (6.5, -4.6), (24.0, 1.9), (41.0, -2.3), (-52.0, 2.5), (2.2, 28.0), (-1.1, -34.0)]
+    covers = [(-31.0, -5.2), (-9.0, -1.2), (-4.0, 4.2), (6.5, -4.6), (24.0, 1.9), (41.0, -2.3), (-52.0, 2.5), (2.2, 28.0), (-1.1, -34.0)]
     kit.add("manhole_covers", merge([manhole_cover().moved((x, y, 0.0)) for x, y in covers]), "manhole_iron")
     kit.instance("manholes", "Static", ["manhole_covers"])
     if kit.is_light:

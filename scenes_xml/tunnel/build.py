@@ -117,7 +117,7 @@ def _ceiling(kit: SceneKit, plan: at.Layout) -> None:
             ends = stations(curve, plan.start + 1.0, plan.stop - 1.0, 3.0)
             kit.add(f"lamps_{number}_tray", bar(curve, ends, (offset - 0.1, height), (offset + 0.1, height + 0.06)), "galvanized_steel")
     kit.instance("lamps", "Other", ["lamps_*"])
-    fan = tunnel.jet_fan(12 if kit.is_light else 24)
+    fan = tunnel.jet_fan(8 if kit.is_light else 24)
     ready = kit.prefab("jet_fan", fan, {"case": "duct_steel", "core": "black_gloss"})
     for number, s in enumerate(plan.fans):
         yaw = np.degrees(float(curve.heading(np.array(s))))
@@ -134,7 +134,7 @@ def _ceiling(kit: SceneKit, plan: at.Layout) -> None:
         yaw = np.degrees(float(curve.heading(np.array(s))))
         for lane, offset in (("right", -at.LANE), ("left", at.LANE)):
             x, y, _ = curve.point(np.array(s), offset)
-            where = (x, y, min(bore.ceiling(at.LANE + 0.45) - 0.95, 5.3))
+            where = (x, y, min(bore.ceiling(at.LANE + 0.45) - 0.98, 5.3))
             name = f"lane_signal_{number}_{lane}"
             kit.place(ready, name, "TrafficLight", where, yaw)
             kit.place(arrow, f"{name}_ahead", "TrafficLight", where, yaw + (0.0 if lane == "right" else 180.0), is_object=False)
@@ -158,7 +158,7 @@ def _equipment(kit: SceneKit, plan: at.Layout) -> None:
     for number, s in enumerate(plan.doors):
         yaw = np.degrees(float(curve.heading(np.array(s))))
         x, y, _ = curve.point(np.array(s), -bore.half)
-        kit.place(door, f"exit_door_{number}", "Static", (x, y, bore.kerb), yaw + 90.0)
+        kit.place(door, f"exit_door_{number}", "Static", (x, y, bore.kerb + 0.01), yaw + 90.0)
         x, y, _ = curve.point(np.array(s - 0.9), -bore.half)
         kit.place(exit_sign, f"sign_exit_{number}", "TrafficSign", (x, y, 2.6), yaw)
     speed = kit.prefab("sign_speed", furniture.sign("round", 2.6), {"face": "sign_70", "back": "sign_back", "pole": "galvanized_steel"})
