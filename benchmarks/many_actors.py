@@ -1,8 +1,8 @@
 """Seconds a frame against the number of actors in one scene: state, acceleration structures of both twins, and loading.
 
-    python benchmarks/many_actors.py [--actors 10,50,200] [--details light,detailed] [--frames 6]
+    python benchmarks/many_actors.py [--actors 10,50,200] [--details light,detailed] [--frames 6] [--scene urban_crossing]
 
-Actors of all models of ``scenes_xml/actors`` drive, cycle and walk on bends beside ``urban_crossing``; all of them move in every
+Actors of all models of ``scenes_xml/actors`` drive, cycle and walk on bends beside a scene; all of them move in every
 frame. `state` is ``world.at(t)`` with the pose of every wheel and limb, `optical` and `radio` write all vertices into a twin and
 make its acceleration structure anew (one ray is cast).
 """
@@ -16,6 +16,7 @@ import platform
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -60,31 +61,32 @@ def crowd(count: int, detail: str) -> list[ss.StagedActor]:
     actors = []
     for number in range(count):
         model = models[number % len(models)]
-        variants = list(model.variants) or [None]
+        variants = [*model.variants, None][: max(len(model.variants), 1)]
         variant = variants[number // len(models) % len(variants)]
         motion = bend(SPEED[model.motion], number)
         actors.append(ss.StagedActor(f"actor_{number}", model, motion, detail, variant, phase=0.37 * number % 1.0))
     return actors
 
 
-def measure(count: int, detail: str, frames: int) -> tuple[ss.World, Clock]:
+def measure(scene: str, count: int, detail: str, frames: int) -> tuple[ss.World, Clock]:
     """Load a scene with actors and step through frames."""
     clock = Clock()
-    world = clock.run("load", lambda: ss.stage("urban_crossing", crowd(count, detail)))
+    world = clock.run("load", lambda: ss.stage(scene, crowd(count, detail), detail=detail))
     assert isinstance(world, ss.World)
     above = np.array([0.0, 0.0, 50.0])
     for time_of_frame in np.linspace(0.5, 7.5, frames):
-        state = clock.run("state", lambda t=time_of_frame: _complete(world.at(t)))
+        state = clock.run("state", partial(_state, world, float(time_of_frame)))
         assert isinstance(state, ss.WorldState)
-        clock.run("optical", lambda s=state: s.cast(above, DOWN))
-        clock.run("radio", lambda s=state: s.cast(above, DOWN, twin="radio"))
+        clock.run("optical", partial(state.cast, above, DOWN))
+        clock.run("radio", partial(state.cast, above, DOWN, twin="radio"))
         clock.run("boxes", state.boxes)
     return world, clock
 
 
-def _complete(state: ss.WorldState) -> ss.WorldState:
+def _state(world: ss.World, when: float) -> ss.WorldState:
     """Return a state whose wheels and limbs have their poses."""
-    state.part_pose(len(state.world.parts.name) - 1)
+    state = world.at(when)
+    state.part_pose(len(world.parts.name) - 1)
     return state
 
 
@@ -93,6 +95,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--actors", default="10,50,200")
     parser.add_argument("--details", default="light,detailed")
+    parser.add_argument("--scene", default="urban_crossing")
     parser.add_argument("--frames", type=int, default=6)
     given = parser.parse_args()
     packages = ", ".join(
@@ -101,7 +104,7 @@ def main() -> None:
     print(
         f"{platform.processor() or platform.machine()}, {len(os.sched_getaffinity(0))} cores; Python {platform.python_version()}, {packages}"
     )
-    ss.load_scene("urban_crossing").at(0.0).cast([0.0, 0.0, 50.0], DOWN)  # the engine starts
+    ss.load_scene(given.scene).at(0.0).cast([0.0, 0.0, 50.0], DOWN)  # the engine starts
     steps = ("state", "optical", "radio", "boxes")
     print("seconds: wall of the first frame, and median of the others as wall / CPU of all cores")
     print(
@@ -112,7 +115,7 @@ def main() -> None:
     print("|" + "---|" * (6 + 2 * len(steps)))
     for detail in given.details.split(","):
         for count in (int(number) for number in given.actors.split(",")):
-            world, clock = measure(count, detail, given.frames)
+            world, clock = measure(given.scene, count, detail, given.frames)
             triangles = sum(len(world.mesh(part).faces) for part in range(len(world.parts.name)))
             cells = [
                 str(count),

@@ -16,7 +16,7 @@ from pathlib import Path
 _ROOT = Path(__file__).resolve().parent
 _DETAILS = ("detailed", "light")
 
-__all__ = ["cache_folder", "scene_names", "scene_path"]
+__all__ = ["actor_names", "cache_folder", "scene_names", "scene_path"]
 
 
 def scene_names() -> tuple[str, ...]:
@@ -24,6 +24,11 @@ def scene_names() -> tuple[str, ...]:
     return tuple(
         sorted(p.parent.name for p in _ROOT.glob("*/scene.toml") if (p.parent / f"{p.parent.name}.xml").exists())
     )
+
+
+def actor_names() -> tuple[str, ...]:
+    """Return the names of the actor models in this package, sorted: folders of ``actors`` with an ``actor.toml``."""
+    return tuple(sorted(p.parent.name for p in _ROOT.glob("actors/*/actor.toml")))
 
 
 def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:

@@ -162,9 +162,9 @@ def _rotation(up: str, forward: str) -> Array:
 
 def _parts(mesh: str | Path | trimesh.Trimesh | trimesh.Scene, model: str) -> dict[str, _Part]:
     """Return copies of the meshes of a file in its axes, and the names of their materials, by the name of the part."""
-    scene = _loaded(Path(mesh)) if isinstance(mesh, str | Path) else mesh
+    scene: Any = _loaded(Path(mesh)) if isinstance(mesh, str | Path) else mesh
     if isinstance(scene, trimesh.Trimesh):
-        scene = trimesh.Scene({model: scene})
+        scene = _scene_of(model, scene)
     found = {}
     for node in scene.graph.nodes_geometry:
         matrix, geometry = scene.graph[node]
@@ -184,7 +184,8 @@ def _parts(mesh: str | Path | trimesh.Trimesh | trimesh.Scene, model: str) -> di
     return found
 
 
-def _loaded(path: Path) -> trimesh.Scene:
+def _loaded(path: Path) -> Any:
+    """Return the `trimesh.Scene` of a file; raises `MeshError` where it cannot be read."""
     if path.suffix.lower() not in FORMATS:
         raise MeshError(f"a '{path.suffix}' file cannot be read", path, f"give one of {', '.join(FORMATS)}")
     if not path.is_file():
@@ -192,11 +193,18 @@ def _loaded(path: Path) -> trimesh.Scene:
     try:
         if path.suffix.lower() == ".obj":  # its objects and materials are its parts
             return trimesh.load(path, force="scene", split_object=True, group_material=True)
-        scene = trimesh.load(path, force="scene")
+        scene: Any = trimesh.load(path, force="scene")
     except Exception as error:  # trimesh raises what its parsers do
         raise MeshError(f"cannot be read ({type(error).__name__}: {error})", path, "export it again") from error
     if path.suffix.lower() in (".ply", ".stl"):  # one surface without a name
-        return trimesh.Scene({path.stem: scene.to_mesh()})
+        return _scene_of(path.stem, scene.to_mesh())
+    return scene
+
+
+def _scene_of(name: str, body: trimesh.Trimesh) -> trimesh.Scene:
+    """Return a scene with one part."""
+    scene = trimesh.Scene()
+    scene.add_geometry(body, node_name=name, geom_name=name)
     return scene
 
 
@@ -280,7 +288,7 @@ def _color(body: trimesh.Trimesh) -> tuple[float, ...]:
     """Return the linear RGB colour of a mesh's material in its file; grey where it has none."""
     material = getattr(body.visual, "material", None)
     main = getattr(material, "main_color", None)
-    if material is None or main is None or body.visual.kind != "texture":
+    if material is None or main is None or getattr(body.visual, "kind", None) != "texture":
         return _GREY
     srgb = np.asarray(main[:3], dtype=np.float64) / 255.0
     is_linear = isinstance(material, trimesh.visual.material.PBRMaterial)  # glTF states its factors in linear RGB

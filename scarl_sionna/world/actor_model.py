@@ -108,8 +108,9 @@ class ActorModel:
 
 def actor_names() -> tuple[str, ...]:
     """Return the names of the actor models that come with the package, sorted."""
-    folder = files("scenes_xml") / "actors"
-    return tuple(sorted(entry.name for entry in folder.iterdir() if (entry / "actor.toml").is_file()))
+    import scenes_xml
+
+    return scenes_xml.actor_names()
 
 
 def read_actor_model(name_or_path: str | Path, near: str | Path | None = None) -> ActorModel:

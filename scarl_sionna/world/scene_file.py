@@ -67,9 +67,7 @@ def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
         instances = tuple(InstanceEntry(name, _guess_class(name), (name,), is_object=True) for name in shapes)
     ego = info.get("ego")
     staged = _staged(table, toml_path, detail)
-    actors = [
-        entry.name for entry in (*instances, *staged) if isinstance(entry, StagedActor) or entry.trajectory is not None
-    ]
+    actors = [entry.name for entry in instances if entry.trajectory is not None] + [actor.name for actor in staged]
     if ego is not None and ego not in actors:
         raise UnknownNameError("actor in scene.ego", str(ego), actors)
     document = SceneDocument(
