@@ -67,6 +67,6 @@ def lanes(plan: at.Layout) -> list[Lane]:
         found.append(Lane(f"zebra_{name}", _flat(_line((x, -at.MAIN), (x, at.MAIN))), "walk", 3.0, 1.5))
     for sign, name in ((-1.0, "right"), (1.0, "left")):
         for side, a, b in (("west", -at.REACH[0] + 4.0, -at.SIDE - at.CORNER - 1.0), ("east", at.SIDE + at.CORNER + 1.0, at.REACH[0] - 4.0)):
-            y = sign * (at.MAIN + 2.0)
-            found.append(Lane(f"pavement_{name}_{side}", _flat(_line((a, y), (b, y)), at.KERB), "walk", 2.0, 1.5))
+            y = sign * (at.MAIN + 2.9)  # between the shelter, benches and the houses
+            found.append(Lane(f"pavement_{name}_{side}", _flat(_line((a, y), (b, y)), at.KERB), "walk", 0.9, 1.5))
     return found

@@ -218,11 +218,11 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
     kit.place(speed, "sign_speed_west", "TrafficSign", (-62.0, -at.MAIN - 0.5, at.KERB), 0.0)
     kit.place(speed, "sign_speed_east", "TrafficSign", (64.0, at.MAIN + 0.5, at.KERB), 180.0)
     bench = kit.prefab("bench", furniture.bench(), {"wood": "door_wood", "frame": "black_plastic"})
-    kit.place(bench, "bench_0", "Static", (-24.0, -at.MAIN - 2.6, at.KERB), 0.0)
-    kit.place(bench, "bench_1", "Static", (-40.0, at.MAIN + 2.6, at.KERB), 180.0)
+    kit.place(bench, "bench_0", "Static", (-24.0, -at.MAIN - 1.2, at.KERB), 0.0)
+    kit.place(bench, "bench_1", "Static", (-40.0, at.MAIN + 1.2, at.KERB), 180.0)
     bin_parts = {"can": merge([Mesh(m.vertices, m.faces) for m in (box((0.4, 0.4, 0.75), (0.0, 0.0, 0.55)), box((0.08, 0.08, 0.4), (0.0, 0.0, 0.1)))])}
     litter = kit.prefab("litter_bin", bin_parts, {"can": "paint_green"})
-    for number, (x, py) in enumerate(((plan.stop_x - 3.2, -at.MAIN - 1.6), (-22.2, -at.MAIN - 2.6), (14.0, at.MAIN + 1.2))):
+    for number, (x, py) in enumerate(((plan.stop_x - 3.2, -at.MAIN - 1.6), (-22.2, -at.MAIN - 1.2), (14.0, at.MAIN + 1.2))):
         kit.place(litter, f"litter_bin_{number}", "Static", (x, py, at.KERB))
     shape = vegetation.TreeShape(7.2, 2.0, 2.8, 0.12, 10, 1500)
     tree = kit.prefab("tree", street_tree(shape, at.SEED + 3, False), {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}, 60.0)
