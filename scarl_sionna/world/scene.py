@@ -6,22 +6,21 @@ import copy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError, SceneError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.errors import TimeRangeError, UnknownNameError
 from scarl_sionna.core.lighting import Lighting
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.weather import Weather
 
-from .actor_model import DETAILS
 from .document import InstanceEntry, SceneDocument
+from .find import find_scene, scene_names
 from .geometry import Triangles, encloses, even_directions, refine_distance, upright_box
 from .materials import MaterialTable, load_materials
 from .motion import Motion
@@ -31,6 +30,8 @@ from .staging import stage as stage_document
 from .tables import Actor, InstanceInfo, RayHits, part_table
 from .twins import MeshData, Twin
 from .wet import wet_surfaces
+
+__all__ = ["World", "WorldState", "find_scene", "load_scene", "scene_names", "stage"]
 
 Array = npt.NDArray[np.float64]
 
@@ -387,23 +388,6 @@ class WorldState:
         return self.cast(point, _SPHERE).num_hits >= 0.75 * len(_SPHERE)
 
 
-def scene_names() -> list[str]:
-    """Return the names of the scenes that come with the package."""
-    return sorted(
-        entry.name for entry in files("scenes_xml").iterdir() if (entry / f"{entry.name}.xml").is_file()  # type: ignore[operator]
-    )
-
-
-def _sionna_scenes() -> dict[str, Path]:
-    """Return the scenes that come with Sionna RT, without importing it."""
-    from importlib.util import find_spec
-
-    spec = find_spec("sionna")
-    roots = [Path(place) / "rt" / "scenes" for place in (spec.submodule_search_locations or [])] if spec else []
-    folders = [folder for root in roots if root.is_dir() for folder in root.iterdir()]
-    return {folder.name: folder / f"{folder.name}.xml" for folder in folders if (folder / f"{folder.name}.xml").is_file()}
-
-
 def load_scene(
     name_or_path: str | Path, materials: MaterialTable | None = None, *, variant: int = 0, detail: str = "detailed"
 ) -> World:
@@ -471,45 +455,3 @@ def stage(
         return staged if world.weather == Weather() else staged.with_weather(world.weather)
     document = read_document(find_scene(world, variant, detail), detail)
     return World(stage_document(document, actors, ego), load_materials())
-
-
-def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detailed") -> Path:
-    """Return the XML file of a scene by its name or path, built where need be; the file itself is not looked at."""
-    if detail not in DETAILS:
-        raise UnknownNameError("detail", str(detail), DETAILS)
-    name = str(name_or_path)
-    if not isinstance(variant, int) or isinstance(variant, bool) or variant < 0:
-        raise ParameterRangeError("variant", repr(variant), "whole numbers from 0")
-    path = _file_of(name_or_path)
-    if path is not None or name not in scene_names():
-        if variant != 0:
-            raise ParameterRangeError("variant", variant, f"0: '{name}' is no scene of this package and has no variants")
-        return path if path is not None else _sionna_file(name)
-    import scenes_xml
-
-    try:
-        return scenes_xml.scene_path(name, variant, detail)
-    except ValueError as error:
-        raise ParameterRangeError("variant, detail", f"{variant}, {detail}", f"a level of '{name}' that exists", str(error)) from error
-    except OSError as error:
-        raise SceneError(str(error.strerror or error)) from error
-
-
-def _file_of(name_or_path: str | Path) -> Path | None:
-    """Return the XML that a path names, or None for what is the name of a scene."""
-    path = Path(name_or_path)
-    if path.suffix == ".xml":
-        return path
-    if path.is_dir():
-        candidates = sorted(path.glob("*.xml"))
-        if len(candidates) != 1:
-            raise SceneError(f"holds {len(candidates)} XML files", path, "give the path of one XML")
-        return candidates[0]
-    return None
-
-
-def _sionna_file(name: str) -> Path:
-    sionna = _sionna_scenes()
-    if name in sionna:
-        return sionna[name]
-    raise UnknownNameError("scene", name, [*scene_names(), *sionna], "or give the path of a Mitsuba XML")
