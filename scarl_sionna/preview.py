@@ -162,7 +162,7 @@ def _plans(world: World, times: Sequence[float], on_done: Callable[[int], None])
     states = [world.at(time) for time in times]
     frames = [[item for item in state.boxes() if item.is_actor] for state in states]
     places = [{item.name: item.world_from_box.position[:2] for item in frame} for frame in frames]
-    whole = _view_of(np.concatenate([list(frame.values()) for frame in places if frame] or [np.zeros((1, 2))]))
+    whole = _view_of(np.array([place for frame in places for place in frame.values()] or [np.zeros(2)]))
     follows = world.ego is not None and float(whole.half.max()) * 2.0 > WIDEST
     ground: Image.Image | None = None
     for index, (state, frame) in enumerate(zip(states, frames, strict=True)):
@@ -278,10 +278,12 @@ def _annotate(pen: Any, view: _View, world: World, actors: Sequence[ObjectState]
 
 def _strip(world: World, times: Sequence[float], seed: int, on_done: Callable[[int], None]) -> Image.Image:
     """Return renders from the ego vehicle's front, side by side."""
-    rig = Rig("strip", (SensorMount("front", "camera", STRIP_CAMERA, Pose([2.36, 0.0, 1.2])),))
+    rig = Rig("strip", (SensorMount("front", "camera", STRIP_CAMERA, Pose(np.array([2.36, 0.0, 1.2]))),))
     pictures = []
     for number, time in enumerate(times):
-        picture = Image.fromarray(observe(world, rig, time, seed).results["front"].rgb)
+        rgb = observe(world, rig, time, seed).images["front"].rgb
+        assert rgb is not None  # STRIP_CAMERA asks for it
+        picture = Image.fromarray(rgb)
         pen = ImageDraw.Draw(picture, "RGBA")
         pen.rectangle((0, 0, 74, 22), fill=(18, 20, 24, 190))
         pen.text((7, 2), f"{time:.1f} s", fill=(240, 240, 240), font=ImageFont.load_default(14))

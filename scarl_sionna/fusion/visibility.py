@@ -86,10 +86,10 @@ def add_visibility(state: WorldState, objects: Sequence[ObjectState], results: M
             if seen:  # a coarse grid over a large object may end before the last pixel that shows it
                 visible = seen["object_visible_box"]
                 box = np.concatenate([np.fmin(box[:, :2], visible[:, :2]), np.fmax(box[:, 2:], visible[:, 2:])], axis=1)
-            result = replace(
-                result, object_box=box, object_occlusion=known[key].occlusion,
-                object_truncation=known[key].truncation, **seen,
-            )  # fmt: skip
+            found: dict[str, Any] = {
+                "object_box": box, "object_occlusion": known[key].occlusion, "object_truncation": known[key].truncation, **seen,
+            }  # fmt: skip
+            result = replace(result, **found)
         out[name] = result
     return out
 
@@ -138,7 +138,7 @@ def _silhouettes(state: WorldState, objects: Sequence[ObjectState], place: Pose,
     with np.errstate(invalid="ignore", divide="ignore"):
         truncation[:] = 1.0 - there / whole
         occlusion[:] = 1.0 - visible / there
-    for row in np.flatnonzero(there):
+    for row in np.flatnonzero(there).tolist():
         mine = pixel[(which == row) & alone & inside]
         half = 0.5 * _pitch(pixel[which == row])
         low, high = mine.min(axis=0) - half, mine.max(axis=0) + half
