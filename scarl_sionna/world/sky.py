@@ -105,7 +105,8 @@ def sky_image(lighting: Lighting, clear: Array, sun_irradiance: Array) -> npt.ND
     if cover >= 1.0:
         mottled = np.clip(1.0 + 0.10 * _cloud_noise(directions)[0], 0.6, 1.4)
         onto_ground = layer[..., 1] * height * np.hypot(directions[..., 0], directions[..., 1])  # sine: area of a pixel
-        sky = layer * (mottled * onto_ground.sum() / (mottled * onto_ground).sum())[..., None]
+        total = (mottled * onto_ground).sum()  # zero by night
+        sky = layer * (mottled * (onto_ground.sum() / total if total > 0.0 else 1.0))[..., None]
     elif cover > 0.0:
         opacity, shade = _clouds(directions, cover)
         lit = sun_irradiance * 0.55 / np.pi + 0.6 * layer  # white clouds: reflect most of the sunlight
