@@ -26,6 +26,7 @@ from scarl_sionna.core.lighting import Lighting
 from scarl_sionna.generate import load_world
 from scarl_sionna.scenario import ScenarioSpec
 from scarl_sionna.scenario.compose import compose
+from scarl_sionna.world.sky import SKY_SIZE, sky_image
 from tests.lane_scene import lane_scene
 
 
@@ -213,3 +214,12 @@ def test_a_scenario_made_in_python_has_no_line(folder) -> None:
             )
         )
     assert caught.value.line is None
+
+
+def test_a_clouded_night_has_a_sky() -> None:
+    """Rain by night covers the sky: its glow alone is left, not a division of nothing by nothing."""
+    night = Lighting.preset("night").with_(cloud_cover=1.0)
+    dark = np.zeros((*SKY_SIZE, 3))
+    image = sky_image(night, dark, np.zeros(3))
+    assert np.isfinite(image).all() and image.min() > 0.0
+    np.testing.assert_array_equal(image, sky_image(night.with_(cloud_cover=0.0), dark, np.zeros(3)))
