@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 
 import scenes_xml
 from scarl_sionna.core.errors import (
+    ParameterRangeError,
     ScenarioError,
     ScenarioFileError,
     ScenarioNameError,
     ScenarioValueError,
+    SceneError,
     UnknownNameError,
 )
 from scarl_sionna.world.document import SceneDocument
@@ -133,7 +135,14 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
 
     text = spec.scene
     if text in scenes_xml.scene_names():
-        return read_document(scenes_xml.scene_path(text, spec.variant, spec.detail), spec.detail)
+        try:
+            path = find_scene(text, spec.variant, spec.detail)
+        except ParameterRangeError as error:  # a scene that comes in one variant or level of detail only
+            key = "variant" if spec.variant != 0 else "detail"
+            raise ScenarioValueError(error.remedy or str(error), spec.place(key), "leave it out") from error
+        except SceneError as error:
+            raise ScenarioFileError(str(error), spec.place("scene"), value=text) from error
+        return read_document(path, spec.detail)
     if spec.variant != 0:
         raise ScenarioValueError(
             f"= {spec.variant}, but '{text}' is no scene that the package builds: it has no variants",
