@@ -203,7 +203,6 @@ EVENTS: dict[str, Callable[[Run], None]] = {
     "cut_in": cut_in,
     "cyclist_passing_a_queue": queue,
     "emergency_braking": braking,
-    "ghost_behind_guardrail": beside_the_rail,
     "left_turn_across_traffic": left_turn,
     "lorry_in_a_tunnel": tunnel,
     "lorry_pulls_out": pulls_out,
@@ -215,6 +214,7 @@ EVENTS: dict[str, Callable[[Run], None]] = {
     "roundabout_entry": gives_way,
     "stop_at_the_lights": red_light,
     "town_traffic": traffic,
+    "van_along_a_guardrail": beside_the_rail,
 }
 
 
