@@ -38,6 +38,8 @@ HEAD_ROOM = 3.4
 """Where something covers what moves, the plan is a cut at this height above the ego vehicle's ground [m]."""
 COVERS = frozenset(map(semantic_id, ("Vegetation", "Bridge", "Pole", "TrafficLight", "TrafficSign", "Static")))
 """Classes that the plan looks through where they are higher than the cut."""
+DEEP = 100.0
+"""What is this far below the ego vehicle is not drawn [m]."""
 TRAIL = 2.0
 """Length of the trails [s]."""
 MAX_FRAMES = 240
@@ -160,7 +162,7 @@ def _times(scenario: ScenarioSpec, frame_rate: float | None) -> list[float]:
 def _plans(world: World, times: Sequence[float], on_done: Callable[[int], None]) -> Iterator[Picture]:
     """Yield the plan at each time."""
     states = [world.at(time) for time in times]
-    frames = [[item for item in state.boxes() if item.is_actor] for state in states]
+    frames = [[item for item in state.boxes() if item.is_actor and _is_in(state, item)] for state in states]
     places = [{item.name: item.world_from_box.position[:2] for item in frame} for frame in frames]
     whole = _view_of(np.array([place for frame in places for place in frame.values()] or [np.zeros(2)]))
     follows = world.ego is not None and float(whole.half.max()) * 2.0 > WIDEST
@@ -172,6 +174,13 @@ def _plans(world: World, times: Sequence[float], on_done: Callable[[int], None])
         first = max(0, index - int(np.ceil(TRAIL / max(times[1] - times[0], 1e-9)))) if len(times) > 1 else 0
         yield np.asarray(_drawn(ground.copy(), view, world, frame, places[first : index + 1], times[index]))
         on_done(index + 1)
+
+
+def _is_in(state: WorldState, item: ObjectState) -> bool:
+    """Return whether an actor is in the scene, not deep below it like traffic that has left the lanes."""
+    ego = state.world.ego
+    floor = float(state.actor_pose(ego).position[2]) if ego is not None else 0.0
+    return bool(item.world_from_box.position[2] > floor - DEEP)
 
 
 def _view_of(points: npt.NDArray[np.float64], margin: float = MARGIN) -> _View:
@@ -236,16 +245,12 @@ def _drawn(
     large = ground.resize((width * SMOOTH, height * SMOOTH), Image.Resampling.NEAREST)
     pen = ImageDraw.Draw(large, "RGBA")
     for item in actors:
-        color = (
-            EGO_COLOR if item.name == world.ego else ACTOR_COLORS.get(SEMANTIC_CLASSES[item.semantic], (210, 210, 210))
-        )
+        color = _color(item, world)
         past = np.array([step[item.name] for step in trail if item.name in step])
         if len(past) > 1:
             pen.line([tuple(point) for point in view.pixel(past)], fill=(*color, 150), width=2 * SMOOTH)
     for item in actors:
-        color = (
-            EGO_COLOR if item.name == world.ego else ACTOR_COLORS.get(SEMANTIC_CLASSES[item.semantic], (210, 210, 210))
-        )
+        color = _color(item, world)
         size = np.maximum(item.size[:2], 0.7)
         corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * size
         nose = np.array([(0.18, -0.42), (0.46, 0.0), (0.18, 0.42)]) * size
@@ -258,6 +263,12 @@ def _drawn(
     picture = large.resize((width, height), Image.Resampling.LANCZOS)
     _annotate(ImageDraw.Draw(picture, "RGBA"), view, world, actors, time)
     return picture
+
+
+def _color(item: ObjectState, world: World) -> tuple[int, int, int]:
+    if item.name == world.ego:
+        return EGO_COLOR
+    return ACTOR_COLORS.get(SEMANTIC_CLASSES[item.semantic], (210, 210, 210))
 
 
 def _annotate(pen: Any, view: _View, world: World, actors: Sequence[ObjectState], time: float) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import find_objects
 
+from scarl_sionna.core.boxes import CORNERS, WIDEST, rays_over, rectangle, through_box
 from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
 from scarl_sionna.core.results import ImageFrame, LidarScan, ObjectState
@@ -24,15 +25,10 @@ RAYS_ACROSS = 32
 RAYS_LEAST = 6
 MAX_LAYERS = 6
 """Surfaces within an object's box that a ray may pass before it is taken to miss the object."""
-WIDEST = 4.0
-"""Tangent of the widest angle off the optical axis that counts: 76 deg."""
-NEAR = 0.05
-"""Nearer than this to the camera's plane nothing counts [m]."""
 SMALLEST = 0.5
 """An object whose box has fewer pixels than this is out of sight."""
 STEP = 1e-3
 """Behind a surface that hides an object the ray goes on after so much [m]."""
-_CORNERS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,24 +151,17 @@ def _pitch(pixel: Array) -> Array:
 
 def _grid(camera_from_box: Pose, size: Array, spec: CameraSpec) -> Array | None:
     """Return rays with z = 1 over the rectangle around a box, shape (num_rays, 3), camera_optical; None if it is out of sight."""
-    optical = camera_from_box.apply(_CORNERS * size) @ CAMERA_OPTICAL_FROM_SENSOR.T
-    if optical[:, 2].max() < NEAR:
+    bounds = rectangle(camera_from_box.apply(CORNERS * size) @ CAMERA_OPTICAL_FROM_SENSOR.T)
+    if bounds is None:
         return None
-    if optical[:, 2].min() < NEAR:  # the rectangle of a box that reaches behind the camera has no bounds
-        low, high = np.full(2, -WIDEST), np.full(2, WIDEST)
-    else:
-        plane = np.clip(optical[:, :2] / optical[:, 2:], -WIDEST, WIDEST)
-        low, high = plane.min(axis=0), plane.max(axis=0)
-    focal = np.diag(spec.intrinsics)[:2]
-    extent = (high - low) * focal
+    low, high = bounds
+    extent = (high - low) * np.diag(spec.intrinsics)[:2]
     edges = spec.rays(np.array([[0.0, 0.0], [spec.width, spec.height]]))
     limits = np.sort(np.clip(edges[:, :2] / np.maximum(edges[:, 2:], 1e-3), -WIDEST, WIDEST), axis=0)
     if np.prod(extent) < SMALLEST or np.any(high < limits[0]) or np.any(low > limits[1]):
         return None
     side = int(np.clip(np.ceil(extent.max()), RAYS_LEAST, RAYS_ACROSS))
-    x, y = (a + (b - a) * (np.arange(side) + 0.5) / side for a, b in zip(low, high, strict=True))
-    across, down = np.meshgrid(x, y)
-    return np.stack([across.ravel(), down.ravel(), np.ones(side * side)], axis=-1)
+    return rays_over(low, high, (side, side)).reshape(-1, 3)
 
 
 def _meets(
@@ -181,8 +170,11 @@ def _meets(
     """Return which rays meet their object, whatever stands before it."""
     enter, leave = np.empty(len(which)), np.empty(len(which))
     for row in np.unique(which):
-        mine = which == row
-        enter[mine], leave[mine] = _slabs(objects[row], origin, direction[mine])
+        mine, half = which == row, objects[row].size / 2.0 + STEP
+        box_from_world = objects[row].world_from_box.inverse()
+        enter[mine], leave[mine] = through_box(
+            box_from_world.apply(origin), box_from_world.rotate(direction[mine]), -half, half
+        )
     numbers = np.array([item.instance for item in objects])[which]
     begin = np.maximum(enter - STEP, 0.0)
     met = np.zeros(len(which), dtype=bool)
@@ -200,13 +192,3 @@ def _meets(
         active = rays[onward]
         begin[active] = along[onward] + STEP
     return met
-
-
-def _slabs(item: ObjectState, origin: Array, direction: Array) -> tuple[Array, Array]:
-    """Return where rays enter and leave an object's box [m]."""
-    box_from_world = item.world_from_box.inverse()
-    start, local = box_from_world.apply(origin), box_from_world.rotate(direction)
-    local = np.where(np.abs(local) < 1e-12, 1e-12, local)
-    half = item.size / 2.0 + STEP
-    first, second = (-half - start) / local, (half - start) / local
-    return np.minimum(first, second).max(axis=-1), np.maximum(first, second).min(axis=-1)

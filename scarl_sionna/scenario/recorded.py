@@ -12,7 +12,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.world.motion import StaticTrajectory, Trajectory
 
 from .bodies import Body
-from .paths import PathTrajectory, SmoothPath, quintic_step, sample_motion
+from .paths import PathTrajectory, SmoothPath, quintic_step
 from .profiles import smooth_way
 from .routes import smoothing_of
 
@@ -204,8 +204,3 @@ def _standing(record: Record, points: Array, headings: Array, span: tuple[float,
     direction = np.array([np.cos(headings[0]), np.sin(headings[0]), 0.0])
     pose = Pose.from_euler(points.mean(0) - record.ahead * direction, yaw=float(headings[0]))
     return Smoothed(StaticTrajectory(pose, *span), float(np.linalg.norm(points - points.mean(0), axis=1).max()), 0)
-
-
-def recorded_speed(trajectory: Trajectory, times: npt.ArrayLike) -> Array:
-    """Return the speeds (N,) [m/s] of a trajectory at times (N,) [s]."""
-    return np.asarray(np.linalg.norm(sample_motion(trajectory, times).velocity, axis=1))

@@ -26,8 +26,6 @@ Array = npt.NDArray[np.float64]
 
 NONE, SPECULAR, DIFFUSE, REFRACTION, DIFFRACTION = 0, 1, 2, 4, 8
 """Kinds of interaction, the numbers of Sionna RT's ``InteractionType``."""
-MIN_SEGMENT = 1e-2
-"""Sionna RT drops paths with a segment shorter than this [m] (``MIN_SEGMENT_LENGTH``)."""
 LANES_PER_BATCH = 1 << 24
 """Depth times rays times targets of one call of the solver: its arrays of candidates then stay below 1 GB."""
 

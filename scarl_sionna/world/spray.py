@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.boxes import through_box
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import semantic_id
 
@@ -74,10 +75,8 @@ class SprayCloud:
         along = directions @ self.world_from_cloud.rotation
         lower = np.array([-self.length, -self.width / 2.0, 0.0])
         upper = np.array([0.0, self.width / 2.0, self.height])
-        safe = np.where(np.abs(along) < 1e-12, 1e-12, along)
-        first, second = (lower - start) / safe, (upper - start) / safe
-        enter = np.maximum(np.minimum(first, second).max(axis=1), 0.0)
-        leave = np.minimum(np.maximum(first, second).min(axis=1), longest)
+        enter, leave = through_box(start, along, lower, upper)
+        enter, leave = np.maximum(enter, 0.0), np.minimum(leave, longest)
         return enter, np.maximum(leave, enter)
 
     def mean_density(self, origins: Array, directions: Array, enter: Array, leave: Array) -> Array:

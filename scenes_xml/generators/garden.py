@@ -155,8 +155,3 @@ def letter_box() -> dict[str, Mesh]:
         "box": outward(Mesh(case.vertices[:, [0, 2, 1]], case.faces)),
         "post": _plain(box((0.06, 0.06, 1.25), (0.02, 0.0, 0.325))),
     }
-
-
-def kerb_stone_block(length: float, width: float, height: float) -> Mesh:
-    """Return a stone block whose middle is the origin of the ground, sunk by 0.1 m."""
-    return box((length, width, height + 0.1), (0.0, 0.0, height / 2 - 0.05))

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from scarl_sionna.core.boxes import CORNERS
 from scarl_sionna.core.errors import OutputError, ParameterRangeError
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
 from scarl_sionna.core.results import LidarScan, RadarFrame
 from scarl_sionna.core.semantics import semantic_id
-from scarl_sionna.export.boxes import corners, visible_fraction
+from scarl_sionna.export.boxes import visible_fraction
 from scarl_sionna.export.radar_points import radar_points, sensed_points
 from scarl_sionna.export.views.nuscenes import export_nuscenes
 from scarl_sionna.export.views.nuscenes_files import deviation_code, tone_deviation
@@ -64,7 +65,7 @@ def test_the_devkit_projects_our_boxes_to_our_pixels(devkit) -> None:
         for end, channel in (("front", "CAM_FRONT"), ("back", "CAM_BACK")):
             image = frame.images[f"{end}_center/camera"]
             for item in frame.objects[1:]:
-                sensor = image.world_from_sensor.inverse().apply(corners(item))
+                sensor = image.world_from_sensor.inverse().apply(item.world_from_box.apply(CORNERS * item.size))
                 pixel, depth = image.spec.project(sensor @ CAMERA_OPTICAL_FROM_SENSOR.T)
                 if depth.min() < 0.1:
                     continue

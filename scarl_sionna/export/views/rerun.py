@@ -21,7 +21,6 @@ from .output import whole_output_file
 from .source import OnProgress, SceneFrames, as_source, no_progress
 
 APPLICATION = "scarl-sionna"
-NOISE_TO_PEAK_DB = 60.0
 
 
 def export_rerun(
