@@ -17,6 +17,7 @@ import scarl_sionna as ss
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.world.overlap import overlapping_parts
 from scenes_xml import cache_folder, scene_names, scene_path
+from tests.plan_view import overlap
 
 SCENES = scene_names()
 FIRST = ("highway_guardrail", "urban_crossing")
@@ -122,7 +123,7 @@ def test_nobody_runs_into_anybody_or_into_a_wall(name):
         boxes = [box for box in world.at(time).boxes() if box.is_actor or _is_solid(box)]
         for first in (box for box in boxes if box.is_actor):
             for second in boxes:
-                assert second.instance == first.instance or not _overlap(first, second), (
+                assert second.instance == first.instance or not overlap(first, second), (
                     first.name,
                     second.name,
                     float(time),
@@ -136,20 +137,6 @@ def _is_solid(box) -> bool:
         and SEMANTIC_CLASSES[box.semantic] in ("Car", "Static", "Dynamic", "TrafficSign", "Motorcycle", "Bicycle")
         and box.world_from_box.position[2] - box.size[2] / 2 < 2.0
     )
-
-
-def _overlap(first, second) -> bool:
-    """Separating axes of two upright boxes in plan."""
-    corners = []
-    for box in (first, second):
-        half = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) * box.size[:2] / 2
-        corners.append(box.world_from_box.apply(np.column_stack([half, np.zeros(4)]))[:, :2])
-    for box in (first, second):
-        for axis in box.world_from_box.rotation[:2, :2].T:
-            (a, b), (c, d) = ((p.min(), p.max()) for p in (corner @ axis for corner in corners))
-            if b < c or d < a:
-                return False
-    return True
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import scarl_sionna as ss
 from scenes_xml import scene_path
 from scenes_xml.urban_crossing import build as builder
 from scenes_xml.urban_crossing import layout
+from tests.plan_view import overlap
 
 TIMES = np.arange(0.0, 8.01, 0.5)
 
@@ -49,21 +50,7 @@ def test_nobody_runs_into_anybody(world):
         boxes = [box for box in world.at(time).boxes() if box.is_actor or box.name.startswith("parked")]
         for number, first in enumerate(boxes):
             for second in boxes[number + 1 :]:
-                assert not _overlap(first, second), (first.name, second.name, time)
-
-
-def _overlap(first, second) -> bool:
-    """Separating axes of two upright boxes in plan."""
-    corners = []
-    for box in (first, second):
-        half = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) * box.size[:2] / 2
-        corners.append(box.world_from_box.apply(np.column_stack([half, np.zeros(4)]))[:, :2])
-    for box in (first, second):
-        for axis in box.world_from_box.rotation[:2, :2].T:
-            (a, b), (c, d) = ((p.min(), p.max()) for p in (corner @ axis for corner in corners))
-            if b < c or d < a:
-                return False
-    return True
+                assert not overlap(first, second), (first.name, second.name, time)
 
 
 def test_the_ego_car_stops_before_the_crossing(world):
