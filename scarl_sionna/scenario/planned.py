@@ -10,8 +10,9 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.world.lanes import LaneNetwork
-from scarl_sionna.world.motion import Trajectory
+from scarl_sionna.world.motion import Trajectory, forward_speeds
 
 from .bodies import Body, BodyLike
 
@@ -55,6 +56,56 @@ class PlannedActor:
     active: tuple[float, float] = field(default=(-np.inf, np.inf))
     deviation: float = 0.0
     num_lane_changes: int = 0
+
+
+DEPTH, BETWEEN = 500.0, 10.0
+"""How far below the lanes traffic waits that is not on them, and how far below each other [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PresentTrajectory:
+    """A motion that takes place deep below the scene while the actor is not on the lanes: there is no road for it beyond their ends.
+
+    Only the height jumps, and only where the actor comes and goes; velocities are those of the motion at all times, so that Doppler
+    and wheels know nothing of it.
+
+    Attributes
+    ----------
+    motion : Trajectory
+    active : (float, float)
+        Times at which it is where the motion says [s].
+    depth : float
+        How far below it is at other times [m].
+    """
+
+    motion: Trajectory
+    active: tuple[float, float]
+    depth: float = DEPTH
+
+    @property
+    def start(self) -> float:
+        """First time at which the motion is known [s]."""
+        return self.motion.start
+
+    @property
+    def stop(self) -> float:
+        """Last time at which the motion is known [s]."""
+        return self.motion.stop
+
+    def pose(self, time: float) -> Pose:
+        """Return world_from_actor at a time [s]."""
+        pose = self.motion.pose(time)
+        if self.active[0] <= time <= self.active[1]:
+            return pose
+        return Pose(pose.position - [0.0, 0.0, self.depth], pose.quaternion)
+
+    def twist(self, time: float) -> Twist:
+        """Return the velocity of the motion at a time [s]."""
+        return self.motion.twist(time)
+
+    def forward_speeds(self, times: Array) -> Array:
+        """Return the speeds of the motion along its heading [m/s] at times (N,) [s]."""
+        return forward_speeds(self.motion, times)
 
 
 def lane_ground(network: LaneNetwork) -> Ground:

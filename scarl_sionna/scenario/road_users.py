@@ -28,7 +28,7 @@ from .collisions import find_collisions
 from .commonroad import read_commonroad
 from .fcd import read_fcd
 from .motions import MARGIN, Setting
-from .planned import PlannedActor
+from .planned import BETWEEN, DEPTH, PlannedActor, PresentTrajectory
 from .randomize import draw_look
 from .spec import ScenarioSpec
 from .spec_actors import TrafficSpec
@@ -68,7 +68,8 @@ def traffic_of(
         return ()
     try:
         planned = _planned(spec, spec.traffic, own, document, setting)
-        return tuple(_member(spec, actor) for actor in planned if actor.active[0] < actor.active[1])
+        present = (actor for actor in planned if actor.active[0] < actor.active[1])
+        return tuple(_member(spec, actor, number) for number, actor in enumerate(present))
     except UnknownNameError as error:
         raise name_error(error, spec.place(*PATH_OF_TRAFFIC, "mix", error.name)) from error
     except ScenarioError:
@@ -144,16 +145,19 @@ def _apart(
     return [one for one in planned if one.name not in met]
 
 
-def _member(spec: ScenarioSpec, planned: PlannedActor) -> Member:
+def _member(spec: ScenarioSpec, planned: PlannedActor, number: int) -> Member:
     model = read_actor_model(planned.model)
     variant = planned.variant
     colors: dict[str, Color] = {}
     if spec.randomization.colors:
         variant, colors = draw_look(spec.seed, planned.name, model.variants, model.motion)
+    trajectory: Trajectory = planned.trajectory
+    if planned.active[0] > trajectory.start or planned.active[1] < trajectory.stop:
+        trajectory = PresentTrajectory(trajectory, planned.active, DEPTH + BETWEEN * number)
     actor = StagedActor(
         planned.name,
         model,
-        planned.trajectory,
+        trajectory,
         detail=spec.detail,
         variant=variant,
         colors=colors or None,
