@@ -1,4 +1,4 @@
-"""What to simulate: scene, rig, instants and seed."""
+"""One simulated drive: its specification, the motion and traffic in it, and the composition of its world."""
 
 from .spec import ScenarioSpec, scenario_names
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 
+import scenes_xml
 from scarl_sionna.core.errors import ParameterRangeError, SceneError, UnknownNameError
 
 from .actor_model import DETAILS
@@ -12,11 +12,7 @@ from .actor_model import DETAILS
 
 def scene_names() -> list[str]:
     """Return the names of the scenes that come with the package."""
-    return sorted(
-        entry.name
-        for entry in files("scenes_xml").iterdir()
-        if (entry / f"{entry.name}.xml").is_file()  # type: ignore[operator]
-    )
+    return list(scenes_xml.scene_names())
 
 
 def _sionna_scenes() -> dict[str, Path]:
@@ -45,8 +41,6 @@ def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detail
                 "variant", variant, f"0: '{name}' is no scene of this package and has no variants"
             )
         return path if path is not None else _sionna_file(name)
-    import scenes_xml
-
     try:
         return scenes_xml.scene_path(name, variant, detail)
     except ValueError as error:
