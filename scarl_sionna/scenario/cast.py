@@ -19,6 +19,7 @@ from scarl_sionna.core.errors import (
 from scarl_sionna.world.actor_mesh import actor_from_mesh
 from scarl_sionna.world.actor_model import ActorModel, Color, read_actor_model
 from scarl_sionna.world.document import SceneDocument
+from scarl_sionna.world.materials import load_materials
 from scarl_sionna.world.motion import Trajectory
 from scarl_sionna.world.staging import StagedActor
 
@@ -108,7 +109,11 @@ def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> Actor
     if not file.is_file():
         raise ScenarioFileError(f"'{mesh.file}' is not there", spec.place(*path, "mesh", "file"), value=mesh.file)
     try:
-        return _mesh_model(file.resolve(), file.stat().st_mtime_ns, one.name, mesh.model_dump_json())
+        model = _mesh_model(file.resolve(), file.stat().st_mtime_ns, one.name, mesh.model_dump_json())
+        table = load_materials()
+        for entry in model.materials.values():
+            table[entry.radio]  # an unknown one raises here, where its line is known
+        return model
     except UnknownNameError as error:
         raise name_error(error, spec.place(*path, "mesh")) from error
     except ScarlError as error:

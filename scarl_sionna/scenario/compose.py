@@ -27,7 +27,7 @@ from .motions import Setting
 from .randomize import draw_materials, draw_reflectances
 from .road_users import traffic_of
 from .spec import ScenarioSpec
-from .spec_checks import check_collisions, check_gaits, check_places, check_times, first_collision
+from .spec_checks import check_collisions, check_gaits, check_places, check_speeds, check_times, first_collision
 from .spec_light import name_error
 
 if TYPE_CHECKING:
@@ -85,6 +85,7 @@ def compose(spec: ScenarioSpec) -> Composition:
             break
     kept = remaining(spec, scene)
     check_times(spec, own, kept)
+    check_speeds(spec, own)
     members = (*own, *traffic_of(spec, own, kept, setting))
     document = kept
     if members:

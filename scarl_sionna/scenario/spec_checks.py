@@ -24,7 +24,7 @@ from scarl_sionna.world.motion import Trajectory
 
 from .bodies import WALKER, Body
 from .cast import Member
-from .checks import check_ground
+from .checks import check_ground, check_motion
 from .collisions import Collision, Measures, find_collisions
 from .spec import ScenarioSpec
 
@@ -39,6 +39,8 @@ GROUND_STEP = 0.25
 """Time between the instants at which the ground below an actor is looked for [s]."""
 SLACK = 0.2
 """Height of an actor above or below the ground that is let pass [m]: that of a high kerb."""
+FASTEST, HARDEST = 70.0, 40.0
+"""Speed [m/s] and acceleration [m/s^2] that no road user reaches: beyond it a point or a time is wrong."""
 PATH_OF_TRAFFIC = ("traffic",)
 _LONGEST = 2000
 """Most instants that are compared."""
@@ -128,6 +130,31 @@ def check_gaits(spec: ScenarioSpec, members: Sequence[Member], document: SceneDo
                 ScenarioValueError(
                     f"'{member.actor.name}' at {time:.4g} s: {error}", spec.place(*member.path, "trajectory"),
                     "let it move more slowly", value=error.value,
+                )
+            )  # fmt: skip
+    if problems:
+        raise ScenarioError.first_of(problems)
+
+
+def check_speeds(spec: ScenarioSpec, members: Sequence[Member]) -> None:
+    """Raise if a motion from points, times or a table is faster or changes faster than anything on a road.
+
+    Raises
+    ------
+    ScenarioValueError
+        At the actor's trajectory, with the time.
+    """
+    problems: list[ScenarioError] = []
+    for member in members:
+        name, trajectory = member.actor.name, member.actor.trajectory
+        times = np.clip(instants(spec), trajectory.start, trajectory.stop)
+        faults = check_motion([(name, trajectory, None)], times, FASTEST, HARDEST, np.inf)
+        for fault in faults[:1]:
+            unit = "m/s" if fault.what == "speed" else "m/s^2"
+            problems.append(
+                ScenarioValueError(
+                    f"the {fault.what} of '{name}' is {fault.value:.3g} {unit} at {fault.time:.4g} s (allowed: up to {fault.limit:g} {unit})",
+                    spec.place(*member.path, "trajectory"), "give it more time between the points", value=fault.value,
                 )
             )  # fmt: skip
     if problems:
@@ -225,7 +252,7 @@ def check_places(spec: ScenarioSpec, members: Sequence[Member], world: World) ->
         x, y, z = (float(value) for value in member.actor.trajectory.pose(fault.time).position)
         what = f"is {abs(fault.height):.3g} m {'above' if fault.height > 0.0 else 'below'} the ground"
         if not np.isfinite(fault.height):
-            what = f"has no ground of scene '{spec.scene}' below it"
+            what = f"has no ground of scene '{spec.scene}' within 4 m below it"
         problems.append(
             OutsideSceneError(
                 f"'{member.actor.name}' {what} at {fault.time:.4g} s: ({x:.4g}, {y:.4g}, {z:.4g}) m",
