@@ -196,6 +196,8 @@ def standing_adult() -> Model:
     for light in (False, True):
         parts = posed(MAN, STANDING, light)
         parts["jacket"] = (clothing.jacket_hem(MAN, light).moved(STANDING.hip), "top")
+        if light:
+            del parts["pelvis"]  # below the jacket
         levels.append(
             {
                 f"body_{role}": Part(merge([body for body, own in parts.values() if own == role]), role, CREASE)

@@ -6,7 +6,7 @@ in which the simulator's pedalling model turns them: origin at the axle, left cr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,26 +67,38 @@ def disc(radius: float, width: float, segments: int) -> Mesh:
     return outward(revolve(np.array(profile), segments, "y"))
 
 
+def light_disc(radius: float, width: float, segments: int) -> Mesh:
+    """Return the disc of :func:`disc` without a hole of 0.1 mm: two thirds of its triangles [m]."""
+    profile = [(0.0, -width / 2.0), (radius, -width / 2.0), (radius, width / 2.0), (0.0, width / 2.0)]
+    return outward(revolve(np.array(profile), segments, "y"))
+
+
+def without_ends(bar: Mesh, segments: int) -> Mesh:
+    """Return a `tube` without its two end faces, for one whose ends are hidden."""
+    return replace(bar, faces=bar.faces[: -2 * segments])
+
+
 def spokes(hub: float, rim: float, flange: float, number: int, thickness: float) -> Mesh:
-    """Return tangential wire spokes from the flanges of a hub to a rim, as three-sided wires [m]."""
+    """Return tangential wire spokes from the flanges of a hub to a rim, as three-sided wires [m]; those up to 8 without end faces."""
     wires = []
     for k in range(number):
         at = 2.0 * np.pi * k / number
         lean = 0.9 if (k // 2) % 2 else -0.9
         side = flange if k % 2 else -flange
         start = [hub * np.cos(at + lean), side, hub * np.sin(at + lean)]
-        wires.append(tube(np.array([start, [rim * np.cos(at), 0.0, rim * np.sin(at)]]), thickness, 3))
+        wire = tube(np.array([start, [rim * np.cos(at), 0.0, rim * np.sin(at)]]), thickness, 3)
+        wires.append(wire if number > 8 else without_ends(wire, 3))
     return merge(wires)
 
 
 def wheel(shape: BicycleShape, light: bool) -> tuple[Mesh, Mesh]:
     """Return tyre and rim (with hub and spokes) of a wheel about the origin."""
-    around = 20 if light else 40
+    around = 16 if light else 40
     middle = shape.wheel_radius - shape.tyre
-    tyre = ring(middle, shape.tyre, shape.tyre, around, 5 if light else 8)
-    rim = ring(middle - 0.020, 0.008, 0.012, around, 4 if light else 6)
-    hub = tube(np.array([[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]), 0.017, 6 if light else 12)
-    wires = spokes(0.026, middle - 0.022, 0.032, 10 if light else 24, 0.0015 if light else 0.001)
+    tyre = ring(middle, shape.tyre, shape.tyre, around, 3 if light else 8)
+    rim = ring(middle - 0.020, 0.008, 0.012, 14 if light else around, 3 if light else 6)
+    hub = tube(np.array([[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]), 0.017, 4 if light else 12)
+    wires = spokes(0.026, middle - 0.022, 0.032, 8 if light else 24, 0.0015 if light else 0.001)
     flanges = [] if light else [disc(0.03, 0.003, 14).moved((0.0, y, 0.0)) for y in (-0.032, 0.032)]
     return tyre, merge([rim, hub, wires, *flanges])
 
@@ -96,6 +108,7 @@ def _line(*points: Array, radius: float, segments: int) -> Mesh:
 
 
 def _frame(shape: BicycleShape, segments: int) -> Mesh:
+    thin = 3 if segments == 4 else segments
     bracket, seat_top = shape.seat_tube(0.0), shape.seat_tube(0.50)
     low, high = shape.steering(0.42), shape.steering(0.56)
     tubes = [
@@ -107,8 +120,8 @@ def _frame(shape: BicycleShape, segments: int) -> Mesh:
     for side in (-1.0, 1.0):
         out = np.array([0.0, side * 0.058, 0.0])
         near = np.array([0.0, side * 0.030, 0.0])
-        tubes.append(_line(bracket + near, shape.rear + out, radius=0.009, segments=segments))
-        tubes.append(_line(shape.seat_tube(0.45) + 0.6 * near, shape.rear + out, radius=0.008, segments=segments))
+        tubes.append(_line(bracket + near, shape.rear + out, radius=0.009, segments=thin))
+        tubes.append(_line(shape.seat_tube(0.45) + 0.6 * near, shape.rear + out, radius=0.008, segments=thin))
     return merge(tubes)
 
 
@@ -127,6 +140,8 @@ def _handlebar(shape: BicycleShape, segments: int) -> tuple[Mesh, Mesh]:
     stem = shape.steering(0.62)
     clamp = np.array([x + 0.07, 0.0, z - 0.015])
     half = [(x - 0.012, y + 0.065, z), (x, y - 0.05, z), (x + 0.05, y - 0.13, z - 0.010), (clamp[0], 0.03, clamp[2])]
+    if segments < 6:
+        half = [half[0], half[2], half[3]]
     way = [*half, *[(a, -b, c) for a, b, c in half[::-1]]]
     bar = merge([tube(np.array(way), 0.0115, segments), _line(stem, clamp, radius=0.015, segments=segments)])
     grips = merge(
@@ -150,6 +165,8 @@ def saddle(shape: BicycleShape, segments: int) -> Mesh:
         (-0.115, 0.070),
         (-0.125, 0.030),
     ]
+    if segments < 6:
+        half = half[::2]
     outline = np.array([*half, *[(a, -b) for a, b in half[::-1]]]) + [x, 0.0]
     return extrude(outline, z - 0.045, z)
 
@@ -192,13 +209,13 @@ def _chain(shape: BicycleShape) -> Mesh:
 
 def cranks(shape: BicycleShape, light: bool) -> Mesh:
     """Return both cranks, their axle and the chainring, in the frame that turns with them."""
-    segments = 5 if light else 10
+    segments = 4 if light else 10
     axle = tube(np.array([[0.0, -0.066, 0.0], [0.0, 0.066, 0.0]]), 0.011, segments)
     arms = [
         tube(np.array([[0.0, s * 0.062, 0.0], [s * shape.crank, s * 0.074, 0.0]]), np.array([0.015, 0.011]), segments) for s in (1.0, -1.0)
     ]  # fmt: skip
     teeth = (
-        disc(0.088, 0.004, 12)
+        light_disc(0.088, 0.004, 8)
         if light
         else merge([ring(0.083, 0.006, 0.003, 36, 4), disc(0.035, 0.004, 14), *_spider()])
     )
@@ -225,7 +242,7 @@ def build(shape: BicycleShape, light: bool = False) -> Parts:
     Roles: ``paint``, ``tyre``, ``rim``, ``chrome``, ``trim``, ``headlamp``, ``taillamp``. The parts ``cranks``, ``left_pedal`` and
     ``right_pedal`` are in their own frames.
     """
-    segments = 5 if light else 10
+    segments = 4 if light else 10
     bar, grips = _handlebar(shape, segments)
     post = _line(
         shape.seat_tube(0.48),
@@ -247,8 +264,8 @@ def build(shape: BicycleShape, light: bool = False) -> Parts:
         parts |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}
     lamp = shape.steering(0.49) + [0.066, 0.0, 0.0]
     rear = (shape.rear[0] - 0.137, 0.0, 2.0 * shape.wheel_radius + 0.045)
-    rows, sides = (5, 8) if light else (10, 16)
-    parts["lamp_front"] = (ellipsoid(tuple(lamp), (0.032, 0.032, 0.032), rows=rows, segments=sides), "headlamp")
+    glass = box((0.05, 0.056, 0.056), lamp) if light else ellipsoid(tuple(lamp), (0.032, 0.032, 0.032), rows=10, segments=16)
+    parts["lamp_front"] = (glass, "headlamp")
     parts["lamp_rear"] = (box((0.02, 0.07, 0.035), rear), "taillamp")
     if not light:
         guard = shape.wheel_radius + 0.025

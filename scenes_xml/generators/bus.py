@@ -32,6 +32,10 @@ BODY = BodyShape(
     front_bow=0.22, rear_bow=0.07, bow_power=4.0, bow_reach=0.75, end_radius=0.07,
     more_stations=(5.8, 5.65, 5.5, 5.35, -5.8, -5.6, -5.4),
 )  # fmt: skip
+LIGHT_BODY = replace(
+    BODY, more_stations=(5.3, -5.4, *(x + sign * (radius + 0.004) for x, _, radius in BODY.arches for sign in (-1.0, 1.0)))
+)  # fmt: skip
+"""Body of the light level. It keeps the upright end walls of the wheel houses."""
 DOORS = ((4.22, 5.46), (-0.35, 0.95), (-4.62, -3.36))
 """Doors on the right side, from and to x [m]."""
 PANES = (
@@ -137,13 +141,16 @@ def _roof_units(fine: bool) -> Mesh:
 
 
 def underbody(fine: bool) -> Mesh:
-    """Return floor plate, axles, gearbox and frame of the bus."""
+    """Return floor plate, axles, gearbox and frame of the bus; at the light level without differential and drive shaft.
+
+    The axles stay at the light level: with the inner walls of the wheel houses they are corners that carry most of a bus's echo.
+    """
     floor = box((9.0, 1.06, 0.03), (0.3, 0.0, 0.278))
-    if not fine:
-        return floor
     parts = [floor, box((1.4, 1.6, 0.10), (-4.6, 0.0, 0.255)), box((1.0, 0.9, 0.12), (-3.9, 0.0, 0.245))]
     for x in (FRONT_AXLE, REAR_AXLE):
         parts.append(bar((x, -0.86, 0.40), (x, 0.86, 0.40), 0.09, 10))
+    if not fine:
+        return merge(parts)
     ball = np.array([(0.0, -0.20), (0.14, -0.16), (0.20, 0.0), (0.14, 0.16), (0.0, 0.20)])
     parts.append(outward(revolve(ball, 12, "y")).moved((REAR_AXLE, 0.15, 0.42)))
     parts.append(bar((REAR_AXLE - 0.15, 0.15, 0.40), (-3.5, 0.0, 0.36), 0.05, 8))
@@ -174,7 +181,7 @@ def wheels(light: bool = False) -> dict[str, tuple[Mesh, str]]:
 
 def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     """Return the parts of the bus: name -> (mesh, role)."""
-    painted, floor = loft(BODY if fine else replace(BODY, more_stations=(5.3, -5.4)), fine)
+    painted, floor = loft(BODY if fine else LIGHT_BODY, fine)
     body = merge([painted, floor])
     x = LENGTH / 2 - 0.003
     plates = merge([box((0.06, 0.52, 0.11), (s * (x - 0.03), 0.0, z)) for s, z in ((1.0, 0.55), (-1.0, 0.66))])

@@ -10,10 +10,10 @@ from .pedestrian import BodyShape, ellipsoid, loft
 
 def _skirt(rows: list[tuple[float, float, float, float]], shape: BodyShape, light: bool) -> Mesh:
     """Return a hanging garment around the trunk from (z, half depth, half width, middle x)."""
-    h, g = shape.height, shape.height * shape.build
+    h, g = shape.height, shape.height * shape.build * (1.04 if light else 1.0)  # what eight sides cut off
     return loft(
         np.array([(z * h, depth * g, width * g * shape.hips, x * h, 0.0) for z, depth, width, x in rows]),
-        12 if light else 28,
+        8 if light else 28,
         2.5,
     )
 
@@ -24,7 +24,7 @@ def jacket_hem(shape: BodyShape, light: bool = False) -> Mesh:
         (-0.072, 0.092, 0.123, 0.004), (-0.065, 0.094, 0.125, 0.004), (-0.03, 0.086, 0.125, 0.002), (0.015, 0.073, 0.116, 0.0),
         (0.050, 0.064, 0.096, 0.0), (0.075, 0.058, 0.081, 0.0), (0.085, 0.050, 0.070, 0.0),
     ]  # fmt: skip
-    return _skirt([*rows[:-1:2], rows[-1]] if light else rows, shape, light)
+    return _skirt([rows[k] for k in (0, 3, 6)] if light else rows, shape, light)
 
 
 def coat_hem(shape: BodyShape, light: bool = False) -> Mesh:
@@ -33,7 +33,7 @@ def coat_hem(shape: BodyShape, light: bool = False) -> Mesh:
         (-0.155, 0.124, 0.124, 0.008), (-0.147, 0.125, 0.125, 0.008), (-0.08, 0.104, 0.124, 0.004), (-0.03, 0.088, 0.122, 0.002),
         (0.015, 0.073, 0.113, 0.0), (0.050, 0.064, 0.095, 0.0), (0.075, 0.058, 0.081, 0.0), (0.085, 0.050, 0.070, 0.0),
     ]  # fmt: skip
-    return _skirt([*rows[:-1:2], rows[-1]] if light else rows, shape, light)
+    return _skirt([rows[k] for k in (0, 3, 7)] if light else rows, shape, light)
 
 
 def collar(shape: BodyShape) -> Mesh:
@@ -51,7 +51,7 @@ def collar(shape: BodyShape) -> Mesh:
 def long_hair(shape: BodyShape, light: bool = False) -> Mesh:
     """Return hair down to the shoulders; it goes with the head."""
     h = shape.height * shape.head_scale
-    rows, segments = (5, 10) if light else (12, 20)
+    rows, segments = (3, 7) if light else (12, 20)
     cap = ellipsoid(
         (-0.003 * h, 0.0, 0.084 * h), (0.0550 * h, 0.0490 * h, 0.0640 * h), low=0.05, rows=rows, segments=segments
     )
@@ -59,6 +59,8 @@ def long_hair(shape: BodyShape, light: bool = False) -> Mesh:
         (0.100, 0.034, 0.047, -0.022), (0.06, 0.037, 0.049, -0.024), (0.01, 0.032, 0.050, -0.028), (-0.03, 0.024, 0.050, -0.034),
         (-0.055, 0.016, 0.044, -0.038), (-0.062, 0.006, 0.030, -0.038),
     ]  # fmt: skip
+    if light:
+        fall = [fall[k] for k in (0, 2, 4)]
     back = loft(np.array([(z * h, a * h, b * h, x * h, 0.0) for z, a, b, x in fall]), segments, 2.3)
     return merge([cap, back])
 
@@ -70,7 +72,9 @@ def backpack(shape: BodyShape, light: bool = False) -> Mesh:
         (0.045, 0.020, 0.050, -0.108), (0.055, 0.042, 0.074, -0.108), (0.12, 0.052, 0.080, -0.112), (0.20, 0.047, 0.078, -0.106),
         (0.255, 0.034, 0.066, -0.096), (0.270, 0.015, 0.045, -0.090),
     ]  # fmt: skip
-    sack = loft(np.array([(z * h, a * h, b * h, x * g, 0.0) for z, a, b, x in rows]), 10 if light else 22, 3.2)
+    if light:
+        rows = [rows[k] for k in (1, 3, 5)]
+    sack = loft(np.array([(z * h, a * h, b * h, x * g, 0.0) for z, a, b, x in rows]), 8 if light else 22, 3.2)
     if light:
         return sack
     straps = []
@@ -112,7 +116,7 @@ def shoulder_bag(shape: BodyShape, light: bool = False) -> Mesh:
 def bicycle_helmet(shape: BodyShape, light: bool = False) -> Mesh:
     """Return a bicycle helmet; it goes with the head."""
     h = shape.height * shape.head_scale
-    rows, segments = (4, 10) if light else (9, 22)
+    rows, segments = (3, 8) if light else (9, 22)
     shell = ellipsoid(
         (0.004 * h, 0.0, 0.078 * h), (0.069 * h, 0.057 * h, 0.072 * h), low=0.05, rows=rows, segments=segments
     )
@@ -139,14 +143,14 @@ def bicycle_helmet(shape: BodyShape, light: bool = False) -> Mesh:
 def motorcycle_helmet(shape: BodyShape, light: bool = False) -> tuple[Mesh, Mesh]:
     """Return shell and visor of a full-face helmet; they go with the head, whose face they cover."""
     h = shape.height * shape.head_scale
-    rows, segments = (6, 10) if light else (14, 26)
+    rows, segments = (4, 7) if light else (14, 26)
     shell = ellipsoid(
         (0.006 * h, 0.0, 0.074 * h), (0.079 * h, 0.067 * h, 0.080 * h), low=-0.75, rows=rows, segments=segments
     )
     chin = ellipsoid(
-        (0.040 * h, 0.0, 0.026 * h), (0.047 * h, 0.054 * h, 0.032 * h), rows=max(rows // 2, 4), segments=segments
+        (0.040 * h, 0.0, 0.026 * h), (0.047 * h, 0.054 * h, 0.032 * h), rows=3 if light else rows // 2, segments=segments
     )
     visor = ellipsoid(
-        (0.030 * h, 0.0, 0.078 * h), (0.060 * h, 0.062 * h, 0.034 * h), rows=max(rows - 4, 4), segments=segments
+        (0.030 * h, 0.0, 0.078 * h), (0.060 * h, 0.062 * h, 0.034 * h), rows=3 if light else rows - 4, segments=segments
     )
-    return merge([shell, chin]), visor
+    return shell if light else merge([shell, chin]), visor

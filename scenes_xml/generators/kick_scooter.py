@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .bicycle import Parts, disc, mudguard, ring
+from .bicycle import Parts, disc, light_disc, mudguard, ring
 from .mesh import Mesh, box, extrude, merge, tube
 
 
@@ -21,15 +21,15 @@ class KickScooterShape:
 
 
 def _wheel(shape: KickScooterShape, light: bool) -> tuple[Mesh, Mesh]:
-    around = 16 if light else 32
-    tyre = ring(shape.wheel_radius - 0.03, 0.03, 0.027, around, 6 if light else 9)
-    hub = merge([disc(0.075, 0.03, around), tube(np.array([[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]), 0.012, 6)])
+    around = 14 if light else 32
+    tyre = ring(shape.wheel_radius - 0.03, 0.03, 0.027, around, 4 if light else 9)
+    hub = merge([light_disc(0.075, 0.03, 8) if light else disc(0.075, 0.03, around), tube(np.array([[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]), 0.012, 4 if light else 6)])
     return tyre, hub
 
 
 def build(shape: KickScooterShape, light: bool = False) -> Parts:
     """Return the parts of a kick scooter, name -> (mesh, role): ``paint``, ``trim``, ``chrome``, ``tyre``, ``rim``, ``headlamp``, ``taillamp``."""
-    segments, half, radius = 6 if light else 12, shape.wheelbase / 2.0, shape.wheel_radius
+    segments, half, radius = 4 if light else 12, shape.wheelbase / 2.0, shape.wheel_radius
     x, y, z = shape.grip
     base, top = np.array([half - 0.035, 0.0, 0.30]), np.array([x + 0.02, 0.0, z - 0.02])
     outline = np.array([(-0.36, 0.06), (-0.34, 0.08), (0.18, 0.085), (0.23, 0.06)])

@@ -7,7 +7,7 @@ Effect in Radar*, 2nd ed., 2019, section 4.1; girths are drawn.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -79,24 +79,44 @@ def loft(rings: Array, segments: int = 20, exponent: float = 2.2) -> Mesh:
     return outward(merge(parts))
 
 
-def _limb(stations: list[tuple[float, float, float]], length: float, scale: float, light: bool = False) -> Mesh:
-    """Return a limb along -z with round ends; a station is (part of the length, half girth along x, along y)."""
+Stations = list[tuple[float, float, float]]
+
+
+def _limb(stations: Stations, length: float, scale: float, few: tuple[float, ...] | None = None) -> Mesh:
+    """Return a limb along -z with round ends; a station is (part of the length, half girth along x, along y).
+
+    With `few` parts of the length it has six sides through these and pointed ends.
+    """
+    if few is not None:
+        return _six_sided(stations, length, scale, few)
     t, rx, ry = np.array(stations).T
-    segments = 8 if light else 14
-    fine = np.linspace(0, 1, 4 if light else 13)
+    fine = np.linspace(0, 1, 13)
     x, y = np.interp(fine, t, rx) * scale, np.interp(fine, t, ry) * scale
     rows = [(-s * length, a, b, 0.0, 0.0) for s, a, b in zip(fine, x, y, strict=True)]
-    cap = np.radians([70.0, 35.0] if light else [80.0, 55.0, 28.0])
+    cap = np.radians([80.0, 55.0, 28.0])
     top = [(np.sin(c) * x[0] * 0.9, x[0] * np.cos(c), y[0] * np.cos(c), 0.0, 0.0) for c in cap]
     bottom = [(-length - np.sin(c) * x[-1] * 0.9, x[-1] * np.cos(c), y[-1] * np.cos(c), 0.0, 0.0) for c in cap[::-1]]
-    return loft(np.array(top + rows + bottom), segments, 2.0)
+    return loft(np.array(top + rows + bottom), 14, 2.0)
+
+
+def _six_sided(stations: Stations, length: float, scale: float, at: tuple[float, ...]) -> Mesh:
+    """Return a limb of six sides; its girth, and by Cauchy its mean width over the directions around it, is the round limb's."""
+    t, rx, ry = np.array(stations).T
+    share = np.array(at)
+    girth = scale * np.pi / 3.0
+    x, y = np.interp(share, t, rx) * girth, np.interp(share, t, ry) * girth
+    mesh = loft(np.stack([-share * length, x, y, 0.0 * x, 0.0 * x], 1), 6, 2.0)
+    vertices = mesh.vertices.copy()
+    on_axis = np.hypot(vertices[:, 0], vertices[:, 1]) < 1e-9
+    vertices[on_axis, 2] += np.where(vertices[on_axis, 2] > -0.5 * length, 0.6 * x[0], -0.8 * x[-1])
+    return replace(mesh, vertices=vertices)
 
 
 def body(shape: BodyShape, light: bool = False) -> dict[str, tuple[Mesh, str]]:
     """Return the shapes of a body, name -> (mesh, role); a name is a segment's, with a suffix where it has several shapes.
 
     Roles: ``skin``, ``hair``, ``top``, ``trousers``, ``shoes``. A `light` body has one shape for each of the 13 segments and the hair,
-    of a tenth of the triangles.
+    of a twentieth of the triangles.
     """
     h, g = shape.height, shape.height * shape.build
     parts: dict[str, tuple[Mesh, str]] = {
@@ -111,12 +131,13 @@ def body(shape: BodyShape, light: bool = False) -> dict[str, tuple[Mesh, str]]:
     lower = [(0.0, 0.025, 0.025), (0.3, 0.025, 0.024), (0.95, 0.018, 0.018), (1.0, 0.018, 0.018)]
     for side, sign in (("left", 1.0), ("right", -1.0)):
         leg, arm = (0.0, -sign * shape.leg_inset * h, 0.0), (0.0, -sign * shape.arm_inset * h, 0.0)
-        parts[f"{side}_upper_leg"] = (_limb(thigh, UPPER_LEG * h, g, light).moved(leg), "trousers")
-        parts[f"{side}_lower_leg"] = (_limb(calf, LOWER_LEG * h, g, light).moved(leg), "trousers")
+        thigh_at, calf_at, arm_at = ((0.1, 1.0), (0.0, 0.35, 1.0), (0.0, 1.0)) if light else (None, None, None)
+        parts[f"{side}_upper_leg"] = (_limb(thigh, UPPER_LEG * h, g, thigh_at).moved(leg), "trousers")
+        parts[f"{side}_lower_leg"] = (_limb(calf, LOWER_LEG * h, g, calf_at).moved(leg), "trousers")
         parts[f"{side}_foot"] = (_shoe(h, light).moved(leg), "shoes")
-        parts[f"{side}_upper_arm"] = (_limb(upper, UPPER_ARM * h, g, light).moved(arm), "top")
+        parts[f"{side}_upper_arm"] = (_limb(upper, UPPER_ARM * h, g, arm_at).moved(arm), "top")
         if light:
-            parts[f"{side}_lower_arm"] = (_limb(lower, (LOWER_ARM + 0.06) * h, g, light).moved(arm), "top")
+            parts[f"{side}_lower_arm"] = (_limb(lower, (LOWER_ARM + 0.06) * h, g, arm_at).moved(arm), "top")
         else:
             parts[f"{side}_lower_arm"] = (_limb(lower, LOWER_ARM * h * 0.97, g).moved(arm), "top")
             parts[f"{side}_lower_arm_hand"] = (_hand(h).moved(arm), "skin")
@@ -131,6 +152,11 @@ def _rings(table: list[tuple[float, float, float, float]], h: float, g: float, c
     return np.stack([fine * h, columns[0] * g, columns[1] * g, columns[2] * h, 0 * fine], 1)
 
 
+def _rows(table: list[tuple[float, float, float, float]], h: float, g: float) -> Array:
+    """Return the rings of :func:`_rings` at the rows of the table themselves."""
+    return np.array([(z * h, depth * g, width * g, middle * h, 0.0) for z, depth, width, middle in table])
+
+
 def _torso(h: float, g: float, shoulders: float, light: bool) -> Mesh:
     table = [
         (0.000, 0.056, 0.078, 0.000), (0.05, 0.056, 0.079, 0.000), (0.11, 0.061, 0.087, 0.002), (0.19, 0.068, 0.099, 0.004),
@@ -138,7 +164,9 @@ def _torso(h: float, g: float, shoulders: float, light: bool) -> Mesh:
         (0.320, 0.026, 0.035, -0.005),
     ]  # fmt: skip
     table = [(z, depth, width * (1.0 + (shoulders - 1.0) * min(z / 0.24, 1.0)), x) for z, depth, width, x in table]
-    return loft(_rings(table, h, g, 8 if light else 18), 10 if light else 26, 2.4)
+    if light:
+        return loft(_rows([table[k] for k in (0, 3, 5, 8)], h, g), 8, 2.4)
+    return loft(_rings(table, h, g, 18), 26, 2.4)
 
 
 def _pelvis(h: float, g: float, hips: float, light: bool) -> Mesh:
@@ -147,7 +175,9 @@ def _pelvis(h: float, g: float, hips: float, light: bool) -> Mesh:
         (0.055, 0.057, 0.080, 0.0),
     ]  # fmt: skip
     table = [(z, depth, width * (hips if z <= 0.0 else 1.0 + (hips - 1.0) * (1.0 - z / 0.055)), x) for z, depth, width, x in table]
-    return loft(_rings(table, h, g, 5 if light else 18), 10 if light else 26, 2.3)
+    if light:
+        return loft(_rows([table[k] for k in (0, 2, 4)], h, g), 8, 2.3)
+    return loft(_rings(table, h, g, 18), 26, 2.3)
 
 
 def ellipsoid(
@@ -163,7 +193,7 @@ def ellipsoid(
 def _head(h: float, g: float, light: bool) -> Mesh:
     if light:
         neck = _rings([(-0.02, 0.031, 0.032, -0.006), (0.05, 0.028, 0.028, 0.0)], h, g, 2)
-        return merge([loft(neck, 8, 2.0), ellipsoid((0.012 * h, 0.0, 0.072 * h), (0.053 * h, 0.043 * h, 0.066 * h), rows=7, segments=10)])
+        return merge([loft(neck, 4, 2.0), ellipsoid((0.012 * h, 0.0, 0.072 * h), (0.054 * h, 0.045 * h, 0.066 * h), rows=4, segments=7)])
     skull = ellipsoid((0.008 * h, 0.0, 0.078 * h), (0.051 * h, 0.043 * h, 0.062 * h))
     jaw = ellipsoid((0.022 * h, 0.0, 0.045 * h), (0.034 * h, 0.033 * h, 0.036 * h))
     nose = ellipsoid((0.060 * h, 0.0, 0.066 * h), (0.009 * h, 0.008 * h, 0.014 * h), rows=6)
@@ -174,7 +204,7 @@ def _head(h: float, g: float, light: bool) -> Mesh:
 
 def _hair(h: float, light: bool) -> Mesh:
     if light:
-        return ellipsoid((-0.010 * h, 0.0, 0.082 * h), (0.050 * h, 0.0475 * h, 0.0625 * h), low=-0.2, rows=5, segments=10)
+        return ellipsoid((-0.010 * h, 0.0, 0.082 * h), (0.050 * h, 0.0475 * h, 0.0625 * h), low=-0.2, rows=3, segments=6)
     cap = ellipsoid((-0.003 * h, 0.0, 0.084 * h), (0.0535 * h, 0.0475 * h, 0.0625 * h), low=0.05)
     back = ellipsoid((-0.020 * h, 0.0, 0.070 * h), (0.038 * h, 0.0445 * h, 0.055 * h), low=-0.75)
     return merge([cap, back])
@@ -197,10 +227,10 @@ def _shoe(h: float, light: bool = False) -> Mesh:
     half = np.array([0.09, 0.13, 0.15, 0.155, 0.175, 0.185, 0.155, 0.10, 0.05])
     sole = -0.25 + 0.02 * np.clip((x - 0.6) / 0.2, 0, 1)
     if light:
-        x, top, half, sole = (column[[0, 2, 4, 6, 8]] for column in (x, top, half, sole))
+        x, top, half, sole = (column[[0, 3, 8]] for column in (x, top, half, sole))
     rows = []
     for xi, ti, wi, si in zip(x, top, half, sole, strict=True):
-        angle = np.linspace(0, np.pi, 5 if light else 9)
+        angle = np.linspace(0, np.pi, 3 if light else 9)
         y, z = wi * np.cos(angle), si + 0.05 + (ti - si - 0.05) * np.sin(angle) ** 0.8
         ring = np.concatenate([np.stack([y, z], 1), [[-wi, si], [wi, si]]])
         rows.append(np.column_stack([np.full(len(ring), xi), ring]))
