@@ -32,8 +32,10 @@ SMOOTH = 2
 """The plan is drawn this many times larger and averaged."""
 MARGIN, NARROWEST = 14.0, 40.0
 """Around everything that moves, and least side of the plan [m]."""
-WIDEST = 260.0
-"""A longer plan follows the ego vehicle instead [m]."""
+WIDEST, AROUND_EGO = 260.0, 55.0
+"""A longer plan shows the ego vehicle's way with so much around it, or follows it where that is too long as well [m]."""
+LARGEST_GROUND = 2200
+"""Longer side of the ground that a plan which follows is cut out of [px]."""
 HEAD_ROOM = 3.4
 """Where something covers what moves, the plan is a cut at this height above the ego vehicle's ground [m]."""
 COVERS = frozenset(map(semantic_id, ("Vegetation", "Bridge", "Pole", "TrafficLight", "TrafficSign", "Static")))
@@ -76,6 +78,11 @@ class _View:
     centre: npt.NDArray[np.float64]
     half: npt.NDArray[np.float64]
     scale: float
+
+    @property
+    def longest(self) -> float:
+        """Return the longer side [m]."""
+        return 2.0 * float(self.half.max())
 
     @property
     def size(self) -> tuple[int, int]:
@@ -132,6 +139,7 @@ def write_preview(
         _ffmpeg()
     on_progress("scene", 0, 1)
     world = load_world(scenario)
+    on_progress("scene", 1, 1)
     times = _times(scenario, frame_rate)
     rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 1.0
     try:
@@ -162,32 +170,49 @@ def _times(scenario: ScenarioSpec, frame_rate: float | None) -> list[float]:
 def _plans(world: World, times: Sequence[float], on_done: Callable[[int], None]) -> Iterator[Picture]:
     """Yield the plan at each time."""
     states = [world.at(time) for time in times]
-    frames = [[item for item in state.boxes() if item.is_actor and _is_in(state, item)] for state in states]
+    floor = _floor(world)
+    frames = [[o for o in state.boxes() if o.is_actor and o.world_from_box.position[2] > floor] for state in states]
     places = [{item.name: item.world_from_box.position[:2] for item in frame} for frame in frames]
     whole = _view_of(np.array([place for frame in places for place in frame.values()] or [np.zeros(2)]))
-    follows = world.ego is not None and float(whole.half.max()) * 2.0 > WIDEST
-    ground: Image.Image | None = None
-    for index, (state, frame) in enumerate(zip(states, frames, strict=True)):
-        view = _view_of(places[index][world.ego][None], 55.0) if follows and world.ego else whole
-        if ground is None or follows:
-            ground = Image.fromarray(_ground(state, view))
+    track = np.array([frame[world.ego] for frame in places]) if world.ego is not None else None
+    if track is not None and whole.longest > WIDEST:
+        whole = _view_of(track, AROUND_EGO)
+    follows = track is not None and whole.longest > WIDEST
+    ground = _ground(states[0], whole)
+    for index, frame in enumerate(frames):
+        view, own = whole, ground
+        if follows and track is not None:
+            view = _view_of(track[index][None], AROUND_EGO)
+            own = _cut_out(ground, whole, view)
         first = max(0, index - int(np.ceil(TRAIL / max(times[1] - times[0], 1e-9)))) if len(times) > 1 else 0
-        yield np.asarray(_drawn(ground.copy(), view, world, frame, places[first : index + 1], times[index]))
+        picture = _drawn(Image.fromarray(own), view, world, frame, places[first : index + 1], times[index])
+        yield np.asarray(picture)
         on_done(index + 1)
 
 
-def _is_in(state: WorldState, item: ObjectState) -> bool:
-    """Return whether an actor is in the scene, not deep below it like traffic that has left the lanes."""
-    ego = state.world.ego
-    floor = float(state.actor_pose(ego).position[2]) if ego is not None else 0.0
-    return bool(item.world_from_box.position[2] > floor - DEEP)
+def _floor(world: World) -> float:
+    """Return the height below which an actor is not in the scene: traffic that is not on the lanes waits far below [m]."""
+    lowest = world._triangles.bounds()[0][world.parts.actor < 0]
+    return float(lowest[:, 2].min()) - 1.0 if len(lowest) else -np.inf
+
+
+def _cut_out(ground: Picture, whole: _View, view: _View) -> Picture:
+    """Return the part of a plan that another view shows, by the nearest pixel."""
+    width, height = view.size
+    x = view.centre[0] + (np.arange(width) + 0.5 - width / 2.0) / view.scale
+    y = view.centre[1] - (np.arange(height) + 0.5 - height / 2.0) / view.scale
+    column = ((x - whole.centre[0]) * whole.scale + ground.shape[1] / 2.0).astype(int)
+    row = ((whole.centre[1] - y) * whole.scale + ground.shape[0] / 2.0).astype(int)
+    inside = np.ix_(np.clip(row, 0, ground.shape[0] - 1), np.clip(column, 0, ground.shape[1] - 1))
+    return np.asarray(ground[inside])
 
 
 def _view_of(points: npt.NDArray[np.float64], margin: float = MARGIN) -> _View:
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     half = np.maximum((high - low) / 2.0, NARROWEST / 2.0)
     half = np.maximum(half, half.max() * 0.45)
-    return _View((low + high) / 2.0, half, LARGEST / (2.0 * float(half.max())))
+    longest = 2.0 * float(half.max())
+    return _View((low + high) / 2.0, half, (LARGEST if longest <= WIDEST else LARGEST_GROUND) / longest)
 
 
 def _ground(state: WorldState, view: _View) -> Picture:
