@@ -77,6 +77,24 @@ def save(image: Image.Image, path: Path) -> None:
     path.write_bytes(buffer.getvalue())
 
 
+def gallery(figures: Path) -> Path:
+    """Write the street views of eight scenes as one picture."""
+    names = (
+        "signalised_crossing", "roundabout", "parking_garage", "tunnel", "motorway", "suburban_street", "country_road", "urban_crossing",
+    )  # fmt: skip
+    width, columns, gap = 420, 4, 6
+    views = [Image.open(figures / f"scene_{n}_{'day' if n == 'urban_crossing' else 'street'}.png").convert("RGB") for n in names]
+    tiles = [view.resize((width, round(width * 9 / 16)), Image.Resampling.LANCZOS) for view in views]
+    rows = -(-len(tiles) // columns)
+    height = tiles[0].height
+    sheet = Image.new("RGB", (columns * (width + gap) - gap, rows * (height + gap) - gap), (255, 255, 255))
+    for number, tile in enumerate(tiles):
+        sheet.paste(tile, (number % columns * (width + gap), number // columns * (height + gap)))
+    path = figures / "scenes_gallery.jpg"
+    sheet.save(path, quality=88)
+    return path
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--figures", type=Path, default=Path("docs/figures"))
@@ -85,6 +103,7 @@ def main() -> None:
     for name in arguments.only:
         save(picture(*PICTURES[name]), arguments.figures / f"{name}.png")
         print(f"{name}: {(arguments.figures / f'{name}.png').stat().st_size // 1000} kB")
+    print(gallery(arguments.figures))
 
 
 if __name__ == "__main__":
