@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.core.drop_sizes import RAIN_POWER, RAIN_SIZES, SNOW_FALL_SPEED, SNOW_SIZES, SNOW_SOLID, terminal_speed
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose, Twist
 from scarl_sionna.core.weather import Weather
 
@@ -44,11 +45,12 @@ def _kinds(weather: Weather) -> list[_Kind]:
     """Return what falls: sizes as for the radar (Marshall and Palmer 1948; Sekhon and Srivastava 1970, over melted diameters)."""
     kinds = []
     if weather.rain_rate > 0.0:
-        kinds.append(_Kind(8e6, 4.1e3 * weather.rain_rate**-0.21, 0.5e-3, 1.0, DROP_RADIANCE))
+        number, slope = RAIN_SIZES["marshall_palmer"]
+        kinds.append(_Kind(number, slope * weather.rain_rate**RAIN_POWER, 0.5e-3, 1.0, DROP_RADIANCE))
     if weather.snow_rate > 0.0:
-        number, slope = 2.5e6 * weather.snow_rate**-0.94, 2.29e3 * weather.snow_rate**-0.45
-        solid = 0.2 if weather.snow == "dry" else 0.4
-        kinds.append(_Kind(number, slope, 0.3e-3, solid ** (-1.0 / 3.0), FLAKE_RADIANCE))
+        number, number_power, slope, slope_power = SNOW_SIZES
+        number, slope = number * weather.snow_rate**number_power, slope * weather.snow_rate**slope_power
+        kinds.append(_Kind(number, slope, 0.3e-3, SNOW_SOLID[weather.snow] ** (-1.0 / 3.0), FLAKE_RADIANCE))
     return kinds
 
 
@@ -136,8 +138,8 @@ def _cover(
 
 def _fall_speed(kind: _Kind, diameter: Array) -> Array:
     if kind.radiance == FLAKE_RADIANCE:
-        return np.ones(len(diameter))
-    return np.maximum(9.65 - 10.3 * np.exp(-600.0 * diameter), 0.5)  # Atlas, Srivastava, Sekhon 1973
+        return np.full(len(diameter), SNOW_FALL_SPEED)
+    return np.maximum(terminal_speed(diameter), 0.5)
 
 
 def _drops(kind: _Kind, spec: CameraSpec, focal: float, generator: np.random.Generator) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from .atmosphere import CONTRAST, REFERENCE_WAVELENGTH, Atmosphere
+from .drop_sizes import DropSizes
 from .errors import ParameterRangeError, UnknownNameError
 from .lighting import Lighting
 from .spec import Spec
@@ -68,7 +69,7 @@ class Weather(Spec):
     """
 
     rain_rate: float = Field(0.0, ge=0.0, le=200.0, description="[mm/h]")
-    drop_sizes: Literal["marshall_palmer", "drizzle", "widespread", "thunderstorm"] = Field(
+    drop_sizes: DropSizes = Field(
         "marshall_palmer", description="distribution of the rain's drops, for what they send back to a radar"
     )
     visibility: float | None = Field(

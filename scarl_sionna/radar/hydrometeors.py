@@ -13,6 +13,15 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.drop_sizes import (
+    RAIN_POWER,
+    RAIN_SIZES,
+    SNOW_FALL_SPEED,
+    SNOW_SIZES,
+    SNOW_SOLID,
+    DropSizes,
+    terminal_speed,
+)
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.world.dielectrics import CELSIUS, ice_permittivity, refractive_mixture, water_permittivity
@@ -20,30 +29,13 @@ from scarl_sionna.world.dielectrics import CELSIUS, ice_permittivity, refractive
 from .mie import mie_efficiencies
 
 Array = npt.NDArray[np.float64]
-DropSizes = Literal["marshall_palmer", "drizzle", "widespread", "thunderstorm"]
 
-RAIN_SIZES = {
-    "marshall_palmer": (8.0e6, 4.1e3),
-    "drizzle": (30.0e6, 5.7e3),
-    "widespread": (7.0e6, 4.1e3),
-    "thunderstorm": (1.4e6, 3.0e3),
-}
-"""N_0 [1/m4] and Lambda at 1 mm/h [1/m] of exponential distributions of drops: J. S. Marshall, W. M. Palmer, J. Meteor. 5, 1948;
-the other three J. Joss, J. C. Thams, A. Waldvogel, Proc. Int. Conf. Cloud Physics, Toronto, 1968."""
-_RAIN_POWER = -0.21
 LARGEST_DROP = 8e-3
 """Diameter to which the distribution of drops goes [m]; larger ones break up."""
-SNOW_SIZES = (2.50e6, -0.94, 2.29e3, -0.45)
-"""N_0 [1/m4] and Lambda [1/m] at 1 mm/h, each with its power of the rate, over the melted diameter: R. S. Sekhon, R. C. Srivastava,
-J. Atmos. Sci. 27(2), 1970."""
 LARGEST_FLAKE = 6e-3
 """Melted diameter to which the distribution of flakes goes [m]."""
-SNOW_FALL_SPEED = 1.0
-"""Of flakes [m/s]; measured aggregates fall with 0.7 to 1.5 m/s (J. D. Locatelli, P. V. Hobbs, J. Geophys. Res. 79(15), 1974)."""
 WET_SNOW_WATER = 0.1
 """Share of a wet flake's ice and water that is water."""
-_DENSITY = {"dry": 0.2, "wet": 0.4}
-"""Share of a flake's volume that is ice and water; the diameter of the sphere follows from its mass."""
 _STEPS = 400
 _WATER = 1e6
 """Density of water [g/m3]."""
@@ -94,21 +86,6 @@ class Hydrometeors:
         return np.concatenate([self.fall_speed[:1], middle, self.fall_speed[-1:]])
 
 
-def terminal_speed(diameter: npt.ArrayLike) -> Array:
-    r"""Return the speed of fall of drops of water in still air near the ground [m/s].
-
-    .. math:: v = 9.65 - 10.3 \, e^{-0.6 D}, \quad D \text{ in mm}
-
-    0 for drops below 0.109 mm, where the fit ends.
-
-    References
-    ----------
-    .. [1] D. Atlas, R. C. Srivastava, R. S. Sekhon, "Doppler radar characteristics of precipitation at vertical incidence",
-       Rev. Geophys. 11(1), 1973.
-    """
-    return np.maximum(9.65 - 10.3 * np.exp(-0.6e3 * np.asarray(diameter, dtype=np.float64)), 0.0)
-
-
 @lru_cache(maxsize=64)
 def rain(rain_rate: float, frequency: float, temperature: float, sizes: DropSizes = "marshall_palmer") -> Hydrometeors:
     r"""Return rain: exponential distribution of spheres of water.
@@ -142,7 +119,7 @@ def rain(rain_rate: float, frequency: float, temperature: float, sizes: DropSize
     _positive("rain_rate", rain_rate, "mm/h")
     number, slope = RAIN_SIZES[sizes]
     diameter, step = _grid(LARGEST_DROP)
-    density = number * np.exp(-slope * rain_rate**_RAIN_POWER * diameter)
+    density = number * np.exp(-slope * rain_rate**RAIN_POWER * diameter)
     permittivity = water_permittivity(frequency, temperature)
     return _cloud(diameter, density * step, diameter, permittivity, frequency, terminal_speed(diameter))
 
@@ -189,14 +166,14 @@ def snow(snow_rate: float, frequency: float, kind: Literal["dry", "wet"], temper
     flake is a sphere of the same mass whose ice and water fill the share 0.2 (dry) or 0.4 (wet) of its volume, with the mean
     refractive index of its parts. Flakes are no spheres: backscatter of dry snow is right within about 5 dB up to 2 mm/h.
     """
-    if kind not in _DENSITY:
+    if kind not in SNOW_SOLID:
         raise ParameterRangeError("kind", repr(kind), "'dry' or 'wet'")
     _positive("snow_rate", snow_rate, "mm/h")
     number, number_power, slope, slope_power = SNOW_SIZES
     melted, step = _grid(LARGEST_FLAKE)
     density = number * snow_rate**number_power * np.exp(-slope * snow_rate**slope_power * melted)
     liquid = WET_SNOW_WATER if kind == "wet" else 0.0
-    solid = _DENSITY[kind]
+    solid = SNOW_SOLID[kind]
     mass_density = solid * ((1.0 - liquid) * 0.917 + liquid)
     ice = ice_permittivity(frequency, min(temperature, CELSIUS))
     parts = [(solid * (1.0 - liquid), ice), (solid * liquid, water_permittivity(frequency, CELSIUS))]

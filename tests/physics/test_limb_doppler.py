@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
+import scarl_sionna as ss
 from benchmarks.micro_doppler import BELOW_DB, LEGS, SPEED_UP, WINDOW, cyclist, radar_of, tyres, walker
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
@@ -57,12 +59,20 @@ def test_tyre_spans_zero_to_twice_the_speed(tmp_path):
     rolling = tyres(tmp_path, columns=10, detail="light", num_rays=12_000)
     edges, exact = rolling.edges("wheel_front_tyre"), rolling.extremes["wheel_front_tyre"]
     speed = 3.0 + SPEED_UP * rolling.spectra["whole"].time
-    # The highest triangle's middle, at 0.331 of 0.346 m from the axle, goes 1 + 0.331 / 0.346 times as fast as the bicycle; 24 of them around
-    # the tyre: it is up to half a step, 0.134 rad, off the top, 1 - cos(0.134) = 0.9 % of its half less.
+    # The fastest triangle is the highest, with its middle a little nearer to the axle than the tyre's surface is; it is up to half a step
+    # of the tyre's segments off the top, 1 - cos(step / 2) of its half of the speed less.
+    tyre = trimesh.load(ss.read_actor_model("bicycle").path.parent / "meshes/wheel_front_tyre_light.ply", process=False)
+    middle = (tyre.triangles_center - tyre.bounds.mean(axis=0))[:, [0, 2]]
+    reach, radius = np.hypot(*middle.T), np.ptp(tyre.bounds[:, 2]) / 2.0
+    angles = np.sort(np.arctan2(*middle[reach > reach.max() - 1e-3].T))
+    step = np.diff(angles, append=angles[0] + 2.0 * np.pi).max()
     way = np.array([12.0 * np.cos(np.radians(20.0)) - 0.54, 12.0 * np.sin(np.radians(20.0)), 0.9 - 0.68])
-    top = -(1.0 + 0.331 / 0.346) * speed * way[0] / np.linalg.norm(way)
-    np.testing.assert_allclose(exact[:, 0], top, rtol=0.005)
-    np.testing.assert_allclose(exact[:, 1], 0.0, atol=0.15)
+    top = -(1.0 + reach.max() / radius) * speed * way[0] / np.linalg.norm(way)
+    np.testing.assert_allclose(
+        exact[:, 0], top, rtol=0.5 * (1.0 - np.cos(step / 2.0)) + 0.001
+    )  # the radar sees the top 0.1 % differently
+    bottom = top * (1.0 - reach.max() / radius) / (1.0 + reach.max() / radius)
+    np.testing.assert_allclose(exact[:, 1], bottom, atol=speed.max() * (1.0 - np.cos(step / 2.0)) + 0.01)
     assert np.corrcoef(edges[:, 0], exact[:, 0])[0, 1] > 0.999
     # a line's width, 0.31 m/s, either way: which point of the rim rays meet is left to chance
     np.testing.assert_allclose(edges[:, 0], exact[:, 0], atol=0.31)
@@ -98,7 +108,9 @@ def test_edges_and_half_width_of_one_line():
     line = Spectrogram(np.zeros(1), doppler_axis(radar, 512), power[None])
     assert line.mean_velocity()[0] == pytest.approx(speed, abs=2e-3)
     half = window_half_width(radar, BELOW_DB, WINDOW)
-    np.testing.assert_allclose(line.edges(BELOW_DB)[0], [speed - half, speed + half], atol=0.01)  # a bin of 0.038 m/s, interpolated
+    np.testing.assert_allclose(
+        line.edges(BELOW_DB)[0], [speed - half, speed + half], atol=0.01
+    )  # a bin of 0.038 m/s, interpolated
     with pytest.raises(ParameterRangeError, match="side lobes of a hann"):
         window_half_width(radar, BELOW_DB, "hann")
     with pytest.raises(ParameterRangeError, match="below_db"):

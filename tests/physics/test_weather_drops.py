@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scarl_sionna.core.drop_sizes import RAIN_SIZES, terminal_speed
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.hydrometeors import RAIN_SIZES, rain, snow, spray, terminal_speed
+from scarl_sionna.radar.hydrometeors import rain, snow, spray
 from scarl_sionna.radar.mie import mie_efficiencies
 from scarl_sionna.radar.weather import rain_attenuation
 from tests.oracles import rcs as oracle
