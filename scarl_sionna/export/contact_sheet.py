@@ -38,6 +38,8 @@ STYLE = {
     "axes.linewidth": 0.8,
     "font.family": "DejaVu Sans",
 }
+_MOST_NAMES = 8
+"""Actors nearest to a radar that are named in its maps; the others only have a ring."""
 _TICKS_DEG = np.arange(-80, 81, 20)
 
 
@@ -226,13 +228,12 @@ def _draw_radar(
     azimuth_axis.set(xlabel="azimuth [deg]", ylabel="range [m]", ylim=(0.0, max_range), xlim=(half, -half))
     if not markers:
         return
-    for item in frame.objects:
-        place = _in_radar(item, frame, radar)
-        if not item.is_actor or place is None or place[0] > 0.97 * max_range:
-            continue
-        distance, velocity, azimuth_deg = place
-        _mark(doppler_axis, velocity, distance, item.name)
-        _mark(azimuth_axis, azimuth_deg, distance, item.name)
+    places = [(_in_radar(item, frame, radar), item.name) for item in frame.objects if item.is_actor]
+    near_first = sorted((place, name) for place, name in places if place is not None and place[0] <= 0.97 * max_range)
+    for number, ((distance, velocity, azimuth_deg), name) in enumerate(near_first):
+        text = name if number < _MOST_NAMES else ""
+        _mark(doppler_axis, velocity, distance, text)
+        _mark(azimuth_axis, azimuth_deg, distance, text)
 
 
 def _draw_power(axis: Axes, across: np.ndarray, distance: np.ndarray, power_dbm: np.ndarray) -> None:
@@ -268,7 +269,13 @@ def _in_radar(item: ObjectState, frame: Frame, radar: RadarFrame) -> tuple[float
 def _mark(axis: Axes, x: float, y: float, text: str) -> None:
     axis.plot([x], [y], marker="o", markersize=9, markerfacecolor="none", markeredgecolor="white", markeredgewidth=1.0)
     axis.annotate(
-        text.replace("_", " "), (x, y), xytext=(8, 5), textcoords="offset points", color="white", fontsize=8.5
+        text.replace("_", " "),
+        (x, y),
+        xytext=(8, 5),
+        textcoords="offset points",
+        color="white",
+        fontsize=8.5,
+        clip_on=True,
     )
 
 
