@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 
 from ..generators import mesh
 from ..generators.mesh import Mesh
+from ..generators.scene_toml import toml_value
 from ..generators.xml import Bsdf, Placement, scene_xml
 
 Color = tuple[float, float, float]
@@ -90,12 +90,3 @@ def bounds(parts: Mapping[str, Part], leave_out: Sequence[str] = ()) -> tuple[np
     """Return the lowest and the highest corner of all parts but those in `leave_out`, shape (3,) each [m]."""
     points = np.concatenate([part.mesh.vertices for shape, part in parts.items() if shape not in leave_out])
     return points.min(0), points.max(0)
-
-
-def toml_value(value: Any) -> str:
-    """Return a value as TOML; floats with six digits."""
-    if isinstance(value, bool | str):
-        return json.dumps(value)
-    if isinstance(value, tuple | list | np.ndarray):
-        return "[" + ", ".join(toml_value(item) for item in value) + "]"
-    return f"{value + 0.0:g}" if isinstance(value, float) else str(value)

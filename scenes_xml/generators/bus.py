@@ -172,7 +172,7 @@ def wheels(light: bool = False) -> dict[str, tuple[Mesh, str]]:
     for name, (x, left) in WHEELS.items():
         kind = FRONT_WHEEL if x > 0 else REAR_WHEEL
         if light:
-            found[f"wheel_{name}_tyre"] = (light_wheel(kind, x, OUTER, left), "wheel")
+            found[f"wheel_{name}_tyre"] = (light_wheel(kind, x, OUTER, left), "tyre")
             continue
         tyre, rim = wheel(kind, x, OUTER, left)
         found |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}

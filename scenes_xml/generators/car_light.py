@@ -12,13 +12,13 @@ from .car import CarShape
 from .decal import panel
 from .mesh import Array, Mesh, grid, merge, outward, revolve, weld
 
-_COLUMNS = (0, 2, 3, 4, 6, 9, 12, 15, 20)
+_COLUMNS = (0, 2, 3, 4, 6, 8, 10, 12, 15, 17, 20)
 """Points of half a cross-section that are kept, of the 21 of `car`."""
 _LEVELS = (0, 2, 4, 6, 8, 10, 12, 15)
 """Rings of the cabin that are kept: five of its walls, three of its roof."""
 
 
-def light_wheel(radius: float, width: float, x: float, y: float, segments: int = 10) -> Mesh:
+def light_wheel(radius: float, width: float, x: float, y: float, segments: int = 12) -> Mesh:
     """Return a wheel as a closed disk about the axle (x, y, radius) [m]."""
     half = width / 2
     return outward(
@@ -28,11 +28,11 @@ def light_wheel(radius: float, width: float, x: float, y: float, segments: int =
 
 def _stations(shape: CarShape) -> Array:
     arch = shape.wheel_radius + 0.055
-    around = arch * np.array([-1.0, -0.6, 0.6, 1.0]) * 0.999
+    around = arch * np.array([-1.0, -0.75, 0.0, 0.75, 1.0]) * 0.999
     wheels = [shape.front_axle + around, shape.rear_axle + around]
     h = shape.half_length
     ends = [h, h - 0.018, h - 0.12]
-    return np.unique(np.round(np.concatenate([*wheels, ends, [-x for x in ends]]), 6))[::-1]
+    return np.unique(np.round(np.concatenate([*wheels, ends, [-x for x in ends], [0.0]]), 6))[::-1]
 
 
 def shell(shape: CarShape) -> tuple[Mesh, Mesh]:
@@ -102,9 +102,9 @@ def build(shape: CarShape) -> dict[str, tuple[Mesh, str]]:
             (0.95 * w, lamp + 0.075),
             (0.55 * w, lamp + 0.03),
         ]
-        heads.append(panel(whole, outline, front, side, rise=0.02, cells=(2, 3)))
+        heads.append(panel(whole, outline, front, side, rise=0.02, cells=(2, 5)))
         outline = [(inner * w, lo), (0.92 * w, lo + 0.01), (0.915 * w, hi), ((inner - 0.03) * w, hi - 0.03)]
-        tails.append(panel(whole, outline, rear, side, rise=0.02, cells=(2, 3)))
+        tails.append(panel(whole, outline, rear, side, rise=0.02, cells=(2, 5)))
     parts = {
         "body": (merge([lower, painted]), "paint"),
         "glass": (glazed, "glass"),
