@@ -84,13 +84,13 @@ def scene_toml(
 
     `signals` holds the `cycle` [s] and for each group (`green`) the start and the end of its green [s].
     """
-    lines = ["[scene]", *(f"{key} = {_value(value)}" for key, value in head.items()), ""]
-    lines += ["[lighting]", f"preset = {_value(lighting)}", ""]
+    lines = ["[scene]", *(f"{key} = {toml_value(value)}" for key, value in head.items()), ""]
+    lines += ["[lighting]", f"preset = {toml_value(lighting)}", ""]
     for name, b in bsdfs.items():
-        lines += [f"[materials.{name}]", *(f"{key} = {_value(value)}" for key, value in b.table().items()), ""]
+        lines += [f"[materials.{name}]", *(f"{key} = {toml_value(value)}" for key, value in b.table().items()), ""]
     for item in instances:
         lines += ["[[instances]]", f'name = "{item.name}"', f'class = "{item.semantic}"']
-        lines += [f"shapes = {_value(item.shapes)}", f"object = {_value(item.is_object)}", ""]
+        lines += [f"shapes = {toml_value(item.shapes)}", f"object = {toml_value(item.is_object)}", ""]
     for actor in actors:
         lines += ["[[actors]]", f'name = "{actor.name}"']
         if actor.model is None:
@@ -101,37 +101,37 @@ def scene_toml(
             lines += [f'detail = "{actor.detail}"'] if actor.detail else []
         lines += _trajectory(actor)
         for joint in actor.joints:
-            lines += ["[[actors.joints]]", *(f"{key} = {_value(value)}" for key, value in joint.items()), ""]
+            lines += ["[[actors.joints]]", *(f"{key} = {toml_value(value)}" for key, value in joint.items()), ""]
     for lane in lanes:
         lines += _lane(lane)
     for place in parking:
-        lines += ["[[parking]]", f"position = {_value(np.round(place.position, 4).tolist())}"]
+        lines += ["[[parking]]", f"position = {toml_value(np.round(place.position, 4).tolist())}"]
         lines += [
-            f"{key} = {_value(round(float(getattr(place, key)), 4))}" for key in ("yaw_deg", "length", "width")
+            f"{key} = {toml_value(round(float(getattr(place, key)), 4))}" for key in ("yaw_deg", "length", "width")
         ] + [""]
     if signals:
-        green = ", ".join(f"{group} = {_value(list(span))}" for group, span in signals["green"].items())
-        lines += ["[signals]", f"cycle = {_value(signals['cycle'])}", f"green = {{ {green} }}", ""]
+        green = ", ".join(f"{group} = {toml_value(list(span))}" for group, span in signals["green"].items())
+        lines += ["[signals]", f"cycle = {toml_value(signals['cycle'])}", f"green = {{ {green} }}", ""]
     return "\n".join(lines)
 
 
 def _trajectory(actor: ActorEntry) -> list[str]:
     if len(actor.times) == 1:
         yaw = 0.0 if actor.yaw_deg is None else round(float(actor.yaw_deg[0]), 6)
-        place = _value([round(float(value), 6) for value in actor.positions[0]])
-        return ["[actors.trajectory]", 'kind = "static"', f"position = {place}", f"yaw_deg = {_value(yaw)}", ""]
-    lines = ["[actors.trajectory]", 'kind = "waypoints"', f"times = {_value(actor.times)}"]
+        place = toml_value([round(float(value), 6) for value in actor.positions[0]])
+        return ["[actors.trajectory]", 'kind = "static"', f"position = {place}", f"yaw_deg = {toml_value(yaw)}", ""]
+    lines = ["[actors.trajectory]", 'kind = "waypoints"', f"times = {toml_value(actor.times)}"]
     if actor.yaw_deg is not None:
-        lines.append(f"yaw_deg = {_value(np.round(actor.yaw_deg, 6))}")
+        lines.append(f"yaw_deg = {toml_value(np.round(actor.yaw_deg, 6))}")
     return [*lines, "positions = [", *_rows(actor.positions, 6), "]", ""]
 
 
 def _lane(lane: Lane) -> list[str]:
-    lines = ["[[lanes]]", f'name = "{lane.name}"', f'kind = "{lane.kind}"', f"width = {_value(float(lane.width))}"]
-    lines += [f"speed = {_value(float(lane.speed))}", "points = [", *_rows(np.asarray(lane.points, float), 4), "]"]
+    lines = ["[[lanes]]", f'name = "{lane.name}"', f'kind = "{lane.kind}"', f"width = {toml_value(float(lane.width))}"]
+    lines += [f"speed = {toml_value(float(lane.speed))}", "points = [", *_rows(np.asarray(lane.points, float), 4), "]"]
     for key in ("next", "left", "yield_to", "signal"):
         value = getattr(lane, key)
-        lines += [f"{key} = {_value(value)}"] if value else []
+        lines += [f"{key} = {toml_value(value)}"] if value else []
     return [*lines, ""]
 
 
@@ -141,10 +141,10 @@ def _rows(points: Array, digits: int) -> list[str]:
     ]
 
 
-def _value(value: Any) -> str:
-    """Return a value as TOML."""
+def toml_value(value: Any) -> str:
+    """Return a value as TOML; floats with six digits."""
     if isinstance(value, bool | str):
         return json.dumps(value)
     if isinstance(value, tuple | list | np.ndarray):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
     return f"{value + 0.0:g}" if isinstance(value, float) else str(value)

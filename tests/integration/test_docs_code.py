@@ -24,7 +24,7 @@ from tests.drive import drive
 REPO = Path(__file__).resolve().parents[2]
 OWN_TESTS = ("getting_started.md", "reading.md", "formats.md")
 """Pages whose results are looked at by tests of their own."""
-SLOW = ("scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md", "materials.md")
+SLOW = ("scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md", "materials.md", "micro_doppler.md")
 PAGES = sorted(
     path
     for path in (REPO / "README.md", *(REPO / "docs").glob("*.md"))
