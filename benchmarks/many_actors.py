@@ -71,7 +71,7 @@ def crowd(count: int, detail: str) -> list[ss.StagedActor]:
 def measure(scene: str, count: int, detail: str, frames: int) -> tuple[ss.World, Clock]:
     """Load a scene with actors and step through frames."""
     clock = Clock()
-    world = clock.run("load", lambda: ss.stage(scene, crowd(count, detail), detail=detail))
+    world = clock.run("load", lambda: ss.stage(scene, crowd(count, detail)))
     assert isinstance(world, ss.World)
     above = np.array([0.0, 0.0, 50.0])
     for time_of_frame in np.linspace(0.5, 7.5, frames):
