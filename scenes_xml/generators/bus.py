@@ -12,7 +12,7 @@ from .body_loft import BodyShape, loft, side_panel
 from .decal import strips
 from .mesh import Mesh, box, merge, outward, revolve
 from .vehicle_parts import bar, plate_text, prism
-from .wheels import WheelShape, light_wheel, wheel
+from .wheels import WheelShape, wheel_parts
 
 LENGTH, WIDTH, HEIGHT = 12.0, 2.55, 3.12
 FRONT_AXLE, REAR_AXLE = 3.28, -2.62
@@ -168,15 +168,7 @@ WHEELS = {
 
 def wheels(light: bool = False) -> dict[str, tuple[Mesh, str]]:
     """Return the shapes of the wheels; twin tyres at the rear."""
-    found: dict[str, tuple[Mesh, str]] = {}
-    for name, (x, left) in WHEELS.items():
-        kind = FRONT_WHEEL if x > 0 else REAR_WHEEL
-        if light:
-            found[f"wheel_{name}_tyre"] = (light_wheel(kind, x, OUTER, left), "tyre")
-            continue
-        tyre, rim = wheel(kind, x, OUTER, left)
-        found |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}
-    return found
+    return wheel_parts(WHEELS, FRONT_WHEEL, REAR_WHEEL, OUTER, light, light_role="tyre")
 
 
 def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:

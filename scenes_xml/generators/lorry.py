@@ -12,7 +12,7 @@ from .body_loft import BodyShape, loft, side_panel
 from .decal import strips
 from .mesh import Mesh, box, grid, merge, outward, revolve
 from .vehicle_parts import bar, plate_text, prism
-from .wheels import WheelShape, light_wheel, wheel
+from .wheels import WheelShape, wheel_parts
 
 LENGTH, WIDTH, HEIGHT = 9.60, 2.55, 3.75
 FRONT_AXLE, REAR_AXLES = 3.42, (-1.60, -2.95)
@@ -196,15 +196,7 @@ def _tank() -> Mesh:
 
 def wheels(light: bool = False) -> dict[str, tuple[Mesh, str]]:
     """Return the shapes of the wheels; twin tyres on both rear axles."""
-    found: dict[str, tuple[Mesh, str]] = {}
-    for name, (x, left) in WHEELS.items():
-        kind = FRONT_WHEEL if x > 0 else REAR_WHEEL
-        if light:
-            found[f"wheel_{name}_tyre"] = (light_wheel(kind, x, OUTER, left), "wheel")
-            continue
-        tyre, rim = wheel(replace(kind, segments=20), x, OUTER, left)
-        found |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}
-    return found
+    return wheel_parts(WHEELS, replace(FRONT_WHEEL, segments=20), replace(REAR_WHEEL, segments=20), OUTER, light)
 
 
 def _lamps(body: Mesh, fine: bool) -> dict[str, tuple[Mesh, str]]:

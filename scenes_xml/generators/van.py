@@ -10,7 +10,7 @@ from .body_loft import BodyShape, loft, side_panel
 from .decal import panel, strips
 from .mesh import Mesh, box, merge, outward, revolve
 from .vehicle_parts import bar, car_underbody, plate_text
-from .wheels import WheelShape, light_wheel, wheel
+from .wheels import WheelShape, wheel_parts
 
 LENGTH, WIDTH, HEIGHT = 5.93, 2.02, 2.60
 FRONT_AXLE, REAR_AXLE = 1.96, -1.70
@@ -118,14 +118,7 @@ WHEELS = {
 
 def wheels(light: bool = False) -> dict[str, tuple[Mesh, str]]:
     """Return the shapes of the wheels."""
-    found: dict[str, tuple[Mesh, str]] = {}
-    for name, (x, left) in WHEELS.items():
-        if light:
-            found[f"wheel_{name}_tyre"] = (light_wheel(WHEEL, x, OUTER, left), "wheel")
-            continue
-        tyre, rim = wheel(WHEEL, x, OUTER, left)
-        found |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}
-    return found
+    return wheel_parts(WHEELS, WHEEL, WHEEL, OUTER, light)
 
 
 def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:

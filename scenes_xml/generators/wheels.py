@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,3 +75,27 @@ def light_wheel(shape: WheelShape, x: float, outer: float, left: bool, segments:
     )
     y = (outer - width / 2) * (1.0 if left else -1.0)
     return outward(revolve(profile, segments, "y")).moved((x, y, shape.radius))
+
+
+def wheel_parts(
+    places: Mapping[str, tuple[float, bool]],
+    front: WheelShape,
+    rear: WheelShape,
+    outer: float,
+    light: bool,
+    light_role: str = "wheel",
+) -> dict[str, tuple[Mesh, str]]:
+    """Return the shapes of a vehicle's wheels with their roles; `places`: name -> x of the axle [m], and whether it is on the left.
+
+    Axles with x > 0 have `front` wheels, the others `rear` ones; outer walls are at abs(y) = `outer` [m].
+    At the light level a wheel is one closed disk of the role `light_role`.
+    """
+    found: dict[str, tuple[Mesh, str]] = {}
+    for name, (x, left) in places.items():
+        shape = front if x > 0 else rear
+        if light:
+            found[f"wheel_{name}_tyre"] = (light_wheel(shape, x, outer, left), light_role)
+            continue
+        tyre, rim = wheel(shape, x, outer, left)
+        found |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}
+    return found
