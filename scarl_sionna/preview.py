@@ -46,7 +46,7 @@ TRAIL = 2.0
 """Length of the trails [s]."""
 MAX_FRAMES = 240
 STRIP_FRAMES = 5
-STRIP_CAMERA = CameraSpec(width=384, height=216, horizontal_fov_deg=75.0, samples_per_pixel=12, images=("rgb",))
+STRIP_CAMERA = CameraSpec(width=384, height=216, horizontal_fov_deg=75.0, samples_per_pixel=8, images=("rgb",))
 
 GROUND_COLORS = {
     "Roads": (74, 76, 80), "RoadLine": (226, 226, 218), "SideWalks": (158, 156, 150), "Building": (112, 92, 84), "Wall": (128, 126, 122),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -17,13 +16,20 @@ from .projection import pixel_rays, projection_key
 PLUGIN = "scarl_ray_table"
 
 
-def stratified_samples(samples_per_pixel: int) -> int:
-    """Return the number of samples that are really taken: the next full grid of the multi-jittered sampler.
+LAUNCHES = (1024, 256, 64, 16, 8, 4, 2, 1)
+"""Samples a pixel of one launch: full grids of the multi-jittered sampler that divide the blocks of pixels which threads share out. With
+another number a pixel at the seam of two blocks would be summed in the order in which threads finish: last bits would differ."""
 
-    The grid has floor(sqrt(n)) columns and as many rows as n needs, so squares and most even numbers stay as they are.
-    """
-    columns = isqrt(samples_per_pixel)
-    return columns * -(-samples_per_pixel // columns)
+
+def launch_samples(samples_per_pixel: int, most: int | None = None) -> list[int]:
+    """Return how many samples each launch takes, largest first; together `samples_per_pixel`, none above `most`."""
+    counts = []
+    rest = samples_per_pixel
+    for size in LAUNCHES:
+        if most is None or size <= max(most, 1):
+            times, rest = divmod(rest, size)
+            counts += [size] * times
+    return counts
 
 
 @lru_cache(maxsize=2)
@@ -104,7 +110,7 @@ def ray_sensor(mi: Any, spec: CameraSpec, world_from_sensor: Pose, samples_per_p
     """Return the Mitsuba sensor of a camera at a pose; inside ``variant.optical()``.
 
     The box filter keeps every sample in its own pixel, so that a pixel of the image and of the labels mean the same square,
-    and makes the sum over samples independent of the threads: same seed, same bytes.
+    and, with a number of samples of `LAUNCHES`, makes the sum over samples independent of the threads: same seed, same bytes.
     """
     _plugin(mi, mi.variant())
     sensor = mi.load_dict(

@@ -16,7 +16,7 @@ from .develop import develop
 from .falling import add_falling
 from .haze import haze_integrator
 from .motion import shifted_sensor, shifted_state
-from .ray_sensor import ray_sensor, stratified_samples
+from .ray_sensor import launch_samples, ray_sensor
 
 ROULETTE_DEPTH = 3
 """Segments after which a light path ends at random (unbiased Russian roulette). 3 takes a quarter less time than Mitsuba's 5 for
@@ -47,7 +47,7 @@ def render_radiance(
     ----------
     state : scarl_sionna.world.WorldState
     spec : CameraSpec
-        `samples_per_pixel` is rounded up to a full grid (:func:`stratified_samples`); `max_depth` bounds the light path. With an
+        `samples_per_pixel` are taken in launches of full grids (:func:`launch_samples`); `max_depth` bounds the light path. With an
         `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done here.
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).
@@ -93,33 +93,34 @@ def _moments(state: Any, spec: CameraSpec, world_from_sensor: Pose, sensor_twist
 
 
 def _trace(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) -> npt.NDArray[np.float64]:
-    """Return the mean radiance over at least `samples` light paths a pixel, float64, shape (height, width, 3)."""
+    """Return the mean radiance over `samples` light paths a pixel, float64, shape (height, width, 3)."""
     scene = state.optical_scene()
-    launches = max(1, -(-spec.width * spec.height * samples // MOST_RAYS))
-    each = stratified_samples(-(-samples // launches))
     with variant.optical() as mi:
-        sensor = ray_sensor(mi, spec, pose, each)
         integrator = mi.load_dict(integrator_dict(spec))
         lighting = state.world.lighting
         if lighting is not None and lighting.visibility is not None and not state.world.document.info.get("enclosed", False):
             integrator = haze_integrator(mi, integrator, lighting.visibility, state.airlight)
-        total = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
-        for launch in range(launches):
-            image = mi.render(
-                scene, sensor=sensor, integrator=integrator, seed=(seed + 104729 * launch) % 2**32, spp=each
-            )
-            total += np.array(image, dtype=np.float64)
-    return total / launches
+        return _launched(mi, scene, spec, pose, integrator, seed, samples, 3)
+
+
+def _launched(
+    mi: Any, scene: Any, spec: CameraSpec, pose: Pose, integrator: Any, seed: int, samples: int, channels: int
+) -> npt.NDArray[np.float64]:
+    """Return the mean of the last `channels` over several launches."""
+    total = np.zeros((spec.height, spec.width, channels), dtype=np.float64)
+    for launch, count in enumerate(launch_samples(samples, MOST_RAYS // (spec.width * spec.height))):
+        sensor = ray_sensor(mi, spec, pose, count)
+        image = mi.render(scene, sensor=sensor, integrator=integrator, seed=(seed + 104729 * launch) % 2**32, spp=count)
+        total += count / samples * np.array(image, dtype=np.float64)[..., -channels:]
+    return total
 
 
 def _guides(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) -> npt.NDArray[np.float64]:
     """Return albedo and shading normal of what is seen first, shape (height, width, 6)."""
     scene = state.optical_scene()
     with variant.optical() as mi:
-        sensor = ray_sensor(mi, spec, pose, stratified_samples(samples))
         integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
-        image = mi.render(scene, sensor=sensor, integrator=integrator, seed=seed, spp=stratified_samples(samples))
-        return np.array(image, dtype=np.float64)[..., -6:]
+        return _launched(mi, scene, spec, pose, integrator, seed, samples, 6)
 
 
 def render_rgb(

@@ -9,7 +9,8 @@ import pytest
 
 from camera_lidar import Camera
 from camera_lidar.camera.labels import cast_pixels
-from camera_lidar.camera.render import render_radiance, stratified_samples
+from camera_lidar.camera.ray_sensor import LAUNCHES, launch_samples
+from camera_lidar.camera.render import _trace, render_radiance
 from scarl_sionna.core.camera_spec import CameraSpec, ImageSensor
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
 from scarl_sionna.core.pose import Pose, Twist
@@ -127,9 +128,17 @@ def test_bad_specifications_are_refused(bad: dict) -> None:
         CameraSpec(**bad)
 
 
-def test_samples_are_rounded_up_to_a_full_grid() -> None:
+def test_samples_are_taken_in_launches_of_full_grids() -> None:
     for number in range(1, 300):
-        taken = stratified_samples(number)
-        columns = int(number**0.5)
-        assert number <= taken < number + columns + 1 and taken % columns == 0
-    assert [stratified_samples(n) for n in (1, 4, 16, 64, 1024)] == [1, 4, 16, 64, 1024]
+        counts = launch_samples(number)
+        assert sum(counts) == number and set(counts) <= set(LAUNCHES)
+        assert all(count % int(count**0.5) == 0 for count in counts)
+    assert [launch_samples(n) for n in (8, 16, 64)] == [[8], [16], [64]]
+    assert launch_samples(100, most=20) == [16] * 6 + [4]
+
+
+@pytest.mark.parametrize("samples", [6, 9, 12])
+def test_same_bytes_where_a_pixel_would_lie_on_a_seam_of_two_threads(state: WorldState, samples: int) -> None:
+    spec = CameraSpec(width=322, height=181, samples_per_pixel=samples, denoise=False, images=("rgb",))
+    first = _trace(state, spec, POSE, 7, samples)
+    assert all(_trace(state, spec, POSE, 7, samples).tobytes() == first.tobytes() for _ in range(6))
