@@ -210,4 +210,4 @@ def test_same_seed_same_frame_and_noise_can_be_left_out(state) -> None:
     assert one.adc_int.tobytes() == two.adc_int.tobytes() != other.adc_int.tobytes()
     assert ideal.adc_int.tobytes() == observe(5, noise=False).adc_int.tobytes() != one.adc_int.tobytes()
     assert one.adc_int.shape == (4, 24, 32, 2) and one.num_paths > 0 and one.num_saturated == 0
-    assert set(one.diagnostics["seconds"]) == {"cast", "amplitude", "thin", "synthesize", "quantize"}
+    assert set(one.diagnostics["seconds"]) == {"cast", "amplitude", "thin", "synthesize", "quantize", "label"}
