@@ -170,8 +170,7 @@ def _times(scenario: ScenarioSpec, frame_rate: float | None) -> list[float]:
 def _plans(world: World, times: Sequence[float], on_done: Callable[[int], None]) -> Iterator[Picture]:
     """Yield the plan at each time."""
     states = [world.at(time) for time in times]
-    floor = _floor(world)
-    frames = [[o for o in state.boxes() if o.is_actor and o.world_from_box.position[2] > floor] for state in states]
+    frames = [[item for item in state.boxes() if item.is_actor] for state in states]
     places = [{item.name: item.world_from_box.position[:2] for item in frame} for frame in frames]
     whole = _view_of(np.array([place for frame in places for place in frame.values()] or [np.zeros(2)]))
     track = np.array([frame[world.ego] for frame in places]) if world.ego is not None else None
@@ -188,12 +187,6 @@ def _plans(world: World, times: Sequence[float], on_done: Callable[[int], None])
         picture = _drawn(Image.fromarray(own), view, world, frame, places[first : index + 1], times[index])
         yield np.asarray(picture)
         on_done(index + 1)
-
-
-def _floor(world: World) -> float:
-    """Return the height below which an actor is not in the scene: traffic that is not on the lanes waits far below [m]."""
-    lowest = world._triangles.bounds()[0][world.parts.actor < 0]
-    return float(lowest[:, 2].min()) - 1.0 if len(lowest) else -np.inf
 
 
 def _cut_out(ground: Picture, whole: _View, view: _View) -> Picture:

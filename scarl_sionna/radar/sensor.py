@@ -125,7 +125,7 @@ class Radar:
         labels = label_cells(range_doppler(virtual_cube(adc, self.spec), self.spec), paths, state)
         power = labels.entry_share * labels.power.reshape(-1)[labels.cell]
         size = max(state.world.instances, default=0) + 1
-        objects = [number for number, info in state.world.instances.items() if info.is_object]
+        objects = [item.instance for item in state.boxes()]
         direct, ghost = (
             np.bincount(labels.entry_instance[rows], power[rows], size)[objects]
             for rows in (~labels.entry_is_ghost, labels.entry_is_ghost)

@@ -95,9 +95,13 @@ class PresentTrajectory:
     def pose(self, time: float) -> Pose:
         """Return world_from_actor at a time [s]."""
         pose = self.motion.pose(time)
-        if self.active[0] <= time <= self.active[1]:
+        if self.is_present(time):
             return pose
         return Pose(pose.position - [0.0, 0.0, self.depth], pose.quaternion)
+
+    def is_present(self, time: float) -> bool:
+        """Return whether the actor is on the lanes at a time [s]; elsewhere it has no box among the labels."""
+        return self.active[0] <= time <= self.active[1]
 
     def twist(self, time: float) -> Twist:
         """Return the velocity of the motion at a time [s]."""

@@ -20,7 +20,8 @@ _REST_SPEED = 1e-3
 class Trajectory(Protocol):
     """Pose and velocity of a rigid body over time; `start` and `stop` bound the times that may be asked for [s].
 
-    A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for many times at once.
+    A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for many times at once,
+    and a method ``is_present(time)``, which is False while the body is not in the scene: it then has no box.
     """
 
     @property
@@ -36,6 +37,12 @@ class Trajectory(Protocol):
 
     def twist(self, time: float) -> Twist:
         """Return the velocity at a time [s]."""
+
+
+def is_present(trajectory: Trajectory, time: float) -> bool:
+    """Return whether a body is in the scene at a time [s]; True for a trajectory that does not say."""
+    says = getattr(trajectory, "is_present", None)
+    return True if says is None else bool(says(time))
 
 
 def forward_speeds(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np.float64]:

@@ -23,7 +23,7 @@ from .document import InstanceEntry, SceneDocument
 from .find import find_scene, scene_names
 from .geometry import Triangles, encloses, even_directions, refine_distance, upright_box
 from .materials import MaterialTable, load_materials
-from .motion import Motion
+from .motion import Motion, is_present
 from .scene_file import read_document
 from .staging import StagedActor
 from .staging import stage as stage_document
@@ -290,10 +290,10 @@ class WorldState:
         return self._applied("radio").sionna_scene
 
     def boxes(self) -> tuple[ObjectState, ...]:
-        """Return the ground truth of every actor and every static object."""
+        """Return the ground truth of every actor that is in the scene and of every static object."""
         states = []
         for info in self.world.instances.values():
-            if not info.is_object:
+            if not info.is_object or (info.actor is not None and not self._is_present(info.actor)):
                 continue
             if info.actor is None:
                 box, size, twist = info.frame_from_box, info.size, Twist()
@@ -304,6 +304,9 @@ class WorldState:
                 twist = Twist(own.velocity_at(box.position - pose.position), own.angular)
             states.append(ObjectState(info.name, info.instance, info.semantic, box, size, twist, info.actor is not None))
         return tuple(states)
+
+    def _is_present(self, name: str) -> bool:
+        return is_present(self.world.actor(name).trajectory, self.time)
 
     def _box(self, info: InstanceInfo) -> tuple[Pose, Array]:
         """Return the box of an actor in its own frame; that of a body whose limbs move is its box at this time."""

@@ -5,7 +5,7 @@ import pytest
 
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scenario import ScenarioSpec
-from scarl_sionna.scenario.compose import compose
+from scarl_sionna.scenario.compose import build_world, compose
 from scarl_sionna.scenario.planned import DEPTH, PresentTrajectory
 from scarl_sionna.world.motion import ConstantTwistTrajectory, forward_speeds
 
@@ -36,3 +36,14 @@ def test_in_a_scenario_traffic_is_on_the_lanes_or_deep_below() -> None:
                 continue
             assert np.linalg.norm(line - position, axis=1).min() < 2.5, member.actor.name
     assert deep > 0  # in a scene of 320 m some drive out of it within 6 s
+
+
+@pytest.mark.filterwarnings("ignore::scarl_sionna.core.errors.ScarlWarning")
+def test_who_is_not_in_the_scene_has_no_box() -> None:
+    world = build_world(ScenarioSpec(scene="tunnel", detail="light", duration=6.0, seed=1, traffic={"density": 20.0}))
+    actors = {actor.name for actor in world.actors}
+    seen = [{item.name: item for item in world.at(time).boxes() if item.is_actor} for time in (0.0, 5.9)]
+    assert all(item.world_from_box.position[2] > -0.5 * DEPTH for boxes in seen for item in boxes.values())
+    assert any(set(boxes) < actors for boxes in seen)
+    kept = set(seen[0]) & set(seen[1])
+    assert kept and all(seen[0][name].instance == seen[1][name].instance for name in kept)  # ids stay when others come and go
