@@ -9,6 +9,7 @@ TEST_STAMP := $(VENV)/.scarl-test-setup-done
 DOCS_STAMP := $(VENV)/.scarl-docs-setup-done
 OUT ?= demo_out
 QUALITY ?= draft
+JOBS ?= 2
 PYTEST_ARGS ?=
 
 .PHONY: help setup demo test test-slow lint format bench docs notebooks clean distclean
@@ -29,10 +30,10 @@ demo: $(STAMP) ## Simulate a short synchronized dataset and its contact sheet in
 	$(BIN)/scarl-sionna demo --out $(OUT) --quality $(QUALITY)
 
 test: lint docs ## Run the linters, build the documentation site, and run all tests but the slow ones
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
 
 test-slow: lint docs ## Run the linters, build the documentation site, and run all tests
-	$(BIN)/python -m pytest --run-slow $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --run-slow $(PYTEST_ARGS)
 
 lint: $(TEST_STAMP) ## Check style, types and the direction of imports
 	$(BIN)/ruff check .
