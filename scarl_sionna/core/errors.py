@@ -7,7 +7,6 @@ Each one keeps its data as attributes.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from copy import copy
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -207,7 +206,9 @@ class ScenarioError(ParameterRangeError):
 
     def at(self, place: ScenarioPlace) -> ScenarioError:
         """Return this problem at another place."""
-        other = copy(self)
+        other = type(self).__new__(type(self))  # copy() may share the attributes where a library has registered exceptions with copyreg
+        other.__dict__.update(self.__dict__)
+        other.args = self.args
         other.place, other.name, other.problems = place, place.key or "scenario", (other,)
         return other
 
