@@ -1,6 +1,7 @@
 """Seconds a frame against the number of actors in one scene: state, acceleration structures of both twins, and loading.
 
     python benchmarks/many_actors.py [--actors 10,50,200] [--details light,detailed] [--frames 6] [--scene urban_crossing]
+        [--scene-detail detailed]
 
 Actors of all models of ``scenes_xml/actors`` drive, cycle and walk on bends beside a scene; all of them move in every
 frame. `state` is ``world.at(t)`` with the pose of every wheel and limb, `optical` and `radio` write all vertices into a twin and
@@ -68,10 +69,10 @@ def crowd(count: int, detail: str) -> list[ss.StagedActor]:
     return actors
 
 
-def measure(scene: str, count: int, detail: str, frames: int) -> tuple[ss.World, Clock]:
+def measure(scene: str, scene_detail: str, count: int, detail: str, frames: int) -> tuple[ss.World, Clock]:
     """Load a scene with actors and step through frames."""
     clock = Clock()
-    world = clock.run("load", lambda: ss.stage(scene, crowd(count, detail)))
+    world = clock.run("load", lambda: ss.stage(scene, crowd(count, detail), detail=scene_detail))
     assert isinstance(world, ss.World)
     above = np.array([0.0, 0.0, 50.0])
     for time_of_frame in np.linspace(0.5, 7.5, frames):
@@ -95,6 +96,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--actors", default="10,50,200")
     parser.add_argument("--details", default="light,detailed")
+    parser.add_argument("--scene-detail", default="detailed", help="level of the scene itself; not every scene has a light one")
     parser.add_argument("--scene", default="urban_crossing")
     parser.add_argument("--frames", type=int, default=6)
     given = parser.parse_args()
@@ -115,7 +117,7 @@ def main() -> None:
     print("|" + "---|" * (6 + 2 * len(steps)))
     for detail in given.details.split(","):
         for count in (int(number) for number in given.actors.split(",")):
-            world, clock = measure(given.scene, count, detail, given.frames)
+            world, clock = measure(given.scene, given.scene_detail, count, detail, given.frames)
             triangles = sum(len(world.mesh(part).faces) for part in range(len(world.parts.name)))
             cells = [
                 str(count),
