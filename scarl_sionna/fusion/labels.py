@@ -20,14 +20,14 @@ def count_labels(objects: Iterable[ObjectState], results: Mapping[str, Any]) -> 
     results : mapping of str to sensor result
         Instance images and lidar scans are counted, summed over sensors; others are passed over.
     """
-    pixels = _histogram(r.instance for r in results.values() if isinstance(r, ImageFrame) and r.instance is not None)
-    points = _histogram(r.instance for r in results.values() if isinstance(r, LidarScan))
+    pixels = instance_histogram(r.instance for r in results.values() if isinstance(r, ImageFrame) and r.instance is not None)
+    points = instance_histogram(r.instance for r in results.values() if isinstance(r, LidarScan))
     return tuple(
         replace(o, num_pixels=int(pixels[o.instance]), num_lidar_points=int(points[o.instance])) for o in objects
     )
 
 
-def _histogram(labels: Iterable[np.ndarray]) -> np.ndarray:
+def instance_histogram(labels: Iterable[np.ndarray]) -> np.ndarray:
     """Return how often each uint16 instance id occurs, shape (65536,)."""
     total = np.zeros(2**16, dtype=np.int64)
     for instance in labels:

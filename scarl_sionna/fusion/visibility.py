@@ -15,6 +15,8 @@ from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
 from scarl_sionna.core.results import ImageFrame, LidarScan, ObjectState
 
+from .labels import instance_histogram
+
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
 
@@ -62,7 +64,7 @@ def add_visibility(state: WorldState, objects: Sequence[ObjectState], results: M
     out = {}
     for name, result in results.items():
         if isinstance(result, LidarScan):
-            count = np.bincount(result.instance.reshape(-1), minlength=2**16)
+            count = instance_histogram([result.instance])
             result = replace(result, object_points=count[numbers].astype(np.int32))
         elif isinstance(result, ImageFrame) and objects:
             place = result.world_from_sensor
@@ -94,7 +96,7 @@ def _seen(image: ImageFrame, numbers: npt.NDArray[np.int64]) -> dict[str, npt.ND
     """Return pixels and rectangle of each instance in an instance image."""
     if image.instance is None:
         return {}
-    count = np.bincount(image.instance.reshape(-1), minlength=2**16)
+    count = instance_histogram([image.instance])
     slices = find_objects(image.instance, int(numbers.max(initial=1)))
     box = np.full((len(numbers), 4), np.nan, dtype=np.float32)
     for row, number in enumerate(numbers):
