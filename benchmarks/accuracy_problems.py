@@ -18,14 +18,14 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.accuracy import Accuracy
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
-from scarl_sionna.radar.channel.budget import cell_noise_power
-from scarl_sionna.radar.channel.sbr_settings import SbrChannelSettings
-from scarl_sionna.radar.sbr import SbrSettings
+from scarl_sionna.radar.channel.compose.budget import cell_noise_power
+from scarl_sionna.radar.optics.far import SbrSettings
+from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from tests.oracles import multipath
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
@@ -91,7 +91,7 @@ def scene(things: Sequence[Thing], actors: Sequence[Thing] = (), materials: Any 
 
 def load_with(path: Path, table: Any) -> Any:
     """Load a scene with a table of materials of one's own."""
-    from scarl_sionna.world import load_scene
+    from scarl_sionna.engine.world import load_scene
 
     return load_scene(path, table)
 
@@ -271,7 +271,7 @@ SMOOTH = "smooth_asphalt"
 
 
 def _smooth_table() -> Any:
-    from scarl_sionna.world.materials import MaterialTable, builtin_materials
+    from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 
     smooth = builtin_materials()["asphalt"].with_(name=SMOOTH, scattering_coefficient=0.0)
     return MaterialTable([*builtin_materials().values(), smooth])

@@ -30,10 +30,10 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
-from scarl_sionna.radar.channel.budget import cell_noise_power
-from scarl_sionna.radar.channel.sbr_settings import SbrChannelSettings
-from scarl_sionna.radar.sbr import SbrSettings
-from scarl_sionna.radar.scatterer_compile import range_profile
+from scarl_sionna.radar.channel.compose.budget import cell_noise_power
+from scarl_sionna.radar.optics.far import SbrSettings
+from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.radar.scatterers.compile import range_profile
 
 SPEED_OF_LIGHT = 299792458.0
 

@@ -20,9 +20,9 @@ from harness import Timing, machine, measure
 
 from camera_lidar import Camera
 from camera_lidar.camera import render_rgb
-from scarl_sionna.core.camera_spec import CameraSpec, ImageSensor, KannalaBrandt
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import load_scene
+from scarl_sionna.core.specs.camera import CameraSpec, ImageSensor, KannalaBrandt
+from scarl_sionna.engine.world import load_scene
 
 FRONT = Pose([2.45, 0.0, 0.7])
 """vehicle_from_sensor: in the middle of the front bumper."""

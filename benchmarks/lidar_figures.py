@@ -12,11 +12,11 @@ import numpy as np
 from camera_lidar import Camera
 from camera_lidar.lidar import camera_maps, detection_probability, range_view, shot_directions, threshold
 from camera_lidar.lidar.heterodyne import backscatter_profile
-from scarl_sionna.core.atmosphere import Atmosphere
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Twist
+from scarl_sionna.core.specs.atmosphere import Atmosphere
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
 
 VELOCITY = {"cmap": "RdBu_r", "vmin": -20.0, "vmax": 20.0}
 INTENSITY = {"cmap": "inferno", "vmin": -50.0, "vmax": -15.0}

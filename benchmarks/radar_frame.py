@@ -102,7 +102,9 @@ def main() -> None:
     results: dict[int, list[tuple[int, float, float]]] = {hits: [] for hits in arguments.hits_per_cell}
     for num_rays in arguments.rays:
         for hits in arguments.hits_per_cell:
-            sensor = Radar(spec.with_(num_rays=num_rays), method="raycast", solver_options={"hits_per_cell": hits or None})
+            sensor = Radar(
+                spec.with_(num_rays=num_rays), method="raycast", solver_options={"hits_per_cell": hits or None}
+            )
             runs = []
             for repeat in range(arguments.repeats + 2):
                 begin = time.perf_counter()

@@ -95,9 +95,9 @@ def one_level(arguments: argparse.Namespace) -> None:
     """Measure one level and write the results."""
     import scarl_sionna as ss
     from camera_lidar import Camera, Lidar
-    from scarl_sionna.core.camera_spec import CameraSpec
-    from scarl_sionna.core.lidar_spec import LidarSpec
     from scarl_sionna.core.pose import Pose
+    from scarl_sionna.core.specs.camera import CameraSpec
+    from scarl_sionna.core.specs.lidar import LidarSpec
 
     warnings.simplefilter("ignore")
     with Clock() as clock:
@@ -145,12 +145,16 @@ def report(levels: dict[str, dict[str, Any]], images: dict[str, Array]) -> None:
     for name in full["radar"]:
         if full["lidar"].get(name, 1) < 5:  # hidden: its window holds what leaks into it from elsewhere
             continue
-        print(f"  {name:22s} {decibels(light['radar'][name], full['radar'][name])}           {decibels(full['radar_again'][name], full['radar'][name])}")
+        print(
+            f"  {name:22s} {decibels(light['radar'][name], full['radar'][name])}           {decibels(full['radar_again'][name], full['radar'][name])}"
+        )
     print("lidar points             detailed     light")
     for name in full["lidar"]:
         print(f"  {name:22s} {full['lidar'][name]:8d}  {light['lidar'][name]:8d}")
     change = np.abs(images["detailed"] - images["light"])
-    print(f"image: mean difference {change.mean():.2f} of 255, {np.mean(change.max(axis=2) > 16):.1%} of the pixels by more than 16")
+    print(
+        f"image: mean difference {change.mean():.2f} of 255, {np.mean(change.max(axis=2) > 16):.1%} of the pixels by more than 16"
+    )
 
 
 LOAD = """
@@ -176,11 +180,18 @@ def loads(scenes: list[str]) -> None:
     for scene in scenes:
         for level in ("detailed", "light"):
             folder = scene_path(scene, 0, level).parent
-            size = sum(file.stat().st_size for file in folder.rglob("*") if file.suffix in (".ply", ".png", ".xml", ".toml"))
+            size = sum(
+                file.stat().st_size for file in folder.rglob("*") if file.suffix in (".ply", ".png", ".xml", ".toml")
+            )
             command = [sys.executable, "-c", LOAD, scene, level]
-            rows = [json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout) for _ in range(2)]
+            rows = [
+                json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout) for _ in range(2)
+            ]
             wall, cpu, still, own, parts, total = min(rows)
-            print(f"{scene:20s} {level:9s} {size / 1e6:9.2f} {still:8d} {own:10d} {parts:8d} {total:10d} {wall:14.2f} {cpu:7.2f}", flush=True)
+            print(
+                f"{scene:20s} {level:9s} {size / 1e6:9.2f} {still:8d} {own:10d} {parts:8d} {total:10d} {wall:14.2f} {cpu:7.2f}",
+                flush=True,
+            )
 
 
 def main() -> None:
@@ -208,7 +219,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for level in ("detailed", "light"):
             out = Path(folder) / f"{level}.json"
-            own = [f"--scene={arguments.scene}", f"--time={arguments.time}", f"--method={arguments.method}", f"--rays={arguments.rays}"]
+            own = [
+                f"--scene={arguments.scene}",
+                f"--time={arguments.time}",
+                f"--method={arguments.method}",
+                f"--rays={arguments.rays}",
+            ]
             subprocess.run([sys.executable, __file__, *own, f"--level={level}", f"--out={out}"], check=True)
             levels[level] = json.loads(out.read_text(encoding="utf-8"))
             images[level] = np.load(out.with_suffix(".npy")).astype(np.float64)

@@ -14,8 +14,8 @@ import warnings
 import numpy as np
 
 import scarl_sionna as ss
+from scarl_sionna.engine import variant
 from scarl_sionna.radar.points import PointScatterers
-from scarl_sionna.world import variant
 
 
 def main() -> None:

@@ -13,14 +13,14 @@ import numpy as np
 import scarl_sionna as ss
 from camera_lidar.camera import Camera
 from camera_lidar.lidar import Lidar
-from scarl_sionna.core.drop_sizes import RAIN_SIZES
-from scarl_sionna.core.weather import FULL_FILM, Spray
-from scarl_sionna.radar.channel.budget import cell_noise_power
-from scarl_sionna.radar.clutter import NEAREST, beam_share, falling, mean_clutter_power, volume_clutter
-from scarl_sionna.radar.fresnel import reflection
-from scarl_sionna.radar.hydrometeors import rain, snow
-from scarl_sionna.radar.weather import rain_attenuation, weather_attenuation
-from scarl_sionna.world.materials import builtin_materials
+from scarl_sionna.core.specs.drop_sizes import RAIN_SIZES
+from scarl_sionna.core.specs.weather import FULL_FILM, Spray
+from scarl_sionna.radar.channel.compose.budget import cell_noise_power
+from scarl_sionna.radar.weather.attenuation import rain_attenuation, weather_attenuation
+from scarl_sionna.radar.weather.clutter import NEAREST, beam_share, falling, mean_clutter_power, volume_clutter
+from scarl_sionna.radar.weather.hydrometeors import rain, snow
+from scarl_sionna.scene.materials.fresnel import reflection
+from scarl_sionna.scene.materials.table import builtin_materials
 
 FREQUENCY, KELVIN = 77e9, 283.15
 RATES = np.geomspace(0.5, 100.0, 25)

@@ -10,15 +10,17 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_COLORS, semantic_id
-from scarl_sionna.export.views.source import FrameSource, SceneFrames
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from scarl_sionna.fusion import Rig, SensorMount, count_labels
-from scarl_sionna.radar import point_targets, quantize, synthesize
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.signal.converter import quantize
 
 CAMERA = CameraSpec(width=160, height=90)
 LIDAR = LidarSpec(num_azimuth=121, num_elevation=32)

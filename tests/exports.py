@@ -9,12 +9,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.scenes import Thing, box, plane, write_scene
 
 PLACE = Pose([2.0, 0.0, 1.0])

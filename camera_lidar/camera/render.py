@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import variant
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.light.haze import haze_integrator
 
 from .denoise import denoise
 from .develop import develop
 from .falling import add_falling
-from .haze import haze_integrator
 from .motion import shifted_sensor, shifted_state
 from .ray_sensor import launch_samples, ray_sensor
 
@@ -45,7 +45,7 @@ def render_radiance(
 
     Parameters
     ----------
-    state : scarl_sionna.world.WorldState
+    state : scarl_sionna.engine.world.WorldState
     spec : CameraSpec
         `samples_per_pixel` are taken in launches of full grids (:func:`launch_samples`); `max_depth` bounds the light path. With an
         `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done here.
@@ -98,7 +98,11 @@ def _trace(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) ->
     with variant.optical() as mi:
         integrator = mi.load_dict(integrator_dict(spec))
         lighting = state.world.lighting
-        if lighting is not None and lighting.visibility is not None and not state.world.document.info.get("enclosed", False):
+        if (
+            lighting is not None
+            and lighting.visibility is not None
+            and not state.world.document.info.get("enclosed", False)
+        ):
             integrator = haze_integrator(mi, integrator, lighting.visibility, state.airlight)
         return _launched(mi, scene, spec, pose, integrator, seed, samples, 3)
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ImageFrame
-from scarl_sionna.world.placement import check_placement
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine.rays.placement import check_placement
 
 from .labels import LABEL_NAMES, render_labels
 from .render import render_rgb
@@ -33,7 +33,7 @@ class Camera:
 
         Parameters
         ----------
-        state : scarl_sionna.world.WorldState
+        state : scarl_sionna.engine.world.WorldState
         world_from_sensor : Pose
             Sensor frame (x forward = optical axis, y left, z up).
         sensor_twist : Twist

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.atmosphere import Atmosphere
-from scarl_sionna.core.lidar_receiver import HeterodyneReceiver, ScarlReceiver
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
-from scarl_sionna.world.placement import check_placement
-from scarl_sionna.world.spray import SprayCloud, spray_clouds
-from scarl_sionna.world.tables import PartTable
+from scarl_sionna.core.specs.atmosphere import Atmosphere
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
+from scarl_sionna.engine.rays.placement import check_placement
+from scarl_sionna.engine.spray import SprayCloud, spray_clouds
+from scarl_sionna.scene.tables import PartTable
 
 from .beat import estimate_beats, synthesize_beats
 from .heterodyne import NO_ECHO, Detections, receive_heterodyne
@@ -62,7 +62,7 @@ class Lidar:
 
         Parameters
         ----------
-        state : scarl_sionna.world.WorldState
+        state : scarl_sionna.engine.world.WorldState
         world_from_sensor : Pose
             Sensor frame (x forward, y left, z up) at the state's time.
         sensor_twist : Twist

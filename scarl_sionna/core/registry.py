@@ -9,12 +9,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .camera_spec import CameraSpec
 from .errors import UnknownNameError
-from .lidar_spec import LidarSpec
 from .pose import Pose, Twist
-from .radar_spec import RadarSpec
 from .spec import Spec
+from .specs.camera import CameraSpec
+from .specs.lidar import LidarSpec
+from .specs.radar.spec import RadarSpec
 
 ENTRY_POINT_GROUP = "scarl.sensors"
 
@@ -34,7 +34,7 @@ class Sensor(Protocol):
 
         Parameters
         ----------
-        state : scarl_sionna.world.WorldState
+        state : scarl_sionna.engine.world.WorldState
         world_from_sensor : Pose
             Sensor frame: x forward, y left, z up.
         sensor_twist : Twist

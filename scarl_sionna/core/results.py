@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from .camera_spec import CameraSpec
-from .lidar_spec import LidarSpec
 from .pose import Pose, Twist
+from .specs.camera import CameraSpec
+from .specs.lidar import LidarSpec
 
 if TYPE_CHECKING:
-    from .radar_spec import RadarSpec
+    from .specs.radar.spec import RadarSpec
 
 
 @dataclass(frozen=True, eq=False)

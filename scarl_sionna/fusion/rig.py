@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import yaml
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError, UnknownNameError
-from scarl_sionna.core.lidar_pattern import RasterScan
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.registry import spec_type
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_pattern import RasterScan
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 QUALITIES = ("draft", "full")
 """Named levels of effort: ``"full"`` is the default of every specification, ``"draft"`` is for a look at a scene."""

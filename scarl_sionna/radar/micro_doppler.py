@@ -14,15 +14,15 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.signal.processing import doppler_axis, range_doppler, virtual_cube, window_values
 
 from .channel import solve_paths
 from .paths import RadarPaths
-from .processing import doppler_axis, range_doppler, virtual_cube, window_values
 from .synthesis import synthesize
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import World, WorldState
+    from scarl_sionna.engine.world import World, WorldState
 
 Array = npt.NDArray[np.float64]
 
@@ -104,7 +104,9 @@ def window_half_width(radar: RadarSpec, below_db: float, window: str = "hann") -
     inside = np.flatnonzero(level >= 0.0)
     if len(inside) != inside[-1] + 1:
         highest = below_db - level[np.flatnonzero(level < 0.0)[0] :].max()
-        raise ParameterRangeError("below_db", f"{below_db} dB", f"< {highest:.1f} dB, the side lobes of a {window} window")
+        raise ParameterRangeError(
+            "below_db", f"{below_db} dB", f"< {highest:.1f} dB, the side lobes of a {window} window"
+        )
     bin_width = 2.0 * radar.unambiguous_velocity / radar.num_chirps
     return float(inside[-1] / fine * bin_width)
 
@@ -230,7 +232,9 @@ class SurfaceMotion:
         return float(chosen.min()), float(chosen.max())
 
 
-def surface_motion(world: World, time: float, pose: Pose, parts: Sequence[int] | None = None, step: float = 1e-5) -> SurfaceMotion:
+def surface_motion(
+    world: World, time: float, pose: Pose, parts: Sequence[int] | None = None, step: float = 1e-5
+) -> SurfaceMotion:
     """Return how fast the surface of parts moves away from a place, from the poses alone, and how much of it is in view.
 
     Parameters
@@ -259,7 +263,9 @@ def surface_motion(world: World, time: float, pose: Pose, parts: Sequence[int] |
         corners = world.mesh(part).vertices[world.mesh(part).faces]
         middle = corners.mean(axis=1)
         doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        ways = [np.linalg.norm(state.part_pose(part).apply(middle) - pose.position, axis=1) for state in (before, after)]
+        ways = [
+            np.linalg.norm(state.part_pose(part).apply(middle) - pose.position, axis=1) for state in (before, after)
+        ]
         point = now.part_pose(part).apply(middle)
         sight = point - pose.position
         sight /= np.linalg.norm(sight, axis=1)[:, None]

@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .paths import RadarPaths
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import WorldState
+    from scarl_sionna.engine.world import WorldState
 
 POINT_INTERACTION = 0
 """Kind of interaction written for a point target."""
@@ -60,7 +60,9 @@ class PointScatterers:
             shape = f"a scalar or shape ({len(points)},)"
             raise ParameterRangeError("rcs", f"shape {np.shape(self.rcs)}", shape) from None
         if not (np.isfinite(sigma).all() and (sigma >= 0).all()):
-            raise ParameterRangeError("rcs", f"{np.min(sigma)} m2", "finite and >= 0 m2", "give square metres, not dBsm")
+            raise ParameterRangeError(
+                "rcs", f"{np.min(sigma)} m2", "finite and >= 0 m2", "give square metres, not dBsm"
+            )
         if self.instance is not None:
             label = np.asarray(self.instance)
             if label.shape != (len(points),):
@@ -109,7 +111,7 @@ def point_targets(
         Surroundings: the paths to the targets are then traced in them, with occlusion and mirror reflections (two-ray
         ground, ghosts); free space if left out.
     **options
-        Of :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna`, with a `state` only.
+        Of :func:`scarl_sionna.radar.channel.multipath.solve.solve_sionna`, with a `state` only.
 
     Returns
     -------
@@ -138,7 +140,7 @@ def point_targets(
     targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
     targets.require_apart(pose.position)
     if state is not None:
-        from .channel.sionna_paths import solve_sionna
+        from .channel.multipath.solve import solve_sionna
 
         return solve_sionna(
             state, radar, pose, radar_twist=radar_twist, scatterers=targets, **{"environment": False, **options}
@@ -177,7 +179,9 @@ def _rows(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
     if rows.size == 0:
         return np.zeros((0, 3))
     if rows.ndim != 2 or rows.shape[1] != 3:
-        raise ParameterRangeError(name, f"shape {rows.shape}", "shape (num_targets, 3)", "wrap a single target in a list")
+        raise ParameterRangeError(
+            name, f"shape {rows.shape}", "shape (num_targets, 3)", "wrap a single target in a list"
+        )
     if not np.isfinite(rows).all():
         raise ParameterRangeError(name, "NaN or infinity", "finite numbers")
     return rows

@@ -10,20 +10,20 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.results import RadarFrame
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.signal.converter import quantize
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
-from .adc import quantize
 from .channel import solve_paths
-from .clutter import through_weather
-from .labels import label_cells
+from .labels.labels import label_cells
 from .paths import RadarPaths
-from .processing import range_doppler, virtual_cube
 from .synthesis import synthesize
 from .synthesis.blocks import retraced, synthesize_blocks
+from .weather.clutter import through_weather
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import WorldState
+    from scarl_sionna.engine.world import WorldState
 
 
 class Radar:
@@ -94,7 +94,10 @@ class Radar:
         else:
             paths_at = retraced(state.world, self.spec, world_from_sensor, state.time, self.method, **options)
             adc = synthesize_blocks(
-                lambda time: through_weather(paths_at(time), state, self.spec, None), self.spec, self.chirps_per_block, rng=rng
+                lambda time: through_weather(paths_at(time), state, self.spec, None),
+                self.spec,
+                self.chirps_per_block,
+                rng=rng,
             )
             if paths.num_paths > alone.num_paths:  # drops are traced once: they move straight
                 adc += synthesize(paths.select(np.arange(alone.num_paths, paths.num_paths)), self.spec)
@@ -120,7 +123,9 @@ class Radar:
             **truth,
         )
 
-    def _truth(self, adc: npt.NDArray[np.complex64], paths: RadarPaths, state: WorldState) -> dict[str, npt.NDArray[Any]]:
+    def _truth(
+        self, adc: npt.NDArray[np.complex64], paths: RadarPaths, state: WorldState
+    ) -> dict[str, npt.NDArray[Any]]:
         """Return what fills the cells of the frame's range-Doppler map, and the power of every object."""
         labels = label_cells(range_doppler(virtual_cube(adc, self.spec), self.spec), paths, state)
         power = labels.entry_share * labels.power.reshape(-1)[labels.cell]

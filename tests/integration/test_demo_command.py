@@ -12,13 +12,13 @@ import pytest
 from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.export import open_dataset
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.dataset import open_dataset
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import contents, kept_frames, wait_until
 from tests.frames import assert_same
 

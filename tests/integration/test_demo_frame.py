@@ -10,14 +10,15 @@ import time
 import numpy as np
 import pytest
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Twist
 from scarl_sionna.core.semantics import SKY, semantic_id
-from scarl_sionna.export.contact_sheet import radar_maps
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.dataset.contact_sheet import radar_maps
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.generate import observe
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.world import load_scene, variant
+from scarl_sionna.simulation import observe
 
 TIME = 0.5
 CARS = ("car_ahead", "oncoming")
@@ -164,7 +165,8 @@ def test_the_car_ahead_is_the_strongest_of_what_opens_and_the_oncoming_car_of_wh
 
 
 def test_azimuth_of_the_radar_agrees_with_the_image(frame, camera, objects) -> None:
-    from scarl_sionna.radar import range_doppler_angle, virtual_cube
+    from scarl_sionna.signal.angle import range_doppler_angle
+    from scarl_sionna.signal.processing import virtual_cube
 
     result = frame.radars["radar"]
     rda = range_doppler_angle(virtual_cube(result.adc, result.spec), result.spec, num_azimuth=256)

@@ -17,7 +17,7 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.pose import Twist
-from scarl_sionna.export import write_dataset
+from scarl_sionna.dataset import write_dataset
 from tests.calibration_street import street
 from tests.drive import drive
 

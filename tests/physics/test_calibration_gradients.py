@@ -18,9 +18,9 @@ from scarl_sionna.calibration import (
 from scarl_sionna.calibration.physics import TrialMaterial, derivative
 from scarl_sionna.calibration.scene_model import FixedPaths, pose_of
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.processing import range_doppler, virtual_cube
 from scarl_sionna.radar.synthesis import synthesize
-from scarl_sionna.world.materials import builtin_materials
+from scarl_sionna.scene.materials.table import builtin_materials
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.calibration_street import PARAMETERS, TRUTH, street, street_problem
 
 ANGLES = tuple(np.linspace(0.0, 80.0, 9))

@@ -9,9 +9,9 @@ import pytest
 
 from camera_lidar import Camera
 from camera_lidar.camera.projection import pixel_rays
-from scarl_sionna.core.camera_spec import BrownConrady, CameraSpec, KannalaBrandt
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import load_scene
+from scarl_sionna.core.specs.camera import BrownConrady, CameraSpec, KannalaBrandt
+from scarl_sionna.engine.world import load_scene
 from tests.scenes import Thing, ball, plane, write_scene
 
 SPEC = CameraSpec(

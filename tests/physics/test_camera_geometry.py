@@ -11,9 +11,10 @@ import pytest
 from camera_lidar import Camera
 from camera_lidar.camera import project, render_labels, render_radiance
 from camera_lidar.camera.projection import camera_optical_from_world, unproject
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import load_scene, variant
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.world import load_scene
 from tests.mitsuba_camera import perspective_dict
 from tests.scenes import Light, Material, Thing, ball, box, plane, write_scene
 

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.rays.edges import Wedge, wedge_at
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
-from scarl_sionna.radar.channel.sionna_paths import solve_sionna
-from scarl_sionna.radar.channel.utd import edge_transfer, transition
+from scarl_sionna.radar.channel.multipath.solve import solve_sionna
+from scarl_sionna.radar.channel.multipath.utd import edge_transfer, transition
 from scarl_sionna.radar.points import PointScatterers
-from scarl_sionna.world import load_scene, variant
-from scarl_sionna.world.edges import Wedge, wedge_at
 from tests.oracles import diffraction as oracle
 from tests.scenes import Thing, box, plane, write_scene
 

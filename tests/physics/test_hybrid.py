@@ -9,14 +9,14 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core import units as ss_units
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
-from scarl_sionna.radar.channel.hybrid import chains_of
-from scarl_sionna.radar.channel.sbr_settings import SbrChannelSettings
+from scarl_sionna.radar.channel.compose.hybrid import chains_of
+from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.radar.rcs import scattering_matrix
-from scarl_sionna.radar.scatterers import ScattererModel
-from scarl_sionna.world import load_scene
-from scarl_sionna.world.materials import MaterialTable, builtin_materials
+from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from tests.oracles import multipath as oracle
 from tests.oracles import rcs as rcs_oracle
 from tests.scenes import Material, Thing, ball, plane, write_scene

@@ -13,10 +13,10 @@ from camera_lidar.lidar import deskew, shot_directions, shot_times
 from camera_lidar.lidar.motion import sensor_motion, shot_rays
 from camera_lidar.lidar.rolling import RollingCaster
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.lidar_pattern import SpinningScan
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import World, load_scene
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_pattern import SpinningScan
+from scarl_sionna.engine.world import World, load_scene
 from tests.scenes import Thing, ball, box, plane, write_scene
 
 RASTER = LidarSpec(

@@ -10,10 +10,10 @@ import pytest
 from camera_lidar import Camera, Lidar
 from camera_lidar.camera.projection import camera_optical_from_world, project
 from camera_lidar.lidar import camera_maps, range_view, shot_directions
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import load_scene
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.engine.world import load_scene
 from tests.scenes import Material, Thing, ball, box, plane, write_scene
 
 SPEC = LidarSpec(azimuth_fov_deg=(-40, 40), elevation_fov_deg=(-15, 15), num_azimuth=161, num_elevation=61)

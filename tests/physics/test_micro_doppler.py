@@ -10,15 +10,17 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.accuracy import Accuracy
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import point_targets, quantize, synthesize
-from scarl_sionna.radar.channel.sbr_settings import SbrChannelSettings
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.sensor import Radar
+from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.radar.synthesis.blocks import retraced, shifted, synthesize_blocks
-from scarl_sionna.world import load_scene
+from scarl_sionna.signal.converter import quantize
 from tests.oracles import micro_doppler as oracle
 from tests.scenes import Thing, plane, write_scene
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.sionna_paths import solve_sionna
+from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.points import PointScatterers, point_targets
-from scarl_sionna.world import load_scene, variant
-from scarl_sionna.world.materials import MaterialTable, RadioMaterial, builtin_materials
+from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, builtin_materials
 from tests.oracles import multipath as oracle
 from tests.scenes import Material, Thing, plane, write_scene
 
@@ -88,7 +89,9 @@ def test_two_ray_nulls_of_metal(tmp_path) -> None:
     level = two_ray_db(state, x, 0.5)["H"].reshape(len(expected), -1)
     nulls = expected * (1.0 + steps[level.argmin(axis=1)])
     assert np.abs(nulls / expected - 1.0).max() < 1e-3  # the bar; the grid's step is a tenth of it
-    assert level.min(axis=1).max() < -40.0  # half a step aside: 2 pi n 5e-5 = 4e-3 for n = 12, to the fourth power -96 dB
+    assert (
+        level.min(axis=1).max() < -40.0
+    )  # half a step aside: 2 pi n 5e-5 = 4e-3 for n = 12, to the fourth power -96 dB
 
 
 @pytest.mark.slow
@@ -291,7 +294,9 @@ def test_right_angled_corners_return_once(tmp_path) -> None:
     corner = np.array([20.0, 8.0, 0.0]) - start
     paths = solve_paths(state, RADAR, Pose(start), "sionna", max_depth=3, **FEW)
     expected = {(1,): [2], (2,): [0], (3,): [1], (1, 2): [0, 2], (1, 3): [1, 2], (2, 3): [0, 1], (1, 2, 3): [0, 1, 2]}
-    found = {tuple(sorted(row[row > 0].tolist())): length for row, length in zip(paths.instance, lengths(paths), strict=True)}
+    found = {
+        tuple(sorted(row[row > 0].tolist())): length for row, length in zip(paths.instance, lengths(paths), strict=True)
+    }
     assert paths.num_paths == len(expected) and found.keys() == expected.keys()
     for surfaces, axes in expected.items():
         assert abs(found[surfaces] - 2 * np.linalg.norm(corner[axes])) < 1e-12  # rounding of 40 m

@@ -7,18 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.semantics import semantic_id
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.paths.tracing import DIFFUSE, REFRACTION, SPECULAR
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.fusion import Rig
-from scarl_sionna.radar import detect, point_targets, range_doppler, range_doppler_angle, synthesize, virtual_cube
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.labels import label_cells, label_paths, label_points
-from scarl_sionna.radar.points import POINT_INTERACTION
-from scarl_sionna.world import load_scene, variant
-from scarl_sionna.world.path_tracing import DIFFUSE, REFRACTION, SPECULAR
+from scarl_sionna.radar.labels.labels import label_cells, label_paths, label_points
+from scarl_sionna.radar.points import POINT_INTERACTION, point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.signal.angle import range_doppler_angle
+from scarl_sionna.signal.detection import detect
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.scenes import Thing, plane, write_scene
 
 SMALL = RadarSpec(num_chirps=32, num_samples=64, bandwidth=300e6, pattern=IsotropicPattern())

@@ -7,12 +7,12 @@ import pytest
 from scipy.integrate import dblquad
 
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.semantics import semantic_id
-from scarl_sionna.radar.channel.class_rcs import class_reflectivity
-from scarl_sionna.radar.channel.grid import RayGrid
-from scarl_sionna.radar.channel.raycast import solve_raycast
-from scarl_sionna.world import load_scene
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
+from scarl_sionna.radar.channel.raycast.grid import RayGrid
+from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from tests.oracles import fresnel as oracle
 from tests.scenes import Material, Thing, box, plane, write_scene
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar.channel.sionna_paths import solve_sionna
-from scarl_sionna.radar.fresnel import transmission
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.points import PointScatterers, point_targets
-from scarl_sionna.world import load_scene, variant
-from scarl_sionna.world.materials import MaterialTable, RadioMaterial, builtin_materials
+from scarl_sionna.scene.materials.fresnel import transmission
+from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, builtin_materials
 from tests.oracles import multipath as oracle
 from tests.oracles.fresnel import ITU_GLASS
 from tests.scenes import Material, Thing, plane, write_scene

@@ -8,12 +8,12 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.sbr_settings import SbrChannelSettings
-from scarl_sionna.radar.fresnel import reflection
-from scarl_sionna.world import load_scene
+from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.scene.materials.fresnel import reflection
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
 from tests.scenes import Material, Thing, plane, write_scene

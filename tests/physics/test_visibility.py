@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.fusion import Rig, SensorMount
 from tests.scenes import Thing, box, plane, write_scene
 

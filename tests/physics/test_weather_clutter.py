@@ -7,13 +7,17 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import kstest
 
-from scarl_sionna.core.antenna_pattern import CosinePattern
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.core.weather import Spray, Weather
-from scarl_sionna.radar import label_cells, label_paths, point_targets, range_doppler, synthesize, virtual_cube
-from scarl_sionna.radar.channel.hybrid import joined, received_power
-from scarl_sionna.radar.clutter import (
+from scarl_sionna.core.specs.radar.pattern import CosinePattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.weather import Spray, Weather
+from scarl_sionna.engine.spray import spray_clouds
+from scarl_sionna.radar.channel.compose.hybrid import joined, received_power
+from scarl_sionna.radar.labels.labels import label_cells, label_paths
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.sensor import Radar
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.radar.weather.clutter import (
     NEAREST,
     VOLUME_INTERACTION,
     clutter_budget,
@@ -24,9 +28,8 @@ from scarl_sionna.radar.clutter import (
     two_way_gain_integral,
     volume_clutter,
 )
-from scarl_sionna.radar.hydrometeors import spray
-from scarl_sionna.radar.sensor import Radar
-from scarl_sionna.world.spray import spray_clouds
+from scarl_sionna.radar.weather.hydrometeors import spray
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.weather_street import street
 
 RADAR = RadarSpec(num_chirps=64, num_samples=128, ramp_time=7.5e-6, bandwidth=75e6 * 2)

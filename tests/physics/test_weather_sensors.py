@@ -8,14 +8,14 @@ import pytest
 from camera_lidar.camera.falling import add_falling
 from camera_lidar.lidar import Lidar
 from camera_lidar.lidar.spray import extinction_of
-from scarl_sionna.core.atmosphere import Atmosphere, snow_extinction
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
-from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.weather import WEATHER_PRESETS, Spray, Weather, fog_water_of, visibility_of
-from scarl_sionna.world.spray import spray_clouds
+from scarl_sionna.core.specs.atmosphere import Atmosphere, snow_extinction
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.weather import WEATHER_PRESETS, Spray, Weather, fog_water_of, visibility_of
+from scarl_sionna.engine.spray import spray_clouds
 from tests.weather_street import street
 
 HETERODYNE = LidarSpec(receiver=HeterodyneReceiver(), num_azimuth=80, num_elevation=30, max_returns=2)

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
-from scarl_sionna.radar.scatterers import ScattererModel
-from scarl_sionna.world import load_scene
+from scarl_sionna.radar.scatterers.model import ScattererModel
 from tests.scenes import Thing, ball, box, plane, write_scene
 
 RADAR = RadarSpec(num_rays=50_000)

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import MeshError, ScarlWarning
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.scatterers import ScattererModel
+from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
-from scarl_sionna.world import load_scene
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = RadarSpec(pattern=IsotropicPattern(), bandwidth=150e6, num_rays=200_000, elevation_fov_deg=30.0)

@@ -11,17 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.paths.tracing import trace_paths
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import PathBufferOverflowError, solve_paths
-from scarl_sionna.radar.channel.legs import Station, legs_of
-from scarl_sionna.radar.channel.sionna_paths import solve_sionna
+from scarl_sionna.radar.channel.multipath.legs import Station, legs_of
+from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.points import PointScatterers
-from scarl_sionna.world import load_scene, variant
-from scarl_sionna.world.path_tracing import trace_paths
 from tests.oracles import multipath as oracle
 from tests.scenes import Thing, ball, box, plane, write_scene
 
@@ -81,7 +82,8 @@ def test_small_motion_turns_the_phase_and_no_path_flickers(tmp_path) -> None:
     diagonal = np.array([64.0, 1.0, 8.0])  # the wall's centre, where its diagonal passes, seen at right angles
     step = RADAR.wavelength / 20.0
     solves = [
-        solve_sionna(state, RADAR, Pose(diagonal + [step * (k - 12.5), 0, 0]), scatterers=points, **FEW) for k in range(26)
+        solve_sionna(state, RADAR, Pose(diagonal + [step * (k - 12.5), 0, 0]), scatterers=points, **FEW)
+        for k in range(26)
     ]
     first = solves[0]
     assert first.num_paths >= 10
@@ -174,7 +176,9 @@ def test_small_and_curved_mirrors_are_warned_of(tmp_path) -> None:
     # A 10 cm plate at 10 m: the zone is 2 sqrt(lambda 5 m) = 0.28 m across; its mirror echo is 6 dB too strong.
     plate = Thing("plate", plane(0.1, 0.1, (10, 0, 0), (-1, 0, 0)), "Static", "steel")
     state = load_scene(write_scene(tmp_path / "plate", [plate])).at(0.0)
-    with pytest.warns(ScarlWarning, match=r"'plate': a flat face of 0\.1 m where the zone is 0\.28 m.*method='sbr'") as caught:
+    with pytest.warns(
+        ScarlWarning, match=r"'plate': a flat face of 0\.1 m where the zone is 0\.28 m.*method='sbr'"
+    ) as caught:
         paths = solve_paths(state, RADAR, Pose(), "sionna", max_depth=1)
     assert paths.num_paths == 1 and len(caught) == 1 and paths.diagnostics["num_small_mirrors"] == 1
     # A ball of flat faces of 0.15 m, seen at 8 m: a face whose normal points at the radar is a mirror of the wrong size.

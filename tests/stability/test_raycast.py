@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.channel.raycast import solve_raycast
-from scarl_sionna.world import load_scene
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from tests.scenes import Thing, box, plane, write_scene
 
 RADAR = RadarSpec(azimuth_fov_deg=10.0, elevation_fov_deg=5.0, num_rays=20_000)

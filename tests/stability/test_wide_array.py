@@ -7,15 +7,16 @@ import warnings
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import synthesize
-from scarl_sionna.radar.channel.sionna_paths import solve_sionna
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.points import PointScatterers
-from scarl_sionna.world import load_scene, variant
-from scarl_sionna.world.materials import MaterialTable, builtin_materials
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 ARMS = tuple((0.0, float(y), 0.0) for y in np.linspace(-0.5, 0.5, 5))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar.channel.raycast import solve_raycast
-from scarl_sionna.world import load_scene
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from tests.scenes import Thing, ball, plane, write_scene
 
 RADAR = RadarSpec(num_rays=200_000, num_chirps=64, num_samples=256, sampling_frequency=512 / 30e-6)

@@ -11,15 +11,15 @@ import trimesh
 from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
-from scarl_sionna.radar.channel.auto import sbr_settings
-from scarl_sionna.radar.channel.budget import cell_noise_power, estimate, own_bounces
-from scarl_sionna.radar.channel.hybrid import received_power
-from scarl_sionna.radar.noise import sample_noise_power
-from scarl_sionna.radar.scatterers import ScattererModel
+from scarl_sionna.radar.channel.compose.auto import sbr_settings
+from scarl_sionna.radar.channel.compose.budget import cell_noise_power, estimate, own_bounces
+from scarl_sionna.radar.channel.compose.hybrid import received_power
+from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
-from scarl_sionna.world import load_scene
+from scarl_sionna.signal.noise import sample_noise_power
 from tests.oracles.rcs import TRIHEDRAL_MESH
 from tests.scenes import Material, Thing, ball, box, plane, write_scene
 
@@ -188,7 +188,9 @@ def test_a_corner_reflector_is_found_whatever_its_class_is(tmp_path, tolerance) 
     exact = solve_paths(state, radar, pose, "sbr")
 
     def echo(found) -> complex:
-        length = np.linalg.norm(found.tx_point - pose.position, axis=1) + np.linalg.norm(found.rx_point - pose.position, axis=1)
+        length = np.linalg.norm(found.tx_point - pose.position, axis=1) + np.linalg.norm(
+            found.rx_point - pose.position, axis=1
+        )
         return complex(np.sum(found.a[:, 0, 0] * np.exp(-2j * np.pi * radar.center_frequency / 299792458.0 * length)))
 
     assert abs(20 * np.log10(abs(echo(paths)) / abs(echo(exact)))) < tolerance

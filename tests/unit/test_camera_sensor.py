@@ -11,11 +11,11 @@ from camera_lidar import Camera
 from camera_lidar.camera.labels import cast_pixels
 from camera_lidar.camera.ray_sensor import LAUNCHES, launch_samples
 from camera_lidar.camera.render import _trace, render_radiance
-from scarl_sionna.core.camera_spec import CameraSpec, ImageSensor
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import SKY, semantic_id
-from scarl_sionna.world import WorldState, load_scene
+from scarl_sionna.core.specs.camera import CameraSpec, ImageSensor
+from scarl_sionna.engine.world import WorldState, load_scene
 from tests.scenes import Thing, box, plane, write_scene
 
 SPEC = CameraSpec(width=48, height=32, samples_per_pixel=4, horizontal_fov_deg=60.0)

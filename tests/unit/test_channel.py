@@ -13,13 +13,13 @@ from scarl_sionna.core.errors import (
     UnknownNameError,
 )
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SKY, semantic_id
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.class_rcs import class_reflectivity
-from scarl_sionna.radar.channel.grid import RayGrid
+from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
+from scarl_sionna.radar.channel.raycast.grid import RayGrid
 from scarl_sionna.radar.sensor import Radar
-from scarl_sionna.world import load_scene
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = RadarSpec(num_rays=5_000, num_chirps=8, num_samples=32)
@@ -187,7 +187,7 @@ def test_batches_of_rays_join_to_the_whole_grid() -> None:
 
 def test_batches_of_paths_join_to_the_whole(state, monkeypatch) -> None:
     whole = solve_paths(state, RADAR, Pose(), "raycast")
-    monkeypatch.setattr("scarl_sionna.radar.channel.raycast.RAYS_PER_BATCH", 700)
+    monkeypatch.setattr("scarl_sionna.radar.channel.raycast.solve.RAYS_PER_BATCH", 700)
     assert _bytes(solve_paths(state, RADAR, Pose(), "raycast")) == _bytes(whole)
 
 

@@ -8,10 +8,10 @@ import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, OwnershipError, Share, solve_paths
-from scarl_sionna.radar.channel.hybrid import DoubleCountError, _check_chains
-from scarl_sionna.world import load_scene
+from scarl_sionna.radar.channel.compose.hybrid import DoubleCountError, _check_chains
 from tests.scenes import Thing, box, plane, write_scene
 
 

@@ -7,13 +7,15 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-import scarl_sionna.export.contact_sheet as sheet
-from scarl_sionna.core.camera_spec import CameraSpec
+import scarl_sionna.dataset.contact_sheet as sheet
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.results import Frame, ImageFrame, ObjectState, RadarFrame
-from scarl_sionna.radar import point_targets, quantize, synthesize
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.signal.converter import quantize
 from tests.frames import make_frame
 
 RADAR = RadarSpec(num_chirps=64, num_samples=128)

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scarl_sionna.core.camera_spec import CameraSpec
+from scarl_sionna.app.demo import run
 from scarl_sionna.core.errors import OutputError, PlacementError, TimeRangeError, UnknownNameError
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.demo import run
-from scarl_sionna.export import open_dataset
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.dataset import open_dataset
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.generate import observe, simulate
-from scarl_sionna.scenario import ScenarioSpec
-from scarl_sionna.world import load_scene
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.simulation import observe, simulate
 from tests.frames import assert_same
 from tests.scenes import Thing, box, plane, write_scene
 

@@ -11,10 +11,10 @@ import pytest
 from camera_lidar import Lidar
 from camera_lidar.lidar import shot_directions
 from scarl_sionna.core.errors import PlacementError
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
-from scarl_sionna.world import WorldState, load_scene
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.engine.world import WorldState, load_scene
 from tests.scenes import Thing, box, plane, write_scene
 
 NOISY = LidarSpec(

@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.fusion import Rig, SensorMount
 
 SUITES = ("front_left", "front_center", "front_right", "back_left", "back_center", "back_right")

@@ -5,19 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import MaterialRangeError, ParameterRangeError, PlacementError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.semantics import semantic_id
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.sionna_paths import solve_sionna
-from scarl_sionna.radar.fresnel import transmission
+from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.points import PointScatterers, point_targets
 from scarl_sionna.radar.sensor import Radar
-from scarl_sionna.world import load_scene, variant
-from scarl_sionna.world.materials import builtin_materials
+from scarl_sionna.scene.materials.fresnel import transmission
+from scarl_sionna.scene.materials.table import builtin_materials
 from tests.oracles.fresnel import ITU_GLASS
 from tests.scenes import Material, Thing, box, plane, write_scene
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar.channel.raycast import solve_raycast
-from scarl_sionna.radar.channel.thinning import ResolutionCells, thin
-from scarl_sionna.world import load_scene
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.channel.raycast.solve import solve_raycast
+from scarl_sionna.radar.channel.raycast.thinning import ResolutionCells, thin
 from tests.scenes import Thing, plane, write_scene
 
 

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 
-from .auto import plan_channel, solve_auto
-from .hybrid import solve_hybrid
+from .compose.auto import plan_channel, solve_auto
+from .compose.hybrid import solve_hybrid
+from .compose.plan import ChannelPlan, OwnershipError, Share
+from .multipath.solve import PathBufferOverflowError, solve_sionna
 from .panes import warn_of_panes
-from .plan import ChannelPlan, OwnershipError, Share
-from .raycast import solve_raycast
+from .raycast.solve import solve_raycast
 from .sbr import solve_sbr
 from .scatterers import solve_scatterers
-from .sionna_paths import PathBufferOverflowError, solve_sionna
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import WorldState
+    from scarl_sionna.engine.world import WorldState
 
 __all__ = ["ChannelPlan", "OwnershipError", "PathBufferOverflowError", "Share", "plan_channel", "solve_paths"]
 
@@ -48,11 +48,11 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
         ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"``: the
         scattering centres of the objects that have a model. ``"hybrid"``: several of them by a :class:`ChannelPlan`.
     **options
-        Of the solver; see :func:`scarl_sionna.radar.channel.auto.solve_auto` (`accuracy`, `models`, and what `raycast` takes),
-        :func:`scarl_sionna.radar.channel.raycast.solve_raycast` (`radar_twist`, `num_rays`, ...),
-        :func:`scarl_sionna.radar.channel.sionna_paths.solve_sionna`, :func:`scarl_sionna.radar.channel.sbr.solve_sbr` and
+        Of the solver; see :func:`scarl_sionna.radar.channel.compose.auto.solve_auto` (`accuracy`, `models`, and what `raycast` takes),
+        :func:`scarl_sionna.radar.channel.raycast.solve.solve_raycast` (`radar_twist`, `num_rays`, ...),
+        :func:`scarl_sionna.radar.channel.multipath.solve.solve_sionna`, :func:`scarl_sionna.radar.channel.sbr.solve_sbr` and
         :func:`scarl_sionna.radar.channel.scatterers.solve_scatterers` (`models`) and
-        :func:`scarl_sionna.radar.channel.hybrid.solve_hybrid` (`plan`).
+        :func:`scarl_sionna.radar.channel.compose.hybrid.solve_hybrid` (`plan`).
 
     Returns
     -------

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.world.placement import check_placement
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.rays.placement import check_placement
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import WorldState
+    from scarl_sionna.engine.world import WorldState
 
 
 def check_antennas(state: WorldState, radar: RadarSpec, pose: Pose, twin: str = "optical") -> None:

@@ -15,26 +15,26 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
+from scarl_sionna.engine.rays.face_planes import face_table
+from scarl_sionna.engine.rays.face_rays import FaceRays
+from scarl_sionna.engine.rays.overlap import seen_overlaps
+from scarl_sionna.radar.optics.near.diffuse import scattered_rows, way_back
+from scarl_sionna.radar.optics.near.fields import radiated
+from scarl_sionna.radar.optics.near.patches import PatchSize
+from scarl_sionna.radar.optics.near.rows import Columns, above_floor, in_order, joined, received
+from scarl_sionna.radar.optics.near.settings import DEFAULT_SBR_CHANNEL, SbrChannelSettings
+from scarl_sionna.radar.optics.near.surfaces import Surfaces
+from scarl_sionna.radar.optics.near.trace import Station, Tracer
+from scarl_sionna.radar.optics.near.tubes import Tubes
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.world import variant
-from scarl_sionna.world.face_rays import FaceRays
-from scarl_sionna.world.face_tracing import face_table
-from scarl_sionna.world.overlap import seen_overlaps
-from scarl_sionna.world.path_tracing import DIFFUSE, SPECULAR
 
 from .antennas import check_antennas
-from .sbr_diffuse import scattered_rows, way_back
-from .sbr_fields import radiated
-from .sbr_patches import PatchSize
-from .sbr_rows import Columns, above_floor, in_order, joined, received
-from .sbr_settings import DEFAULT_SBR_CHANNEL, SbrChannelSettings
-from .sbr_surfaces import Surfaces
-from .sbr_trace import Station, Tracer
-from .sbr_tubes import Tubes
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import WorldState
+    from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -15,16 +15,16 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import MIN_DISTANCE, POINT_INTERACTION
-from scarl_sionna.radar.scatterers import ScattererModel
+from scarl_sionna.radar.scatterers.model import ScattererModel
 
 from .antennas import check_antennas
-from .images import spherical_basis
+from .multipath.images import spherical_basis
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import WorldState
+    from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]

@@ -14,14 +14,14 @@ from scipy.spatial.transform import Rotation
 from scarl_sionna.core.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.noise import add_noise
 
-from ..noise import add_noise
-from ..paths import RadarPaths
 from . import synthesize
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import World
+    from scarl_sionna.engine.world import World
 
 PathsAt = Callable[[float], RadarPaths]
 """Time since the start of the first ramp [s] -> the paths at that time."""
@@ -156,7 +156,7 @@ def retraced(
     **options
         Of the solver.
     """
-    from ..channel import solve_paths
+    from scarl_sionna.radar.channel import solve_paths
 
     twist = radar_twist or Twist()
 

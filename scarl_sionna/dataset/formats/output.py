@@ -1,0 +1,137 @@
+"""Output of an exporter: whole or not there, never over something else, with a mark of what made it."""
+
+from __future__ import annotations
+
+import glob
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from scarl_sionna.core.errors import OutputError
+from scarl_sionna.dataset.store.atomic import PARTIAL, partial_path
+from scarl_sionna.dataset.store.files import output_error
+
+MARK = "scarl_view.json"
+"""File in every folder that an exporter writes; only a folder with it is ever overwritten."""
+_ASIDE = "old"
+
+
+@contextmanager
+def whole_folder(out: str | Path, mark: Mapping[str, Any], overwrite: bool = False) -> Iterator[Path]:
+    """Yield an empty folder to write to; it gets its name when the block ends without an error.
+
+    Parameters
+    ----------
+    out : path
+        Must not be there; with `overwrite` it may be a folder that an exporter wrote.
+    mark : mapping
+        Plain data written to `MARK`: what the folder is.
+    overwrite : bool
+
+    Raises
+    ------
+    OutputError
+        If `out` is there, or the folder cannot be written; what was there stays then.
+    """
+    out = Path(out)
+    _clear_stale(out)
+    if out.exists():
+        if out.is_dir() and not any(out.iterdir()):
+            pass
+        elif not overwrite:
+            raise OutputError(f"{out} is there; choose another folder or overwrite (--overwrite)")
+        elif not (out / MARK).is_file():
+            raise OutputError(
+                f"{out} was not written by an exporter (no {MARK} in it) and is kept; choose another folder"
+            )
+    partial = partial_path(out)
+    with _typed(out):
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir(parents=True)
+        try:
+            yield partial
+            (partial / MARK).write_text(json.dumps(dict(mark), indent=1) + "\n", encoding="utf-8")
+            _replace_folder(partial, out)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+
+
+@contextmanager
+def whole_output_file(out: str | Path, overwrite: bool = False) -> Iterator[Path]:
+    """Yield a temporary file name; it becomes `out` when the block ends without an error.
+
+    Raises
+    ------
+    OutputError
+        If `out` is there and not to be overwritten, or cannot be written.
+    """
+    out = Path(out)
+    _clear_stale(out)
+    if out.is_dir():
+        raise OutputError(f"{out} is a folder; give the name of a file")
+    if out.exists() and not overwrite:
+        raise OutputError(f"{out} is there; choose another file or overwrite (--overwrite)")
+    partial = partial_path(out)
+    with _typed(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            yield partial
+            partial.replace(out)
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+def _clear_stale(out: Path) -> None:
+    """Remove what killed exports to the same place left; a folder that one had moved aside to replace it comes back."""
+    with suppress(OSError):
+        for stale in sorted(out.parent.glob(f"{glob.escape(PARTIAL + out.name)}_*")):
+            process, _, rest = stale.name.removeprefix(f"{PARTIAL}{out.name}_").partition("_")
+            if not process.isdigit() or rest not in ("", _ASIDE) or _is_running(int(process)):
+                continue
+            if rest == _ASIDE and not out.exists():
+                stale.rename(out)
+            elif stale.is_dir():
+                shutil.rmtree(stale)
+            else:
+                stale.unlink()
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _replace_folder(partial: Path, out: Path) -> None:
+    if not out.exists():
+        partial.rename(out)
+        return
+    old = out.with_name(f"{partial.name}_{_ASIDE}")
+    out.rename(old)
+    try:
+        partial.rename(out)
+    except OSError:
+        old.rename(out)
+        raise
+    shutil.rmtree(old)
+
+
+@contextmanager
+def _typed(out: Path) -> Iterator[None]:
+    """Turn the system's errors into :class:`OutputError` with a remedy."""
+    try:
+        yield
+    except OutputError:
+        raise
+    except FileNotFoundError:
+        raise  # something to read is missing: not the output's fault
+    except OSError as error:
+        raise output_error(out, error) from error

@@ -1,0 +1,158 @@
+"""Composition root: a world and a rig give frames; a scenario names both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import lru_cache
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from .core import seeds
+from .core.errors import PlacementError
+from .core.pose import Pose, Twist
+from .core.registry import Sensor, sensor_class
+from .core.results import Frame
+from .core.spec import Spec
+from .fusion.labels import count_labels
+from .fusion.rig import Rig
+from .fusion.visibility import add_visibility
+from .scenario.spec.scenario import ScenarioSpec
+
+if TYPE_CHECKING:
+    from .engine.world import World
+
+OnStage = Callable[[str, float], None]
+"""Called with the name of the stage that begins and how many frames are done, parts of a frame included."""
+
+
+def _ignore(stage: str, num_done: float) -> None:
+    """Report nothing."""
+
+
+@lru_cache(maxsize=64)
+def _sensor(kind: str, spec: Spec) -> Sensor:
+    """Return the sensor of a specification; a sensor keeps no state, so that equal ones are shared."""
+    return sensor_class(kind)(spec)
+
+
+def observe(
+    world: World,
+    rig: Rig,
+    time: float = 0.0,
+    seed: int = 0,
+    *,
+    index: int = 0,
+    world_from_vehicle: Pose | None = None,
+    vehicle_twist: Twist | None = None,
+    on_stage: OnStage = _ignore,
+) -> Frame:
+    """Return what every sensor of a rig sees at one instant.
+
+    Parameters
+    ----------
+    world : World
+    rig : Rig
+    time : float
+        [s]; it is rounded to whole nanoseconds, the frame's `timestamp_ns`.
+    seed : int
+        Root of all random numbers, >= 0. A sensor's numbers depend on seed, timestamp and the sensor's name only: not on
+        the order of the sensors and not on the other sensors of the rig.
+    index : int
+        Number of the frame in its sequence.
+    world_from_vehicle : Pose, optional
+        Pose of the vehicle that carries the rig; default: the world's ego actor.
+    vehicle_twist : Twist, optional
+        Its velocity; default: the ego actor's, and standing still where `world_from_vehicle` is given.
+    on_stage : callable
+        Called with each sensor's name before it works, and the part of the frame that is done.
+
+    Returns
+    -------
+    Frame
+
+    Raises
+    ------
+    PlacementError
+        If the world has no ego actor and no pose is given.
+    TimeRangeError
+        If the time lies outside the world's motion.
+    """
+    timestamp_ns = round(time * 1e9)
+    timings: dict[str, float] = {}
+    started = perf_counter()
+    state = world.at(timestamp_ns / 1e9)
+    if world_from_vehicle is None:
+        if world.ego is None:
+            raise PlacementError(
+                f"world '{world.name}' has no ego vehicle that carries the rig; give observe(..., world_from_vehicle=Pose(...))"
+            )
+        world_from_vehicle = state.actor_pose(world.ego)
+        vehicle_twist = vehicle_twist or state.actor_twist(world.ego)
+    vehicle_twist = vehicle_twist or Twist()
+    objects = state.boxes()
+    timings["world"] = perf_counter() - started
+
+    results: dict[str, Any] = {}
+    for position, mount in enumerate(rig.sensors):
+        on_stage(mount.name, position / len(rig.sensors))
+        started = perf_counter()
+        lever = world_from_vehicle.rotate(mount.vehicle_from_sensor.position)
+        results[mount.name] = _sensor(mount.kind, mount.spec).observe(
+            state,
+            world_from_vehicle.compose(mount.vehicle_from_sensor),
+            Twist(vehicle_twist.velocity_at(lever), vehicle_twist.angular),
+            seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name),
+        )
+        timings[mount.kind] = timings.get(mount.kind, 0.0) + perf_counter() - started
+    started = perf_counter()
+    results = add_visibility(state, objects, results)
+    timings["labels"] = perf_counter() - started
+    return Frame(
+        index=index,
+        timestamp_ns=timestamp_ns,
+        seed=seed,
+        world_from_vehicle=world_from_vehicle,
+        vehicle_twist=vehicle_twist,
+        results=results,
+        objects=count_labels(objects, results),
+        timings=timings,
+    )
+
+
+def simulate(
+    world: World,
+    rig: Rig,
+    times: Sequence[float],
+    seed: int = 0,
+    *,
+    skip: Collection[int] = (),
+    on_stage: OnStage = _ignore,
+) -> Iterator[Frame]:
+    """Yield a frame for each time, one after the other, without those whose index is in `skip`.
+
+    A frame does not depend on the frames before it.
+    """
+    for index, time in enumerate(times):
+        if index not in skip:
+            yield observe(world, rig, time, seed, index=index, on_stage=on_stage)
+
+
+def resolve_rig(scenario: ScenarioSpec) -> Rig:
+    """Return the scenario's rig: a preset in its quality, or the rig of a file."""
+    if Path(scenario.rig).suffix in (".yaml", ".yml", ".json"):
+        return Rig.load(scenario.find(scenario.rig))
+    return Rig.preset(scenario.rig, scenario.quality)
+
+
+def load_world(scenario: ScenarioSpec) -> World:
+    """Return the world of a scenario, see :func:`scarl_sionna.scenario.compose.build_world`.
+
+    Raises
+    ------
+    ScenarioError
+        If a name is unknown, a motion does not cover all frames, or bodies overlap; it names file and line.
+    """
+    from .scenario.compose import build_world  # here, so that reading a scenario does not start the engine
+
+    return build_world(scenario)
