@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 
 import scarl_sionna as ss
-from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.units import SPEED_OF_LIGHT
@@ -25,7 +25,7 @@ from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.channel.compose.budget import cell_noise_power
 from scarl_sionna.radar.optics.far import SbrSettings
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from tests.oracles import multipath
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer

@@ -25,14 +25,14 @@ from benchmarks.accuracy_problems import (
     over,
     scatterer_curve,
 )
-from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.channel.compose.budget import cell_noise_power
 from scarl_sionna.radar.optics.far import SbrSettings
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.radar.scatterers.compile import range_profile
 
 SPEED_OF_LIGHT = 299792458.0

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths

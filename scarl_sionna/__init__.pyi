@@ -1,5 +1,5 @@
 # The public names and where they are defined: read by type checkers, and by lazy_loader at run time.
-from .core.accuracy import Accuracy
+from .core.settings.accuracy import Accuracy
 from .core.errors import ScarlError, ScarlWarning
 from .core.pose import Pose, Twist
 from .core.results import Frame, ImageFrame, LidarScan, RadarFrame

@@ -13,7 +13,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.channel.compose.hybrid import chains_of
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.radar.rcs import scattering_matrix
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials

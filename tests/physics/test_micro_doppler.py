@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.radar.synthesis import synthesize

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec

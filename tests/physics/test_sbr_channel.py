@@ -12,7 +12,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.scene.materials.fresnel import reflection
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer

@@ -19,7 +19,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.optics.near.patches import PatchSize, split
-from scarl_sionna.radar.optics.near.settings import DEFAULT_SBR_CHANNEL, SbrChannelSettings
+from scarl_sionna.core.settings.sbr import DEFAULT_SBR_CHANNEL, SbrChannelSettings
 from tests.oracles import rcs as oracle
 from tests.scenes import Thing, box, plane, write_scene
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec

@@ -25,7 +25,7 @@ from scarl_sionna.radar.optics.near.diffuse import scattered_rows, way_back
 from scarl_sionna.radar.optics.near.fields import radiated
 from scarl_sionna.radar.optics.near.patches import PatchSize
 from scarl_sionna.radar.optics.near.rows import Columns, above_floor, in_order, joined, received
-from scarl_sionna.radar.optics.near.settings import DEFAULT_SBR_CHANNEL, SbrChannelSettings
+from scarl_sionna.core.settings.sbr import DEFAULT_SBR_CHANNEL, SbrChannelSettings
 from scarl_sionna.radar.optics.near.surfaces import Surfaces
 from scarl_sionna.radar.optics.near.trace import Station, Tracer
 from scarl_sionna.radar.optics.near.tubes import Tubes

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from scarl_sionna.core.accuracy import DEFAULT_ACCURACY, Accuracy
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec

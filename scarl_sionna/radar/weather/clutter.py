@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import expi
 
-from scarl_sionna.core.accuracy import DEFAULT_ACCURACY
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.pattern import AntennaPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec

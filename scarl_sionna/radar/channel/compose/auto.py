@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scarl_sionna.core.accuracy import DEFAULT_ACCURACY, Accuracy
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import ScattererModel
 

@@ -22,7 +22,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from .patches import PatchSize, split, too_many_patches
 from .rays import PlaneProbe, ScreenedProbe
 from .refine import Pieces, Probe, refine
-from .settings import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from .tubes import Tubes, middle
 
 Array = npt.NDArray[np.float64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from .spec import Spec
+from scarl_sionna.core.spec import Spec
 
 
 class Accuracy(Spec):
