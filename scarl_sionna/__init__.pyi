@@ -1,8 +1,8 @@
 # The public names and where they are defined: read by type checkers, and by lazy_loader at run time.
-from .core.settings.accuracy import Accuracy
 from .core.errors import ScarlError, ScarlWarning
 from .core.pose import Pose, Twist
 from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
+from .core.settings.accuracy import Accuracy
 from .core.specs.atmosphere import Atmosphere
 from .core.specs.camera import BrownConrady, CameraSpec, ImageSensor, KannalaBrandt, Pinhole
 from .core.specs.lidar import LidarSpec

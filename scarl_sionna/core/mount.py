@@ -42,6 +42,19 @@ class Mount:
         if not isinstance(self.twist, Twist):
             raise InputTypeError("Mount.twist", self.twist, "a Twist", "write ss.Twist(linear=[vx, vy, vz])")
 
+    def at(self, carrier_from_sensor: Pose) -> Mount:
+        """Return the mount of what is fixed to this one, for instance of a sensor on a vehicle."""
+        lever = self.pose.rotate(carrier_from_sensor.position)
+        twist = Twist(self.twist.velocity_at(lever), self.twist.angular)
+        if self.actor is None:
+            return Mount(self.pose.compose(carrier_from_sensor), twist)
+        own = (
+            carrier_from_sensor
+            if self.actor_from_sensor is None
+            else self.actor_from_sensor.compose(carrier_from_sensor)
+        )
+        return Mount(self.pose.compose(carrier_from_sensor), twist, self.actor, own)
+
     @classmethod
     def of(cls, place: Mount | Pose) -> Mount:
         """Return the mount itself, or a pose as one at rest.
