@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from .core import seeds
 from .core.errors import PlacementError
+from .core.mount import Mount
 from .core.pose import Pose
 from .core.registry import Sensor, sensor_class
 from .core.results import Frame
+from .core.settings.radar import RadarSettings
 from .fusion.labels import count_labels
 from .fusion.rig import Rig, SensorMount
 from .fusion.visibility import add_visibility

@@ -96,9 +96,8 @@ class SensorMount:
         _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec", "settings"})
         pose = data["vehicle_from_sensor"]
         _check_keys(f"{what} vehicle_from_sensor", pose, required={"position"}, optional={"quaternion"})
-        kind = str(data["kind"])
-        stated = spec_type(kind), data.get("spec") or {}
-        spec = stated[0](**stated[1])
+        kind = data["kind"]
+        spec = spec_type(kind)(**(data.get("spec") or {}))
         settings = _settings_of(kind, what, data.get("settings"))
         return cls(data["name"], kind, spec, Pose(pose["position"], pose.get("quaternion", _FACING_FRONT)), settings)
 

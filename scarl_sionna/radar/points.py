@@ -141,7 +141,7 @@ def point_targets(
     """
     targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
     if state is not None:
-        return _points_in(state, radar, state.as_mount(mount), targets, fields)
+        return solve_points(state, radar, mount, targets, **fields)
     if fields:
         raise ParameterRangeError("options", ", ".join(sorted(fields)), "none in free space", "give a state")
     place = Mount.of(mount)
@@ -170,18 +170,39 @@ def point_targets(
     )
 
 
-def _points_in(
-    state: WorldState, radar: RadarSpec, mount: Mount, targets: PointScatterers, fields: dict[str, Any]
+def solve_points(
+    state: WorldState,
+    radar: RadarSpec,
+    mount: Mount | Pose,
+    points: PointScatterers,
+    *,
+    settings: RadarSettings | None = None,
+    receiver: Mount | Pose | None = None,
+    environment: bool = False,
+    **fields: Any,
 ) -> RadarPaths:
-    """Return the paths of targets in surroundings."""
+    """Return the paths of point targets in surroundings, with occlusion and multipath by the solver ``"sionna"``.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    mount : Mount or Pose
+    points : PointScatterers
+        Their ids follow the scene's own.
+    settings : RadarSettings, optional
+    receiver : Mount or Pose, optional
+        Of a bistatic pair.
+    environment : bool
+        Whether paths that touch no target are there, too.
+    **fields
+        Fields of the settings, as in :func:`scarl_sionna.solve_paths`.
+    """
     from .channel.multipath.solve import solve_sionna
 
-    environment, receiver = fields.pop("environment", False), fields.pop("receiver", None)
-    settings = fields.pop("settings", None) or RadarSettings()
-    return solve_sionna(
-        state, radar, mount, settings.changed("sionna", **fields), None if receiver is None else state.as_mount(receiver),
-        scatterers=targets, environment=environment,
-    )  # fmt: skip
+    chosen = (settings or RadarSettings()).changed("sionna", **fields)
+    second = None if receiver is None else state.as_mount(receiver)
+    return solve_sionna(state, radar, state.as_mount(mount), chosen, second, scatterers=points, environment=environment)
 
 
 def _rows(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:

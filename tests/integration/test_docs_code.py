@@ -46,7 +46,7 @@ def session() -> dict[str, Any]:
     world = ss.load_scene("highway_guardrail")
     state = world.at(0.5)
     pose = state.actor_pose("ego").compose(ss.Pose([2.36, 0.0, 0.8]))
-    radar = ss.RadarSpec.preset("awr1843boost").with_(num_rays=2_000)
+    radar = ss.RadarSpec.preset("awr1843boost")
     targets = pose.apply(np.array([[12.0, 0.5, 0.0], [30.0, -2.0, 0.3]]))
     paths = ss.point_targets(targets, np.zeros((2, 3)), np.ones(2), radar, pose)
     return {

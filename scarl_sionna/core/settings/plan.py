@@ -6,7 +6,7 @@ The rule of ownership, and what it does not cover, stands in docs/accuracy.md.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
@@ -36,6 +36,21 @@ def _settings(kind: type[Spec], value: Spec | Mapping[str, Any] | None, name: st
     if isinstance(value, Mapping):
         return kind.of(**value)
     raise InputTypeError(name, value, f"a {kind.__name__} or a mapping of its fields")
+
+
+def of_mapping(kind: type[Any], data: Mapping[str, Any]) -> Any:
+    """Return a :class:`ChannelPlan` or a :class:`Share` of a mapping of its fields.
+
+    Raises
+    ------
+    UnknownNameError
+        If it has no such field.
+    """
+    known = [item.name for item in fields(kind)]
+    for name in data:
+        if name not in known:
+            raise UnknownNameError(f"field of a {kind.__name__}", str(name), known)
+    return kind(**data)
 
 
 @dataclass(frozen=True)
@@ -130,7 +145,7 @@ class ChannelPlan:
     left_out: tuple[Mapping[str, Any], ...] = field(default=())
 
     def __post_init__(self) -> None:
-        shares = (Share(**share) if isinstance(share, Mapping) else share for share in self.shares)
+        shares = (of_mapping(Share, share) if isinstance(share, Mapping) else share for share in self.shares)
         object.__setattr__(self, "shares", tuple(shares))
         object.__setattr__(self, "mirrors", tuple(self.mirrors))
         object.__setattr__(self, "left_out", tuple(self.left_out))

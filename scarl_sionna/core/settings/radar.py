@@ -12,7 +12,7 @@ from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, Unknow
 from scarl_sionna.core.spec import Spec
 
 from .accuracy import Accuracy
-from .plan import ChannelPlan
+from .plan import ChannelPlan, of_mapping
 from .raycast import RaycastSettings
 from .sbr import SbrChannelSettings
 from .scatterers import ScattererSettings
@@ -28,7 +28,7 @@ def _plan(value: Any) -> Any:
     if value is None or isinstance(value, ChannelPlan):
         return value
     if isinstance(value, Mapping):
-        return ChannelPlan(**value)
+        return of_mapping(ChannelPlan, value)
     raise InputTypeError("plan", value, "a ChannelPlan")
 
 
