@@ -143,14 +143,12 @@ def simulate(
 
 
 def resolve_rig(scenario: ScenarioSpec) -> Rig:
-    """Return the scenario's rig, a preset or that of a file, in its quality and with its radar settings.
+    """Return the scenario's rig: a preset or that of a file, in its quality, and with the scenario's radar settings on top.
 
-    A quality that the scenario states also sets the rays and the tubes of the radars of a rig file; the rest of a rig file stays.
+    In a rig file, the quality stands for what the file does not state of the settings of its radars.
     """
     if Path(scenario.rig).suffix in (".yaml", ".yml", ".json"):
-        rig = Rig.load(scenario.find(scenario.rig))
-        if "quality" in scenario.model_fields_set:
-            rig = rig.with_radar(RadarSettings.preset(scenario.quality))
+        rig = Rig.load(scenario.find(scenario.rig)).in_quality(scenario.quality)
     else:
         rig = Rig.preset(scenario.rig, scenario.quality)
     return rig if scenario.radar is None else rig.with_radar(scenario.radar)

@@ -173,10 +173,22 @@ class Rig:
             raise InputTypeError(
                 "settings", settings, "a RadarSettings", "for instance RadarSettings(method='raycast')"
             )
+        return self._with_settings(lambda own: own.merged(settings))
+
+    def in_quality(self, quality: str) -> Rig:
+        """Return the rig with the settings of a quality wherever a radar does not state its own.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such quality.
+        """
+        preset = RadarSettings.preset(quality)
+        return self._with_settings(preset.merged)
+
+    def _with_settings(self, change: Callable[[RadarSettings], RadarSettings]) -> Rig:
         sensors = (
-            replace(mount, settings=mount.settings.merged(settings))
-            if isinstance(mount.settings, RadarSettings)
-            else mount
+            replace(mount, settings=change(mount.settings)) if isinstance(mount.settings, RadarSettings) else mount
             for mount in self.sensors
         )
         return replace(self, sensors=tuple(sensors))
