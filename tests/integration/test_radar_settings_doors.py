@@ -73,7 +73,7 @@ def test_python(scenario, by_rig_file) -> None:
 def test_another_setting_is_another_dataset(scenario, by_rig_file, tmp_path) -> None:
     data, fingerprint = export(tmp_path / "out", scenario, "--method", "raycast")
     assert fingerprint != by_rig_file[1] and data != by_rig_file[0]
-    stored = Rig.from_dict(open_dataset(tmp_path / "out").manifest["rig"])["front/radar"].settings
+    stored = Rig.from_dict(open_dataset(tmp_path / "out").manifest["configuration"]["rig"])["front/radar"].settings
     assert stored.method == "raycast" and stored.noise and stored.raycast.num_rays == 500
 
 
