@@ -224,20 +224,20 @@ def test_rate_and_acceleration_over_an_edge(tmp_path, moving: str) -> None:
 def test_antennas_behind_an_edge(screen) -> None:
     """A small array is served by one solve; a wide one is told how far off it is."""
     points = PointScatterers([[25.0, 1.0, 2.5]], np.zeros((1, 3)), 1.0)
-    options = {"scatterers": points, "environment": False, "max_depth": 1, **FEW}
+    options = {"max_depth": 1, **FEW}
     radar = RADAR.with_(tx_positions=((0, 0.1, 0),), rx_positions=((0, -0.1, 0.004),))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        paths = over_top(solve_paths(screen, radar, Pose([0, 0, 1.0]), "sionna", **options))
+        paths = over_top(solve_points(screen, radar, Pose([0, 0, 1.0]), points, **options))
     single = RADAR.with_(tx_positions=((0, 0, 0),), rx_positions=((0, 0, 0),))
     ends = [Pose([0, 0.1, 1.0]), Pose([0, -0.1, 1.004])]
-    alone = over_top(solve_paths(screen, single, ends[0], "sionna", receiver=ends[1], **options))
+    alone = over_top(solve_points(screen, single, ends[0], points, receiver=ends[1], **options))
     found, expected = PathGeometry.of(paths, radar).length(0, 0), PathGeometry.of(alone, single).center_length()
     # The edge lies along y, so along the array the wavefront is the target's: what is left is 0.004 m across it.
     assert np.abs(found - expected).max() < 2.5 * paths.diagnostics["edge_wavefront_error"] < 2e-6
     tall = RADAR.with_(tx_positions=((0, 0.5, 0.5),), rx_positions=((0, 0, 0),))
     with pytest.warns(ScarlWarning, match="wavefront has two radii"):
-        wide = solve_paths(screen, tall, Pose([0, 0, 1.0]), "sionna", **options)
+        wide = solve_points(screen, tall, Pose([0, 0, 1.0]), points, **options)
     assert wide.diagnostics["edge_wavefront_error"] > 1e-3
 
 

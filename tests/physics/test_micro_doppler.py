@@ -10,6 +10,7 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.radar import RadarSettings
@@ -255,7 +256,7 @@ def test_retraced_radar_that_turns(tmp_path) -> None:
     world = load_scene(write_scene(tmp_path, [wall]))
     radar = radar_of(num_chirps=4, rx_positions=((0.0, 0.1, 0.0),))
     twist = Twist([0, 0, 0], [0, 0, 2.0])
-    paths_at = retraced(world, radar, Pose(), 0.0, "sionna", twist, num_samples=20_000, max_depth=1)
+    paths_at = retraced(world, radar, Mount(Pose(), twist), 0.0, "sionna", num_samples=20_000, max_depth=1)
     time = 1.5 * radar.doppler_interval
     assert paths_at(time).world_from_tx.yaw == pytest.approx(2.0 * time)
 

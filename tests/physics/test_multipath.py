@@ -197,9 +197,9 @@ def test_ego_double_bounce_of_a_point(tmp_path) -> None:
     front = Thing("ego_front", plane(8.0, 8.0, (-setback, 0, 0), (1, 0, 0)), "Car", "steel")
     state = scene(tmp_path, front).at(0.0)
     points = PointScatterers([[distance, 0, 0]], [[velocity, 0, 0]], rcs)
-    options = {"scatterers": points, "environment": False, "max_depth": 1, **FEW}
-    once = solve_paths(state, RADAR, Pose(), "sionna", **options)
-    paths = solve_paths(state, RADAR, Pose(), "sionna", double_bounce=True, **options)
+    options = {"max_depth": 1, **FEW}
+    once = solve_points(state, RADAR, Pose(), points, **options)
+    paths = solve_points(state, RADAR, Pose(), points, double_bounce=True, **options)
     assert paths.num_paths == 2 * once.num_paths == 8  # each way there and back, by the front or not
     bounce = paths.select([paths.interaction.tolist().index([0, 1, 0, -1, -1])])
     expected_range, expected_velocity = oracle.ego_double_bounce(distance, velocity, setback)

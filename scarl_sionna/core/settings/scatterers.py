@@ -35,6 +35,11 @@ class ScattererSettings(Spec):
         description="centres in a cube of this side share one ray of occlusion [m]; a car has some 30 such groups",
     )
 
+    @field_validator("models", mode="before")
+    @classmethod
+    def _none_is_empty(cls, value: Any) -> Any:
+        return {} if value is None else value
+
     @field_validator("placements", mode="before")
     @classmethod
     def _poses(cls, value: Any) -> Any:
