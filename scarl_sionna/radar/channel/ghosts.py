@@ -24,7 +24,8 @@ from scarl_sionna.world.subset import alone
 
 from .images import spherical_basis
 from .legs import Station
-from .mirrors import Leg, Mirror, Way, leg, may_reach, mirrored, ways
+from .mirror_faces import MirrorFaces
+from .mirrors import Leg, Mirror, Way, faces_of, leg, may_reach, mirrored, ways
 
 if TYPE_CHECKING:
     from scarl_sionna.world import WorldState
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 FromImages = Callable[[Pose, Pose], RadarPaths]
 """From the poses of two images of the radar, both with the same axes, to the paths of the object alone, nothing moving but it."""
+Faces = tuple[tuple[int, ...], tuple[int, ...]]
+"""Numbers of the mirrors of a way there and of a way back, each in the order from the radar."""
+STRAIGHT: Faces = ((), ())
+"""Of paths whose mirrors, if they have any, are not told apart by their faces."""
 
 
 def paths_through_mirrors(
@@ -44,8 +49,10 @@ def paths_through_mirrors(
     mirrors: Sequence[Mirror],
     depth: int,
     reach: float,
-) -> list[RadarPaths]:
+) -> list[tuple[RadarPaths, Faces]]:
     """Return the paths of objects over at least one mirror, one block for each pair of a way there and a way back.
+
+    With each block the faces of its ways: mirrors of one instance give the same chain of instances over different faces.
 
     Parameters
     ----------
@@ -64,7 +71,7 @@ def paths_through_mirrors(
     reach : float
         Half of the longest length [m].
     """
-    station = Station(pose.position, twist.linear, pose.rotation)
+    station, faces = Station(pose.position, twist.linear, pose.rotation), faces_of(state, mirrors)
     middle, corners = _box(state, owned)
     open_ways = [way for way in ways(mirrors, depth) if may_reach(way, pose.position, corners)]
     blocks = []
@@ -77,10 +84,11 @@ def paths_through_mirrors(
         axes = _looking((images[0] + images[1]) / 2.0, middle)
         tx, rx = (Pose.from_rotation(image, axes) for image in images)
         found = solve(tx, rx)
-        block = _seen(state, radar, pose, station, found, (there, back), (tx, rx), owned)
-        blocks.append(block)
+        block = _seen(state, radar, pose, station, found, (there, back), (tx, rx), owned, faces)
+        met = tuple(mirror.number for mirror in there), tuple(mirror.number for mirror in back)
+        blocks.append((block, met))
         if there is not back:
-            blocks.append(_reversed(block))
+            blocks.append((_reversed(block), met[::-1]))
     return blocks
 
 
@@ -109,13 +117,13 @@ def _looking(start: Array, end: Array) -> Array:
 
 def _seen(
     state: WorldState, radar: RadarSpec, pose: Pose, station: Station, found: RadarPaths, both: tuple[Way, Way],
-    image: tuple[Pose, Pose], owned: Sequence[int],
+    image: tuple[Pose, Pose], owned: Sequence[int], faces: MirrorFaces,
 ) -> RadarPaths:  # fmt: skip
     """Return the paths as the radar itself sees them, without those that the surroundings hide."""
     frequency = radar.center_frequency
     legs: list[Leg] = []
     for way, of_image, points in zip(both, image, (found.tx_point, found.rx_point), strict=True):
-        legs.append(leg(state, way, station, of_image.rotation, points, owned, frequency))
+        legs.append(leg(state, way, station, of_image.rotation, points, owned, frequency, faces))
     there, back = legs
     visible = there.visible & back.visible
     for one in legs:
