@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -26,9 +27,9 @@ HALF, DROP, LONG = 8.0, 0.15625, 64.0  # a fall of 5/32 m over 8 m: 1.95 %, and 
 RCS = 2.0
 
 
-def slope(side: int, sign: float) -> trimesh.Trimesh:
-    """Return the left (+1) or right (-1) half of a road that falls (`sign` 1) or rises (-1) from its middle."""
-    y = np.array([0.0, HALF, HALF, 0.0]) * side
+def slope(side: int, sign: float, inner: float = 0.0) -> trimesh.Trimesh:
+    """Return the left (+1) or right (-1) half of a road that falls (`sign` 1), rises (-1) or is level (0) from its middle."""
+    y = np.array([inner, HALF, HALF, inner]) * side
     z = -sign * DROP / HALF * np.abs(y)
     corners = np.column_stack([[-16.0, -16.0, LONG, LONG], y, z])
     return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)] if side < 0 else [(0, 2, 1), (0, 3, 2)], process=False)
@@ -38,11 +39,11 @@ def facades() -> list[trimesh.Trimesh]:
     return [plane(32.0, 128.0, (30, 10, 0), (0, -1, 0)), plane(32.0, 128.0, (30, -12, 0), (0, 1, 0))]
 
 
-def scene(folder, faces, names, target, semantic="Roads"):
+def scene(folder, faces, names, target, semantic="Roads", besides=()):
     """Return a state with faces that are one instance, where there is one name, or one each."""
     meshes = faces if len(names) > 1 else [trimesh.util.concatenate(faces)]
     things = [Thing(name, mesh, semantic, "steel", is_object=False) for name, mesh in zip(names, meshes, strict=True)]
-    return load_scene(write_scene(folder, things, [target])).at(0.0)
+    return load_scene(write_scene(folder, [*things, *besides], [target])).at(0.0)
 
 
 def body(mesh, position=(0.0, 0.0, 0.0)) -> Thing:
@@ -188,3 +189,85 @@ def test_a_body_over_two_faces_is_that_of_two_instances(tmp_path, shape) -> None
     assert set(split.instance[split.depth > 1].ravel()) == {-1, 1, 2, 3}  # over both faces
     check_each_once(one)
     check_same(one, split)
+
+
+ACROSS = [(25.0, y, 0.75) for y in np.arange(-3.0, 3.01, 0.25) + 0.01]
+LEVEL = [((0, 0, 0), (0.0, 0.0, 1.0))]
+
+
+def small_target() -> Thing:
+    return body(ball(0.02, (25, 0, 0.75), subdivisions=1))
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.25])
+@pytest.mark.parametrize("names", [["road"], ["left", "right"]])
+def test_what_lies_in_one_plane_is_one_mirror_at_each_place(tmp_path, names, gap) -> None:
+    """Two tiles in one plane, with a seam or a marking between them, of one instance or of two: one image each."""
+    marking = Thing("marking", plane(96.0, 0.5, (20, 0, 0)), "RoadLine", "steel", is_object=False)
+    faces = [slope(1, 0.0, gap), slope(-1, 0.0, gap)]
+    state = scene(tmp_path, faces, names, small_target(), besides=[marking] if gap else [])
+    found = solve(state, points(ACROSS), names)
+    check_points(found, state, ACROSS, LEVEL, lambda number, place: True)
+    check_each_once(found)
+
+
+def test_a_marking_over_the_crown_belongs_to_the_slope_under_it(tmp_path) -> None:
+    """4 mm over the road, it is within 1 cm of both planes: each reflection on it counts for the slope that goes on there."""
+    marking = Thing("marking", plane(96.0, 0.25, (20, 0, 0.004)), "RoadLine", "steel", is_object=False)
+    state = scene(tmp_path, [slope(1, 1.0), slope(-1, 1.0)], ["road"], small_target(), besides=[marking])
+    found = solve(state, points(ACROSS), ["road"])
+    on_it = [np.abs(reflected(4.0, *face, center)[2][1]) < 0.12 for center in ACROSS for face in CROWN]
+    assert sum(on_it) >= 2  # the marking is met
+    check_points(found, state, ACROSS, CROWN, lambda number, place: place[1] * (1, -1)[number] > 0.0)
+
+
+def test_a_road_on_a_plain_is_the_mirror_where_it_is(tmp_path) -> None:
+    """The plain goes on 1/256 m under the road, within what counts as on its plane; a reflection is on what is on top."""
+    top = 2.0**-8
+    plain = Thing("plain", plane(128.0, 128.0), "Ground", "steel", is_object=False)
+    road = slope(1, 0.0)
+    road.apply_translation([0.0, 0.0, top])
+    state = scene(tmp_path, [road], ["road"], small_target(), besides=[plain])
+    found = solve(state, points(ACROSS), ["road", "plain"])
+    planes = [((0, 0, top), (0.0, 0.0, 1.0)), ((0, 0, 0), (0.0, 0.0, 1.0))]
+    check_points(found, state, ACROSS, planes, lambda number, place: (place[1] > 0.0) == (number == 0))
+    check_each_once(found)
+
+
+def test_mirrors_are_planes_of_their_own(tmp_path) -> None:
+    """Triangles of one plane are one mirror, of two planes two, whatever the instance; each triangle is in one mirror."""
+    for name, sign, count in (("crown", 1.0, 2), ("level", 0.0, 1)):
+        state = scene(tmp_path / name, [slope(1, sign), slope(-1, sign)], ["road"], small_target())
+        mirrors = find_mirrors(state, [1], POSE.position, RADAR.wavelength)
+        assert [mirror.number for mirror in mirrors] == list(range(count))
+        assert sorted(np.concatenate([mirror.faces for mirror in mirrors]).tolist()) == [0, 1, 2, 3]
+
+
+def test_a_mirror_that_is_there_twice_counts_once(tmp_path, monkeypatch) -> None:
+    state = scene(tmp_path, [slope(1, 1.0), slope(-1, 1.0)], ["road"], small_target())
+    share = points(ACROSS)
+    once = solve(state, share, ["road"])
+
+    def doubled(*args):
+        mirrors = find_mirrors(*args)
+        return [replace(mirror, number=number) for number, mirror in enumerate([*mirrors, *mirrors])]
+
+    monkeypatch.setattr(hybrid, "find_mirrors", doubled)
+    check_same(solve(state, share, ["road"]), once)
+
+
+def test_the_same_echo_by_two_mechanisms_is_still_refused(tmp_path) -> None:
+    """The rough part of a crowned road by `raycast` and by `sionna`'s diffuse scattering, each over both faces."""
+    rough = Thing("verge", plane(64.0, 8.0, (32, -14, 0)), "Roads", "grey", is_object=False)
+    state = scene(tmp_path, [slope(1, 1.0), slope(-1, 1.0)], ["road"], small_target(), besides=[rough])
+    options = {"num_samples": 20_000, "max_depth": 1}
+    for diffuse in (False, True):
+        plan = ChannelPlan(
+            (points(ACROSS), Share("raycast", ("verge",), {"num_rays": 5_000})), ("road", "verge"),
+            sionna_options={**options, "diffuse": diffuse},
+        )  # fmt: skip
+        if diffuse:
+            with pytest.raises(DoubleCountError, match="computed twice"):
+                solve_paths(state, RADAR, POSE, "hybrid", plan=plan)
+        else:
+            assert solve_paths(state, RADAR, POSE, "hybrid", plan=plan).num_paths > 0

@@ -51,11 +51,17 @@ class MirrorFaces:
         self._normal, self._offset = normal.reshape(-1, 3), offset
         self._corners = tuple(corners)
 
-    def owner(self, hits: RayHits) -> Index:
+    def owner(self, hits: RayHits, aim: Array) -> Index:
         """Return the number of the mirror that each hit is on, `NOBODY` where it is on none.
 
         A hit on a mirror's own triangle is on that mirror. One on anything else within `AT_THE_PLANE` of mirrors is on the
-        nearest of those that go on under it, or, where none does, of all of them: a marking may fill a hole of the road.
+        nearest of those that go on where the ray was aimed, or, where none does, of all of them: a marking may fill a hole.
+
+        Parameters
+        ----------
+        hits : RayHits
+        aim : ndarray of float64, shape (num_hits, 3)
+            Points in planes of mirrors that the rays of the hits were sent to [m, world].
         """
         own = self._of_face[hits.face]
         height = np.abs(hits.point @ self._normal.T - self._offset)
@@ -65,17 +71,16 @@ class MirrorFaces:
         may = height < here[:, None]
         result = np.where(may.any(axis=1), may.argmax(axis=1), NOBODY)
         several = np.flatnonzero(may.sum(axis=1) > 1)
-        result[several] = self._nearest(hits.point[several], height[several], may[several], own[several])
+        result[several] = self._nearest(aim[several], height[several], may[several], own[several])
         return result
 
-    def _nearest(self, point: Array, height: Array, may: Flags, own: Index) -> Index:
-        """Return the first of the nearest mirrors that go on under points, among those that may own them."""
+    def _nearest(self, aim: Array, height: Array, may: Flags, own: Index) -> Index:
+        """Return the first of the nearest mirrors that go on where rays were aimed, among those that may own the hits."""
         under = np.zeros_like(may)
         for number in np.flatnonzero(may.any(axis=0)):
             rows = np.flatnonzero(may[:, number])
-            under[rows, number] = (own[rows] == number) | _inside(
-                point[rows], self._corners[number], self._normal[number]
-            )
+            inside = _inside(aim[rows], self._corners[number], self._normal[number])
+            under[rows, number] = (own[rows] == number) | inside
         chosen = np.where(under.any(axis=1)[:, None], under, may)
         height = np.where(chosen, height, np.inf)
         return np.asarray((height < height.min(axis=1)[:, None] + COINCIDENT).argmax(axis=1), dtype=np.int64)

@@ -267,9 +267,11 @@ def _open(
         hits = state.cast(here[rows], direction)
         met = np.zeros(len(rows), dtype=bool)
         if k < len(way):
-            met[hits.ray] = faces.owner(hits) == way[k].number
+            met[hits.ray] = faces.owner(hits, end[rows[hits.ray]]) == way[k].number
             side = np.sign(way[k].height(here[rows]))
-            here[rows] = vertices[rows, k] + _LIFT * side[:, None] * way[k].normal
+            lift = np.full(len(rows), _LIFT)
+            lift[hits.ray[np.abs(way[k].height(hits.point)) > _LIFT]] = AT_THE_PLANE  # out from under a marking
+            here[rows] = vertices[rows, k] + (lift * side)[:, None] * way[k].normal
         else:
             met[:] = True
             foreign = ~np.isin(state.world.parts.instance[hits.part], owner)
