@@ -119,10 +119,9 @@ class RayHits:
     @classmethod
     def none(cls) -> RayHits:
         """Return no hits."""
-        none = np.zeros((0, 3))
+        none, index = np.zeros((0, 3)), np.zeros(0, np.int64)
         return cls(
-            np.zeros(0, np.int64), np.zeros(0), none, none.copy(), np.zeros(0), np.zeros(0, np.int32), none.copy(),
-            np.zeros(0, np.int64),
+            index, np.zeros(0), none, none.copy(), np.zeros(0), index.astype(np.int32), none.copy(), index.copy()
         )
 
 

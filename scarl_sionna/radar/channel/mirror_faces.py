@@ -81,17 +81,17 @@ class MirrorFaces:
             rows = np.flatnonzero(may[:, number])
             inside = _inside(aim[rows], self._corners[number], self._normal[number])
             under[rows, number] = (own[rows] == number) | inside
-        chosen = np.where(under.any(axis=1)[:, None], under, may)
+        chosen = np.where(under.any(axis=1, keepdims=True), under, may)
         height = np.where(chosen, height, np.inf)
-        return np.asarray((height < height.min(axis=1)[:, None] + COINCIDENT).argmax(axis=1), dtype=np.int64)
+        return np.asarray((height < height.min(axis=1, keepdims=True) + COINCIDENT).argmax(axis=1), dtype=np.int64)
 
 
 def _inside(point: Array, corners: Array, normal: Array) -> Flags:
     """Return which points are over one of the triangles in a plane, or within `COINCIDENT` of its edges [m]."""
     across = np.delete(np.arange(3), np.abs(normal).argmax())
     flat, triangles = point[:, across], corners[:, :, across]
-    near = (triangles.max(axis=1) > flat.min(axis=0) - COINCIDENT) & (triangles.min(axis=1) < flat.max(axis=0) + COINCIDENT)
-    triangles = triangles[near.all(axis=1)]
+    lower, upper = flat.min(axis=0) - COINCIDENT, flat.max(axis=0) + COINCIDENT
+    triangles = triangles[((triangles.max(axis=1) > lower) & (triangles.min(axis=1) < upper)).all(axis=1)]
     edge = np.roll(triangles, -1, axis=1) - triangles
     turn = np.sign(edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0])
     edge /= np.maximum(np.linalg.norm(edge, axis=2, keepdims=True), COINCIDENT)
