@@ -162,7 +162,8 @@ class RollingCaster:
             normal[row] = motion.rotate(time, hits.normal[good[row]])
             lever = point[row] - motion.position_at(time)
             velocity[row] = motion.linear_at(time) + np.cross(motion.angular_at(time), lever)
-        return RayHits(rays[pair], distance, point, normal, hits.cos_incidence[good], hits.part[good], velocity)
+        seen = hits.cos_incidence[good], hits.part[good]
+        return RayHits(rays[pair], distance, point, normal, *seen, velocity, hits.face[good])
 
 
 def _motions(apart: Apart, timestamp: float, duration: float) -> list[Motion]:

@@ -417,7 +417,7 @@ class WorldState:
         normal *= -np.sign(cosine)[:, None]
         point = start + distance[:, None] * direction
         velocity = self.point_velocity(part, point)
-        return RayHits(ray + first, distance, point, normal, np.minimum(np.abs(cosine), 1.0), part, velocity)
+        return RayHits(ray + first, distance, point, normal, np.minimum(np.abs(cosine), 1.0), part, velocity, row)
 
     def inside(self, point: npt.ArrayLike) -> str | None:
         """Return the name of the instance whose mesh encloses a point [m, world], or None.

@@ -98,6 +98,8 @@ class RayHits:
         Row of the part table.
     velocity : ndarray of float64, shape (num_hits, 3)
         Velocity of the surface point [m/s, world].
+    face : ndarray of int64, shape (num_hits,)
+        Triangle, a row of the state's :class:`~.face_tracing.FaceTable`.
     """
 
     ray: npt.NDArray[np.int64]
@@ -107,6 +109,7 @@ class RayHits:
     cos_incidence: Array
     part: npt.NDArray[np.int32]
     velocity: Array
+    face: npt.NDArray[np.int64]
 
     @property
     def num_hits(self) -> int:
@@ -116,9 +119,9 @@ class RayHits:
     @classmethod
     def none(cls) -> RayHits:
         """Return no hits."""
-        none = np.zeros((0, 3))
+        none, index = np.zeros((0, 3)), np.zeros(0, np.int64)
         return cls(
-            np.zeros(0, np.int64), np.zeros(0), none, none.copy(), np.zeros(0), np.zeros(0, np.int32), none.copy()
+            index, np.zeros(0), none, none.copy(), np.zeros(0), index.astype(np.int32), none.copy(), index.copy()
         )
 
 

@@ -80,6 +80,15 @@ def test_a_chain_that_two_solvers_give_is_found(state) -> None:
         _check_chains([paths, paths.select(slice(0, 3))])
 
 
+def test_a_chain_over_two_mirror_faces_is_two_echoes_and_over_one_of_them_one(state) -> None:
+    paths = solve_paths(state, RadarSpec(), Pose([0, 0, 0.5]), "raycast", num_rays=500)
+    left, right, plain = ((0,), ()), ((1,), ()), ((), ())
+    _check_chains([paths, paths, paths], [left, right, left[::-1]])
+    for faces in ([left, right, left], [left, plain], [plain, left], [plain, plain]):
+        with pytest.raises(DoubleCountError, match="over the mirror faces"):
+            _check_chains([paths] * len(faces), faces)
+
+
 def test_diagnostics_are_plain_and_name_what_nobody_computes(state) -> None:
     plan = ChannelPlan((Share("raycast", ("van",), {"num_rays": 5_000}, reason="test"),))
     paths = solve_paths(state, RadarSpec(), Pose([0, 0, 0.5]), "hybrid", plan=plan)

@@ -26,7 +26,8 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.radar.scatterers.model import ScattererModel
 
-from .mirrors import Leg, Mirror, Way, leg, may_reach, mirrored, ways
+from .mirror_faces import MirrorFaces
+from .mirrors import Leg, Mirror, Way, faces_of, leg, may_reach, mirrored, ways
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -34,6 +35,10 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 FromImages = Callable[[Pose, Pose], RadarPaths]
 """From the poses of two images of the radar, both with the same axes, to the paths of the object alone, nothing moving but it."""
+Faces = tuple[tuple[int, ...], tuple[int, ...]]
+"""Numbers of the mirrors of a way there and of a way back, each in the order from the radar."""
+STRAIGHT: Faces = ((), ())
+"""Of paths whose mirrors, if they have any, are not told apart by their faces."""
 
 
 def paths_through_mirrors(
@@ -45,8 +50,10 @@ def paths_through_mirrors(
     mirrors: Sequence[Mirror],
     depth: int,
     reach: float,
-) -> list[RadarPaths]:
+) -> list[tuple[RadarPaths, Faces]]:
     """Return the paths of objects over at least one mirror, one block for each pair of a way there and a way back.
+
+    With each block the faces of its ways: mirrors of one instance give the same chain of instances over different faces.
 
     Parameters
     ----------
@@ -65,7 +72,7 @@ def paths_through_mirrors(
         Half of the longest length [m].
     """
     pose = mount.pose
-    station = Station(pose.position, mount.twist.linear, pose.rotation)
+    station, faces = Station(pose.position, mount.twist.linear, pose.rotation), faces_of(state, mirrors)
     middle, corners = _box(state, owned)
     open_ways = [way for way in ways(mirrors, depth) if may_reach(way, pose.position, corners)]
     blocks = []
@@ -78,10 +85,11 @@ def paths_through_mirrors(
         axes = _looking((images[0] + images[1]) / 2.0, middle)
         tx, rx = (Pose.from_rotation(image, axes) for image in images)
         found = solve(tx, rx)
-        block = _seen(state, radar, pose, station, found, (there, back), (tx, rx), owned)
-        blocks.append(block)
+        block = _seen(state, radar, pose, station, found, (there, back), (tx, rx), owned, faces)
+        met = tuple(mirror.number for mirror in there), tuple(mirror.number for mirror in back)
+        blocks.append((block, met))
         if there is not back:
-            blocks.append(_reversed(block))
+            blocks.append((_reversed(block), met[::-1]))
     return blocks
 
 
@@ -110,13 +118,13 @@ def _looking(start: Array, end: Array) -> Array:
 
 def _seen(
     state: WorldState, radar: RadarSpec, pose: Pose, station: Station, found: RadarPaths, both: tuple[Way, Way],
-    image: tuple[Pose, Pose], owned: Sequence[int],
+    image: tuple[Pose, Pose], owned: Sequence[int], faces: MirrorFaces,
 ) -> RadarPaths:  # fmt: skip
     """Return the paths as the radar itself sees them, without those that the surroundings hide."""
     frequency = radar.center_frequency
     legs: list[Leg] = []
     for way, of_image, points in zip(both, image, (found.tx_point, found.rx_point), strict=True):
-        legs.append(leg(state, way, station, of_image.rotation, points, owned, frequency))
+        legs.append(leg(state, way, station, of_image.rotation, points, owned, frequency, faces))
     there, back = legs
     visible = there.visible & back.visible
     for one in legs:

@@ -29,7 +29,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 from scarl_sionna.signal.antenna import field_gain
 
-from .ghosts import of_meshes, of_models, paths_through_mirrors
+from .ghosts import STRAIGHT, Faces, of_meshes, of_models, paths_through_mirrors
 from .mirrors import Mirror, find_mirrors
 from .plan import ResolvedPlan, resolve
 
@@ -40,7 +40,7 @@ SOLVERS_OF_OBJECTS = {"sbr": solve_sbr, "scatterers": solve_scatterers, "raycast
 
 
 class DoubleCountError(ScarlError):
-    """Two solvers gave paths with the same chain of instances and interactions: a defect of a solver."""
+    """Two solvers gave paths with the same chain of instances and interactions over the same mirror faces: a defect of a solver."""
 
 
 def solve_hybrid(
@@ -112,14 +112,16 @@ class _Work:
         self.state, self.radar, self.mount, self.settings, self.plan = state, radar, mount, settings, plan
         self.reach = float(settings.max_distance or radar.max_range)
         self.blocks: list[RadarPaths] = []
+        self.faces: list[Faces] = []
         self.rows: list[dict[str, Any]] = []
         self.clock: dict[str, float] = {}
 
     def _add(
         self, solver: str, mechanism: str, instances: Sequence[int], blocks: Sequence[RadarPaths], seconds: float,
-        **row: Any,
+        faces: Sequence[Faces] | None = None, **row: Any,
     ) -> None:  # fmt: skip
         self.blocks.extend(blocks)
+        self.faces.extend([STRAIGHT] * len(blocks) if faces is None else faces)
         power = sum(float(received_power(paths, self.radar).sum()) for paths in blocks)
         self.rows.append(
             {
@@ -196,7 +198,7 @@ class _Work:
                 self.state, self.radar,
                 {names[name]: (model, frames.get(name, Pose())) for name, model in models.items()},
             )  # fmt: skip
-        blocks = paths_through_mirrors(
+        found = paths_through_mirrors(
             self.state,
             self.radar,
             self.mount,
@@ -206,19 +208,19 @@ class _Work:
             self.plan.plan.mirror_depth,
             self.reach,
         )
-        blocks = [paths.select(_length(paths) < 2.0 * self.reach) for paths in blocks]
         self._add(
             share.solver,
             "objects through mirrors",
             owned,
-            blocks,
+            [paths.select(_length(paths) < 2.0 * self.reach) for paths, _ in found],
             time.perf_counter() - start,
+            [faces for _, faces in found],
             num_mirrors=len(mirrors),
         )
 
     def result(self) -> RadarPaths:
         """Return the paths of all blocks."""
-        _check_chains(self.blocks)
+        _check_chains(self.blocks, self.faces)
         table = self.state.world.instances
         owned = {number for numbers in self.plan.owned for number in numbers} | set(self.plan.mirrors)
         stated = [dict(entry) for entry in self.plan.plan.left_out]
@@ -262,14 +264,17 @@ def chains_of(paths: RadarPaths) -> set[tuple[int, ...]]:
     return {tuple(int(value) for value in row[1 : 1 + row[0]]) for row in rows}
 
 
-def _check_chains(blocks: Sequence[RadarPaths]) -> None:
-    """Raise if two blocks have a chain in common."""
-    seen: set[tuple[int, ...]] = set()
-    for paths in blocks:
-        chains = chains_of(paths)
-        if twice := chains & seen:
-            raise DoubleCountError(f"the chain {sorted(twice)[0]} (instance, interaction, ...) was computed twice")
-        seen |= chains
+def _check_chains(blocks: Sequence[RadarPaths], faces: Sequence[Faces] | None = None) -> None:
+    """Raise if two blocks have a chain over the same faces in common; `STRAIGHT` may be any faces."""
+    seen: dict[tuple[int, ...], set[Faces]] = {}
+    for paths, own in zip(blocks, faces or [STRAIGHT] * len(blocks), strict=True):
+        for chain in sorted(chains_of(paths)):
+            before = seen.setdefault(chain, set())
+            if own in before or STRAIGHT in before or (before and own == STRAIGHT):
+                raise DoubleCountError(
+                    f"the chain {chain} (instance, interaction, ...) over the mirror faces {own} (there, back) was computed twice"
+                )
+            before.add(own)
 
 
 def joined(blocks: Sequence[RadarPaths], pose: Pose, diagnostics: Mapping[str, Any]) -> RadarPaths:

@@ -14,14 +14,16 @@ from scarl_sionna.engine.rays.face_planes import face_table
 from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
 from scarl_sionna.radar.channel.multipath.station import Station
 
+from .mirror_faces import AT_THE_PLANE, MirrorFaces
+
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
-AT_THE_PLANE = 1e-2
-"""What lies this near to a mirror's plane [m], such as a road marking, belongs to it."""
+SAME_FACE = 1e-3
+"""Faces of a part whose corners are all this near to one plane [m] are one mirror: a quarter of the wavelength at 77 GHz."""
 MOST_MIRRORS = 16
 """The largest so many are used: the number of pairs of ways grows with the square."""
 _LIFT = 1e-4
@@ -34,18 +36,24 @@ class Mirror:
 
     Attributes
     ----------
+    number : int
+        Its place among the mirrors of the solve: no other lies in the same plane of the same part.
     part : int
         Row of the part table.
+    faces : ndarray of int64, shape (num_faces,)
+        Its triangles, rows of the table of faces.
     normal : ndarray of float64, shape (3,)
     offset : float
         normal . x = offset [m, world].
-    corners : ndarray of float64, shape (num_corners, 3)
-        Of its faces [m, world].
+    corners : ndarray of float64, shape (3 num_faces, 3)
+        Of its triangles [m, world].
     extent : float
         Smaller width of its convex hull [m].
     """
 
+    number: int
     part: int
+    faces: npt.NDArray[np.int64]
     normal: Array
     offset: float
     corners: Array
@@ -99,21 +107,32 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
     nearest = np.full(len(total), np.inf)
     np.minimum.at(nearest, group, distance)
     zone = np.sqrt(2.0 * wavelength * nearest)
-    seen: set[tuple[int, ...]] = set()
+    taken = np.zeros(len(chosen), dtype=np.bool_)
     for number in np.flatnonzero(total >= zone**2)[np.argsort(-total[total >= zone**2], kind="stable")]:
-        rows = chosen[group == number]
-        first, part = rows[0], int(faces.part[rows[0]])
-        normal, offset = triangles.normal[first], float(triangles.offset[first])
-        sign = 1.0 if normal[np.abs(normal).argmax()] > 0.0 else -1.0
-        key = (part, *np.round(np.append(sign * normal, sign * offset), 3))  # as coarse as mirror_extent joins faces
-        extent = mirror_extent(state, part, int(first - triangles.first[part]))
-        if key in seen or extent < zone[number]:
-            continue
-        seen.add(key)
         if len(found) == MOST_MIRRORS:
             break
-        found.append(Mirror(part, normal, offset, triangles.corners[rows].reshape(-1, 3), extent))
+        if taken[member := group == number].all():
+            continue
+        first = chosen[member][0]
+        part, normal, offset = int(faces.part[first]), triangles.normal[first], float(triangles.offset[first])
+        extent = mirror_extent(state, part, int(first - triangles.first[part]))
+        if extent < zone[number]:
+            continue
+        near = (np.abs(triangles.corners[chosen] @ normal - offset) < SAME_FACE).all(axis=1)
+        near &= ~taken & (faces.part[chosen] == part)
+        taken |= near
+        rows = chosen[near]
+        found.append(Mirror(len(found), part, rows, normal, offset, triangles.corners[rows].reshape(-1, 3), extent))
     return found
+
+
+def faces_of(state: WorldState, mirrors: Sequence[Mirror]) -> MirrorFaces:
+    """Return what tells which of the mirrors of :func:`find_mirrors` a ray has met."""
+    return MirrorFaces(
+        len(state._triangles.normal), [mirror.faces for mirror in mirrors],
+        np.array([mirror.normal for mirror in mirrors]), np.array([mirror.offset for mirror in mirrors]),
+        [mirror.corners.reshape(-1, 3, 3) for mirror in mirrors],
+    )  # fmt: skip
 
 
 def ways(mirrors: Sequence[Mirror], depth: int) -> Iterator[Way]:
@@ -175,6 +194,7 @@ def leg(
     points: Array,
     owner: Sequence[int],
     frequency: float,
+    faces: MirrorFaces,
 ) -> Leg:
     """Return a way to points.
 
@@ -194,6 +214,8 @@ def leg(
         Instances that do not hide these points: the solver that made them has seen to that.
     frequency : float
         [Hz].
+    faces : MirrorFaces
+        Of all mirrors of the solve.
     """
     chain = _chain(way, len(points))
     images = chain.images(points)
@@ -215,7 +237,7 @@ def leg(
     velocity = np.broadcast_to(station.velocity, points.shape).copy()
     for k, mirror in enumerate(way):
         velocity -= 2.0 * np.einsum("pi,i->p", velocity - surface[:, k], mirror.normal)[:, None] * mirror.normal
-    visible = right & _open(state, way, station.position, vertices, points, owner)
+    visible = right & _open(state, way, station.position, vertices, points, owner, faces)
     return Leg(visible, images[:, 0], jones, travel[:, -1], velocity)
 
 
@@ -228,9 +250,9 @@ def _chain(way: Way, count: int) -> Chain:
 
 
 def _open(
-    state: WorldState, way: Way, start: Array, vertices: Array, points: Array, owner: Sequence[int]
+    state: WorldState, way: Way, start: Array, vertices: Array, points: Array, owner: Sequence[int], faces: MirrorFaces
 ) -> npt.NDArray[np.bool_]:
-    """Return which ways meet each mirror where it is, with nothing in between."""
+    """Return which ways meet each mirror where it is, and no other mirror in its place, with nothing in between."""
     count = len(points)
     here, seen = np.broadcast_to(start, (count, 3)).copy(), np.ones(count, dtype=bool)
     for k in range(len(way) + 1):
@@ -245,9 +267,11 @@ def _open(
         hits = state.cast(here[rows], direction)
         met = np.zeros(len(rows), dtype=bool)
         if k < len(way):
-            met[hits.ray] = np.abs(way[k].height(hits.point)) < AT_THE_PLANE
+            met[hits.ray] = faces.owner(hits, end[rows[hits.ray]]) == way[k].number
             side = np.sign(way[k].height(here[rows]))
-            here[rows] = vertices[rows, k] + _LIFT * side[:, None] * way[k].normal
+            lift = np.full(len(rows), _LIFT)
+            lift[hits.ray[np.abs(way[k].height(hits.point)) > _LIFT]] = AT_THE_PLANE  # out from under a marking
+            here[rows] = vertices[rows, k] + (lift * side)[:, None] * way[k].normal
         else:
             met[:] = True
             foreign = ~np.isin(state.world.parts.instance[hits.part], owner)
