@@ -13,6 +13,7 @@ from scarl_sionna.core.errors import ScarlError, ScarlWarning
 
 EXIT_INCOMPLETE = 1
 EXIT_ERROR = 2
+EXIT_UNFINISHED = 3
 EXIT_INTERRUPTED = 130
 
 

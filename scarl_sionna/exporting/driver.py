@@ -13,7 +13,8 @@ from typing import Any
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError
 from scarl_sionna.export.encoding import StoreOptions
-from scarl_sionna.export.writer import LOG_FILE, DatasetFolder
+from scarl_sionna.export.layout import LOG_FILE
+from scarl_sionna.export.writer import DatasetFolder
 from scarl_sionna.scenario.spec import ScenarioSpec
 
 from .job import OnError, OnEvent, ShardJob, ShardReport, ignore, make_shard, output_root
