@@ -96,7 +96,10 @@ def demo(
         float | None, typer.Option(help=f"Frames a second [Hz] (default: {_DEFAULTS.frame_rate:g}).")
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Remove the frames in the folder first. Without it they are kept.")
+        bool,
+        typer.Option(
+            "--overwrite", help="Remove the dataset in the folder first; without it its frames are kept. Other files always stay."
+        ),
     ] = False,
 ) -> None:
     """Simulate consecutive frames of a scene, write them to a folder, and draw a contact sheet.
@@ -117,7 +120,7 @@ def demo(
         "frame_rate": frame_rate,
     }
     changes = {name: value for name, value in given.items() if value is not None}
-    with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
+    with reported(context, f"go on with the same command; finished frames are kept in {out}"):
         base = cli_export.named_scenario(scenario) if scenario else _DEFAULTS
         started = perf_counter()
         summary = _run(base.with_(**changes), out, overwrite)
@@ -171,7 +174,7 @@ def info(
     ] = None,
 ) -> None:
     """Show what was found on this machine, and the remedy for what is missing; or what a dataset holds."""
-    with reported(context, "stopped"):
+    with reported(context, "nothing was shown"):
         if dataset is not None:
             typer.echo(cli_export.show_dataset(dataset))
             return

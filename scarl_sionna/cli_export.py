@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from scarl_sionna.cli_common import EXIT_INCOMPLETE, collected_warnings, reported
+from scarl_sionna.cli_common import EXIT_DAMAGED, EXIT_INCOMPLETE, EXIT_UNFINISHED, collected_warnings, reported
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.scenario.spec import ScenarioSpec, scenario_names
 
@@ -52,13 +52,15 @@ def export(
     ] = "int16",
     licence: Annotated[str, typer.Option(help="For the dataset card.")] = "not stated",
     description: Annotated[str, typer.Option(help="For the dataset card.")] = "",
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Remove what is in the folder first.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Remove the dataset in the folder first; files that are not its own stay.")
+    ] = False,
 ) -> None:
     """Make a dataset of scenarios, or what is missing of it.
 
     However it was stopped, the same command goes on where it was; the bytes do not depend on the number of workers.
     """
-    with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
+    with reported(context, f"go on with the same command; finished frames are kept in {out}"):
         specs = [load_scenario(text, frames) for text in scenarios]
         part = None if shard is None else _part(shard)
         from scarl_sionna.export.encoding import StoreOptions
@@ -96,8 +98,11 @@ def verify(
         bool, typer.Option("--repair", help="Remove damaged shards, so that the next export makes them again.")
     ] = False,
 ) -> None:
-    """Check every checksum, count and cross-reference of a dataset. Exit code 0: whole and complete."""
-    with reported(context, "stopped"):
+    """Check every checksum, count and cross-reference of a dataset.
+
+    Exit code 0: whole and complete; 1: damaged; 2: no dataset; 3: whole, not complete.
+    """
+    with reported(context, "not all was checked"):
         from scarl_sionna.export.verify import describe
         from scarl_sionna.export.verify import verify as check
 
@@ -109,7 +114,7 @@ def verify(
             )
         typer.echo(describe(found))
         if not found.complete:
-            raise typer.Exit(EXIT_INCOMPLETE)
+            raise typer.Exit(EXIT_UNFINISHED if found.ok else EXIT_DAMAGED)
 
 
 @app.command()

@@ -47,7 +47,7 @@ _FOLDERS = (*DATA_FOLDERS, WORK_FOLDER, LOCK_FOLDER)
 _NUMBER = r"(\d{6,})"
 _RECORD = re.compile(rf"{_NUMBER}(?:\.frames)?\.json")
 _PICTURE = re.compile(rf"(.+)/{_NUMBER}\.png")
-_CHUNK = re.compile(r"(.+?)/c/(0|[1-9]\d*)(?:/0)*")
+_CHUNK = re.compile(r"(.+?)/c/(0|[1-9]\d*)((?:/0)*)")
 _WORK = re.compile(rf"(?:{_NUMBER}\.pack|part_\d{{6,}}|{re.escape(PARTIAL)}{_NUMBER}\.(?:pack|json)_\d+)")
 _TEMPORARY = re.compile(
     rf"(?:(?:{ARRAYS}|{SHARDS})/.+/)?{re.escape(PARTIAL)}"
@@ -73,7 +73,7 @@ class Layout:
         self._recorded = frozenset(recorded)
         self._frames = {} if plan is None else {scene.name: scene.num_frames for scene in plan.scenes}
         self._shard_frames = 1 if plan is None else plan.options.shard_frames
-        self._arrays, self._images = (set[str](), set[str]()) if plan is None else _fields(plan)
+        self._arrays, self._images = ({}, set()) if plan is None else _fields(plan)
         self._groups = {"/".join(name.split("/")[:depth]) for name in self._arrays for depth in range(name.count("/") + 1)}
 
     def owns(self, name: str) -> bool:
@@ -94,9 +94,11 @@ class Layout:
             return found is not None and found[1] in self._images and self._is_frame(scene, found[2])
         if folder == ARRAYS:
             if rest == METADATA or rest.endswith(f"/{METADATA}"):
-                return rest.rpartition("/")[0] in self._groups | self._arrays
+                return rest.rpartition("/")[0] in self._groups | self._arrays.keys()
             found = _CHUNK.fullmatch(rest)
-            return found is not None and found[1] in self._arrays and self._is_shard(scene, f"{int(found[2]):06d}")
+            if found is None or len(found[3]) != 2 * self._arrays.get(found[1], -1):
+                return False
+            return self._is_shard(scene, f"{int(found[2]):06d}")
         return False
 
     def is_folder(self, name: str) -> bool:
@@ -107,7 +109,7 @@ class Layout:
             return False
         if not rest:
             return True
-        known = {ARRAYS: self._groups | self._arrays, IMAGES: self._images, SHARDS: set[str]()}[folder]
+        known = {ARRAYS: self._groups | self._arrays.keys(), IMAGES: self._images, SHARDS: set[str]()}[folder]
         return rest in known or any(item.startswith(f"{rest}/") for item in known)
 
     def shard_of(self, name: str) -> tuple[str, int] | None:
@@ -129,15 +131,19 @@ class Layout:
         return text == f"{int(text):06d}" and int(text) * self._shard_frames < self._frames[scene]
 
 
-def _fields(plan: DatasetPlan) -> tuple[set[str], set[str]]:
-    """Return the arrays and the folders of images that the sensors of a plan can give, relative to a scene."""
+def _fields(plan: DatasetPlan) -> tuple[dict[str, int], set[str]]:
+    """Return the arrays that the sensors of a plan can give, with their number of axes after the frame, and the folders of images.
+
+    Names are relative to a scene.
+    """
     tables = {"": schema.FRAME, "objects": schema.OBJECTS}
     for mount in plan.rig["sensors"]:
         tables[mount["name"]] = schema.TABLES.get(mount["kind"]) or _foreign(mount["kind"])
-    names = [
-        (item.storage, f"{group}/{item.name}".lstrip("/")) for group, table in tables.items() for item in table
-    ]
-    return {name for form, name in names if form == "array"}, {name for form, name in names if form == "png"}
+    items = [(f"{group}/{item.name}".lstrip("/"), item) for group, table in tables.items() for item in table]
+    if plan.options.radar_format == "complex64":
+        items = [(name, schema.ADC_COMPLEX if item in schema.RADAR and item.name == "adc" else item) for name, item in items]
+    arrays = {name: len(item.axes) for name, item in items if item.storage == "array"}
+    return arrays, {name for name, item in items if item.storage == "png"}
 
 
 def _foreign(kind: str) -> tuple[schema.Field, ...]:
@@ -202,13 +208,13 @@ def remove_empty(folder: Path) -> bool:
     return True
 
 
-def is_manifest(path: Path) -> bool:
-    """Return whether a file is a manifest of ours, perhaps a damaged one."""
+def is_manifest(path: Path, in_dataset: bool = False) -> bool:
+    """Return whether a file is a manifest of ours, perhaps a damaged one; in a dataset that is what is no JSON at all."""
     data = _read(path)
     try:
         found = json.loads(data)
     except ValueError:
-        return data.startswith(_HEAD)
+        return path.is_file() and (in_dataset or data.startswith(_HEAD))
     return isinstance(found, dict) and found.get("format") == FORMAT
 
 
@@ -233,20 +239,25 @@ def _read(path: Path, size: int = -1) -> bytes:
         return b""
 
 
-_MARKED = {MANIFEST: is_manifest, BACKUP: is_manifest, CARD: is_card, LOG_FILE: is_log}
+def foreign_marked(root: Path, in_dataset: bool, known_card: str | None = None) -> list[str]:
+    """Return which of manifest, its copy, card and log are there and not ours.
 
+    Parameters
+    ----------
+    root : Path
+    in_dataset : bool
+        Whether more than these files tells that it is a dataset.
+    known_card : str, optional
+        Text of a card that is ours without a mark.
+    """
 
-def foreign_marked(root: Path, known_card: str | None = None) -> list[str]:
-    """Return which of manifest, its copy, card and log are there and not ours; `known_card`: text that is ours without a mark."""
-    found = []
-    for name, is_ours in _MARKED.items():
-        path = root / name
-        if not os.path.lexists(path) or is_ours(path):
-            continue
-        if name == CARD and known_card is not None and _read(path).decode(errors="replace") == known_card:
-            continue
-        found.append(name)
-    return found
+    def is_ours(path: Path) -> bool:
+        if path.name == CARD:
+            return is_card(path) or (known_card is not None and _read(path) == known_card.encode())
+        return is_log(path) if path.name == LOG_FILE else is_manifest(path, in_dataset)
+
+    paths = [root / name for name in (MANIFEST, BACKUP, CARD, LOG_FILE)]
+    return [path.name for path in paths if os.path.lexists(path) and not is_ours(path)]
 
 
 def blocked_folders(root: Path, scenes: Iterable[str]) -> list[str]:

@@ -322,7 +322,7 @@ def _check_marked(dataset: Dataset, root: Path, found: Verification) -> Iterator
     try:
         same = read_manifest(dataset.files, BACKUP) == dataset.manifest
     except DatasetError as error:
-        if is_manifest(root / BACKUP):
+        if is_manifest(root / BACKUP, in_dataset=True):
             yield Fault(BACKUP, str(error))
         else:
             found.foreign.append(BACKUP)

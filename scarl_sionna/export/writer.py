@@ -191,7 +191,7 @@ class DatasetFolder:
         found = blocked_folders(self.root, [scene.name for scene in self.plan.scenes])
         where = "where files of the dataset belong"
         if not self.repair:
-            found += foreign_marked(self.root, there.card)
+            found += foreign_marked(self.root, not there.is_empty, there.card)
             if there.is_empty:
                 found += [name for name in self._others() if name not in found]
                 where = "and no dataset"
@@ -278,7 +278,7 @@ class DatasetFolder:
             texts.update(metadata_texts(scene, arrays, self.plan.options))
         data = manifest_data(self.plan, {scene.name: self.rows[scene.name] for scene in self.plan.scenes})
         manifest = dump_manifest(data)
-        foreign = foreign_marked(self.root, None if there is None else unmarked_card(there))
+        foreign = foreign_marked(self.root, True, None if there is None else unmarked_card(there))
         if there is None and MANIFEST not in foreign:
             _write_if_other(self.root, MANIFEST, manifest)  # first of all: it tells that the rest is ours
         texts.update({CARD: dataset_card(data), MANIFEST: manifest, BACKUP: manifest})
