@@ -40,6 +40,8 @@ CONTACT_SHEET = "contact_sheet.png"
 WORK_FOLDER = ".work"
 METADATA = "zarr.json"
 DATA_FOLDERS = (ARRAYS, IMAGES, SHARDS)
+MARKED = (MANIFEST, BACKUP, CARD, LOG_FILE)
+"""Files at the top of a dataset that tell by what stands in them whether they are ours."""
 SHEET_MARK = "scarl-sionna contact sheet"
 """PNG text ``Software`` of a contact sheet."""
 
@@ -256,7 +258,7 @@ def foreign_marked(root: Path, in_dataset: bool, known_card: str | None = None) 
             return is_card(path) or (known_card is not None and _read(path) == known_card.encode())
         return is_log(path) if path.name == LOG_FILE else is_manifest(path, in_dataset)
 
-    paths = [root / name for name in (MANIFEST, BACKUP, CARD, LOG_FILE)]
+    paths = [root / name for name in MARKED]
     return [path.name for path in paths if os.path.lexists(path) and not is_ours(path)]
 
 

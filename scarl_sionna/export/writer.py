@@ -24,6 +24,7 @@ from .layout import (
     CONTACT_SHEET,
     DATA_FOLDERS,
     LOG_FILE,
+    MARKED,
     METADATA,
     WORK_FOLDER,
     Layout,
@@ -212,7 +213,7 @@ class DatasetFolder:
             if path.name in DATA_FOLDERS:
                 inside = [name for name, folder in files_under(self.root, [path.name]) if not folder]
                 names += [path.name] if any(not _is_group(self.root / name) for name in inside) else []
-            elif not path.name.startswith(".") and path.name not in (MANIFEST, BACKUP, CARD, LOG_FILE):  # told by their marks
+            elif not path.name.startswith(".") and path.name not in MARKED and not is_contact_sheet(path):
                 names.append(path.name)
         return names
 
