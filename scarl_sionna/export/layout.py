@@ -210,6 +210,13 @@ def remove_empty(folder: Path) -> bool:
     return True
 
 
+def prune(root: Path, names: Iterable[str]) -> None:
+    """Remove the folders of files that were removed, as far as nothing else is in them."""
+    folders = {parent for name in names for parent in Path(name).parents if parent.name}
+    for folder in sorted(folders, reverse=True):
+        remove_empty(root / folder)
+
+
 def is_manifest(path: Path, in_dataset: bool = False) -> bool:
     """Return whether a file is a manifest of ours, perhaps a damaged one; in a dataset that is what is no JSON at all."""
     data = _read(path)

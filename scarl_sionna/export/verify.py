@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -16,7 +15,19 @@ from scarl_sionna.core.errors import DatasetError, OutputError, ScarlError, Scar
 from .card import dataset_card, is_card, unmarked_card
 from .encoding import decode_png
 from .files import LocalFiles, output_error
-from .layout import CARD, DATA_FOLDERS, WORK_FOLDER, Layout, files_under, is_manifest, is_temporary, remove_file
+from .layout import (
+    CARD,
+    DATA_FOLDERS,
+    MARKED,
+    METADATA,
+    WORK_FOLDER,
+    Layout,
+    files_under,
+    is_manifest,
+    is_temporary,
+    prune,
+    remove_file,
+)
 from .manifest import (
     ARRAYS,
     BACKUP,
@@ -305,6 +316,9 @@ def _without_length(text: str) -> Any:
 
 def _check_marked(dataset: Dataset, root: Path, found: Verification) -> Iterator[Fault]:
     """Yield what is wrong with the card and the manifest's copy; list those that are somebody else's."""
+    for name in (CARD, BACKUP):
+        if (root / name).is_dir():
+            yield Fault(name, "is a folder")
     try:
         card = dataset.files.read(CARD).decode()
     except FileNotFoundError:
@@ -317,7 +331,7 @@ def _check_marked(dataset: Dataset, root: Path, found: Verification) -> Iterator
                 yield Fault(CARD, "is the card of another state (an export that is running or was stopped)", kind="unfinished")
             else:
                 found.foreign.append(CARD)
-    if not os.path.lexists(root / BACKUP) or dataset.manifest_fault is not None:
+    if not (root / BACKUP).is_file() or dataset.manifest_fault is not None:
         return  # written before there was a copy; or read from it
     try:
         same = read_manifest(dataset.files, BACKUP) == dataset.manifest
@@ -375,7 +389,7 @@ def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
         if fault.what in (STRAY, UNFINISHED_STRAY) or is_temporary(fault.name)
     ]
     with DatasetFolder(root, dataset.plan, repair=True) as folder:
-        layout = Layout(folder.plan)
+        layout, removed = Layout(folder.plan), list[str]()
         try:
             for scene, shard in sorted(damaged):
                 place = root / record_name(scene, shard)
@@ -384,17 +398,32 @@ def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
                 except (OSError, DatasetError):
                     files = []
                 _remove(root, record_name(scene, shard), found)  # first: without its record the shard is not there
+                removed += [name for name in files if layout.owns(name)]
                 for name in files:
                     if layout.owns(name):
                         _remove(root, name, found)
                 found.removed.append((scene, shard))
+            strays += [name for scene in {scene for scene, _ in damaged} for name in _metadata_of_nothing(folder, scene)]
             for name in strays:
                 _remove(root, name, found)
+            prune(root, [*strays, *removed])
+            for name in MARKED:
+                if (root / name).is_dir():
+                    remove_file(root / name)  # if nothing is in it
         except OSError as error:
             if isinstance(error, OutputError):
                 raise
             raise output_error(root, error) from error
         folder.finalize(afresh=True)
+
+
+def _metadata_of_nothing(folder: DatasetFolder, scene: str) -> list[str]:
+    """Return the metadata of a scene's arrays that none of its shards has."""
+    plan = folder.plan.scene(scene)
+    known = metadata_texts(plan, shard_rows(folder.root, plan, folder.plan.options)[1], folder.plan.options)
+    layout = Layout(folder.plan)
+    names = [name for name, is_folder in files_under(folder.root, [f"{ARRAYS}/{scene}"]) if not is_folder]
+    return [name for name in names if name.endswith(f"/{METADATA}") and name not in known and layout.owns(name)]
 
 
 def _remove(root: Path, name: str, found: Verification) -> None:

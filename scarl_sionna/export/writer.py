@@ -35,6 +35,7 @@ from .layout import (
     foreign_data,
     foreign_marked,
     is_contact_sheet,
+    prune,
     remove_empty,
     remove_file,
 )
@@ -248,11 +249,10 @@ class DatasetFolder:
         names = [*files_under(self.root, reversed(DATA_FOLDERS))]
         if there.plan is None:
             names.sort(key=lambda item: item[0].startswith(f"{SHARDS}/"))
-        for name, is_folder in names:
-            if not is_folder and layout.owns(name):
-                remove_file(self.root / name)
-        for name in sorted((name for name, is_folder in names if is_folder), reverse=True):
-            remove_empty(self.root / name)
+        own = [name for name, is_folder in names if not is_folder and layout.owns(name)]
+        for name in own:
+            remove_file(self.root / name)
+        prune(self.root, own)
         for folder in self.root.glob(f"{WORK_FOLDER}/*/*"):
             clear_work(folder)
         for name in (LOG_FILE, *([CONTACT_SHEET] if is_contact_sheet(self.root / CONTACT_SHEET) else [])):
