@@ -29,6 +29,7 @@ Schema version {version}. How a dataset is made is told in [export.md](export.md
 ```
 out/
   manifest.json                               configuration and its hash, calibration, conventions, schema, splits, checksums
+  manifest.backup.json                        copy of the manifest, read where that is lost
   README.md                                   dataset card
   export.log                                  when and where it was made (not part of the data)
   arrays/                                     a Zarr v3 hierarchy, one group a scene

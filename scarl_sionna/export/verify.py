@@ -45,6 +45,7 @@ from .shard_writer import ShardRecord, metadata_texts, record_name
 from .writer import DatasetFolder, Row, shard_rows
 
 
+Kind = Literal["damage", "unfinished"]
 STRAY = "belongs to no finished shard"
 UNFINISHED_STRAY = "is of a shard that is not finished (an export that is running or was stopped)"
 
@@ -60,7 +61,7 @@ class Fault:
     what: str
     scene: str | None = None
     shard: int | None = None
-    kind: Literal["damage", "unfinished"] = "damage"
+    kind: Kind = "damage"
 
     def __str__(self) -> str:
         return f"{self.name}: {self.what}"
@@ -297,12 +298,19 @@ def _check_manifest(dataset: Dataset, root: Path, known: set[str]) -> Iterator[F
             try:
                 if (found := dataset.files.read(name).decode()) != text:
                     grown = _without_length(found) == _without_length(text)
-                    kind: Literal["damage", "unfinished"] = "unfinished" if grown else "damage"
-                    yield Fault(name, "is not what the schema says", kind=kind)
+                    yield Fault(name, "is not what the schema says", kind="unfinished" if grown else "damage")
+            except FileNotFoundError:
+                yield Fault(name, "is not there", kind=_lost(dataset, root))
             except (OSError, UnicodeDecodeError, DatasetError) as error:
                 yield Fault(name, f"cannot be read: {error}")
     if dump_manifest(manifest_data(plan, rows)) != dump_manifest(dataset.manifest):
         yield Fault(MANIFEST, "is not what follows from the plan and the shards")
+
+
+def _lost(dataset: Dataset, root: Path) -> Kind:
+    """Return what it means that a file is not there: an export writes the manifest first, then these, then the manifest's copy."""
+    begins = not (root / BACKUP).exists() and not any(row for rows in dataset.manifest["shards"].values() for row in rows)
+    return "unfinished" if begins else "damage"
 
 
 def _without_length(text: str) -> Any:
@@ -322,7 +330,7 @@ def _check_marked(dataset: Dataset, root: Path, found: Verification) -> Iterator
     try:
         card = dataset.files.read(CARD).decode()
     except FileNotFoundError:
-        yield Fault(CARD, "is not there")
+        yield Fault(CARD, "is not there", kind=_lost(dataset, root))
     except (OSError, UnicodeDecodeError, DatasetError):
         found.foreign.append(CARD)
     else:
@@ -347,7 +355,12 @@ def _check_marked(dataset: Dataset, root: Path, found: Verification) -> Iterator
 
 def _check_strays(dataset: Dataset, root: Path, known: set[str], found: Verification) -> Iterator[Fault]:
     """Yield files of the dataset that belong to no finished shard; list those that are not its own."""
-    layout = Layout(dataset.plan, known)
+    layout, options = Layout(dataset.plan, known), dataset.plan.options
+    waiting = {
+        scene.name
+        for scene in dataset.plan.scenes
+        if any(record_name(scene.name, shard) not in known for shard in range(scene.num_shards(options)))
+    }
     for name, is_folder in files_under(root, DATA_FOLDERS):
         if is_folder or (name in known and not (root / name).is_symlink()):
             continue
@@ -359,6 +372,8 @@ def _check_strays(dataset: Dataset, root: Path, known: set[str], found: Verifica
         elif not layout.owns(name):
             found.foreign.append(name)
         elif (shard := layout.shard_of(name)) is not None and record_name(*shard) not in known:
+            yield Fault(name, UNFINISHED_STRAY, kind="unfinished")
+        elif name.endswith(f"/{METADATA}") and name not in known and name.split("/")[1] in waiting:  # before the first record
             yield Fault(name, UNFINISHED_STRAY, kind="unfinished")
         else:
             yield Fault(name, STRAY)

@@ -113,7 +113,7 @@ FAULTS = {
         edit("arrays/a/front/lidar/distance/zarr.json", lambda d: d["attributes"].update(units="km")),
         "arrays/a/front/lidar/distance/zarr.json", "not what the schema says"),
     "lost metadata of an array": (
-        remove("arrays/a/radar/adc/zarr.json"), "arrays/a/radar/adc/zarr.json", "cannot be read"),
+        remove("arrays/a/radar/adc/zarr.json"), "arrays/a/radar/adc/zarr.json", "is not there"),
     "a picture of a frame that its shard does not hold": (
         edit(RECORD, lambda d: d["files"].pop(PNG)), PNG, "belongs to no finished shard"),
     "a lost card": (remove("README.md"), "README.md", "is not there"),

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from scarl_sionna.core.errors import OutputError
+from scarl_sionna.core.temporary import is_running
 from scarl_sionna.export.atomic import PARTIAL, partial_path
 from scarl_sionna.export.files import output_error
 
@@ -140,7 +141,7 @@ def _clear_stale(out: Path) -> None:
     with suppress(OSError):
         for stale in sorted(out.parent.glob(f"{glob.escape(PARTIAL + out.name)}_*")):
             process, _, rest = stale.name.removeprefix(f"{PARTIAL}{out.name}_").partition("_")
-            if not process.isdigit() or rest not in ("", _ASIDE) or _is_running(int(process)):
+            if not process.isdigit() or rest not in ("", _ASIDE) or is_running(int(process)):
                 continue
             if rest == _ASIDE and not out.exists():
                 stale.rename(out)
@@ -148,16 +149,6 @@ def _clear_stale(out: Path) -> None:
                 shutil.rmtree(stale)
             else:
                 stale.unlink()
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
 
 
 def _replace_folder(partial: Path, out: Path) -> None:
