@@ -16,6 +16,7 @@ from scarl_sionna.exporting import ExportSettings, export
 from scarl_sionna.generate import OnStage
 from scarl_sionna.scenario.spec import ScenarioSpec
 
+
 @dataclass(frozen=True)
 class RunSummary:
     """What :func:`run` did: folder, contact sheet, frames written now and kept from before, seconds by stage."""

@@ -29,9 +29,10 @@ def clear_stale() -> None:
     with suppress(OSError):
         for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
             found = _NAME.fullmatch(path.name)
-            if found and path.is_dir() and not path.is_symlink() and path.stat().st_uid == os.getuid():
-                if not is_running(int(found[1])):
-                    shutil.rmtree(path, ignore_errors=True)
+            if found is None or path.is_symlink() or not path.is_dir() or path.stat().st_uid != os.getuid():
+                continue
+            if not is_running(int(found[1])):
+                shutil.rmtree(path, ignore_errors=True)
 
 
 def is_running(process: int) -> bool:

@@ -165,7 +165,9 @@ class Batch:
                 self._check_folder(folder)
             for partial, path in self._files:
                 if path.is_dir() and not path.is_symlink():
-                    raise OutputError(f"{path} is a folder where a file of the dataset belongs; it is kept: move it away")
+                    raise OutputError(
+                        f"{path} is a folder where a file of the dataset belongs; it is kept: move it away"
+                    )
                 partial.replace(path)
             list(pool.map(_sync_path, folders))
 

@@ -76,7 +76,9 @@ class Layout:
         self._frames = {} if plan is None else {scene.name: scene.num_frames for scene in plan.scenes}
         self._shard_frames = 1 if plan is None else plan.options.shard_frames
         self._arrays, self._images = ({}, set()) if plan is None else _fields(plan)
-        self._groups = {"/".join(name.split("/")[:depth]) for name in self._arrays for depth in range(name.count("/") + 1)}
+        self._groups = {
+            "/".join(name.split("/")[:depth]) for name in self._arrays for depth in range(name.count("/") + 1)
+        }
 
     def owns(self, name: str) -> bool:
         """Return whether a name, relative to the dataset, is one of its own."""
@@ -143,7 +145,9 @@ def _fields(plan: DatasetPlan) -> tuple[dict[str, int], set[str]]:
         tables[mount["name"]] = schema.TABLES.get(mount["kind"]) or _foreign(mount["kind"])
     items = [(f"{group}/{item.name}".lstrip("/"), item) for group, table in tables.items() for item in table]
     if plan.options.radar_format == "complex64":
-        items = [(name, schema.ADC_COMPLEX if item in schema.RADAR and item.name == "adc" else item) for name, item in items]
+        items = [
+            (name, schema.ADC_COMPLEX if item in schema.RADAR and item.name == "adc" else item) for name, item in items
+        ]
     arrays = {name: len(item.axes) for name, item in items if item.storage == "array"}
     return arrays, {name for name, item in items if item.storage == "png"}
 
@@ -272,7 +276,11 @@ def foreign_marked(root: Path, in_dataset: bool, known_card: str | None = None) 
 def blocked_folders(root: Path, scenes: Iterable[str]) -> list[str]:
     """Return which of a dataset's folders are files or links."""
     names = [*_FOLDERS, *(f"{folder}/{scene}" for scene in scenes for folder in (*DATA_FOLDERS, WORK_FOLDER))]
-    return [name for name in names if os.path.lexists(root / name) and ((root / name).is_symlink() or not (root / name).is_dir())]
+    return [
+        name
+        for name in names
+        if os.path.lexists(root / name) and ((root / name).is_symlink() or not (root / name).is_dir())
+    ]
 
 
 def files_under(root: Path, folders: Iterable[str]) -> Iterator[tuple[str, bool]]:

@@ -44,7 +44,6 @@ from .schema import OBJECT, POINT
 from .shard_writer import ShardRecord, metadata_texts, record_name
 from .writer import DatasetFolder, Row, shard_rows
 
-
 Kind = Literal["damage", "unfinished"]
 STRAY = "belongs to no finished shard"
 UNFINISHED_STRAY = "is of a shard that is not finished (an export that is running or was stopped)"
@@ -189,7 +188,9 @@ def _check_shard(
     if row is None:
         yield Fault(name, "is not in the manifest yet (an export that is running or was stopped)", kind="unfinished")
     elif _is_remade(row, [hashlib.sha256(text).hexdigest(), len(record.frames)], scene, shard, dataset):
-        yield Fault(name, "has more frames than in the manifest (an export that is running or was stopped)", kind="unfinished")
+        yield Fault(
+            name, "has more frames than in the manifest (an export that is running or was stopped)", kind="unfinished"
+        )
     elif row[0] != hashlib.sha256(text).hexdigest():
         yield Fault(name, "its checksum is not that of the manifest", scene.name, shard)
     found.failed.update({(scene.name, index): reason for index, reason in record.failed.items()})
@@ -309,7 +310,9 @@ def _check_manifest(dataset: Dataset, root: Path, known: set[str]) -> Iterator[F
 
 def _lost(dataset: Dataset, root: Path) -> Kind:
     """Return what it means that a file is not there: an export writes the manifest first, then these, then the manifest's copy."""
-    begins = not (root / BACKUP).exists() and not any(row for rows in dataset.manifest["shards"].values() for row in rows)
+    begins = not (root / BACKUP).exists() and not any(
+        row for rows in dataset.manifest["shards"].values() for row in rows
+    )
     return "unfinished" if begins else "damage"
 
 
@@ -336,7 +339,9 @@ def _check_marked(dataset: Dataset, root: Path, found: Verification) -> Iterator
     else:
         if card not in (dataset_card(dataset.manifest), unmarked_card(dataset.manifest)):
             if is_card(root / CARD):
-                yield Fault(CARD, "is the card of another state (an export that is running or was stopped)", kind="unfinished")
+                yield Fault(
+                    CARD, "is the card of another state (an export that is running or was stopped)", kind="unfinished"
+                )
             else:
                 found.foreign.append(CARD)
     if not (root / BACKUP).is_file() or dataset.manifest_fault is not None:
@@ -350,7 +355,9 @@ def _check_marked(dataset: Dataset, root: Path, found: Verification) -> Iterator
             found.foreign.append(BACKUP)
         return
     if not same:
-        yield Fault(BACKUP, "is the manifest of another state (an export that is running or was stopped)", kind="unfinished")
+        yield Fault(
+            BACKUP, "is the manifest of another state (an export that is running or was stopped)", kind="unfinished"
+        )
 
 
 def _check_strays(dataset: Dataset, root: Path, known: set[str], found: Verification) -> Iterator[Fault]:
@@ -371,12 +378,11 @@ def _check_strays(dataset: Dataset, root: Path, known: set[str], found: Verifica
             yield Fault(name, "is a link where a folder of the dataset belongs")
         elif not layout.owns(name):
             found.foreign.append(name)
-        elif (shard := layout.shard_of(name)) is not None and record_name(*shard) not in known:
-            yield Fault(name, UNFINISHED_STRAY, kind="unfinished")
-        elif name.endswith(f"/{METADATA}") and name not in known and name.split("/")[1] in waiting:  # before the first record
-            yield Fault(name, UNFINISHED_STRAY, kind="unfinished")
         else:
-            yield Fault(name, STRAY)
+            shard = layout.shard_of(name)
+            begun = name.split("/")[1] in waiting if shard is None else record_name(*shard) not in known
+            finished = name in known or not begun
+            yield Fault(name, STRAY if finished else UNFINISHED_STRAY, kind="damage" if finished else "unfinished")
 
 
 def _check_order(dataset: Dataset) -> Iterator[Fault]:
@@ -418,7 +424,9 @@ def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
                     if layout.owns(name):
                         _remove(root, name, found)
                 found.removed.append((scene, shard))
-            strays += [name for scene in {scene for scene, _ in damaged} for name in _metadata_of_nothing(folder, scene)]
+            strays += [
+                name for scene in {scene for scene, _ in damaged} for name in _metadata_of_nothing(folder, scene)
+            ]
             for name in strays:
                 _remove(root, name, found)
             prune(root, [*strays, *removed])
@@ -460,7 +468,9 @@ def describe(found: Verification) -> str:
     if len(found.faults) > 20:
         lines.append(f"  and {len(found.faults) - 20} more")
     if found.unfinished:
-        lines.append(f"  {len(found.unfinished)} traces of an export that is running or was stopped, for instance {found.unfinished[0]}")
+        lines.append(
+            f"  {len(found.unfinished)} traces of an export that is running or was stopped, for instance {found.unfinished[0]}"
+        )
     if found.foreign:
         more = f" and {len(found.foreign) - 10} more" if len(found.foreign) > 10 else ""
         lines.append(f"  not of the dataset, never touched: {', '.join(found.foreign[:10])}{more}")

@@ -41,7 +41,6 @@ from .layout import (
 )
 from .locks import LOCK_FOLDER, FileLock
 from .manifest import (
-    ARRAYS,
     BACKUP,
     MANIFEST,
     SHARDS,
@@ -263,7 +262,10 @@ class DatasetFolder:
         scenes = {scene.name: scene for scene in self.plan.scenes}
         work = self.root / WORK_FOLDER
         left = {(path.parent.name, path.name) for path in work.glob("*/*")}
-        left |= {(scene, shard) for scene, _, shard in (path.stem.rpartition("_") for path in self.root.glob(f"{LOCK_FOLDER}/*.lock"))}
+        left |= {
+            (scene, shard)
+            for scene, _, shard in (path.stem.rpartition("_") for path in self.root.glob(f"{LOCK_FOLDER}/*.lock"))
+        }
         for scene, shard in sorted(left):
             if scene in scenes and shard.isdigit() and int(shard) < scenes[scene].num_shards(self.plan.options):
                 with suppress(OutputError, DatasetError):  # in work, or damaged: that is for others to mend
@@ -288,7 +290,9 @@ class DatasetFolder:
                 _write_if_other(self.root, name, text)
         if foreign and not self.repair:
             warnings.warn(
-                f"{', '.join(foreign)} in {self.root} became somebody else's during the export and stays", ScarlWarning, stacklevel=2
+                f"{', '.join(foreign)} in {self.root} became somebody else's during the export and stays",
+                ScarlWarning,
+                stacklevel=2,
             )
         return data
 

@@ -67,8 +67,8 @@ def stoppable() -> Iterator[None]:
         check(error)
         raise
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for item, handler in before.items():
+            signal.signal(item, handler)
         _asked.number = None
 
 

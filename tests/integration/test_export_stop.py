@@ -9,6 +9,7 @@ import signal
 import subprocess
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -45,10 +46,8 @@ def undisturbed(scenarios, tmp_path_factory) -> Path:
 
 def engine_error(number: int) -> None:
     """Do what the engine does with a signal in a callback: its own error takes the exception's place."""
-    try:
+    with suppress(KeyboardInterrupt):
         signal.raise_signal(number)
-    except KeyboardInterrupt:
-        pass
     raise RuntimeError("jit_freeze(): a callback failed")
 
 
@@ -61,10 +60,8 @@ def engine_error_of(number: int) -> None:
 
 def engine_silence(number: int) -> None:
     """Swallow it, as a callback that may not raise does."""
-    try:
+    with suppress(KeyboardInterrupt):
         signal.raise_signal(number)
-    except KeyboardInterrupt:
-        pass
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -136,7 +133,9 @@ def heavy(tmp_path_factory) -> Path:
     (path,) = scenario_files(folder, one=40)
     camera, lidar, radar = RIG.sensors
     spec = camera.spec.with_(width=320, height=180, samples_per_pixel=32)
-    Rig("heavy", (SensorMount(camera.name, "camera", spec, camera.vehicle_from_sensor), lidar, radar)).save(folder / "rig.yaml")
+    Rig("heavy", (SensorMount(camera.name, "camera", spec, camera.vehicle_from_sensor), lidar, radar)).save(
+        folder / "rig.yaml"
+    )
     return path
 
 

@@ -147,7 +147,10 @@ FOREIGN_FOLDERS = {
 def test_a_foreign_folder_is_refused_and_not_a_byte_of_it_changes(tmp_path, whole, case, overwrite) -> None:
     files, named = FOREIGN_FOLDERS[case]
     out = tmp_path / "out"
-    plant(out, {name: (whole / name).read_text() + "My words.\n" if text is None else text for name, text in files.items()})
+    plant(
+        out,
+        {name: (whole / name).read_text() + "My words.\n" if text is None else text for name, text in files.items()},
+    )
     before = tree(out)
     with pytest.raises(OutputError, match=rf"holds other files \(.*{named}.*they are kept"):
         make(out, overwrite=overwrite)
@@ -194,7 +197,9 @@ def in_place(kind: str, path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["file", "folder", "link"])
-@pytest.mark.parametrize("name", ["images/b/front/camera/rgb/000001.png", "shards/b/000000.json", "arrays/b/radar/adc/zarr.json"])
+@pytest.mark.parametrize(
+    "name", ["images/b/front/camera/rgb/000001.png", "shards/b/000000.json", "arrays/b/radar/adc/zarr.json"]
+)
 def test_what_has_the_name_of_a_file_to_come_stops_an_added_scene(mixed, name, kind) -> None:
     (mixed / name).parent.mkdir(parents=True)
     in_place(kind, mixed / name)
@@ -310,7 +315,9 @@ def test_a_lost_manifest_is_read_from_its_copy_and_put_back(whole, tmp_path, dam
     (out / "manifest.json").unlink()
     if damage is not None:
         (out / "manifest.json").write_text(damage)
-    with pytest.warns(ScarlWarning, match=r"manifest\.json.*read from its copy manifest\.backup\.json.*verify --repair"):
+    with pytest.warns(
+        ScarlWarning, match=r"manifest\.json.*read from its copy manifest\.backup\.json.*verify --repair"
+    ):
         dataset = open_dataset(out)
     assert len(dataset) == 5
     found = verify(out)
@@ -339,7 +346,9 @@ def test_a_card_from_before_cards_had_a_mark_is_ours(whole, tmp_path) -> None:
     assert verify(out).complete
     make(out)
     assert ours(out) == ours(whole)
-    (out / "README.md").write_bytes((whole / "README.md").read_bytes().replace(b"\n", b"\r\n"))  # as git may check it out
+    (out / "README.md").write_bytes(
+        (whole / "README.md").read_bytes().replace(b"\n", b"\r\n")
+    )  # as git may check it out
     make(out)
 
 

@@ -41,7 +41,9 @@ def plan(seed: int = 0) -> DatasetPlan:
 def frames() -> list[EncodedFrame]:
     made = [make_frame(index) for index in range(NUM_FRAMES)]
     with ThreadPoolExecutor(1) as pool:
-        return [encode_frame(replace(f, results={"front/depth": f.results["front/depth"]}), OPTIONS, pool) for f in made]
+        return [
+            encode_frame(replace(f, results={"front/depth": f.results["front/depth"]}), OPTIONS, pool) for f in made
+        ]
 
 
 def run(out: Path, frames: list[EncodedFrame], *, overwrite: bool = False, seed: int = 0) -> int:
