@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from scarl_sionna.batch import ExportSettings, export
-from scarl_sionna.core.errors import DatasetError
+from scarl_sionna.core.errors import DatasetError, OutputError
 from scarl_sionna.dataset.contact_sheet import write_contact_sheet
 from scarl_sionna.dataset.readers.reader import open_dataset
+from scarl_sionna.dataset.store.layout import CONTACT_SHEET, is_contact_sheet
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.simulation import OnStage
-
-CONTACT_SHEET = "contact_sheet.png"
 
 
 @dataclass(frozen=True)
@@ -41,19 +41,23 @@ def run(scenario: ScenarioSpec, out: str | Path, *, overwrite: bool = False, on_
     out : path
         Folder to write to. Frames that it holds from the same configuration are kept.
     overwrite : bool
-        Remove the frames that are there first.
+        Remove the dataset that is there first; files that are not its own stay.
     on_stage : callable
         Called with the stage's name and the number of finished frames.
 
     Raises
     ------
     OutputError
-        If the folder cannot be written or holds frames of another configuration.
+        If the folder cannot be written, holds frames of another configuration, or something that is not ours has the name
+        of a file of ours.
     TimeRangeError
         If a frame's time lies outside the scene's motion.
     UnknownNameError
         If the scene or the rig is unknown.
     """
+    sheet = Path(out) / CONTACT_SHEET
+    if os.path.lexists(sheet) and not is_contact_sheet(sheet):
+        raise OutputError(f"{sheet} was not drawn by the demo; it is kept: choose another folder, or move it away")
     done = 0
 
     def on_event(kind: str, data: dict[str, Any]) -> None:

@@ -4,5 +4,6 @@ from .driver import ExportSettings, export
 from .estimate import Estimate, estimate
 from .job import ShardReport
 from .report import ExportReport
+from .stop import ExportStopped
 
-__all__ = ["Estimate", "ExportReport", "ExportSettings", "ShardReport", "estimate", "export"]
+__all__ = ["Estimate", "ExportReport", "ExportSettings", "ExportStopped", "ShardReport", "estimate", "export"]

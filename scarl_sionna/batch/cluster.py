@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import signal
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -125,12 +126,21 @@ def portable(error: ScarlError) -> ScarlError:
     return ExportError(f"{type(error).__name__}: {error}")
 
 
+def dask_setup(worker: Any) -> None:
+    """Let a worker of this machine ignore Ctrl-C, which a terminal sends to all processes: the one that started it stops it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 @contextmanager
 def _local_client(distributed: Any, count: int) -> Iterator[Any]:
     """Start worker processes on this machine."""
     import dask
 
-    settings = {"distributed.worker.multiprocessing-method": "spawn", "distributed.comm.timeouts.connect": "30s"}
+    settings = {
+        "distributed.worker.multiprocessing-method": "spawn",
+        "distributed.worker.preload": [__name__],  # calls `dask_setup`
+        "distributed.comm.timeouts.connect": "30s",
+    }
     with dask.config.set(settings), distributed.LocalCluster(
         n_workers=count, threads_per_worker=1, processes=True, memory_limit=None, dashboard_address=None,
         silence_logs=logging.CRITICAL,

@@ -13,12 +13,14 @@ from typing import Any
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError
 from scarl_sionna.dataset.encoding import StoreOptions
-from scarl_sionna.dataset.store.writer import LOG_FILE, DatasetFolder
+from scarl_sionna.dataset.store.layout import LOG_FILE
+from scarl_sionna.dataset.store.writer import DatasetFolder
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
-from .job import OnError, OnEvent, ShardJob, ShardReport, ignore, make_shard, output_root
+from .job import OnError, OnEvent, ShardJob, ShardReport, forget_worlds, ignore, make_shard, output_root
 from .plan import ExportPlan, plan_export, shards_of_part
 from .report import ExportReport
+from .stop import stoppable
 
 _log = logging.getLogger("scarl_sionna.batch")
 
@@ -39,7 +41,7 @@ class ExportSettings:
         What a failing frame does: stop the export, or be recorded and tried again on the next call.
     options : StoreOptions
     overwrite : bool
-        Remove what is there first.
+        Remove the dataset that is there first; files that are not its own stay.
     licence, description : str
         For the dataset card.
     """
@@ -98,8 +100,16 @@ def export(
         If a frame fails (`on_error` "raise"), a worker dies again and again, or the scheduler is not there.
     ScarlError
         Of a scenario that is not possible, before anything is made.
+    ExportStopped
+        A `KeyboardInterrupt`: Ctrl-C or SIGTERM came; finished frames are kept, the one in work is dropped.
     """
-    settings = settings or ExportSettings()
+    with stoppable():
+        return _export(scenarios, out, settings or ExportSettings(), on_event)
+
+
+def _export(
+    scenarios: Iterable[ScenarioSpec], out: str | Path, settings: ExportSettings, on_event: OnEvent
+) -> ExportReport:
     started = perf_counter()
     plan = plan_export(scenarios, settings.options, settings.licence, settings.description)
     part = None if settings.part is None else f"{settings.part[0]}_of_{settings.part[1]}"
@@ -121,6 +131,8 @@ def export(
                 )
         except BaseException as error:
             _log.error("stopped: %s: %s", type(error).__name__, error)
+            if isinstance(error, KeyboardInterrupt):
+                forget_worlds()
             with suppress(ScarlError, OSError):
                 folder.finalize()
             raise

@@ -22,6 +22,8 @@ from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.simulation import load_world, observe
 
+from .stop import check
+
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World
 
@@ -96,6 +98,8 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
         If a frame fails and `job.on_error` is ``"raise"``; the frames before it are kept.
     OutputError
         If the disk does not take it, or another process works on the shard.
+    ExportStopped
+        If a signal asked for it; the frame in work is dropped, those before it are kept.
     """
     seconds: dict[str, float] = {}
     rig, scenario = job.rig, job.scenario
@@ -114,8 +118,10 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
                         on_stage=_stages(job.scene.name, index, on_event),
                     )  # fmt: skip
                 except Exception as error:
+                    check(error)
                     _fail(job, shard, index, error, on_event)
                 else:
+                    check()  # an exception that the engine swallowed may have left its mark on the frame
                     for stage, taken in frame.timings.items():
                         _add(seconds, stage, taken)
                     sink.put(frame)
@@ -228,6 +234,11 @@ class TimedPool(ThreadPoolExecutor):
 def _world(scenario: ScenarioSpec) -> World:
     """Return the loaded scene; kept, for the next shard of this process is likely to be of the same scene."""
     return load_world(scenario)
+
+
+def forget_worlds() -> None:
+    """Forget loaded scenes: one that a signal caught in motion is in no state to go on from."""
+    _world.cache_clear()
 
 
 def _fail(job: ShardJob, shard: ShardWriter, index: int, error: Exception, on_event: OnEvent) -> None:

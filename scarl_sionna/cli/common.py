@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,22 +12,23 @@ import typer
 
 from scarl_sionna.core.errors import ScarlError, ScarlWarning
 
-EXIT_INCOMPLETE = 1
+EXIT_INCOMPLETE = EXIT_DAMAGED = 1
 EXIT_ERROR = 2
-EXIT_INTERRUPTED = 130
+EXIT_UNFINISHED = 3
+EXIT_SIGNAL = 128
 
 
 @contextmanager
 def reported(context: typer.Context, interrupted: str) -> Iterator[None]:
-    """Turn a user's error into one message and exit code 2, and Ctrl-C into a message and 130."""
+    """Turn a user's error into one message and exit code 2, Ctrl-C into a message and 130, SIGTERM of an export into 143."""
     try:
         yield
     except ScarlError as error:
         if context.obj and context.obj["debug"]:
             raise
         fail(f"error: {error}", EXIT_ERROR)
-    except KeyboardInterrupt:
-        fail(f"stopped: {interrupted}", EXIT_INTERRUPTED)
+    except KeyboardInterrupt as error:
+        fail(f"stopped, {interrupted}", EXIT_SIGNAL + getattr(error, "signal_number", signal.SIGINT))
 
 
 @contextmanager

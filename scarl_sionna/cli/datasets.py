@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
 
-from .common import EXIT_INCOMPLETE, collected_warnings, reported
+from .common import EXIT_DAMAGED, EXIT_INCOMPLETE, EXIT_UNFINISHED, collected_warnings, reported
 from .options import ScenarioOptions, scenario_options
 
 if TYPE_CHECKING:
@@ -55,13 +55,16 @@ def export(
     ] = "int16",
     licence: Annotated[str, typer.Option(help="For the dataset card.")] = "not stated",
     description: Annotated[str, typer.Option(help="For the dataset card.")] = "",
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Remove what is in the folder first.")] = False,
+    overwrite: Annotated[
+        bool,
+        typer.Option("--overwrite", help="Remove the dataset in the folder first; files that are not its own stay."),
+    ] = False,
 ) -> None:
     """Make a dataset of scenarios, or what is missing of it. Options about scenarios hold for each of them.
 
     However it was stopped, the same command goes on where it was; the bytes do not depend on the number of workers.
     """
-    with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
+    with reported(context, f"go on with the same command; finished frames are kept in {out}"):
         specs = [chosen.apply(load_scenario(text)) for text in scenarios]
         part = None if shard is None else _part(shard)
         from scarl_sionna.batch import ExportSettings
@@ -99,8 +102,11 @@ def verify(
         bool, typer.Option("--repair", help="Remove damaged shards, so that the next export makes them again.")
     ] = False,
 ) -> None:
-    """Check every checksum, count and cross-reference of a dataset. Exit code 0: whole and complete."""
-    with reported(context, "stopped"):
+    """Check every checksum, count and cross-reference of a dataset.
+
+    Exit code 0: whole and complete; 1: damaged; 2: no dataset; 3: whole, not complete.
+    """
+    with reported(context, "not all was checked"):
         from scarl_sionna.dataset.verify import describe
         from scarl_sionna.dataset.verify import verify as check
 
@@ -112,7 +118,7 @@ def verify(
             )
         typer.echo(describe(found))
         if not found.complete:
-            raise typer.Exit(EXIT_INCOMPLETE)
+            raise typer.Exit(EXIT_UNFINISHED if found.ok else EXIT_DAMAGED)
 
 
 @app.command()

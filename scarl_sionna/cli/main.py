@@ -71,14 +71,18 @@ def demo(
         str | None, typer.Option(help=f"Scene name or path of an XML file (default: {_DEFAULTS.scene}).")
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Remove the frames in the folder first. Without it they are kept.")
+        bool,
+        typer.Option(
+            "--overwrite",
+            help="Remove the dataset in the folder first; without it its frames are kept. Other files always stay.",
+        ),
     ] = False,
 ) -> None:
     """Simulate consecutive frames of a scene, write them to a folder, and draw a contact sheet.
 
     A run that was stopped goes on where it was: frames of the same settings that are complete are kept.
     """
-    with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
+    with reported(context, f"go on with the same command; finished frames are kept in {out}"):
         base = datasets.named_scenario(scenario) if scenario else _DEFAULTS
         started = perf_counter()
         base = base if scene is None else base.with_(scene=scene)
@@ -133,7 +137,7 @@ def info(
     ] = None,
 ) -> None:
     """Show what was found on this machine, and the remedy for what is missing; or what a dataset holds."""
-    with reported(context, "stopped"):
+    with reported(context, "nothing was shown"):
         if dataset is not None:
             typer.echo(datasets.show_dataset(dataset))
             return

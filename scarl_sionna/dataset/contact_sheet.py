@@ -24,6 +24,7 @@ from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import virtual_cube
 
 from .store.atomic import whole_file
+from .store.layout import SHEET_MARK
 
 SHOWN_IMAGES = ("rgb", "depth", "semantic", "instance")
 DEPTH_MAP = "viridis_r"
@@ -129,7 +130,7 @@ def write_contact_sheet(
         _draw_radar(axes[0, 2], axes[1, 2], frame, chosen.get("radar"), max_range, markers)
         try:
             with whole_file(Path(path)) as partial:
-                figure.savefig(partial, format="png", dpi=dpi, metadata={"Software": None})
+                figure.savefig(partial, format="png", dpi=dpi, metadata={"Software": SHEET_MARK})
         except OSError as error:
             raise OutputError(
                 f"cannot write {path}: {error.strerror}; choose a folder that you may write to"

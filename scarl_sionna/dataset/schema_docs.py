@@ -29,6 +29,7 @@ Schema version {version}. How a dataset is made is told in [export.md](export.md
 ```
 out/
   manifest.json                               configuration and its hash, calibration, conventions, schema, splits, checksums
+  manifest.backup.json                        copy of the manifest, read where that is lost
   README.md                                   dataset card
   export.log                                  when and where it was made (not part of the data)
   arrays/                                     a Zarr v3 hierarchy, one group a scene
@@ -93,7 +94,7 @@ like a built-in one. One with a result of its own says on its class what is to b
 anything is simulated:
 
 ```python
-from scarl_sionna.dataset.schema import Field
+from .schema import Field
 
 class Sonar:
     spec_type = SonarSpec

@@ -4,30 +4,63 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Literal
 
-from scarl_sionna.core.errors import DatasetError, OutputError, ScarlError
+from scarl_sionna.core.errors import DatasetError, OutputError, ScarlError, ScarlWarning
 
 from .encoding import decode_png
 from .readers.reader import Dataset, Scene, open_dataset
 from .schema import OBJECT, POINT
-from .store.card import dataset_card
+from .store.card import dataset_card, is_card, unmarked_card
 from .store.files import LocalFiles, output_error
-from .store.manifest import ARRAYS, IMAGES, MANIFEST, SHARDS, ScenePlan, dump_manifest, manifest_data
+from .store.layout import (
+    CARD,
+    DATA_FOLDERS,
+    MARKED,
+    METADATA,
+    WORK_FOLDER,
+    Layout,
+    files_under,
+    is_manifest,
+    is_temporary,
+    prune,
+    remove_file,
+)
+from .store.manifest import (
+    ARRAYS,
+    BACKUP,
+    IMAGES,
+    MANIFEST,
+    SHARDS,
+    ScenePlan,
+    dump_manifest,
+    manifest_data,
+    read_manifest,
+)
 from .store.shard_writer import ShardRecord, metadata_texts, record_name
-from .store.writer import CARD, DatasetFolder, shard_rows
+from .store.writer import DatasetFolder, Row, shard_rows
+
+Kind = Literal["damage", "unfinished"]
+STRAY = "belongs to no finished shard"
+UNFINISHED_STRAY = "is of a shard that is not finished (an export that is running or was stopped)"
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that is wrong: the file (or frame), what it is, and the shard that holds it, if one does."""
+    """Something that is wrong: the file (or frame), what it is, and the shard that holds it, if one does.
+
+    `kind` "unfinished": what an export leaves that is running or was stopped; the next one mends it and no data is damaged.
+    """
 
     name: str
     what: str
     scene: str | None = None
     shard: int | None = None
+    kind: Kind = "damage"
 
     def __str__(self) -> str:
         return f"{self.name}: {self.what}"
@@ -46,6 +79,11 @@ class Verification:
     failed : dict of (str, int) to str
         Frames that could not be made, with the reason.
     faults : list of Fault
+        What is damaged.
+    unfinished : list of Fault
+        Traces of an export that is running or was stopped.
+    foreign : list of str
+        Files in the dataset's folders, or with names of its files, that are not its own; they are never touched.
     removed : list of (str, int)
         Shards that were removed, to be made again.
     """
@@ -56,6 +94,8 @@ class Verification:
     num_bytes: int = 0
     failed: dict[tuple[str, int], str] = field(default_factory=dict)
     faults: list[Fault] = field(default_factory=list)
+    unfinished: list[Fault] = field(default_factory=list)
+    foreign: list[str] = field(default_factory=list)
     removed: list[tuple[str, int]] = field(default_factory=list)
 
     @property
@@ -65,8 +105,13 @@ class Verification:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing is damaged and no frame is missing."""
-        return self.ok and self.num_frames == self.num_planned
+        """Whether nothing is damaged, no frame is missing and no export is under way."""
+        return self.ok and not self.unfinished and self.num_frames == self.num_planned
+
+    def add(self, faults: Iterable[Fault]) -> None:
+        """Add what is wrong, each to its list."""
+        for fault in faults:
+            (self.faults if fault.kind == "damage" else self.unfinished).append(fault)
 
 
 def verify(
@@ -82,7 +127,8 @@ def verify(
     ----------
     root : path
     repair : bool
-        Remove damaged shards, so that the next export makes them again, and write anew what follows from the rest.
+        Remove damaged shards, so that the next export makes them again, and write anew what follows from the rest. Only
+        files of the dataset's own are removed or replaced.
     on_shard : callable
         Called with the number of shards checked and their total.
 
@@ -94,20 +140,26 @@ def verify(
         If it is in use or cannot be repaired for lack of permission.
     """
     root = Path(root)
-    dataset = open_dataset(root)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScarlWarning)  # a manifest that is lost is a fault here
+        dataset = open_dataset(root)
     found = Verification()
+    if dataset.manifest_fault is not None:
+        found.add([Fault(MANIFEST, f"{dataset.manifest_fault} (its copy {BACKUP} is whole)")])
     shards = [
         (scene, shard) for scene in dataset.plan.scenes for shard in range(scene.num_shards(dataset.plan.options))
     ]
-    known: set[str] = {MANIFEST, CARD}
+    known: set[str] = set()
     for position, (scene, shard) in enumerate(shards):
         on_shard(position, len(shards))
         found.num_planned += len(scene.shard_range(shard, dataset.plan.options))
-        found.faults += _check_shard(dataset, scene, shard, found, known)
+        found.add(_check_shard(dataset, scene, shard, found, known))
     on_shard(len(shards), len(shards))
-    found.faults += _check_whole(dataset, root, known)
-    found.faults += _check_order(dataset)
-    if repair and found.faults:
+    found.add(_check_manifest(dataset, root, known))
+    found.add(_check_marked(dataset, root, found))
+    found.add(_check_strays(dataset, root, known, found))
+    found.add(_check_order(dataset))
+    if repair and (found.faults or found.unfinished or not (root / BACKUP).exists()):
         _repair(root, dataset, found)
     return found
 
@@ -119,19 +171,26 @@ def _check_shard(
     name = record_name(scene.name, shard)
     rows = dataset.manifest["shards"].get(scene.name, [])
     row = rows[shard] if shard < len(rows) else None
-    known.add(name)
     try:
         text = dataset.files.read(name)
+        known.add(name)
         record = ShardRecord.parse(text, name)
     except FileNotFoundError:
-        if row is not None:
+        if row is not None and _is_kept(dataset, scene, shard, row):
+            yield Fault(name, "is made again from kept frames (an export that was stopped)", kind="unfinished")
+        elif row is not None:
             yield Fault(name, "stands in the manifest and is not there", scene.name, shard)
         return
     except (OSError, DatasetError) as error:
+        known.add(name)
         yield Fault(name, str(error), scene.name, shard)
         return
     if row is None:
-        yield Fault(name, "is not in the manifest (an export that was stopped; run it again)")
+        yield Fault(name, "is not in the manifest yet (an export that is running or was stopped)", kind="unfinished")
+    elif _is_remade(row, [hashlib.sha256(text).hexdigest(), len(record.frames)], scene, shard, dataset):
+        yield Fault(
+            name, "has more frames than in the manifest (an export that is running or was stopped)", kind="unfinished"
+        )
     elif row[0] != hashlib.sha256(text).hexdigest():
         yield Fault(name, "its checksum is not that of the manifest", scene.name, shard)
     found.failed.update({(scene.name, index): reason for index, reason in record.failed.items()})
@@ -208,32 +267,122 @@ def _check_frame(scene: Scene, index: int, shard: int) -> Iterator[Fault]:
         yield Fault(where, f"cannot be read: {error}", scene.name, shard)
 
 
-def _check_whole(dataset: Dataset, root: Path, known: set[str]) -> Iterator[Fault]:
-    """Yield what is wrong with the files that belong to no shard."""
-    plan = dataset.plan
-    rows = {}
+def _is_kept(dataset: Dataset, scene: ScenePlan, shard: int, row: list[Any]) -> bool:
+    """Return whether the frames of a shard that is being made again, because frames are added to it, are kept ones."""
+    planned = len(scene.shard_range(shard, dataset.plan.options))
+    packs = dataset.files.names(f"{WORK_FOLDER}/{scene.name}/{shard:06d}")
+    return bool(row[1] < planned and sum(name.endswith(".pack") for name in packs) >= row[1])
+
+
+def _is_remade(old: list[Any], new: list[Any], scene: ScenePlan, shard: int, dataset: Dataset) -> bool:
+    """Return whether a shard, of which frames were missing, was made again since the manifest was written."""
+    planned = len(scene.shard_range(shard, dataset.plan.options))
+    return bool(old[0] != new[0] and old[1] < planned and new[1] >= old[1])
+
+
+def _check_manifest(dataset: Dataset, root: Path, known: set[str]) -> Iterator[Fault]:
+    """Yield what is wrong with the manifest and with the metadata of arrays."""
+    plan, there = dataset.plan, dataset.manifest["shards"]
+    rows: dict[str, list[Row]] = {}
     for scene in plan.scenes:
-        rows[scene.name], arrays = shard_rows(root, scene, plan.options)
+        now, arrays = shard_rows(root, scene, plan.options)
+        old = [*there.get(scene.name, []), *[None] * len(now)][: len(now)]
+        rows[scene.name] = [  # those that an export has changed meanwhile were told of with their shards
+            was
+            if (was is None) or (now is None and _is_kept(dataset, scene, shard, was))
+            or (now is not None and _is_remade(was, now, scene, shard, dataset))
+            else now
+            for shard, (was, now) in enumerate(zip(old, now, strict=True))
+        ]  # fmt: skip
         for name, text in metadata_texts(scene, arrays, plan.options).items():
             known.add(name)
             try:
-                if dataset.files.read(name).decode() != text:
-                    yield Fault(name, "is not what the schema says")
+                if (found := dataset.files.read(name).decode()) != text:
+                    grown = _without_length(found) == _without_length(text)
+                    yield Fault(name, "is not what the schema says", kind="unfinished" if grown else "damage")
+            except FileNotFoundError:
+                yield Fault(name, "is not there", kind=_lost(dataset, root))
             except (OSError, UnicodeDecodeError, DatasetError) as error:
                 yield Fault(name, f"cannot be read: {error}")
     if dump_manifest(manifest_data(plan, rows)) != dump_manifest(dataset.manifest):
         yield Fault(MANIFEST, "is not what follows from the plan and the shards")
+
+
+def _lost(dataset: Dataset, root: Path) -> Kind:
+    """Return what it means that a file is not there: an export writes the manifest first, then these, then the manifest's copy."""
+    begins = not (root / BACKUP).exists() and not any(
+        row for rows in dataset.manifest["shards"].values() for row in rows
+    )
+    return "unfinished" if begins else "damage"
+
+
+def _without_length(text: str) -> Any:
+    """Return the metadata of an array without the number of frames, which an export that adds frames changes first."""
+    try:
+        data = json.loads(text)
+        return {**data, "shape": data.get("shape", [0])[1:]}
+    except (ValueError, TypeError, AttributeError):
+        return text
+
+
+def _check_marked(dataset: Dataset, root: Path, found: Verification) -> Iterator[Fault]:
+    """Yield what is wrong with the card and the manifest's copy; list those that are somebody else's."""
+    for name in (CARD, BACKUP):
+        if (root / name).is_dir():
+            yield Fault(name, "is a folder")
     try:
         card = dataset.files.read(CARD).decode()
-    except (OSError, UnicodeDecodeError):
-        card = ""
-    if card != dataset_card(dataset.manifest):
-        yield Fault(CARD, "is not the card of this dataset")
-    for folder in (ARRAYS, IMAGES, SHARDS):
-        for path in sorted((root / folder).rglob("*")):
-            name = path.relative_to(root).as_posix()
-            if path.is_symlink() or (path.is_file() and name not in known):
-                yield Fault(name, "belongs to no finished shard")
+    except FileNotFoundError:
+        yield Fault(CARD, "is not there", kind=_lost(dataset, root))
+    except (OSError, UnicodeDecodeError, DatasetError):
+        found.foreign.append(CARD)
+    else:
+        if card not in (dataset_card(dataset.manifest), unmarked_card(dataset.manifest)):
+            if is_card(root / CARD):
+                yield Fault(
+                    CARD, "is the card of another state (an export that is running or was stopped)", kind="unfinished"
+                )
+            else:
+                found.foreign.append(CARD)
+    if not (root / BACKUP).is_file() or dataset.manifest_fault is not None:
+        return  # written before there was a copy; or read from it
+    try:
+        same = read_manifest(dataset.files, BACKUP) == dataset.manifest
+    except DatasetError as error:
+        if is_manifest(root / BACKUP, in_dataset=True):
+            yield Fault(BACKUP, str(error))
+        else:
+            found.foreign.append(BACKUP)
+        return
+    if not same:
+        yield Fault(
+            BACKUP, "is the manifest of another state (an export that is running or was stopped)", kind="unfinished"
+        )
+
+
+def _check_strays(dataset: Dataset, root: Path, known: set[str], found: Verification) -> Iterator[Fault]:
+    """Yield files of the dataset that belong to no finished shard; list those that are not its own."""
+    layout, options = Layout(dataset.plan, known), dataset.plan.options
+    waiting = {
+        scene.name
+        for scene in dataset.plan.scenes
+        if any(record_name(scene.name, shard) not in known for shard in range(scene.num_shards(options)))
+    }
+    for name, is_folder in files_under(root, DATA_FOLDERS):
+        if is_folder or (name in known and not (root / name).is_symlink()):
+            continue
+        if is_temporary(name):
+            yield Fault(name, "has no name yet (an export that is running or was stopped)", kind="unfinished")
+        elif (root / name).is_symlink() and layout.is_folder(name):
+            found.foreign.append(name)
+            yield Fault(name, "is a link where a folder of the dataset belongs")
+        elif not layout.owns(name):
+            found.foreign.append(name)
+        else:
+            shard = layout.shard_of(name)
+            begun = name.split("/")[1] in waiting if shard is None else record_name(*shard) not in known
+            finished = name in known or not begun
+            yield Fault(name, STRAY if finished else UNFINISHED_STRAY, kind="damage" if finished else "unfinished")
 
 
 def _check_order(dataset: Dataset) -> Iterator[Fault]:
@@ -251,12 +400,17 @@ def _check_order(dataset: Dataset) -> Iterator[Fault]:
 
 
 def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
-    """Remove damaged shards and what belongs to nothing, and write the rest anew."""
+    """Remove damaged shards and what belongs to nothing, and write the rest anew; what is not the dataset's own stays."""
     damaged = {
         (fault.scene, fault.shard) for fault in found.faults if fault.scene is not None and fault.shard is not None
     }
-    strays = [fault.name for fault in found.faults if fault.what == "belongs to no finished shard"]
-    with DatasetFolder(root, dataset.plan) as folder:
+    strays = [
+        fault.name
+        for fault in [*found.faults, *found.unfinished]
+        if fault.what in (STRAY, UNFINISHED_STRAY) or is_temporary(fault.name)
+    ]
+    with DatasetFolder(root, dataset.plan, repair=True) as folder:
+        layout, removed = Layout(folder.plan), list[str]()
         try:
             for scene, shard in sorted(damaged):
                 place = root / record_name(scene, shard)
@@ -264,12 +418,21 @@ def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
                     files = list(ShardRecord.parse(place.read_bytes()).files)
                 except (OSError, DatasetError):
                     files = []
-                place.unlink(missing_ok=True)  # first: without its record the shard is not there
+                _remove(root, record_name(scene, shard), found)  # first: without its record the shard is not there
+                removed += [name for name in files if layout.owns(name)]
                 for name in files:
-                    _remove(root, name)
+                    if layout.owns(name):
+                        _remove(root, name, found)
                 found.removed.append((scene, shard))
+            strays += [
+                name for scene in {scene for scene, _ in damaged} for name in _metadata_of_nothing(folder, scene)
+            ]
             for name in strays:
-                _remove(root, name)
+                _remove(root, name, found)
+            prune(root, [*strays, *removed])
+            for name in MARKED:
+                if (root / name).is_dir():
+                    remove_file(root / name)  # if nothing is in it
         except OSError as error:
             if isinstance(error, OutputError):
                 raise
@@ -277,13 +440,23 @@ def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
         folder.finalize(afresh=True)
 
 
-def _remove(root: Path, name: str) -> None:
+def _metadata_of_nothing(folder: DatasetFolder, scene: str) -> list[str]:
+    """Return the metadata of a scene's arrays that none of its shards has."""
+    plan = folder.plan.scene(scene)
+    known = metadata_texts(plan, shard_rows(folder.root, plan, folder.plan.options)[1], folder.plan.options)
+    layout = Layout(folder.plan)
+    names = [name for name, is_folder in files_under(folder.root, [f"{ARRAYS}/{scene}"]) if not is_folder]
+    return [name for name in names if name.endswith(f"/{METADATA}") and name not in known and layout.owns(name)]
+
+
+def _remove(root: Path, name: str, found: Verification) -> None:
     """Remove a file of the dataset; a link is removed itself, and nothing outside of the dataset."""
     try:
         path = LocalFiles(root).path(name) if not (root / name).is_symlink() else root / name
     except DatasetError:
         return
-    path.unlink(missing_ok=True)
+    if not remove_file(path):
+        found.foreign.append(f"{name}/ (a folder where a file belongs)")
 
 
 def describe(found: Verification) -> str:
@@ -294,6 +467,13 @@ def describe(found: Verification) -> str:
     lines += [f"  {fault}" for fault in found.faults[:20]]
     if len(found.faults) > 20:
         lines.append(f"  and {len(found.faults) - 20} more")
+    if found.unfinished:
+        lines.append(
+            f"  {len(found.unfinished)} traces of an export that is running or was stopped, for instance {found.unfinished[0]}"
+        )
+    if found.foreign:
+        more = f" and {len(found.foreign) - 10} more" if len(found.foreign) > 10 else ""
+        lines.append(f"  not of the dataset, never touched: {', '.join(found.foreign[:10])}{more}")
     for (scene, index), reason in list(found.failed.items())[:10]:
         lines.append(f"  failed: {scene} frame {index}: {reason}")
     if found.removed:
@@ -303,7 +483,7 @@ def describe(found: Verification) -> str:
     elif found.faults:
         lines.append("damaged; `scarl-sionna verify --repair` removes what is damaged, then the export makes it again")
     elif not found.complete:
-        lines.append("whole, but not complete; the export goes on where it was")
+        lines.append("whole, not complete; the export goes on where it was")
     else:
         lines.append("whole and complete")
     return "\n".join(lines)

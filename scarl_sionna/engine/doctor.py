@@ -54,7 +54,7 @@ distance = dr.maximum(rt.PathSolver()(scene, max_depth=0).tau, 0.0).numpy().max(
 """A ray over 5 m in each twin of a scene; dr.maximum is what an LLVM that is too old aborts at."""
 
 _KERNEL_FRAME = """
-from scarl_sionna.engine.bootstrap import ensure_engine
+from .bootstrap import ensure_engine
 backend = ensure_engine()
 import drjit as dr
 {kernel}

@@ -12,7 +12,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import MeshError, SceneError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.core.temporary import temporary_folder
 from scarl_sionna.scene.document.model import SceneDocument, twin_xml
 from scarl_sionna.scene.materials.table import MaterialTable
 
@@ -103,8 +103,8 @@ class Twin:
 
     def _load_optical(self, mi: Any, document: SceneDocument, lighting: Lighting | None) -> None:
         self.airlight = np.zeros(3)
-        with TemporaryDirectory() as folder:
-            self.mi_scene = mi.load_string(optical_xml(document, lighting, Path(folder), mi), optimize=False)
+        with temporary_folder() as folder:
+            self.mi_scene = mi.load_string(optical_xml(document, lighting, folder, mi), optimize=False)
         if lighting is not None and lighting.visibility is not None:
             self.airlight = airlight(mi, self.mi_scene)
 

@@ -11,8 +11,8 @@ import scipy.fft
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.signal.antenna import virtual_positions
 
+from .antenna import virtual_positions
 from .processing import RangeDoppler, range_doppler, window_values
 
 Array = npt.NDArray[np.float64]

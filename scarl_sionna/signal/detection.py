@@ -12,9 +12,9 @@ import scipy.stats
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, power_to_db
-from scarl_sionna.signal.antenna import field_gain
 
 from .angle import RangeDopplerAngle, directions, steering
+from .antenna import field_gain
 from .peaks import parabola_offset, tone_offset
 from .processing import RangeDoppler, window_values
 

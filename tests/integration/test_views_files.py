@@ -287,6 +287,11 @@ def test_files_are_whole_or_not_there(tmp_path, form) -> None:
     convert(SOURCE.subset(["lane"]), form, tmp_path / "x", overwrite=True)
     assert (tmp_path / "x").read_bytes() != before
     assert [path.name for path in tmp_path.iterdir()] == ["x"]
+    for text in (b"a thesis", b"", (tmp_path / "x").read_bytes()[:8]):
+        (tmp_path / "thesis").write_bytes(text)
+        with pytest.raises(OutputError, match="was not written by this exporter and is kept"):
+            convert(SOURCE, form, tmp_path / "thesis", overwrite=True)
+        assert (tmp_path / "thesis").read_bytes() == text
     (tmp_path / "folder").mkdir()
     with pytest.raises(OutputError, match="is a folder"):
         convert(SOURCE, form, tmp_path / "folder", overwrite=True)

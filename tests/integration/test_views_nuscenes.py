@@ -19,7 +19,7 @@ from scarl_sionna.dataset.derived.radar_points import radar_points, sensed_point
 from scarl_sionna.dataset.formats.nuscenes import export_nuscenes
 from scarl_sionna.dataset.formats.nuscenes_files import deviation_code, tone_deviation
 from scarl_sionna.dataset.formats.nuscenes_tables import CATEGORIES, LIDARSEG_LABEL, TABLES, visibility_token
-from scarl_sionna.dataset.formats.output import MARK
+from scarl_sionna.dataset.formats.output import FILES, MARK
 from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
@@ -260,9 +260,21 @@ def test_only_an_export_is_overwritten(tmp_path) -> None:
     export_nuscenes(source, out)
     with pytest.raises(OutputError, match="--overwrite"):
         export_nuscenes(source, out)
-    (out / "old").write_text("")
+    written = {path.relative_to(out) for path in out.rglob("*")}
+    for name in ("notes.txt", "samples/CAM_FRONT/mine.jpg", ".git/config"):
+        (out / name).parent.mkdir(exist_ok=True)
+        (out / name).write_text("mine")
+        with pytest.raises(OutputError, match=rf"holds files that no exporter wrote \({name}\) and is kept"):
+            export_nuscenes(source, out, overwrite=True)
+        assert (out / name).read_text() == "mine"
+        (out / name).unlink()
     export_nuscenes(source, out, overwrite=True)
-    assert not (out / "old").exists()
+    assert {path.relative_to(out) for path in out.rglob("*")} == written
+    names = (out / FILES).read_bytes()
+    (out / FILES).write_bytes(names[:-9])
+    with pytest.raises(OutputError, match="does not tell which of its files an exporter wrote"):
+        export_nuscenes(source, out, overwrite=True)
+    (out / FILES).write_bytes(names)
     (out / MARK).unlink()
     with pytest.raises(OutputError, match="was not written by an exporter"):
         export_nuscenes(source, out, overwrite=True)

@@ -347,6 +347,7 @@ def test_a_lost_or_damaged_manifest_is_made_again_only_for_the_same_configuratio
     before = contents(out)
     for damage in ("", before["manifest.json"].decode()[:900], None):
         (out / "manifest.json").unlink()
+        (out / "manifest.backup.json").unlink()
         if damage is not None:
             (out / "manifest.json").write_text(damage)
         with pytest.raises(OutputError, match="of another configuration; give the configuration that made it"):

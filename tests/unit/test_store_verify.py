@@ -113,9 +113,13 @@ FAULTS = {
         edit("arrays/a/front/lidar/distance/zarr.json", lambda d: d["attributes"].update(units="km")),
         "arrays/a/front/lidar/distance/zarr.json", "not what the schema says"),
     "lost metadata of an array": (
-        remove("arrays/a/radar/adc/zarr.json"), "arrays/a/radar/adc/zarr.json", "cannot be read"),
-    "a file that belongs to nothing": (stray("images/a/stray.png"), "images/a/stray.png", "belongs to no finished shard"),
-    "another card": (stray("README.md"), "README.md", "not the card of this dataset"),
+        remove("arrays/a/radar/adc/zarr.json"), "arrays/a/radar/adc/zarr.json", "is not there"),
+    "a picture of a frame that its shard does not hold": (
+        edit(RECORD, lambda d: d["files"].pop(PNG)), PNG, "belongs to no finished shard"),
+    "a lost card": (remove("README.md"), "README.md", "is not there"),
+    "a lost manifest": (remove("manifest.json"), "manifest.json", "its copy manifest.backup.json is whole"),
+    "a manifest that is cut": (cut("manifest.json"), "manifest.json", "its copy manifest.backup.json is whole"),
+    "a copy of the manifest that is cut": (cut("manifest.backup.json"), "manifest.backup.json", "cannot read"),
 }  # fmt: skip
 
 
@@ -139,7 +143,11 @@ def test_a_planted_fault_is_found_and_repaired(damaged, whole, fault) -> None:
 def test_a_whole_dataset_has_no_fault(whole) -> None:
     found = verify(whole)
     assert (found.faults, found.num_frames, found.num_planned, found.complete) == ([], 7, 7, True)
-    sizes = sum(len(data) for name, data in contents(whole).items() if not name.endswith(("zarr.json", "README.md")))
+    sizes = sum(
+        len(data)
+        for name, data in contents(whole).items()
+        if not name.endswith(("zarr.json", "README.md", "manifest.backup.json"))
+    )
     records = sum(path.stat().st_size for path in whole.glob("shards/a/??????.json"))
     assert found.num_bytes == sizes - records - (whole / "manifest.json").stat().st_size
 

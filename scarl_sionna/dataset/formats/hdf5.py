@@ -68,7 +68,7 @@ def export_hdf5(
         raise ParameterRangeError("compression", repr(compression), "'gzip', 'lzf' or None")
     source = as_source(data)
     done = 0
-    with whole_output_file(out, overwrite) as partial, _Sink(partial) as sink:
+    with whole_output_file(out, overwrite, is_ours) as partial, _Sink(partial) as sink:
         with h5py.File(sink, "w") as file:
             _describe(file, source)
             for scene in source.scenes:
@@ -82,6 +82,16 @@ def export_hdf5(
                 writer.finish()
         sink.check()
     return Path(out)
+
+
+def is_ours(path: Path) -> bool:
+    """Return whether a file is one that `export_hdf5` wrote."""
+    h5py = require("h5py", "hdf5")
+    try:
+        with h5py.File(path, "r") as file:
+            return bool(file.attrs.get("format") == FORMAT)
+    except OSError:
+        return False
 
 
 class _Sink:

@@ -35,9 +35,19 @@ Message = tuple[str, str, dict[str, Any]]
 """Topic, schema name and content."""
 
 WORLD, VEHICLE = "world", "vehicle"
+LIBRARY = "scarl-sionna"
+"""Stands in the header of our files."""
+_MAGIC = b"\x89MCAP0\r\n"
 BOX_ALPHA = 0.35
 SCENE_GAP = 1_000_000_000
 """A scene begins this long after the one before it ends [ns]: a recording has one clock."""
+
+
+def is_ours(path: Path) -> bool:
+    """Return whether a file is one that `export_mcap` wrote."""
+    with open(path, "rb") as file:
+        head = file.read(256)
+    return head.startswith(_MAGIC) and LIBRARY.encode() in head
 
 
 def export_mcap(
@@ -76,9 +86,9 @@ def export_mcap(
 
     source = as_source(data)
     done, delay, last = 0, 0, None
-    with whole_output_file(out, overwrite) as partial, partial.open("wb") as file:
+    with whole_output_file(out, overwrite, is_ours) as partial, partial.open("wb") as file:
         writer = Writer(file)
-        writer.start(profile="", library="scarl-sionna")
+        writer.start(profile="", library=LIBRARY)
         channels = _Channels(writer)
         writer.add_metadata(
             "scarl", {"rig": json.dumps(source.rig), "scenes": json.dumps([s.name for s in source.scenes])}

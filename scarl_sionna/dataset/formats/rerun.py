@@ -37,13 +37,20 @@ def export_rerun(
     """
     rr = require("rerun", "viewer")
     source = as_source(data)
-    with whole_output_file(out, overwrite) as partial:
+    with whole_output_file(out, overwrite, is_ours) as partial:
         recording = rr.RecordingStream(APPLICATION, recording_id=Path(out).stem)
         recording.save(str(partial))
         log_frames(recording, source, pfa=pfa, on_progress=on_progress)
         recording.flush()
         recording.disconnect()
     return Path(out)
+
+
+def is_ours(path: Path) -> bool:
+    """Return whether a file is a recording of this application: it stands in the first message."""
+    with open(path, "rb") as file:
+        head = file.read(4096)
+    return head.startswith(b"RRF") and APPLICATION.encode() in head
 
 
 def view_rerun(data: Any, *, pfa: float = 1e-6, on_progress: OnProgress = no_progress) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import warnings
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -13,13 +14,21 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import DatasetError, UnknownNameError
+from scarl_sionna.core.errors import DatasetError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import Frame, ObjectState, SensorResult
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.dataset.encoding import spec_of
 from scarl_sionna.dataset.store.files import Files, open_files
-from scarl_sionna.dataset.store.manifest import ARRAYS, SHARDS, DatasetPlan, ScenePlan, plan_of, read_manifest
+from scarl_sionna.dataset.store.manifest import (
+    ARRAYS,
+    BACKUP,
+    SHARDS,
+    DatasetPlan,
+    ScenePlan,
+    plan_of,
+    recover_manifest,
+)
 from scarl_sionna.dataset.store.shard_writer import ShardRecord, array_key, image_name, meta_name, record_name
 from scarl_sionna.dataset.store.shards import ArrayInfo, decode_chunk, index_length, parse_index
 
@@ -42,7 +51,13 @@ class Dataset(Sequence["StoredFrame"]):
     def __init__(self, place: str | Path) -> None:
         self.place = str(place)
         self.files: Files = open_files(place)
-        self.manifest = read_manifest(self.files)
+        self.manifest, self.manifest_fault = recover_manifest(self.files)
+        if self.manifest_fault is not None:
+            warnings.warn(
+                f"{self.manifest_fault}; read from its copy {BACKUP}; `scarl-sionna verify --repair` puts it back",
+                ScarlWarning,
+                stacklevel=3,
+            )
         self.plan: DatasetPlan = plan_of(self.manifest)
         self._specs: dict[str, Spec] = {}
         self._scenes = {scene.name: Scene(self, scene) for scene in self.plan.scenes}
@@ -389,6 +404,11 @@ def open_dataset(place: str | Path) -> Dataset:
     place : path or str
         Folder that `scarl-sionna export` or `demo` wrote, also while it is still written, or an fsspec URL
         (``s3://...``, ``https://...``; over HTTP, where folders cannot be listed, only what stands in the manifest).
+
+    Warns
+    -----
+    ScarlWarning
+        If the manifest is lost or damaged and was read from its copy ``manifest.backup.json``.
 
     Raises
     ------

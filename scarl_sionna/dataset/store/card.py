@@ -2,12 +2,37 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
+
+_MARK = re.compile(r"<!-- scarl-sionna dataset card ([0-9a-f]{16}) -->\n")
+
+
+def is_card(path: Path) -> bool:
+    """Return whether a file is a dataset card as it was written: one with a line of somebody else's is theirs."""
+    try:
+        text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    except (OSError, UnicodeDecodeError):
+        return False
+    body, _, mark = text.removesuffix("\n").rpartition("\n")
+    return f"{mark}\n" == _mark(f"{body}\n") if _MARK.fullmatch(f"{mark}\n") else False
+
+
+def _mark(text: str) -> str:
+    return f"<!-- scarl-sionna dataset card {hashlib.sha256(text.encode()).hexdigest()[:16]} -->\n"
 
 
 def dataset_card(manifest: Mapping[str, Any]) -> str:
-    """Return the text of the dataset's ``README.md``."""
+    """Return the text of the dataset's ``README.md``; its last line is a mark that tells it from a file of the user's."""
+    text = unmarked_card(manifest)
+    return text + _mark(text)
+
+
+def unmarked_card(manifest: Mapping[str, Any]) -> str:
+    """Return the card without its mark, as it was written before there was one."""
     scenes, shards = manifest["scenes"], manifest["shards"]
     rows = [row for items in shards.values() for row in items if row]
     planned = sum(item["num_frames"] for item in scenes.values())

@@ -17,6 +17,7 @@ from .atomic import partial_path
 
 _SAFE = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_.\-]*(/[A-Za-z0-9_\-][A-Za-z0-9_.\-]*)*")
 _SYNC_THREADS = 8
+_MAKE_TRIES = 100
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+:(//|:)")
 
 
@@ -160,10 +161,20 @@ class Batch:
             list(pool.map(_sync_path, [partial for partial, _ in self._files]))
             folders = sorted({path.parent for _, path in self._files})
             for folder in folders:
-                folder.mkdir(parents=True, exist_ok=True)
+                make_folder(folder)
+                self._check_folder(folder)
             for partial, path in self._files:
+                if path.is_dir() and not path.is_symlink():
+                    raise OutputError(
+                        f"{path} is a folder where a file of the dataset belongs; it is kept: move it away"
+                    )
                 partial.replace(path)
             list(pool.map(_sync_path, folders))
+
+    def _check_folder(self, folder: Path) -> None:
+        inside = folder.relative_to(self._root)
+        if os.path.realpath(folder) != os.path.join(os.path.realpath(self._root), inside):
+            raise OutputError(f"{folder} is reached by a link and is not written to; move the link away")
 
 
 def _sync_path(path: Path) -> None:
@@ -175,9 +186,23 @@ def _sync_path(path: Path) -> None:
         os.close(descriptor)
 
 
-def write_whole(path: Path, data: bytes | str) -> None:
-    """Write a file so that it is whole or not there, also after a power cut."""
-    partial = partial_path(path)
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it, also while another process tidies up empty ones."""
+    for left in range(_MAKE_TRIES, -1, -1):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            return
+        except FileNotFoundError:
+            if left == 0:
+                raise
+
+
+def write_whole(path: Path, data: bytes | str, work: Path | None = None) -> None:
+    """Write a file so that it is whole or not there, also after a power cut.
+
+    `work`: folder of the same file system for what has no name yet; default: that of the file.
+    """
+    partial = partial_path(path if work is None else work / path.name)
     try:
         with open(partial, "wb") as file:
             file.write(data.encode() if isinstance(data, str) else data)

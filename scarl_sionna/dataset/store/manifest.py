@@ -26,6 +26,8 @@ from .files import Files, check_name
 
 FORMAT = "scarl-dataset"
 MANIFEST = "manifest.json"
+BACKUP = "manifest.backup.json"
+"""Second copy of the manifest, read where the first one is lost or damaged."""
 ARRAYS, IMAGES, SHARDS = "arrays", "images", "shards"
 """Folders of a dataset: a Zarr hierarchy with a group a scene, PNG files, and what was made and its checksums."""
 SPLITS = ("train", "val", "test")
@@ -41,6 +43,14 @@ _RADAR_NUMBERS = (
 
 class ManifestDamage(DatasetError):
     """The manifest cannot be read; it can be made again from the shards and the scenarios."""
+
+
+class ManifestMissing(DatasetError):
+    """There is no manifest."""
+
+
+class ManifestForeign(DatasetError):
+    """What has the manifest's name is no manifest of ours."""
 
 
 CONVENTIONS = {
@@ -216,7 +226,24 @@ def dump_manifest(data: Mapping[str, Any]) -> str:
     return head[: head.rindex("\n}")] + ',\n "shards": {\n' + ",\n".join(lists) + "\n }\n}\n"
 
 
-def read_manifest(files: Files) -> dict[str, Any]:
+def recover_manifest(files: Files) -> tuple[dict[str, Any], DatasetError | None]:
+    """Return a dataset's manifest, or its second copy where it is lost or damaged, and then what is wrong with it.
+
+    Raises
+    ------
+    DatasetError
+        As `read_manifest`; that of the first copy where the second is of no use.
+    """
+    try:
+        return read_manifest(files), None
+    except (ManifestMissing, ManifestDamage) as error:
+        try:
+            return read_manifest(files, BACKUP), error
+        except (DatasetError, OSError):
+            raise error from None
+
+
+def read_manifest(files: Files, name: str = MANIFEST) -> dict[str, Any]:
     """Return a dataset's manifest.
 
     Raises
@@ -225,17 +252,17 @@ def read_manifest(files: Files) -> dict[str, Any]:
         If there is none, it is of a newer schema or damaged, or names that lead out of the dataset stand in it.
     """
     try:
-        data = json.loads(files.read(MANIFEST))
+        data = json.loads(files.read(name))
     except (FileNotFoundError, NotADirectoryError) as error:
-        raise DatasetError(
-            f"no dataset here (no {MANIFEST})", files.url, "give the folder that `scarl-sionna export --out` wrote"
+        raise ManifestMissing(
+            f"no dataset here (no {name})", files.url, "give the folder that `scarl-sionna export --out` wrote"
         ) from error
     except (OSError, ValueError) as error:
         raise ManifestDamage(
-            f"cannot read {MANIFEST}: {error}", files.url, "run the export again: it writes it anew"
+            f"cannot read {name}: {error}", files.url, "run the export again: it writes it anew"
         ) from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise DatasetError("this is not a dataset of scarl-sionna", files.url, "give the folder that `export` wrote")
+        raise ManifestForeign("this is not a dataset of scarl-sionna", files.url, "give the folder that `export` wrote")
     found = data.get("schema_version")
     if not isinstance(found, int) or found > schema.SCHEMA_VERSION:
         raise DatasetError(
@@ -251,7 +278,7 @@ def read_manifest(files: Files) -> dict[str, Any]:
         plan_of(data)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ManifestDamage(
-            f"{MANIFEST} is damaged: {error!r:.200}", files.url, "run the export again: it writes it anew"
+            f"{name} is damaged: {error!r:.200}", files.url, "run the export again: it writes it anew"
         ) from error
     return data
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from scarl_sionna.dataset.encoding import EncodedFrame
 
-from .files import write_whole
+from .files import make_folder, write_whole
 from .shards import ArrayInfo
 
 _MAGIC = b"SCARLPK1"
@@ -63,7 +63,7 @@ def write_pack(path: Path, frame: EncodedFrame, configuration: str) -> None:
         }
     ).encode()
     body = b"".join([_MAGIC, len(header).to_bytes(8, "little"), header, *parts.values()])
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     write_whole(path, body + hashlib.sha256(body).digest())
 
 

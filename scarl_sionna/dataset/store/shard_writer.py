@@ -7,7 +7,6 @@ the shard is whole.
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,14 +15,12 @@ from types import TracebackType
 from scarl_sionna.core.errors import DatasetError, OutputError
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
-from .files import Batch, LocalFiles, check_name, output_error, write_whole
+from .files import Batch, LocalFiles, check_name, make_folder, output_error, write_whole
+from .layout import METADATA, WORK_FOLDER, clear_work
 from .locks import FileLock
 from .manifest import ARRAYS, IMAGES, SHARDS, ScenePlan
 from .packs import Pack, is_whole, write_pack
 from .shards import ArrayInfo, array_metadata, group_metadata, index_length, parse_index, shard_index, shard_key
-
-WORK_FOLDER = ".work"
-METADATA = "zarr.json"
 
 
 @dataclass(frozen=True)
@@ -140,7 +137,7 @@ class ShardWriter:
         lock_timeout: float = 120.0,
     ) -> None:
         self.root, self.scene, self.shard, self.options = Path(root), scene, shard, options
-        self.work = self.root / WORK_FOLDER / scene.name / f"{shard:06d}"
+        self.work = _work(self.root, scene.name, shard)
         self.frames = scene.shard_range(shard, options)
         self.configuration = configuration
         self.failed: dict[int, str] = {}
@@ -217,9 +214,9 @@ class ShardWriter:
         try:
             record = self._assemble()
             place = self.root / record_name(self.scene.name, self.shard)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(place, record.dump())
-            shutil.rmtree(self.work, ignore_errors=True)
+            make_folder(place.parent)
+            write_whole(place, record.dump(), self.work)
+            clear_work(self.work)
         except OSError as error:
             for part in self.work.glob("part_*"):  # room for others on a full disk
                 part.unlink(missing_ok=True)
@@ -234,19 +231,13 @@ class ShardWriter:
         record = read_record(self.root, self.scene.name, self.shard)
         if record is not None and set(record.frames) >= set(self.frames):
             self._complete = True
-            shutil.rmtree(self.work, ignore_errors=True)
+            clear_work(self.work)  # of a run that was killed after it had put the shard in place
             return
         try:
             if record is not None:
                 self._reopen(record)
-            for path in sorted(self.work.glob("*")) if self.work.is_dir() else ():
-                index = path.name.removesuffix(".pack")
-                if path.suffix == ".pack" and index.isdigit() and is_whole(path, self.configuration):
-                    self._done.add(int(index))
-                elif path.is_dir():
-                    shutil.rmtree(path)
-                else:
-                    path.unlink()  # what a killed process left
+            self._done = {index for index in self.frames if is_whole(self._pack(index), self.configuration)}
+            clear_work(self.work, keep=[self._pack(index).name for index in self._done])  # what a killed process left
         except OSError as error:
             raise output_error(self.work, error) from error
 
@@ -271,7 +262,7 @@ class ShardWriter:
                         f"array {name} of scene {self.scene.name} changes its shape from frame to frame: {arrays[name].shape}, {info.shape}"
                     )
         written: dict[str, tuple[int, str]] = {}
-        self.work.mkdir(parents=True, exist_ok=True)
+        make_folder(self.work)
         batch = Batch(self.root, self.work)
         for name in sorted(arrays):
             key = array_key(self.scene.name, name, self.shard, arrays[name])
@@ -353,6 +344,29 @@ def unpack(
         prefix, end = image_name(scene, ""), f"/{index:06d}.png"
         images = {name.removeprefix(prefix): files.read(name) for name in record.files if name.endswith(end)}
         yield EncodedFrame(index, arrays, chunks, images, metas[index])
+
+
+def tidy_shard(root: Path, scene: ScenePlan, shard: int, options: StoreOptions) -> None:
+    """Remove what a killed process left of a shard beside its files, if nobody works on it; finished frames stay.
+
+    Raises
+    ------
+    OutputError
+        If another process works on it.
+    DatasetError
+        If its record is damaged.
+    """
+    with FileLock(root, f"{scene.name}_{shard:06d}") as lock:
+        record = read_record(root, scene.name, shard)
+        done = set() if record is None else set(record.frames)
+        frames = set(scene.shard_range(shard, options))
+        clear_work(_work(root, scene.name, shard), keep=[f"{index:06d}.pack" for index in frames - done])
+        lock.release(remove=done >= frames)
+
+
+def _work(root: Path, scene: str, shard: int) -> Path:
+    """Return the folder of a shard that is in work."""
+    return root / WORK_FOLDER / scene / f"{shard:06d}"
 
 
 def read_record(root: Path, scene: str, shard: int) -> ShardRecord | None:

@@ -1,0 +1,46 @@
+"""Temporary folders that a killed process does not leave for ever: the next one that needs such a folder removes them."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+_PREFIX = "scarl_sionna_" + re.sub(r"[^A-Za-z0-9\-]", "-", socket.gethostname()) + "_"
+"""With the machine's name: a number of a process means nothing on another one that shares the folder."""
+_NAME = re.compile(rf"{re.escape(_PREFIX)}(\d+)_[A-Za-z0-9_]+")
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Yield an empty folder in the system's place for such; it is removed when the block ends."""
+    clear_stale()
+    with tempfile.TemporaryDirectory(prefix=f"{_PREFIX}{os.getpid()}_") as folder:
+        yield Path(folder)
+
+
+def clear_stale() -> None:
+    """Remove the folders of `temporary_folder` whose processes, on this machine and of this user, are gone."""
+    with suppress(OSError):
+        for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+            found = _NAME.fullmatch(path.name)
+            if found is None or path.is_symlink() or not path.is_dir() or path.stat().st_uid != os.getuid():
+                continue
+            if not is_running(int(found[1])):
+                shutil.rmtree(path, ignore_errors=True)
+
+
+def is_running(process: int) -> bool:
+    """Return whether a process of this machine runs, by its number."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
