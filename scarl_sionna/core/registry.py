@@ -15,6 +15,7 @@ from .spec import Spec
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
 from .specs.radar.spec import RadarSpec
+from .specs.radar.version_0_1 import read_radar
 
 ENTRY_POINT_GROUP = "scarl.sensors"
 
@@ -67,3 +68,23 @@ def spec_type(kind: str) -> type[Spec]:
         return sensor_class(kind).spec_type  # type: ignore[attr-defined, no-any-return]
     except UnknownNameError as error:
         raise UnknownNameError("sensor kind", kind, {*SPEC_TYPES, *error.known}, error.remedy) from None
+
+
+def read_spec(kind: str, data: Mapping[str, Any]) -> Spec:
+    """Return the specification that a rig file or a dataset holds, of this version or an earlier one.
+
+    Parameters
+    ----------
+    kind : str
+        Sensor kind.
+    data : mapping
+        Fields of the specification; those left out keep their defaults.
+
+    Raises
+    ------
+    UnknownNameError
+        If the kind is not known.
+    ParameterRangeError
+        If a key is unknown or a value is not allowed.
+    """
+    return read_radar(data) if kind == "radar" else spec_type(kind)(**data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -32,3 +33,16 @@ class Spec(BaseModel):
     def with_(self: SpecT, **changes: Any) -> SpecT:
         """Return a copy with some fields changed; the copy is validated again."""
         return type(self)(**{**{name: getattr(self, name) for name in type(self).model_fields}, **changes})
+
+    def model_copy(self: SpecT, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> SpecT:
+        """Return :meth:`with_` of the fields in `update`: validated again, and without anything computed before.
+
+        Parameters
+        ----------
+        update : mapping, optional
+            New values by name of a field.
+        deep : bool
+            Copy the values of the other fields, too. They are frozen: there is no need to.
+        """
+        copied = self.with_(**(update or {}))
+        return copied.__deepcopy__() if deep else copied

@@ -15,7 +15,7 @@ import yaml
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError, UnknownNameError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.registry import spec_type
+from scarl_sionna.core.registry import read_spec, spec_type
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
@@ -86,7 +86,7 @@ class SensorMount:
         _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec"})
         pose = data["vehicle_from_sensor"]
         _check_keys(f"{what} vehicle_from_sensor", pose, required={"position"}, optional={"quaternion"})
-        spec = spec_type(data["kind"])(**(data.get("spec") or {}))
+        spec = read_spec(data["kind"], data.get("spec") or {})
         return cls(data["name"], data["kind"], spec, Pose(pose["position"], pose.get("quaternion", _FACING_FRONT)))
 
 

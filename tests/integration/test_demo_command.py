@@ -29,7 +29,7 @@ RIG = Rig(
     (
         SensorMount("front/camera", "camera", CameraSpec(width=32, height=18, samples_per_pixel=1), PLACE),
         SensorMount("front/lidar", "lidar", LidarSpec(num_azimuth=60, num_elevation=8), PLACE),
-        SensorMount("front/radar", "radar", RadarSpec(num_rays=2_000, num_chirps=16, num_samples=128), PLACE),
+        SensorMount("front/radar", "radar", RadarSpec().with_(num_rays=2_000, num_chirps=16, num_samples=128), PLACE),
     ),
 )
 

@@ -27,7 +27,7 @@ WALL_X = 20.5
 
 
 def _radar(**changes: object) -> RadarSpec:
-    return RadarSpec(**{"azimuth_fov_deg": 20.0, "elevation_fov_deg": 10.0, "num_rays": 10_000, **changes})
+    return RadarSpec().with_(**{"azimuth_fov_deg": 20.0, "elevation_fov_deg": 10.0, "num_rays": 10_000, **changes})
 
 
 def _world(folder, *things: Thing, actors: tuple[Thing, ...] = ()):

@@ -19,7 +19,7 @@ CAMERA = CameraSpec(width=400, height=200, horizontal_fov_deg=90.0, images=("sem
 FOCAL = 200.0
 """[px]"""
 HERE = ss.Pose([0.0, 0.0, 0.0])
-RADAR = RadarSpec(num_rays=40_000, num_chirps=16, num_samples=128)
+RADAR = RadarSpec().with_(num_rays=40_000, num_chirps=16, num_samples=128)
 RIG = Rig(
     "look",
     (

@@ -13,7 +13,7 @@ from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from tests.scenes import Thing, box, plane, write_scene
 
 RADAR = RadarSpec(azimuth_fov_deg=10.0, elevation_fov_deg=5.0, num_rays=20_000)
-WAVENUMBER = 2 * np.pi * RADAR.start_frequency / SPEED_OF_LIGHT
+WAVENUMBER = 2 * np.pi * RADAR.waveform.start_frequency / SPEED_OF_LIGHT
 
 
 def _lengths(paths) -> np.ndarray:

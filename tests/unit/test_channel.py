@@ -22,7 +22,7 @@ from scarl_sionna.radar.channel.raycast.grid import RayGrid
 from scarl_sionna.radar.sensor import Radar
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-RADAR = RadarSpec(num_rays=5_000, num_chirps=8, num_samples=32)
+RADAR = RadarSpec().with_(num_rays=5_000, num_chirps=8, num_samples=32)
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ SPLITS = ("train", "val", "test")
 _SCENE_NAME = re.compile(r"[A-Za-z0-9_\-]+")
 _RESERVED = frozenset({"objects", *(item.name for item in schema.FRAME)})
 _RADAR_NUMBERS = (
-    "num_tx", "num_rx", "num_virtual", "num_chirps_total", "num_samples", "chirp_slope", "sample_rate",
+    "num_tx", "num_rx", "num_virtual", "num_chirps_total", "num_samples", "sample_rate",
     "doppler_interval", "center_frequency", "range_resolution", "max_range", "velocity_resolution",
     "unambiguous_velocity",
 )  # fmt: skip
@@ -303,5 +303,5 @@ def _derived(spec: Spec) -> dict[str, Any]:
     if isinstance(spec, LidarSpec):
         return {"num_azimuth": spec.num_azimuth, "num_elevation": spec.num_elevation}
     if isinstance(spec, RadarSpec):
-        return {name: getattr(spec, name) for name in _RADAR_NUMBERS}
+        return {name: getattr(spec, name) for name in _RADAR_NUMBERS} | {"chirp_slope": spec.waveform.chirp_slope}
     return {}
