@@ -46,3 +46,11 @@ class Spec(BaseModel):
         """
         copied = self.with_(**(update or {}))
         return copied.__deepcopy__() if deep else copied
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all fields are equal. What was computed from them and kept, arrays for instance, does not count."""
+        if not isinstance(other, Spec) or type(self) is not type(other):
+            return NotImplemented
+        names = type(self).model_fields
+        mine, yours = self.__pydantic_private__, other.__pydantic_private__
+        return all(getattr(self, name) == getattr(other, name) for name in names) and mine == yours

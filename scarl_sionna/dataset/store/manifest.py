@@ -29,6 +29,8 @@ MANIFEST = "manifest.json"
 ARRAYS, IMAGES, SHARDS = "arrays", "images", "shards"
 """Folders of a dataset: a Zarr hierarchy with a group a scene, PNG files, and what was made and its checksums."""
 SPLITS = ("train", "val", "test")
+FROM_PLAN = ("configuration", "configuration_hash", "scenes", "splits", "shards")
+"""Entries of a manifest that follow from the plan and the shards, the same in every schema version."""
 
 _SCENE_NAME = re.compile(r"[A-Za-z0-9_\-]+")
 _RESERVED = frozenset({"objects", *(item.name for item in schema.FRAME)})

@@ -53,7 +53,7 @@ def split_version_0_1(data: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str
         if flat and part in spec_data:
             name, value = next(iter(flat.items()))
             raise ParameterRangeError(
-                f"RadarSpec.{name}", f"{value!r:.80}", f"in its part `{part}`, which is given too", "move it there"
+                f"RadarSpec.{name}", f"{value!r:.80}", f"in its part `{part}`, which is given, too", "move it there"
             )
         if flat:
             spec_data[part] = {"kind": "fmcw", **flat} if part == "waveform" else flat
