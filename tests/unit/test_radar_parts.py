@@ -3,18 +3,54 @@
 from __future__ import annotations
 
 import copy
+from typing import Annotated, Literal
 
 import numpy as np
 import pytest
+from pydantic import Field
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError, ScarlError
+from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.multiplexing import KINDS, Multiplexing
 from scarl_sionna.core.specs.radar.parts import parts_of
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.waveform import Waveform
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 ONE = ((0.0, 0.0, 0.0),)
+
+
+class Tone(Spec):
+    """A waveform that is no ramp: codes of `num_samples` chips, sent without a pause."""
+
+    kind: Literal["tone"] = "tone"
+    carrier_frequency: float = 79e9
+    chip_rate: float = Field(1e9, gt=0.0)
+    num_chirps: int = 16
+    num_samples: int = 1000
+
+    @property
+    def center_frequency(self) -> float:
+        return self.carrier_frequency
+
+    @property
+    def sample_rate(self) -> float:
+        return self.chip_rate
+
+    @property
+    def sampled_bandwidth(self) -> float:
+        return self.chip_rate
+
+    @property
+    def chirp_interval(self) -> float:
+        return self.num_samples / self.chip_rate
+
+
+class OtherRadar(ss.RadarSpec):
+    """A radar that may have the other waveform."""
+
+    waveform: Annotated[ss.Fmcw | Tone, Field(discriminator="kind")] = ss.Fmcw()
 
 
 def test_no_two_fields_have_one_name_so_that_the_short_form_is_clear() -> None:
@@ -170,3 +206,20 @@ def test_what_a_waveform_says_is_what_the_radar_says() -> None:
     # 300 samples at 20 MHz are half of the ramp
     assert radar.sampled_bandwidth == pytest.approx(150e6, rel=1e-15)
     assert radar.carrier_frequency == 77e9
+
+
+def test_a_radar_of_another_waveform_needs_nothing_else() -> None:
+    waveform: Waveform = Tone()
+    radar = OtherRadar(waveform=waveform, multiplexing="tdm")
+    # chips of 1 ns: bins of 15 cm, 1000 of them in a code of 1 us; 3 transmitters in turn
+    assert radar.range_resolution == pytest.approx(SPEED_OF_LIGHT / 2e9, rel=1e-15)
+    assert radar.max_range == pytest.approx(SPEED_OF_LIGHT * 1e-6 / 2, rel=1e-15)
+    assert radar.doppler_interval == pytest.approx(3e-6, rel=1e-15)
+    assert radar.frame_time == pytest.approx(48e-6, rel=1e-15)
+    assert radar.wavelength == SPEED_OF_LIGHT / 79e9
+    assert (radar.num_chirps_total, radar.num_samples) == (48, 1000)
+    assert radar.with_(chip_rate=2e9, num_chirps=4).waveform == Tone(chip_rate=2e9, num_chirps=4)
+    assert OtherRadar(**radar.model_dump(mode="json")) == radar
+    with pytest.raises(ParameterRangeError, match=r"OtherRadar\.bandwidth"):
+        radar.with_(bandwidth=1e9)  # this waveform has none
+    assert OtherRadar().with_(waveform=Tone(), chip_rate=3e9).waveform == Tone(chip_rate=3e9)
