@@ -31,7 +31,7 @@ from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
 from tests.scenes import Material, Thing, ball, plane, write_scene
 
-RADAR = ss.RadarSpec(pattern=IsotropicPattern(), elevation_fov_deg=90.0)
+RADAR = ss.RadarSpec().with_(pattern=IsotropicPattern(), elevation_fov_deg=90.0)
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency
 NOTHING_DB = 60.0
 """Error that stands for no echo at all, and for everything worse."""
@@ -112,7 +112,7 @@ def level_db(value: complex, exact: complex) -> float:
 
 def noise_error_db(amplitude: float, radar: Any = RADAR) -> float:
     """Return the rms error [dB] that noise makes of an echo in one cell: 20 / ln 10 / sqrt(2 SNR)."""
-    snr = amplitude**2 * 10.0 ** (radar.tx_power_dbm / 10.0 - 3.0) / cell_noise_power(radar)
+    snr = amplitude**2 * 10.0 ** (radar.front_end.tx_power_dbm / 10.0 - 3.0) / cell_noise_power(radar)
     return float(20.0 / np.log(10.0) / np.sqrt(2.0 * snr))
 
 

@@ -165,7 +165,7 @@ def highway() -> Problem:
             Point("1", frames(state, [Mount(pose, twist)], radar, method="hybrid", plan=plan(fine.with_(max_depth=1), 1_000_000)), True)
         ])
     )  # fmt: skip
-    level = float(np.sqrt(np.median(truth[strong]) / dbm_to_watt(radar.tx_power_dbm)))
+    level = float(np.sqrt(np.median(truth[strong]) / dbm_to_watt(radar.front_end.tx_power_dbm)))
     return Problem(
         "highway", "Whole frame of highway_guardrail",
         "all objects by sbr (1 rad, 2 bounces), the rest by raycast, 10^6 rays",

@@ -39,7 +39,7 @@ LEGS = ("foot", "lower_leg", "upper_leg")
 
 def radar_of(num_chirps: int, interval: float, azimuth_fov_deg: float, elevation_fov_deg: float) -> RadarSpec:
     """Return a radar of one channel whose frame of 6.4 ms is one spectrum."""
-    return RadarSpec(
+    return RadarSpec().with_(
         start_frequency=77e9, bandwidth=5e8, ramp_time=20e-6, idle_time=interval - 20e-6, num_chirps=num_chirps, num_samples=64,
         tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),), pattern=IsotropicPattern(), azimuth_fov_deg=azimuth_fov_deg,
         elevation_fov_deg=elevation_fov_deg,

@@ -41,7 +41,7 @@ def expected_map(paths: RadarPaths, radar: ss.RadarSpec) -> npt.NDArray[np.float
     offset = pose.inverse().apply(paths.tx_point)
     distance = np.linalg.norm(offset, axis=1)
     unit = offset / distance[:, None]
-    gain_db = radar.pattern.gain_db(np.arctan2(unit[:, 1], unit[:, 0]), np.arcsin(unit[:, 2]))
+    gain_db = radar.array.pattern.gain_db(np.arctan2(unit[:, 1], unit[:, 0]), np.arcsin(unit[:, 2]))
     power = np.abs(paths.a[:, 0, 0]) ** 2 * 10.0 ** (gain_db / 5.0)
     beams = np.stack([dirichlet_squared((unit[:, 1] - sine) / 2.0, radar.num_virtual) for sine in SINES], axis=1)
     out = np.zeros((len(RANGES), len(SINES)))

@@ -57,7 +57,7 @@ def timed(call: Callable[[], np.ndarray]) -> tuple[np.ndarray, float, float]:
 
 def chart(count: int, rounds: int) -> list[tuple[float, float, float, float, float]]:
     """Return (tolerance, error over peak, worst of lone paths, wall, CPU seconds) of one pair, against the exact sum."""
-    radar = RadarSpec(tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))
+    radar = RadarSpec().with_(tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))
     paths = random_points(radar, count, -70.0, 70.0)
     # the first chirps, at the edge of the frame, have the largest residual phase; a shorter frame has the same samples
     edge = radar.model_copy(update={"num_chirps": NUM_EXACT_CHIRPS})

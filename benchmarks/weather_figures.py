@@ -82,7 +82,9 @@ def draw_clutter(path: Path) -> None:
         told = [f"{np.interp(value, middle, snr):.1f}" for value in (5, 10, 20, 50, 100)]
         print(f"{name}: eta {10 * np.log10(eta):.1f} dB, SNR of a cell at 5, 10, 20, 50, 100 m: {', '.join(told)} dB")
     person = 10.0 ** (-8.0 / 10.0)
-    scale = 10 ** (radar.tx_power_dbm / 10) * 1e-3 * 10**2 * radar.wavelength**2 / (4 * np.pi) ** 3 / middle**4
+    scale = (
+        10 ** (radar.front_end.tx_power_dbm / 10) * 1e-3 * 10**2 * radar.wavelength**2 / (4 * np.pi) ** 3 / middle**4
+    )
     left.semilogx(middle, 10 * np.log10(scale * person / cell_noise_power(radar)), "k--", label="pedestrian, -8 dBsm")
     left.axhline(0.0, color="0.5", lw=1)
     left.text(1.1, 1.0, "noise", color="0.4", fontsize=8)

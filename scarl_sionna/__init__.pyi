@@ -16,7 +16,12 @@ from .core.specs.lidar import LidarSpec
 from .core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, TableScan
 from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
 from .core.specs.lighting import Lighting
+from .core.specs.radar.array import AntennaArray
+from .core.specs.radar.converter import Adc
+from .core.specs.radar.front_end import FrontEnd
+from .core.specs.radar.multiplexing import IdealMimo, Tdm
 from .core.specs.radar.spec import RadarSpec
+from .core.specs.radar.waveform import Fmcw
 from .core.specs.weather import Weather
 from .dataset.readers.reader import open_dataset
 from .engine.world import World, WorldState, load_scene, stage
@@ -52,11 +57,16 @@ __all__ = [
     "SionnaSettings",
     "plan_channel",
     "ActorModel",
+    "Adc",
+    "AntennaArray",
     "Atmosphere",
     "BrownConrady",
     "CameraSpec",
+    "Fmcw",
     "Frame",
+    "FrontEnd",
     "HeterodyneReceiver",
+    "IdealMimo",
     "ImageFrame",
     "ImageSensor",
     "KannalaBrandt",
@@ -78,6 +88,7 @@ __all__ = [
     "SpinningScan",
     "StagedActor",
     "TableScan",
+    "Tdm",
     "Twist",
     "Weather",
     "World",

@@ -11,7 +11,7 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-RADAR = RadarSpec(
+RADAR = RadarSpec().with_(
     bandwidth=600e6, num_chirps=1, num_samples=128, pattern=IsotropicPattern(),
     tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0), (0.0, 0.003, 0.002), (0.0, -0.004, 0.005)),
 )  # fmt: skip

@@ -25,7 +25,7 @@ from scarl_sionna.signal.converter import quantize
 
 CAMERA = CameraSpec(width=160, height=90)
 LIDAR = LidarSpec(num_azimuth=121, num_elevation=32)
-RADAR = RadarSpec(num_chirps=64, num_samples=128)
+RADAR = RadarSpec().with_(num_chirps=64, num_samples=128)
 EGO_TWIST = Twist([8.0, 2.0, 0.0], [0.0, 0.0, 0.1])
 FRAME_INTERVAL = 0.1
 _BACK = (0.0, 0.0, 0.0, 1.0)

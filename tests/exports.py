@@ -25,7 +25,7 @@ RIG = Rig(
     (
         SensorMount("front/camera", "camera", CameraSpec(width=32, height=18, samples_per_pixel=1), PLACE),
         SensorMount("front/lidar", "lidar", LidarSpec(num_azimuth=31, num_elevation=9), PLACE),
-        SensorMount("front/radar", "radar", RadarSpec(num_chirps=8, num_samples=64), PLACE, FEW_RAYS),
+        SensorMount("front/radar", "radar", RadarSpec().with_(num_chirps=8, num_samples=64), PLACE, FEW_RAYS),
     ),
 )
 SHARD_FRAMES = 4

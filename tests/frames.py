@@ -16,7 +16,7 @@ from scarl_sionna.fusion import Rig, SensorMount
 
 CAMERA = CameraSpec(width=24, height=16)
 LIDAR = LidarSpec(num_azimuth=5, num_elevation=3)
-RADAR = RadarSpec(num_chirps=4, num_samples=8)
+RADAR = RadarSpec().with_(num_chirps=4, num_samples=8)
 RIG = Rig(
     "small",
     (

@@ -166,14 +166,14 @@ def map_model(measurement: RadarMap, table: MaterialTable) -> Callable[[Trials],
     A map is linear in the paths' amplitudes, so each path's map of unit amplitude is made once.
     """
     radar = measurement.radar
-    fixed = FixedPaths.trace(measurement, table, radar.start_frequency)
+    fixed = FixedPaths.trace(measurement, table, radar.carrier_frequency)
     columns: dict[str, Any] = dict(fixed.columns({}))
     total = columns.pop("total")
     paths = RadarPaths(**columns, world_from_tx=pose_of(measurement), world_from_rx=pose_of(measurement))
     kept = np.flatnonzero(total < 2.0 * radar.max_range)
     unit = replace(paths, a=np.ones_like(paths.a))
     basis = np.stack([np.conj(_cells(unit.select(np.array([row])), measurement)) for row in kept], axis=1)
-    column = "VH".index(radar.polarization)
+    column = "VH".index(radar.array.polarization)
     return lambda trials: np.einsum("vp,p->v", basis, fixed.columns(trials)["a"][kept, column, column])  # no threads
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,6 +14,7 @@ from pydantic import Field, field_validator, model_validator
 from scarl_sionna.core.errors import ParameterRangeError, SceneError
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.version_0_1 import read_radar
 
 Array = npt.NDArray[np.float64]
 Numbers = float | tuple[float, ...]
@@ -228,6 +229,11 @@ class RadarMap(SceneGeometry):
     file: str | None = None
     first_bin: int = Field(0, ge=0)
     stop_bin: int | None = Field(None, ge=1)
+
+    @field_validator("radar", mode="before")
+    @classmethod
+    def _read_radar(cls, value: Any) -> Any:
+        return read_radar(value) if isinstance(value, Mapping) else value
 
 
 def _form_fits(form: str, imaginary: tuple[float, ...]) -> None:

@@ -16,6 +16,7 @@ from .spec import Spec
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
 from .specs.radar.spec import RadarSpec
+from .specs.radar.version_0_1 import read_radar, settings_of_version_0_1
 
 ENTRY_POINT_GROUP = "scarl.sensors"
 
@@ -78,3 +79,45 @@ def settings_type(kind: str) -> type[Spec] | None:
     if kind in SPEC_TYPES:
         return SETTINGS_TYPES.get(kind)
     return getattr(sensor_class(kind), "settings_type", None)
+
+
+def read_spec(kind: str, data: Mapping[str, Any]) -> Spec:
+    """Return the specification that a rig file or a dataset holds, of this version or an earlier one.
+
+    Parameters
+    ----------
+    kind : str
+        Sensor kind.
+    data : mapping
+        Fields of the specification; those left out keep their defaults.
+
+    Raises
+    ------
+    UnknownNameError
+        If the kind is not known.
+    ParameterRangeError
+        If a key is unknown or a value is not allowed.
+    """
+    return read_radar(data) if kind == "radar" else spec_type(kind)(**data)
+
+
+def read_settings(kind: str, data: Mapping[str, Any] | None, spec: Mapping[str, Any]) -> Spec | None:
+    """Return the settings that a rig file or a dataset holds, of this version or an earlier one; None if it states none.
+
+    Parameters
+    ----------
+    kind : str
+        Sensor kind; one that has settings.
+    data : mapping, optional
+        Fields of the settings.
+    spec : mapping
+        Fields of the specification beside them, in which version 0.1 kept some.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a key is unknown or a value is not allowed.
+    """
+    cls = settings_type(kind)
+    fields = {**(settings_of_version_0_1(spec) if kind == "radar" else {}), **(data or {})}
+    return cls(**fields) if cls is not None and fields else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -57,3 +58,24 @@ class Spec(BaseModel):
             old, new = getattr(self, name), getattr(changes, name)
             fields[name] = old.merged(new) if isinstance(new, Spec) and type(old) is type(new) else new
         return self.with_(**fields) if fields else self
+
+    def model_copy(self: SpecT, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> SpecT:
+        """Return :meth:`with_` of the fields in `update`: validated again, and without anything computed before.
+
+        Parameters
+        ----------
+        update : mapping, optional
+            New values by name of a field.
+        deep : bool
+            Copy the values of the other fields, too. They are frozen: there is no need to.
+        """
+        copied = self.with_(**(update or {}))
+        return copied.__deepcopy__() if deep else copied
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all fields are equal. What was computed from them and kept, arrays for instance, does not count."""
+        if not isinstance(other, Spec) or type(self) is not type(other):
+            return NotImplemented
+        names = type(self).model_fields
+        mine, yours = self.__pydantic_private__, other.__pydantic_private__
+        return all(getattr(self, name) == getattr(other, name) for name in names) and mine == yours

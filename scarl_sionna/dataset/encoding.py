@@ -18,7 +18,7 @@ from PIL import Image
 
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.registry import sensor_class
+from scarl_sionna.core.registry import read_spec, sensor_class
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_COLORS
 from scarl_sionna.core.spec import Spec
@@ -259,6 +259,4 @@ def decode_png(kind: str, data: bytes) -> npt.NDArray[Any]:
 
 def spec_of(mount: Mapping[str, Any]) -> Spec:
     """Return the specification in a rig's entry of a sensor."""
-    from scarl_sionna.core.registry import spec_type
-
-    return spec_type(mount["kind"])(**mount["spec"])
+    return read_spec(mount["kind"], mount["spec"])

@@ -15,8 +15,11 @@ from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState,
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.lidar import LidarSpec
 
-SCHEMA_VERSION = 1
-"""Raised when a reader of the version before could not read, or would misread, what is written."""
+SCHEMA_VERSION = 2
+"""Raised when a reader of the version before could not read, or would misread, what is written.
+
+1: radars of the rig are flat. 2: they are in parts (`RadarSpec`). A reader of today reads both.
+"""
 
 POINT, OBJECT = "point", "object"
 """Axes whose length differs from frame to frame: stored up to a capacity, the valid length stands in a count field."""

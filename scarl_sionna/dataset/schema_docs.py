@@ -63,14 +63,14 @@ _READING = """\
 ```python
 import scarl_sionna as ss
 
-ds = ss.open_dataset("out")                      # or "s3://bucket/out", "https://host/out": any fsspec address
-frame = ds[12]                                   # nothing is read yet; frames of all scenes in order
-frame.radar["front_center"].adc                  # complex64; .adc_int: the codes; also ["front_center/radar"]
-frame.image["front_center"].depth                # float32 [m]; .rgb, .semantic, .instance, .normal, .flow
-frame.lidar["front_center"].position             # valid returns only
-frame.labels                                     # true boxes; .label_arrays: the same as columns
-frame.to_frame()                                 # the scarl_sionna.Frame that ss.observe returned
-ds.scene("drive").group["front_center/radar/adc"][100:200, 0, :64]      # zarr.Array: slices over frames
+ds = ss.open_dataset("out")  # or "s3://bucket/out", "https://host/out": any fsspec address
+frame = ds[12]  # nothing is read yet; frames of all scenes in order
+frame.radar["front_center"].adc  # complex64; .adc_int: the codes; also ["front_center/radar"]
+frame.image["front_center"].depth  # float32 [m]; .rgb, .semantic, .instance, .normal, .flow
+frame.lidar["front_center"].position  # valid returns only
+frame.labels  # true boxes; .label_arrays: the same as columns
+frame.to_frame()  # the scarl_sionna.Frame that ss.observe returned
+ds.scene("drive").group["front_center/radar/adc"][100:200, 0, :64]  # zarr.Array: slices over frames
 ds.rig, ds.calibration, ds.splits, ds.sensors
 ```
 
@@ -96,10 +96,11 @@ anything is simulated:
 ```python
 from .schema import Field
 
+
 class Sonar:
     spec_type = SonarSpec
-    result_type = SonarPing            # dataclass: spec, world_from_sensor, echo, kind = "sonar"
-    stored_fields = (Field("echo", "float32", ("beam", "sample"), "Pa", "pressure"),)   # the same shape in every frame
+    result_type = SonarPing  # dataclass: spec, world_from_sensor, echo, kind = "sonar"
+    stored_fields = (Field("echo", "float32", ("beam", "sample"), "Pa", "pressure"),)  # the same shape in every frame
 ```
 """
 

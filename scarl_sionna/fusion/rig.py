@@ -15,7 +15,7 @@ import yaml
 
 from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRangeError, ScarlError, UnknownNameError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.registry import settings_type, spec_type
+from scarl_sionna.core.registry import read_settings, read_spec, settings_type, spec_type
 from scarl_sionna.core.settings.radar import QUALITIES, RadarSettings
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
@@ -96,9 +96,9 @@ class SensorMount:
         _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec", "settings"})
         pose = data["vehicle_from_sensor"]
         _check_keys(f"{what} vehicle_from_sensor", pose, required={"position"}, optional={"quaternion"})
-        kind = data["kind"]
-        spec = spec_type(kind)(**(data.get("spec") or {}))
-        settings = _settings_of(kind, what, data.get("settings"))
+        kind, stated = data["kind"], data.get("spec") or {}
+        spec = read_spec(kind, stated)
+        settings = _settings_of(kind, what, data.get("settings"), stated)
         return cls(data["name"], kind, spec, Pose(pose["position"], pose.get("quaternion", _FACING_FRONT)), settings)
 
 
@@ -299,18 +299,16 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
     ]
 
 
-def _settings_of(kind: str, what: str, data: Any) -> Spec | None:
+def _settings_of(kind: str, what: str, data: Any, spec: Mapping[str, Any]) -> Spec | None:
     """Return the settings of a sensor from plain data."""
     cls = settings_type(kind)
-    if data is None:
-        return None
-    if cls is None:
+    if data is not None and cls is None:
         raise ParameterRangeError(
             f"{what} settings", repr(data)[:80], f"none: the sensor kind '{kind}' has no settings"
         )
-    if not isinstance(data, Mapping):
+    if data is not None and not isinstance(data, Mapping):
         raise ParameterRangeError(f"{what} settings", repr(data)[:80], f"a mapping with fields of {cls.__name__}")
-    return cls(**data)
+    return read_settings(kind, data, spec)
 
 
 def _check_keys(what: str, data: Any, required: set[str], optional: set[str] = frozenset()) -> None:  # type: ignore[assignment]

@@ -126,10 +126,10 @@ def _center_amplitude(
     paths: RadarPaths, radar: RadarSpec, tx_vector: Array, rx_vector: Array
 ) -> npt.NDArray[np.complex128]:
     """Return the beat amplitude between the array centres [sqrt(W)]: conj of the field, since the beat is tx conj(rx)."""
-    index = {"V": 0, "H": 1}[radar.polarization]
-    tx_gain = field_gain(radar.pattern, _into(paths.world_from_tx, tx_vector))
-    rx_gain = field_gain(radar.pattern, _into(paths.world_from_rx, rx_vector))
-    return np.conj(paths.a[:, index, index]) * (tx_gain * rx_gain * np.sqrt(dbm_to_watt(radar.tx_power_dbm)))
+    index = {"V": 0, "H": 1}[radar.array.polarization]
+    tx_gain = field_gain(radar.array.pattern, _into(paths.world_from_tx, tx_vector))
+    rx_gain = field_gain(radar.array.pattern, _into(paths.world_from_rx, rx_vector))
+    return np.conj(paths.a[:, index, index]) * (tx_gain * rx_gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm)))
 
 
 def _into(pose: Pose, vectors: Array) -> Array:

@@ -11,7 +11,7 @@ from scarl_sionna.core.units import dbm_to_watt
 
 def step_size(radar: RadarSpec) -> float:
     """Return the value of one converter step [sqrt(W)]: a tone of full-scale power just reaches the largest code."""
-    return float(np.sqrt(dbm_to_watt(radar.adc_full_scale_dbm)) / (2 ** (radar.adc_bits - 1) - 1))
+    return float(np.sqrt(dbm_to_watt(radar.adc.full_scale_dbm)) / (2 ** (radar.adc.bits - 1) - 1))
 
 
 def quantize(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> tuple[npt.NDArray[np.int16], float, int]:
@@ -22,7 +22,7 @@ def quantize(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> tuple[np
     adc : ndarray of complex, any shape
         Beat signal [sqrt(W)].
     radar : RadarSpec
-        `adc_bits` of each of I and Q; a tone of `adc_full_scale_dbm` spans the whole range.
+        Its converter has `bits` of each of I and Q; a tone of `full_scale_dbm` spans the whole range.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def quantize(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> tuple[np
     Without clipping the error of I and of Q is uniform in +- half a step: its power is ``scale**2 / 6`` in all.
     """
     scale = step_size(radar)
-    highest = 2 ** (radar.adc_bits - 1) - 1
+    highest = 2 ** (radar.adc.bits - 1) - 1
     # float64: scaled float32 could round 32767.4999 up and count it as clipped
     values = np.ascontiguousarray(adc, dtype=np.complex64)[..., None].view(np.float32).astype(np.float64)
     steps = np.rint(values / scale)

@@ -191,8 +191,8 @@ def _points(
     unit = directions(azimuth, elevation)
     straddle = _straddle_gain(rd, range_offset, doppler_offset, radar)
     received = received / straddle
-    gain = field_gain(radar.pattern, unit) ** 4
-    link = dbm_to_watt(radar.tx_power_dbm) * np.maximum(gain, 1e-30) * radar.wavelength**2
+    gain = field_gain(radar.array.pattern, unit) ** 4
+    link = dbm_to_watt(radar.front_end.tx_power_dbm) * np.maximum(gain, 1e-30) * radar.wavelength**2
     order = np.argsort(-received, kind="stable")
     table = {
         "position": unit * distance[:, None],

@@ -11,7 +11,7 @@ from scarl_sionna.core.units import thermal_noise_power
 
 def sample_noise_power(radar: RadarSpec) -> float:
     """Return the thermal noise power of one complex sample, referred to the receiver's input [W]."""
-    return thermal_noise_power(radar.sample_rate, radar.noise_figure_db, radar.source_temperature)
+    return thermal_noise_power(radar.sample_rate, radar.front_end.noise_figure_db, radar.front_end.source_temperature)
 
 
 def add_noise(

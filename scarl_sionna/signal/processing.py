@@ -224,10 +224,10 @@ def _motion_compensation(radar: RadarSpec, num_doppler: int, tx: int) -> npt.NDA
     """Return the factor over (Doppler row, fast time) that undoes motion until the middle of the frame."""
     row = np.arange(num_doppler) - num_doppler // 2
     doppler = row / (num_doppler * radar.doppler_interval)
-    tx_delay = tx * radar.chirp_interval if radar.multiplexing == "tdm" else 0.0
+    tx_delay = radar.tx_delay(tx)
     sample = np.arange(radar.num_samples)
     ts_middle = (radar.num_samples - 1) / (2.0 * radar.sample_rate)
     middle = (radar.num_chirps - 1) / 2.0 * radar.doppler_interval + ts_middle + tx_delay
-    shift = doppler * (1.0 + radar.chirp_slope * middle / radar.center_frequency)
+    shift = doppler * (1.0 + radar.waveform.chirp_slope * middle / radar.center_frequency)
     cycles = shift[:, None] * (sample / radar.sample_rate - ts_middle)[None, :] + (doppler * tx_delay)[:, None]
     return np.exp(-2j * np.pi * cycles).astype(np.complex64)

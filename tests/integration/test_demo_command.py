@@ -33,7 +33,7 @@ RIG = Rig(
         SensorMount(
             "front/radar",
             "radar",
-            RadarSpec(num_chirps=16, num_samples=128),
+            RadarSpec().with_(num_chirps=16, num_samples=128),
             PLACE,
             RadarSettings(raycast={"num_rays": 2_000}, accuracy={"tube_budget": 200}),
         ),

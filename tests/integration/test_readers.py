@@ -214,7 +214,9 @@ def test_a_keras_network_learns_near_and_far_from_range_doppler_maps_in_one_epoc
     from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset
 
     tf = tensorflow()
-    spec = RadarSpec(num_chirps=32, num_samples=32, tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))
+    spec = RadarSpec().with_(
+        num_chirps=32, num_samples=32, tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),)
+    )
     rng = np.random.default_rng(3)
     half, frames = spec.max_range / 2.0, []
     for index in range(160):

@@ -24,7 +24,7 @@ from scarl_sionna.radar.points import solve_points
 from tests.oracles import diffraction as oracle
 from tests.scenes import Thing, box, plane, write_scene
 
-RADAR = RadarSpec(pattern=IsotropicPattern(), bandwidth=150e6)
+RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6)
 WAVENUMBER = 2.0 * np.pi / RADAR.wavelength
 FEW = {"num_samples": 20_000, "diffraction": True}
 TOP, AHEAD = 2.0, 10.0

@@ -37,7 +37,7 @@ def radar_of(**changes) -> RadarSpec:
         "start_frequency": 76.5e9, "bandwidth": 1e3, "ramp_time": 16e-6, "idle_time": 4e-6, "num_samples": 4, "num_chirps": 256,
         "tx_positions": ORIGIN, "rx_positions": ORIGIN, "pattern": IsotropicPattern(),
     }  # fmt: skip
-    return RadarSpec(**{**values, **changes})
+    return RadarSpec().with_(**{**values, **changes})
 
 
 def slow_time(signal) -> np.ndarray:
@@ -52,7 +52,9 @@ def exact(radar, distance) -> np.ndarray:
     for _ in range(4):
         tau = 2.0 * distance(sent) / oracle.SPEED_OF_LIGHT
         sent = time - tau / 2.0
-    return np.exp(2j * np.pi * (radar.start_frequency * tau + radar.chirp_slope * tau * (ts - tau / 2.0)))
+    return np.exp(
+        2j * np.pi * (radar.waveform.start_frequency * tau + radar.waveform.chirp_slope * tau * (ts - tau / 2.0))
+    )
 
 
 def wheel_paths(radar, psi, hub, pose, turning: bool = True):
@@ -246,7 +248,7 @@ def test_retraced_chirps_of_a_moving_wall(tmp_path, method: str) -> None:
     doppler = np.polyfit(time, phase, 1)[0] / (2.0 * np.pi)
     assert (doppler * radar.frame_time) % 256 == pytest.approx(99.2195, abs=0.01)  # the bar
     tau = 2.0 * (50.0 - 30.0 * time) / (oracle.SPEED_OF_LIGHT - 30.0)
-    left = np.unwrap(np.angle(signal * np.exp(-2j * np.pi * radar.start_frequency * tau)))
+    left = np.unwrap(np.angle(signal * np.exp(-2j * np.pi * radar.waveform.start_frequency * tau)))
     assert np.ptp(left) < 1e-2  # the bar
 
 
@@ -321,7 +323,7 @@ def test_flash_of_a_blade_on_a_rolling_wheel(tmp_path, chirps: int, bound: float
         warnings.simplefilter("error")
         paths_at = retraced(world, radar, pose, start, "sbr", settings=SbrChannelSettings(floor_db=None))
         signal = slow_time(synthesize_blocks(paths_at, radar, chirps, accuracy=FINE))
-    wavenumber = 2.0 * np.pi * radar.start_frequency / oracle.SPEED_OF_LIGHT
+    wavenumber = 2.0 * np.pi * radar.waveform.start_frequency / oracle.SPEED_OF_LIGHT
     time = start + np.arange(96) * radar.doppler_interval
     expected = np.conj([blade_field(t, pose.position, wavenumber) for t in time])  # beat = tx conj(rx)
     expected *= np.vdot(expected, signal) / np.vdot(expected, expected)  # the constant in front

@@ -19,7 +19,7 @@ from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, bui
 from tests.oracles import multipath as oracle
 from tests.scenes import Material, Thing, plane, write_scene
 
-RADAR = RadarSpec(pattern=IsotropicPattern(), bandwidth=150e6)
+RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6)
 FEW = {"num_samples": 20_000}
 LOOKS = {"asphalt": Material(radio="smooth_asphalt"), "concrete": Material(radio="smooth_concrete")}
 

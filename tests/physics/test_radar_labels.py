@@ -27,7 +27,7 @@ from scarl_sionna.signal.detection import detect
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.scenes import Thing, plane, write_scene
 
-SMALL = RadarSpec(num_chirps=32, num_samples=64, bandwidth=300e6, pattern=IsotropicPattern())
+SMALL = RadarSpec().with_(num_chirps=32, num_samples=64, bandwidth=300e6, pattern=IsotropicPattern())
 TIME = 0.5
 
 
@@ -137,7 +137,7 @@ def test_paths_over_a_wall_are_ghosts_and_name_the_wall(wall) -> None:
 
 
 def test_detected_ghosts_are_labelled_as_ghosts(wall) -> None:
-    radar = RadarSpec(num_chirps=128, bandwidth=600e6, pattern=IsotropicPattern())
+    radar = RadarSpec().with_(num_chirps=128, bandwidth=600e6, pattern=IsotropicPattern())
     paths = ghosts(wall, radar)
     cube = virtual_cube(synthesize(paths, radar, rng=np.random.default_rng(0)), radar)
     rda = range_doppler_angle(cube, radar)

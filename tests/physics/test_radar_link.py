@@ -16,7 +16,7 @@ from scarl_sionna.signal.processing import cell_noise_power, range_doppler, virt
 from tests.oracles import link
 
 ORIGIN = ((0.0, 0.0, 0.0),)
-LINK_RADAR = RadarSpec(
+LINK_RADAR = RadarSpec().with_(
     ramp_time=25.6e-6, idle_time=0.0, num_samples=512, num_chirps=256, tx_power_dbm=12.0, noise_figure_db=12.0,
     pattern=IsotropicPattern(gain_dbi=10.0), tx_positions=ORIGIN, rx_positions=ORIGIN,
 )  # fmt: skip
@@ -34,7 +34,7 @@ def test_radar_equation_and_snr(distance, power_dbm, snr_db):
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 40.0, -60.0])
 def test_received_power_with_gains(azimuth_deg):
-    radar = RadarSpec(num_chirps=4)
+    radar = RadarSpec().with_(num_chirps=4)
     azimuth, elevation, distance = np.radians(azimuth_deg), np.radians(7.0), 30.0
     unit = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     pose = Pose.from_euler([5.0, 1.0, 0.6], yaw=2.0)
@@ -76,7 +76,7 @@ def window_snr_loss(window, count):
 
 
 def test_beamforming_keeps_power_and_divides_noise():
-    radar = RadarSpec(num_chirps=64)
+    radar = RadarSpec().with_(num_chirps=64)
     distance = 50 * radar.range_resolution
     paths = point_targets([[distance, 0.0, 0.0]], [[0.0] * 3], 10.0, radar, Pose())
     rda = range_doppler_angle(virtual_cube(synthesize(paths, radar), radar), radar)

@@ -26,7 +26,7 @@ def single_channel(**changes):
         "start_frequency": 76.5e9, "bandwidth": 500e6, "ramp_time": 25.6e-6, "idle_time": 14.4e-6, "num_samples": 512,
         "num_chirps": 256, "tx_positions": ORIGIN, "rx_positions": ORIGIN, "pattern": IsotropicPattern(),
     }  # fmt: skip
-    return RadarSpec(**{**values, **changes})
+    return RadarSpec().with_(**{**values, **changes})
 
 
 def phase_difference(a, b):
@@ -54,7 +54,12 @@ def test_motion_within_a_chirp_is_kept():
     paths = point_targets([[50.0, 0.0, 0.0]], [[-30.0, 0.0, 0.0]], 1.0, radar, Pose())
     phase = np.angle(synthesize(paths, radar)[0][np.ix_([0, 128, 255], [0, 256, 511])])
     hop = fmcw.stop_and_hop_phase(
-        76.5e9, radar.chirp_slope, 50.0, -30.0, 40e-6 * np.array([[0], [128], [255]]), np.array([0, 256, 511]) / 20e6
+        76.5e9,
+        radar.waveform.chirp_slope,
+        50.0,
+        -30.0,
+        40e-6 * np.array([[0], [128], [255]]),
+        np.array([0, 256, 511]) / 20e6,
     )
     assert phase_difference(hop - phase, fmcw.STOP_AND_HOP_ERRORS).max() < 1e-3
     assert fmcw.STOP_AND_HOP_ERRORS[:, -1].min() > 2.4  # what leaving it out would cost

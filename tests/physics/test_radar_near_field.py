@@ -20,7 +20,7 @@ HALF_WAVE = fmcw.C / 77e9 / 2.0
 
 def narrow_band(tx, rx):
     """A radar with a ramp of 1 kHz: the phase of a sample is k times the length."""
-    return RadarSpec(
+    return RadarSpec().with_(
         bandwidth=1e3, num_samples=2, num_chirps=2, tx_positions=tx, rx_positions=rx, pattern=IsotropicPattern()
     )
 
@@ -72,5 +72,5 @@ def test_amplitude_of_each_pair_near_the_array():
     radar = narrow_band(((0.0, -0.4, 0.0),), ((0.0, 0.4, 0.0),))
     paths = point_targets([[0.5, 0.2, 0.0]], [[0.0] * 3], 1.0, radar, Pose())
     near, far = np.hypot(0.5, 0.2), np.hypot(0.5, 0.6)
-    power = 10 ** (radar.tx_power_dbm / 10 - 3) * radar.wavelength**2 / (4 * np.pi) ** 3 / (near * far) ** 2
+    power = 10 ** (radar.front_end.tx_power_dbm / 10 - 3) * radar.wavelength**2 / (4 * np.pi) ** 3 / (near * far) ** 2
     assert np.abs(synthesize(paths, radar)[0, 0, 0]) ** 2 == pytest.approx(power, rel=1e-4)

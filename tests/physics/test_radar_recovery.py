@@ -86,7 +86,7 @@ def test_board_layout_finds_azimuth_and_elevation(distance, azimuth_deg, elevati
 
 
 def test_detection_gives_rcs_and_position():
-    radar = RadarSpec(num_chirps=64)
+    radar = RadarSpec().with_(num_chirps=64)
     position = np.array([41.23, 11.7, 0.0])
     paths = point_targets([position], [[0.0] * 3], 10.0, radar, Pose())
     adc = synthesize(paths, radar, rng=np.random.default_rng(5))
@@ -100,12 +100,12 @@ def test_detection_gives_rcs_and_position():
 def test_aliased_velocity_moves_the_range():
     # stated limit: a point beyond the unambiguous velocity is seen one interval off, and its range is corrected for
     # the velocity that is seen: by S^-1 f_c 2 dv / c (1 + S t_mid / f_c) c / 2 = dv (f_c / S + t_mid)
-    radar = RadarSpec(num_chirps=64)
+    radar = RadarSpec().with_(num_chirps=64)
     velocity = 1.4 * radar.unambiguous_velocity
     paths = point_targets([[60.0, 0.0, 0.0]], [[velocity, 0.0, 0.0]], 1.0, radar, Pose())
     points = detect(range_doppler_angle(virtual_cube(synthesize(paths, radar), radar), radar), radar)
     interval = 2.0 * radar.unambiguous_velocity
     assert points.radial_velocity[0] == pytest.approx(velocity - interval, abs=0.05 * radar.velocity_resolution)
     middle = 31.5 * radar.chirp_interval + 255.5 / radar.sample_rate
-    expected = 60.0 + interval * (radar.center_frequency / radar.chirp_slope + middle)
+    expected = 60.0 + interval * (radar.center_frequency / radar.waveform.chirp_slope + middle)
     assert points.range[0] == pytest.approx(expected, abs=0.05 * radar.range_resolution)

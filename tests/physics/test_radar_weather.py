@@ -61,7 +61,7 @@ def test_water_of_fog_is_the_recommendations_within_a_third() -> None:
 
 
 def test_rain_lowers_a_target_by_the_two_way_loss() -> None:
-    radar = RadarSpec(
+    radar = RadarSpec().with_(
         num_chirps=8, num_samples=512, pattern=IsotropicPattern(), polarization="H", start_frequency=76.85e9
     )
     paths = point_targets([[200.0, 0.0, 0.0]], np.zeros((1, 3)), 1.0, radar, Pose())

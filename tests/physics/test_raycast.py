@@ -30,7 +30,7 @@ NUM_RAYS = 10_000
 
 
 def _radar(**changes: object) -> RadarSpec:
-    return RadarSpec(**{"azimuth_fov_deg": 20.0, "elevation_fov_deg": 10.0, **changes})
+    return RadarSpec().with_(**{"azimuth_fov_deg": 20.0, "elevation_fov_deg": 10.0, **changes})
 
 
 def _world(folder, *things: Thing, actors: tuple[Thing, ...] = ()):

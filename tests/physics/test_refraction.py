@@ -18,7 +18,7 @@ from tests.oracles import multipath as oracle
 from tests.oracles.fresnel import ITU_GLASS
 from tests.scenes import Material, Thing, plane, write_scene
 
-RADAR = RadarSpec(pattern=IsotropicPattern(), bandwidth=150e6)
+RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6)
 FEW = {"num_samples": 20_000, "refraction": True, "max_depth": 2}
 
 TRANSMITTED = (

@@ -19,7 +19,7 @@ CAMERA = CameraSpec(width=400, height=200, horizontal_fov_deg=90.0, images=("sem
 FOCAL = 200.0
 """[px]"""
 HERE = ss.Pose([0.0, 0.0, 0.0])
-RADAR = RadarSpec(num_chirps=16, num_samples=128)
+RADAR = RadarSpec().with_(num_chirps=16, num_samples=128)
 SETTINGS = RadarSettings(raycast={"num_rays": 40_000}, accuracy={"tube_budget": 4_000})
 RIG = Rig(
     "look",

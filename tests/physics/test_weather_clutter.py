@@ -34,7 +34,7 @@ from scarl_sionna.radar.weather.hydrometeors import spray
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.weather_street import street
 
-RADAR = RadarSpec(num_chirps=64, num_samples=128, ramp_time=7.5e-6, bandwidth=75e6 * 2)
+RADAR = RadarSpec().with_(num_chirps=64, num_samples=128, ramp_time=7.5e-6, bandwidth=75e6 * 2)
 HEAVY = Weather(rain_rate=50.0)
 ETA = falling(HEAVY, RADAR.center_frequency)[0].reflectivity
 

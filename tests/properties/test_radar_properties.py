@@ -12,7 +12,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 
-RADAR = RadarSpec(num_chirps=8, num_samples=32, sampling_frequency=20e6)
+RADAR = RadarSpec().with_(num_chirps=8, num_samples=32, sampling_frequency=20e6)
 FINE = Accuracy(synthesis_tolerance=1e-5)
 coordinate = st.floats(-20.0, 20.0)
 point = st.tuples(st.floats(5.0, 60.0), coordinate, coordinate)

@@ -24,7 +24,7 @@ from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-RADAR = RadarSpec(pattern=IsotropicPattern(), bandwidth=150e6, elevation_fov_deg=30.0)
+RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6, elevation_fov_deg=30.0)
 WAVENUMBER = 2.0 * np.pi * RADAR.center_frequency / 299_792_458.0
 OPTIONS = {
     "raycast": {"hits_per_cell": None, "num_rays": 200_000},

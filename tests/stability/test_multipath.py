@@ -27,7 +27,7 @@ from scarl_sionna.radar.points import solve_points
 from tests.oracles import multipath as oracle
 from tests.scenes import Thing, ball, box, plane, write_scene
 
-RADAR = RadarSpec(pattern=IsotropicPattern(), bandwidth=150e6)
+RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6)
 FEW = {"num_samples": 20_000}
 REPO = Path(__file__).resolve().parents[2]
 

@@ -13,7 +13,7 @@ from scarl_sionna.radar.channel import solve_paths
 from tests.scenes import Thing, box, plane, write_scene
 
 RADAR = RadarSpec(azimuth_fov_deg=10.0, elevation_fov_deg=5.0)
-WAVENUMBER = 2 * np.pi * RADAR.start_frequency / SPEED_OF_LIGHT
+WAVENUMBER = 2 * np.pi * RADAR.waveform.start_frequency / SPEED_OF_LIGHT
 
 
 def _lengths(paths) -> np.ndarray:

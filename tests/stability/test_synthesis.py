@@ -68,14 +68,14 @@ def error_db(radar, paths, tolerance):
 @pytest.mark.parametrize("speed", [0.0, 20.0, 70.0])
 @pytest.mark.parametrize("count", [2, 60])
 def test_fast_synthesis_equals_the_exact_sum(multiplexing, speed, count):
-    radar = RadarSpec(multiplexing=multiplexing, rx_positions=((0.0, 0.0, 0.0),))
+    radar = RadarSpec().with_(multiplexing=multiplexing, rx_positions=((0.0, 0.0, 0.0),))
     assert error_db(radar, scene(radar, count, speed), 1e-5) < -100.0
 
 
 @pytest.mark.usefixtures("each_method")
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-6])
 def test_error_stays_below_the_tolerance(tolerance):
-    radar = RadarSpec(**PAIR)
+    radar = RadarSpec().with_(**PAIR)
     for count in (1, 2, 40):
         assert error_db(radar, scene(radar, count, 70.0), tolerance) < 20.0 * np.log10(tolerance)
 
@@ -94,7 +94,7 @@ def test_error_stays_below_the_tolerance(tolerance):
 )
 def test_lone_paths_among_all_ranges_and_speeds_stay_below_the_tolerance(tolerance, fastest):
     # the group spans 1..255 m and +-fastest, so no correction is at rest; alone, no path hides another's error
-    radar = RadarSpec(**PAIR)
+    radar = RadarSpec().with_(**PAIR)
     rng = np.random.default_rng(3)
     distance = np.concatenate([[2.0, 2.0, 250.0, 250.0, 126.0, 1.0, 255.5], rng.uniform(2.0, 250.0, 5)])
     speed = fastest * np.concatenate([[1.0, -1.0, 1.0, -1.0, 0.0, 1.0, -1.0], rng.uniform(-1.0, 1.0, 5)])
@@ -116,7 +116,7 @@ def test_default_tolerance_is_the_bar():
 
 @pytest.mark.usefixtures("never_direct")
 def test_rounding_of_the_motion_does_not_make_a_path_bend():
-    radar = RadarSpec(**PAIR)
+    radar = RadarSpec().with_(**PAIR)
     straight = chirpz.is_straight(radar, np.array([0.0, 1e-5, -1e-5, 1.0]), 1e-4)
     assert straight.tolist() == [True, True, True, False]  # 1 m/s2 over 9.7 ms: 0.5 x (4.9 ms)**2 = 12 um = 0.04 rad
     paths = dataclasses.replace(scene(radar, 30, 70.0), length_acceleration=np.full(30, 1e-5))
@@ -127,7 +127,7 @@ def test_rounding_of_the_motion_does_not_make_a_path_bend():
 def test_bending_paths(forced, monkeypatch):
     if forced:
         monkeypatch.setattr(groups, "DIRECT_COST", np.inf)
-    radar = RadarSpec(num_chirps=128, **PAIR)
+    radar = RadarSpec().with_(num_chirps=128, **PAIR)
     paths = scene(radar, 40, 30.0, bend=True)
     assert paths.length_acceleration.max() > 10.0
     assert error_db(radar, paths, 1e-5) < -100.0
@@ -136,7 +136,7 @@ def test_bending_paths(forced, monkeypatch):
 @pytest.mark.usefixtures("each_method")
 @pytest.mark.parametrize(("num_samples", "num_chirps"), [(1, 1), (1, 64), (64, 1), (127, 63), (128, 63)])
 def test_odd_and_tiny_frames(num_samples, num_chirps):
-    radar = RadarSpec(
+    radar = RadarSpec().with_(
         num_samples=num_samples, num_chirps=num_chirps, sampling_frequency=10e6 if num_samples < 300 else None
     )
     paths = scene(radar, 20, 50.0)
@@ -148,7 +148,7 @@ def test_odd_and_tiny_frames(num_samples, num_chirps):
 @pytest.mark.usefixtures("never_direct")
 def test_long_frame_and_steep_slope():
     # 4 GHz in 40 us over 20 ms: migration of 38 bins at 70 m/s, residual phase of 120 rad
-    radar = RadarSpec(bandwidth=4e9, ramp_time=40e-6, idle_time=40e-6, num_chirps=256, num_samples=512, **PAIR)
+    radar = RadarSpec().with_(bandwidth=4e9, ramp_time=40e-6, idle_time=40e-6, num_chirps=256, num_samples=512, **PAIR)
     rng = np.random.default_rng(0)
     distance = rng.uniform(2.0, 18.0, 30)
     velocity = rng.uniform(-70.0, 70.0, 30)
@@ -160,14 +160,14 @@ def test_long_frame_and_steep_slope():
 def test_exact_sum_equals_an_independent_oracle():
     # the oracle moves every point and traces every antenna; points far enough that the length rates of the antennas,
     # 11 mm from the centre, agree: 0.011 m / 150 m x 5 m/s across x 2.5 ms = 1 um = 1.5e-3 rad
-    radar = RadarSpec(
+    radar = RadarSpec().with_(
         num_chirps=64, num_samples=128, sampling_frequency=10e6, pattern=IsotropicPattern(), tx_power_dbm=30.0, **PAIR
     )
     positions = np.array([[100.0, 10.0, 1.0], [140.0, -30.0, 0.0]])
     velocities = np.array([[-40.0, 5.0, 0.0], [25.0, -5.0, 0.0]])
     paths = point_targets(positions, velocities, 1e4, radar, Pose())
     expected = point_scatterer_signal(
-        positions, velocities, paths.a[:, 0, 0].real, radar.tx_array[0], radar.rx_array[0], 77e9, radar.chirp_slope,
+        positions, velocities, paths.a[:, 0, 0].real, radar.tx_array[0], radar.rx_array[0], 77e9, radar.waveform.chirp_slope,
         10e6, 128, np.arange(64) * radar.doppler_interval,
     )  # fmt: skip
     for method in ("direct", "nufft"):
@@ -178,7 +178,7 @@ def test_exact_sum_equals_an_independent_oracle():
 
 @pytest.mark.usefixtures("each_method")
 def test_same_bytes_for_any_number_of_threads(monkeypatch):
-    radar = RadarSpec(num_chirps=64)
+    radar = RadarSpec().with_(num_chirps=64)
     paths = scene(radar, 3000, 70.0)
     one = synthesize(paths, radar)
     again = synthesize(paths, radar)
@@ -189,7 +189,7 @@ def test_same_bytes_for_any_number_of_threads(monkeypatch):
 
 @pytest.mark.usefixtures("each_method")
 def test_chunks_change_nothing(monkeypatch):
-    radar = RadarSpec(num_chirps=32, **PAIR)
+    radar = RadarSpec().with_(num_chirps=32, **PAIR)
     paths = scene(radar, 900, 70.0)
     fine = Accuracy(synthesis_tolerance=1e-5)
     whole = synthesize(paths, radar, accuracy=fine)
@@ -200,14 +200,14 @@ def test_chunks_change_nothing(monkeypatch):
 
 
 def test_no_paths_give_silence():
-    radar = RadarSpec(num_chirps=4)
+    radar = RadarSpec().with_(num_chirps=4)
     paths = point_targets([], [], 1.0, radar, Pose())
     adc = synthesize(paths, radar)
     assert adc.shape == (4, 12, 512) and adc.dtype == np.complex64 and not adc.any()
 
 
 def test_paths_beyond_the_filter_are_left_out_with_a_warning():
-    radar = RadarSpec(num_chirps=8)
+    radar = RadarSpec().with_(num_chirps=8)
     near = point_targets([[50.0, 0.0, 0.0]], [[0.0] * 3], 1.0, radar, Pose())
     both = point_targets([[50.0, 0.0, 0.0], [300.0, 0.0, 0.0]], [[0.0] * 3] * 2, 1.0, radar, Pose())
     with pytest.warns(ScarlWarning, match="1 of 2 paths"):
@@ -217,7 +217,7 @@ def test_paths_beyond_the_filter_are_left_out_with_a_warning():
 
 def test_weak_point_beside_a_strong_one_keeps_its_amplitude():
     # 60 dB apart: the error of 1e-5 of the strong one is 1 % of the weak one, spread over all cells
-    radar = RadarSpec(num_chirps=64, **PAIR)
+    radar = RadarSpec().with_(num_chirps=64, **PAIR)
     strong = point_targets([[30.0, 0.0, 0.0]], [[-60.0, 0.0, 0.0]], 1e4, radar, Pose())
     weak = point_targets([[30.0, 0.0, 0.0]], [[5.0, 0.0, 0.0]], 1e-2, radar, Pose())
     pair = point_targets([[30.0, 0.0, 0.0]] * 2, [[-60.0, 0.0, 0.0], [5.0, 0.0, 0.0]], [1e4, 1e-2], radar, Pose())
@@ -228,7 +228,7 @@ def test_weak_point_beside_a_strong_one_keeps_its_amplitude():
 
 
 def test_paths_of_nan_are_refused():
-    radar = RadarSpec(num_chirps=4)
+    radar = RadarSpec().with_(num_chirps=4)
     paths = point_targets([[50.0, 0.0, 0.0]], [[0.0] * 3], 1.0, radar, Pose())
     with pytest.raises(ValueError, match="length_rate"):
         synthesize(dataclasses.replace(paths, length_rate=np.array([np.nan])), radar)

@@ -21,7 +21,7 @@ from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 ARMS = tuple((0.0, float(y), 0.0) for y in np.linspace(-0.5, 0.5, 5))
-SINGLE = RadarSpec(
+SINGLE = RadarSpec().with_(
     pattern=IsotropicPattern(),
     bandwidth=150e6,
     num_chirps=1,

@@ -66,9 +66,9 @@ def test_false_alarm_rate(window, pfa):
 
 
 def test_quantization_noise():
-    radar = RADAR.with_(adc_bits=8)
+    radar = RADAR.with_(bits=8)
     rng = np.random.default_rng(2)
-    amplitude = 0.5 * np.sqrt(10 ** ((radar.adc_full_scale_dbm - 30) / 10))
+    amplitude = 0.5 * np.sqrt(10 ** ((radar.adc.full_scale_dbm - 30) / 10))
     tone = (amplitude * np.exp(2j * np.pi * rng.random(200_000))).astype(np.complex64)
     codes, scale, saturated = quantize(tone, radar)
     error = codes.astype(np.float64) @ [1.0, 1j] * scale - tone

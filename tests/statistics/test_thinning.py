@@ -12,7 +12,7 @@ from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from tests.scenes import Thing, ball, plane, write_scene
 
-RADAR = RadarSpec(num_chirps=64, num_samples=256, sampling_frequency=512 / 30e-6)
+RADAR = RadarSpec().with_(num_chirps=64, num_samples=256, sampling_frequency=512 / 30e-6)
 SPEED = Twist(linear=[11.0, 0.0, 0.0])
 
 
@@ -48,7 +48,7 @@ def _expected_power(paths, bins: np.ndarray) -> np.ndarray:
     offset = paths.tx_point - paths.world_from_tx.position
     distance = np.linalg.norm(offset, axis=1)
     unit = offset / distance[:, None]
-    gain_db = RADAR.pattern.gain_db(np.arctan2(unit[:, 1], unit[:, 0]), np.arcsin(unit[:, 2]))
+    gain_db = RADAR.array.pattern.gain_db(np.arctan2(unit[:, 1], unit[:, 0]), np.arcsin(unit[:, 2]))
     power = np.abs(paths.a[:, 0, 0]) ** 2 * 10 ** (gain_db / 5)
     velocity = paths.length_rate / 2
     out = np.empty(len(bins))
@@ -96,7 +96,7 @@ def test_objects_keep_their_power_and_no_object_is_lost(state) -> None:
 def _gain(paths) -> np.ndarray:
     unit = paths.tx_point - paths.world_from_tx.position
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-    return 10 ** (RADAR.pattern.gain_db(np.arctan2(unit[:, 1], unit[:, 0]), np.arcsin(unit[:, 2])) / 5)
+    return 10 ** (RADAR.array.pattern.gain_db(np.arctan2(unit[:, 1], unit[:, 0]), np.arcsin(unit[:, 2])) / 5)
 
 
 def test_speckle_of_a_cell_is_exponential(state) -> None:

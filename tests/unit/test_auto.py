@@ -94,7 +94,7 @@ def test_bound_of_a_plate_is_its_flash_and_of_a_large_one_the_image(tmp_path) ->
         sbr = solve_paths(state, RADAR, Pose(), "sbr", instances=["plate"])
         length = np.linalg.norm(sbr.tx_point, axis=1) + np.linalg.norm(sbr.rx_point, axis=1)
         field = np.sum(sbr.a[:, 0, 0] * np.exp(-2j * np.pi * RADAR.center_frequency / 299792458.0 * length))
-        power_dbm = 20 * np.log10(abs(field)) + RADAR.tx_power_dbm + 2 * RADAR.pattern.gain_db(0.0, 0.0)
+        power_dbm = 20 * np.log10(abs(field)) + RADAR.front_end.tx_power_dbm + 2 * RADAR.array.pattern.gain_db(0.0, 0.0)
         found = power_dbm - 30 - 10 * np.log10(cell_noise_power(RADAR))
         # Metal loses 0.01 dB; the large plate's rim adds up to a few decibels of ripple to the image.
         assert item.bound_db == pytest.approx(found, abs=0.1 if size < 1.0 else 4.0)

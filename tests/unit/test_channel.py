@@ -23,7 +23,7 @@ from scarl_sionna.radar.channel.raycast.grid import RayGrid
 from scarl_sionna.radar.sensor import Radar
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-RADAR = RadarSpec(num_chirps=8, num_samples=32)
+RADAR = RadarSpec().with_(num_chirps=8, num_samples=32)
 NUM_RAYS = 5_000
 
 

@@ -19,7 +19,7 @@ from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.converter import quantize
 from tests.frames import make_frame
 
-RADAR = RadarSpec(num_chirps=64, num_samples=128)
+RADAR = RadarSpec().with_(num_chirps=64, num_samples=128)
 RADAR_POSE = Pose.from_euler([3.0, 1.0, 0.8], yaw=0.3)
 VEHICLE_TWIST = Twist([8.0, 1.0, 0.0], [0.0, 0.0, 0.2])
 

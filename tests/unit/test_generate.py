@@ -25,7 +25,7 @@ from tests.scenes import Thing, box, plane, write_scene
 
 CAMERA = CameraSpec(width=32, height=18, samples_per_pixel=4)
 LIDAR = LidarSpec(num_azimuth=31, num_elevation=9, range_noise_variance_per_metre=1e-4)
-RADAR = RadarSpec(num_chirps=8, num_samples=64)
+RADAR = RadarSpec().with_(num_chirps=8, num_samples=64)
 SETTINGS = RadarSettings(raycast={"num_rays": 500}, accuracy={"tube_budget": 50})
 TURN = (np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4))  # +90 deg about z
 

@@ -20,7 +20,7 @@ from scarl_sionna.signal.noise import add_noise
 from scarl_sionna.signal.peaks import tone_offset
 from scarl_sionna.signal.processing import noise_bandwidth, range_doppler, virtual_cube, window_values
 
-SMALL = RadarSpec(num_chirps=16, num_samples=64)
+SMALL = RadarSpec().with_(num_chirps=16, num_samples=64)
 STILL = [[0.0, 0.0, 0.0]]
 
 
@@ -68,7 +68,7 @@ def test_line_of_the_default_array_is_uniform_and_the_board_is_not():
 def test_line_by_transform_and_by_steering_agree():
     cube = small_cube()
     radar = SMALL.with_(
-        rx_positions=(*SMALL.rx_positions[:3], (1e-5, *SMALL.rx_positions[3][1:]))
+        rx_positions=(*SMALL.array.rx_positions[:3], (1e-5, *SMALL.array.rx_positions[3][1:]))
     )  # 10 um off the line
     assert uniform_line(radar) is None
     fast, general = range_doppler_angle(cube, SMALL), range_doppler_angle(cube, radar)
@@ -86,7 +86,7 @@ def test_no_generator_means_no_noise():
 
 
 def test_quantize_full_scale_and_saturation():
-    peak = np.sqrt(1e-3 * 10 ** (SMALL.adc_full_scale_dbm / 10))
+    peak = np.sqrt(1e-3 * 10 ** (SMALL.adc.full_scale_dbm / 10))
     codes, scale, saturated = quantize(np.array([peak, -1j * peak], dtype=np.complex64), SMALL)
     assert codes.dtype == np.int16 and codes.shape == (2, 2) and saturated == 0
     assert codes.tolist() == [[32767, 0], [0, -32767]]

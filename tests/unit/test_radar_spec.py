@@ -13,15 +13,16 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT as C
 
 def test_table_1_of_scarl() -> None:
     radar = RadarSpec.preset("awr1843boost")
-    assert (radar.start_frequency, radar.bandwidth, radar.ramp_time, radar.idle_time) == (77e9, 300e6, 30e-6, 8e-6)
+    ramp = radar.waveform
+    assert (ramp.start_frequency, ramp.bandwidth, ramp.ramp_time, ramp.idle_time) == (77e9, 300e6, 30e-6, 8e-6)
     assert (radar.num_chirps, radar.num_samples) == (256, 512)
-    assert (radar.num_tx, radar.num_rx, radar.num_virtual, radar.multiplexing) == (3, 4, 12, "ideal")
+    assert (radar.num_tx, radar.num_rx, radar.num_virtual, radar.multiplexing.kind) == (3, 4, 12, "ideal")
     # azimuth resolution: lambda / (N d) = 2 / 12 rad
     virtual = np.sort((radar.tx_array[:, None, 1] + radar.rx_array[None, :, 1]).ravel())
     np.testing.assert_allclose(np.diff(virtual), radar.wavelength / 2, rtol=1e-12)
     assert np.degrees(radar.wavelength / (12 * np.diff(virtual)[0])) == pytest.approx(9.549, abs=5e-4)
     for side in (-45, 45):
-        loss = radar.pattern.gain_db(np.radians(side), 0.0) - radar.pattern.gain_db(0.0, 0.0)
+        loss = radar.array.pattern.gain_db(np.radians(side), 0.0) - radar.array.pattern.gain_db(0.0, 0.0)
         assert loss == pytest.approx(10 * np.log10(0.5))
 
 
@@ -39,13 +40,13 @@ def test_derived_quantities() -> None:
 def test_board_layout_reaches_elevation() -> None:
     board = RadarSpec.preset("awr1843boost_3d")
     virtual = board.tx_array[:, None] + board.rx_array[None]
-    assert board.multiplexing == "tdm" and np.ptp(virtual[..., 2]) == pytest.approx(board.wavelength / 2)
+    assert board.multiplexing.kind == "tdm" and np.ptp(virtual[..., 2]) == pytest.approx(board.wavelength / 2)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"bandwidth": -1.0}, "RadarSpec.bandwidth = -1.0"),
+        ({"bandwidth": -1.0}, "RadarSpec.waveform.bandwidth = -1.0"),
         ({"num_samples": 0}, "num_samples"),
         ({"noise_figure_db": -1.0}, "noise_figure_db"),
         ({"tx_positions": ()}, "tx_positions"),
@@ -58,7 +59,7 @@ def test_board_layout_reaches_elevation() -> None:
 )
 def test_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterRangeError, match=message):
-        RadarSpec(**change)
+        RadarSpec().with_(**change)
 
 
 def test_unknown_preset() -> None:

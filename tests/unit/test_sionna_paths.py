@@ -24,7 +24,7 @@ from scarl_sionna.scene.materials.table import builtin_materials
 from tests.oracles.fresnel import ITU_GLASS
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-RADAR = RadarSpec(pattern=IsotropicPattern(), num_chirps=8, num_samples=64, bandwidth=150e6)
+RADAR = RadarSpec().with_(pattern=IsotropicPattern(), num_chirps=8, num_samples=64, bandwidth=150e6)
 FEW = {"num_samples": 20_000}
 RNG = np.random.default_rng
 
@@ -119,7 +119,7 @@ def test_a_layer_lets_through_when_asked(state) -> None:
     assert through.num_paths == 1 and through.interaction[0].tolist()[:3] == [4, 0, 4]
     free = point_targets(target, [[0, 0, 0]], 1.0, RADAR, Pose())
     assert np.allclose(through.tx_point, free.tx_point)  # straight
-    te, tm = transmission(builtin_materials()["glass"], RADAR.start_frequency, 10.0 / np.hypot(10.0, 12.0))
+    te, tm = transmission(builtin_materials()["glass"], RADAR.waveform.start_frequency, 10.0 / np.hypot(10.0, 12.0))
     coherent = 1.0 - builtin_materials()["glass"].scattering_coefficient ** 2
     # Vertical pane and level ray: V is TE, H is TM; there and back.
     assert np.allclose(through.a[0] / free.a[0, 0, 0], np.diag([te**2, tm**2]) * coherent, rtol=1e-9, atol=1e-12)

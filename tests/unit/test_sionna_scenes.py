@@ -108,7 +108,7 @@ def test_a_users_own_xml_gets_our_materials(tmp_path, bsdf: str, used: str, expe
     with variant.radio():
         paths = solve_paths(state, RADAR, Pose([-8.0, 0.1, 0.2]), "sionna", num_samples=50_000, max_depth=1)
     assert paths.num_paths == 1
-    q = np.sqrt(builtin_materials()[expected].at(RADAR.start_frequency))
+    q = np.sqrt(builtin_materials()[expected].at(RADAR.waveform.start_frequency))
     material = builtin_materials()[expected]
     if material.thickness is None:
         coherent = np.sqrt(1 - material.scattering_coefficient**2)

@@ -166,7 +166,7 @@ def test_more_frames_later_give_the_same_bytes_as_at_once(dataset_path, tmp_path
 def test_another_configuration_is_refused_and_the_difference_named(tmp_path) -> None:
     out = write_dataset(tmp_path / "out", RIG.to_dict(), {"a": FRAMES}, configuration={"seed": 0})
     other = json.loads(json.dumps(RIG.to_dict()))
-    other["sensors"][3]["spec"]["bandwidth"] = 1e9
+    other["sensors"][3]["spec"]["waveform"]["bandwidth"] = 1e9
     before = contents(out)
     with pytest.raises(OutputError, match=r"bandwidth: 300000000\.0 there.*seed: 0 there, 5 asked for.*overwrite"):
         write_dataset(out, other, {"a": FRAMES}, configuration={"seed": 5})

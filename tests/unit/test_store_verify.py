@@ -180,7 +180,7 @@ def test_no_dataset_a_newer_one_and_another_format(whole, tmp_path) -> None:
             open_dataset(place)
     manifest = json.loads((whole / "manifest.json").read_text())
     for change, message in (
-        ({"schema_version": 99}, "schema version 99 is newer than 1.*update scarl-sionna"),
+        ({"schema_version": 99}, "schema version 99 is newer than 2.*update scarl-sionna"),
         ({"schema_version": "soon"}, "newer"),
         ({"format": "other"}, "not a dataset of scarl-sionna"),
         ({"scenes": None}, "is damaged"),

@@ -186,7 +186,7 @@ class _Capture:
             "num_tx": spec.num_tx, "num_chirps": spec.num_chirps, "num_chirps_total": spec.num_chirps_total,
             "num_samples": spec.num_samples, "bytes_per_frame": int(self.first.adc_int.nbytes),
             "scale": float(self.first.adc_scale), "scale_unit": "sqrt(W)", "timestamp_ns": self.times,
-            "start_frequency": spec.start_frequency, "chirp_slope": spec.chirp_slope, "sample_rate": spec.sample_rate,
+            "start_frequency": spec.waveform.start_frequency, "chirp_slope": spec.waveform.chirp_slope, "sample_rate": spec.sample_rate,
             "doppler_interval": spec.doppler_interval, "range_resolution": spec.range_resolution,
             "velocity_resolution": spec.velocity_resolution, "spec": spec.model_dump(mode="json"),
         }  # fmt: skip

@@ -86,8 +86,12 @@ class Dataset(Sequence["StoredFrame"]):
 
     @property
     def rig(self) -> dict[str, Any]:
-        """The rig, as `Rig.to_dict()` gives it."""
-        return dict(self.plan.rig)
+        """The rig, as `Rig.to_dict()` gives it, also of a dataset of an earlier schema version."""
+        sensors = [
+            {**mount, "spec": spec_of(mount).model_dump(mode="json")} if mount["kind"] == "radar" else mount
+            for mount in self.plan.rig["sensors"]
+        ]
+        return {**self.plan.rig, "sensors": sensors}
 
     @property
     def sensors(self) -> dict[str, str]:

@@ -127,9 +127,8 @@ def _plain_names(node: Any) -> Any:
 
 def _radar_axes(node: Any, spec: RadarSpec) -> Any:
     row = np.arange(spec.num_chirps_total)
-    sent = row // spec.num_tx * spec.doppler_interval
-    if spec.multiplexing == "tdm":
-        sent = sent + row % spec.num_tx * spec.chirp_interval
+    delay = np.array([spec.tx_delay(tx) for tx in range(spec.num_tx)])
+    sent = row // spec.num_tx * spec.doppler_interval + delay[row % spec.num_tx]
     return node.assign_coords(
         fast_time=("sample", np.arange(spec.num_samples) / spec.sample_rate, {"units": "s"}),
         slow_time=("chirp", sent, {"units": "s", "long_name": "start of the ramp"}),

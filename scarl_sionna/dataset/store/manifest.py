@@ -31,11 +31,13 @@ BACKUP = "manifest.backup.json"
 ARRAYS, IMAGES, SHARDS = "arrays", "images", "shards"
 """Folders of a dataset: a Zarr hierarchy with a group a scene, PNG files, and what was made and its checksums."""
 SPLITS = ("train", "val", "test")
+FROM_PLAN = ("configuration", "configuration_hash", "scenes", "splits", "shards")
+"""Entries of a manifest that follow from the plan and the shards, the same in every schema version."""
 
 _SCENE_NAME = re.compile(r"[A-Za-z0-9_\-]+")
 _RESERVED = frozenset({"objects", *(item.name for item in schema.FRAME)})
 _RADAR_NUMBERS = (
-    "num_tx", "num_rx", "num_virtual", "num_chirps_total", "num_samples", "chirp_slope", "sample_rate",
+    "num_tx", "num_rx", "num_virtual", "num_chirps_total", "num_samples", "sample_rate",
     "doppler_interval", "center_frequency", "range_resolution", "max_range", "velocity_resolution",
     "unambiguous_velocity",
 )  # fmt: skip
@@ -330,5 +332,5 @@ def _derived(spec: Spec) -> dict[str, Any]:
     if isinstance(spec, LidarSpec):
         return {"num_azimuth": spec.num_azimuth, "num_elevation": spec.num_elevation}
     if isinstance(spec, RadarSpec):
-        return {name: getattr(spec, name) for name in _RADAR_NUMBERS}
+        return {name: getattr(spec, name) for name in _RADAR_NUMBERS} | {"chirp_slope": spec.waveform.chirp_slope}
     return {}

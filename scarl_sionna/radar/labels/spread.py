@@ -89,7 +89,7 @@ class PathCells:
     def range_bin(self, index: Index, doppler: float | Array) -> Array:
         """Return the places over range in a row of the map of a Doppler frequency [Hz], without padding, modulo num_samples."""
         radar = self.radar
-        coupling = 1.0 + radar.chirp_slope * FrameGrid(radar).center_time(0) / radar.center_frequency
+        coupling = 1.0 + radar.waveform.chirp_slope * FrameGrid(radar).center_time(0) / radar.center_frequency
         removed = np.asarray(doppler) * coupling * radar.num_samples / radar.sample_rate
         beat = self.beat_bin[index].reshape((-1,) + (1,) * (removed.ndim - 1))
         return np.mod(beat - removed, radar.num_samples)

@@ -101,7 +101,7 @@ class Box:
         last = delay_rate + grid.center_time(radar.num_tx - 1) * delay_acceleration
         rates = float(np.minimum(first, last).min()), float(np.maximum(first, last).max())
         # the bend is smaller than the acceleration by the delay's part in it, at most that of the largest range
-        shrink = float(grid.bend(radar.num_samples / radar.sample_rate + radar.ramp_time, 1.0))
+        shrink = float(grid.bend(radar.num_samples / radar.sample_rate + radar.waveform.ramp_time, 1.0))
         edges = [s * float(e) for s in (1.0, shrink) for e in (delay_acceleration.min(), delay_acceleration.max())]
         bends = min(edges), max(edges)
         phases = tuple(

@@ -30,8 +30,8 @@ def delay_terms(length: Array, rate: Array, acceleration: Array) -> tuple[Array,
 
 def beat_cycles(radar: RadarSpec, delay: Array, ts: Array | float) -> Array:
     """Return the phase of the beat signal in cycles, exact."""
-    slope = radar.chirp_slope
-    return radar.start_frequency * delay + slope * delay * (ts - 0.5 * delay)
+    slope = radar.waveform.chirp_slope
+    return radar.waveform.start_frequency * delay + slope * delay * (ts - 0.5 * delay)
 
 
 def phasor(cycles: Array) -> npt.NDArray[np.complex128]:
@@ -71,7 +71,7 @@ class FrameGrid:
 
     def tx_delay(self, tx: int) -> float:
         """Start of a transmitter's ramps after the first transmitter's [s]."""
-        return tx * self.radar.chirp_interval if self.radar.multiplexing == "tdm" else 0.0
+        return self.radar.tx_delay(tx)
 
     def center_time(self, tx: int) -> float:
         """Time of the middle sample of the middle chirp of a transmitter in the frame [s]."""
@@ -83,18 +83,18 @@ class FrameGrid:
         With ``q = x + y`` and the delay ``tau + u q + b q**2 / 2`` about the middle, what the expansion leaves is
         :meth:`residual_cycles`.
         """
-        radar, slope = self.radar, self.radar.chirp_slope
+        radar, slope = self.radar, self.radar.waveform.chirp_slope
         time = self.center_time(tx)
         middle = delay + time * (rate + 0.5 * time * acceleration)
         middle_rate = rate + time * acceleration
         constant = beat_cycles(radar, middle, self.ts_center)
-        over_y = middle_rate * (radar.start_frequency + slope * (self.ts_center - middle))
+        over_y = middle_rate * (radar.waveform.start_frequency + slope * (self.ts_center - middle))
         return constant, over_y + slope * middle, over_y, middle_rate
 
     def bend(self, delay: Array | float, acceleration: Array | float) -> Array:
         """Return the acceleration scaled by the part of the residual that depends on the delay itself."""
-        center = self.radar.start_frequency + self.radar.chirp_slope * self.ts_center
-        return np.asarray(acceleration) * (1.0 - self.radar.chirp_slope * delay / center)
+        center = self.radar.waveform.start_frequency + self.radar.waveform.chirp_slope * self.ts_center
+        return np.asarray(acceleration) * (1.0 - self.radar.waveform.chirp_slope * delay / center)
 
     def residual_cycles(self, rate: float, bend: float, edges_only: bool = False) -> Array:
         """Return what the expansion leaves for one rate and bend [cycles], shape (num_chirps, num_samples).
@@ -105,7 +105,7 @@ class FrameGrid:
         x, y = (self.x[[0, -1]], self.y[[0, -1]]) if edges_only else (self.x, self.y)
         x = x[None, :]
         q = x + y[:, None]
-        slope = self.radar.chirp_slope
+        slope = self.radar.waveform.chirp_slope
         change = q * (rate + 0.5 * bend * q)
-        center = self.radar.start_frequency + slope * self.ts_center
+        center = self.radar.waveform.start_frequency + slope * self.ts_center
         return slope * change * (x - 0.5 * change) + 0.5 * center * bend * q * q

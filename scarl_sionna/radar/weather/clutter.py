@@ -98,7 +98,7 @@ def beam_share(radar: RadarSpec) -> float:
     A beam is as wide as the wavelength over the array's extent, in azimuth and in elevation; an array without extent does not tell
     directions apart.
     """
-    cumulated = _directions(radar.pattern)[2]
+    cumulated = _directions(radar.array.pattern)[2]
     density = np.diff(cumulated, prepend=0.0).reshape(180, 180)
     extent = np.ptp((radar.tx_array[:, None] + radar.rx_array[None]).reshape(-1, 3), axis=0)
     share = 1.0
@@ -134,7 +134,7 @@ def mean_clutter_power(
     ----------
     .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, section 7.6.
     """
-    scale = dbm_to_watt(radar.tx_power_dbm) * radar.wavelength**2 * reflectivity / (4.0 * np.pi) ** 3
+    scale = dbm_to_watt(radar.front_end.tx_power_dbm) * radar.wavelength**2 * reflectivity / (4.0 * np.pi) ** 3
     near, far = np.asarray(near, dtype=np.float64), np.asarray(far, dtype=np.float64)
     rate = 2.0 * attenuation_db_per_km * math.log(10.0) / 1e4
     integral = 1.0 / near - 1.0 / far
@@ -142,7 +142,7 @@ def mean_clutter_power(
         integral = (np.exp(-rate * near) / near + rate * expi(-rate * near)) - (
             np.exp(-rate * far) / far + rate * expi(-rate * far)
         )
-    return np.asarray(scale * two_way_gain_integral(radar.pattern) * integral)
+    return np.asarray(scale * two_way_gain_integral(radar.array.pattern) * integral)
 
 
 def clutter_budget(weather: Weather, radar: RadarSpec, reach: float | None = None) -> ClutterBudget:
@@ -168,7 +168,7 @@ def clutter_budget(weather: Weather, radar: RadarSpec, reach: float | None = Non
     spread = math.sqrt(2.0 * math.pi) * max(weather.turbulence, 1e-6)
     share = min(1.0, radar.velocity_resolution / spread)
     over_noise = share * beam_share(radar) / cell_noise_power(radar)
-    loss = weather_attenuation(weather, radar.center_frequency, radar.polarization)
+    loss = weather_attenuation(weather, radar.center_frequency, radar.array.polarization)
     power = mean_clutter_power(radar, eta, edges[:-1], np.maximum(edges[1:], edges[:-1] + 1e-6), loss) * over_noise
     heard = np.flatnonzero(power > 10.0 ** (DEFAULT_ACCURACY.channel_floor_db / 10.0))
     middle = np.array([5.0, 10.0, 20.0, 50.0])
@@ -234,7 +234,7 @@ def volume_clutter(
     of_bin = np.repeat(np.arange(num_bins), number)
     place = np.arange(len(of_bin)) - np.repeat(np.cumsum(number) - number, number)
     distance = lower[of_bin] + width[of_bin] * (place + rng.random(len(of_bin))) / number[of_bin]
-    azimuth, elevation, cumulated, _ = _directions(radar.pattern)
+    azimuth, elevation, cumulated, _ = _directions(radar.array.pattern)
     cell = np.minimum(np.searchsorted(cumulated, rng.random(distance.size), side="right"), len(azimuth) - 1)
     jitter = (rng.random((2, distance.size)) - 0.5) * np.radians(_GRID_DEG)
     phi, theta = azimuth[cell] + jitter[0], elevation[cell] + jitter[1]

@@ -115,7 +115,7 @@ def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach
     flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
     coherent = semantic not in DIFFUSE_CLASSES and _smooth_share(state, info) > 0.5
     largest = flat if coherent else mean * 10.0 ** (SPECKLE_DB / 10.0)
-    scale = dbm_to_watt(radar.tx_power_dbm) * gain**2 * radar.wavelength**2 / (4.0 * np.pi) ** 3 / distance**4
+    scale = dbm_to_watt(radar.front_end.tx_power_dbm) * gain**2 * radar.wavelength**2 / (4.0 * np.pi) ** 3 / distance**4
     scale /= cell_noise_power(radar)
     triangles = state._triangles
     faces = sum(int(triangles.first[part + 1] - triangles.first[part]) for part in info.parts)
@@ -222,10 +222,10 @@ def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) 
     if far <= radius or np.arcsin(radius / far) > np.radians(10.0):
         x, y, _ = (nearest - pose.position) @ pose.rotation
         behind = far > radius and np.abs(np.arctan2(y, x)) > fov[0] / 2.0 and _outside(pose, center, radius, fov)
-        return not behind, float(field_gain(radar.pattern, np.array([[1.0, 0.0, 0.0]]))[0]) ** 2, wide
+        return not behind, float(field_gain(radar.array.pattern, np.array([[1.0, 0.0, 0.0]]))[0]) ** 2, wide
     signs = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)] + [(0, 0, 0)]) / 2.0
     corners = (box.apply(signs * size) - pose.position) @ pose.rotation
-    gain = float(field_gain(radar.pattern, corners).max()) ** 2
+    gain = float(field_gain(radar.array.pattern, corners).max()) ** 2
     return not _outside(pose, center, radius, fov), gain, wide
 
 

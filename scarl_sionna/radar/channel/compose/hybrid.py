@@ -247,11 +247,11 @@ def _length(paths: RadarPaths) -> npt.NDArray[np.float64]:
 
 def received_power(paths: RadarPaths, radar: RadarSpec) -> npt.NDArray[np.float64]:
     """Return the power that one antenna pair receives by each path [W]."""
-    entry = "VH".index(radar.polarization)
+    entry = "VH".index(radar.array.polarization)
     gain = np.ones(paths.num_paths)
     for point, pose in ((paths.tx_point, paths.world_from_tx), (paths.rx_point, paths.world_from_rx)):
-        gain = gain * field_gain(radar.pattern, (point - pose.position) @ pose.rotation)
-    return np.asarray((np.abs(paths.a[:, entry, entry]) * gain) ** 2 * dbm_to_watt(radar.tx_power_dbm))
+        gain = gain * field_gain(radar.array.pattern, (point - pose.position) @ pose.rotation)
+    return np.asarray((np.abs(paths.a[:, entry, entry]) * gain) ** 2 * dbm_to_watt(radar.front_end.tx_power_dbm))
 
 
 def chains_of(paths: RadarPaths) -> set[tuple[int, ...]]:

@@ -232,7 +232,7 @@ class _Solver:
         to_radar: bool = False,
     ) -> Legs:
         start = time.perf_counter()
-        legs = legs_of(self.state, traced, station, ends, velocity, rotation, self.radar.start_frequency, to_radar)
+        legs = legs_of(self.state, traced, station, ends, velocity, rotation, self.radar.carrier_frequency, to_radar)
         self.mirrors.append((legs, station))
         self.clock["geometry"] += time.perf_counter() - start
         return legs

@@ -200,8 +200,8 @@ def _thinned(columns: dict[str, npt.NDArray[Any]], model: _Model, hits_per_cell:
     x, y, z = columns["ray"].T
     cells = ResolutionCells.of(model.radar)
     cell = cells.number(columns["distance"], columns["length_rate"] / 2.0, y, z, columns["instance"])
-    entry = 0 if model.radar.polarization == "V" else 1
-    gain_db = model.radar.pattern.gain_db(np.arctan2(y, x), np.arcsin(np.clip(z, -1.0, 1.0)))
+    entry = 0 if model.radar.array.polarization == "V" else 1
+    gain_db = model.radar.array.pattern.gain_db(np.arctan2(y, x), np.arcsin(np.clip(z, -1.0, 1.0)))
     received = np.abs(columns["a"][:, entry, entry]) ** 2 * 10.0 ** (gain_db / 5.0)
     tiny = np.finfo(np.float64).tiny ** 0.5
     kept, growth = thin(cell, np.maximum(received, tiny), hits_per_cell)
@@ -219,7 +219,7 @@ def _reflectances(hits: RayHits, sine_elevation: Array, state: WorldState, model
     for index in np.flatnonzero(np.bincount(material_of_hit)):
         rows = np.flatnonzero(material_of_hit == index)
         material = state.world.materials[known[index]]
-        te[rows], tm[rows] = power_reflectance(material, model.radar.start_frequency, hits.cos_incidence[rows])
+        te[rows], tm[rows] = power_reflectance(material, model.radar.carrier_frequency, hits.cos_incidence[rows])
     normal_up = hits.normal @ model.pose.rotation[:, 2]
     fraction = te_fraction_of_h(sine_elevation[hits.ray], hits.cos_incidence, normal_up)
     return te + fraction * (tm - te), tm + fraction * (te - tm)

@@ -46,10 +46,10 @@ def in_order(columns: Columns) -> Columns:
 
 def received(columns: Columns, radar: RadarSpec, tx: Pose, rx: Pose) -> Array:
     """Return the amplitude that one antenna pair receives [sqrt(W)]."""
-    entry = "VH".index(radar.polarization)
-    gain = field_gain(radar.pattern, (columns["tx_point"] - tx.position) @ tx.rotation)
-    gain = gain * field_gain(radar.pattern, (columns["rx_point"] - rx.position) @ rx.rotation)
-    return np.abs(columns["a"][:, entry, entry]) * gain * np.sqrt(dbm_to_watt(radar.tx_power_dbm))
+    entry = "VH".index(radar.array.polarization)
+    gain = field_gain(radar.array.pattern, (columns["tx_point"] - tx.position) @ tx.rotation)
+    gain = gain * field_gain(radar.array.pattern, (columns["rx_point"] - rx.position) @ rx.rotation)
+    return np.abs(columns["a"][:, entry, entry]) * gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))
 
 
 def above_floor(

@@ -1,0 +1,96 @@
+"""Antennas of a radar: where they are, their pattern and polarisation."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+
+from .pattern import AntennaPattern, CosinePattern
+
+Array = npt.NDArray[np.float64]
+Position = tuple[float, float, float]
+
+HALF_WAVE = SPEED_OF_LIGHT / 77e9 / 2.0
+"""Half a wavelength at 77 GHz [m]."""
+
+
+def uniform_line(count: int, spacing: float) -> tuple[Position, ...]:
+    """Return `count` positions along y (left), centred [m]."""
+    return tuple((0.0, float((index - (count - 1) / 2) * spacing), 0.0) for index in range(count))
+
+
+class AntennaArray(Spec):
+    """Transmit and receive antennas, all alike. Positions are in the radar frame: x boresight, y left, z up.
+
+    The default is Table 1 of SCaRL: 3 transmitters and 4 receivers that make a line of 12 virtual elements half a wavelength
+    apart at 77 GHz, half-power beam width +-45 deg in azimuth. The paper gives none in elevation; +-15 deg are this project's.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a value is outside its range, or an antenna is farther than `max_array_extent` from the origin.
+
+    References
+    ----------
+    .. [1] Nittur Ramesh et al., *SCaRL*, 2024, Table 1.
+    """
+
+    tx_positions: tuple[Position, ...] = Field(uniform_line(3, 4 * HALF_WAVE), min_length=1, description="[m]")
+    rx_positions: tuple[Position, ...] = Field(uniform_line(4, HALF_WAVE), min_length=1, description="[m]")
+    pattern: AntennaPattern = Field(
+        CosinePattern(half_power_azimuth_deg=45.0, half_power_elevation_deg=15.0), description="of every antenna"
+    )
+    polarization: Literal["V", "H"] = Field("V", description="of every antenna: V along z, H along y at boresight")
+    max_array_extent: float = Field(
+        1.0, gt=0.0, description="an antenna farther than this from the origin is refused [m]"
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> AntennaArray:
+        for name, positions in (("tx_positions", self.tx_positions), ("rx_positions", self.rx_positions)):
+            for index, position in enumerate(positions):
+                if np.linalg.norm(position) > self.max_array_extent:
+                    raise ValueError(
+                        f"{name}[{index}] = {position} m within {self.max_array_extent} m of the radar's origin; "
+                        "positions are metres in the radar frame (raise max_array_extent for a larger array)"
+                    )
+        return self
+
+    @property
+    def num_tx(self) -> int:
+        """Number of transmit antennas."""
+        return len(self.tx_positions)
+
+    @property
+    def num_rx(self) -> int:
+        """Number of receive antennas."""
+        return len(self.rx_positions)
+
+    @property
+    def num_virtual(self) -> int:
+        """Number of transmit-receive pairs; pair (i, j) is channel ``i * num_rx + j``."""
+        return self.num_tx * self.num_rx
+
+    @cached_property
+    def tx_array(self) -> Array:
+        """Transmit positions, shape (num_tx, 3) [m, radar frame]."""
+        return _frozen(self.tx_positions)
+
+    @cached_property
+    def rx_array(self) -> Array:
+        """Receive positions, shape (num_rx, 3) [m, radar frame]."""
+        return _frozen(self.rx_positions)
+
+
+def _frozen(positions: tuple[Position, ...]) -> Array:
+    """Return positions as an array that refuses to be written to: it is kept with the specification."""
+    out = np.array(positions, dtype=np.float64)
+    out.setflags(write=False)
+    return out
