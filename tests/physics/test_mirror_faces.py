@@ -167,7 +167,7 @@ def test_points_in_a_canyon_are_images_in_both_facades(tmp_path) -> None:
     check_points(found, one, centers, planes, lambda number, place: True)
     check_each_once(found)
     check_same(found, apart)
-    deep = {"mirror_depth": 2, "echoes": True, "sionna_options": {"num_samples": 20_000}}
+    deep = {"mirror_depth": 2, "echoes": True, "sionna": {"num_samples": 20_000}}
     found, apart = solve(one, share, ["building"], **deep), solve(split, share, ["left", "right"], **deep)
     # 5 ways (straight, left, right, left-right, right-left) there and back for each point, and the echoes of both facades
     assert np.count_nonzero((found.interaction == 0).any(axis=1)) == 25 * len(centers)

@@ -29,7 +29,7 @@ OTHER = ss.RadarSpec(
     ),
     front_end=ss.FrontEnd(tx_power_dbm=9.0, noise_figure_db=15.0, source_temperature=250.0),
     adc=ss.Adc(bits=12, full_scale_dbm=-40.0),
-    azimuth_fov_deg=90.0, elevation_fov_deg=20.0, num_rays=20_000, cell_labels=False,
+    azimuth_fov_deg=90.0, elevation_fov_deg=20.0,
 )  # fmt: skip
 
 
@@ -42,6 +42,10 @@ def test_a_rig_file_of_version_0_1_holds_the_same_radars(tmp_path) -> None:
     assert rig["default"].spec == ss.RadarSpec()
     assert rig["other"].spec == OTHER
     assert rig["board"].spec == ss.RadarSpec.preset("awr1843boost_3d")
+    # rays and labels are settings today; the budget of `auto` was a tenth of the rays
+    assert rig["default"].settings == ss.RadarSettings()
+    other = rig["other"].settings
+    assert (other.raycast.num_rays, other.accuracy.tube_budget, other.cell_labels) == (20_000, 2_000, False)
     rig.save(tmp_path / "today.yaml")
     assert ss.Rig.load(tmp_path / "today.yaml").to_dict() == rig.to_dict()
 
@@ -55,7 +59,7 @@ def test_the_fixture_differs_from_the_defaults_in_every_field() -> None:
 def test_what_is_no_property_of_a_radar_is_split_off() -> None:
     spec_data, left = split_version_0_1(_flat("other"))
     assert left == {"num_rays": 20_000, "cell_labels": False}
-    assert ss.RadarSpec(**spec_data) == OTHER.with_(num_rays=1_000_000, cell_labels=True)
+    assert ss.RadarSpec(**spec_data) == OTHER
     # what is in parts stays as it is
     assert split_version_0_1(spec_data) == (spec_data, {})
     assert split_version_0_1({}) == ({}, {})
