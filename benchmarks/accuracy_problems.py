@@ -23,9 +23,9 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
-from scarl_sionna.radar.channel.compose.budget import cell_noise_power
 from scarl_sionna.radar.optics.far import SbrSettings
 from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.signal.noise import angle_cell_noise_power
 from tests.oracles import multipath
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
@@ -112,7 +112,7 @@ def level_db(value: complex, exact: complex) -> float:
 
 def noise_error_db(amplitude: float, radar: Any = RADAR) -> float:
     """Return the rms error [dB] that noise makes of an echo in one cell: 20 / ln 10 / sqrt(2 SNR)."""
-    snr = amplitude**2 * 10.0 ** (radar.tx_power_dbm / 10.0 - 3.0) / cell_noise_power(radar)
+    snr = amplitude**2 * 10.0 ** (radar.tx_power_dbm / 10.0 - 3.0) / angle_cell_noise_power(radar)
     return float(20.0 / np.log(10.0) / np.sqrt(2.0 * snr))
 
 

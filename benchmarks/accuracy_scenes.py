@@ -30,10 +30,10 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
-from scarl_sionna.radar.channel.compose.budget import cell_noise_power
 from scarl_sionna.radar.optics.far import SbrSettings
 from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.radar.scatterers.compile import range_profile
+from scarl_sionna.signal.noise import angle_cell_noise_power
 
 SPEED_OF_LIGHT = 299792458.0
 
@@ -142,7 +142,7 @@ def highway() -> Problem:
     reference = solve_paths(state, radar, pose, method="hybrid", plan=plan(fine, 1_000_000))
     truth = cells(reference)
     owned = cells(reference.select(np.isin(reference.instance[:, 0], bodies)))
-    noise = cell_noise_power(short)
+    noise = angle_cell_noise_power(short)
     strong = (truth > truth.max() * 1e-6) & (owned > 0.9 * truth) & (truth > 10.0 * noise)
 
     def error(answer: Answer) -> float:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.signal.link import radar_gain
 
 from .paths import RadarPaths
 
@@ -152,7 +153,7 @@ def point_targets(
     distance = np.linalg.norm(offset, axis=1)
     relative = motion - (radar_twist.linear if radar_twist is not None else 0.0)
     radial = np.einsum("ij,ij->i", offset, relative) / distance
-    amplitude = radar.wavelength * np.sqrt(sigma) / ((4.0 * np.pi) ** 1.5 * distance**2)
+    amplitude = np.sqrt(radar_gain(radar.wavelength, distance) * sigma)
     count = len(points)
     return RadarPaths(
         tx_point=points,

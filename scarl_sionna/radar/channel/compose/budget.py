@@ -16,7 +16,8 @@ from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
 from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.signal.antenna import field_gain
-from scarl_sionna.signal.noise import sample_noise_power
+from scarl_sionna.signal.link import radar_gain
+from scarl_sionna.signal.noise import angle_cell_noise_power
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -83,11 +84,6 @@ class Estimate:
         return self.info.name
 
 
-def cell_noise_power(radar: RadarSpec) -> float:
-    """Return the noise power of one cell of the range-Doppler-angle cube, without windows [W]."""
-    return sample_noise_power(radar) / (radar.num_samples * radar.num_chirps * radar.num_virtual)
-
-
 def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach: float) -> Estimate:
     r"""Return distance, size and bounds of an instance.
 
@@ -115,8 +111,8 @@ def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach
     flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
     coherent = semantic not in DIFFUSE_CLASSES and _smooth_share(state, info) > 0.5
     largest = flat if coherent else mean * 10.0 ** (SPECKLE_DB / 10.0)
-    scale = dbm_to_watt(radar.tx_power_dbm) * gain**2 * radar.wavelength**2 / (4.0 * np.pi) ** 3 / distance**4
-    scale /= cell_noise_power(radar)
+    scale = dbm_to_watt(radar.tx_power_dbm) * gain**2 * float(radar_gain(radar.wavelength, distance))
+    scale /= angle_cell_noise_power(radar)
     triangles = state._triangles
     faces = sum(int(triangles.first[part + 1] - triangles.first[part]) for part in info.parts)
     return Estimate(

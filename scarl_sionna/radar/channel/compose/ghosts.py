@@ -23,6 +23,7 @@ from scarl_sionna.radar.channel.multipath.legs import Station
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import POINT_INTERACTION
 from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.signal.link import spreading
 
 from .mirrors import Leg, Mirror, Way, leg, may_reach, mirrored, ways
 
@@ -234,7 +235,7 @@ def _of_model(
     middle = directions[0] + directions[1]
     middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
     matrix = model.matrices(-middle @ world_from_model.rotation)
-    scale = radar.wavelength / (4.0 * np.pi * distances[0] * distances[1])
+    scale = spreading(radar.wavelength, *distances)
     return {
         "tx_point": point,
         "rx_point": point,

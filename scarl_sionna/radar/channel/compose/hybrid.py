@@ -7,23 +7,22 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlError, ScarlWarning
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.units import dbm_to_watt, watt_to_dbm
+from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from scarl_sionna.radar.channel.sbr import solve_sbr
 from scarl_sionna.radar.channel.scatterers import solve_scatterers
+from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.signal.antenna import field_gain
 
 from .ghosts import of_meshes, of_models, paths_through_mirrors
 from .mirrors import Mirror, find_mirrors
@@ -205,7 +204,7 @@ class _Work:
             self.plan.plan.mirror_depth,
             self.reach,
         )
-        blocks = [paths.select(_length(paths) < 2.0 * self.reach) for paths in blocks]
+        blocks = [paths.select(paths.length < 2.0 * self.reach) for paths in blocks]
         self._add(
             share.solver,
             "objects through mirrors",
@@ -232,23 +231,7 @@ class _Work:
             "max_distance": self.reach,
             "seconds": self.clock,
         }
-        return joined(self.blocks, self.pose, diagnostics)
-
-
-def _length(paths: RadarPaths) -> npt.NDArray[np.float64]:
-    there = np.linalg.norm(paths.tx_point - paths.world_from_tx.position, axis=1)
-    return np.asarray(
-        there + paths.inner_length + np.linalg.norm(paths.rx_point - paths.world_from_rx.position, axis=1)
-    )
-
-
-def received_power(paths: RadarPaths, radar: RadarSpec) -> npt.NDArray[np.float64]:
-    """Return the power that one antenna pair receives by each path [W]."""
-    entry = "VH".index(radar.polarization)
-    gain = np.ones(paths.num_paths)
-    for point, pose in ((paths.tx_point, paths.world_from_tx), (paths.rx_point, paths.world_from_rx)):
-        gain = gain * field_gain(radar.pattern, (point - pose.position) @ pose.rotation)
-    return np.asarray((np.abs(paths.a[:, entry, entry]) * gain) ** 2 * dbm_to_watt(radar.tx_power_dbm))
+        return RadarPaths.concatenate([RadarPaths.empty(self.pose), *self.blocks], diagnostics)
 
 
 def chains_of(paths: RadarPaths) -> set[tuple[int, ...]]:
@@ -269,37 +252,3 @@ def _check_chains(blocks: Sequence[RadarPaths]) -> None:
         if twice := chains & seen:
             raise DoubleCountError(f"the chain {sorted(twice)[0]} (instance, interaction, ...) was computed twice")
         seen |= chains
-
-
-def joined(blocks: Sequence[RadarPaths], pose: Pose, diagnostics: Mapping[str, Any]) -> RadarPaths:
-    """Return the paths of all blocks in one, labels padded with -1 to the longest chain.
-
-    Parameters
-    ----------
-    blocks : sequence of RadarPaths
-        Of one radar.
-    pose : Pose
-        Of the radar.
-    diagnostics : mapping
-        Of the result.
-    """
-    width = max([1, *(paths.instance.shape[1] for paths in blocks)])
-    columns: dict[str, list[npt.NDArray[Any]]] = {
-        "tx_point": [np.zeros((0, 3))], "rx_point": [np.zeros((0, 3))], "inner_length": [np.zeros(0)],
-        "a": [np.zeros((0, 2, 2), np.complex128)], "length_rate": [np.zeros(0)], "length_acceleration": [np.zeros(0)],
-        "instance": [np.zeros((0, width), np.int32)], "interaction": [np.zeros((0, width), np.int32)],
-        "depth": [np.zeros(0, np.int32)], "semantic": [np.zeros(0, np.uint8)], "rx_image": [np.zeros((0, 3, 4))],
-    }  # fmt: skip
-    for paths in blocks:
-        for name, column in columns.items():
-            value = getattr(paths, name)
-            if name in ("instance", "interaction"):
-                value = np.pad(value, [(0, 0), (0, width - value.shape[1])], constant_values=-1)
-            elif name == "rx_image" and value is None:
-                value = np.full((paths.num_paths, 3, 4), np.nan)
-            column.append(value)
-    images = any(paths.rx_image is not None for paths in blocks)
-    merged: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
-    if not images:
-        merged["rx_image"] = None
-    return RadarPaths(**merged, world_from_tx=pose, world_from_rx=pose, diagnostics=diagnostics)
