@@ -24,15 +24,15 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.radar.optics.settings import SbrSettings
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
 from tests.scenes import Thing, plane, write_scene
 
-ALL = SbrChannelSettings(floor_db=None, diffuse=False)
+ALL = SbrSettings(floor_db=None, diffuse=False)
 WIDE = RadarSpec(elevation_fov_deg=120.0)
 WAVELENGTH = SPEED_OF_LIGHT / WIDE.center_frequency
-DEFAULT = SbrChannelSettings().max_phase
+DEFAULT = SbrSettings().max_phase
 
 
 def _state(mesh: trimesh.Trimesh) -> Any:
@@ -121,7 +121,7 @@ def car() -> None:
     ]  # fmt: skip
     for name in ("car_ahead", "oncoming"):
 
-        def cells(knobs: SbrChannelSettings, name: str = name) -> tuple[np.ndarray, int, float]:
+        def cells(knobs: SbrSettings, name: str = name) -> tuple[np.ndarray, int, float]:
             cpu = time.process_time()
             paths = solve_paths(state, radar, pose, method="sbr", instances=[name], settings=knobs)
             cpu = time.process_time() - cpu
@@ -159,7 +159,7 @@ def speed() -> None:
 
         def frame(names: list[str] = names, last: list[ss.RadarPaths] = last) -> None:
             paths = solve_paths(
-                state, radar, pose, method="sbr", instances=names, settings=SbrChannelSettings(num_tubes=1_000_000)
+                state, radar, pose, method="sbr", instances=names, settings=SbrSettings(num_tubes=1_000_000)
             )
             ss.virtual_cube(ss.synthesize(paths, radar), radar)
             last[:] = [paths]
@@ -187,7 +187,7 @@ def scene() -> None:
         for _ in range(2):
             wall, cpu = time.perf_counter(), time.process_time()
             paths = solve_paths(
-                state, radar, pose, method="sbr", instances=names, settings=SbrChannelSettings(max_depth=depth)
+                state, radar, pose, method="sbr", instances=names, settings=SbrSettings(max_depth=depth)
             )
             wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
             if wall > 30.0:
@@ -213,7 +213,7 @@ def _memory_of(wanted: int) -> None:
     state, radar, pose = _highway()
     cpu = time.process_time()
     paths = solve_paths(
-        state, radar, pose, method="sbr", instances=["car_ahead"], settings=SbrChannelSettings(num_tubes=wanted)
+        state, radar, pose, method="sbr", instances=["car_ahead"], settings=SbrSettings(num_tubes=wanted)
     )
     cpu = time.process_time() - cpu
     print(f"| {paths.diagnostics['num_tubes'][1]} | {paths.num_paths} | {cpu:.1f} | {peak_memory():.2f} |")

@@ -13,7 +13,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.channel.compose.hybrid import chains_of
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.radar.rcs import scattering_matrix
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
@@ -127,7 +127,7 @@ def test_a_corner_over_a_mirror_is_its_bistatic_far_field_from_the_images(tmp_pa
     things = [Thing("mirror", flat, "Wall", "steel", is_object=False), Thing("corner", placed, "Static", "steel")]
     state = scene(tmp_path, things, [])
     pose = Pose([0.0, 0.0, height])
-    settings = SbrChannelSettings(floor_db=None)
+    settings = SbrSettings(floor_db=None)
     shares = (Share("sbr", ("corner",), {"settings": settings}, through_mirrors=True),)
     paths = solve_paths(state, RADAR, pose, "hybrid", plan=ChannelPlan(shares, ("mirror",), echoes=False))
     field = paths.a[:, 0, 0] * np.exp(-2j * np.pi * RADAR.center_frequency / ss_units.SPEED_OF_LIGHT * lengths(paths))

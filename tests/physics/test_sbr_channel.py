@@ -12,7 +12,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.scene.materials.fresnel import reflection
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
@@ -21,7 +21,7 @@ from tests.scenes import Material, Thing, plane, write_scene
 RADAR = RadarSpec(elevation_fov_deg=120.0)
 FREQUENCY = RADAR.center_frequency
 WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
-ALL = SbrChannelSettings(floor_db=None)
+ALL = SbrSettings(floor_db=None)
 METAL_LOSS_DB = 0.009  # of 1e7 S/m at 77 GHz and normal incidence: 2 * 20 log10(1 + sqrt(2 w eps0 / sigma)) / 2
 
 

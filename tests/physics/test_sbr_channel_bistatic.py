@@ -13,14 +13,14 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.radar.optics.settings import SbrSettings
 from tests.oracles import rcs as oracle
 from tests.scenes import Thing, box, plane, write_scene
 
 RADAR = RadarSpec(elevation_fov_deg=120.0)
 FREQUENCY = RADAR.center_frequency
 WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
-ALL = SbrChannelSettings(floor_db=None)
+ALL = SbrSettings(floor_db=None)
 
 
 def _looking_back(theta, phi, distance):

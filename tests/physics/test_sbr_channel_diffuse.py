@@ -10,15 +10,15 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics.near.diffuse import uniform_hash
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.radar.channel.sbr.diffuse import uniform_hash
+from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.scene.materials.fresnel import reflection
 from tests.scenes import Material, Thing, plane, write_scene
 
 RADAR = RadarSpec(elevation_fov_deg=120.0)
 FREQUENCY = RADAR.center_frequency
 WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
-ALL = SbrChannelSettings(floor_db=None, max_depth=1)
+ALL = SbrSettings(floor_db=None, max_depth=1)
 ROUGH = {"own": Material(radio="asphalt")}
 TILT = np.radians(40.0)
 DISTANCE = 20.0

@@ -16,7 +16,7 @@ from .compose.plan import ChannelPlan, OwnershipError, Share
 from .multipath.solve import PathBufferOverflowError, solve_sionna
 from .panes import warn_of_panes
 from .raycast.solve import solve_raycast
-from .sbr import solve_sbr
+from .sbr.solve import solve_sbr
 from .scatterers import solve_scatterers
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     **options
         Of the solver; see :func:`scarl_sionna.radar.channel.compose.auto.solve_auto` (`accuracy`, `models`, and what `raycast` takes),
         :func:`scarl_sionna.radar.channel.raycast.solve.solve_raycast` (`radar_twist`, `num_rays`, ...),
-        :func:`scarl_sionna.radar.channel.multipath.solve.solve_sionna`, :func:`scarl_sionna.radar.channel.sbr.solve_sbr` and
+        :func:`scarl_sionna.radar.channel.multipath.solve.solve_sionna`, :func:`scarl_sionna.radar.channel.sbr.solve.solve_sbr` and
         :func:`scarl_sionna.radar.channel.scatterers.solve_scatterers` (`models`) and
         :func:`scarl_sionna.radar.channel.compose.hybrid.solve_hybrid` (`plan`).
 

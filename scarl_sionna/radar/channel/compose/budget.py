@@ -14,7 +14,7 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.signal.antenna import field_gain
 from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
@@ -121,14 +121,14 @@ def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach
     )  # fmt: skip
 
 
-def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrChannelSettings) -> int:
+def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrSettings) -> int:
     """Return about how many patches `sbr` makes of an instance, within a factor of three for those of highway_guardrail.
 
-    Half of the faces are lit, long edges are cut in steps of `edge_spacing`, and each further bounce doubles the number; on long
+    Half of the faces are lit, long edges are cut in steps of the edge spacing, and each further bounce doubles the number; on long
     things, which see themselves along their length, it multiplies by six.
     """
     side = np.sqrt(4.0 * settings.max_phase * item.distance * radar.wavelength / (2.0 * np.pi))
-    edges = item.size / (side * settings.edge_spacing) * np.sqrt(item.num_faces / 100.0)
+    edges = item.size / settings.spacings(radar.wavelength, side)[1] * np.sqrt(item.num_faces / 100.0)
     growth = 6 if item.size > LONG else 2
     return int(growth ** (settings.max_depth - 1) * (1000.0 + 0.5 * item.num_faces + 1.5 * edges))
 

@@ -250,7 +250,7 @@ def of_meshes(
     state: WorldState, radar: RadarSpec, owned: Sequence[int], options: dict[str, Any], reach: float
 ) -> FromImages:
     """Return what makes the paths of meshes alone between two images of the radar, by `sbr`."""
-    from scarl_sionna.radar.channel.sbr import solve_sbr
+    from scarl_sionna.radar.channel.sbr.solve import solve_sbr
 
     part, original = alone(state, owned)
     number_of = np.array([-1, *(original[number] for number in sorted(original))], dtype=np.int32)

@@ -19,7 +19,7 @@ from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
-from scarl_sionna.radar.channel.sbr import solve_sbr
+from scarl_sionna.radar.channel.sbr.solve import solve_sbr
 from scarl_sionna.radar.channel.scatterers import solve_scatterers
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths

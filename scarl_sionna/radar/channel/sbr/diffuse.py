@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .tubes import Tubes
+from scarl_sionna.radar.optics.spherical_waves import ImageTubes
 
 Array = npt.NDArray[np.float64]
 Words = npt.NDArray[np.uint64]
 Columns = dict[str, npt.NDArray[Any]]
 
 
-def scattered_rows(columns: Columns, tubes: Tubes, face_key: npt.NDArray[np.int64], seed: int) -> Columns:
+def scattered_rows(columns: Columns, tubes: ImageTubes, face_key: npt.NDArray[np.int64], seed: int) -> Columns:
     """Return the columns of what patches scatter diffusely.
 
     The pieces into which visibility has cut a patch become one path of their whole area, so that the power does not depend on
@@ -23,8 +23,8 @@ def scattered_rows(columns: Columns, tubes: Tubes, face_key: npt.NDArray[np.int6
     Parameters
     ----------
     columns : dict
-        Those of :func:`~.sbr_fields.radiated` for pieces on rough faces, ``scattered`` among them.
-    tubes : Tubes
+        Those of :func:`scarl_sionna.radar.optics.near_field.radiated` for pieces on rough faces, ``scattered`` among them.
+    tubes : ImageTubes
         The pieces.
     face_key : ndarray of int64, shape (num_faces,)
         Names each face whatever the state of the world.

@@ -19,19 +19,18 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
 from scarl_sionna.engine.rays.face_planes import face_table
-from scarl_sionna.engine.rays.face_rays import FaceRays
+from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.overlap import seen_overlaps
-from scarl_sionna.radar.optics.near.diffuse import scattered_rows, way_back
-from scarl_sionna.radar.optics.near.fields import radiated
-from scarl_sionna.radar.optics.near.patches import PatchSize
-from scarl_sionna.radar.optics.near.rows import Columns, above_floor, in_order, joined, received
-from scarl_sionna.radar.optics.near.settings import DEFAULT_SBR_CHANNEL, SbrChannelSettings
-from scarl_sionna.radar.optics.near.surfaces import Surfaces
-from scarl_sionna.radar.optics.near.trace import Station, Tracer
-from scarl_sionna.radar.optics.near.tubes import Tubes
+from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.optics.near_field import radiated
+from scarl_sionna.radar.optics.patches import PatchSize
+from scarl_sionna.radar.optics.settings import DEFAULT_SBR, SMALLEST_SIZE, SbrSettings
+from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Station, Tracer
+from scarl_sionna.radar.optics.surfaces import FaceSurfaces
 from scarl_sionna.radar.paths import RadarPaths
 
-from .antennas import check_antennas
+from .diffuse import scattered_rows, way_back
+from .rows import Columns, above_floor, in_order, joined, received
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-SMALLEST_SIZE = 3.0
-"""Largest extent [wavelengths] of an instance below which physical optics is off by decibels."""
 GRAZING_COSINE = 0.1
 """Cosine of incidence below which a patch counts as grazing."""
 
@@ -53,7 +50,7 @@ def solve_sbr(
     radar_twist: Twist | None = None,
     instances: Sequence[str | int] | None = None,
     max_distance: float | None = None,
-    settings: SbrChannelSettings = DEFAULT_SBR_CHANNEL,
+    settings: SbrSettings = DEFAULT_SBR,
     rx_pose: Pose | None = None,
     rx_twist: Twist | None = None,
 ) -> RadarPaths:
@@ -73,7 +70,7 @@ def solve_sbr(
         behind it and is named in ``diagnostics["left_out"]``.
     max_distance : float, optional
         Paths longer than twice this are left out [m]; the unambiguous range if not given.
-    settings : SbrChannelSettings
+    settings : SbrSettings
         Bounces, size of the patches, rays, and what is too weak to be kept.
     rx_pose : Pose, optional
         world_from_radar of a second radar of the same specification that receives in place of the first.
@@ -132,9 +129,10 @@ def solve_sbr(
     used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks: list[Columns] = []
     with variant.optical() as mi:
-        rays = FaceRays(mi, state)
-        surfaces = Surfaces(rays, state, faces, used, radar.center_frequency)
-        tracer = Tracer(rays, faces, chosen, tx, rx, reach, PatchSize.of(radar, settings), settings)
+        rays = StateRays(mi, state)
+        surfaces = FaceSurfaces(rays, state, faces, used, radar.center_frequency, settings.coefficient_nodes)
+        size = PatchSize.of(radar, settings)
+        tracer = Tracer(rays, faces, chosen, tx, rx, reach, size, settings.for_scene())
         for tubes in tracer.bounces(start):
             blocks += _rows(state, tracer, tubes, surfaces) if len(tubes) else []
     columns = joined(blocks, settings.max_depth)
@@ -168,7 +166,7 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
     return sorted(kept), [info.name for number, info in table.items() if number not in kept]
 
 
-def _rows(state: WorldState, tracer: Tracer, patches: Tubes, surfaces: Surfaces) -> list[Columns]:
+def _rows(state: WorldState, tracer: Tracer, patches: ImageTubes, surfaces: FaceSurfaces) -> list[Columns]:
     """Return the columns of patches and of what they scatter diffusely, without what comes from out of view or too far."""
     tx, rx, settings = tracer.tx, tracer.rx, tracer.settings
     rough = surfaces.is_rough[patches.face[:, -1]] & settings.diffuse
