@@ -24,7 +24,6 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.optics.settings import SbrSettings
-from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.signal.noise import angle_cell_noise_power
 from tests.oracles import multipath
 from tests.oracles import rcs as oracle

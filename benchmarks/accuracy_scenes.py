@@ -31,7 +31,6 @@ from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.optics.settings import SbrSettings
-from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.radar.scatterers.compile import range_profile
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
@@ -72,7 +71,7 @@ def profile(paths: Any, start: float) -> np.ndarray:
 def _car(distance: float) -> Problem:
     state, mesh = car_alone()
     pose = Pose([-distance - 2.15, 0.9, 0.6])
-    fine = SbrSettings(max_phase=0.1, integration_phase=0.01, edge_spacing=0.125, floor_db=None, max_depth=3)
+    fine = SbrSettings(max_phase=0.1, integration_phase=0.01, edge_share=0.125, floor_db=None, max_depth=3)
     truth = profile(solve_paths(state, RADAR, pose, method="sbr", settings=fine), distance)
     strong = truth > truth.max() * 1e-3
 

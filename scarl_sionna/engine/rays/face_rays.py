@@ -34,16 +34,23 @@ again."""
 class FaceRays(Device, ABC):
     """Rays against the faces of one set of triangles. Make and use it inside ``variant.use(twin)``.
 
+    Points are given in the frame of the rays, see :meth:`placed`.
+
     Parameters
     ----------
     mi : module
         Mitsuba in the variant of the twin.
     scene : mitsuba.Scene
     twin : {"optical", "radio"}
+
+    Attributes
+    ----------
+    Fine, FinePoint : type
+        Dr.Jit arrays that are fine enough for the many points of a lattice on each tube.
     """
 
-    _scale: Any = None
-    """Engine's units in a metre, where they are not metres."""
+    Fine: Any
+    FinePoint: Any
 
     def __init__(self, mi: Any, scene: Any, twin: str) -> None:
         super().__init__(mi)
@@ -55,38 +62,38 @@ class FaceRays(Device, ABC):
         return variant.use(self.twin)
 
     @abstractmethod
-    def _start(self, origin: Any) -> Any:
-        """Return points in the frame of the engine's triangles."""
+    def placed(self, points: Array) -> Array:
+        """Return points (..., 3) [m] in the frame of the rays."""
+
+    @abstractmethod
+    def lifted(self, point: Any, normal: Any) -> Any:
+        """Return points moved along unit normals so far that a ray does not meet the face again on which it starts."""
 
     @abstractmethod
     def _face(self, found: Any) -> Any:
         """Return the face of each of the engine's intersections, or `MISS`."""
-
-    @abstractmethod
-    def lift(self, point: Any) -> Any:
-        """Return how far above its face a ray starts at a point, so that it does not meet the face again [m]."""
 
     def first(self, origin: Any, direction: Any) -> Any:
         """Return the face that each ray meets first, or `MISS`.
 
         Parameters
         ----------
-        origin, direction : Dr.Jit Array3f64
-            [m] and unit vectors.
+        origin, direction : Dr.Jit Array3f or Array3f64
+            In the frame of the rays, and unit vectors.
         """
-        ray = self.mi.Ray3f(self._start(origin), self.mi.Vector3f(direction))
+        ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
         return self._face(self._scene.ray_intersect_preliminary(ray, coherent=False))
 
     def blocked(self, origin: Any, direction: Any, distance: Any = None) -> Any:
-        """Return whether each ray meets anything, before a distance [m] if one is given."""
-        ray = self.mi.Ray3f(self._start(origin), self.mi.Vector3f(direction))
+        """Return whether each ray meets anything, before a distance in the frame of the rays if one is given."""
+        ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
         if distance is not None:
-            ray.maxt = self.mi.Float(distance if self._scale is None else distance * self._scale)
+            ray.maxt = self.mi.Float(distance)
         return self._scene.ray_test(ray, coherent=False)
 
 
 class StateRays(FaceRays):
-    """Rays of one state of the world; faces are rows of :class:`~.face_planes.FaceTable`.
+    """Rays of one state of the world, in its frame; faces are rows of :class:`~.face_planes.FaceTable`.
 
     Parameters
     ----------
@@ -99,12 +106,19 @@ class StateRays(FaceRays):
     def __init__(self, mi: Any, state: WorldState, twin: str = "optical") -> None:
         engine = state._applied(twin)
         super().__init__(mi, engine.mi_scene, twin)
+        self.Fine, self.FinePoint = self.Real, self.Vector  # far from the origin float32 is not fine enough
         part = engine.part_of_number(np.arange(len(engine._part_of_registry)))
         first = state._triangles.first
         self._first = mi.Int32(np.where(part >= 0, first[np.maximum(part, 0)], MISS).astype(np.int32))
 
-    def _start(self, origin: Any) -> Any:
-        return self.mi.Point3f(origin)
+    def placed(self, points: Array) -> Array:
+        """Return points as they are: the frame is the world's [m]."""
+        return points
+
+    def lifted(self, point: Any, normal: Any) -> Any:
+        """Return points moved along unit normals by `STATE_LIFT`."""
+        dr = self.dr
+        return point + dr.maximum(STATE_LIFT * dr.max(dr.abs(point)), SMALLEST_LIFT) * normal
 
     def _face(self, found: Any) -> Any:
         dr, mi = self.dr, self.mi
@@ -113,16 +127,11 @@ class StateRays(FaceRays):
         first = dr.gather(mi.Int32, self._first, number, valid)
         return dr.select(valid & (first >= 0), first + mi.Int32(found.prim_index), MISS)
 
-    def lift(self, point: Any) -> Any:
-        """Return how far above its face a ray starts at a point [m]."""
-        return self.dr.maximum(STATE_LIFT * self.dr.max(self.dr.abs(point)), SMALLEST_LIFT)
-
 
 class MeshRays(FaceRays):
-    """Rays against one mesh.
+    """Rays against one mesh, in a frame in which it is at the origin and has unit radius.
 
-    The mesh is moved to the origin and scaled to unit radius before it is rounded to float32, so the rounding is 6e-8 of
-    its size wherever it stands and whatever unit it is in.
+    So its rounding to float32 is 6e-8 of its size wherever it stands and whatever unit it is in.
 
     Parameters
     ----------
@@ -134,33 +143,32 @@ class MeshRays(FaceRays):
     """
 
     def __init__(self, mi: Any, corners: Array, twin: str = "radio") -> None:
-        points = corners.reshape(-1, 3)
-        middle, self.radius = center_and_radius(corners)
-        super().__init__(mi, _scene_of((points - middle) / self.radius, mi), twin)
-        self._center, self._scale = self.vector(middle), self.real(1.0 / self.radius)
-        self._lift = self.real(MESH_LIFT * self.radius)
+        self._center, self._radius = center_and_radius(corners)
+        super().__init__(mi, _scene_of(self.placed(corners.reshape(-1, 3)), mi), twin)
+        self.Fine, self.FinePoint = mi.Float, mi.Point3f  # as fine as the rays themselves
 
-    def _start(self, origin: Any) -> Any:
-        return self.mi.Point3f((origin - self._center) * self._scale)
+    def placed(self, points: Array) -> Array:
+        """Return points in radii from the middle of the mesh."""
+        return (points - self._center) / self._radius
+
+    def lifted(self, point: Any, normal: Any) -> Any:
+        """Return points moved along unit normals by `MESH_LIFT`."""
+        return self.mi.Point3f(point) + self.mi.Vector3f(MESH_LIFT * normal)
 
     def _face(self, found: Any) -> Any:
         return self.dr.select(found.is_valid(), self.mi.Int32(found.prim_index), MISS)
 
-    def lift(self, point: Any) -> Any:
-        """Return how far above its face a ray starts [m], the same everywhere."""
-        return self._lift
-
-    def first_faces(self, origins: Array, directions: Array, lift: Array) -> npt.NDArray[np.int64]:
+    def first_faces(self, origins: Array, directions: Array, normal: Array) -> npt.NDArray[np.int64]:
         """Return the face that each ray meets first, or `MISS`, of and as NumPy arrays.
 
         Parameters
         ----------
-        origins, directions, lift : ndarray of float64, shape (num_rays, 3)
+        origins, directions, normal : ndarray of float64, shape (num_rays, 3)
             Start [m] on a surface, unit direction, and unit normal of that surface on the side on which the ray runs.
         """
         with self.active():
-            origin, direction, above = (self.vectors(a) for a in (origins, directions, lift))
-            return np.asarray(self.first(origin + self._lift * above, direction).numpy(), dtype=np.int64)
+            origin, direction, above = (self.vectors(a) for a in (self.placed(origins), directions, normal))
+            return np.asarray(self.first(self.lifted(origin, above), direction).numpy(), dtype=np.int64)
 
 
 def center_and_radius(corners: Array) -> tuple[Array, float]:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 
-from .tube_shape import INSET, WEIGHTS, inset
+from .tube_shape import WEIGHTS, inset
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -45,7 +45,7 @@ class CentralRays:
     """All rays of a tube come from one point, `source` (num_rows, 3) [m]."""
 
     def __init__(self, rays: FaceRays, source: Array) -> None:
-        self._rays, self._source = rays, rays.reals(source)
+        self._rays, self._source = rays, rays.reals(rays.placed(source))
 
     def at(self, point: Any, row: Any) -> Any:
         """Return the unit directions; see :class:`Directions`."""
@@ -82,11 +82,11 @@ class Probe:
             tube = rays.index(np.repeat(np.arange(len(corners), dtype=np.uint32), count))
             shift = dr.gather(mi.Int32, rays.label(first - begin), tube)
             node = mi.UInt32(mi.Int32(dr.arange(mi.UInt32, dr.width(tube))) + shift)
-            weights, flat = rays.reals(_INSET_WEIGHTS), rays.reals(corners)
-            point = rays.Vector(0.0)
+            weights, flat = rays.Fine(WEIGHTS.ravel()), rays.Fine(rays.placed(inset(corners)).ravel())
+            point = rays.FinePoint(0.0)
             for corner in range(3):
-                part = dr.gather(rays.Real, weights, 3 * node + corner)
-                point += part * dr.gather(rays.Vector, flat, 3 * tube + corner)
+                part = dr.gather(rays.Fine, weights, 3 * node + corner)
+                point += part * dr.gather(rays.FinePoint, flat, 3 * tube + corner)
             row = dr.gather(mi.UInt32, rays.index(rows), tube)
             return np.asarray(self._label(point, row).numpy(), dtype=np.int64)
 
@@ -101,7 +101,7 @@ class Probe:
         with rays.active():
             side = dr.arange(mi.UInt32, 2 * len(rows))
             tube = side // 2
-            flat = rays.reals(inset(corners))
+            flat = rays.reals(rays.placed(inset(corners)))
             start = dr.gather(rays.Vector, flat, 3 * tube)
             along = dr.gather(rays.Vector, flat, 3 * tube + 1 + side % 2) - start
             row, known = dr.gather(mi.UInt32, rays.index(rows), tube), rays.label(label)
@@ -143,7 +143,7 @@ class ShadowProbe(Probe):
 
     def _label(self, point: Any, row: Any) -> Any:
         dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
-        start = point + rays.lift(point) * dr.gather(rays.Vector, self._lift, row)
+        start = rays.lifted(point, dr.gather(rays.Vector, self._lift, row))
         return dr.select(rays.blocked(start, self._directions.at(point, row)), mi.Int32(1), mi.Int32(0))
 
 
@@ -152,7 +152,7 @@ class ScreenedProbe(Probe):
 
     def __init__(self, rays: FaceRays, station: Array) -> None:
         super().__init__(rays)
-        self._station = rays.vector(station)
+        self._station = rays.vector(rays.placed(station))
 
     def _label(self, point: Any, row: Any) -> Any:
         dr, mi = self.rays.dr, self.rays.mi
@@ -200,7 +200,7 @@ class PlaneProbe(Probe):
     def _label(self, point: Any, row: Any) -> Any:
         dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
         ray = self._directions.at(point, row)
-        face = rays.first(point + rays.lift(point) * dr.gather(rays.Vector, self._lift, row), ray)
+        face = rays.first(rays.lifted(point, dr.gather(rays.Vector, self._lift, row)), ray)
         plane = dr.gather(mi.Int32, self._plane, mi.UInt32(face), face != MISS)
         met = face != MISS
         if self._own is not None:
@@ -211,6 +211,3 @@ class PlaneProbe(Probe):
             towards = dr.dot(normal, station) - dr.gather(rays.Real, offsets, mi.UInt32(face), met)
             met &= dr.dot(normal, ray) * towards < 0.0
         return dr.select(met, plane, MISS)
-
-
-_INSET_WEIGHTS = WEIGHTS + INSET * (1.0 / 3.0 - WEIGHTS)
