@@ -156,6 +156,7 @@ class RadarPaths:
         width = max(block.instance.shape[1] for block in blocks)
         with_images = any(block.rx_image is not None for block in blocks)
         merged: dict[str, Any] = {}
+        column: list[npt.NDArray[Any]]
         for item in fields(cls):
             if item.name in ("world_from_tx", "world_from_rx", "diagnostics"):
                 continue
@@ -166,8 +167,8 @@ class RadarPaths:
             else:
                 column = [getattr(block, item.name) for block in blocks]
             merged[item.name] = np.concatenate(column) if column else None
-        ends_of = {"world_from_tx": first.world_from_tx, "world_from_rx": first.world_from_rx}
-        return cls(**merged, **ends_of, diagnostics={} if diagnostics is None else diagnostics)
+        merged |= {"world_from_tx": first.world_from_tx, "world_from_rx": first.world_from_rx}
+        return cls(**merged, diagnostics={} if diagnostics is None else diagnostics)
 
     def _images(self) -> Array:
         return np.full((self.num_paths, 3, 4), np.nan) if self.rx_image is None else self.rx_image

@@ -171,8 +171,8 @@ def footprints_seen(
         tested = front & ~seen
         tube, view = tube[tested], view[tested]
         wavelength = plan.waves.wavelength[tubes.wave[tube]]
-        for corners, number in unhidden(body, tubes, tube, plan.observer[view], wavelength, settings):
-            yield tube[number], view[number], corners
+        for corners, entry in unhidden(body, tubes, tube, plan.observer[view], wavelength, settings):
+            yield tube[entry], view[entry], corners
 
 
 def phase_weights(bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> tuple[Index, Index, Complex]:

@@ -99,7 +99,8 @@ def _integrals(on: Device, points: Array, twice_area: Array, wave_vectors: Array
     area = dr.gather(mi.Float, mi.Float(_single(twice_area)), triangle)
     phase = [sum((q[axis] * one[axis] for axis in range(3)), start=mi.Float(0.0)) for one in corner]
     mean = (phase[0] + phase[1] + phase[2]) / 3.0
-    re, im = second_difference(OnDevice(dr), *(one - mean for one in phase), terms=SINGLE_TERMS)
+    a, b, c = (one - mean for one in phase)
+    re, im = second_difference(OnDevice(dr), a, b, c, SINGLE_TERMS)
     sine, cosine = dr.sincos(mean)
     real, imaginary = area * (re * cosine - im * sine), area * (re * sine + im * cosine)
     found = np.stack([real.numpy(), imaginary.numpy()], axis=-1)

@@ -170,12 +170,13 @@ class _Refinement:
     def waiting(self, tri: Array, row: Index, wide: Array, fine: Array) -> _Waiting:
         """Return tubes with their layout of probes, `TOO_LONG` for one that is halved before it is probed."""
         longest, height = sides_and_height(tri)
-        return _Waiting(tri, row, wide, fine, longest, layouts(longest, height, wide, self.settings.corner_share * fine))
+        return _Waiting(
+            tri, row, wide, fine, longest, layouts(longest, height, wide, self.settings.corner_share * fine)
+        )
 
     def halved(self, tubes: _Waiting) -> _Waiting:
         """Cut tubes in two across their longest side."""
-        twice = (np.tile(column, 2) for column in (tubes.row, tubes.wide, tubes.fine))
-        return self.waiting(halved(tubes.tri), *twice)
+        return self.waiting(halved(tubes.tri), np.tile(tubes.row, 2), np.tile(tubes.wide, 2), np.tile(tubes.fine, 2))
 
     def probed(self, tubes: _Waiting) -> tuple[list[Pieces], _Waiting, _Waiting]:
         """Return the pieces that are settled, the tubes to halve, and those to cut along an edge."""

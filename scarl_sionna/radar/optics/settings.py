@@ -36,7 +36,10 @@ class SbrSettings(Spec):
     """
 
     max_depth: int = Field(
-        3, ge=1, le=32, description="largest number of bounces; 3 covers every corner reflector (docs/rcs.md, docs/sbr.md)"
+        3,
+        ge=1,
+        le=32,
+        description="largest number of bounces; 3 covers every corner reflector (docs/rcs.md, docs/sbr.md)",
     )
     ray_spacing: float | None = Field(
         None, gt=0.0, le=64.0,
@@ -62,7 +65,7 @@ class SbrSettings(Spec):
         1_000_000, ge=1000, description="rays worked at once: bounds the memory, changes no result (docs/rcs.md)"
     )
     max_tubes: int = Field(
-        250_000, ge=100, description="tubes worked at once: bounds the memory, changes no result (docs/rcs.md)"
+        125_000, ge=100, description="tubes worked at once: bounds the memory, changes no result (docs/rcs.md)"
     )
     max_phase: float = Field(
         0.2, gt=0.0, le=3.0,
@@ -105,7 +108,9 @@ class SbrSettings(Spec):
         "for smaller ones; None: as few as it allows (docs/sbr.md)",
     )  # fmt: skip
     max_patches: int = Field(20_000_000, ge=1, description="scene: more patches than this are refused")
-    diffuse: bool = Field(True, description="scene: whether rough surfaces scatter the part S of their reflection diffusely")
+    diffuse: bool = Field(
+        True, description="scene: whether rough surfaces scatter the part S of their reflection diffusely"
+    )
     seed: int = Field(
         0, ge=0, le=2**63 - 1, description="scene: of the random phases of the diffusely scattering patches"
     )

@@ -229,10 +229,9 @@ class Tracer:
         cosine = np.einsum("ij,ij->i", self.faces.triangles.normal[tubes.face[:, -1]], ray) / distance
         grazing = np.abs(cosine) < self.settings.grazing_cosine
         wavelength = 2.0 * np.pi / self.size.wavenumber
-        sizes = (
-            np.where(grazing, np.inf, spacing) for spacing in self.settings.spacings(wavelength, self.size.length(distance))
-        )
-        return refined(tubes.corners, rows, probe, *sizes, self.settings)
+        wide, fine = self.settings.spacings(wavelength, self.size.length(distance))
+        wide, fine = np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine)
+        return refined(tubes.corners, rows, probe, wide, fine, self.settings)
 
     def _seen(self, tubes: ImageTubes, station: Station) -> ImageTubes:
         """Return the parts of footprints from which a station can be seen."""

@@ -45,8 +45,9 @@ def in_order(columns: Columns) -> Columns:
 
 def received(columns: Columns, radar: RadarSpec, tx: Pose, rx: Pose) -> Array:
     """Return the amplitude that one antenna pair receives [sqrt(W)]."""
-    local = [(columns[f"{end}_point"] - pose.position) @ pose.rotation for end, pose in (("tx", tx), ("rx", rx))]
-    return np.abs(received_amplitude(columns["a"], *local, radar))
+    tx_vector = (columns["tx_point"] - tx.position) @ tx.rotation
+    rx_vector = (columns["rx_point"] - rx.position) @ rx.rotation
+    return np.abs(received_amplitude(columns["a"], tx_vector, rx_vector, radar))
 
 
 def above_floor(

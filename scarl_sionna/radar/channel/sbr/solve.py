@@ -29,7 +29,7 @@ from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Station, Trace
 from scarl_sionna.radar.optics.surfaces import FaceSurfaces
 from scarl_sionna.radar.paths import RadarPaths
 
-from .diffuse import scattered_rows, way_back
+from .diffuse import rough_pieces, scattered_rows, way_back
 from .rows import Columns, above_floor, in_order, joined, received
 
 if TYPE_CHECKING:
@@ -128,13 +128,17 @@ def solve_sbr(
     start = np.flatnonzero(chosen & ~faces.repeated & tx.may_see(faces, 2.0 * reach if rx_pose else reach))
     used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks: list[Columns] = []
+    rough: dict[int, list[Columns]] = {}
     with variant.optical() as mi:
         rays = StateRays(mi, state)
         surfaces = FaceSurfaces(rays, state, faces, used, radar.center_frequency, settings.coefficient_nodes)
         size = PatchSize.of(radar, settings)
         tracer = Tracer(rays, faces, chosen, tx, rx, reach, size, settings.for_scene())
-        for tubes in tracer.bounces(start):
-            blocks += _rows(state, tracer, tubes, surfaces) if len(tubes) else []
+        for patches in tracer.bounces(start):
+            if len(patches):
+                blocks.append(_rows(state, tracer, patches, surfaces, rough))
+    for depth in sorted(rough):
+        blocks += _scattered(rough.pop(depth), settings.seed, tx is rx)
     columns = joined(blocks, settings.max_depth)
     amplitude = received(columns, radar, tx.pose, rx.pose)
     diagnostics: dict[str, Any] = {
@@ -166,13 +170,15 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
     return sorted(kept), [info.name for number, info in table.items() if number not in kept]
 
 
-def _rows(state: WorldState, tracer: Tracer, patches: ImageTubes, surfaces: FaceSurfaces) -> list[Columns]:
-    """Return the columns of patches and of what they scatter diffusely, without what comes from out of view or too far."""
+def _rows(
+    state: WorldState, tracer: Tracer, patches: ImageTubes, surfaces: FaceSurfaces, rough: dict[int, list[Columns]]
+) -> Columns:
+    """Return the columns of patches, without what comes from out of view or too far; add rough pieces to those of their depth."""
     tx, rx, settings = tracer.tx, tracer.rx, tracer.settings
-    rough = surfaces.is_rough[patches.face[:, -1]] & settings.diffuse
+    is_rough = surfaces.is_rough[patches.face[:, -1]] & settings.diffuse
     columns: Columns = radiated(
         tracer.rays, patches, surfaces, (tx.pose, tx.velocity), (rx.pose, rx.velocity), tracer.size.wavenumber,
-        settings.integration_phase, bool(rough.any()),
+        settings.integration_phase, bool(is_rough.any()),
     )  # fmt: skip
     part = tracer.faces.part[patches.face]
     columns["instance"] = state.world.parts.instance[part]
@@ -182,19 +188,21 @@ def _rows(state: WorldState, tracer: Tracer, patches: ImageTubes, surfaces: Face
     seen = columns["length"] < 2.0 * tracer.reach
     if patches.depth > 1:
         seen &= tx.sees(columns["tx_point"])
-    blocks = []
-    if rough.any():
-        rows = np.flatnonzero(rough & seen)
-        if len(rows):
-            some = {name: column[rows] for name, column in columns.items()}
-            some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
-            block = scattered_rows(some, patches.take(rows), np.arange(len(tracer.faces.part)), settings.seed)
-            first = block.pop("first_semantic")
-            blocks.append(block)
-            if patches.depth > 1 and tx is rx:
-                blocks.append(way_back(block, first))
-        del columns["scattered"]
-    return [{name: column[seen] for name, column in columns.items()}, *blocks]
+    rows = np.flatnonzero(is_rough & seen)
+    if len(rows):
+        some = {name: column[rows] for name, column in columns.items()}
+        some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
+        rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
+    columns.pop("scattered", None)
+    return {name: column[seen] for name, column in columns.items()}
+
+
+def _scattered(pieces: list[Columns], seed: int, monostatic: bool) -> list[Columns]:
+    """Return the columns of what rough patches of one depth scatter, and for a monostatic radar of the way back."""
+    whole = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    block = scattered_rows(whole, seed)
+    first = block.pop("first_semantic")
+    return [block, way_back(block, first)] if monostatic and block["depth"][0] > 1 else [block]
 
 
 def _warn(
