@@ -15,11 +15,11 @@ import numpy as np
 
 from scarl_sionna.calibration import ForwardModel
 from scarl_sionna.calibration.scene_model import FixedPaths
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.engine.paths.slopes import path_slopes
 from scarl_sionna.radar.optics.body.parts import load_body
 from scarl_sionna.radar.optics.far_field import scattering_matrices
 from scarl_sionna.radar.optics.replay import FixedTubes
-from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.radar.optics.surfaces import PartSurfaces, Surface
 from scarl_sionna.scene.materials.table import load_materials
 from tests.calibration_street import TRUTH, street, street_problem

@@ -14,12 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from .optics.body.parts import Material, Mesh, actor_parts, check_size, load_body, surfaces_of
 from .optics.far_field import Looks, scattering_matrices
-from .optics.settings import DEFAULT_SBR, SbrSettings
 
 __all__ = ["POLARIZATIONS", "RcsCut", "actor_parts", "load_body", "rcs", "rcs_cut", "scattering_matrix"]
 

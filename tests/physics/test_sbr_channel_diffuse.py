@@ -7,12 +7,12 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.sbr.diffuse import uniform_hash
-from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.scene.materials.fresnel import reflection
 from tests.scenes import Material, Thing, plane, write_scene
 
@@ -169,7 +169,6 @@ def test_the_size_of_batches_changes_no_path(tmp_path) -> None:
     assert np.any((whole.depth == 2) & (whole.interaction[:, 0] == 1) & (whole.interaction[:, 1] == 2))
     assert batched.num_paths == whole.num_paths
     level = [np.sort(np.abs(paths.a[:, 0, 0])) / np.abs(whole.a).max() for paths in (batched, whole)]
-    assert (
-        np.abs(level[0] - level[1]).max() < 1e-9
-    )  # the order of the sums differs: 1e-16 of each, times 1e3 rad of phase
+    # the order of the sums differs: 1e-16 of each, times 1e3 rad of phase
+    assert np.abs(level[0] - level[1]).max() < 1e-9
     assert _signal(batched) == pytest.approx(_signal(whole), rel=1e-9)

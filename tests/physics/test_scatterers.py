@@ -10,10 +10,11 @@ import pytest
 import trimesh
 
 import scarl_sionna as ss
-from scarl_sionna.radar.optics.settings import SbrSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.rcs import scattering_matrix
 from scarl_sionna.radar.scatterers.compile import WEAKEST, compile_scatterers, range_profile
-from scarl_sionna.radar.scatterers.model import ScattererModel, direction_of
+from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.radar.scatterers.table import direction_of
 from tests.scenes import Thing, write_scene
 
 COARSE = SbrSettings(max_depth=3, ray_spacing=2.0, edge_spacing=1.0)

@@ -13,8 +13,8 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import MaterialRangeError, MeshError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.optics.phase import plane_wave_integral
-from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.radar.rcs import load_body, rcs_cut, scattering_matrix
 from scarl_sionna.scene.materials.table import RadioMaterial, UnknownMaterialError
 from tests.oracles import rcs as oracle

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .body.mesh import Body
 from .fields import HOST, radiating_vector
 from .phase import plane_wave_integral
 from .plane_waves import Bounce, Waves, bounces, unhidden
-from .settings import DEFAULT_SBR, SbrSettings
 from .surfaces import PartSurfaces
 
 Array = npt.NDArray[np.float64]

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.engine.rays.face_rays import MISS
 
 from .body.mesh import Body
 from .probes import ParallelRays, PlaneProbe, ShadowProbe
 from .refine import Pieces, refine
-from .settings import SbrSettings
 from .surfaces import PartSurfaces
 from .trace import GRAZING, Tubes, depth_first, face_of_plane, gathered, landing
 
@@ -157,9 +157,7 @@ def _lit(body: Body, waves: Waves, tubes: PlaneTubes, settings: SbrSettings) -> 
         yield tubes.take(rows[number], corners)
 
 
-def _next(
-    body: Body, waves: Waves, bounce: Bounce, of_plane: Index, settings: SbrSettings
-) -> Iterator[PlaneTubes]:
+def _next(body: Body, waves: Waves, bounce: Bounce, of_plane: Index, settings: SbrSettings) -> Iterator[PlaneTubes]:
     """Yield the footprints that the reflected tubes have on what they meet next."""
     tubes = bounce.tubes
     chosen = np.flatnonzero(~tubes.free)

@@ -16,8 +16,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.sbr import SbrSettings
+
 from .probes import Probe
-from .settings import SbrSettings
 from .tube_shape import COUNTS, OFFSETS, TOO_LONG, cut_off, halved, layouts, sides_and_height
 
 Array = npt.NDArray[np.float64]

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 
 from .body.mesh import Body
 from .far_field import Looks, Plan, footprints_seen, phase_weights, plan_of
 from .fields import HOST, radiating_vector
 from .plane_waves import bounces
-from .settings import DEFAULT_SBR, SbrSettings
 from .surfaces import PartSurfaces
 
 Array = npt.NDArray[np.float64]

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import MISS, StateRays
@@ -23,7 +24,6 @@ from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 from .patches import PatchSize, split, too_many_patches
 from .probes import CentralRays, PlaneProbe, Probe, ScreenedProbe
 from .refine import Pieces, refined
-from .settings import SbrSettings
 from .trace import GRAZING, Tubes, depth_first, face_of_plane, landing
 from .tube_shape import middle
 

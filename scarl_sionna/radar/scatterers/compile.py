@@ -11,17 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.radar.optics.body.mesh import Body
 from scarl_sionna.radar.optics.body.parts import Material, Mesh, check_size, load_body, material_names, surfaces_of
 from scarl_sionna.radar.optics.phase import many_plane_wave_integrals
-from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.radar.optics.surfaces import PartSurfaces
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from .footprints import Footprints, footprints
-from .model import ScattererModel, direction_of
-from .table import AspectTable, TableBuilder
+from .model import ScattererModel
+from .table import AspectTable, TableBuilder, direction_of
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

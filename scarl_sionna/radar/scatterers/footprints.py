@@ -12,13 +12,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.rays.face_rays import MISS
 from scarl_sionna.radar.optics.body.mesh import Body
 from scarl_sionna.radar.optics.far_field import unit_vectors
 from scarl_sionna.radar.optics.fields import HOST, radiating_vector
 from scarl_sionna.radar.optics.plane_waves import Bounce, PlaneTubes, Waves, bounces, unhidden
-from scarl_sionna.radar.optics.settings import SbrSettings
 from scarl_sionna.radar.optics.surfaces import PartSurfaces
 
 Array = npt.NDArray[np.float64]

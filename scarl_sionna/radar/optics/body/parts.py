@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.settings.sbr import SMALLEST_SIZE
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.optics.settings import SMALLEST_SIZE
 from scarl_sionna.radar.optics.surfaces import PartSurfaces, Surface
 from scarl_sionna.scene.materials.fresnel import film_of
 from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, builtin_materials
