@@ -19,13 +19,12 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
-from scarl_sionna.radar.channel.compose.budget import cell_noise_power
-from scarl_sionna.radar.optics.far import SbrSettings
+from scarl_sionna.signal.noise import angle_cell_noise_power
 from tests.oracles import multipath
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
@@ -112,7 +111,7 @@ def level_db(value: complex, exact: complex) -> float:
 
 def noise_error_db(amplitude: float, radar: Any = RADAR) -> float:
     """Return the rms error [dB] that noise makes of an echo in one cell: 20 / ln 10 / sqrt(2 SNR)."""
-    snr = amplitude**2 * 10.0 ** (radar.front_end.tx_power_dbm / 10.0 - 3.0) / cell_noise_power(radar)
+    snr = amplitude**2 * 10.0 ** (radar.front_end.tx_power_dbm / 10.0 - 3.0) / angle_cell_noise_power(radar)
     return float(20.0 / np.log(10.0) / np.sqrt(2.0 * snr))
 
 
@@ -145,7 +144,7 @@ def over(
 def sbr_knobs(**others: Any) -> list[tuple[str, dict[str, Any]]]:
     """Return the settings of `sbr` over the size of its patches."""
     return [
-        (f"{phase:g} rad", {"settings": SbrChannelSettings(max_phase=phase, integration_phase=phase / 20.0, **others)})
+        (f"{phase:g} rad", {"settings": SbrSettings(max_phase=phase, integration_phase=phase / 20.0, **others)})
         for phase in (2.0, 1.0, 0.4, 0.2)
     ]
 
@@ -252,7 +251,7 @@ def sphere() -> Problem:
     curves = []
     states = {n: scene([Thing("ball", ball(radius, subdivisions=n), "Static", "steel")]) for n in (2, 3, 4, 5, 6)}
     for method, options, chosen in (
-        ("sbr", {"settings": SbrChannelSettings(max_depth=1)}, (2, 3, 4, 5, 6)),
+        ("sbr", {"settings": SbrSettings(max_depth=1)}, (2, 3, 4, 5, 6)),
         ("sionna", {"num_samples": 20_000}, (2, 4, 5)),
         ("raycast", {"num_rays": 100_000}, (2, 5)),
         ("auto", {}, (4, 5)),
@@ -317,7 +316,7 @@ def two_ray() -> Problem:
     # Mixed pairs leave at the bisector's point of the ball, which is 2 a (1 - cos) less far in front of its middle.
     mixed = np.exp(-2j * wave * radius * (1.0 - np.cos(half_bistatic)))
     exact = _ball_amplitude(radius, ranges) * straight**2 * (one**2 + 2.0 * one * other * mixed + other**2)
-    one_bounce = SbrChannelSettings(floor_db=None, max_depth=1)
+    one_bounce = SbrSettings(floor_db=None, max_depth=1)
     through = ChannelPlan((Share("sbr", ("ball",), one_bounce, True),), ("ground",), echoes=False)
     point = {"ball": _ball_model(radius, np.array([0.0, 0.0, height]))}
     curves = [

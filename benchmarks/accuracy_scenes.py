@@ -28,13 +28,12 @@ from benchmarks.accuracy_problems import (
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
-from scarl_sionna.radar.channel.compose.budget import cell_noise_power
-from scarl_sionna.radar.optics.far import SbrSettings
 from scarl_sionna.radar.scatterers.compile import range_profile
+from scarl_sionna.signal.noise import angle_cell_noise_power
 
 SPEED_OF_LIGHT = 299792458.0
 
@@ -73,7 +72,7 @@ def profile(paths: Any, start: float) -> np.ndarray:
 def _car(distance: float) -> Problem:
     state, mesh = car_alone()
     pose = Pose([-distance - 2.15, 0.9, 0.6])
-    fine = SbrChannelSettings(max_phase=0.1, integration_phase=0.01, edge_spacing=0.125, floor_db=None, max_depth=3)
+    fine = SbrSettings(max_phase=0.1, integration_phase=0.01, edge_share=0.125, floor_db=None, max_depth=3)
     truth = profile(solve_paths(state, RADAR, pose, method="sbr", settings=fine), distance)
     strong = truth > truth.max() * 1e-3
 
@@ -86,7 +85,7 @@ def _car(distance: float) -> Problem:
         3,
         over(
             "sbr, 1 rad", "bounces",
-            [(f"{d} bounces", {"settings": SbrChannelSettings(max_phase=1.0, integration_phase=0.05, max_depth=d)}) for d in (1, 2, 3)],
+            [(f"{d} bounces", {"settings": SbrSettings(max_phase=1.0, integration_phase=0.05, max_depth=d)}) for d in (1, 2, 3)],
             "2 bounces", state, [pose],
         ),
     )  # fmt: skip
@@ -128,9 +127,9 @@ def highway() -> Problem:
         if info.is_object and info.name != "ego" and not info.name.startswith("tree")
     ]  # fmt: skip
     rest = [number for number in table if number not in bodies]
-    fine = SbrChannelSettings(max_phase=1.0, integration_phase=0.02, max_depth=2)
+    fine = SbrSettings(max_phase=1.0, integration_phase=0.02, max_depth=2)
 
-    def plan(settings: SbrChannelSettings, rays: int) -> ChannelPlan:
+    def plan(settings: SbrSettings, rays: int) -> ChannelPlan:
         return ChannelPlan((Share("sbr", bodies, settings), Share("raycast", rest, {"num_rays": rays})))
 
     short = radar.with_(num_chirps=1)
@@ -143,7 +142,7 @@ def highway() -> Problem:
     reference = solve_paths(state, radar, pose, method="hybrid", plan=plan(fine, 1_000_000))
     truth = cells(reference)
     owned = cells(reference.select(np.isin(reference.instance[:, 0], bodies)))
-    noise = cell_noise_power(short)
+    noise = angle_cell_noise_power(short)
     strong = (truth > truth.max() * 1e-6) & (owned > 0.9 * truth) & (truth > 10.0 * noise)
 
     def error(answer: Answer) -> float:

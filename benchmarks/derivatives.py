@@ -15,10 +15,12 @@ import numpy as np
 
 from scarl_sionna.calibration import ForwardModel
 from scarl_sionna.calibration.scene_model import FixedPaths
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.engine.paths.slopes import path_slopes
-from scarl_sionna.radar.optics.body_parts import load_body
-from scarl_sionna.radar.optics.far import PartSurfaces, SbrSettings, Surface, scattering_matrices
-from scarl_sionna.radar.optics.far.replay import FixedTubes
+from scarl_sionna.radar.optics.body.parts import load_body
+from scarl_sionna.radar.optics.far_field import scattering_matrices
+from scarl_sionna.radar.optics.replay import FixedTubes
+from scarl_sionna.radar.optics.surfaces import PartSurfaces, Surface
 from scarl_sionna.scene.materials.table import load_materials
 from tests.calibration_street import TRUTH, street, street_problem
 from tests.physics.test_calibration_body import corner, looks
@@ -90,7 +92,7 @@ def of_paths(folder: Path) -> None:
 def of_a_mesh() -> None:
     """Print time and error of kept tubes against a fresh trace."""
     body = load_body(corner())
-    settings = SbrSettings.for_size(body.size * 77e9 / 299792458.0)
+    settings = SbrSettings().for_size(body.size * 77e9 / 299792458.0)
     surfaces = PartSurfaces((Surface(5.5 - 3.7j, None, 77e9),))
     fresh, whole = timed(lambda: scattering_matrices(body, surfaces, looks(), settings))
     tubes, trace = timed(lambda: FixedTubes.trace(body, looks(), settings))

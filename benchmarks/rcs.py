@@ -17,9 +17,10 @@ import trimesh
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.harness import machine, measure, peak_memory
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.optics.far import Body, SbrSettings
+from scarl_sionna.radar.optics.body.mesh import Body
 from scarl_sionna.radar.rcs import actor_parts, load_body, rcs, scattering_matrix
 
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
@@ -139,7 +140,7 @@ def bench_knobs() -> None:
             timing = measure(lambda s=settings, b=body: scattering_matrix(b, 77e9, *angles, settings=s), 1, 0)
             found = scattering_matrix(body, 77e9, *angles, settings=settings)
             error = np.abs(found - reference).max() / np.abs(reference).max()
-            mark = "  <- default" if settings == SbrSettings() else ""
+            mark = "  <- default" if (ray, edge) == (1.0, 0.25) else ""
             print(
                 f"    ray_spacing {ray:5g}  edge_spacing {edge:6g}  error {error:.1e}  cpu {timing.cpu / 2:.3f} s{mark}"
             )
@@ -157,13 +158,13 @@ def bench_car(phi_deg: float = 150.0, count: int = 3) -> None:
         cpu = (time.process_time() - start) / count
         return 10 * np.log10(4 * np.pi * np.mean(np.abs(found) ** 2, axis=0)), cpu
 
-    default = SbrSettings.for_size(body.size * 77e9 / SPEED_OF_LIGHT)
+    default = SbrSettings().for_size(body.size * 77e9 / SPEED_OF_LIGHT)
     print(f"\nCar of {len(body.triangles.normal)} faces, {phi_deg:g} deg, mean over 1 deg ({count} aspects), 77 GHz")
     print(
         "| ray_spacing | edge_spacing | max_depth | bisections | VV error [dB] | HH [dB] | HV [dB] | CPU s an aspect |"
     )
     print("|---|---|---|---|---|---|---|---|")
-    finest = SbrSettings()
+    finest = SbrSettings(ray_spacing=1.0, edge_spacing=0.25, bisections=11)
     reference, cpu = smoothed(finest)
     cases = [finest] + [
         SbrSettings(ray_spacing=ray, edge_spacing=edge, max_depth=depth, bisections=5)

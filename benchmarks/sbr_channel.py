@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import scarl_sionna as ss
 from benchmarks.harness import machine, measure, peak_memory
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.channel import solve_paths
@@ -29,10 +29,10 @@ from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
 from tests.scenes import Thing, plane, write_scene
 
-ALL = SbrChannelSettings(floor_db=None, diffuse=False)
+ALL = SbrSettings(floor_db=None, diffuse=False)
 WIDE = RadarSpec(elevation_fov_deg=120.0)
 WAVELENGTH = SPEED_OF_LIGHT / WIDE.center_frequency
-DEFAULT = SbrChannelSettings().max_phase
+DEFAULT = SbrSettings().max_phase
 
 
 def _state(mesh: trimesh.Trimesh) -> Any:
@@ -84,13 +84,13 @@ def trihedral() -> None:
     vertices, faces = oracle.TRIHEDRAL_MESH
     mesh = trimesh.Trimesh(np.array(vertices) * 0.1, faces, process=False)
     state = _state(mesh)
-    print("\n| trihedral at 50 m | max_phase | edge_spacing | paths | error [dB] | 10 deg off [dB] | CPU [s] |")
+    print("\n| trihedral at 50 m | max_phase | edge_share | paths | error [dB] | 10 deg off [dB] | CPU [s] |")
     print("|---|---|---|---|---|---|---|")
     corner = np.arccos(1 / 3**0.5)
     angles = ((corner, np.pi / 4), (corner + np.radians(10), np.pi / 4 + np.radians(5)))
     exact = [float(ss.rcs(mesh, WIDE.center_frequency, *angle)) for angle in angles]
-    for max_phase, edge_spacing in ((2.0, 1.0), (0.4, 0.5), (0.4, 0.125), (0.2, 0.125), (0.1, 0.125), (0.02, 0.125)):
-        knobs = ALL.with_(max_phase=max_phase, edge_spacing=edge_spacing)
+    for max_phase, edge_share in ((2.0, 1.0), (0.4, 0.5), (0.4, 0.125), (0.2, 0.125), (0.1, 0.125), (0.02, 0.125)):
+        knobs = ALL.with_(max_phase=max_phase, edge_share=edge_share)
         errors, cpu = [], time.process_time()
         for (theta, phi), sigma in zip(angles, exact, strict=True):
             pose = _looking_back(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta), 50.0)
@@ -98,7 +98,7 @@ def trihedral() -> None:
             found = abs(_signal(paths)) ** 2 * (4 * np.pi) ** 3 * 50.0**4 / WAVELENGTH**2
             errors.append(10 * np.log10(found / sigma))
         print(
-            f"| | {max_phase:g} | {edge_spacing:g} | {paths.num_paths} | {errors[0]:+.3f} | {errors[1]:+.3f} | "
+            f"| | {max_phase:g} | {edge_share:g} | {paths.num_paths} | {errors[0]:+.3f} | {errors[1]:+.3f} | "
             f"{(time.process_time() - cpu) / 2:.3f} |"
         )
 
@@ -115,13 +115,13 @@ def car() -> None:
     runs: list[tuple[str, dict[str, Any]]] = [
         ("**default**", {}), ("max_phase 0.4", {"max_phase": 0.4}), ("max_phase 1", {"max_phase": 1.0}),
         ("max_phase 0.1", {"max_phase": 0.1}), ("num_tubes 10^5", {"num_tubes": 100_000}),
-        ("num_tubes 10^6", {"num_tubes": 1_000_000}), ("edge_spacing 0.25", {"edge_spacing": 0.25}),
-        ("edge_spacing 1, probe_spacing 1", {"edge_spacing": 1.0, "probe_spacing": 1.0}),
+        ("num_tubes 10^6", {"num_tubes": 1_000_000}), ("edge_share 0.25", {"edge_share": 0.25}),
+        ("edge_share 1, ray_share 1", {"edge_share": 1.0, "ray_share": 1.0}),
         ("max_depth 2", {"max_depth": 2}), ("max_depth 1", {"max_depth": 1}),
     ]  # fmt: skip
     for name in ("car_ahead", "oncoming"):
 
-        def cells(knobs: SbrChannelSettings, name: str = name) -> tuple[np.ndarray, int, float]:
+        def cells(knobs: SbrSettings, name: str = name) -> tuple[np.ndarray, int, float]:
             cpu = time.process_time()
             paths = solve_paths(state, radar, pose, method="sbr", instances=[name], settings=knobs)
             cpu = time.process_time() - cpu
@@ -131,7 +131,7 @@ def car() -> None:
             return np.mean(np.abs(rd.data[:, 0]) ** 2, axis=0)[inside], paths.num_paths, cpu
 
         cells(ALL)
-        exact, num_paths, cpu = cells(ALL.with_(max_phase=0.05, integration_phase=0.005, probe_spacing=0.25))
+        exact, num_paths, cpu = cells(ALL.with_(max_phase=0.05, integration_phase=0.005, ray_share=0.25))
         distance = np.linalg.norm(state.actor_pose(name).position - pose.position)
         print(
             f"\n{name}, centre at {distance:.1f} m: reference of {num_paths} paths, {cpu:.2f} CPU-s, {len(exact)} cells"
@@ -159,7 +159,7 @@ def speed() -> None:
 
         def frame(names: list[str] = names, last: list[ss.RadarPaths] = last) -> None:
             paths = solve_paths(
-                state, radar, pose, method="sbr", instances=names, settings=SbrChannelSettings(num_tubes=1_000_000)
+                state, radar, pose, method="sbr", instances=names, settings=SbrSettings(num_tubes=1_000_000)
             )
             ss.virtual_cube(ss.synthesize(paths, radar), radar)
             last[:] = [paths]
@@ -187,7 +187,7 @@ def scene() -> None:
         for _ in range(2):
             wall, cpu = time.perf_counter(), time.process_time()
             paths = solve_paths(
-                state, radar, pose, method="sbr", instances=names, settings=SbrChannelSettings(max_depth=depth)
+                state, radar, pose, method="sbr", instances=names, settings=SbrSettings(max_depth=depth)
             )
             wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
             if wall > 30.0:
@@ -213,7 +213,7 @@ def _memory_of(wanted: int) -> None:
     state, radar, pose = _highway()
     cpu = time.process_time()
     paths = solve_paths(
-        state, radar, pose, method="sbr", instances=["car_ahead"], settings=SbrChannelSettings(num_tubes=wanted)
+        state, radar, pose, method="sbr", instances=["car_ahead"], settings=SbrSettings(num_tubes=wanted)
     )
     cpu = time.process_time() - cpu
     print(f"| {paths.diagnostics['num_tubes'][1]} | {paths.num_paths} | {cpu:.1f} | {peak_memory():.2f} |")

@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import scarl_sionna as ss
 from benchmarks.harness import machine, peak_memory
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
-from scarl_sionna.radar.optics.body_parts import actor_parts
+from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.radar.optics.body.parts import actor_parts
 from scarl_sionna.radar.scatterers.compile import COMPILE_SBR, range_profile
 
 SPEED_OF_LIGHT = 299792458.0
@@ -121,7 +121,7 @@ def compare(side: str, world: Any, parts: list[Any], options: argparse.Namespace
         flush=True,
     )
     state, errors = world.at(0.0), []
-    settings = SbrChannelSettings(max_depth=COMPILE_SBR.max_depth, floor_db=None)
+    settings = SbrSettings(max_depth=COMPILE_SBR.max_depth, floor_db=None)
     for distance in DISTANCES:
         pose, reach = radar_pose(SIDES[side], distance), distance + 20.0
         truth, sbr_time = timed(

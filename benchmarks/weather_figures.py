@@ -16,12 +16,12 @@ from camera_lidar.lidar import Lidar
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.specs.drop_sizes import RAIN_SIZES
 from scarl_sionna.core.specs.weather import FULL_FILM, Spray
-from scarl_sionna.radar.channel.compose.budget import cell_noise_power
 from scarl_sionna.radar.weather.attenuation import rain_attenuation, weather_attenuation
 from scarl_sionna.radar.weather.clutter import NEAREST, beam_share, falling, mean_clutter_power, volume_clutter
 from scarl_sionna.radar.weather.hydrometeors import rain, snow
 from scarl_sionna.scene.materials.fresnel import reflection
 from scarl_sionna.scene.materials.table import builtin_materials
+from scarl_sionna.signal.noise import angle_cell_noise_power
 
 FREQUENCY, KELVIN = 77e9, 283.15
 RATES = np.geomspace(0.5, 100.0, 25)
@@ -68,7 +68,7 @@ def draw_clutter(path: Path) -> None:
     edges = np.maximum(np.arange(0.0, 101.0, step), NEAREST)
     middle = (edges[1:] + edges[:-1]) / 2.0
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
-    noise = cell_noise_power(radar) * radar.num_virtual  # of one channel's range-Doppler cell
+    noise = angle_cell_noise_power(radar) * radar.num_virtual  # of one channel's range-Doppler cell
     for index, (name, weather) in enumerate(
         (("rain 50 mm/h", ss.Weather(rain_rate=50.0)), ("rain 10 mm/h", ss.Weather(rain_rate=10.0)),
          ("rain 1 mm/h", ss.Weather(rain_rate=1.0)), ("dry snow 2 mm/h", ss.Weather(snow_rate=2.0, temperature_celsius=-2.0)))
@@ -77,7 +77,7 @@ def draw_clutter(path: Path) -> None:
         loss = weather_attenuation(weather, radar.center_frequency, "V")
         spread = min(1.0, radar.velocity_resolution / (np.sqrt(2 * np.pi) * weather.turbulence))
         mean = mean_clutter_power(radar, eta, edges[:-1], edges[1:], loss) * spread
-        snr = 10 * np.log10(mean * beam_share(radar) / cell_noise_power(radar))
+        snr = 10 * np.log10(mean * beam_share(radar) / angle_cell_noise_power(radar))
         left.semilogx(middle, snr, f"C{index}", label=name)
         told = [f"{np.interp(value, middle, snr):.1f}" for value in (5, 10, 20, 50, 100)]
         print(f"{name}: eta {10 * np.log10(eta):.1f} dB, SNR of a cell at 5, 10, 20, 50, 100 m: {', '.join(told)} dB")
@@ -85,7 +85,9 @@ def draw_clutter(path: Path) -> None:
     scale = (
         10 ** (radar.front_end.tx_power_dbm / 10) * 1e-3 * 10**2 * radar.wavelength**2 / (4 * np.pi) ** 3 / middle**4
     )
-    left.semilogx(middle, 10 * np.log10(scale * person / cell_noise_power(radar)), "k--", label="pedestrian, -8 dBsm")
+    left.semilogx(
+        middle, 10 * np.log10(scale * person / angle_cell_noise_power(radar)), "k--", label="pedestrian, -8 dBsm"
+    )
     left.axhline(0.0, color="0.5", lw=1)
     left.text(1.1, 1.0, "noise", color="0.4", fontsize=8)
     left.set(

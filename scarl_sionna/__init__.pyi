@@ -7,7 +7,7 @@ from .core.settings.accuracy import Accuracy
 from .core.settings.plan import ChannelPlan, Share
 from .core.settings.radar import RadarSettings
 from .core.settings.raycast import RaycastSettings
-from .core.settings.sbr import SbrChannelSettings
+from .core.settings.sbr import SbrSettings
 from .core.settings.scatterers import ScattererSettings
 from .core.settings.sionna import SionnaSettings
 from .core.specs.atmosphere import Atmosphere
@@ -51,7 +51,7 @@ __all__ = [
     "Mount",
     "RadarSettings",
     "RaycastSettings",
-    "SbrChannelSettings",
+    "SbrSettings",
     "ScattererSettings",
     "Share",
     "SionnaSettings",

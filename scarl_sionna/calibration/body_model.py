@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.optics.body_parts import check_size, load_body, surface_of
-from scarl_sionna.radar.optics.far import Looks, PartSurfaces, SbrSettings
-from scarl_sionna.radar.optics.far.replay import FixedTubes
+from scarl_sionna.radar.optics.body.parts import check_size, load_body, surface_of
+from scarl_sionna.radar.optics.far_field import Looks
+from scarl_sionna.radar.optics.replay import FixedTubes
+from scarl_sionna.radar.optics.surfaces import PartSurfaces
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from .physics import TrialMaterial
@@ -35,7 +35,7 @@ def mesh_field(measurement: MeshRcs, table: MaterialTable) -> Callable[[Mapping[
     count = max(len(measurement.values), np.size(measurement.theta_deg), np.size(measurement.phi_deg))
     theta, phi = (np.broadcast_to(np.radians(a), (count,)) for a in (measurement.theta_deg, measurement.phi_deg))
     looks = Looks(np.full(count, measurement.frequency), theta, phi, theta, phi)
-    tubes = FixedTubes.trace(body, looks, SbrSettings.for_size(body.size * measurement.frequency / SPEED_OF_LIGHT))
+    tubes = FixedTubes.trace(body, looks)
     receive, transmit = ("VH".index(letter) for letter in measurement.polarization)
 
     def field(materials: Mapping[str, TrialMaterial]) -> Complex:

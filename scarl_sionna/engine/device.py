@@ -42,6 +42,29 @@ class Device:
         """Return a vector (3,) that a kernel takes as an input."""
         return self.Vector(*(self.real(value) for value in np.asarray(values, dtype=np.float64)))
 
+    def reals(self, values: npt.ArrayLike) -> Any:
+        """Return an array of any shape on the device, row after row."""
+        return self.Real(np.ascontiguousarray(values, dtype=np.float64).ravel())
+
+    def vectors(self, values: npt.ArrayLike) -> Any:
+        """Return vectors (n, 3) on the device."""
+        rows = np.asarray(values, dtype=np.float64)
+        return self.dr.gather(self.Vector, self.reals(rows), self.dr.arange(self.mi.UInt32, len(rows)))
+
+    def corners(self, triangles: npt.ArrayLike) -> list[Any]:
+        """Return the three corners of triangles (n, 3, 3) on the device."""
+        rows = np.asarray(triangles, dtype=np.float64)
+        flat, place = self.reals(rows), 3 * self.dr.arange(self.mi.UInt32, len(rows))
+        return [self.dr.gather(self.Vector, flat, place + k) for k in range(3)]
+
+    def index(self, values: npt.NDArray[np.integer]) -> Any:
+        """Return numbers >= 0 of any shape on the device, row after row."""
+        return self.mi.UInt32(np.ascontiguousarray(values, dtype=np.uint32).ravel())
+
+    def label(self, values: npt.NDArray[np.integer]) -> Any:
+        """Return numbers of any shape and sign on the device, row after row."""
+        return self.mi.Int32(np.ascontiguousarray(values, dtype=np.int32).ravel())
+
 
 @contextmanager
 def device(twin: str = "optical") -> Iterator[Device]:

@@ -301,13 +301,15 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
 
 def _settings_of(kind: str, what: str, data: Any, spec: Mapping[str, Any]) -> Spec | None:
     """Return the settings of a sensor from plain data."""
-    cls = settings_type(kind)
-    if data is not None and cls is None:
-        raise ParameterRangeError(
-            f"{what} settings", repr(data)[:80], f"none: the sensor kind '{kind}' has no settings"
+    if data is not None:
+        cls = settings_type(kind)
+        allowed = (
+            f"none: the sensor kind '{kind}' has no settings"
+            if cls is None
+            else f"a mapping with fields of {cls.__name__}"
         )
-    if data is not None and not isinstance(data, Mapping):
-        raise ParameterRangeError(f"{what} settings", repr(data)[:80], f"a mapping with fields of {cls.__name__}")
+        if cls is None or not isinstance(data, Mapping):
+            raise ParameterRangeError(f"{what} settings", repr(data)[:80], allowed)
     return read_settings(kind, data, spec)
 
 

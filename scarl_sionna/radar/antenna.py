@@ -8,11 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.units import dbm_to_watt
-from scarl_sionna.signal.antenna import field_gain
 
+from .link import received_amplitude
 from .paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
@@ -51,36 +49,21 @@ class PathGeometry:
         """Return the geometry of paths for a radar."""
         tx = paths.world_from_tx.apply(radar.tx_array)
         rx = paths.world_from_rx.apply(radar.rx_array)
-        tx_center, rx_center = paths.world_from_tx.position, paths.world_from_rx.position
-        if paths.rx_image is None:
-            mirror: npt.NDArray[np.bool_] = np.zeros(paths.num_paths, dtype=np.bool_)
-            image = np.zeros((0, 3, 4))
-        else:
-            mirror = np.asarray(np.isfinite(paths.rx_image).all(axis=(1, 2)))
-            image = paths.rx_image[mirror]
+        mirror = paths.is_mirror_chain
+        image = np.zeros((0, 3, 4)) if paths.rx_image is None else paths.rx_image[mirror]
         mirror_length = np.linalg.norm(_image_of(image, rx)[None] - tx[:, None, None, :], axis=-1)
-        tx_vector, rx_vector = paths.tx_point - tx_center, paths.rx_point - rx_center
-        if len(image):
-            image_vector = _image_of(image, rx_center[None])[0] - tx_center
-            tx_vector, rx_vector = tx_vector.copy(), rx_vector.copy()
-            tx_vector[mirror] = image_vector
-            # seen from the receiver, the path arrives from the image of the transmitter under the inverse isometry
-            rx_vector[mirror] = -np.einsum("pji,pj->pi", image[:, :, :3], image_vector)
-            mirror_center = np.linalg.norm(image_vector, axis=-1)
-        else:
-            mirror_center = np.zeros(0)
+        tx_vector, rx_vector = paths.end_vectors()
+        local = tx_vector @ paths.world_from_tx.rotation, rx_vector @ paths.world_from_rx.rotation
+        tx_center, rx_center = np.linalg.norm(tx_vector, axis=-1), np.linalg.norm(rx_vector, axis=-1)
         return cls(
             tx_distance=_distances(paths.tx_point, tx),
             rx_distance=_distances(paths.rx_point, rx),
             inner_length=paths.inner_length,
             mirror=mirror,
             mirror_length=mirror_length,
-            amplitude=_center_amplitude(paths, radar, tx_vector, rx_vector),
-            center_distance=(
-                np.linalg.norm(paths.tx_point - tx_center, axis=-1),
-                np.linalg.norm(paths.rx_point - rx_center, axis=-1),
-                mirror_center,
-            ),
+            # conj of the field, since the beat is tx conj(rx)
+            amplitude=np.conj(received_amplitude(paths.a, *local, radar)),
+            center_distance=(tx_center, rx_center, tx_center[mirror]),
         )
 
     def center_length(self) -> Array:
@@ -120,18 +103,3 @@ def _distances(points: Array, antennas: Array) -> Array:
 def _image_of(image: Array, points: Array) -> Array:
     """Return points (A, 3) under isometries (P, 3, 4), shape (A, P, 3)."""
     return np.einsum("pij,aj->api", image[:, :, :3], points) + image[None, :, :, 3]
-
-
-def _center_amplitude(
-    paths: RadarPaths, radar: RadarSpec, tx_vector: Array, rx_vector: Array
-) -> npt.NDArray[np.complex128]:
-    """Return the beat amplitude between the array centres [sqrt(W)]: conj of the field, since the beat is tx conj(rx)."""
-    index = {"V": 0, "H": 1}[radar.array.polarization]
-    tx_gain = field_gain(radar.array.pattern, _into(paths.world_from_tx, tx_vector))
-    rx_gain = field_gain(radar.array.pattern, _into(paths.world_from_rx, rx_vector))
-    return np.conj(paths.a[:, index, index]) * (tx_gain * rx_gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm)))
-
-
-def _into(pose: Pose, vectors: Array) -> Array:
-    """Return world vectors (..., 3) in the pose's own axes."""
-    return vectors @ pose.rotation

@@ -16,7 +16,8 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.signal.processing import doppler_axis, range_doppler, virtual_cube, window_values
+from scarl_sionna.signal.processing import doppler_axis, range_doppler, virtual_cube
+from scarl_sionna.signal.windows import window_values
 
 from .channel import solve_paths
 from .paths import RadarPaths

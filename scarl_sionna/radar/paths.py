@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +73,106 @@ class RadarPaths:
         """Number of paths."""
         return int(self.inner_length.shape[0])
 
+    @property
+    def is_mirror_chain(self) -> npt.NDArray[np.bool_]:
+        """Whether each path is of mirror reflections only, shape (num_paths,)."""
+        if self.rx_image is None:
+            return np.zeros(self.num_paths, dtype=np.bool_)
+        return np.asarray(np.isfinite(self.rx_image).all(axis=(1, 2)))
+
+    def end_vectors(self) -> tuple[Array, Array]:
+        """Return the vectors from the transmitter's origin along which paths leave, and from the receiver's whence they arrive.
+
+        Returns
+        -------
+        tx_vector, rx_vector : ndarray of float64, shape (num_paths, 3)
+            [m, world]: to `tx_point` and `rx_point`; for a path of mirror reflections only, to the image of the other end.
+        """
+        tx_vector = self.tx_point - self.world_from_tx.position
+        rx_vector = self.rx_point - self.world_from_rx.position
+        mirror = self.is_mirror_chain
+        if self.rx_image is not None and mirror.any():
+            turn, shift = self.rx_image[mirror, :, :3], self.rx_image[mirror, :, 3]
+            there = turn @ self.world_from_rx.position + shift - self.world_from_tx.position
+            tx_vector[mirror] = there
+            # seen from the receiver, the path arrives from the image of the transmitter under the inverse isometry
+            rx_vector[mirror] = -np.einsum("pji,pj->pi", turn, there)
+        return tx_vector, rx_vector
+
+    @property
+    def length(self) -> Array:
+        """Length of each path between the array centres [m], shape (num_paths,)."""
+        tx_vector, rx_vector = self.end_vectors()
+        there, back = np.linalg.norm(tx_vector, axis=1), np.linalg.norm(rx_vector, axis=1)
+        return np.where(self.is_mirror_chain, there, there + self.inner_length + back)
+
+    @classmethod
+    def empty(cls, world_from_tx: Pose, world_from_rx: Pose | None = None, max_depth: int = 1) -> RadarPaths:
+        """Return no path.
+
+        Parameters
+        ----------
+        world_from_tx, world_from_rx : Pose
+            Radar frames; the second is the first where left out.
+        max_depth : int
+            Columns of `instance` and `interaction`.
+        """
+        return cls(
+            tx_point=np.zeros((0, 3)), rx_point=np.zeros((0, 3)), inner_length=np.zeros(0),
+            a=np.zeros((0, 2, 2), np.complex128), length_rate=np.zeros(0), length_acceleration=np.zeros(0),
+            instance=np.zeros((0, max_depth), np.int32), interaction=np.zeros((0, max_depth), np.int32),
+            depth=np.zeros(0, np.int32), semantic=np.zeros(0, np.uint8), world_from_tx=world_from_tx,
+            world_from_rx=world_from_tx if world_from_rx is None else world_from_rx,
+        )  # fmt: skip
+
+    @classmethod
+    def concatenate(cls, blocks: Sequence[RadarPaths], diagnostics: Mapping[str, Any] | None = None) -> RadarPaths:
+        """Return the paths of several blocks of one radar, in their order.
+
+        Parameters
+        ----------
+        blocks : sequence of RadarPaths
+            At least one, all between the same poses. Labels are padded with -1 to the longest chain.
+        diagnostics : mapping, optional
+            Of the result; empty where left out, since no block's own would tell of the others.
+
+        Raises
+        ------
+        ParameterRangeError
+            If there is no block, or two are of different radar poses.
+        """
+        if not blocks:
+            raise ParameterRangeError("blocks", "none", "at least one", "use RadarPaths.empty(pose) for no path")
+        first = blocks[0]
+        for number, block in enumerate(blocks):
+            if not (
+                _same(block.world_from_tx, first.world_from_tx) and _same(block.world_from_rx, first.world_from_rx)
+            ):
+                raise ParameterRangeError(
+                    "blocks",
+                    f"number {number} is of another radar pose than the first",
+                    "paths of one radar at one instant",
+                )
+        width = max(block.instance.shape[1] for block in blocks)
+        with_images = any(block.rx_image is not None for block in blocks)
+        merged: dict[str, Any] = {}
+        column: list[npt.NDArray[Any]]
+        for item in fields(cls):
+            if item.name in ("world_from_tx", "world_from_rx", "diagnostics"):
+                continue
+            if item.name in ("instance", "interaction"):
+                column = [_padded(getattr(block, item.name), width) for block in blocks]
+            elif item.name == "rx_image":
+                column = [block._images() for block in blocks] if with_images else []
+            else:
+                column = [getattr(block, item.name) for block in blocks]
+            merged[item.name] = np.concatenate(column) if column else None
+        merged |= {"world_from_tx": first.world_from_tx, "world_from_rx": first.world_from_rx}
+        return cls(**merged, diagnostics={} if diagnostics is None else diagnostics)
+
+    def _images(self) -> Array:
+        return np.full((self.num_paths, 3, 4), np.nan) if self.rx_image is None else self.rx_image
+
     def select(self, index: npt.ArrayLike) -> RadarPaths:
         """Return the paths of an index, a mask or a slice."""
         chosen = np.asarray(index) if not isinstance(index, slice) else index
@@ -80,3 +183,11 @@ class RadarPaths:
         }
         rest = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in changed}
         return RadarPaths(**changed, **rest)
+
+
+def _padded(labels: npt.NDArray[np.int32], width: int) -> npt.NDArray[np.int32]:
+    return np.pad(labels, [(0, 0), (0, width - labels.shape[1])], constant_values=-1)
+
+
+def _same(one: Pose, other: Pose) -> bool:
+    return np.array_equal(one.position, other.position) and np.array_equal(one.quaternion, other.quaternion)

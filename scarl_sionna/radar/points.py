@@ -12,6 +12,7 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.signal.link import radar_gain
 
 from .channel.multipath.solve import solve_sionna
 from .paths import RadarPaths
@@ -89,7 +90,7 @@ def point_targets(
     distance = np.linalg.norm(offset, axis=1)
     relative = motion - place.twist.linear
     radial = np.einsum("ij,ij->i", offset, relative) / distance
-    amplitude = radar.wavelength * np.sqrt(sigma) / ((4.0 * np.pi) ** 1.5 * distance**2)
+    amplitude = np.sqrt(radar_gain(radar.wavelength, distance) * sigma)
     count = len(points)
     return RadarPaths(
         tx_point=points,

@@ -14,11 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.scene.materials.table import MaterialTable
 
-from .optics.body_parts import Material, Mesh, actor_parts, check_size, load_body, surfaces_of
-from .optics.far import Looks, SbrSettings, scattering_matrices
+from .optics.body.parts import Material, Mesh, actor_parts, check_size, load_body, surfaces_of
+from .optics.far_field import Looks, scattering_matrices
 
 __all__ = ["POLARIZATIONS", "RcsCut", "actor_parts", "load_body", "rcs", "rcs_cut", "scattering_matrix"]
 
@@ -66,7 +67,7 @@ def rcs(
     materials : MaterialTable, optional
         Where a name is looked up; by default the built-in table.
     settings : SbrSettings, optional
-        Bounces, and how densely rays probe the mesh; by default what fits the size of the mesh (`SbrSettings.for_size`).
+        Bounces, and how densely rays probe the mesh; what is left out fits the size of the mesh (`SbrSettings.for_size`).
 
     Returns
     -------
@@ -139,7 +140,7 @@ def scattering_matrix(
     result = np.zeros((len(columns[0]), 2, 2), dtype=np.complex128)
     if len(result):
         check_size(body, float(columns[0].min()))
-        knobs = settings or SbrSettings.for_size(body.size * float(columns[0].max()) / SPEED_OF_LIGHT)
+        knobs = (settings or DEFAULT_SBR).for_size(body.size * float(columns[0].max()) / SPEED_OF_LIGHT)
         for surfaces, rows in parts:
             result[rows] = scattering_matrices(body, surfaces, Looks(*(column[rows] for column in columns)), knobs)
     return result.reshape((*wide[0].shape, 2, 2))

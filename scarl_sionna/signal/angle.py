@@ -13,7 +13,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .antenna import virtual_positions
-from .processing import RangeDoppler, range_doppler, window_values
+from .processing import RangeDoppler, range_doppler
+from .windows import window_values
 
 Array = npt.NDArray[np.float64]
 

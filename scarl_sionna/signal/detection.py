@@ -15,8 +15,10 @@ from scarl_sionna.core.units import dbm_to_watt, power_to_db
 
 from .angle import RangeDopplerAngle, directions, steering
 from .antenna import field_gain
+from .link import radar_gain
 from .peaks import parabola_offset, tone_offset
-from .processing import RangeDoppler, window_values
+from .processing import RangeDoppler
+from .windows import window_values
 
 Array = npt.NDArray[np.float64]
 
@@ -192,7 +194,9 @@ def _points(
     straddle = _straddle_gain(rd, range_offset, doppler_offset, radar)
     received = received / straddle
     gain = field_gain(radar.array.pattern, unit) ** 4
-    link = dbm_to_watt(radar.front_end.tx_power_dbm) * np.maximum(gain, 1e-30) * radar.wavelength**2
+    of_square_metre = (
+        dbm_to_watt(radar.front_end.tx_power_dbm) * np.maximum(gain, 1e-30) * radar_gain(radar.wavelength, distance)
+    )
     order = np.argsort(-received, kind="stable")
     table = {
         "position": unit * distance[:, None],
@@ -202,7 +206,7 @@ def _points(
         "radial_velocity": velocity,
         "power": received,
         "snr_db": power_to_db(received * straddle / rda.noise_power),
-        "rcs": received * (4.0 * np.pi) ** 3 * distance**4 / link,
+        "rcs": received / of_square_metre,
     }
     return RadarPoints(**{name: values[order] for name, values in table.items()})
 

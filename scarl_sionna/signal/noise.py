@@ -1,4 +1,4 @@
-"""Thermal noise of the receiver: beat signal in, beat signal out [sqrt(W)]. Left out (`rng=None`) it changes nothing."""
+"""Thermal noise of the receiver, of a sample and of a cell; added to a beat signal [sqrt(W)]. Left out (`rng=None`) it changes nothing."""
 
 from __future__ import annotations
 
@@ -8,10 +8,42 @@ import numpy.typing as npt
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import thermal_noise_power
 
+from .windows import noise_bandwidth
+
 
 def sample_noise_power(radar: RadarSpec) -> float:
     """Return the thermal noise power of one complex sample, referred to the receiver's input [W]."""
     return thermal_noise_power(radar.sample_rate, radar.front_end.noise_figure_db, radar.front_end.source_temperature)
+
+
+def cell_noise_power(
+    radar: RadarSpec, window: str | None = "hann", doppler_window: str | None = None, num_channels: int = 1
+) -> float:
+    """Return the mean thermal noise power of a cell of a range-Doppler map, or of a range-Doppler-angle cube [W].
+
+    Parameters
+    ----------
+    radar : RadarSpec
+    window, doppler_window : str or None
+        Of the range and of the Doppler transform; None is ``"rect"`` for the first, and the same as the first for the second.
+    num_channels : int
+        Channels whose mean a cell is: 1 in a map of one channel, ``radar.num_virtual`` in a beam of the whole array without taper.
+
+    Returns
+    -------
+    float
+        ``k T B F * ENBW_range * ENBW_doppler / (num_samples * num_chirps * num_channels)``: the processing gain less the
+        windows' loss [W].
+    """
+    doppler_window = window if doppler_window is None else doppler_window
+    gain = radar.num_samples * radar.num_chirps * num_channels
+    bandwidth = noise_bandwidth(window, radar.num_samples) * noise_bandwidth(doppler_window, radar.num_chirps)
+    return sample_noise_power(radar) * bandwidth / gain
+
+
+def angle_cell_noise_power(radar: RadarSpec) -> float:
+    """Return the mean thermal noise power of a cell of the range-Doppler-angle cube, without windows [W]: the lowest there is."""
+    return cell_noise_power(radar, "rect", num_channels=radar.num_virtual)
 
 
 def add_noise(

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from .processing import window_values
+from .windows import window_values
 
 Array = npt.NDArray[np.float64]
 

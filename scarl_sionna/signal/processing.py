@@ -7,45 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
-import scipy.signal
 
-from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
-from .noise import sample_noise_power
+from .noise import cell_noise_power
+from .windows import window_values
 
 Array = npt.NDArray[np.float64]
-
-_WINDOWS = {
-    "rect": "boxcar", "hann": "hann", "hamming": "hamming", "blackman": "blackman",
-    "blackmanharris": "blackmanharris", "chebyshev": ("chebwin", 80.0), "taylor": ("taylor", 4, 35),
-}  # fmt: skip
-
-
-def window_values(name: str | None, count: int) -> Array:
-    """Return a window symmetric about its middle whose values sum to 1, shape (count,); None is ``"rect"``.
-
-    Raises
-    ------
-    UnknownNameError
-        If the name is not known.
-    """
-    key = "rect" if name is None else name
-    if key not in _WINDOWS:
-        raise UnknownNameError("window", key, _WINDOWS)
-    if count <= 2:  # hann and others vanish at both ends
-        return np.full(count, 1.0 / count)
-    values = scipy.signal.get_window(_WINDOWS[key], count, fftbins=key == "rect")
-    # symmetric windows that touch zero lose two samples: build them two longer and drop the zeros
-    if values[0] < 1e-9:
-        values = scipy.signal.get_window(_WINDOWS[key], count + 2, fftbins=False)[1:-1]
-    return values / values.sum()
-
-
-def noise_bandwidth(name: str | None, count: int) -> float:
-    """Return the equivalent noise bandwidth of a window in bins: 1 for ``"rect"``, 1.5 for a long ``"hann"``."""
-    values = window_values(name, count)
-    return float(count * np.sum(values**2))
 
 
 def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.NDArray[np.complex64]:
@@ -110,18 +79,6 @@ class RangeDoppler:
         for channel in self.data:
             total += channel.real**2 + channel.imag**2
         return total / np.float32(len(self.data))
-
-
-def cell_noise_power(radar: RadarSpec, window: str | None = "hann", doppler_window: str | None = None) -> float:
-    """Return the mean thermal noise power of a range-Doppler cell of one channel [W].
-
-    ``k T B F * ENBW_range * ENBW_doppler / (num_samples * num_chirps)``: the processing gain less the windows' loss.
-    `doppler_window` left out is the same as `window`.
-    """
-    doppler_window = window if doppler_window is None else doppler_window
-    gain = radar.num_samples * radar.num_chirps
-    bandwidth = noise_bandwidth(window, radar.num_samples) * noise_bandwidth(doppler_window, radar.num_chirps)
-    return sample_noise_power(radar) * bandwidth / gain
 
 
 def range_axis(radar: RadarSpec, num_range_bins: int | None = None) -> Array:

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 import scarl_sionna as ss
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.optics.far import SbrSettings
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
 from tests.oracles import rcs as oracle
 
@@ -92,7 +92,7 @@ def test_a_car_with_the_default_rays():
     """
     body = load_body(actor_parts(load_scene("highway_guardrail"), "car_ahead"))
     phi = np.deg2rad([149.5, 150.0, 150.5])
-    default = SbrSettings.for_size(body.size / LAMBDA)
+    default = SbrSettings().for_size(body.size / LAMBDA)
     assert default.ray_spacing == 8.0
     finer = SbrSettings(ray_spacing=4.0, edge_spacing=2.0, bisections=6)
     level = [
@@ -104,6 +104,6 @@ def test_a_car_with_the_default_rays():
 
 def test_rays_by_size():
     """Small bodies have the finest default; each doubling of the size doubles the distance of the rays, up to 16 wavelengths."""
-    spacing = [SbrSettings.for_size(size).ray_spacing for size in (3.0, 100.0, 280.0, 560.0, 1120.0, 2240.0, 1e6)]
+    spacing = [SbrSettings().for_size(size).ray_spacing for size in (3.0, 100.0, 280.0, 560.0, 1120.0, 2240.0, 1e6)]
     assert spacing == [1.0, 1.0, 2.0, 4.0, 8.0, 16.0, 16.0]
-    assert SbrSettings.for_size(100.0) == SbrSettings()
+    assert SbrSettings().for_size(100.0) == SbrSettings(ray_spacing=1.0, edge_spacing=0.25, bisections=11)

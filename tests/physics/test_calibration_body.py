@@ -18,9 +18,10 @@ from scarl_sionna.calibration import (
     calibrate,
 )
 from scarl_sionna.core.errors import MeshError, ParameterRangeError
-from scarl_sionna.radar.optics.body_parts import load_body
-from scarl_sionna.radar.optics.far import Looks, PartSurfaces, Surface, scattering_matrices
-from scarl_sionna.radar.optics.far.replay import FixedTubes
+from scarl_sionna.radar.optics.body.parts import load_body
+from scarl_sionna.radar.optics.far_field import Looks, scattering_matrices
+from scarl_sionna.radar.optics.replay import FixedTubes
+from scarl_sionna.radar.optics.surfaces import PartSurfaces, Surface
 from scarl_sionna.scene.materials.table import builtin_materials
 
 FREQUENCY = 77e9

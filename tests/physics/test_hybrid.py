@@ -10,7 +10,7 @@ import scarl_sionna as ss
 from scarl_sionna.core import units as ss_units
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
@@ -128,7 +128,7 @@ def test_a_corner_over_a_mirror_is_its_bistatic_far_field_from_the_images(tmp_pa
     things = [Thing("mirror", flat, "Wall", "steel", is_object=False), Thing("corner", placed, "Static", "steel")]
     state = scene(tmp_path, things, [])
     pose = Pose([0.0, 0.0, height])
-    settings = SbrChannelSettings(floor_db=None)
+    settings = SbrSettings(floor_db=None)
     shares = (Share("sbr", ("corner",), settings, through_mirrors=True),)
     paths = solve_paths(state, RADAR, pose, "hybrid", plan=ChannelPlan(shares, ("mirror",), echoes=False))
     field = paths.a[:, 0, 0] * np.exp(-2j * np.pi * RADAR.center_frequency / ss_units.SPEED_OF_LIGHT * lengths(paths))

@@ -14,7 +14,7 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
@@ -321,7 +321,7 @@ def test_flash_of_a_blade_on_a_rolling_wheel(tmp_path, chirps: int, bound: float
     start = -48 * radar.doppler_interval
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        paths_at = retraced(world, radar, pose, start, "sbr", settings=SbrChannelSettings(floor_db=None))
+        paths_at = retraced(world, radar, pose, start, "sbr", settings=SbrSettings(floor_db=None))
         signal = slow_time(synthesize_blocks(paths_at, radar, chirps, accuracy=FINE))
     wavenumber = 2.0 * np.pi * radar.waveform.start_frequency / oracle.SPEED_OF_LIGHT
     time = start + np.arange(96) * radar.doppler_interval

@@ -11,8 +11,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle
-from scarl_sionna.signal.noise import add_noise
-from scarl_sionna.signal.processing import cell_noise_power, range_doppler, virtual_cube
+from scarl_sionna.signal.noise import add_noise, cell_noise_power
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.oracles import link
 
 ORIGIN = ((0.0, 0.0, 0.0),)

@@ -20,8 +20,8 @@ from scarl_sionna.radar.weather.attenuation import (
     liquid_water,
     rain_attenuation,
     specific_attenuation,
-    water_permittivity,
 )
+from scarl_sionna.scene.materials.dielectrics import water_permittivity
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 FREQUENCY = 77e9

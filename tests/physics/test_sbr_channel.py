@@ -9,7 +9,7 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
@@ -22,7 +22,7 @@ from tests.scenes import Material, Thing, plane, write_scene
 RADAR = RadarSpec(elevation_fov_deg=120.0)
 FREQUENCY = RADAR.center_frequency
 WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
-ALL = SbrChannelSettings(floor_db=None)
+ALL = SbrSettings(floor_db=None)
 METAL_LOSS_DB = 0.009  # of 1e7 S/m at 77 GHz and normal incidence: 2 * 20 log10(1 + sqrt(2 w eps0 / sigma)) / 2
 
 

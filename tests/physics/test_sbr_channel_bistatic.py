@@ -10,7 +10,7 @@ import scarl_sionna as ss
 from scarl_sionna.core.errors import PlacementError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
@@ -21,7 +21,7 @@ from tests.scenes import Thing, box, plane, write_scene
 RADAR = RadarSpec(elevation_fov_deg=120.0)
 FREQUENCY = RADAR.center_frequency
 WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
-ALL = SbrChannelSettings(floor_db=None)
+ALL = SbrSettings(floor_db=None)
 
 
 def _looking_back(theta, phi, distance):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from tests.scenes import Thing, plane, write_scene
 
 
@@ -17,7 +17,7 @@ def test_what_is_5_mm_behind_a_sheet_is_hidden(tmp_path, distance: float) -> Non
         Thing("behind", plane(0.4, 0.4, (distance + 0.005, 0, 0), (-1, 0, 0)), material="steel"),
     ]
     radar = ss.RadarSpec.preset("awr1843boost")
-    settings = SbrChannelSettings(max_depth=1, floor_db=None)
+    settings = SbrSettings(max_depth=1, floor_db=None)
     state = ss.load_scene(write_scene(tmp_path, instances=things)).at(0.0)
     paths = ss.solve_paths(state, radar, ss.Pose(), method="sbr", max_distance=2 * distance, settings=settings)
     assert paths.num_paths and set(np.unique(paths.instance)) == {1}

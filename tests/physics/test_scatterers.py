@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 import scarl_sionna as ss
-from scarl_sionna.radar.optics.far import SbrSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.radar.rcs import scattering_matrix
 from scarl_sionna.radar.scatterers.compile import WEAKEST, compile_scatterers, range_profile
 from scarl_sionna.radar.scatterers.model import ScattererModel

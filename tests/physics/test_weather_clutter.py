@@ -14,8 +14,9 @@ from scarl_sionna.core.specs.radar.pattern import CosinePattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Spray, Weather
 from scarl_sionna.engine.spray import spray_clouds
-from scarl_sionna.radar.channel.compose.hybrid import joined, received_power
 from scarl_sionna.radar.labels.labels import label_cells, label_paths
+from scarl_sionna.radar.link import received_power
+from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.radar.synthesis import synthesize
@@ -116,7 +117,7 @@ def test_labels_of_the_air() -> None:
     """Clutter is instance 0, class 0, direct; a cell with a target says so, and shares sum to 1."""
     target = point_targets([[15.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 10.0, RADAR, Pose())
     drops = volume_clutter(HEAVY, RADAR, Pose(), np.random.default_rng(2), reach=30.0, num_points=2000)
-    paths = joined([target, drops], Pose(), {})
+    paths = RadarPaths.concatenate([target, drops])
     assert set(drops.interaction.ravel()) == {VOLUME_INTERACTION}
     labels = label_paths(paths)
     assert labels.instance[0] == 1

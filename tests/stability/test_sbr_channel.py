@@ -14,17 +14,17 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.settings.sbr import DEFAULT_SBR_CHANNEL, SbrChannelSettings
+from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics.near.patches import PatchSize, split
+from scarl_sionna.radar.optics.patches import PatchSize, split
 from tests.oracles import rcs as oracle
 from tests.scenes import Thing, box, plane, write_scene
 
 RADAR = RadarSpec(elevation_fov_deg=60.0)
-ALL = SbrChannelSettings(floor_db=None)
+ALL = SbrSettings(floor_db=None)
 
 
 def _signal(paths) -> complex:
@@ -173,7 +173,7 @@ def test_what_the_floor_drops_is_below_it_even_in_phase(tmp_path) -> None:
 
 def test_slivers_are_cut_into_few_pieces_that_cover_them() -> None:
     corners = np.array([[[10, 0, 0], [10, 0, 2.0], [10, 1e-3, 2.0]], [[9, 0, 0], [9, 3, 0], [9, 0, 3.0]]])
-    size = PatchSize.of(RADAR, DEFAULT_SBR_CHANNEL)
+    size = PatchSize.of(RADAR, DEFAULT_SBR)
     pieces, rows = split(corners, np.zeros((2, 3)), np.zeros(3), size, 10**6)
     assert size.excess(pieces, np.zeros((2, 3)), rows, np.zeros(3)).max() <= 1.0
 
@@ -198,7 +198,7 @@ def test_many_tubes_are_about_as_many_as_asked_and_change_nothing(tmp_path) -> N
     assert 10_000 < many.diagnostics["num_tubes"][1] < 40_000
     assert few.diagnostics["num_tubes"][1] < 1000
     # What differs is the error of the coarser run: its parts depart from a linear phase by integration_phase at most.
-    assert abs(_signal(many) / _signal(few)) == pytest.approx(1.0, abs=2 * DEFAULT_SBR_CHANNEL.integration_phase)
+    assert abs(_signal(many) / _signal(few)) == pytest.approx(1.0, abs=2 * DEFAULT_SBR.integration_phase)
     with pytest.raises(ParameterRangeError, match="max_patches"):
         solve_paths(state, RADAR, pose, method="sbr", settings=ALL.with_(num_tubes=10_000, max_patches=1000))
 

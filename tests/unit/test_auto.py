@@ -16,11 +16,11 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.compose.auto import sbr_settings
-from scarl_sionna.radar.channel.compose.budget import cell_noise_power, estimate, own_bounces
-from scarl_sionna.radar.channel.compose.hybrid import received_power
+from scarl_sionna.radar.channel.compose.budget import estimate, own_bounces
+from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
-from scarl_sionna.signal.noise import sample_noise_power
+from scarl_sionna.signal.noise import angle_cell_noise_power, sample_noise_power
 from tests.oracles.rcs import TRIHEDRAL_MESH
 from tests.scenes import Material, Thing, ball, box, plane, write_scene
 
@@ -81,7 +81,7 @@ def test_what_is_left_out_is_below_the_noise_even_at_its_bound(state, paths) -> 
     near = solve_paths(state, narrow, aimed, "raycast", num_rays=10_000)
     number = next(key for key, info in state.world.instances.items() if info.name == "leaf")
     power = received_power(near, RADAR)[near.instance[:, 0] == number].sum()
-    assert 0.0 < power < cell_noise_power(RADAR) * 10 ** (entry["bound_to_noise_db"] / 10)
+    assert 0.0 < power < angle_cell_noise_power(RADAR) * 10 ** (entry["bound_to_noise_db"] / 10)
     deeper = solve_paths(state, RADAR, POSE, settings=SETTINGS, channel_floor_db=-200.0)
     assert not [item for item in deeper.diagnostics["left_out"] if item["instance"] == "leaf"]
 
@@ -95,14 +95,14 @@ def test_bound_of_a_plate_is_its_flash_and_of_a_large_one_the_image(tmp_path) ->
         length = np.linalg.norm(sbr.tx_point, axis=1) + np.linalg.norm(sbr.rx_point, axis=1)
         field = np.sum(sbr.a[:, 0, 0] * np.exp(-2j * np.pi * RADAR.center_frequency / 299792458.0 * length))
         power_dbm = 20 * np.log10(abs(field)) + RADAR.front_end.tx_power_dbm + 2 * RADAR.array.pattern.gain_db(0.0, 0.0)
-        found = power_dbm - 30 - 10 * np.log10(cell_noise_power(RADAR))
+        found = power_dbm - 30 - 10 * np.log10(angle_cell_noise_power(RADAR))
         # Metal loses 0.01 dB; the large plate's rim adds up to a few decibels of ripple to the image.
         assert item.bound_db == pytest.approx(found, abs=0.1 if size < 1.0 else 4.0)
 
 
 def test_cell_noise_is_what_integration_leaves() -> None:
     gain = RADAR.num_samples * RADAR.num_chirps * RADAR.num_virtual
-    assert cell_noise_power(RADAR) == pytest.approx(sample_noise_power(RADAR) / gain, rel=1e-12)
+    assert angle_cell_noise_power(RADAR) == pytest.approx(sample_noise_power(RADAR) / gain, rel=1e-12)
 
 
 def test_without_a_budget_all_is_raycast(state) -> None:

@@ -18,7 +18,8 @@ from scarl_sionna.signal.converter import quantize
 from scarl_sionna.signal.detection import detect
 from scarl_sionna.signal.noise import add_noise
 from scarl_sionna.signal.peaks import tone_offset
-from scarl_sionna.signal.processing import noise_bandwidth, range_doppler, virtual_cube, window_values
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
+from scarl_sionna.signal.windows import noise_bandwidth, window_values
 
 SMALL = RadarSpec().with_(num_chirps=16, num_samples=64)
 STILL = [[0.0, 0.0, 0.0]]

@@ -13,8 +13,8 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import MaterialRangeError, MeshError, ParameterRangeError, UnknownNameError
-from scarl_sionna.radar.optics.far import SbrSettings
-from scarl_sionna.radar.optics.far.phase import triangle_phase_integral
+from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.radar.optics.phase import plane_wave_integral
 from scarl_sionna.radar.rcs import load_body, rcs_cut, scattering_matrix
 from scarl_sionna.scene.materials.table import RadioMaterial, UnknownMaterialError
 from tests.oracles import rcs as oracle
@@ -174,7 +174,7 @@ def test_phase_integral_against_quadrature():
     wave = rng.normal(size=(60, 3)) * np.geomspace(1e-6, 40.0, 60)[:, None]
     wave[::7] *= [0, 0, 1]
     corners[::7, :2, 2] = 0.0  # two corners of equal phase
-    for tri, q, found in zip(corners, wave, triangle_phase_integral(corners, wave), strict=True):
+    for tri, q, found in zip(corners, wave, plane_wave_integral(corners, wave), strict=True):
         a, b = tri[1] - tri[0], tri[2] - tri[0]
         area = np.linalg.norm(np.cross(a, b))
         exact = area * np.sum(wu * wv * np.exp(1j * (q @ tri[0] + u * (q @ a) + v * (q @ b))))

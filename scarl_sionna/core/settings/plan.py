@@ -13,14 +13,14 @@ from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, Unknow
 from scarl_sionna.core.spec import Spec
 
 from .raycast import RaycastSettings
-from .sbr import SbrChannelSettings
+from .sbr import SbrSettings
 from .scatterers import ScattererSettings
 from .sionna import SionnaSettings
 
 REST = "*"
 """Stands for every instance that no other share of the plan names."""
 OBJECT_SOLVERS: Mapping[str, type[Spec]] = {
-    "sbr": SbrChannelSettings,
+    "sbr": SbrSettings,
     "scatterers": ScattererSettings,
     "raycast": RaycastSettings,
 }
@@ -62,7 +62,7 @@ class Share:
     solver : {"sbr", "scatterers", "raycast"}
     instances : sequence of str or int
         Names, ids, semantic classes (all instances of a class), or ``"*"`` for all that no other share names.
-    settings : SbrChannelSettings, ScattererSettings or RaycastSettings, or a mapping of their fields, optional
+    settings : SbrSettings, ScattererSettings or RaycastSettings, or a mapping of their fields, optional
         Of the solver; those of the :class:`~scarl_sionna.RadarSettings` of the solve if left out.
     through_mirrors : bool
         Also the echoes by the plan's mirrors; for the coherent solvers only.

@@ -14,7 +14,7 @@ from scarl_sionna.core.spec import Spec
 from .accuracy import Accuracy
 from .plan import ChannelPlan, of_mapping
 from .raycast import RaycastSettings
-from .sbr import SbrChannelSettings
+from .sbr import SbrSettings
 from .scatterers import ScattererSettings
 from .sionna import SionnaSettings
 
@@ -65,9 +65,7 @@ class RadarSettings(Spec):
     sionna: SionnaSettings = Field(
         SionnaSettings(), description="knobs of 'sionna', also for the chains of mirrors of 'hybrid'"
     )
-    sbr: SbrChannelSettings = Field(
-        SbrChannelSettings(), description="knobs of 'sbr'; 'auto' sets its own from the tolerance"
-    )
+    sbr: SbrSettings = Field(SbrSettings(), description="knobs of 'sbr'; 'auto' sets its own from the tolerance")
     scatterers: ScattererSettings = Field(
         ScattererSettings(), description="models of objects, for 'scatterers' and 'auto'"
     )
@@ -156,6 +154,6 @@ _PARTS: Mapping[str, type[Spec]] = {
     "accuracy": Accuracy,
     "raycast": RaycastSettings,
     "sionna": SionnaSettings,
-    "sbr": SbrChannelSettings,
+    "sbr": SbrSettings,
     "scatterers": ScattererSettings,
 }

@@ -1,55 +1,169 @@
-"""The knobs of the channel solver `sbr`: what error each one bounds; docs/sbr.md has error and time of each."""
+"""The knobs of physical optics, for a body in the far field and for a scene: what error each one bounds.
+
+docs/rcs.md has the tables of error against time for the far field (:func:`scarl_sionna.rcs`, scattering centres, calibration),
+docs/sbr.md those for a scene (``solve_paths(method="sbr")``).
+"""
 
 from __future__ import annotations
 
-from pydantic import Field
+import math
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
 
+Array = npt.NDArray[np.float64]
 
-class SbrChannelSettings(Spec):
-    """Knobs of :func:`scarl_sionna.radar.channel.sbr.solve_sbr`."""
+SMALLEST_SIZE = 3.0
+"""Largest extent [wavelengths] below which physical optics is more than some 0.2 dB off even for a plate head-on."""
 
-    max_depth: int = Field(3, ge=1, le=16, description="largest number of bounces")
-    num_tubes: int | None = Field(
-        None, ge=1,
-        description="cut the faces in view into about this many first tubes of equal sides, where max_phase does not ask for "
-        "smaller ones; None: as few as it allows",
+FINE_SIZE = 140.0
+"""Bodies up to 1.4 times this many wavelengths have the finest default; then rays stand twice as far apart with each doubling."""
+COARSEST = 4
+"""Doublings at most: rays 16 wavelengths apart."""
+FINE_BISECTIONS, COARSE_BISECTIONS, SCENE_BISECTIONS = 11, 5, 9
+"""Default of `bisections`: of a body, of a large body whose spacing follows its size, and in a scene."""
+
+
+class SbrSettings(Spec):
+    """Knobs of shooting and bouncing rays with physical optics, for a body in the far field and for a scene.
+
+    What is None follows the geometry: in the far field the size of the body, in a scene the distance. Where a description begins with
+    "scene:", the far field does not read the field, since a plane wave's phase is linear over every footprint and its
+    integral exact.
+    """
+
+    max_depth: int = Field(
+        3,
+        ge=1,
+        le=32,
+        description="largest number of bounces; 3 covers every corner reflector (docs/rcs.md, docs/sbr.md)",
+    )
+    ray_spacing: float | None = Field(
+        None, gt=0.0, le=64.0,
+        description="largest distance between the rays that probe a tube [wavelengths]: what is smaller can be missed as an "
+        "obstacle or as the next thing hit. None: 1 to 16 by the size of a body (docs/rcs.md), ray_share in a scene",
     )  # fmt: skip
+    edge_spacing: float | None = Field(
+        None, gt=0.0, le=16.0,
+        description="tubes that straddle an edge are halved down to this size [wavelengths] and then cut along it. None: 0.25 to 8 "
+        "by the size of a body (docs/rcs.md), edge_share in a scene",
+    )  # fmt: skip
+    bisections: int | None = Field(
+        None, ge=1, le=24,
+        description="the place of an edge is found to 2^-bisections of the tube that it cuts. None: 11 for a body, 5 where its "
+        "ray_spacing follows a large size, 9 in a scene (docs/rcs.md)",
+    )  # fmt: skip
+    corner_share: float = Field(
+        0.125, gt=0.0, le=1.0,
+        description="part of the edge spacing down to which tubes are halved in which more than two things meet; smaller ones are "
+        "probed by one ray (docs/rcs.md)",
+    )  # fmt: skip
+    max_rays: int = Field(
+        1_000_000, ge=1000, description="rays worked at once: bounds the memory, changes no result (docs/rcs.md)"
+    )
+    max_tubes: int = Field(
+        125_000, ge=100, description="tubes worked at once: bounds the memory, changes no result (docs/rcs.md)"
+    )
     max_phase: float = Field(
         0.2, gt=0.0, le=3.0,
-        description="largest departure of the phase over a patch from a linear one, at half of its longest side [rad]: size of "
-        "what is one path, and distance of the rays",
+        description="scene: largest departure of the phase over a patch from a linear one, at half of its longest side [rad]: size "
+        "of what is one path (docs/sbr.md)",
     )  # fmt: skip
     integration_phase: float = Field(
         0.01, gt=0.0, le=3.0,
-        description="the same for the parts over which the field of a patch is integrated with a linear phase [rad]",
+        description="scene: the same for the parts over which the field of a patch is integrated with a linear phase [rad] "
+        "(docs/sbr.md)",
     )  # fmt: skip
     max_ramp: float = Field(
         0.5, gt=0.0, le=3.0,
-        description="largest change of the phase between the middle and the end of a patch's side that another antenna, or the "
-        "end of the band, makes [rad]",
+        description="scene: largest change of the phase between the middle and the end of a patch's side that another antenna, or "
+        "the end of the band, makes [rad] (docs/sbr.md)",
     )  # fmt: skip
-    probe_spacing: float = Field(
+    ray_share: float = Field(
         0.5, gt=0.0, le=4.0,
-        description="distance of the rays that probe a patch, in the length of side that max_phase allows there: what is "
-        "smaller can be missed as an obstacle or as the next thing hit",
+        description="scene: distance of the rays where ray_spacing is None, as a share of the side that max_phase allows "
+        "(docs/sbr.md)",
     )  # fmt: skip
-    edge_spacing: float = Field(
-        0.125,
-        gt=0.0,
-        le=4.0,
-        description="patches that straddle an edge are halved to this, same unit, then cut along it",
+    edge_share: float = Field(
+        0.125, gt=0.0, le=4.0,
+        description="scene: size of the tubes cut along edges where edge_spacing is None, as a share of the side that max_phase "
+        "allows (docs/sbr.md)",
+    )  # fmt: skip
+    grazing_cosine: float = Field(
+        0.02, ge=0.0, le=1.0,
+        description="scene: tubes that a face meets at less than this cosine are not cut along edges: their field is 34 dB down, "
+        "and float32 rays do not tell a face just behind a silhouette from one just before it (docs/sbr.md)",
+    )  # fmt: skip
+    coefficient_nodes: int = Field(
+        8193, ge=3, le=1_000_001,
+        description="scene: nodes of the table of reflection coefficients over the square root of the cosine of incidence: "
+        "linear interpolation is right to 2e-6 for layers of some millimetres (docs/sbr.md)",
+    )  # fmt: skip
+    num_tubes: int | None = Field(
+        None, ge=1,
+        description="scene: cut the faces in view into about this many first tubes of equal sides, where max_phase does not ask "
+        "for smaller ones; None: as few as it allows (docs/sbr.md)",
+    )  # fmt: skip
+    max_patches: int = Field(20_000_000, ge=1, description="scene: more patches than this are refused")
+    diffuse: bool = Field(
+        True, description="scene: whether rough surfaces scatter the part S of their reflection diffusely"
     )
-    diffuse: bool = Field(True, description="whether rough surfaces scatter the part S of their reflection diffusely")
-    seed: int = Field(0, ge=0, le=2**63 - 1, description="of the random phases of the diffusely scattering patches")
+    seed: int = Field(
+        0, ge=0, le=2**63 - 1, description="scene: of the random phases of the diffusely scattering patches"
+    )
     floor_db: float | None = Field(
         -10.0,
-        description="patches of a range bin are left out as long as the power of all of them in phase stays this far from the "
-        "noise of one cell of the range-Doppler-angle cube [dB]; None keeps all",
-    )
-    max_patches: int = Field(20_000_000, ge=1, description="more patches than this are refused")
-    tubes_per_batch: int = Field(250_000, ge=100, description="tubes worked at once: bounds the memory")
+        description="scene: patches of a range bin are left out as long as the power of all of them in phase stays this far from "
+        "the noise of one cell of the range-Doppler-angle cube [dB]; None keeps all (docs/sbr.md)",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _check(self) -> SbrSettings:
+        if self.ray_spacing is not None and self.edge_spacing is not None and self.edge_spacing > self.ray_spacing:
+            raise ValueError("edge_spacing <= ray_spacing")
+        return self
+
+    def for_size(self, size: float) -> SbrSettings:
+        """Return the settings for a body in the far field: what is None follows its largest extent, `size` wavelengths.
+
+        What a cut along one edge can be wrong by is an area of some `edge_spacing` squared, while a body's echo grows with its
+        own size: so rays of a large body stand farther apart. docs/rcs.md has the measured error of a car (1,100 wavelengths).
+        """
+        doublings = int(min(max(round(math.log2(max(size, 1.0) / FINE_SIZE)), 0), COARSEST))
+        follows = self.ray_spacing is None and self.edge_spacing is None
+        ray, edge = self.ray_spacing, self.edge_spacing
+        if ray is None:
+            ray = max(2.0**doublings, edge or 0.0)
+        if edge is None:
+            edge = min(2.0 ** (doublings - 1) if doublings else 0.25, ray)
+        bisections = COARSE_BISECTIONS if follows and doublings else FINE_BISECTIONS
+        return self.with_(
+            ray_spacing=ray, edge_spacing=edge, bisections=bisections if self.bisections is None else self.bisections
+        )
+
+    def for_scene(self) -> SbrSettings:
+        """Return the settings for a scene: `bisections` filled in; spacings that are None follow the distance, see :meth:`spacings`."""
+        return self if self.bisections is not None else self.with_(bisections=SCENE_BISECTIONS)
+
+    def spacings(self, wavelength: float | Array, side: Array | None = None) -> tuple[Array, Array]:
+        """Return the largest distance of rays, and the size down to which tubes are halved at edges [m].
+
+        Parameters
+        ----------
+        wavelength : float or ndarray of float64
+            [m].
+        side : ndarray of float64, optional
+            In a scene: the side of a patch that `max_phase` allows [m]. Left out, the settings are those of :meth:`for_size`.
+        """
+        found = []
+        for spacing, share in ((self.ray_spacing, self.ray_share), (self.edge_spacing, self.edge_share)):
+            if spacing is None and side is None:
+                raise ValueError("settings of a body come from for_size()")
+            found.append(np.asarray(share * side if spacing is None else spacing * wavelength))  # type: ignore[operator]
+        return found[0], found[1]
 
 
-DEFAULT_SBR_CHANNEL = SbrChannelSettings()
+DEFAULT_SBR = SbrSettings()

@@ -18,8 +18,9 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-_SAME_PLANE = 1e-6
-"""Faces of one part whose unit normals and offsets [m] agree within this have one plane number."""
+SAME_PLANE = 1e-6
+"""Faces of one part whose unit normals and offsets agree within this have one plane number; offsets in metres for a scene, in radii of
+the mesh for one mesh: 1 um of a metre."""
 
 _numbers: WeakKeyDictionary[World, tuple[Index, Flags]] = WeakKeyDictionary()
 
@@ -52,13 +53,13 @@ def face_table(state: WorldState) -> FaceTable:
     first = world._triangles.first
     part = np.repeat(np.arange(len(first) - 1), np.diff(first))
     if world not in _numbers:
-        _numbers[world] = _plane_numbers(world._triangles, part), _repeated(world, part)
+        _numbers[world] = plane_numbers(world._triangles.normal, world._triangles.offset, part), _repeated(world, part)
     return FaceTable(state._triangles, part, *_numbers[world])
 
 
 def _repeated(world: World, part: Index) -> Flags:
     """Return which faces have the corners of an earlier one of the same body."""
-    corners = np.round(world._triangles.corners / _SAME_PLANE).astype(np.int64)
+    corners = np.round(world._triangles.corners / SAME_PLANE).astype(np.int64)
     order = np.lexsort(np.moveaxis(corners, 2, 0)[::-1], axis=1)
     corners = np.take_along_axis(corners, order[..., None], axis=1)
     keys = np.column_stack([world.parts.actor[part], corners.reshape(len(corners), 9)])
@@ -68,11 +69,20 @@ def _repeated(world: World, part: Index) -> Flags:
     return repeated
 
 
-def _plane_numbers(triangles: Triangles, part: Index) -> Index:
-    normal = triangles.normal
+def plane_numbers(normal: Array, offset: Array, part: Index) -> Index:
+    """Return the number of each face's plane, shape (num_faces,); both sides of a plane have one number, two parts never.
+
+    Parameters
+    ----------
+    normal : ndarray of float64, shape (num_faces, 3)
+        Unit normals.
+    offset : ndarray of float64, shape (num_faces,)
+        normal . vertex, in the unit in which 1e-6 is the same plane.
+    part : ndarray of int64, shape (num_faces,)
+    """
     pivot = np.abs(normal).argmax(axis=1)
     sign = np.where(normal[np.arange(len(normal)), pivot] < 0.0, -1.0, 1.0)
-    rounded = np.round(np.column_stack([normal, triangles.offset]) * (sign / _SAME_PLANE)[:, None]).astype(np.int64)
+    rounded = np.round(np.column_stack([normal, offset]) * (sign / SAME_PLANE)[:, None]).astype(np.int64)
     keys = np.column_stack([part, rounded])
     order = np.lexsort(keys.T)
     new = np.any(np.diff(keys[order], axis=0) != 0, axis=1)

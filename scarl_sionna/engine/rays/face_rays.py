@@ -1,24 +1,99 @@
-"""Rays against the triangles of a state inside Dr.Jit kernels: which face is met first, and whether anything is met."""
+"""Rays against triangles inside Dr.Jit kernels: which face is met first, and whether anything is met.
+
+The triangles are those of a state of the world, or of one mesh. Geometry is float64 up to the ray itself, which the engine takes in
+float32: the face that it finds is right, its distance is not used.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
+from scarl_sionna.engine import variant
 from scarl_sionna.engine.device import Device
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
+Array = npt.NDArray[np.float64]
+
 MISS = -1
 """Face of a ray that meets nothing."""
+STATE_LIFT = 4e-7
+"""In a scene a ray starts this far above its face, relative to the largest coordinate: some float32 steps of it."""
+SMALLEST_LIFT = 1e-6
+"""[m]."""
+MESH_LIFT = 2e-5
+"""The same for one mesh, in radii of it: some hundred float32 steps of a coordinate, so that a ray does not meet its own surface
+again."""
 
 
-class FaceRays(Device):
-    """Rays of one state on the engine's device. Make and use it inside ``variant.use(twin)``.
+class FaceRays(Device, ABC):
+    """Rays against the faces of one set of triangles. Make and use it inside ``variant.use(twin)``.
 
-    Geometry is float64 up to the ray itself, which the engine takes in float32.
+    Points are given in the frame of the rays, see :meth:`placed`.
+
+    Parameters
+    ----------
+    mi : module
+        Mitsuba in the variant of the twin.
+    scene : mitsuba.Scene
+    twin : {"optical", "radio"}
+
+    Attributes
+    ----------
+    Fine, FinePoint : type
+        Dr.Jit arrays that are fine enough for the many points of a lattice on each tube.
+    """
+
+    Fine: Any
+    FinePoint: Any
+
+    def __init__(self, mi: Any, scene: Any, twin: str) -> None:
+        super().__init__(mi)
+        self._scene = scene
+        self.twin = twin
+
+    def active(self) -> Any:
+        """Return the context manager of the variant in which these rays work."""
+        return variant.use(self.twin)
+
+    @abstractmethod
+    def placed(self, points: Array) -> Array:
+        """Return points (..., 3) [m] in the frame of the rays."""
+
+    @abstractmethod
+    def lifted(self, point: Any, normal: Any) -> Any:
+        """Return points moved along unit normals so far that a ray does not meet the face again on which it starts."""
+
+    @abstractmethod
+    def _face(self, found: Any) -> Any:
+        """Return the face of each of the engine's intersections, or `MISS`."""
+
+    def first(self, origin: Any, direction: Any) -> Any:
+        """Return the face that each ray meets first, or `MISS`.
+
+        Parameters
+        ----------
+        origin, direction : Dr.Jit Array3f or Array3f64
+            In the frame of the rays, and unit vectors.
+        """
+        ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
+        return self._face(self._scene.ray_intersect_preliminary(ray, coherent=False))
+
+    def blocked(self, origin: Any, direction: Any, distance: Any = None) -> Any:
+        """Return whether each ray meets anything, before a distance in the frame of the rays if one is given."""
+        ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
+        if distance is not None:
+            ray.maxt = self.mi.Float(distance)
+        return self._scene.ray_test(ray, coherent=False)
+
+
+class StateRays(FaceRays):
+    """Rays of one state of the world, in its frame; faces are rows of :class:`~.face_planes.FaceTable`.
 
     Parameters
     ----------
@@ -29,33 +104,84 @@ class FaceRays(Device):
     """
 
     def __init__(self, mi: Any, state: WorldState, twin: str = "optical") -> None:
-        super().__init__(mi)
         engine = state._applied(twin)
-        self._scene = engine.mi_scene
+        super().__init__(mi, engine.mi_scene, twin)
+        self.Fine, self.FinePoint = self.Real, self.Vector  # far from the origin float32 is not fine enough
         part = engine.part_of_number(np.arange(len(engine._part_of_registry)))
         first = state._triangles.first
         self._first = mi.Int32(np.where(part >= 0, first[np.maximum(part, 0)], MISS).astype(np.int32))
 
-    def _ray(self, origin: Any, direction: Any) -> Any:
-        return self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
+    def placed(self, points: Array) -> Array:
+        """Return points as they are: the frame is the world's [m]."""
+        return points
 
-    def first(self, origin: Any, direction: Any) -> Any:
-        """Return the face (a row of :class:`~.face_tracing.FaceTable`) that each ray meets first, or `MISS`.
+    def lifted(self, point: Any, normal: Any) -> Any:
+        """Return points moved along unit normals by `STATE_LIFT`."""
+        dr = self.dr
+        return point + dr.maximum(STATE_LIFT * dr.max(dr.abs(point)), SMALLEST_LIFT) * normal
 
-        Parameters
-        ----------
-        origin, direction : Dr.Jit Array3f64
-            [m, world] and unit vectors.
-        """
+    def _face(self, found: Any) -> Any:
         dr, mi = self.dr, self.mi
-        found = self._scene.ray_intersect_preliminary(self._ray(origin, direction), coherent=False)
         number = dr.reinterpret_array(mi.UInt32, found.shape)
         valid = found.is_valid()
         first = dr.gather(mi.Int32, self._first, number, valid)
         return dr.select(valid & (first >= 0), first + mi.Int32(found.prim_index), MISS)
 
-    def blocked(self, origin: Any, direction: Any, distance: Any) -> Any:
-        """Return whether each ray meets anything before a distance [m]."""
-        ray = self._ray(origin, direction)
-        ray.maxt = self.mi.Float(distance)
-        return self._scene.ray_test(ray, coherent=False)
+
+class MeshRays(FaceRays):
+    """Rays against one mesh, in a frame in which it is at the origin and has unit radius.
+
+    So its rounding to float32 is 6e-8 of its size wherever it stands and whatever unit it is in.
+
+    Parameters
+    ----------
+    mi : module
+        Mitsuba in the variant of the twin.
+    corners : ndarray of float64, shape (num_faces, 3, 3)
+        Triangles, none degenerate [m].
+    twin : {"optical", "radio"}
+    """
+
+    def __init__(self, mi: Any, corners: Array, twin: str = "radio") -> None:
+        self._center, self._radius = center_and_radius(corners)
+        super().__init__(mi, _scene_of(self.placed(corners.reshape(-1, 3)), mi), twin)
+        self.Fine, self.FinePoint = mi.Float, mi.Point3f  # as fine as the rays themselves
+
+    def placed(self, points: Array) -> Array:
+        """Return points in radii from the middle of the mesh."""
+        return (points - self._center) / self._radius
+
+    def lifted(self, point: Any, normal: Any) -> Any:
+        """Return points moved along unit normals by `MESH_LIFT`."""
+        return self.mi.Point3f(point) + self.mi.Vector3f(MESH_LIFT * normal)
+
+    def _face(self, found: Any) -> Any:
+        return self.dr.select(found.is_valid(), self.mi.Int32(found.prim_index), MISS)
+
+    def first_faces(self, origins: Array, directions: Array, normal: Array) -> npt.NDArray[np.int64]:
+        """Return the face that each ray meets first, or `MISS`, of and as NumPy arrays.
+
+        Parameters
+        ----------
+        origins, directions, normal : ndarray of float64, shape (num_rays, 3)
+            Start [m] on a surface, unit direction, and unit normal of that surface on the side on which the ray runs.
+        """
+        with self.active():
+            origin, direction, above = (self.vectors(a) for a in (self.placed(origins), directions, normal))
+            return np.asarray(self.first(self.lifted(origin, above), direction).numpy(), dtype=np.int64)
+
+
+def center_and_radius(corners: Array) -> tuple[Array, float]:
+    """Return the middle of the box around triangles (n, 3, 3) and the distance of their farthest corner from it [m]."""
+    points = corners.reshape(-1, 3)
+    center = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    return center, float(np.linalg.norm(points - center, axis=1).max())
+
+
+def _scene_of(points: Array, mi: Any) -> Any:
+    mesh = mi.Mesh("body", vertex_count=len(points), face_count=len(points) // 3)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = mi.Float(points.astype(np.float32).ravel())
+    parameters["faces"] = mi.UInt32(np.arange(len(points), dtype=np.uint32))
+    parameters.update()
+    return mi.load_dict({"type": "scene", "body": mesh})

@@ -21,7 +21,7 @@ from .compose.plan import OwnershipError
 from .multipath.solve import PathBufferOverflowError, solve_sionna
 from .panes import warn_of_panes
 from .raycast.solve import solve_raycast
-from .sbr import solve_sbr
+from .sbr.solve import solve_sbr
 from .scatterers import solve_scatterers
 
 __all__ = ["ChannelPlan", "OwnershipError", "PathBufferOverflowError", "Share", "plan_channel", "solve_paths"]

@@ -21,6 +21,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import MIN_DISTANCE, POINT_INTERACTION
 from scarl_sionna.radar.scatterers.model import ScattererModel, loaded_models
+from scarl_sionna.signal.link import spreading
 
 from .antennas import check_antennas, refuse_receiver
 from .multipath.images import spherical_basis
@@ -145,7 +146,7 @@ def _columns(
     body_basis = spherical_basis(world_from_model.rotation, -direction)
     radar_basis = spherical_basis(pose.rotation, direction)
     turn = radar_basis @ np.swapaxes(body_basis, 1, 2)
-    scale = radar.wavelength / (4.0 * np.pi * distance**2)
+    scale = spreading(radar.wavelength, distance, distance)
     arm = point - body.position
     relative = twist.velocity_at(arm) - mount.twist.linear
     radial = np.einsum("ni,ni->n", direction, relative)

@@ -13,7 +13,8 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
-from scarl_sionna.signal.processing import RangeDoppler, window_values
+from scarl_sionna.signal.processing import RangeDoppler
+from scarl_sionna.signal.windows import window_values
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""Where a triangular footprint is probed, and how it is halved and cut: shared by the tracers of bodies and of scenes."""
+"""Where a triangular footprint is probed, and how it is halved and cut."""
 
 from __future__ import annotations
 
@@ -14,10 +14,6 @@ SLIVER_SEGMENTS = (4, 8, 16, 32, 64)
 """The same for a tube narrower than the spacing, which is probed along its sides only."""
 INSET = 1e-3
 """Probes stand this part of the tube's size inside its border, which may be an edge shared with another face."""
-POINT_LIKE = 0.125
-"""Tubes below this part of the edge spacing are probed by one ray: what they straddle is too small to matter."""
-CORNER_SIZE = 0.125
-"""Tubes in which more than two things meet are halved on, down to this part of the edge spacing."""
 
 
 def _lattice(segments: int) -> Array:
@@ -50,11 +46,19 @@ WEIGHTS = np.vstack(_LAYOUTS)
 """Barycentric coordinates of the probes, layout after layout."""
 
 
-def layouts(longest: Array, height: Array, wide: Array, fine: Array) -> Index:
-    """Return each tube's layout of probes from its longest side, its height, and its spacings in the open and at edges."""
+def layouts(longest: Array, height: Array, wide: Array, point_like: Array) -> Index:
+    """Return each tube's layout of probes.
+
+    Parameters
+    ----------
+    longest, height : ndarray of float64, shape (num_tubes,)
+        Of each tube, its longest side and the height over that [m].
+    wide, point_like : ndarray of float64, shape (num_tubes,)
+        Largest distance of the probes, and length up to which one probe does [m].
+    """
     segments = np.maximum(np.ceil(longest / wide), 1)
     layout = np.minimum(segments, LARGEST_LATTICE).astype(np.int64)
-    layout[longest <= POINT_LIKE * fine] = 0
+    layout[longest <= point_like] = 0
     sliver = (segments > 2) & (height <= wide)
     step = np.searchsorted(SLIVER_SEGMENTS, segments[sliver])
     layout[sliver] = LARGEST_LATTICE + 1 + np.minimum(step, len(SLIVER_SEGMENTS) - 1)
@@ -80,3 +84,22 @@ def cut_off(tri: Array, border: Array) -> tuple[Array, Array, Array]:
         np.stack([first, two, three], axis=1),
         np.stack([first, three, second], axis=1),
     )
+
+
+def inset(tri: Array) -> Array:
+    """Return triangles, shape (n, 3, 3), a little smaller, so that their corners stand on no border."""
+    return np.asarray(tri + INSET * (middle(tri)[:, None] - tri))
+
+
+def middle(corners: Array) -> Array:
+    """Return the centroids of triangles, shape (n, 3); faster than a mean."""
+    return np.asarray((corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0)
+
+
+def sides_and_height(tri: Array) -> tuple[Array, Array]:
+    """Return the longest side of triangles, shape (n, 3, 3), and the height over it [m]."""
+    side = tri[:, [1, 2, 0]] - tri
+    longest = np.sqrt(np.einsum("nij,nij->ni", side, side).max(axis=1, initial=0.0))
+    a, b = side[:, 0], side[:, 1]
+    twice = np.einsum("ni,ni->n", a, a) * np.einsum("ni,ni->n", b, b) - np.einsum("ni,ni->n", a, b) ** 2
+    return longest, np.sqrt(np.maximum(twice, 0.0)) / longest

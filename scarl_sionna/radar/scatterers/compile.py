@@ -11,10 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
-from scarl_sionna.engine.radiate import phase_integrals
-from scarl_sionna.radar.optics.body_parts import Material, Mesh, check_size, load_body, material_names, surfaces_of
-from scarl_sionna.radar.optics.far import Body, PartSurfaces, SbrSettings
+from scarl_sionna.radar.optics.body.mesh import Body
+from scarl_sionna.radar.optics.body.parts import Material, Mesh, check_size, load_body, material_names, surfaces_of
+from scarl_sionna.radar.optics.phase import many_plane_wave_integrals
+from scarl_sionna.radar.optics.surfaces import PartSurfaces
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from .footprints import Footprints, footprints
@@ -249,7 +251,7 @@ def _summed(
     """
     count = np.diff(np.append(first, len(found)))
     points = found.acting() - np.repeat(_middle(keys, voxel), count, axis=0)[:, None]
-    strength = phase_integrals(points, found.twice_area(), wave_vectors)
+    strength = many_plane_wave_integrals(points, found.twice_area(), wave_vectors)
     strength *= (np.linalg.norm(wave_vectors, axis=1) / (8.0 * np.pi)).astype(np.float32)[:, None]  # k / 4 pi
     amplitude = (-1j * found.amplitude).reshape(-1, 4).astype(np.complex64)
     values = np.zeros((len(wave_vectors), len(keys), 4), dtype=np.complex64)

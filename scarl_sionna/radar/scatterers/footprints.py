@@ -12,13 +12,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.rays.mesh_caster import MISS, Rays
-from scarl_sionna.radar.optics.far import Body, PartSurfaces, SbrSettings
-from scarl_sionna.radar.optics.far.solve import unit_vectors
-from scarl_sionna.radar.optics.far.surface import radiating_vector
-from scarl_sionna.radar.optics.far.trace import Bounce, Tubes, Waves, bounces
-from scarl_sionna.radar.optics.far.tubes import refine
+from scarl_sionna.engine.rays.face_rays import MISS
+from scarl_sionna.radar.optics.body.mesh import Body
+from scarl_sionna.radar.optics.far_field import unit_vectors
+from scarl_sionna.radar.optics.fields import HOST, radiating_vector
+from scarl_sionna.radar.optics.plane_waves import Bounce, PlaneTubes, Waves, bounces, unhidden
+from scarl_sionna.radar.optics.surfaces import PartSurfaces
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -94,6 +95,7 @@ def footprints(
     r_hat, theta_hat, phi_hat = unit_vectors(theta, phi)
     waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), np.array([SPEED_OF_LIGHT / frequency]))
     receive = np.stack([theta_hat[0], phi_hat[0]])
+    settings = settings.for_size(body.size * frequency / SPEED_OF_LIGHT)
     parts = [
         _seen(body, bounce, r_hat[0], receive, waves, settings) for bounce in bounces(body, surfaces, waves, settings)
     ]
@@ -108,16 +110,13 @@ def _seen(body: Body, bounce: Bounce, toward: Array, receive: Array, waves: Wave
         front = tubes.normal @ toward > 0.0
         free, tested = np.flatnonzero(front & tubes.free), np.flatnonzero(front & ~tubes.free)
         rows, pieces = [free], [corners[free]]
-        hidden = Rays(body.caster, np.broadcast_to(toward, tubes.normal.shape), tubes.normal)
         size = np.full(len(tested), waves.wavelength[0])
-        for tri, at, dark in refine(
-            corners[tested], tested, hidden, settings.ray_spacing * size, settings.edge_spacing * size, *settings.limits
-        ):
-            rows.append(at[dark == 0])
-            pieces.append(tri[dark == 0])
+        for tri, number in unhidden(body, tubes, tested, np.tile(toward, (len(tested), 1)), size, settings):
+            rows.append(tested[number])
+            pieces.append(tri)
         row, corners = np.concatenate(rows), np.concatenate(pieces)
     vector = radiating_vector(
-        tubes.incident[row], bounce.reflected[row], tubes.direction[row], bounce.onward[row], tubes.normal[row],
+        HOST, tubes.incident[row], bounce.reflected[row], tubes.direction[row], bounce.onward[row], tubes.normal[row],
         np.broadcast_to(toward, (len(row), 3)),
     )  # fmt: skip
     turn, offset = _unfold(body, tubes, row, corners, bounce.depth, toward)
@@ -125,7 +124,7 @@ def _seen(body: Body, bounce: Bounce, toward: Array, receive: Array, waves: Wave
 
 
 def _unfold(
-    body: Body, tubes: Tubes, row: npt.NDArray[np.int64], corners: Array, depth: int, toward: Array
+    body: Body, tubes: PlaneTubes, row: npt.NDArray[np.int64], corners: Array, depth: int, toward: Array
 ) -> tuple[Array, Array]:
     """Return `turn` and `offset` of :class:`Footprints`; follows the chains back to the radar through their mirrors."""
     count = len(row)
@@ -134,7 +133,7 @@ def _unfold(
     point, direction, lift = corners.mean(axis=1), tubes.direction[row], tubes.normal[row]
     sound = np.ones(count, dtype=bool)
     for _ in range(depth - 1):
-        face = body.caster.first_face(point, -direction, lift)
+        face = body.rays.first_faces(point, -direction, lift)
         sound &= face != MISS
         normal, height = body.triangles.normal[face], body.triangles.offset[face]
         cosine = np.einsum("ni,ni->n", normal, direction)

@@ -15,6 +15,7 @@ from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.core.specs.weather import fog_water_of as liquid_water
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.scene.materials.dielectrics import CELSIUS, water_permittivity
 
 from .hydrometeors import snow
 
@@ -52,7 +53,6 @@ _GAS_DB_PER_KM = np.array([0.36244, 0.35373, 0.34794, 0.34441, 0.34263, 0.34228,
 """Line-by-line sum of Recommendation ITU-R P.676-12, Annex 1: 1013 hPa, 15 degrees C, 7.5 g/m3 of water vapour."""
 
 _FOG_BAND = (1e9, 200e9)
-_ICE_POINT = 273.15
 FOG_TEMPERATURE = 283.15
 """Default temperature of the droplets of fog [K]."""
 
@@ -125,23 +125,6 @@ def _regression(rows: tuple[tuple[float, ...], ...], line: tuple[float, float], 
     return bells + line[0] * x + line[1]
 
 
-def water_permittivity(frequency: float, temperature: float) -> complex:
-    """Return the relative permittivity of liquid water, eps' - j eps'', by the two Debye terms of ITU-R P.840.
-
-    `frequency` in Hz, `temperature` in K.
-    """
-    theta = 300.0 / temperature
-    static = 77.66 + 103.3 * (theta - 1.0)
-    middle, optical = 0.0671 * static, 3.52
-    first = (20.20 - 146.0 * (theta - 1.0) + 316.0 * (theta - 1.0) ** 2) * 1e9
-    second = 39.8 * first
-    return (
-        (static - middle) / (1.0 + 1j * frequency / first)
-        + (middle - optical) / (1.0 + 1j * frequency / second)
-        + optical
-    )
-
-
 def fog_attenuation(water: float, frequency: float, temperature: float = FOG_TEMPERATURE) -> float:
     r"""Return the one-way specific attenuation by fog [dB/km].
 
@@ -172,7 +155,7 @@ def fog_attenuation(water: float, frequency: float, temperature: float = FOG_TEM
     """
     if not (water >= 0.0 and math.isfinite(water)):
         raise ParameterRangeError("water", f"{water} g/m3", "finite and >= 0 g/m3")
-    if not _ICE_POINT - 20.0 <= temperature <= _ICE_POINT + 40.0:
+    if not CELSIUS - 20.0 <= temperature <= CELSIUS + 40.0:
         raise ParameterRangeError("temperature", f"{temperature} K", "253.15 to 313.15 K", "give kelvin")
     _require_band(frequency, _FOG_BAND)
     permittivity = water_permittivity(frequency, temperature)
@@ -205,7 +188,7 @@ def specific_attenuation(
     if atmosphere.visibility is not None:
         total += fog_attenuation(liquid_water(atmosphere.visibility), frequency)
     if atmosphere.snow_rate > 0.0:
-        total += snow(atmosphere.snow_rate, frequency, atmosphere.snow, _ICE_POINT).attenuation_db_per_km
+        total += snow(atmosphere.snow_rate, frequency, atmosphere.snow, CELSIUS).attenuation_db_per_km
     return total + rain_attenuation(atmosphere.rain_rate, frequency, polarization)
 
 
@@ -224,7 +207,7 @@ def weather_attenuation(weather: Weather, frequency: float, polarization: Litera
     ParameterRangeError
         If a value is out of range.
     """
-    kelvin = weather.temperature_celsius + _ICE_POINT
+    kelvin = weather.temperature_celsius + CELSIUS
     total = gas_attenuation(frequency) if weather.gases else 0.0
     if weather.fog_liquid_water > 0.0:
         total += fog_attenuation(weather.fog_liquid_water, frequency, kelvin)

@@ -20,11 +20,11 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.engine.spray import SprayCloud, spray_clouds
-from scarl_sionna.radar.channel.compose.budget import cell_noise_power
-from scarl_sionna.radar.channel.compose.hybrid import joined
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.scene.materials.dielectrics import CELSIUS
+from scarl_sionna.signal.link import radar_gain
+from scarl_sionna.signal.noise import angle_cell_noise_power
 
 from .attenuation import attenuate, weather_attenuation
 from .hydrometeors import Hydrometeors, rain, snow, spray
@@ -134,7 +134,7 @@ def mean_clutter_power(
     ----------
     .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, section 7.6.
     """
-    scale = dbm_to_watt(radar.front_end.tx_power_dbm) * radar.wavelength**2 * reflectivity / (4.0 * np.pi) ** 3
+    scale = dbm_to_watt(radar.front_end.tx_power_dbm) * float(radar_gain(radar.wavelength, 1.0)) * reflectivity
     near, far = np.asarray(near, dtype=np.float64), np.asarray(far, dtype=np.float64)
     rate = 2.0 * attenuation_db_per_km * math.log(10.0) / 1e4
     integral = 1.0 / near - 1.0 / far
@@ -167,7 +167,7 @@ def clutter_budget(weather: Weather, radar: RadarSpec, reach: float | None = Non
     edges = np.maximum(np.arange(int(min(reach or math.inf, radar.max_range) / step) + 1) * step, NEAREST)
     spread = math.sqrt(2.0 * math.pi) * max(weather.turbulence, 1e-6)
     share = min(1.0, radar.velocity_resolution / spread)
-    over_noise = share * beam_share(radar) / cell_noise_power(radar)
+    over_noise = share * beam_share(radar) / angle_cell_noise_power(radar)
     loss = weather_attenuation(weather, radar.center_frequency, radar.array.polarization)
     power = mean_clutter_power(radar, eta, edges[:-1], np.maximum(edges[1:], edges[:-1] + 1e-6), loss) * over_noise
     heard = np.flatnonzero(power > 10.0 ** (DEFAULT_ACCURACY.channel_floor_db / 10.0))
@@ -227,7 +227,7 @@ def volume_clutter(
     limit = clutter_budget(weather, radar).reach if reach is None else reach
     num_bins = math.ceil(limit / step - 1e-9)
     if num_bins == 0 or not (drops := falling(weather, radar.center_frequency)):
-        return _as_clutter(_no_points(radar, pose), np.zeros(0))
+        return RadarPaths.empty(pose)
     lower = np.maximum(np.arange(num_bins) * step, NEAREST)
     width = np.maximum(np.minimum((np.arange(num_bins) + 1) * step, limit) - lower, 0.0)
     number = _points_per_bin(lower + width / 2.0, num_points)
@@ -269,7 +269,7 @@ def spray_clutter(
     """
     mount = Mount.of(mount)
     pose = mount.pose
-    blocks = [_no_points(radar, pose)]
+    blocks = [RadarPaths.empty(pose)]
     speckle = [np.zeros(0, dtype=np.complex128)]
     for cloud in spray_clouds(state):
         center = cloud.world_from_cloud.position
@@ -293,7 +293,7 @@ def spray_clutter(
             point_targets(pose.position + (distance[:, None] * sight)[kept], motion[kept], sigma[kept], radar, mount)
         )
         speckle.append(amplitude[kept])
-    return _as_clutter(joined(blocks, pose, {}), np.concatenate(speckle))
+    return _as_clutter(RadarPaths.concatenate(blocks), np.concatenate(speckle))
 
 
 def through_weather(
@@ -336,7 +336,7 @@ def through_weather(
         blocks += [rained, splashed]
         told |= _told(budget, rained, splashed)
     diagnostics = {**paths.diagnostics, "weather": told}
-    whole = joined(blocks, paths.world_from_tx, diagnostics)
+    whole = RadarPaths.concatenate(blocks, diagnostics)
     return attenuate(whole, radar, (values[0], values[1]))
 
 
@@ -398,10 +398,6 @@ def _in_sight(state: WorldState, pose: Pose, direction: Array, distance: Array) 
         hits = state.cast(pose.position, direction, max_distance=float(distance.max()))
         free[hits.ray] = hits.distance
     return np.asarray(distance < free)
-
-
-def _no_points(radar: RadarSpec, pose: Pose) -> RadarPaths:
-    return point_targets(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), radar, pose)
 
 
 def _as_clutter(points: RadarPaths, speckle: npt.NDArray[Any]) -> RadarPaths:

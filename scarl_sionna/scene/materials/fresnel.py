@@ -162,11 +162,40 @@ def _interface(first: Complex, second: Complex) -> Complex:
     return np.asarray(np.divide(first - second, total, out=np.zeros_like(total), where=total != 0))
 
 
-def _wet(
-    material: RadioMaterial, frequency: float, cosine: Real
-) -> tuple[tuple[Complex, Complex], tuple[Complex, Complex]]:
-    water = water_permittivity(frequency, material.water_temperature)
-    return film_coefficients(water, material.water_film, material.at(frequency), material.thickness, cosine, frequency)
+def film_of(material: RadioMaterial, frequency: float) -> tuple[complex, float] | None:
+    """Return relative permittivity and depth [m] of the water on the face of a material at a frequency [Hz]; None where it is dry."""
+    if material.water_film == 0.0:
+        return None
+    return water_permittivity(frequency, material.water_temperature), material.water_film
+
+
+def stack_reflection(
+    permittivity: complex,
+    thickness: float | None,
+    film: tuple[complex, float] | None,
+    cos_incidence: npt.ArrayLike,
+    frequency: float,
+) -> tuple[Complex, Complex]:
+    """Return the reflection coefficients, TE and TM, of a half space or a layer in air, with or without a film on its face.
+
+    Parameters
+    ----------
+    permittivity : complex
+        Relative permittivity, imaginary part <= 0.
+    thickness : float or None
+        Of a layer with air behind [m]; None: a half space.
+    film : tuple of (complex, float) or None
+        Relative permittivity and depth [m] of a film, see :func:`film_coefficients`.
+    cos_incidence : array_like of float
+        Cosine of the angle from the normal, 0 to 1.
+    frequency : float
+        [Hz].
+    """
+    if film is not None:
+        return film_coefficients(*film, permittivity, thickness, cos_incidence, frequency)[0]
+    if thickness is None:
+        return halfspace_reflection(permittivity, cos_incidence)
+    return layer_reflection(permittivity, cos_incidence, thickness, frequency)
 
 
 def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
@@ -187,12 +216,8 @@ def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.Arr
     MaterialRangeError
         If the material has no data at this frequency.
     """
-    if material.water_film > 0.0:
-        return _wet(material, frequency, np.asarray(cos_incidence, dtype=np.float64))[0]
-    permittivity = material.at(frequency)
-    if material.thickness is None:
-        return halfspace_reflection(permittivity, cos_incidence)
-    return layer_reflection(permittivity, cos_incidence, material.thickness, frequency)
+    cosine = np.asarray(cos_incidence, dtype=np.float64)
+    return stack_reflection(material.at(frequency), material.thickness, film_of(material, frequency), cosine, frequency)
 
 
 def transmission(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
@@ -229,9 +254,9 @@ def transmission(material: RadioMaterial, frequency: float, cos_incidence: npt.A
     if material.thickness is None:
         nothing = np.zeros(cosine.shape, dtype=np.complex128)
         return nothing, nothing.copy()
-    if material.water_film > 0.0:
+    if (film := film_of(material, frequency)) is not None:
         whole = 2.0 * np.pi * (material.thickness + material.water_film) * frequency / SPEED_OF_LIGHT
-        te, tm = _wet(material, frequency, cosine)[1]
+        te, tm = film_coefficients(*film, permittivity, material.thickness, cosine, frequency)[1]
         return te * np.exp(1j * whole * cosine), tm * np.exp(1j * whole * cosine)
     depth = 2.0 * np.pi * material.thickness * frequency / SPEED_OF_LIGHT
     phase = depth * np.sqrt(permittivity - (1.0 - cosine**2) + 0j)

@@ -89,6 +89,11 @@ class RadioMaterial(Spec):
             alternatives = builtin_materials().names_at(frequency) or ["none of the built-in materials"]
             raise MaterialRangeError(self.name, frequency, self.frequency_range, alternatives)
 
+    @property
+    def coherence(self) -> float:
+        """Part of the reflected field that a rough surface leaves in the mirror reflection, sqrt(1 - S^2), 0 to 1."""
+        return math.sqrt(1.0 - self.scattering_coefficient**2)
+
     def permittivity_at(self, frequency: float) -> float:
         """Return the real relative permittivity at a frequency [Hz]."""
         self._require(frequency)

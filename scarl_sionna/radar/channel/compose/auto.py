@@ -15,7 +15,7 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.plan import ChannelPlan, Share
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SMALLEST_SIZE, SbrSettings
 from scarl_sionna.core.settings.scatterers import ScattererSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.antennas import refuse_receiver
@@ -29,8 +29,6 @@ from .mirrors import Mirror, find_mirrors
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
-SMALLEST_BODY = 3.0
-"""Extent [wavelengths] below which physical optics is decibels off."""
 TOO_NEAR = 1.0
 """What stands nearer than this [m] is the carrier of the radar, or fills its view: left to `raycast`."""
 MIRROR_CLASSES = ("Roads", "SideWalks", "Ground", "Water", "Wall", "Building", "Bridge")
@@ -50,7 +48,7 @@ class _Choice:
     item: Estimate
     method: str
     reason: str
-    settings: SbrChannelSettings | None = None
+    settings: SbrSettings | None = None
     tubes: int = 0
     through_mirrors: bool = False
 
@@ -196,8 +194,8 @@ def _one(
         return _Choice(item, "raycast", "rough or without an outline: clutter by class")
     if item.number in flat:
         return _Choice(item, "raycast", "large flat faces: a mirror; its rough part by class")
-    if item.size < SMALLEST_BODY * radar.wavelength:
-        return _Choice(item, "raycast", f"smaller than {SMALLEST_BODY:g} wavelengths: RCS by class")
+    if item.size < SMALLEST_SIZE * radar.wavelength:
+        return _Choice(item, "raycast", f"smaller than {SMALLEST_SIZE:g} wavelengths: RCS by class")
     settings = sbr_settings(accuracy.channel_tolerance_db)
     depth = bounces[item.number]
     if semantic in VEHICLES:
@@ -208,10 +206,10 @@ def _one(
     return _Choice(item, "sbr", "coherent body", settings, num_tubes(item, radar, settings))
 
 
-def sbr_settings(tolerance_db: float) -> SbrChannelSettings:
+def sbr_settings(tolerance_db: float) -> SbrSettings:
     """Return the knobs of `sbr` for a tolerance, by the charts of docs/accuracy.md."""
     _, max_phase, integration_phase, depth = next(row for row in KNOBS if tolerance_db >= row[0])
-    return SbrChannelSettings(max_phase=max_phase, integration_phase=integration_phase, max_depth=depth)
+    return SbrSettings(max_phase=max_phase, integration_phase=integration_phase, max_depth=depth)
 
 
 def _toward(state: WorldState, item: Estimate, pose: Pose) -> np.ndarray:
@@ -248,7 +246,7 @@ def _faces_radar(mirrors: list[Mirror], radar: RadarSpec, pose: Pose, reach: flo
 
 def _plan(choices: list[_Choice], mirrors: tuple[int, ...], echoes: bool, scatterers: ScattererSettings) -> ChannelPlan:
     shares = []
-    groups: dict[tuple[bool, SbrChannelSettings], list[int]] = {}
+    groups: dict[tuple[bool, SbrSettings], list[int]] = {}
     for choice in choices:
         if choice.settings is not None:
             groups.setdefault((choice.through_mirrors, choice.settings), []).append(choice.item.number)

@@ -11,12 +11,13 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
 from scarl_sionna.signal.antenna import field_gain
-from scarl_sionna.signal.noise import sample_noise_power
+from scarl_sionna.signal.link import radar_gain
+from scarl_sionna.signal.noise import angle_cell_noise_power
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -83,11 +84,6 @@ class Estimate:
         return self.info.name
 
 
-def cell_noise_power(radar: RadarSpec) -> float:
-    """Return the noise power of one cell of the range-Doppler-angle cube, without windows [W]."""
-    return sample_noise_power(radar) / (radar.num_samples * radar.num_chirps * radar.num_virtual)
-
-
 def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach: float) -> Estimate:
     r"""Return distance, size and bounds of an instance.
 
@@ -115,8 +111,8 @@ def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach
     flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
     coherent = semantic not in DIFFUSE_CLASSES and _smooth_share(state, info) > 0.5
     largest = flat if coherent else mean * 10.0 ** (SPECKLE_DB / 10.0)
-    scale = dbm_to_watt(radar.front_end.tx_power_dbm) * gain**2 * radar.wavelength**2 / (4.0 * np.pi) ** 3 / distance**4
-    scale /= cell_noise_power(radar)
+    scale = dbm_to_watt(radar.front_end.tx_power_dbm) * gain**2 * float(radar_gain(radar.wavelength, distance))
+    scale /= angle_cell_noise_power(radar)
     triangles = state._triangles
     faces = sum(int(triangles.first[part + 1] - triangles.first[part]) for part in info.parts)
     return Estimate(
@@ -125,14 +121,14 @@ def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach
     )  # fmt: skip
 
 
-def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrChannelSettings) -> int:
+def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrSettings) -> int:
     """Return about how many patches `sbr` makes of an instance, within a factor of three for those of highway_guardrail.
 
-    Half of the faces are lit, long edges are cut in steps of `edge_spacing`, and each further bounce doubles the number; on long
+    Half of the faces are lit, long edges are cut in steps of the edge spacing, and each further bounce doubles the number; on long
     things, which see themselves along their length, it multiplies by six.
     """
     side = np.sqrt(4.0 * settings.max_phase * item.distance * radar.wavelength / (2.0 * np.pi))
-    edges = item.size / (side * settings.edge_spacing) * np.sqrt(item.num_faces / 100.0)
+    edges = item.size / settings.spacings(radar.wavelength, side)[1] * np.sqrt(item.num_faces / 100.0)
     growth = 6 if item.size > LONG else 2
     return int(growth ** (settings.max_depth - 1) * (1000.0 + 0.5 * item.num_faces + 1.5 * edges))
 

@@ -25,6 +25,7 @@ from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.signal.link import spreading
 
 from .mirror_faces import MirrorFaces
 from .mirrors import Leg, Mirror, Way, faces_of, leg, may_reach, mirrored, ways
@@ -243,7 +244,7 @@ def _of_model(
     middle = directions[0] + directions[1]
     middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
     matrix = model.matrices(-middle @ world_from_model.rotation)
-    scale = radar.wavelength / (4.0 * np.pi * distances[0] * distances[1])
+    scale = spreading(radar.wavelength, *distances)
     return {
         "tx_point": point,
         "rx_point": point,
@@ -256,7 +257,7 @@ def _of_model(
 
 def of_meshes(state: WorldState, radar: RadarSpec, owned: Sequence[int], settings: RadarSettings) -> FromImages:
     """Return what makes the paths of meshes alone between two images of the radar, by `sbr`."""
-    from scarl_sionna.radar.channel.sbr import solve_sbr
+    from scarl_sionna.radar.channel.sbr.solve import solve_sbr
 
     part, original = alone(state, owned)
     number_of = np.array([-1, *(original[number] for number in sorted(original))], dtype=np.int32)

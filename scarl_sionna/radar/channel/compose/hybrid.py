@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlError, SmallMirrorWarning
 from scarl_sionna.core.mount import Mount
@@ -19,15 +18,15 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.plan import OBJECT_SOLVERS, Share
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.units import dbm_to_watt, watt_to_dbm
+from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
-from scarl_sionna.radar.channel.sbr import solve_sbr
+from scarl_sionna.radar.channel.sbr.solve import solve_sbr
 from scarl_sionna.radar.channel.scatterers import solve_scatterers
+from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
-from scarl_sionna.signal.antenna import field_gain
 
 from .ghosts import STRAIGHT, Faces, of_meshes, of_models, paths_through_mirrors
 from .mirrors import Mirror, find_mirrors
@@ -212,7 +211,7 @@ class _Work:
             share.solver,
             "objects through mirrors",
             owned,
-            [paths.select(_length(paths) < 2.0 * self.reach) for paths, _ in found],
+            [paths.select(paths.length < 2.0 * self.reach) for paths, _ in found],
             time.perf_counter() - start,
             [faces for _, faces in found],
             num_mirrors=len(mirrors),
@@ -235,23 +234,7 @@ class _Work:
             "max_distance": self.reach,
             "seconds": self.clock,
         }
-        return joined(self.blocks, self.mount.pose, diagnostics)
-
-
-def _length(paths: RadarPaths) -> npt.NDArray[np.float64]:
-    there = np.linalg.norm(paths.tx_point - paths.world_from_tx.position, axis=1)
-    return np.asarray(
-        there + paths.inner_length + np.linalg.norm(paths.rx_point - paths.world_from_rx.position, axis=1)
-    )
-
-
-def received_power(paths: RadarPaths, radar: RadarSpec) -> npt.NDArray[np.float64]:
-    """Return the power that one antenna pair receives by each path [W]."""
-    entry = "VH".index(radar.array.polarization)
-    gain = np.ones(paths.num_paths)
-    for point, pose in ((paths.tx_point, paths.world_from_tx), (paths.rx_point, paths.world_from_rx)):
-        gain = gain * field_gain(radar.array.pattern, (point - pose.position) @ pose.rotation)
-    return np.asarray((np.abs(paths.a[:, entry, entry]) * gain) ** 2 * dbm_to_watt(radar.front_end.tx_power_dbm))
+        return RadarPaths.concatenate([RadarPaths.empty(self.mount.pose), *self.blocks], diagnostics)
 
 
 def chains_of(paths: RadarPaths) -> set[tuple[int, ...]]:
@@ -275,37 +258,3 @@ def _check_chains(blocks: Sequence[RadarPaths], faces: Sequence[Faces] | None = 
                     f"the chain {chain} (instance, interaction, ...) over the mirror faces {own} (there, back) was computed twice"
                 )
             before.add(own)
-
-
-def joined(blocks: Sequence[RadarPaths], pose: Pose, diagnostics: Mapping[str, Any]) -> RadarPaths:
-    """Return the paths of all blocks in one, labels padded with -1 to the longest chain.
-
-    Parameters
-    ----------
-    blocks : sequence of RadarPaths
-        Of one radar.
-    pose : Pose
-        Of the radar.
-    diagnostics : mapping
-        Of the result.
-    """
-    width = max([1, *(paths.instance.shape[1] for paths in blocks)])
-    columns: dict[str, list[npt.NDArray[Any]]] = {
-        "tx_point": [np.zeros((0, 3))], "rx_point": [np.zeros((0, 3))], "inner_length": [np.zeros(0)],
-        "a": [np.zeros((0, 2, 2), np.complex128)], "length_rate": [np.zeros(0)], "length_acceleration": [np.zeros(0)],
-        "instance": [np.zeros((0, width), np.int32)], "interaction": [np.zeros((0, width), np.int32)],
-        "depth": [np.zeros(0, np.int32)], "semantic": [np.zeros(0, np.uint8)], "rx_image": [np.zeros((0, 3, 4))],
-    }  # fmt: skip
-    for paths in blocks:
-        for name, column in columns.items():
-            value = getattr(paths, name)
-            if name in ("instance", "interaction"):
-                value = np.pad(value, [(0, 0), (0, width - value.shape[1])], constant_values=-1)
-            elif name == "rx_image" and value is None:
-                value = np.full((paths.num_paths, 3, 4), np.nan)
-            column.append(value)
-    images = any(paths.rx_image is not None for paths in blocks)
-    merged: dict[str, Any] = {name: np.concatenate(column) for name, column in columns.items()}
-    if not images:
-        merged["rx_image"] = None
-    return RadarPaths(**merged, world_from_tx=pose, world_from_rx=pose, diagnostics=diagnostics)

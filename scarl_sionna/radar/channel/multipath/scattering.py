@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION, PointScatterers
+from scarl_sionna.signal.link import spreading
 
 from .legs import Legs
 
@@ -51,7 +52,7 @@ def scattered_columns(
         transfer = np.einsum("pki,pkl,plj->pij", back.transfer[home], between.transfer[middle], there.transfer[out])
     target = there.target[out]
     length = np.stack([legs.length[chosen] for legs, chosen in rows])
-    spreading = wavelength / (4.0 * np.pi) * np.sqrt(points.rcs[target] / (4.0 * np.pi)) ** (len(rows) - 1)
+    scattered = np.sqrt(points.rcs[target] / (4.0 * np.pi)) ** (len(rows) - 1)
     parts, known = state.world.parts, state.world.instances
     new = max(known, default=0) + 1 + np.arange(count)
     label = new if points.instance is None else points.instance.astype(np.int64)
@@ -64,7 +65,7 @@ def scattered_columns(
         "tx_point": there.image[out],
         "rx_point": back.image[home],
         "inner_length": length[1:-1].sum(axis=0) + there.inner[out] + back.inner[home],
-        "a": transfer * (spreading / length.prod(axis=0))[:, None, None],
+        "a": transfer * (spreading(wavelength, *length) * scattered)[:, None, None],
         "length_rate": sum(legs.rate[chosen] for legs, chosen in rows),
         "length_acceleration": sum(legs.acceleration[chosen] for legs, chosen in rows),
         "instance": _chained([np.where(part >= 0, parts.instance[part], -1) for part in met], label[target]),

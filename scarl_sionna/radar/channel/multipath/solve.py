@@ -25,6 +25,7 @@ from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.signal.link import spreading
 
 from .diffuse import diffuse_columns
 from .fresnel_zone import warn_of_edge_wavefronts, warn_of_small_mirrors
@@ -292,7 +293,7 @@ class _Solver:
             "tx_point": first,
             "rx_point": last,
             "inner_length": np.maximum(legs.length - ends, 0.0),
-            "a": legs.transfer * (self.radar.wavelength / (4.0 * np.pi * legs.length))[:, None, None],
+            "a": legs.transfer * spreading(self.radar.wavelength, legs.length)[:, None, None],
             "length_rate": legs.rate,
             "length_acceleration": legs.acceleration,
             "instance": np.where(legs.part >= 0, parts.instance[legs.part], -1),

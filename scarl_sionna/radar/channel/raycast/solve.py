@@ -25,6 +25,7 @@ from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.compose.plan import ids_of
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.scene.materials.fresnel import power_reflectance, te_fraction_of_h
+from scarl_sionna.signal.link import radar_gain
 
 from .class_rcs import class_reflectivity
 from .grid import RayGrid
@@ -170,11 +171,9 @@ def _columns(
     """Return the columns of :class:`RadarPaths` for the hits of one batch of rays, given in the radar and the world frame."""
     parts = state.world.parts
     distance = np.maximum(hits.distance, NEAREST_HIT)
-    scale = model.radar.wavelength**2 / (4.0 * np.pi) ** 3 * model.gamma[parts.semantic][hits.part]
-    if model.rcs_model == "per_hit":
-        power = scale * REFERENCE_FOOTPRINT / distance**4
-    else:
-        power = scale * model.solid_angle / distance**2
+    footprint = REFERENCE_FOOTPRINT if model.rcs_model == "per_hit" else model.solid_angle * distance**2
+    rcs = model.gamma[parts.semantic][hits.part] * footprint
+    power = radar_gain(model.radar.wavelength, distance) * rcs
     reflectance_v, reflectance_h = _reflectances(hits, rays[:, 2], state, model)
     keep = np.flatnonzero(
         (power > 0.0) & (reflectance_v + reflectance_h > 0.0) & (distance < model.reach) & model.owned[hits.part]

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.rays.mesh_caster import Rays
 
-from .body import Body
-from .phase import triangle_phase_integral
-from .settings import DEFAULT_SBR, SbrSettings
-from .surface import PartSurfaces, radiating_vector
-from .trace import Bounce, Waves, bounces
-from .tubes import refine
+from .body.mesh import Body
+from .fields import HOST, radiating_vector
+from .phase import plane_wave_integral
+from .plane_waves import Bounce, Waves, bounces, unhidden
+from .surfaces import PartSurfaces
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -110,6 +109,7 @@ def scattering_matrices(
         One for each part of the body. A dielectric is valid at its own frequency only.
     looks : Looks
     settings : SbrSettings
+        What is None follows the size of the body.
 
     Returns
     -------
@@ -133,6 +133,7 @@ def scattering_matrices(
     result = np.zeros((len(looks), 4), dtype=np.complex128)
     if len(looks):
         plan = plan_of(looks)
+        settings = settings.for_size(body.size / float(plan.waves.wavelength.min()))
         for bounce in bounces(body, surfaces, plan.waves, settings):
             for seen in footprints_seen(body, bounce, plan, settings):
                 _radiate(result, bounce, plan, *seen)
@@ -154,7 +155,7 @@ def footprints_seen(
     tubes = bounce.tubes
     looks_of_wave = plan.first_look[plan.first_view[1:]] - plan.first_look[plan.first_view[:-1]]
     work = np.cumsum(looks_of_wave[tubes.wave])
-    batch = work // max(settings.max_rays // 8, 1)
+    batch = work // settings.max_tubes
     for number in range(int(batch[-1]) + 1):
         rows = np.flatnonzero(batch == number)
         if not len(rows):
@@ -168,22 +169,10 @@ def footprints_seen(
             seen = front & tubes.free[tube]
         yield tube[seen], view[seen], tubes.corners[tube[seen]]
         tested = front & ~seen
-        yield from _not_hidden(body, bounce, plan, tube[tested], view[tested], settings)
-
-
-def _not_hidden(
-    body: Body, bounce: Bounce, plan: Plan, tube: Index, view: Index, settings: SbrSettings
-) -> Iterator[tuple[Index, Index, Array]]:
-    """Yield the parts of footprints that nothing hides from their observers."""
-    if not len(tube):
-        return
-    tubes = bounce.tubes
-    hidden = Rays(body.caster, plan.observer[view], tubes.normal[tube])
-    wavelength = plan.waves.wavelength[tubes.wave[tube]]
-    sizes = (settings.ray_spacing * wavelength, settings.edge_spacing * wavelength)
-    for corners, rows, dark in refine(tubes.corners[tube], np.arange(len(tube)), hidden, *sizes, *settings.limits):
-        seen = dark == 0
-        yield tube[rows[seen]], view[rows[seen]], corners[seen]
+        tube, view = tube[tested], view[tested]
+        wavelength = plan.waves.wavelength[tubes.wave[tube]]
+        for corners, entry in unhidden(body, tubes, tube, plan.observer[view], wavelength, settings):
+            yield tube[entry], view[entry], corners
 
 
 def phase_weights(bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> tuple[Index, Index, Complex]:
@@ -192,7 +181,7 @@ def phase_weights(bounce: Bounce, plan: Plan, tube: Index, view: Index, corners:
     difference = plan.observer[view] - tubes.direction[tube]
     pair, entry = _expand(plan.first_look, view)
     k = plan.wavenumber[entry]
-    integral = triangle_phase_integral(corners[pair], k[:, None] * difference[pair])
+    integral = plane_wave_integral(corners[pair], k[:, None] * difference[pair])
     return plan.look[entry], pair, -0.25j * k / np.pi * integral * np.exp(-1j * k * tubes.path[tube[pair]])
 
 
@@ -202,7 +191,7 @@ def _radiate(result: Complex, bounce: Bounce, plan: Plan, tube: Index, view: Ind
         return
     tubes = bounce.tubes
     vector = radiating_vector(
-        tubes.incident[tube], bounce.reflected[tube], tubes.direction[tube], bounce.onward[tube], tubes.normal[tube],
+        HOST, tubes.incident[tube], bounce.reflected[tube], tubes.direction[tube], bounce.onward[tube], tubes.normal[tube],
         plan.observer[view],
     )  # fmt: skip
     amplitude = np.einsum("nri,nit->nrt", plan.receive[view], vector).reshape(-1, 4)

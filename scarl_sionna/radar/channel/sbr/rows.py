@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.units import dbm_to_watt
-from scarl_sionna.signal.antenna import field_gain
-from scarl_sionna.signal.noise import sample_noise_power
+from scarl_sionna.radar.link import received_amplitude
+from scarl_sionna.signal.noise import angle_cell_noise_power
 
 Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]
@@ -46,10 +45,9 @@ def in_order(columns: Columns) -> Columns:
 
 def received(columns: Columns, radar: RadarSpec, tx: Pose, rx: Pose) -> Array:
     """Return the amplitude that one antenna pair receives [sqrt(W)]."""
-    entry = "VH".index(radar.array.polarization)
-    gain = field_gain(radar.array.pattern, (columns["tx_point"] - tx.position) @ tx.rotation)
-    gain = gain * field_gain(radar.array.pattern, (columns["rx_point"] - rx.position) @ rx.rotation)
-    return np.abs(columns["a"][:, entry, entry]) * gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))
+    tx_vector = (columns["tx_point"] - tx.position) @ tx.rotation
+    rx_vector = (columns["rx_point"] - rx.position) @ rx.rotation
+    return np.abs(received_amplitude(columns["a"], tx_vector, rx_vector, radar))
 
 
 def above_floor(
@@ -64,8 +62,7 @@ def above_floor(
     }
     if floor_db is None or not len(columns["length"]):
         return columns, told
-    cells = radar.num_samples * radar.num_chirps * radar.num_virtual
-    noise = sample_noise_power(radar) / cells
+    noise = angle_cell_noise_power(radar)
     bins = np.floor(columns["length"] / (2.0 * radar.range_resolution)).astype(np.int64)
     order = np.lexsort((amplitude, bins))
     total = np.cumsum(amplitude[order])

@@ -10,12 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 
-from .body import Body
-from .settings import DEFAULT_SBR, SbrSettings
-from .solve import Looks, Plan, footprints_seen, phase_weights, plan_of
-from .surface import PartSurfaces, radiating_vector
-from .trace import bounces
+from .body.mesh import Body
+from .far_field import Looks, Plan, footprints_seen, phase_weights, plan_of
+from .fields import HOST, radiating_vector
+from .plane_waves import bounces
+from .surfaces import PartSurfaces
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -82,6 +83,7 @@ class FixedTubes:
         if len(np.unique(looks.frequency)) != 1:
             raise ParameterRangeError("frequency", "several", "one: a material is valid at one frequency", "trace each")
         plan = plan_of(looks)
+        settings = settings.for_size(body.size / float(plan.waves.wavelength.min()))
         count = len(plan.waves.direction)
         numbers = replace(plan.waves, field=np.broadcast_to(np.arange(count)[:, None, None], (count, 3, 1)))
         surfaces = _Numbering()
@@ -152,6 +154,7 @@ class FixedTubes:
             )
         tube, view = self.tube, self.view
         vector = radiating_vector(
+            HOST,
             incident[tube],
             reflected[tube],
             self.direction[tube],

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.device import Device, device
+from scarl_sionna.engine.device import device
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -50,7 +50,7 @@ class PatchSize:
     longest: float = np.inf
 
     @classmethod
-    def of(cls, radar: RadarSpec, settings: SbrChannelSettings) -> PatchSize:
+    def of(cls, radar: RadarSpec, settings: SbrSettings) -> PatchSize:
         """Return the limits for a radar."""
         arms = np.concatenate([radar.tx_array, radar.rx_array])
         return cls(
@@ -83,14 +83,14 @@ class PatchSize:
         if not len(rows):
             return np.zeros((0, 3))
         with device() as on:
-            dr, mi, Real, Vector = on.dr, on.mi, on.Real, on.Vector
-            corner = _corners(on, corners)
+            dr, Real, Vector = on.dr, on.Real, on.Vector
+            corner = on.corners(corners)
             center = (corner[0] + corner[1] + corner[2]) / 3.0
-            row = mi.UInt32(rows.astype(np.uint32))
+            row = on.index(rows)
             legs = []
             for end in (
-                dr.gather(Vector, Real(source.ravel()), row),
-                Vector(*(dr.opaque(Real, float(value)) for value in receiver)),
+                dr.gather(Vector, on.reals(source), row),
+                on.vector(receiver),
             ):
                 leg = center - end
                 distance = dr.norm(leg)
@@ -200,10 +200,10 @@ def _bands(corners: Array, excess: Array, bands: Index) -> tuple[Array, Index]:
     number = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     with device() as on:
         dr, mi, Real, Vector = on.dr, on.mi, on.Real, on.Vector
-        which, piece = mi.UInt32(owner.astype(np.uint32)), mi.UInt32(number.astype(np.uint32))
-        flat, first = Real(corners.ravel()), dr.gather(mi.UInt32, mi.UInt32(apex.astype(np.uint32)), which)
+        which, piece = on.index(owner), on.index(number)
+        flat, first = on.reals(corners), dr.gather(mi.UInt32, on.index(apex), which)
         a, b, c = (dr.gather(Vector, flat, 3 * which + (first + k) % 3) for k in range(3))
-        count = dr.gather(Real, Real(bands.astype(np.float64)), which)
+        count = dr.gather(Real, on.reals(bands), which)
         band = (piece + 1) // 2  # the first band is one triangle, each other one two
         lower = piece % 2 == 1
         low, high = Real(band) / count, Real(band + 1) / count
@@ -215,9 +215,3 @@ def _bands(corners: Array, excess: Array, bands: Index) -> tuple[Array, Index]:
         ):
             dr.scatter(cut, point, place + k)
         return cut.numpy().reshape(-1, 3, 3), owner
-
-
-def _corners(on: Device, corners: Array) -> list[Any]:
-    """Return the three corners of triangles on the device."""
-    flat, place = on.Real(np.ascontiguousarray(corners).ravel()), 3 * on.dr.arange(on.mi.UInt32, len(corners))
-    return [on.dr.gather(on.Vector, flat, place + k) for k in range(3)]

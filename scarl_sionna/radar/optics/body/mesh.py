@@ -13,8 +13,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from scarl_sionna.core.errors import MeshError
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.rays.face_planes import SAME_PLANE, plane_numbers
+from scarl_sionna.engine.rays.face_rays import MeshRays, center_and_radius
 from scarl_sionna.engine.rays.geometry import Triangles
-from scarl_sionna.engine.rays.mesh_caster import Caster
 
 Array = npt.NDArray[np.float64]
 
@@ -22,8 +24,6 @@ _THIN = 1e-9
 """A face whose height is below this part of the mesh's size is degenerate: it has no area and no sure normal."""
 _LARGEST_SEARCH = 200_000_000
 """Pairs of a face and a corner of the convex hull up to which `free` is searched: 0.5 s; beyond, rays find out."""
-_SAME_PLANE = 1e-6
-"""Faces whose normals (and, in radii, whose offsets) agree within this lie in one plane: 1 um of a metre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,8 @@ class Body:
         nothing can shadow it, and what it reflects meets nothing.
     num_degenerate : int
         Faces without area that were left out.
-    caster : Caster
+    rays : MeshRays
+        On the engine.
     part : ndarray of int64, shape (num_faces,)
         Part of the body to which each face belongs, which has one material.
     materials : tuple
@@ -55,7 +56,7 @@ class Body:
     one_sided: bool
     free: npt.NDArray[np.bool_]
     num_degenerate: int
-    caster: Caster
+    rays: MeshRays
     part: npt.NDArray[np.int64]
     materials: tuple[Any, ...] = ()
 
@@ -101,12 +102,15 @@ class Body:
         kept = ~_degenerate(corners)
         outward = _is_outward(corners)
         triangles = Triangles.from_meshes([corners[kept].reshape(-1, 3)], [np.arange(3 * kept.sum()).reshape(-1, 3)])
-        caster = Caster(triangles.corners)
         of_part = np.zeros(len(index), dtype=np.int64) if part is None else np.asarray(part, dtype=np.int64)
         of_part = of_part[kept]
-        plane = _planes(triangles, of_part, caster)
-        free = _free(triangles, caster)
-        return cls(triangles, plane, outward, free, int((~kept).sum()), caster, of_part, materials)
+        center, radius = center_and_radius(triangles.corners)
+        height = (triangles.offset - triangles.normal @ center) / radius
+        plane = plane_numbers(triangles.normal, height, of_part)
+        free = _free(triangles, height, (triangles.corners - center) / radius)
+        with variant.radio() as mi:
+            rays = MeshRays(mi, triangles.corners)
+        return cls(triangles, plane, outward, free, int((~kept).sum()), rays, of_part, materials)
 
     @property
     def size(self) -> float:
@@ -143,33 +147,21 @@ def _is_outward(corners: Array) -> bool:
     return bool(np.all(volume > 0.0))
 
 
-def _planes(triangles: Triangles, part: npt.NDArray[np.int64], caster: Caster) -> npt.NDArray[np.int64]:
-    """Return the number of each face's plane; its two sides have one number."""
+def _free(triangles: Triangles, offset: Array, scaled: Array) -> npt.NDArray[np.bool_]:
+    """Return whether the mesh has nothing above each face's plane, and nothing below it; offsets and corners in radii of the mesh."""
     normal = triangles.normal
-    height = (triangles.offset - normal @ caster.center) / caster.radius
-    pivot = np.abs(normal).argmax(axis=1)
-    sign = np.sign(normal[np.arange(len(normal)), pivot])
-    key = np.column_stack([normal * sign[:, None], height * sign])
-    key = np.column_stack([np.round(key / _SAME_PLANE).astype(np.int64), part])
-    return np.unique(key, axis=0, return_inverse=True)[1].reshape(-1)
-
-
-def _free(triangles: Triangles, caster: Caster) -> npt.NDArray[np.bool_]:
-    """Return whether the mesh has nothing above each face's plane, and nothing below it."""
-    normal = triangles.normal
-    corners = (np.unique(triangles.corners.reshape(-1, 3), axis=0) - caster.center) / caster.radius
+    corners = np.unique(scaled.reshape(-1, 3), axis=0)
     with suppress(QhullError, ValueError):  # a flat mesh has no hull; all its corners do as well
         corners = corners[ConvexHull(corners).vertices]
     result = np.zeros((len(normal), 2), dtype=bool)
     if len(normal) * len(corners) > _LARGEST_SEARCH:
         return result
-    offset = (triangles.offset - normal @ caster.center) / caster.radius
     plain = normal.astype(np.float32)  # in radii: rounded to 6e-8, far below the tolerance
     across = np.ascontiguousarray(corners.T, dtype=np.float32)
     rows = max(200_000 // len(corners), 1)  # a block that stays in the cache
     for first in range(0, len(normal), rows):
         part = slice(first, first + rows)
         height = plain[part] @ across
-        result[part, 0] = height.max(axis=1) <= offset[part] + _SAME_PLANE
-        result[part, 1] = height.min(axis=1) >= offset[part] - _SAME_PLANE
+        result[part, 0] = height.max(axis=1) <= offset[part] + SAME_PLANE
+        result[part, 1] = height.min(axis=1) >= offset[part] - SAME_PLANE
     return result

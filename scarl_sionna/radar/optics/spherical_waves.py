@@ -1,8 +1,9 @@
-"""Which patches of a scene the transmitter lights and the receiver sees: directly, and behind mirror reflections of ray tubes.
+"""Spherical waves in a scene: which patches the transmitter lights and the receiver sees, directly and behind mirrors of ray tubes.
 
 A tube is a triangle on a face with the image of the transmitter from which its rays seem to come. Its reflection is cast onward
 from the image of that image; the footprint where it lands is the central projection of the triangle, exact in float64.
-Tubes are cut where the thing that they meet changes (:func:`~.sbr_refine.refine`).
+Tubes are cut where the thing that they meet changes (:func:`.refine.refine`). Fields are computed once a chain of faces is known, at the
+exact reflection points (:mod:`.near_field`).
 """
 
 from __future__ import annotations
@@ -15,29 +16,49 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.rays.face_planes import FaceTable
-from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
+from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
 from .patches import PatchSize, split, too_many_patches
-from .rays import PlaneProbe, ScreenedProbe
-from .refine import Pieces, Probe, refine
-from .tubes import Tubes, middle
+from .probes import CentralRays, PlaneProbe, Probe, ScreenedProbe
+from .refine import Pieces, refined
+from .trace import GRAZING, Tubes, depth_first, face_of_plane, landing
+from .tube_shape import middle
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
-GRAZING = 1e-6
-"""Cosine of incidence below which a face is not lit."""
-ONE_PROBE = 0.02
-"""Tubes that a face meets at less than this cosine are not cut along edges: their field is 34 dB down, and float32 rays do
-not tell a face just behind a silhouette from one just before it."""
 _COARSE = 16.0
 """Faces are first cut into pieces so many times as long as patches, so that a batch of them is no more than some patches."""
 WIDE_FACE = 0.5
 """Faces that look wider than this [rad] are never sorted out before they are cut into patches."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImageTubes(Tubes):
+    """Footprints of ray tubes of spherical waves.
+
+    Attributes
+    ----------
+    face : ndarray of int64, shape (num_tubes, depth)
+        Faces in the order in which they are met; the footprint is on the last one.
+    image : ndarray of float64, shape (num_tubes, depth, 3)
+        The transmitter and its images behind all faces but the last: where the rays come from on their way to each face [m].
+    origin : ndarray of int64, shape (num_tubes,)
+        Number on its first face of the patch from which a tube comes, the same for all pieces into which it is cut later.
+    """
+
+    face: Index
+    image: Array
+    origin: Index
+
+    @property
+    def depth(self) -> int:
+        """Number of bounces, that at the footprint included."""
+        return self.face.shape[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +116,22 @@ class Station:
 
 
 @dataclass(frozen=True, eq=False)
+class Arrival:
+    """Tubes of one bounce."""
+
+    lit: ImageTubes
+    """What goes on from there."""
+    seen: ImageTubes
+    """Patches of it that the receiver sees."""
+
+
+@dataclass(frozen=True, eq=False)
 class Tracer:
     """Rays of one transmitter and receiver in one state of the world.
 
     Attributes
     ----------
-    rays : FaceRays
+    rays : StateRays
     faces : FaceTable
     chosen : ndarray of bool, shape (num_faces,)
         Faces that scatter; the others are obstacles at which a tube ends.
@@ -109,42 +140,44 @@ class Tracer:
     reach : float
         Tubes longer than twice this are dropped [m].
     size : PatchSize
-    settings : SbrChannelSettings
+    settings : SbrSettings
+        Those of :meth:`.SbrSettings.for_scene`.
     count : Counter
         Tubes traced so far, by bounce.
     """
 
-    rays: FaceRays
+    rays: StateRays
     faces: FaceTable
     chosen: Mask
     tx: Station
     rx: Station
     reach: float
     size: PatchSize
-    settings: SbrChannelSettings
+    settings: SbrSettings
     count: Counter[int] = field(default_factory=Counter)
 
-    def bounces(self, face: Index) -> Iterator[Tubes]:
+    def bounces(self, face: Index) -> Iterator[ImageTubes]:
         """Yield the footprints that the receiver sees, bounce after bounce, of tubes that start on some faces."""
-        planes, plane_face = np.unique(self.faces.plane, return_index=True)
-        of_plane = np.zeros(int(planes.max(initial=0)) + 1, dtype=np.int64)
-        of_plane[planes] = plane_face
+        of_plane = face_of_plane(self.faces.plane)
         plane_of_face = np.where(self.chosen, self.faces.plane, MISS)
-        per_batch = self.settings.tubes_per_batch
-        for first in self._starts(face):
-            stack = first.batches(per_batch)
-            while stack:
-                tubes = stack.pop()
-                self.count[tubes.depth] += len(tubes)
-                if tubes.depth == 1:
-                    tubes = self._seen(tubes, self.tx)
-                    yield tubes if self.rx is self.tx else self._seen(self._watched(self._in_front(tubes)), self.rx)
-                else:
-                    yield self._seen(self._watched(self._cut(self._in_front(tubes))), self.rx)
-                if tubes.depth < self.settings.max_depth and len(tubes):
-                    stack += self._next(tubes, of_plane, plane_of_face).batches(per_batch)
 
-    def _starts(self, face: Index) -> Iterator[Tubes]:
+        def go_on(arrival: Arrival) -> list[ImageTubes]:
+            if not len(arrival.lit):
+                return []
+            return self._next(arrival.lit, of_plane, plane_of_face).batches(self.settings.max_tubes)
+
+        for arrival in depth_first(self._starts(face), self._arrive, go_on, self.settings.max_depth):
+            yield arrival.seen
+
+    def _arrive(self, depth: int, tubes: ImageTubes) -> Iterator[Arrival]:
+        self.count[depth] += len(tubes)
+        if depth > 1:
+            yield Arrival(tubes, self._seen(self._watched(self._cut(self._in_front(tubes))), self.rx))
+            return
+        lit = self._seen(tubes, self.tx)
+        yield Arrival(lit, lit if self.rx is self.tx else self._seen(self._watched(self._in_front(lit)), self.rx))
+
+    def _starts(self, face: Index) -> Iterator[ImageTubes]:
         """Yield the patches of faces that are in the transmitter's view, some batch of them at a time."""
         source, receiver, limit = self.tx.pose.position, self.rx.pose.position, self.settings.max_patches
         size = self._start_size(face)
@@ -153,7 +186,7 @@ class Tracer:
         pieces = size.pieces(coarse, source, receiver)
         if pieces.sum() > 1.5 * limit:  # the count is an estimate; split() itself counts too
             too_many_patches(limit)
-        batch = (np.cumsum(pieces) / self.settings.tubes_per_batch).astype(np.int64)
+        batch = (np.cumsum(pieces) / self.settings.max_tubes).astype(np.int64)
         first = np.searchsorted(rows, rows)  # the first coarse piece of the same face
         for part in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(batch)) + 1):
             fine, piece_of = split(coarse[part], source[None], receiver, size, limit, one_source=True)
@@ -163,7 +196,7 @@ class Tracer:
             whole, number, fine = whole[kept], number[kept], fine[kept]
             origin = (whole - first[whole]) * (1 << 32) + number
             start = np.broadcast_to(source, (len(whole), 1, 3))
-            yield Tubes(fine, face[rows[whole], None], start, origin)
+            yield from ImageTubes(fine, face[rows[whole], None], start, origin).batches(self.settings.max_tubes)
 
     def _start_size(self, face: Index) -> PatchSize:
         """Return the size of the first tubes, so that there are about `num_tubes` of them if that is asked for."""
@@ -179,27 +212,28 @@ class Tracer:
             low, high = (longest, high) if more else (low, longest)
         return replace(self.size, longest=high)
 
-    def _cut(self, tubes: Tubes) -> Tubes:
+    def _cut(self, tubes: ImageTubes) -> ImageTubes:
         """Return footprints cut into patches that are small enough."""
         limit = self.settings.max_patches
         corners, rows = split(tubes.corners, tubes.image[:, -1], self.rx.pose.position, self.size, limit)
         return tubes.take(rows, corners)
 
-    def _watched(self, tubes: Tubes) -> Tubes:
+    def _watched(self, tubes: ImageTubes) -> ImageTubes:
         return tubes.take(np.flatnonzero(self.rx.sees(middle(tubes.corners))))
 
-    def _labelled(self, tubes: Tubes, source: Array, probe: Probe) -> Pieces:
+    def _labelled(self, tubes: ImageTubes, source: Array, probe: Probe) -> Pieces:
         """Return pieces of footprints, each with what its rays meet."""
         rows = np.arange(len(tubes))
         ray = middle(tubes.corners) - source
         distance = np.sqrt(np.einsum("ij,ij->i", ray, ray))
         cosine = np.einsum("ij,ij->i", self.faces.triangles.normal[tubes.face[:, -1]], ray) / distance
-        length = np.where(np.abs(cosine) < ONE_PROBE, np.inf, self.size.length(distance))
-        return refine(
-            tubes.corners, rows, probe, self.settings.probe_spacing * length, self.settings.edge_spacing * length
-        )
+        grazing = np.abs(cosine) < self.settings.grazing_cosine
+        wavelength = 2.0 * np.pi / self.size.wavenumber
+        wide, fine = self.settings.spacings(wavelength, self.size.length(distance))
+        wide, fine = np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine)
+        return refined(tubes.corners, rows, probe, wide, fine, self.settings)
 
-    def _seen(self, tubes: Tubes, station: Station) -> Tubes:
+    def _seen(self, tubes: ImageTubes, station: Station) -> ImageTubes:
         """Return the parts of footprints from which a station can be seen."""
         if not len(tubes):
             return tubes
@@ -208,7 +242,7 @@ class Tracer:
         lit = dark == 0
         return tubes.take(rows[lit], corners[lit])
 
-    def _in_front(self, tubes: Tubes) -> Tubes:
+    def _in_front(self, tubes: ImageTubes) -> ImageTubes:
         """Return the footprints whose lit side is turned to the receiver."""
         center = middle(tubes.corners)
         normal = self.faces.triangles.normal[tubes.face[:, -1]]
@@ -216,7 +250,7 @@ class Tracer:
         towards = np.einsum("ij,ij->i", normal, self.rx.pose.position - center)
         return tubes.take(np.flatnonzero(lit * towards > 0.0))
 
-    def _next(self, tubes: Tubes, of_plane: Index, plane_of_face: Index) -> Tubes:
+    def _next(self, tubes: ImageTubes, of_plane: Index, plane_of_face: Index) -> ImageTubes:
         """Return the footprints of the reflected tubes on what they meet next."""
         triangles = self.faces.triangles
         last = tubes.face[:, -1]
@@ -224,26 +258,24 @@ class Tracer:
         height = np.einsum("ij,ij->i", normal, tubes.image[:, -1]) - offset
         image = tubes.image[:, -1] - 2.0 * height[:, None] * normal
         lift = normal * np.sign(height)[:, None]
-        probe = PlaneProbe(self.rays, plane_of_face, image, lift, self.faces.plane[last])
+        probe = PlaneProbe(self.rays, CentralRays(self.rays, image), lift, plane_of_face, self.faces.plane[last])
         if tubes.depth + 1 == self.settings.max_depth:
             probe.only_towards(self.rx.pose.position, triangles.normal, triangles.offset)
         corners, rows, plane = self._labelled(tubes, image, probe)
         met = plane != MISS
         return self._landed(tubes, image, corners[met], rows[met], of_plane[plane[met]])
 
-    def _landed(self, tubes: Tubes, image: Array, corners: Array, rows: Index, face: Index) -> Tubes:
+    def _landed(self, tubes: ImageTubes, image: Array, corners: Array, rows: Index, face: Index) -> ImageTubes:
         """Return tubes projected from their images onto the planes of faces."""
         normal, offset = self.faces.triangles.normal[face], self.faces.triangles.offset[face]
         source = image[rows]
         ray = corners - source[:, None]
-        slope = np.einsum("nij,nj->ni", ray, normal)
-        height = offset - np.einsum("ij,ij->i", normal, source)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = height[:, None] / slope
-            length = np.sqrt(np.einsum("nij,nij->ni", ray, ray))
-            ahead = (share >= 1.0 - 1e-6) & (length * share < 2.0 * self.reach) & (np.abs(slope) > GRAZING * length)
+        share, slope = landing(corners, ray, normal, offset)
+        length = np.sqrt(np.einsum("nij,nij->ni", ray, ray))
+        with np.errstate(invalid="ignore"):
+            ahead = (share >= -1e-6) & (length * (1.0 + share) < 2.0 * self.reach) & (np.abs(slope) > GRAZING * length)
         kept = ahead.all(axis=1)
-        landed = source[kept, None] + share[kept, :, None] * ray[kept]
+        landed = corners[kept] + share[kept, :, None] * ray[kept]
         chain = np.concatenate([tubes.face[rows[kept]], face[kept, None]], axis=1)
         images = np.concatenate([tubes.image[rows[kept]], source[kept, None]], axis=1)
-        return Tubes(landed, chain, images, tubes.origin[rows[kept]])
+        return ImageTubes(landed, chain, images, tubes.origin[rows[kept]])

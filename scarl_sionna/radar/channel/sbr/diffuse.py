@@ -7,14 +7,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .tubes import Tubes
+from scarl_sionna.radar.optics.spherical_waves import ImageTubes
 
 Array = npt.NDArray[np.float64]
 Words = npt.NDArray[np.uint64]
 Columns = dict[str, npt.NDArray[Any]]
 
 
-def scattered_rows(columns: Columns, tubes: Tubes, face_key: npt.NDArray[np.int64], seed: int) -> Columns:
+def rough_pieces(columns: Columns, tubes: ImageTubes) -> Columns:
+    """Return the columns of pieces of rough patches with what :func:`scattered_rows` joins them by: `origin`, `face` and `area`.
+
+    Parameters
+    ----------
+    columns : dict
+        Those of :func:`scarl_sionna.radar.optics.near_field.radiated` for pieces on rough faces, ``scattered`` among them.
+    tubes : ImageTubes
+        The pieces.
+    """
+    side = tubes.corners[:, 1:] - tubes.corners[:, :1]
+    area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) / 2.0
+    return {**columns, "origin": tubes.origin, "face": tubes.face, "area": area}
+
+
+def scattered_rows(pieces: Columns, seed: int) -> Columns:
     """Return the columns of what patches scatter diffusely.
 
     The pieces into which visibility has cut a patch become one path of their whole area, so that the power does not depend on
@@ -22,21 +37,17 @@ def scattered_rows(columns: Columns, tubes: Tubes, face_key: npt.NDArray[np.int6
 
     Parameters
     ----------
-    columns : dict
-        Those of :func:`~.sbr_fields.radiated` for pieces on rough faces, ``scattered`` among them.
-    tubes : Tubes
-        The pieces.
-    face_key : ndarray of int64, shape (num_faces,)
-        Names each face whatever the state of the world.
+    pieces : dict
+        Columns of :func:`rough_pieces`, of all pieces of one depth.
     seed : int
         Of the phases: the same seed gives each patch the same phase in all frames.
     """
-    keys = np.column_stack([tubes.origin, face_key[tubes.face]])
+    columns = dict(pieces)
+    keys = np.column_stack([columns.pop("origin"), columns.pop("face")])
     order = np.lexsort(keys.T)
     keys = keys[order]
     first = np.flatnonzero(np.concatenate([[True], np.any(keys[1:] != keys[:-1], axis=1)]))
-    side = tubes.corners[order, 1:] - tubes.corners[order, :1]
-    area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) / 2.0
+    area = columns.pop("area")[order]
     total = np.add.reduceat(area, first)
     share = area / np.repeat(total, np.diff(first, append=len(order)))
     result = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -9,22 +10,20 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.engine.rays.face_rays import FaceRays
+from scarl_sionna.engine.rays.face_rays import StateRays
 
-from .phase import phase_integral
-from .surfaces import Surfaces
-from .tubes import Tubes
+from .fields import OnDevice, radiating_vector, reflected_field
+from .phase import spherical_wave_integral
+from .spherical_waves import ImageTubes
+from .surfaces import FaceSurfaces
 
 Array = npt.NDArray[np.float64]
 
-_HEAD_ON = 1e-9
-"""Sine of incidence below which any tangent serves as the axis across the plane of incidence."""
-
 
 def radiated(
-    rays: FaceRays,
-    tubes: Tubes,
-    surfaces: Surfaces,
+    rays: StateRays,
+    tubes: ImageTubes,
+    surfaces: FaceSurfaces,
     tx: tuple[Pose, Array],
     rx: tuple[Pose, Array],
     wavenumber: float,
@@ -35,16 +34,16 @@ def radiated(
 
     Parameters
     ----------
-    rays : FaceRays
-    tubes : Tubes
+    rays : StateRays
+    tubes : ImageTubes
         Patches over each of which the phase is all but linear.
-    surfaces : Surfaces
+    surfaces : FaceSurfaces
     tx, rx : tuple
         world_from_radar and velocity (3,) [m/s] of the two stations.
     wavenumber : float
         At which the phase is integrated over a patch [rad/m].
     integration_phase : float
-        See :func:`~.sbr_phase.phase_integral` [rad].
+        See :func:`.phase.spherical_wave_integral` [rad].
     diffuse : bool
         Whether to return what a rough surface scatters, column ``scattered``: the transfer of a patch of 1 m2.
 
@@ -71,15 +70,14 @@ def radiated(
     .. [2] V. Degli-Esposti et al., "Measurement and Modelling of Scattering From Buildings", IEEE Trans. Antennas Propag.
        55(1), 2007, Eqs. (2), (5).
     """
-    dr, mi, Real, Vector = rays.dr, rays.mi, rays.Real, rays.Vector
+    dr, mi, Vector, on = rays.dr, rays.mi, rays.Vector, OnDevice(rays.dr)
     count, depth = tubes.face.shape
     tube = dr.arange(mi.UInt32, count)
-    flat = Real(np.ascontiguousarray(tubes.corners).ravel())
-    corner = [dr.gather(Vector, flat, 3 * tube + k) for k in range(3)]
+    corner = rays.corners(tubes.corners)
     center = (corner[0] + corner[1] + corner[2]) / 3.0
-    faces = mi.UInt32(np.ascontiguousarray(tubes.face, dtype=np.uint32).ravel())
+    faces = rays.index(tubes.face)
     face = [dr.gather(mi.UInt32, faces, depth * tube + k) for k in range(depth)]
-    images = Real(np.ascontiguousarray(tubes.image).ravel())
+    images = rays.reals(tubes.image)
     image = [dr.gather(Vector, images, depth * tube + k) for k in range(depth)]
     plane = [surfaces.plane(number) for number in face]
     point = _reflection_points(dr, center, image, plane)
@@ -94,13 +92,13 @@ def radiated(
         field, arriving = reflected, travel[k]
         normal = plane[k][0]
         normal = normal * -dr.sign(dr.dot(normal, arriving))
-        smooth, onward = _reflect(dr, surfaces, face[k], field, arriving, normal)
+        smooth, onward = reflected_field(on, partial(surfaces.coefficients, face[k]), field, arriving, normal)
         kept, strayed, *turn = surfaces.roughness(face[k])
         reflected = [(kept * re, kept * im) for re, im in smooth]
         rate += dr.dot(surfaces.velocity(face[k], point[k]), arriving - travel[k + 1])
     back = travel[-1]
     out, home = dr.norm(center - image[-1]), dr.norm(receiver - center)
-    integral = phase_integral(rays, corner, image[-1], receiver, wavenumber, integration_phase)
+    integral = spherical_wave_integral(rays, corner, image[-1], receiver, wavenumber, integration_phase)
     scale = 0.125 / np.pi / (out * home)
     factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
     columns: dict[str, Any] = {
@@ -108,10 +106,9 @@ def radiated(
         "cosine": dr.abs(dr.dot(normal, back)),
     }  # fmt: skip
     receive = _spherical_basis(rays, rx_pose, -back)
-    for t in range(2):
-        vector = [_radiating(dr, field[t][c], reflected[t][c], arriving, onward, normal, back) for c in range(2)]
-        for r in range(2):
-            re, im = (dr.dot(receive[r], vector[c]) for c in range(2))
+    vector = radiating_vector(on, field, reflected, arriving, onward, normal, back)
+    for r in range(2):
+        for t, (re, im) in enumerate(on.component(receive[r], vector)):
             columns[f"re{r}{t}"] = re * factor[0] - im * factor[1]
             columns[f"im{r}{t}"] = re * factor[1] + im * factor[0]
     if diffuse:
@@ -137,7 +134,7 @@ def _matrices(found: dict[str, npt.NDArray[Any]], real: str, imaginary: str) -> 
 
 
 def _scattered(
-    rays: FaceRays, pose: Pose, arriving: Any, field: list[Any], smooth: list[Any], level: Any, turn: list[Any]
+    rays: StateRays, pose: Pose, arriving: Any, field: list[Any], smooth: list[Any], level: Any, turn: list[Any]
 ) -> dict[str, Any]:
     """Return the entries of the transfer by diffuse scattering of 1 m2; the polarisation is turned as in Sionna RT."""
     dr, found = rays.dr, {}
@@ -172,7 +169,7 @@ def _unfolded(dr: Any, center: Any, mirrors: list[tuple[Any, Any]]) -> Any:
     return seen
 
 
-def _spherical_basis(rays: FaceRays, pose: Pose, direction: Any) -> tuple[Any, Any]:
+def _spherical_basis(rays: StateRays, pose: Pose, direction: Any) -> tuple[Any, Any]:
     """Return theta-hat and phi-hat of unit directions in world axes; phi = 0 along the frame's z axis."""
     dr = rays.dr
     x, y, z = (rays.vector(axis) for axis in pose.rotation.T)
@@ -182,34 +179,3 @@ def _spherical_basis(rays: FaceRays, pose: Pose, direction: Any) -> tuple[Any, A
     cosine, sine = dr.select(upright, 1.0, along_x / flat), dr.select(upright, 0.0, along_y / flat)
     outward = cosine * x + sine * y
     return dr.dot(z, direction) * outward - flat * z, cosine * y - sine * x
-
-
-def _reflect(
-    dr: Any, surfaces: Surfaces, face: Any, field: list[tuple[Any, Any]], direction: Any, normal: Any
-) -> tuple[list[tuple[Any, Any]], Any]:
-    """Return reflected fields (real and imaginary part of each polarisation) and their direction."""
-    cosine = -dr.dot(direction, normal)
-    onward = direction + 2.0 * cosine * normal
-    te_re, te_im, tm_re, tm_im = surfaces.coefficients(face, cosine)
-    across = dr.cross(direction, normal)
-    sine = dr.norm(across)
-    helper = dr.cross(dr.select(dr.abs(normal.x) < 0.8, type(normal)(1, 0, 0), type(normal)(0, 1, 0)), normal)
-    axis = dr.select(sine < _HEAD_ON, dr.normalize(helper), across / sine)
-    tm_in, tm_out = dr.cross(direction, axis), dr.cross(onward, axis)
-    reflected = []
-    for re, im in field:
-        te = dr.dot(axis, re), dr.dot(axis, im)
-        tm = dr.dot(tm_in, re), dr.dot(tm_in, im)
-        reflected.append(
-            (
-                axis * (te_re * te[0] - te_im * te[1]) + tm_out * (tm_re * tm[0] - tm_im * tm[1]),
-                axis * (te_re * te[1] + te_im * te[0]) + tm_out * (tm_re * tm[1] + tm_im * tm[0]),
-            )
-        )
-    return reflected, onward
-
-
-def _radiating(dr: Any, incident: Any, reflected: Any, direction: Any, onward: Any, normal: Any, scattered: Any) -> Any:
-    """Return eta J - s x M of the physical-optics currents, whose part across s is radiated towards s."""
-    magnetic = dr.cross(direction, incident) + dr.cross(onward, reflected)
-    return dr.cross(normal, magnetic) + dr.cross(scattered, dr.cross(normal, incident + reflected))

@@ -11,11 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.settings.sbr import SMALLEST_SIZE
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.scene.materials.dielectrics import water_permittivity
+from scarl_sionna.radar.optics.surfaces import PartSurfaces, Surface
+from scarl_sionna.scene.materials.fresnel import film_of
 from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, builtin_materials
 
-from .far import Body, PartSurfaces, Surface
+from .mesh import Body
 
 if TYPE_CHECKING:
     import trimesh
@@ -30,8 +32,6 @@ Mesh: TypeAlias = "SingleMesh | Body | Parts"
 
 CONDUCTORS = ("metal", "pec")
 """Names of a perfect conductor, whatever the table says."""
-SMALLEST_SIZE = 3.0
-"""Largest extent [wavelengths] below which physical optics is more than some 0.2 dB off even for a plate head-on."""
 LARGEST_SIZE = 200.0
 """Largest extent [m] above which a mesh is taken to be in another unit than metres."""
 
@@ -215,11 +215,8 @@ def _surface(entry: RadioMaterial | complex | None, frequency: float, rough: boo
 
 def surface_of(entry: RadioMaterial, frequency: float, rough: bool = False) -> Surface:
     """Return what a material reflects like at a frequency [Hz]; `rough` as of :func:`surfaces_of`."""
-    coherence = float(np.sqrt(1.0 - entry.scattering_coefficient**2)) if rough else 1.0
-    film = None
-    if entry.water_film > 0.0:
-        film = (water_permittivity(frequency, entry.water_temperature), entry.water_film)
-    return Surface(entry.at(frequency), entry.thickness, frequency, coherence, film)
+    coherence = entry.coherence if rough else 1.0
+    return Surface(entry.at(frequency), entry.thickness, frequency, coherence, film_of(entry, frequency))
 
 
 def _permittivity(value: Any) -> complex:

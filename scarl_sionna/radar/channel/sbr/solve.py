@@ -17,22 +17,22 @@ from scarl_sionna.core.errors import ScarlWarning, UnknownNameError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.sbr import SMALLEST_SIZE
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
 from scarl_sionna.engine.rays.face_planes import face_table
-from scarl_sionna.engine.rays.face_rays import FaceRays
+from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.overlap import seen_overlaps
-from scarl_sionna.radar.optics.near.diffuse import scattered_rows, way_back
-from scarl_sionna.radar.optics.near.fields import radiated
-from scarl_sionna.radar.optics.near.patches import PatchSize
-from scarl_sionna.radar.optics.near.rows import Columns, above_floor, in_order, joined, received
-from scarl_sionna.radar.optics.near.surfaces import Surfaces
-from scarl_sionna.radar.optics.near.trace import Station, Tracer
-from scarl_sionna.radar.optics.near.tubes import Tubes
+from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.optics.near_field import radiated
+from scarl_sionna.radar.optics.patches import PatchSize
+from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Station, Tracer
+from scarl_sionna.radar.optics.surfaces import FaceSurfaces
 from scarl_sionna.radar.paths import RadarPaths
 
-from .antennas import check_antennas
+from .diffuse import rough_pieces, scattered_rows, way_back
+from .rows import Columns, above_floor, in_order, joined, received
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-SMALLEST_SIZE = 3.0
-"""Largest extent [wavelengths] of an instance below which physical optics is off by decibels."""
 GRAZING_COSINE = 0.1
 """Cosine of incidence below which a patch counts as grazing."""
 
@@ -114,12 +112,17 @@ def solve_sbr(
     start = np.flatnonzero(chosen & ~faces.repeated & tx.may_see(faces, 2.0 * reach if rx_pose else reach))
     used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks: list[Columns] = []
+    rough: dict[int, list[Columns]] = {}
     with variant.optical() as mi:
-        rays = FaceRays(mi, state)
-        surfaces = Surfaces(rays, state, faces, used, radar.center_frequency)
-        tracer = Tracer(rays, faces, chosen, tx, rx, reach, PatchSize.of(radar, knobs), knobs)
-        for tubes in tracer.bounces(start):
-            blocks += _rows(state, tracer, tubes, surfaces) if len(tubes) else []
+        rays = StateRays(mi, state)
+        surfaces = FaceSurfaces(rays, state, faces, used, radar.center_frequency, knobs.coefficient_nodes)
+        size = PatchSize.of(radar, knobs)
+        tracer = Tracer(rays, faces, chosen, tx, rx, reach, size, knobs.for_scene())
+        for patches in tracer.bounces(start):
+            if len(patches):
+                blocks.append(_rows(state, tracer, patches, surfaces, rough))
+    for depth in sorted(rough):
+        blocks += _scattered(rough.pop(depth), knobs.seed, tx is rx)
     columns = joined(blocks, knobs.max_depth)
     amplitude = received(columns, radar, tx.pose, rx.pose)
     diagnostics: dict[str, Any] = {
@@ -151,13 +154,15 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
     return sorted(kept), [info.name for number, info in table.items() if number not in kept]
 
 
-def _rows(state: WorldState, tracer: Tracer, patches: Tubes, surfaces: Surfaces) -> list[Columns]:
-    """Return the columns of patches and of what they scatter diffusely, without what comes from out of view or too far."""
+def _rows(
+    state: WorldState, tracer: Tracer, patches: ImageTubes, surfaces: FaceSurfaces, rough: dict[int, list[Columns]]
+) -> Columns:
+    """Return the columns of patches, without what comes from out of view or too far; add rough pieces to those of their depth."""
     tx, rx, settings = tracer.tx, tracer.rx, tracer.settings
-    rough = surfaces.is_rough[patches.face[:, -1]] & settings.diffuse
+    is_rough = surfaces.is_rough[patches.face[:, -1]] & settings.diffuse
     columns: Columns = radiated(
         tracer.rays, patches, surfaces, (tx.pose, tx.velocity), (rx.pose, rx.velocity), tracer.size.wavenumber,
-        settings.integration_phase, bool(rough.any()),
+        settings.integration_phase, bool(is_rough.any()),
     )  # fmt: skip
     part = tracer.faces.part[patches.face]
     columns["instance"] = state.world.parts.instance[part]
@@ -167,19 +172,21 @@ def _rows(state: WorldState, tracer: Tracer, patches: Tubes, surfaces: Surfaces)
     seen = columns["length"] < 2.0 * tracer.reach
     if patches.depth > 1:
         seen &= tx.sees(columns["tx_point"])
-    blocks = []
-    if rough.any():
-        rows = np.flatnonzero(rough & seen)
-        if len(rows):
-            some = {name: column[rows] for name, column in columns.items()}
-            some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
-            block = scattered_rows(some, patches.take(rows), np.arange(len(tracer.faces.part)), settings.seed)
-            first = block.pop("first_semantic")
-            blocks.append(block)
-            if patches.depth > 1 and tx is rx:
-                blocks.append(way_back(block, first))
-        del columns["scattered"]
-    return [{name: column[seen] for name, column in columns.items()}, *blocks]
+    rows = np.flatnonzero(is_rough & seen)
+    if len(rows):
+        some = {name: column[rows] for name, column in columns.items()}
+        some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
+        rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
+    columns.pop("scattered", None)
+    return {name: column[seen] for name, column in columns.items()}
+
+
+def _scattered(pieces: list[Columns], seed: int, monostatic: bool) -> list[Columns]:
+    """Return the columns of what rough patches of one depth scatter, and for a monostatic radar of the way back."""
+    whole = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    block = scattered_rows(whole, seed)
+    first = block.pop("first_semantic")
+    return [block, way_back(block, first)] if monostatic and block["depth"][0] > 1 else [block]
 
 
 def _warn(

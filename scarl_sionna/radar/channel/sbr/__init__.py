@@ -1,0 +1,1 @@
+"""Physical optics on a scene: the patches of its meshes as paths."""

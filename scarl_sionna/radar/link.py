@@ -1,0 +1,49 @@
+"""What a radar receives by its paths: transfer, antennas and transmitted power together."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import dbm_to_watt
+from scarl_sionna.signal.antenna import field_gain
+
+from .paths import RadarPaths
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+
+def received_amplitude(a: Complex, tx_vector: Array, rx_vector: Array, radar: RadarSpec) -> Complex:
+    """Return the amplitude of the field that one antenna pair receives by each path, without the phase over the length.
+
+    Parameters
+    ----------
+    a : ndarray of complex128, shape (num_paths, 2, 2)
+        Polarimetric transfer, as in :class:`RadarPaths`.
+    tx_vector, rx_vector : ndarray of float64, shape (num_paths, 3)
+        Where each path leaves and from where it arrives, any length, in the frames of the transmitter and of the receiver.
+    radar : RadarSpec
+        Its polarisation, pattern and transmitted power.
+
+    Returns
+    -------
+    ndarray of complex128, shape (num_paths,)
+        [sqrt(W)].
+    """
+    entry = "VH".index(radar.array.polarization)
+    gain = field_gain(radar.array.pattern, tx_vector) * field_gain(radar.array.pattern, rx_vector)
+    return np.asarray(a[:, entry, entry] * (gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))))
+
+
+def path_amplitude(paths: RadarPaths, radar: RadarSpec) -> Complex:
+    """Return the amplitude that one antenna pair at the array centres receives by each path [sqrt(W)], shape (num_paths,)."""
+    tx_vector, rx_vector = paths.end_vectors()
+    local = tx_vector @ paths.world_from_tx.rotation, rx_vector @ paths.world_from_rx.rotation
+    return received_amplitude(paths.a, *local, radar)
+
+
+def received_power(paths: RadarPaths, radar: RadarSpec) -> Array:
+    """Return the power that one antenna pair at the array centres receives by each path [W], shape (num_paths,)."""
+    return np.asarray(np.abs(path_amplitude(paths, radar)) ** 2)

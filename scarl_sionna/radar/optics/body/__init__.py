@@ -1,0 +1,1 @@
+"""Meshes that scatter in the far field: their geometry made ready, their parts and materials."""

@@ -1,1 +1,0 @@
-"""Physical optics in a scene, with spherical waves of every antenna."""

@@ -1,0 +1,189 @@
+"""Plane waves on a body: which parts of the mesh each wave lights, and what the reflected tubes meet, fields included."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.engine.rays.face_rays import MISS
+
+from .body.mesh import Body
+from .probes import ParallelRays, PlaneProbe, ShadowProbe
+from .refine import Pieces, refine
+from .surfaces import PartSurfaces
+from .trace import GRAZING, Tubes, depth_first, face_of_plane, gathered, landing
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Waves:
+    """Plane waves that light the mesh.
+
+    Attributes
+    ----------
+    direction : ndarray of float64, shape (num_waves, 3)
+        Unit direction of travel.
+    field : ndarray of float64, shape (num_waves, 3, 2)
+        Electric field of the V and the H wave at the origin.
+    wavelength : ndarray of float64, shape (num_waves,)
+        The shortest at which the wave is used [m].
+    """
+
+    direction: Array
+    field: Array
+    wavelength: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneTubes(Tubes):
+    """Footprints of ray tubes on their faces, with the wave that arrives there.
+
+    Attributes
+    ----------
+    wave : ndarray of int64, shape (num_tubes,)
+    direction, normal : ndarray of float64, shape (num_tubes, 3)
+        Direction of travel, and unit normal on the lit side.
+    path : ndarray of float64, shape (num_tubes,)
+        The wave's phase at r is -k (path + direction . r) [m].
+    incident : ndarray of complex128, shape (num_tubes, 3, 2)
+        Electric field without that phase, of the V and the H wave.
+    free : ndarray of bool, shape (num_tubes,)
+        Whether nothing of the mesh stands in front of the lit side.
+    part : ndarray of int64, shape (num_tubes,)
+        Part of the body on which the footprint lies.
+    """
+
+    wave: Index
+    direction: Array
+    normal: Array
+    path: Array
+    incident: npt.NDArray[np.complex128]
+    free: npt.NDArray[np.bool_]
+    part: Index
+
+
+@dataclass(frozen=True, eq=False)
+class Bounce:
+    """Tubes at one bounce with their reflection."""
+
+    depth: int
+    tubes: PlaneTubes
+    reflected: npt.NDArray[np.complex128]
+    onward: Array
+
+
+def bounces(body: Body, surfaces: PartSurfaces, waves: Waves, settings: SbrSettings) -> Iterator[Bounce]:
+    """Yield every footprint that the waves light, bounce after bounce, in batches of bounded size.
+
+    `settings` are those of :meth:`.SbrSettings.for_size`.
+    """
+
+    def arrive(depth: int, tubes: PlaneTubes) -> Iterator[Bounce]:
+        lit = gathered(_lit(body, waves, tubes, settings), settings.max_tubes) if depth == 1 else iter((tubes,))
+        for part in lit:
+            reflected, onward = surfaces.reflect(part.part, part.incident, part.direction, part.normal)
+            yield Bounce(depth, part, reflected, onward)
+
+    def go_on(bounce: Bounce) -> Iterator[PlaneTubes]:
+        return gathered(_next(body, waves, bounce, of_plane, settings), settings.max_tubes)
+
+    of_plane = face_of_plane(body.plane)
+    yield from depth_first(_facing(body, waves, settings), arrive, go_on, settings.max_depth)
+
+
+def _facing(body: Body, waves: Waves, settings: SbrSettings) -> Iterator[PlaneTubes]:
+    """Yield the faces turned to each wave, as tubes that may still be shadowed."""
+    normal = body.triangles.normal
+    per_batch = max(settings.max_rays // len(normal), 1)
+    for first in range(0, len(waves.direction), per_batch):
+        direction = waves.direction[first : first + per_batch]
+        cosine = direction @ normal.T
+        towards = cosine < -GRAZING if body.one_sided else np.abs(cosine) > GRAZING
+        wave, face = np.nonzero(towards)
+        side = -np.sign(cosine[wave, face])
+        wave += first
+        yield PlaneTubes(
+            body.triangles.corners[face], wave, waves.direction[wave], normal[face] * side[:, None],
+            np.zeros(len(wave)), waves.field[wave].astype(np.complex128), body.free[face, (side < 0).astype(np.int64)],
+            body.part[face],
+        )  # fmt: skip
+
+
+def unhidden(
+    body: Body, tubes: PlaneTubes, rows: Index, towards: Array, wavelength: Array, settings: SbrSettings
+) -> Iterator[tuple[Array, Index]]:
+    """Yield the parts of footprints from which nothing of the body stands in a direction.
+
+    Parameters
+    ----------
+    body : Body
+    tubes : PlaneTubes
+    rows : ndarray of int64, shape (n,)
+        Tubes that are looked at.
+    towards : ndarray of float64, shape (n, 3)
+        Unit direction from each.
+    wavelength : ndarray of float64, shape (n,)
+        [m].
+    settings : SbrSettings
+
+    Yields
+    ------
+    corners, number
+        Pieces, and the entry of `rows` of which each is a part.
+    """
+    if not len(rows):
+        return
+    with body.rays.active():
+        probe = ShadowProbe(body.rays, ParallelRays(body.rays, towards), tubes.normal[rows])
+    sizes = settings.spacings(wavelength)
+    for corners, number, dark in refine(tubes.corners[rows], np.arange(len(rows)), probe, *sizes, settings):
+        lit = dark == 0
+        yield corners[lit], number[lit]
+
+
+def _lit(body: Body, waves: Waves, tubes: PlaneTubes, settings: SbrSettings) -> Iterator[PlaneTubes]:
+    """Yield the parts of the tubes that see the source."""
+    if tubes.free.any():
+        yield tubes.take(np.flatnonzero(tubes.free))
+    rows = np.flatnonzero(~tubes.free)
+    wavelength = waves.wavelength[tubes.wave[rows]]
+    for corners, number in unhidden(body, tubes, rows, -tubes.direction[rows], wavelength, settings):
+        yield tubes.take(rows[number], corners)
+
+
+def _next(body: Body, waves: Waves, bounce: Bounce, of_plane: Index, settings: SbrSettings) -> Iterator[PlaneTubes]:
+    """Yield the footprints that the reflected tubes have on what they meet next."""
+    tubes = bounce.tubes
+    chosen = np.flatnonzero(~tubes.free)
+    if not len(chosen):
+        return
+    with body.rays.active():
+        probe = PlaneProbe(body.rays, ParallelRays(body.rays, bounce.onward), tubes.normal, body.plane)
+    sizes = settings.spacings(waves.wavelength[tubes.wave[chosen]])
+    for pieces in refine(tubes.corners[chosen], chosen, probe, *sizes, settings):
+        yield _landed(body, bounce, pieces, of_plane)
+
+
+def _landed(body: Body, bounce: Bounce, pieces: Pieces, of_plane: Index) -> PlaneTubes:
+    """Return tubes projected along their direction onto the planes that they meet."""
+    corners, rows, plane = pieces
+    tubes, met = bounce.tubes, plane != MISS
+    corners, rows, face = corners[met], rows[met], of_plane[plane[met]]
+    direction, normal = bounce.onward[rows], body.triangles.normal[face]
+    share, cosine = landing(corners, direction[:, None], normal, body.triangles.offset[face])
+    hit = np.abs(cosine[:, 0]) > GRAZING
+    corners, rows, face, share, cosine = corners[hit], rows[hit], face[hit], share[hit], cosine[hit, 0]
+    direction, normal = direction[hit], normal[hit]
+    # the reflected wave has the incident one's phase where it leaves: path + direction . r is the same there
+    turn = np.einsum("ij,ij->i", tubes.direction[rows] - direction, corners[:, 0])
+    return PlaneTubes(
+        corners + share[:, :, None] * direction[:, None], tubes.wave[rows], direction,
+        -normal * np.sign(cosine)[:, None], tubes.path[rows] + turn, bounce.reflected[rows],
+        body.free[face, (cosine > 0).astype(np.int64)], body.part[face],
+    )  # fmt: skip

@@ -1,0 +1,213 @@
+"""What the rays of tubes meet, in one kernel for all points of all tubes, and where along a side that changes.
+
+A probe labels points of footprints; equal labels are the same thing. Plane waves (the far field) and spherical ones (a scene) differ in
+the direction of the rays only: :class:`ParallelRays` and :class:`CentralRays`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
+
+from .tube_shape import WEIGHTS, inset
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+SAME_DISTANCE = 1e-6
+"""What is met this near to a point (relative to 1 m + distance) is the point itself: float32 directions are 6e-8 off, which a
+face at grazing incidence makes larger."""
+
+
+class Directions(Protocol):
+    """Directions of the rays of tubes."""
+
+    def at(self, point: Any, row: Any) -> Any:
+        """Return the unit directions of rays that leave points of the tubes with some row numbers."""
+
+
+class ParallelRays:
+    """All rays of a tube run in one direction, `direction` (num_rows, 3)."""
+
+    def __init__(self, rays: FaceRays, direction: Array) -> None:
+        self._rays, self._direction = rays, rays.reals(direction)
+
+    def at(self, point: Any, row: Any) -> Any:
+        """Return the unit directions; see :class:`Directions`."""
+        return self._rays.dr.gather(self._rays.Vector, self._direction, row)
+
+
+class CentralRays:
+    """All rays of a tube come from one point, `source` (num_rows, 3) [m]."""
+
+    def __init__(self, rays: FaceRays, source: Array) -> None:
+        self._rays, self._source = rays, rays.reals(rays.placed(source))
+
+    def at(self, point: Any, row: Any) -> Any:
+        """Return the unit directions; see :class:`Directions`."""
+        dr = self._rays.dr
+        return dr.normalize(point - dr.gather(self._rays.Vector, self._source, row))
+
+
+class Probe:
+    """Labels at points of tubes; subclasses say what the label of a point is."""
+
+    def __init__(self, rays: FaceRays) -> None:
+        self.rays = rays
+
+    def _label(self, point: Any, row: Any) -> Any:
+        raise NotImplementedError
+
+    def within(self, corners: Array, rows: Index, count: Index, first: Index) -> Index:
+        """Return labels at many points of each footprint, footprint after footprint.
+
+        Parameters
+        ----------
+        corners : ndarray of float64, shape (n, 3, 3)
+            Footprints [m].
+        rows : ndarray of int64, shape (n,)
+            Row of each tube in the tables of the probe.
+        count, first : ndarray of int64, shape (n,)
+            Each has `count` points, whose barycentric coordinates are the rows of ``tube_shape.WEIGHTS`` from `first` on.
+        """
+        if not len(corners):
+            return np.zeros(0, dtype=np.int64)
+        dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
+        begin = np.cumsum(count) - count
+        with rays.active():
+            tube = rays.index(np.repeat(np.arange(len(corners), dtype=np.uint32), count))
+            shift = dr.gather(mi.Int32, rays.label(first - begin), tube)
+            node = mi.UInt32(mi.Int32(dr.arange(mi.UInt32, dr.width(tube))) + shift)
+            weights, flat = rays.Fine(WEIGHTS.ravel()), rays.Fine(rays.placed(inset(corners)).ravel())
+            point = rays.FinePoint(0.0)
+            for corner in range(3):
+                part = dr.gather(rays.Fine, weights, 3 * node + corner)
+                point += part * dr.gather(rays.FinePoint, flat, 3 * tube + corner)
+            row = dr.gather(mi.UInt32, rays.index(rows), tube)
+            return np.asarray(self._label(point, row).numpy(), dtype=np.int64)
+
+    def border(self, corners: Array, rows: Index, label: Index, bisections: int) -> tuple[Array, Index]:
+        """Return where along the two sides from corner 0 its label ends, (n, 2), and the label beyond, (n, 2).
+
+        `label` holds those of the three corners, (n, 3); the place is found to 2^-bisections of the sides.
+        """
+        if not len(corners):
+            return np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
+        dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
+        with rays.active():
+            side = dr.arange(mi.UInt32, 2 * len(rows))
+            tube = side // 2
+            flat = rays.reals(rays.placed(inset(corners)))
+            start = dr.gather(rays.Vector, flat, 3 * tube)
+            along = dr.gather(rays.Vector, flat, 3 * tube + 1 + side % 2) - start
+            row, known = dr.gather(mi.UInt32, rays.index(rows), tube), rays.label(label)
+            own, other = dr.gather(mi.Int32, known, 3 * tube), dr.gather(mi.Int32, known, 3 * tube + 1 + side % 2)
+            steps = dr.opaque(mi.UInt32, bisections)
+
+            def step(count: Any, low: Any, high: Any, beyond: Any) -> tuple[Any, ...]:
+                middle = 0.5 * (low + high)
+                found = self._label(start + middle * along, row)
+                inside = found == own
+                return (
+                    count + 1, dr.select(inside, middle, low), dr.select(inside, high, middle),
+                    dr.select(inside, beyond, found),
+                )  # fmt: skip
+
+            state = (mi.UInt32(0), dr.zeros(rays.Real, 2 * len(rows)), dr.ones(rays.Real, 2 * len(rows)), other)
+            _, low, high, beyond = dr.while_loop(
+                state, lambda count, low, high, beyond: count < steps, step, label="bisection of edges"
+            )
+            share = 0.5 * (low + high)
+            dr.eval(share, beyond)
+            return share.numpy().reshape(-1, 2), beyond.numpy().astype(np.int64).reshape(-1, 2)
+
+
+class ShadowProbe(Probe):
+    """Whether anything stands in the way (1) of rays that leave footprints, or nothing (0).
+
+    Parameters
+    ----------
+    rays : FaceRays
+    directions : Directions
+    lift : ndarray of float64, shape (num_rows, 3)
+        Unit normal on the side on which the rays run.
+    """
+
+    def __init__(self, rays: FaceRays, directions: Directions, lift: Array) -> None:
+        super().__init__(rays)
+        self._directions, self._lift = directions, rays.reals(lift)
+
+    def _label(self, point: Any, row: Any) -> Any:
+        dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
+        start = rays.lifted(point, dr.gather(rays.Vector, self._lift, row))
+        return dr.select(rays.blocked(start, self._directions.at(point, row)), mi.Int32(1), mi.Int32(0))
+
+
+class ScreenedProbe(Probe):
+    """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point."""
+
+    def __init__(self, rays: FaceRays, station: Array) -> None:
+        super().__init__(rays)
+        self._station = rays.vector(rays.placed(station))
+
+    def _label(self, point: Any, row: Any) -> Any:
+        dr, mi = self.rays.dr, self.rays.mi
+        ray = point - self._station
+        distance = dr.norm(ray)
+        before = distance - SAME_DISTANCE * (1.0 + distance)
+        return dr.select(self.rays.blocked(self._station, ray / distance, before), mi.Int32(1), mi.Int32(0))
+
+
+class PlaneProbe(Probe):
+    """The plane that a tube's ray meets behind a point, `MISS` where it meets none that counts.
+
+    Parameters
+    ----------
+    rays : FaceRays
+    directions : Directions
+    lift : ndarray of float64, shape (num_rows, 3)
+        Unit normal on the side on which the rays run.
+    plane_of_face : ndarray of int64, shape (num_faces,)
+        `MISS` for faces at which tubes end.
+    own : ndarray of int64, shape (num_rows,), optional
+        Plane that the tubes leave, which counts as missed; left out where the lift alone is sure to leave it.
+    """
+
+    def __init__(
+        self, rays: FaceRays, directions: Directions, lift: Array, plane_of_face: Index, own: Index | None = None
+    ) -> None:
+        super().__init__(rays)
+        self._directions, self._lift = directions, rays.reals(lift)
+        self._plane, self._own = rays.label(plane_of_face), None if own is None else rays.label(own)
+        self._faces: tuple[Any, Any, Any] | None = None
+
+    def only_towards(self, station: Array, normal: Array, offset: Array) -> None:
+        """Let planes of which the lit side is turned away from a station count as missed, as on the last bounce.
+
+        Parameters
+        ----------
+        station : ndarray of float64, shape (3,)
+        normal, offset : ndarray of float64, shape (num_faces, 3) and (num_faces,)
+            Planes of the faces.
+        """
+        rays = self.rays
+        self._faces = rays.vector(station), rays.reals(normal), rays.reals(offset)
+
+    def _label(self, point: Any, row: Any) -> Any:
+        dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
+        ray = self._directions.at(point, row)
+        face = rays.first(rays.lifted(point, dr.gather(rays.Vector, self._lift, row)), ray)
+        plane = dr.gather(mi.Int32, self._plane, mi.UInt32(face), face != MISS)
+        met = face != MISS
+        if self._own is not None:
+            met &= plane != dr.gather(mi.Int32, self._own, row)
+        if self._faces is not None:
+            station, normals, offsets = self._faces
+            normal = dr.gather(rays.Vector, normals, mi.UInt32(face), met)
+            towards = dr.dot(normal, station) - dr.gather(rays.Real, offsets, mi.UInt32(face), met)
+            met &= dr.dot(normal, ray) * towards < 0.0
+        return dr.select(met, plane, MISS)

@@ -1,0 +1,229 @@
+"""Cutting ray tubes until each one meets a single thing.
+
+A tube has a triangular footprint. Rays probe it on a lattice; where all of them meet the same thing (the same plane, or
+nothing), the tube stays whole, however large it is. Where they do not, it is halved, and a small tube that straddles an edge is
+cut along that edge, whose place is found by bisection with further rays. So partly hit tubes do not set the error.
+
+Tubes wait in pools, one for each number of halvings and one for those to cut, so that every call of the engine has many rays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.settings.sbr import SbrSettings
+
+from .probes import Probe
+from .tube_shape import COUNTS, OFFSETS, TOO_LONG, cut_off, halved, layouts, sides_and_height
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+Pieces: TypeAlias = "tuple[Array, Index, Index]"
+"""Corners, rows and labels."""
+
+_CUT = 1 << 20
+"""Pool of the tubes that are cut along an edge: the last one to be worked on."""
+
+
+def refine(
+    corners: Array, rows: Index, probe: Probe, spacing: Array, edge_spacing: Array, settings: SbrSettings
+) -> Iterator[Pieces]:
+    """Cut tubes until each one has one label.
+
+    Parameters
+    ----------
+    corners : ndarray of float64, shape (num_tubes, 3, 3)
+        Footprints [m].
+    rows : ndarray of int64, shape (num_tubes,)
+        Row of each tube in the tables of the probe; pieces inherit it.
+    probe : Probe
+        What the rays of a tube meet, at points of its footprint.
+    spacing, edge_spacing : ndarray of float64, shape (num_tubes,)
+        Largest distance of the probes, and size down to which straddling tubes are halved [m].
+    settings : SbrSettings
+        Its `bisections`, `corner_share` and `max_rays`.
+
+    Yields
+    ------
+    corners, rows, labels
+        Pieces that together cover the tubes.
+    """
+    work = _Refinement(probe, settings)
+    pools = _Pools(settings.max_rays)
+    pools.put(0, work.waiting(corners, rows, spacing, edge_spacing))
+    while pools:
+        number, tubes = pools.take()
+        if number == _CUT:
+            pieces, again = work.cut(tubes)
+            yield from pieces
+            number >>= 1  # their halves have pools of their own
+        else:
+            pieces, again, straddling = work.probed(tubes)
+            yield from pieces
+            pools.put(_CUT, straddling)
+        pools.put(number + 1, work.halved(again))
+
+
+def refined(
+    corners: Array, rows: Index, probe: Probe, spacing: Array, edge_spacing: Array, settings: SbrSettings
+) -> Pieces:
+    """Return all pieces of :func:`refine` at once."""
+    nothing = corners[:0], rows[:0], np.zeros(0, dtype=np.int64)
+    pieces = [nothing, *refine(corners, rows, probe, spacing, edge_spacing, settings)]
+    return tuple(np.concatenate(columns) for columns in zip(*pieces, strict=True))  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    """Tubes that wait to be probed, or with `label` and `odd` to be cut.
+
+    `label` (n, 3) is what the corners meet, `odd` the corner that meets another thing than the two others.
+    """
+
+    tri: Array
+    row: Index
+    wide: Array
+    fine: Array
+    longest: Array
+    layout: Index
+    label: Index | None = None
+    odd: Index | None = None
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def take(self, some: Index | slice) -> _Waiting:
+        return self._of_columns(None if column is None else column[some] for column in vars(self).values())
+
+    @classmethod
+    def _of_columns(cls, columns: Iterable[Any]) -> _Waiting:
+        return cls(*columns)
+
+    def to_cut(self, some: Index, label: Index, odd: Index) -> _Waiting:
+        return replace(self.without_cut(some), label=label, odd=odd)
+
+    def without_cut(self, some: Index) -> _Waiting:
+        return self._of_columns(column[some] for column in list(vars(self).values())[:-2])
+
+    @property
+    def rays(self) -> Index:
+        """Rays with which each is worked on at once."""
+        return COUNTS[self.layout] if self.odd is None else np.full(len(self), 2)
+
+    @classmethod
+    def joined(cls, parts: list[_Waiting]) -> _Waiting:
+        if len(parts) == 1:
+            return parts[0]
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return cls._of_columns(None if column[0] is None else np.concatenate(column) for column in columns)
+
+
+@dataclass(eq=False)
+class _Pools:
+    """Tubes by the number of times that they were halved, in batches of at most `limit` rays.
+
+    The pool of the smallest tubes that fills a batch goes first, which bounds the memory; where none does, that of the largest.
+    """
+
+    limit: int
+    parts: dict[int, list[_Waiting]] = field(default_factory=dict)
+    weight: dict[int, int] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.parts)
+
+    def put(self, number: int, tubes: _Waiting) -> None:
+        if not len(tubes):
+            return
+        done = np.cumsum(tubes.rays)
+        edges = np.searchsorted(done // self.limit, np.arange(1, done[-1] // self.limit + 1))
+        for first, last in zip([0, *edges], [*edges, len(tubes)], strict=True):
+            if last > first:
+                self.parts.setdefault(number, []).append(tubes.take(slice(first, last)))
+        self.weight[number] = self.weight.get(number, 0) + int(done[-1])
+
+    def take(self) -> tuple[int, _Waiting]:
+        full = [number for number, weight in self.weight.items() if weight >= self.limit]
+        number = max(full) if full else min(self.weight)
+        waiting, weight = self.parts[number], 0
+        chosen: list[_Waiting] = []
+        while waiting and (not chosen or weight + int(waiting[-1].rays.sum()) <= self.limit):
+            chosen.append(waiting.pop())
+            weight += int(chosen[-1].rays.sum())
+        self.weight[number] -= weight
+        if not waiting:
+            del self.parts[number], self.weight[number]
+        return number, _Waiting.joined(chosen)
+
+
+@dataclass(frozen=True, eq=False)
+class _Refinement:
+    """What is done with tubes that wait."""
+
+    probe: Probe
+    settings: SbrSettings
+
+    def waiting(self, tri: Array, row: Index, wide: Array, fine: Array) -> _Waiting:
+        """Return tubes with their layout of probes, `TOO_LONG` for one that is halved before it is probed."""
+        longest, height = sides_and_height(tri)
+        return _Waiting(
+            tri, row, wide, fine, longest, layouts(longest, height, wide, self.settings.corner_share * fine)
+        )
+
+    def halved(self, tubes: _Waiting) -> _Waiting:
+        """Cut tubes in two across their longest side."""
+        return self.waiting(halved(tubes.tri), np.tile(tubes.row, 2), np.tile(tubes.wide, 2), np.tile(tubes.fine, 2))
+
+    def probed(self, tubes: _Waiting) -> tuple[list[Pieces], _Waiting, _Waiting]:
+        """Return the pieces that are settled, the tubes to halve, and those to cut along an edge."""
+        short = np.flatnonzero(tubes.layout != TOO_LONG)
+        long = np.flatnonzero(tubes.layout == TOO_LONG)
+        if not len(short):
+            return [], tubes, tubes.take(short)
+        probed = tubes.take(short) if len(long) else tubes
+        count = COUNTS[probed.layout]
+        start = np.cumsum(count) - count
+        labels = self.probe.within(probed.tri, probed.row, count, OFFSETS[probed.layout])
+        same = np.minimum.reduceat(labels, start) == np.maximum.reduceat(labels, start)
+        pieces = [(probed.tri[same], probed.row[same], labels[start[same]])] if same.any() else []
+        uneven = np.flatnonzero(~same)
+        fine = probed.longest[uneven] <= probed.fine[uneven]
+        small, halve = uneven[fine], uneven[~fine]
+        at_corner = labels[start[small, None] + np.arange(3)]
+        equal = at_corner == np.roll(at_corner, -1, axis=1)  # corner i against i + 1
+        two = equal.sum(axis=1) == 1
+        large = self._above_corner_size(probed.take(small))
+        rest = np.flatnonzero(~two & ~large)
+        if len(rest):
+            tiny = small[rest]
+            whole = np.where(equal[rest, 0], at_corner[rest, 0], labels[start[tiny] + 3])
+            pieces.append((probed.tri[tiny], probed.row[tiny], whole))
+        again = np.concatenate([long, short[halve], short[small[~two & large]]])
+        odd = (equal[two].argmax(axis=1) + 2) % 3
+        return pieces, tubes.take(again), probed.to_cut(small[two], at_corner[two], odd)
+
+    def _above_corner_size(self, tubes: _Waiting) -> npt.NDArray[np.bool_]:
+        return np.asarray(tubes.longest > self.settings.corner_share * tubes.fine)
+
+    def cut(self, tubes: _Waiting) -> tuple[list[Pieces], _Waiting]:
+        """Cut tubes one corner of which (`odd`) has another label than the other two.
+
+        A cut is clean where beyond it the other two corners' label begins at once; the second result are the tubes where it does
+        not, which are halved once more.
+        """
+        assert tubes.label is not None and tubes.odd is not None and self.settings.bisections is not None
+        order = (tubes.odd[:, None] + np.arange(3)) % 3
+        pick = np.arange(len(tubes))[:, None]
+        tri, label = tubes.tri[pick, order], tubes.label[pick, order]
+        share, beyond = self.probe.border(tri, tubes.row, label, self.settings.bisections)
+        kept = (beyond == label[:, 1:]).all(axis=1) | ~self._above_corner_size(tubes)
+        border = tri[kept, :1] + share[kept, :, None] * (tri[kept, 1:] - tri[kept, :1])
+        row, label = tubes.row[kept], label[kept]
+        tip, near, far = cut_off(tri[kept], border)
+        pieces = [(tip, row, label[:, 0]), (near, row, label[:, 1]), (far, row, label[:, 1])]
+        return pieces if len(row) else [], tubes.without_cut(np.flatnonzero(~kept))

@@ -1,0 +1,196 @@
+"""What surfaces reflect like: those of a body in the far field (NumPy), and those of all faces of a scene (on the device).
+
+Time dependence e^{+jwt}. A material reflects with Fresnel's coefficients as a half space, or as one layer with air behind where it has a
+thickness; nothing passes through. In the far field each coefficient is computed as it is needed, for any complex permittivity, and
+"metal" is a perfect conductor; in a scene they come from a table over the cosine of incidence, and a metal has its conductivity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.engine.rays.face_planes import FaceTable
+from scarl_sionna.engine.rays.face_rays import FaceRays
+from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection
+
+from .fields import HOST, reflected_field
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+Real = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Index = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Reflecting surface at one frequency.
+
+    Attributes
+    ----------
+    permittivity : complex or None
+        Relative permittivity, imaginary part <= 0; None is a perfect conductor.
+    thickness : float or None
+        Of a layer with air behind [m]; None is a half space.
+    frequency : float
+        [Hz].
+    coherence : float
+        Part of the reflected field that a rough surface leaves in the mirror reflection, 0 to 1.
+    film : tuple of (complex, float), optional
+        Relative permittivity and depth [m] of a film on the face, such as water.
+    """
+
+    permittivity: complex | None = None
+    thickness: float | None = None
+    frequency: float = 77e9
+    coherence: float = 1.0
+    film: tuple[complex, float] | None = None
+
+    def coefficients(self, cosine: Real) -> tuple[Complex, Complex]:
+        """Return TE and TM reflection coefficients; a perfect conductor has -1 and +1."""
+        if self.permittivity is None:
+            ones = np.ones(len(cosine), dtype=np.complex128)
+            return -ones, ones
+        return stack_reflection(self.permittivity, self.thickness, self.film, cosine, self.frequency)
+
+    def reflect(self, field: Complex, direction: Real, normal: Real) -> tuple[Complex, Real]:
+        """Return the reflected field and its direction.
+
+        Parameters
+        ----------
+        field : ndarray of complex128, shape (num_tubes, 3, num_polarizations)
+            Incident electric field.
+        direction, normal : ndarray of float64, shape (num_tubes, 3)
+            Direction of travel and unit normal on the lit side.
+        """
+        if (
+            self.permittivity is None
+        ):  # n x E changes its sign, n . E keeps it: the formula without its plane of incidence
+            onward = direction - HOST.scaled(2.0 * HOST.dot(direction, normal), normal)
+            return self.coherence * (2.0 * HOST.along(normal, HOST.component(normal, field)) - field), onward
+        reflected, onward = reflected_field(HOST, self._coherent, field, direction, normal)
+        return reflected, onward
+
+    def _coherent(self, cosine: Real) -> tuple[Complex, Complex]:
+        te, tm = self.coefficients(np.clip(cosine, 0.0, 1.0))
+        return self.coherence * te, self.coherence * tm
+
+
+@dataclass(frozen=True)
+class PartSurfaces:
+    """What the parts of a body reflect like."""
+
+    parts: tuple[Surface, ...] = (Surface(),)
+
+    def reflect(
+        self, part: npt.NDArray[np.int64], field: Complex, direction: Real, normal: Real
+    ) -> tuple[Complex, Real]:
+        """Return the reflected field and its direction; `part` (num_tubes,) numbers the surfaces, the rest is as for one."""
+        if len(set(self.parts)) == 1:
+            return self.parts[0].reflect(field, direction, normal)
+        reflected, onward = np.empty_like(field), np.empty_like(direction)
+        for number, surface in enumerate(self.parts):
+            rows = np.flatnonzero(part == number)
+            if len(rows):
+                reflected[rows], onward[rows] = surface.reflect(field[rows], direction[rows], normal[rows])
+        return reflected, onward
+
+
+class FaceSurfaces:
+    """Planes, materials and velocities of all faces.
+
+    Parameters
+    ----------
+    rays : FaceRays
+    state : WorldState
+    faces : FaceTable
+    parts : ndarray of int64
+        Rows of the part table that scatter: their materials must have data.
+    frequency : float
+        [Hz].
+    nodes : int
+        Of the table of reflection coefficients over the square root of the cosine of incidence, which is fine near grazing,
+        where those of a metal change fast.
+
+    Raises
+    ------
+    MaterialRangeError
+        If a material that scatters has no data at this frequency.
+    """
+
+    def __init__(
+        self, rays: FaceRays, state: WorldState, faces: FaceTable, parts: Index, frequency: float, nodes: int
+    ) -> None:
+        self._rays, self._nodes = rays, nodes
+        table = state.world.parts
+        names = sorted({table.material[part] for part in parts})
+        self.materials = tuple(state.world.materials[name] for name in names)
+        cosine = np.linspace(0.0, 1.0, nodes) ** 2
+        columns = np.zeros((len(names), nodes, 4))
+        for index, material in enumerate(self.materials):
+            te, tm = reflection(material, frequency, cosine)
+            columns[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
+        self._coefficient = rays.reals(columns)
+        kept = np.array([material.coherence for material in self.materials])
+        scattered = np.array([material.scattering_coefficient for material in self.materials])
+        crossed = np.array([material.xpd_coefficient for material in self.materials])
+        rough = np.stack([kept, scattered, np.sqrt(1.0 - crossed), np.sqrt(crossed)], axis=1)
+        self._rough = rays.reals(rough)
+        of_part = np.array([names.index(name) if name in names else 0 for name in table.material], dtype=np.uint32)
+        scatters = np.array(
+            [name in names and state.world.materials[name].scattering_coefficient > 0.0 for name in table.material]
+        )
+        self.is_rough = scatters[faces.part]
+        """Whether a part of what each face reflects is scattered diffusely."""
+        triangles = faces.triangles
+        self._normal = rays.reals(triangles.normal)
+        self._offset = rays.reals(triangles.offset)
+        self._part = rays.index(faces.part)
+        self._material_of_part = rays.index(of_part)
+        motion = np.zeros((len(table.name), 9))
+        for part, moved in state._part_motion.items():  # joints included: wheels, limbs
+            motion[part] = np.concatenate([moved.twist.linear, moved.twist.angular, moved.pose.position])
+        self._motion = rays.reals(motion)
+
+    def plane(self, face: Any) -> tuple[Any, Any]:
+        """Return the unit normals and offsets of faces."""
+        dr, rays = self._rays.dr, self._rays
+        return dr.gather(rays.Vector, self._normal, face), dr.gather(rays.Real, self._offset, face)
+
+    def velocity(self, face: Any, point: Any) -> Any:
+        """Return the velocity of surface points [m/s]."""
+        dr, rays = self._rays.dr, self._rays
+        row = 3 * dr.gather(rays.mi.UInt32, self._part, face)
+        linear, angular, origin = (dr.gather(rays.Vector, self._motion, row + k) for k in range(3))
+        return linear + dr.cross(angular, point - origin)
+
+    def _material(self, face: Any) -> Any:
+        dr, mi = self._rays.dr, self._rays.mi
+        return dr.gather(mi.UInt32, self._material_of_part, dr.gather(mi.UInt32, self._part, face))
+
+    def coefficients(self, face: Any, cosine: Any) -> tuple[Any, Any]:
+        """Return the TE and the TM reflection coefficient of a surface that is smooth, each as real and imaginary part."""
+        dr, rays = self._rays.dr, self._rays
+        place = dr.sqrt(dr.clip(cosine, 0.0, 1.0)) * (self._nodes - 1)
+        node = dr.minimum(rays.mi.UInt32(place), self._nodes - 2)
+        share = place - rays.Real(node)
+        low = 4 * (self._material(face) * self._nodes + node)
+        te_re, te_im, tm_re, tm_im = (
+            dr.lerp(
+                dr.gather(rays.Real, self._coefficient, low + k),
+                dr.gather(rays.Real, self._coefficient, low + 4 + k),
+                share,
+            )
+            for k in range(4)
+        )
+        return (te_re, te_im), (tm_re, tm_im)
+
+    def roughness(self, face: Any) -> tuple[Any, Any, Any, Any]:
+        """Return sqrt(1 - S^2), S, sqrt(1 - K) and sqrt(K): S the scattering, K the cross-polarisation coefficient."""
+        dr, row = self._rays.dr, 4 * self._material(face)
+        return tuple(dr.gather(self._rays.Real, self._rough, row + k) for k in range(4))  # type: ignore[return-value]
