@@ -20,6 +20,7 @@ from matplotlib.patches import Polygon
 from scarl_sionna.engine.world import find_scene
 from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.motion.paths import sample_motion
+from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scenario.traffic.planned import PlannedActor
 from scarl_sionna.scenario.traffic.simulated import simulate_traffic
 from scarl_sionna.scene.document.scene_file import read_document
@@ -95,7 +96,7 @@ def costs() -> list[tuple[int, float]]:
             [{"name": f"l{row}", "points": [[0.0, 8.0 * row, 0.0], [500.0, 8.0 * row, 0.0]]} for row in range(count)]
         )
         begin = time.process_time()
-        actors = simulate_traffic(network, 26.0, None, 10.0, seed=0)
+        actors = simulate_traffic(network, TrafficSpec(density=26.0))
         rows.append((len(actors), time.process_time() - begin))
     return rows
 
@@ -109,7 +110,8 @@ def main() -> None:
     network = read_document(find_scene(arguments.scene)).lanes
     assert network is not None
     begin = time.process_time()
-    actors = simulate_traffic(network, 16.0, None, 60.0, seed=4, pedestrians=24, cyclists=3, parked=0.6)
+    spec = TrafficSpec(density=16.0, pedestrians=24, cyclists=3, parked=0.6, seed=4)
+    actors = simulate_traffic(network, spec, (0.0, 60.0))
     print(f"{len(actors)} actors, 60 s: {time.process_time() - begin:.2f} s CPU")
     times = np.linspace(0.0, 60.0, 1201)
     hits = find_collisions([(one.name, one.trajectory, one.body) for one in actors], times)

@@ -33,7 +33,7 @@ from .spec.light import name_error
 from .spec.scenario import ScenarioSpec
 from .traffic.commonroad import read_commonroad
 from .traffic.fcd import read_fcd
-from .traffic.planned import BETWEEN, DEPTH, PlannedActor, PresentTrajectory
+from .traffic.planned import BETWEEN, DEPTH, Conversion, PlannedActor, PresentTrajectory
 from .traffic.simulated import simulate_traffic
 from .traffic.sumo import run_sumo
 
@@ -90,24 +90,15 @@ def _planned(
         )
     given: list[tuple[Trajectory, BodyLike]] = [(member.actor.trajectory, member.body) for member in own]
     given += [(trajectory, body_of_entry(entry)) for entry, trajectory in moving_of(document)]
-    duration = setting.last + MARGIN - start
+    traffic, span = traffic.with_(seed=traffic_seed(spec)), (start, setting.last + MARGIN)
     if source == "built_in":
         assert setting.network is not None
-        return simulate_traffic(
-            setting.network, traffic.density, traffic.mix, duration, traffic_seed(spec), pedestrians=traffic.pedestrians,
-            cyclists=traffic.cyclists, parked=traffic.parked, others=given, start_time=start,
-        )  # fmt: skip
+        return simulate_traffic(setting.network, traffic, span, others=given)
     if source == "sumo":
         lanes = setting.network if traffic.file is None else _file(spec, traffic)
         assert lanes is not None
-        return _apart(
-            run_sumo(
-                lanes, duration, seed=traffic_seed(spec), density=traffic.density, mix=traffic.mix, start_time=start,
-                ground=setting.network,
-            ),
-            given, setting,
-        )  # fmt: skip
-    file, span = _file(spec, traffic), (start, start + duration)
+        return _apart(run_sumo(lanes, span, traffic, conversion=Conversion(setting.network)), given, setting)
+    file = _file(spec, traffic)
     if source == "fcd":
         return read_fcd(file, span=span, ground=setting.network)
     return read_commonroad(file, span=span, ground=setting.network)

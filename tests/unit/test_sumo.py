@@ -16,8 +16,9 @@ from scarl_sionna.scenario.checks.motion import check_ground, check_motion
 from scarl_sionna.scenario.motion.bodies import Body
 from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.tables import read_table
+from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scenario.traffic.fcd import heading_of_angle, model_of_type, read_fcd
-from scarl_sionna.scenario.traffic.planned import PlannedActor, lane_ground
+from scarl_sionna.scenario.traffic.planned import Conversion, PlannedActor, lane_ground
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
@@ -155,7 +156,7 @@ def test_60_s_of_sumo_on_a_scene(scene: str, beside: float) -> None:
 
     network = read_document(find_scene(scene)).lanes
     assert network is not None
-    actors = run_sumo(network, 60.0, seed=1, density=8.0)
+    actors = run_sumo(network, (0.0, 60.0), TrafficSpec(density=8.0, seed=1))
     assert len(actors) >= 15
     _check_drive(network, actors, 60.0, beside)
     moved = [
@@ -180,7 +181,7 @@ def test_sumo_vehicles_stand_on_the_ground_of_the_scene() -> None:
     world = load_scene("roundabout", detail="light")
     network = world.document.lanes
     assert network is not None
-    actors = run_sumo(network, 20.0, seed=4, density=8.0)
+    actors = run_sumo(network, (0.0, 20.0), TrafficSpec(density=8.0, seed=4))
     faults = []
     for name, trajectory, body, present in _inside(actors, np.arange(0.0, 20.0, 1.0)):
         faults += check_ground(world, [(name, trajectory, body)], present, tolerance=0.02)
@@ -201,7 +202,8 @@ def test_same_seed_same_traffic() -> None:
     from scarl_sionna.scenario.traffic.sumo import run_sumo
 
     network = lanes_from_tables([{"name": "a", "points": [[0.0, 0.0, 0.0], [400.0, 0.0, 0.0]]}])
-    runs = [run_sumo(network, 5.0, seed=seed, density=20.0, models=BODIES) for seed in (7, 7, 8)]
+    own = Conversion(models=BODIES)
+    runs = [run_sumo(network, (0.0, 5.0), TrafficSpec(density=20.0, seed=seed), conversion=own) for seed in (7, 7, 8)]
     first, again, other = ([one.trajectory.pose(2.5).position.tobytes() for one in run] for run in runs)
     assert first == again and first != other and len(first) >= 4
 
@@ -222,15 +224,15 @@ def test_configuration_of_sumo(tmp_path: Path) -> None:
     (tmp_path / "s.sumocfg").write_text(
         '<configuration><input><net-file value="lanes.net.xml"/><route-files value="r.rou.xml"/></input></configuration>'
     )
-    (bus,) = run_sumo(tmp_path / "s.sumocfg", 5.0, models=BODIES)
+    (bus,) = run_sumo(tmp_path / "s.sumocfg", (0.0, 5.0), conversion=Conversion(models=BODIES))
     assert bus.model == "bus" and bus.trajectory.twist(2.0).linear == pytest.approx([10.0, 0.0, 0.0], abs=0.5)
     (tmp_path / "bad.sumocfg").write_text(
         '<configuration><input><net-file value="none.net.xml"/></input></configuration>'
     )
     with pytest.raises(SimulatorError, match="SUMO stopped"):
-        run_sumo(tmp_path / "bad.sumocfg", 5.0)
+        run_sumo(tmp_path / "bad.sumocfg", (0.0, 5.0))
     with pytest.raises(SimulatorError, match="is not there"):
-        run_sumo(tmp_path / "none.sumocfg", 5.0)
+        run_sumo(tmp_path / "none.sumocfg", (0.0, 5.0))
 
 
 COMMONROAD = """<?xml version='1.0' encoding='UTF-8'?>

@@ -14,7 +14,8 @@ from scarl_sionna.scenario.checks.motion import check_motion
 from scarl_sionna.scenario.motion.bodies import WALKER, Body
 from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.profiles import SpeedProfile
-from scarl_sionna.scenario.motion.routes import route_trajectory
+from scarl_sionna.scenario.motion.routes import Route
+from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scenario.traffic.drivers import CRITICAL_HEADWAY, Driver
 from scarl_sionna.scenario.traffic.planned import PlannedActor
 from scarl_sionna.scenario.traffic.simulated import simulate_traffic
@@ -93,13 +94,15 @@ def boxes(actors: list[PlannedActor]) -> list[tuple[str, object, Body]]:
 
 @pytest.fixture(scope="module")
 def busy() -> list[PlannedActor]:
-    return simulate_traffic(crossing(), 25.0, None, 30.0, seed=3, pedestrians=10, cyclists=2, parked=0.5, models=BODIES)
+    spec = TrafficSpec(density=25.0, seed=3, pedestrians=10, cyclists=2, parked=0.5)
+    return simulate_traffic(crossing(), spec, (0.0, 30.0), models=BODIES)
 
 
 def test_same_seed_same_bytes() -> None:
     network = crossing()
     first, again, other = (
-        bytes_of(simulate_traffic(network, 15.0, None, 8.0, seed=seed, models=BODIES)) for seed in (0, 0, 1)
+        bytes_of(simulate_traffic(network, TrafficSpec(density=15.0, seed=seed), (0.0, 8.0), models=BODIES))
+        for seed in (0, 0, 1)
     )
     assert first == again and first != other
 
@@ -170,7 +173,7 @@ def test_nobody_passes_a_red_signal(busy: list[PlannedActor]) -> None:
 
 
 def test_right_of_way_without_signals() -> None:
-    actors = simulate_traffic(crossing(signals=False), 15.0, None, 25.0, seed=1, models=BODIES)
+    actors = simulate_traffic(crossing(signals=False), TrafficSpec(density=15.0, seed=1), (0.0, 25.0), models=BODIES)
     assert find_collisions(boxes(actors), np.linspace(0.0, 25.0, 501)) == []  # type: ignore[arg-type]
     assert CRITICAL_HEADWAY == 4.5
 
@@ -185,8 +188,10 @@ def test_idm_equilibrium() -> None:
 
 def test_traffic_follows_a_given_actor() -> None:
     network = lanes_from_tables([{"name": "a", "points": [[0.0, 0.0, 0.0], [300.0, 0.0, 0.0]]}])
-    ego = route_trajectory(network, ["a"], 60.0, SpeedProfile(3.0), model=Body(), duration=20.0)
-    actors = simulate_traffic(network, 20.0, None, 20.0, seed=5, models=BODIES, others=[(ego, Body())])
+    ego = Route(network, ["a"]).trajectory(60.0, SpeedProfile(3.0), model=Body(), duration=20.0)
+    actors = simulate_traffic(
+        network, TrafficSpec(density=20.0, seed=5), (0.0, 20.0), models=BODIES, others=[(ego, Body())]
+    )
     assert find_collisions([("ego", ego, Body()), *boxes(actors)], np.linspace(0.0, 20.0, 401)) == []  # type: ignore[list-item]
     behind = [one for one in actors if one.trajectory.pose(0.0).position[0] < 60.0]
     assert behind and all(one.trajectory.pose(20.0).position[0] < ego.pose(20.0).position[0] for one in behind)
@@ -196,7 +201,7 @@ def test_200_actors_for_10_s_in_5_s() -> None:
     tables = [{"name": f"l{row}", "points": [[0.0, 8.0 * row, 0.0], [500.0, 8.0 * row, 0.0]]} for row in range(12)]
     network = lanes_from_tables(tables)
     begin = time.process_time()
-    actors = simulate_traffic(network, 26.0, None, 10.0, seed=0, models=BODIES)
+    actors = simulate_traffic(network, TrafficSpec(density=26.0, seed=0), (0.0, 10.0), models=BODIES)
     taken = time.process_time() - begin
     assert len(actors) >= 200
     assert taken < 5.0, f"{taken:.1f} s CPU"
@@ -206,15 +211,17 @@ def test_arguments() -> None:
     network = lanes_from_tables([{"name": "a", "points": [[0.0, 0.0, 0.0], [50.0, 0.0, 0.0]]}])
     for change in (
         {"density": -1.0},
-        {"duration": 0.0},
         {"parked": 1.5},
         {"pedestrians": -1},
         {"mix": {"saloon": 0.0}},
         {"cyclists": 1.5},
     ):
         with pytest.raises(ParameterRangeError, match=next(iter(change))):
-            simulate_traffic(network, models=BODIES, **change)  # type: ignore[arg-type]
+            TrafficSpec(**change)  # type: ignore[arg-type]
+    for span in ((0.0, 0.0), (1.0, 0.0), (0.0, 3601.0), (0.0, float("nan"))):
+        with pytest.raises(ParameterRangeError, match="span"):
+            simulate_traffic(network, TrafficSpec(), span, models=BODIES)
     with pytest.raises(ParameterRangeError, match="none of kind 'walk'"):
-        simulate_traffic(network, 0.0, pedestrians=3, models=BODIES)
+        simulate_traffic(network, TrafficSpec(density=0.0, pedestrians=3), models=BODIES)
     with pytest.warns(ScarlWarning, match="found no free place"):
-        simulate_traffic(network, 150.0, duration=1.0, models=BODIES)
+        simulate_traffic(network, TrafficSpec(density=150.0), (0.0, 1.0), models=BODIES)

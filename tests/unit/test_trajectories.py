@@ -13,7 +13,7 @@ from scarl_sionna.scenario.motion.bodies import WALKER, Body
 from scarl_sionna.scenario.motion.paths import LateralShift, PathTrajectory, SmoothPath, quintic_step
 from scarl_sionna.scenario.motion.profiles import SpeedProfile, constant_way, smooth_way
 from scarl_sionna.scenario.motion.recorded import Record, smooth_record
-from scarl_sionna.scenario.motion.routes import route_points, route_trajectory, vehicle_trajectory
+from scarl_sionna.scenario.motion.routes import Route, route_points, vehicle_trajectory
 from scarl_sionna.scenario.motion.tables import read_table, read_table_actors, write_table
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
@@ -37,7 +37,8 @@ def hill_and_bend() -> LaneNetwork:
 
 def drive(**rest: object) -> PathTrajectory:
     profile = SpeedProfile(9.0).hold(1.0).reach(6.0, 2.0, 3.0).hold(4.0).stop_at(110.0, 4.0, 8.0)
-    return route_trajectory(hill_and_bend(), ["a", "b", "c"], 6.0, profile, model=CAR, duration=25.0, **rest)  # type: ignore[arg-type]
+    route = Route(hill_and_bend(), ["a", "b", "c"], **rest)  # type: ignore[arg-type]
+    return route.trajectory(6.0, profile, model=CAR, duration=25.0)
 
 
 def test_twist_is_the_derivative_of_the_pose() -> None:
@@ -111,13 +112,13 @@ def test_pickle_and_range() -> None:
 def test_route_errors() -> None:
     network = hill_and_bend()
     with pytest.raises(UnknownNameError, match="lane after 'a' 'c'"):
-        route_trajectory(network, ["a", "c"], model=CAR)
+        Route(network, ["a", "c"]).trajectory(model=CAR)
     with pytest.raises(UnknownNameError, match="lane 'x'"):
-        route_trajectory(network, ["x"], model=CAR)
+        Route(network, ["x"]).trajectory(model=CAR)
     with pytest.raises(ParameterRangeError, match="name more lanes"):
-        route_trajectory(network, ["a"], 5.0, 10.0, model=CAR, duration=30.0)
+        Route(network, ["a"]).trajectory(5.0, 10.0, model=CAR, duration=30.0)
     with pytest.raises(ParameterRangeError, match="start = 80"):
-        route_trajectory(network, ["a"], 80.0, 10.0, model=CAR)
+        Route(network, ["a"]).trajectory(80.0, 10.0, model=CAR)
     points, starts = route_points(network, ["a", "b"])
     assert starts.tolist() == pytest.approx([0.0, network["a"].length], abs=1e-9) and len(points) == 26 + 13 - 1
 

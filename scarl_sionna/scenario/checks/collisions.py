@@ -15,6 +15,7 @@ from scarl_sionna.scenario.motion.paths import sample_motion
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
 Measures = Sequence[float] | BodyLike
 """(length, width) or (length, width, height) [m], or a body."""
 
@@ -84,6 +85,41 @@ def find_collisions(
         raise ParameterRangeError("actors", twice, "every name once")
     if len(actors) < 2:
         return []
+    boxes = _boxes(actors, instants)
+    pairs = _near_pairs(boxes)
+    depth = _overlap(boxes, pairs)
+    hit = depth > tolerance
+    return _summary(names, instants, pairs.select(hit), depth[hit])
+
+
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """Boxes of A bodies at N instants.
+
+    `position` (A, N, 3) [m], NaN where a body is not there; `heading` (A, N) [rad]; `half`: half length and half width (A, 2) [m];
+    `height` (A,) [m].
+    """
+
+    position: Array
+    heading: Array
+    half: Array
+    height: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Pairs of bodies at instants: rows `first` and `second` of the bodies, column `moment` of the instants, each (P,)."""
+
+    first: Index
+    second: Index
+    moment: Index
+
+    def select(self, rows: npt.NDArray[np.bool_]) -> _Pairs:
+        return _Pairs(self.first[rows], self.second[rows], self.moment[rows])
+
+
+def _boxes(actors: Sequence[tuple[str, Trajectory, Measures]], instants: Array) -> _Boxes:
+    """Return the boxes of all bodies at all instants."""
     half, height = _measures(actors)
     position = np.full((len(actors), len(instants), 3), np.nan)
     heading = np.zeros((len(actors), len(instants)))
@@ -92,10 +128,7 @@ def find_collisions(
         if known.any():
             motion = sample_motion(trajectory, instants[known])
             position[index, known], heading[index, known] = motion.position, motion.heading
-    first, second, moment = _near_pairs(position, half)
-    depth = _overlap(position, heading, half, height, first, second, moment)
-    hit = depth > tolerance
-    return _summary(names, instants, first[hit], second[hit], moment[hit], depth[hit])
+    return _Boxes(position, heading, half, height)
 
 
 def _measures(actors: Sequence[tuple[str, Trajectory, Measures]]) -> tuple[Array, Array]:
@@ -113,12 +146,10 @@ def _measures(actors: Sequence[tuple[str, Trajectory, Measures]]) -> tuple[Array
     return table[:, :2] / 2.0, table[:, 2]
 
 
-def _near_pairs(
-    position: Array, half: Array
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _near_pairs(boxes: _Boxes) -> _Pairs:
     """Return pairs of bodies and instants at which circles round their boxes may touch."""
-    radius = np.linalg.norm(half, axis=1)
-    found: list[npt.NDArray[np.int64]] = []
+    position, radius = boxes.position, np.linalg.norm(boxes.half, axis=1)
+    found: list[Index] = []
     for moment in range(position.shape[1]):
         present = np.flatnonzero(np.isfinite(position[:, moment, 0]))
         if present.size < 2:
@@ -132,37 +163,33 @@ def _near_pairs(
             pairs = pairs[away < radius[pairs].sum(1)]
             found.append(np.column_stack([pairs, np.full(len(pairs), moment)]))
     table = np.concatenate(found).astype(np.int64) if found else np.zeros((0, 3), dtype=np.int64)
-    return table[:, 0], table[:, 1], table[:, 2]
+    return _Pairs(table[:, 0], table[:, 1], table[:, 2])
 
 
-def _overlap(
-    position: Array, heading: Array, half: Array, height: Array,
-    first: npt.NDArray[np.int64], second: npt.NDArray[np.int64], moment: npt.NDArray[np.int64],
-) -> Array:  # fmt: skip
-    """Return the depth of the overlap of pairs of boxes [m], negative where they are apart."""
-    between = position[second, moment] - position[first, moment]
+def _overlap(boxes: _Boxes, pairs: _Pairs) -> Array:
+    """Return the depth of the overlap of pairs of boxes (P,) [m], negative where they are apart."""
+    first, second, moment = pairs.first, pairs.second, pairs.moment
+    between = boxes.position[second, moment] - boxes.position[first, moment]
     axes = []
     for index in (first, second):
-        cos, sin = np.cos(heading[index, moment]), np.sin(heading[index, moment])
+        heading = boxes.heading[index, moment]
+        cos, sin = np.cos(heading), np.sin(heading)
         axes.append(np.stack([np.stack([cos, sin], 1), np.stack([-sin, cos], 1)], 1))
     depth = np.full(len(first), np.inf)
     for axis in (axes[0][:, 0], axes[0][:, 1], axes[1][:, 0], axes[1][:, 1]):
         reach = np.zeros(len(first))
         for index, own in ((first, axes[0]), (second, axes[1])):
-            reach += (half[index] * np.abs(np.einsum("pij,pj->pi", own, axis))).sum(1)
+            reach += (boxes.half[index] * np.abs(np.einsum("pij,pj->pi", own, axis))).sum(1)
         depth = np.minimum(depth, reach - np.abs((between[:, :2] * axis).sum(1)))
-    above = np.where(between[:, 2] >= 0.0, height[first], height[second])
+    above = np.where(between[:, 2] >= 0.0, boxes.height[first], boxes.height[second])
     return np.where(np.abs(between[:, 2]) < above, depth, -np.inf)
 
 
-def _summary(
-    names: Sequence[str], times: Array, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64],
-    moment: npt.NDArray[np.int64], depth: Array,
-) -> list[Collision]:  # fmt: skip
+def _summary(names: Sequence[str], times: Array, pairs: _Pairs, depth: Array) -> list[Collision]:
     """Return one entry a pair."""
     found: dict[tuple[int, int], tuple[float, float, float]] = {}
     for one, other, when, deep in zip(
-        first.tolist(), second.tolist(), times[moment].tolist(), depth.tolist(), strict=True
+        pairs.first.tolist(), pairs.second.tolist(), times[pairs.moment].tolist(), depth.tolist(), strict=True
     ):
         early, most, late = found.get((one, other), (when, deep, when))
         found[one, other] = (min(early, when), max(most, deep), max(late, when))

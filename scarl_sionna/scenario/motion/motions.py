@@ -46,7 +46,7 @@ from scarl_sionna.scene.motion.trajectory import (
 from .bodies import Body
 from .paths import LateralShift, PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
-from .routes import route_trajectory, smoothing_of, vehicle_trajectory
+from .routes import Route, smoothing_of, vehicle_trajectory
 from .tables import read_table
 
 Array = npt.NDArray[np.float64]
@@ -170,14 +170,11 @@ def _route(spec: RouteSpec, name: str, body: Body, setting: Setting, place: Plac
     shifts = [
         _shift(event, profile, start + body.rear_axle, begin) for event in spec.events if isinstance(event, ShiftSpec)
     ]
-    network = setting.network
-    assert network is not None  # its lanes were found
+    assert setting.network is not None  # its lanes were found
+    route = Route(setting.network, spec.lanes, offset, shifts)
 
     def along(speeds: SpeedProfile, duration: float | None) -> PathTrajectory:
-        return route_trajectory(
-            network, spec.lanes, start, speeds, model=body, duration=duration, start_time=begin,
-            offset=offset, shifts=shifts, name=name,
-        )  # fmt: skip
+        return route.trajectory(start, speeds, model=body, duration=duration, start_time=begin, name=name)
 
     duration = setting.last + MARGIN - begin
     try:

@@ -109,7 +109,8 @@ def smooth_record(record: Record, body: Body, span: tuple[float, float] | None =
         return _standing(record, points, headings, (low, high) if high > low else (-np.inf, np.inf))
     shift, num_changes = _drawn_out(times, way, headings, sideways)
     points = points + shift
-    times, way, points = _continued(times, way, points, headings, low, high, CRUISE if body.length > 2.5 else None)
+    cruise = CRUISE if body.length > 2.5 else None
+    times, way, points = _continued(times, way, points, headings, (low, high), cruise)
 
     kept = _apart(way, 0.3)
     fastest = float(np.max(np.diff(way) / np.diff(times)))
@@ -162,10 +163,10 @@ def _drawn_out(times: Array, way: Array, headings: Array, sideways: Array) -> tu
 
 
 def _continued(
-    times: Array, way: Array, points: Array, headings: Array, low: float, high: float, cruise: float | None
+    times: Array, way: Array, points: Array, headings: Array, span: tuple[float, float], cruise: float | None
 ) -> tuple[Array, Array, Array]:
-    """Return the samples with straight ones before and after, at the speed of the ends, or from there to a cruising speed [m/s]."""
-    for index, stop, sign in ((0, low, -1.0), (-1, high, 1.0)):
+    """Return the samples with straight ones before and after up to a span [s], at the speed of the ends, or from there to a cruising speed [m/s]."""
+    for index, stop, sign in ((0, span[0], -1.0), (-1, span[1], 1.0)):
         lack = sign * (stop - times[index])
         if lack < 1e-9:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -46,77 +47,88 @@ def route_points(network: LaneNetwork, lanes: Sequence[str]) -> tuple[Array, Arr
     return points, chord[firsts]
 
 
-def route_trajectory(
-    network: LaneNetwork,
-    lanes: Sequence[str],
-    start: float = 0.0,
-    speed: float | SpeedProfile = 10.0,
-    *,
-    model: BodyLike | str | None = None,
-    duration: float | None = None,
-    start_time: float = 0.0,
-    offset: float = 0.0,
-    shifts: Sequence[LateralShift] = (),
-    name: str = "actor",
-) -> PathTrajectory:
-    """Return the motion of a vehicle along lanes.
+@dataclass(frozen=True, eq=False)
+class Route:
+    """Where a vehicle goes.
 
-    Parameters
+    Attributes
     ----------
     network : LaneNetwork
     lanes : sequence of str
         Names of lanes, each one a continuation of the one before.
-    start : float
-        Where the actor's origin is at `start_time`: distance along the lanes' centre lines from the start of the first [m].
-    speed : float or SpeedProfile
-        [m/s]
-    model : actor model, str or None
-        Whose axles follow the lanes: an actor model, the name of one, or None for a saloon.
-    duration : float or None
-        How long the motion is known [s]; None: until the front axle reaches the end of the last lane (60 s for one
-        that stops before).
-    start_time : float
-        First time [s].
     offset : float
         Constant distance to the left of the centre lines [m].
     shifts : sequence of LateralShift
         Lane changes: their `start` counts from the beginning of the first lane.
-    name : str
-        For error messages.
-
-    Returns
-    -------
-    PathTrajectory
-        C2, on the ground of the lanes.
-
-    Raises
-    ------
-    ParameterRangeError
-        If the start does not lie on the lanes, or the lanes end before the motion does.
-    UnknownNameError
-        If a lane or a model is unknown.
     """
-    points, _ = route_points(network, lanes)
-    body = body_of(model)
-    path = SmoothPath(points, smoothing_of(body), (body.length + 1.0, 0.5), offset, shifts)
-    profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile(float(speed))
-    rear = float(path.way_of(start)) + body.rear_axle
-    room = path.length - body.wheelbase - rear
-    if not start >= 0.0 or room < 0.0:
-        raise ParameterRangeError(
-            f"{name}.start", start, f"0 to {path.length - body.wheelbase - body.rear_axle:.4g} m along the lanes"
-        )
-    if duration is None:
-        duration = _time_to(profile, room)
-    end = float(profile.way(duration, start_time)(start_time + duration))
-    if not duration > 0.0 or end > room + 0.4:
-        raise ParameterRangeError(
-            f"{name}.duration",
-            f"{duration:g} s, {end:.4g} m",
-            f"at most the {room:.4g} m to the end of lane '{lanes[-1]}'",
-            "name more lanes, drive slower or end earlier",
-        )
-    return PathTrajectory(path, profile.way(duration, start_time, rear), body, start_time, start_time + duration, name)
+
+    network: LaneNetwork
+    lanes: Sequence[str]
+    offset: float = 0.0
+    shifts: Sequence[LateralShift] = ()
+
+    def trajectory(
+        self,
+        start: float = 0.0,
+        speed: float | SpeedProfile = 10.0,
+        *,
+        model: BodyLike | str | None = None,
+        duration: float | None = None,
+        start_time: float = 0.0,
+        name: str = "actor",
+    ) -> PathTrajectory:
+        """Return the motion of a vehicle along the lanes.
+
+        Parameters
+        ----------
+        start : float
+            Where the actor's origin is at `start_time`: distance along the lanes' centre lines from the start of the first [m].
+        speed : float or SpeedProfile
+            [m/s]
+        model : actor model, str or None
+            Whose axles follow the lanes: an actor model, the name of one, or None for a saloon.
+        duration : float or None
+            How long the motion is known [s]; None: until the front axle reaches the end of the last lane (60 s for one
+            that stops before).
+        start_time : float
+            First time [s].
+        name : str
+            For error messages.
+
+        Returns
+        -------
+        PathTrajectory
+            C2, on the ground of the lanes.
+
+        Raises
+        ------
+        ParameterRangeError
+            If the start does not lie on the lanes, or the lanes end before the motion does.
+        UnknownNameError
+            If a lane or a model is unknown.
+        """
+        points, _ = route_points(self.network, self.lanes)
+        body = body_of(model)
+        path = SmoothPath(points, smoothing_of(body), (body.length + 1.0, 0.5), self.offset, self.shifts)
+        profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile(float(speed))
+        rear = float(path.way_of(start)) + body.rear_axle
+        room = path.length - body.wheelbase - rear
+        if not start >= 0.0 or room < 0.0:
+            raise ParameterRangeError(
+                f"{name}.start", start, f"0 to {path.length - body.wheelbase - body.rear_axle:.4g} m along the lanes"
+            )
+        if duration is None:
+            duration = _time_to(profile, room)
+        end = float(profile.way(duration, start_time)(start_time + duration))
+        if not duration > 0.0 or end > room + 0.4:
+            raise ParameterRangeError(
+                f"{name}.duration",
+                f"{duration:g} s, {end:.4g} m",
+                f"at most the {room:.4g} m to the end of lane '{self.lanes[-1]}'",
+                "name more lanes, drive slower or end earlier",
+            )
+        way = profile.way(duration, start_time, rear)
+        return PathTrajectory(path, way, body, start_time, start_time + duration, name)
 
 
 def _time_to(profile: SpeedProfile, way: float, longest: float = 60.0) -> float:
@@ -140,7 +152,6 @@ def vehicle_trajectory(
     *,
     model: BodyLike | str | None = None,
     start_time: float = 0.0,
-    smoothing: float | None = None,
     name: str = "actor",
 ) -> PathTrajectory:
     """Return the motion of a vehicle through waypoints, by the kinematic bicycle: its rear axle follows the curve through them.
@@ -157,14 +168,12 @@ def vehicle_trajectory(
         Whose axles; None for a saloon.
     start_time : float
         First time, where a speed is given [s].
-    smoothing : float or None
-        Distance of the path's knots [m]; None: 3 m, for a walker 1.5 m, and less between waypoints that lie closer.
     name : str
         For error messages.
 
     Notes
     -----
-    In a bend the origin is some ``rear_axle**2 / (2 R)`` outside the waypoints, as a vehicle's middle is.
+    The knots of the path are 3 m apart, for a walker 1.5 m, and less between waypoints that lie closer. In a bend the origin is some ``rear_axle**2 / (2 R)`` outside the waypoints, as a vehicle's middle is.
 
     Raises
     ------
@@ -184,8 +193,7 @@ def vehicle_trajectory(
             f"{name}.waypoints", "all at one place", "two distinct points", "use a static trajectory"
         )
     kept = points[fresh]
-    if smoothing is None:
-        smoothing = min(smoothing_of(body), float(np.median(np.linalg.norm(np.diff(kept, axis=0), axis=1))))
+    smoothing = min(smoothing_of(body), float(np.median(np.linalg.norm(np.diff(kept, axis=0), axis=1))))
     path = SmoothPath(kept, smoothing, (body.length + 1.0, body.length + 1.0), sparse=True)
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(kept, axis=0), axis=1))])[np.cumsum(fresh) - 1]
     ways = path.way_of(chord) + body.rear_axle

@@ -17,7 +17,7 @@ from scarl_sionna.scenario.motion.recorded import Record, smooth_record
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 
-from .planned import Ground, PlannedActor, lane_ground
+from .planned import Conversion, Ground, PlannedActor
 
 MODELS: Mapping[str, str] = {
     "car": "saloon", "truck": "lorry", "bus": "bus", "bicycle": "bicycle", "pedestrian": "adult_man", "priorityVehicle": "van",
@@ -84,11 +84,12 @@ def read_commonroad(
         raise TrajectoryFileError(
             f"is not a scenario that commonroad-io reads ({type(error).__name__}: {error})", path
         ) from error
-    height = lane_ground(ground) if isinstance(ground, LaneNetwork) else ground
+    conversion = Conversion(ground, types, models, offset)
+    height = conversion.heights()
     actors = []
     for obstacle in sorted(scenario.obstacles, key=lambda one: one.obstacle_id):
         try:
-            actors.append(_actor(obstacle, float(scenario.dt), span, height, types or {}, models, offset))
+            actors.append(_actor(obstacle, float(scenario.dt), span, height, conversion))
         except ParameterRangeError as error:
             warnings.warn(
                 f"obstacle {obstacle.obstacle_id} of {path.name} is left out: {error}", ScarlWarning, stacklevel=2
@@ -97,14 +98,13 @@ def read_commonroad(
 
 
 def _actor(
-    obstacle: Any, step: float, span: tuple[float, float] | None, height: Ground | None, types: Mapping[str, str],
-    models: Mapping[str, BodyLike] | None, offset: tuple[float, float],
-) -> PlannedActor:  # fmt: skip
+    obstacle: Any, step: float, span: tuple[float, float] | None, height: Ground | None, conversion: Conversion
+) -> PlannedActor:
     name, kind = f"obstacle_{obstacle.obstacle_id}", str(obstacle.obstacle_type.value)
-    model = types.get(kind) or MODELS.get(kind)
+    model = (conversion.types or {}).get(kind) or MODELS.get(kind)
     if model is None:
         raise ParameterRangeError("type", kind, ", ".join(MODELS), "name a model for it in `types`")
-    body = body_of(model, models)
+    body = body_of(model, conversion.models)
     prediction = getattr(obstacle, "prediction", None)
     states = [
         obstacle.initial_state,
@@ -121,7 +121,9 @@ def _actor(
             raise ParameterRangeError(
                 f"state at step {state.time_step}", "a set of positions or headings", "exact values"
             )
-        rows.append((state.time_step * step, place[0] + offset[0], place[1] + offset[1], 0.0, turn))
+        rows.append(
+            (state.time_step * step, place[0] + conversion.offset[0], place[1] + conversion.offset[1], 0.0, turn)
+        )
     table = np.array(rows, dtype=np.float64)
     if height is not None:
         table[:, 3] = height(table[:, 1:3])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -17,7 +17,7 @@ from scarl_sionna.scenario.motion.bodies import BodyLike, body_of
 from scarl_sionna.scenario.motion.recorded import Record, smooth_record
 from scarl_sionna.scene.lanes import LaneNetwork
 
-from .planned import Ground, PlannedActor, draw_variant, lane_ground
+from .planned import Conversion, Ground, PlannedActor, draw_variant
 
 _WORDS = (
     ("bus", "bus"), ("coach", "bus"), ("truck", "lorry"), ("lorry", "lorry"), ("trailer", "lorry"), ("delivery", "van"), ("van", "van"),
@@ -96,22 +96,19 @@ def read_fcd(
     SUMO's positions are those of the middle of the front bumper; the origin of an actor is half its model's length behind, along the path.
     """
     samples, kinds = _read(Path(path))
-    return planned_from_samples(samples, kinds, span=span, ground=ground, types=types, models=models, offset=offset)
+    return planned_from_samples(samples, kinds, span, Conversion(ground, types, models, offset))
 
 
 def planned_from_samples(
     samples: Samples,
     kinds: Mapping[str, tuple[str, bool]],
-    *,
     span: tuple[float, float] | None,
-    ground: LaneNetwork | Ground | None,
-    types: Mapping[str, str] | None,
-    models: Mapping[str, BodyLike] | None,
-    offset: tuple[float, float] = (0.0, 0.0),
+    conversion: Conversion,
 ) -> list[PlannedActor]:
     """Return the actors of samples as SUMO gives them; `kinds` holds each one's type name and whether it is a person."""
+    models, offset = conversion.models, conversion.offset
     with_heights = any(row[3] != 0.0 for rows in samples.values() for row in rows)
-    height: Callable[..., np.ndarray] | None = lane_ground(ground) if isinstance(ground, LaneNetwork) else ground
+    height = conversion.heights()
     actors, left_out = [], []
     for name in sorted(samples):
         rows = np.array(samples[name])
@@ -119,7 +116,7 @@ def planned_from_samples(
         if len(rows) < 2:
             left_out.append(name)
             continue
-        model = (types or {}).get(kind) or model_of_type(kind, is_person)
+        model = (conversion.types or {}).get(kind) or model_of_type(kind, is_person)
         body = body_of(model, models)
         points = rows[:, 1:4] + [offset[0], offset[1], 0.0]
         if height is not None:

@@ -130,6 +130,33 @@ def lane_ground(network: LaneNetwork) -> Ground:
     return ground
 
 
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """How traffic of another program becomes actors of a scene.
+
+    Attributes
+    ----------
+    ground : LaneNetwork, callable or None
+        Gives the heights: that of the nearest lane, or a function of points, (N, 3) where the record has heights, else (N, 2).
+        None: the record's, 0 where it has none.
+    types : mapping or None
+        Actor models by the other program's type names; None, or a type that it lacks: the reader's own choice.
+    models : mapping or None
+        Bodies by model name; None, or a name that it lacks: the actor model of that name.
+    offset : (float, float)
+        Is added to the positions [m]: scene minus network.
+    """
+
+    ground: LaneNetwork | Ground | None = None
+    types: Mapping[str, str] | None = None
+    models: Mapping[str, BodyLike] | None = None
+    offset: tuple[float, float] = (0.0, 0.0)
+
+    def heights(self) -> Ground | None:
+        """Return the function that gives the heights [m] at points; None where the record's own hold."""
+        return lane_ground(self.ground) if isinstance(self.ground, LaneNetwork) else self.ground
+
+
 def draw_variant(model: str, models: Mapping[str, BodyLike] | None, number: float) -> str | None:
     """Return one of a model's variants for a random number from 0 to 1; None where it has none."""
     source: object = models[model] if models and model in models else None

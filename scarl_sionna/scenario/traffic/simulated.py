@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from scarl_sionna.scenario.motion.bodies import Body, BodyLike, body_of
 from scarl_sionna.scenario.motion.paths import PathTrajectory, SmoothPath, sample_motion
 from scarl_sionna.scenario.motion.profiles import way_from_states
 from scarl_sionna.scenario.motion.routes import smoothing_of
+from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
@@ -37,17 +39,11 @@ _TOP_SPEED = {"bicycle": 6.0, "scooter": 6.0, "lorry": 25.0, "bus": 27.8}
 
 def simulate_traffic(
     network: LaneNetwork,
-    density: float = 15.0,
-    mix: Mapping[str, float] | None = None,
-    duration: float = 10.0,
-    seed: int = 0,
+    traffic: TrafficSpec,
+    span: tuple[float, float] = (0.0, 10.0),
     *,
-    pedestrians: int = 0,
-    cyclists: int = 0,
-    parked: float = 0.0,
     models: Mapping[str, BodyLike] | None = None,
     others: Sequence[tuple[Trajectory, BodyLike]] = (),
-    start_time: float = 0.0,
     names: str = "traffic",
 ) -> list[PlannedActor]:
     """Plan traffic on the lanes of a scene.
@@ -55,24 +51,17 @@ def simulate_traffic(
     Parameters
     ----------
     network : LaneNetwork
-    density : float
-        Vehicles for each kilometre of a drive lane [1/km], 0 to 150.
-    mix : mapping or None
-        Shares of actor models among the vehicles, by name; None: `DEFAULT_MIX`.
-    duration : float
-        How long the motion is known [s].
-    seed : int
-        Root of all random numbers; same arguments, same bytes.
-    pedestrians, cyclists : int
-        Number of people on walkways, and of cyclists, on cycle lanes or else on drive lanes.
-    parked : float
-        Share of the parking places that are taken, 0 to 1.
+    traffic : TrafficSpec
+        How much of it: `density`, vehicles for each kilometre of a drive lane [1/km]; `mix`, shares of actor models among them, by
+        name (None: `DEFAULT_MIX`); `pedestrians` on walkways and `cyclists` on cycle lanes or else on drive lanes; `parked`, share
+        of the parking places that are taken; `seed`, root of all random numbers (None: 0): same arguments, same bytes. Its `source`
+        and `file` are not looked at.
+    span : (float, float)
+        First and last time at which the motion is known [s], at most an hour.
     models : mapping or None
         Bodies (actor models) by name; None, or a name that it lacks: the actor model of that name.
     others : sequence of (Trajectory, body)
         Actors whose motion is given, such as the ego: traffic follows them and gives way to them.
-    start_time : float
-        First time [s].
     names : str
         Beginning of the actors' names.
 
@@ -84,7 +73,7 @@ def simulate_traffic(
     Raises
     ------
     ParameterRangeError
-        If a number is outside its range, or there is no lane for what is asked for.
+        If the span is empty or too long, or there is no lane for what is asked for.
     UnknownNameError
         If a model is unknown.
 
@@ -105,22 +94,25 @@ def simulate_traffic(
     .. [1] M. Treiber, A. Hennecke, D. Helbing, Phys. Rev. E 62, 1805, 2000.
     .. [2] U. Weidmann, Transporttechnik der Fussgaenger, ETH Zuerich, 1993.
     """
-    shares = dict(DEFAULT_MIX if mix is None else mix)
-    _check(density, shares, duration, pedestrians, cyclists, parked)
-    chosen = {name: body_of(name, models) for name in shares if density > 0.0}
+    start_time, duration = span[0], span[1] - span[0]
+    if not 0.0 < duration <= 3600.0:
+        raise ParameterRangeError("span", span, "a start, and a stop above 0 to 3600 s later")
+    shares, seed = dict(traffic.mix or DEFAULT_MIX), traffic.seed or 0
+    chosen = {name: body_of(name, models) for name in shares if traffic.density > 0.0}
     width = max([body.width for body in chosen.values()] + [1.8]) / 2.0
     longest = max([body.length for body in chosen.values()] + [4.6])
-    graph = track_graph(network, duration + WARM_UP, width, longest, on_foot=pedestrians > 0)
+    graph = track_graph(network, duration + WARM_UP, width, longest, on_foot=traffic.pedestrians > 0)
     start, num_steps = start_time - WARM_UP, round((duration + WARM_UP) / STEP + 0.5)
     instants: Array = start + STEP * np.arange(num_steps + 1, dtype=np.float64)
     obstacles = [_obstacle(graph, trajectory, Body.of(body), instants) for trajectory, body in others]
     planner = _Planner(graph, generator(seed, "traffic"), duration + WARM_UP, obstacles)
 
-    wanted = [("drive", shares, round(density * planner.kilometres("drive")), chosen)]
+    wanted = [("drive", shares, round(traffic.density * planner.kilometres("drive")), chosen)]
     wheels = "cycle" if graph.of_kind(["cycle"], inside=True) else "drive"
-    wanted.append((wheels, {"bicycle": 1.0}, cyclists, {"bicycle": body_of("bicycle", models)} if cyclists else {}))
-    walkers = {name: body_of(name, models) for name in WALKERS} if pedestrians else {}
-    wanted.append(("walk", {"adult_man": 0.42, "adult_woman": 0.42, "child": 0.16}, pedestrians, walkers))
+    bicycles = {"bicycle": body_of("bicycle", models)} if traffic.cyclists else {}
+    wanted.append((wheels, {"bicycle": 1.0}, traffic.cyclists, bicycles))
+    walkers = {name: body_of(name, models) for name in WALKERS} if traffic.pedestrians else {}
+    wanted.append(("walk", {"adult_man": 0.42, "adult_woman": 0.42, "child": 0.16}, traffic.pedestrians, walkers))
     for kind, kind_shares, count, bodies in wanted:
         if count and not graph.of_kind([kind], inside=True):
             raise ParameterRangeError(
@@ -133,35 +125,16 @@ def simulate_traffic(
             )
     Crowd(graph, [driver for driver, _ in planner.made], network.signals, obstacles).run(start, num_steps, STEP)
 
+    drive = _Drive(graph.tracks, instants, (start_time, start_time + duration), models)
     draw = generator(seed, "traffic_looks")
     actors = []
     counts: dict[str, int] = {}
     for driver, model in planner.made:
         counts[model] = counts.get(model, -1) + 1
-        actors.append(
-            _planned(
-                f"{names}_{model}_{counts[model]}", model, driver, graph, instants, start_time, duration, draw, models
-            )
-        )
-    actors += _parked(network, parked, shares, models, generator(seed, "parked"), names)
+        actors.append(drive.planned(f"{names}_{model}_{counts[model]}", model, driver, draw))
+    actors += _parked(network, traffic.parked, shares, models, generator(seed, "parked"), names)
     times = start_time + np.linspace(0.0, duration, max(int(np.ceil(duration / STEP)), 1) + 1)
     return without_collisions(actors, times, others)
-
-
-def _check(
-    density: float, shares: Mapping[str, float], duration: float, pedestrians: int, cyclists: int, parked: float
-) -> None:
-    if not 0.0 <= density <= 150.0:
-        raise ParameterRangeError("density", density, "0 to 150 vehicles/km of lane")
-    if not 0.0 < duration <= 3600.0:
-        raise ParameterRangeError("duration", duration, "above 0 to 3600 s")
-    if not 0.0 <= parked <= 1.0:
-        raise ParameterRangeError("parked", parked, "0 to 1, a share of the places")
-    for name, count in (("pedestrians", pedestrians), ("cyclists", cyclists)):
-        if isinstance(count, bool) or int(count) != count or not 0 <= count <= 10_000:
-            raise ParameterRangeError(name, count, "an integer from 0 to 10000")
-    if not shares or min(shares.values()) < 0.0 or not 0.0 < sum(shares.values()) < np.inf:
-        raise ParameterRangeError("mix", dict(shares), "shares >= 0, one or more above 0")
 
 
 def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: Body, instants: Array) -> Obstacle:
@@ -282,37 +255,45 @@ class _Planner:
         return driver
 
 
-def _planned(
-    name: str, model: str, driver: Driver, graph: TrackGraph, instants: Array, start_time: float, duration: float,
-    draw: np.random.Generator, models: Mapping[str, BodyLike] | None,
-) -> PlannedActor:  # fmt: skip
-    """Return a driver's motion as a trajectory on the smooth curve along its route."""
-    states = np.array(driver.history)
-    body = driver.body
-    reference = body.length / 2.0 - body.rear_axle  # from the front to the rear axle
-    chords = states[:, 0] - reference
-    route = [graph.tracks[index] for index in driver.route]
-    points, chord = _line(route)
-    low, high = chords[0] - 12.0, states[-1, 0] + 12.0
-    first, last = np.searchsorted(chord, [low, high])
-    kept = slice(max(int(first) - 1, 0), min(int(last) + 1, len(chord)))
-    path = SmoothPath(points[kept], smoothing_of(body), (body.length + 1.0, body.length + 1.0), offset=-route[0].right)
-    ends = path.way_of(chords[[0, -1]] - chord[kept][0])
-    scale = (ends[1] - ends[0]) / (chords[-1] - chords[0]) if chords[-1] - chords[0] > 5.0 else 1.0
-    way = way_from_states(instants, ends[0] + scale * (chords - chords[0]), scale * states[:, 1], scale * states[:, 2])
-    trajectory = PathTrajectory(path, way, body, start_time, start_time + duration, name)
-    inside = np.array([track.lane is not None for track in route])
-    middle = states[:, 0] - body.length / 2.0
-    place = np.clip(np.searchsorted(driver.starts, middle, side="right") - 1, 0, len(route) - 1)
-    present = instants[inside[place]]
-    active = (
-        (max(float(present[0]), start_time), min(float(present[-1]), start_time + duration))
-        if present.size
-        else (start_time, start_time)
-    )
-    return PlannedActor(
-        name, model, draw_variant(model, models, float(draw.uniform())), trajectory, body, float(draw.uniform()), active
-    )
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """What was simulated: tracks, instants (N,) [s], the span that motions shall be known for [s], and bodies by model name."""
+
+    tracks: Sequence[Track]
+    instants: Array
+    span: tuple[float, float]
+    models: Mapping[str, BodyLike] | None
+
+    def planned(self, name: str, model: str, driver: Driver, draw: np.random.Generator) -> PlannedActor:
+        """Return a driver's motion as a trajectory on the smooth curve along its route."""
+        states = np.array(driver.history)
+        body = driver.body
+        reference = body.length / 2.0 - body.rear_axle  # from the front to the rear axle
+        chords = states[:, 0] - reference
+        route = [self.tracks[index] for index in driver.route]
+        points, chord = _line(route)
+        low, high = chords[0] - 12.0, states[-1, 0] + 12.0
+        first, last = np.searchsorted(chord, [low, high])
+        kept = slice(max(int(first) - 1, 0), min(int(last) + 1, len(chord)))
+        room = (body.length + 1.0, body.length + 1.0)
+        path = SmoothPath(points[kept], smoothing_of(body), room, offset=-route[0].right)
+        ends = path.way_of(chords[[0, -1]] - chord[kept][0])
+        scale = (ends[1] - ends[0]) / (chords[-1] - chords[0]) if chords[-1] - chords[0] > 5.0 else 1.0
+        ways = ends[0] + scale * (chords - chords[0])
+        way = way_from_states(self.instants, ways, scale * states[:, 1], scale * states[:, 2])
+        trajectory = PathTrajectory(path, way, body, *self.span, name)
+        variant = draw_variant(model, self.models, float(draw.uniform()))
+        return PlannedActor(name, model, variant, trajectory, body, float(draw.uniform()), self._active(driver, route))
+
+    def _active(self, driver: Driver, route: Sequence[Track]) -> tuple[float, float]:
+        """Return the times at which a driver's middle is on the lanes [s], empty where it never is."""
+        inside = np.array([track.lane is not None for track in route])
+        middle = np.array(driver.history)[:, 0] - driver.body.length / 2.0
+        place = np.clip(np.searchsorted(driver.starts, middle, side="right") - 1, 0, len(route) - 1)
+        present = self.instants[inside[place]]
+        if not present.size:
+            return self.span[0], self.span[0]
+        return max(float(present[0]), self.span[0]), min(float(present[-1]), self.span[1])
 
 
 def _line(route: Sequence[Track]) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ import numpy as np
 from scarl_sionna.core.errors import MissingPackageError, ParameterRangeError, SimulatorError
 from scarl_sionna.core.seeds import generator
 from scarl_sionna.scenario.motion.bodies import BodyLike, body_of
+from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scene.lanes import LaneNetwork
 
 from .fcd import Samples, planned_from_samples
-from .planned import Ground, PlannedActor
+from .planned import Conversion, PlannedActor
 from .separation import without_collisions
 from .simulated import DEFAULT_MIX
 from .sumo_network import SumoNetwork, write_sumo_network
@@ -30,18 +32,12 @@ _LEAD = 3.0
 
 def run_sumo(
     source: str | Path | LaneNetwork,
-    duration: float,
-    step: float = 0.1,
-    seed: int = 0,
+    span: tuple[float, float],
+    traffic: TrafficSpec | None = None,
     *,
-    density: float = 15.0,
-    mix: Mapping[str, float] | None = None,
+    step: float = 0.1,
     warm_up: float | None = None,
-    start_time: float = 0.0,
-    ground: LaneNetwork | Ground | None = None,
-    types: Mapping[str, str] | None = None,
-    models: Mapping[str, BodyLike] | None = None,
-    offset: tuple[float, float] = (0.0, 0.0),
+    conversion: Conversion | None = None,
 ) -> list[PlannedActor]:
     """Run SUMO and return the smooth motion of all that took part.
 
@@ -50,27 +46,22 @@ def run_sumo(
     source : str, Path or LaneNetwork
         A ``.sumocfg`` of SUMO, or lanes: these become a network of SUMO (:func:`write_sumo_network`), with random
         vehicles that enter at its open ends.
-    duration : float
-        Time that is recorded [s].
+    span : (float, float)
+        First and last time of the record [s].
+    traffic : TrafficSpec or None
+        `seed` of SUMO and of the random vehicles (same seed, same bytes). For lanes also `density` of the vehicles that enter,
+        vehicles/km at the speed limit [1/km], and `mix`, shares of actor models by name. Its other fields are not looked at.
     step : float
         Step of SUMO [s], 0.01 to 1.
-    seed : int
-        Of SUMO and of the random vehicles; same seed, same bytes.
-    density : float
-        Of vehicles that enter, for lanes: vehicles/km at the speed limit [1/km].
-    mix : mapping or None
-        For lanes: shares of actor models by name.
     warm_up : float or None
         Time that is simulated before the record [s]; None: 30 s for lanes, 0 for a configuration.
-    start_time : float
-        Time of the first instant of the record [s].
-    ground, types, models, offset
-        As for :func:`read_fcd`; lanes are their own ground.
+    conversion : Conversion or None
+        From SUMO's vehicles to actors; lanes are their own ground, and know no other types.
 
     Returns
     -------
     list of PlannedActor
-        All are known from `start_time` for `duration`: who enters later or leaves earlier goes straight on beyond the
+        All are known for the whole span: who enters later or leaves earlier goes straight on beyond the
         scene; `active` is the time in SUMO.
 
     Raises
@@ -95,14 +86,14 @@ def run_sumo(
     ----------
     .. [1] P. A. Lopez et al., Microscopic traffic simulation using SUMO, IEEE ITSC 2018.
     """
-    for name, value, low, high in (
-        ("duration", duration, 1e-3, 86400.0),
-        ("step", step, 0.01, 1.0),
-        ("density", density, 0.0, 150.0),
-    ):
-        if not low <= value <= high:
-            raise ParameterRangeError(name, value, f"{low:g} to {high:g}")
-    if isinstance(seed, bool) or int(seed) != seed or not 0 <= seed < 2**31:
+    traffic, conversion = traffic or TrafficSpec(), conversion or Conversion()
+    start_time, duration = span[0], span[1] - span[0]
+    if not 1e-3 <= duration <= 86400.0:
+        raise ParameterRangeError("span", span, "a start, and a stop 0.001 to 86400 s later")
+    if not 0.01 <= step <= 1.0:
+        raise ParameterRangeError("step", step, "0.01 to 1 s")
+    seed = traffic.seed or 0
+    if seed >= 2**31:
         raise ParameterRangeError("seed", seed, "an integer from 0 to 2147483647")
     libsumo = _libsumo()
     options = [
@@ -129,19 +120,16 @@ def run_sumo(
         if isinstance(source, LaneNetwork):
             warm = 30.0 if warm_up is None else warm_up
             roads = write_sumo_network(source, folder)
-            routes = _write_routes(
-                Path(folder), roads, warm + duration, density, dict(mix or DEFAULT_MIX), models, seed
-            )
+            routes = _write_routes(Path(folder), roads, warm + duration, traffic, conversion.models)
             options = ["--net-file", str(roads.path), "--route-files", str(routes), *options]
-            ground, types = ground or source, None
+            conversion = replace(conversion, ground=conversion.ground or source, types=None)
         else:
             warm = 0.0 if warm_up is None else warm_up
             if not Path(source).is_file():
                 raise SimulatorError(f"configuration {source} is not there; give a .sumocfg or lanes")
             options = ["--configuration-file", str(source), *options]
         samples, kinds = _record(libsumo, options, warm, duration, step, start_time)
-    span = (start_time, start_time + duration)
-    actors = planned_from_samples(samples, kinds, span=span, ground=ground, types=types, models=models, offset=offset)
+    actors = planned_from_samples(samples, kinds, (start_time, start_time + duration), conversion)
     return without_collisions(actors, np.arange(start_time, start_time + duration, 0.1), tolerance=_TOUCH)
 
 
@@ -188,13 +176,11 @@ def _write_routes(
     folder: Path,
     roads: SumoNetwork,
     duration: float,
-    density: float,
-    mix: dict[str, float],
+    traffic: TrafficSpec,
     models: Mapping[str, BodyLike] | None,
-    seed: int,
 ) -> Path:
     """Write vehicles that enter at the open ends at random times, each on a random route."""
-    draw = generator(seed, "sumo_routes")
+    draw, mix = generator(traffic.seed or 0, "sumo_routes"), traffic.mix or DEFAULT_MIX
     root = ET.Element("routes")
     names = sorted(mix)
     for model in names:
@@ -210,7 +196,7 @@ def _write_routes(
     entries = roads.entries or tuple(sorted(roads.length))
     departures = []
     for edge in entries:
-        rate = density / 1000.0 * roads.speed[edge] / (1.0 if roads.entries else len(entries))
+        rate = traffic.density / 1000.0 * roads.speed[edge] / (1.0 if roads.entries else len(entries))
         time = 0.0
         while rate > 0.0 and (time := time + 1.5 + float(draw.exponential(1.0 / rate))) < duration:
             route, way = [edge], roads.length[edge]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -98,9 +98,10 @@ def write_sumo_network(network: LaneNetwork, folder: str | Path) -> SumoNetwork:
     edge_of = {name: (road[0], index) for road in roads for index, name in enumerate(road)}
     links = _links(lanes, across, edge_of)
     signalled = {nodes.of(f"{name} end") for name in edge_of if lanes[name].signal is not None}
-    _write_nodes(folder, lanes, across, roads, nodes, signalled)
-    _write_edges(folder, lanes, roads, nodes)
-    _write_links(folder, lanes, links, edge_of, nodes, signalled, network.signals)
+    plan = _Plan(lanes, roads, nodes, signalled)
+    _write_nodes(folder, plan)
+    _write_edges(folder, plan)
+    _write_links(folder, plan, links, edge_of, network.signals)
     path = folder / "lanes.net.xml"
     _netconvert(folder, path, bool(signalled))
     following: dict[str, list[str]] = {road[0]: [] for road in roads}
@@ -291,6 +292,16 @@ class _Link:
     across: tuple[Lane, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """What netconvert is given: lanes by name, the lanes of each edge from right to left, ends joined to nodes, and the nodes with signals."""
+
+    lanes: dict[str, Lane]
+    roads: list[list[str]]
+    nodes: _Sets
+    signalled: set[str]
+
+
 def _links(lanes: dict[str, Lane], across: set[str], edge_of: dict[str, tuple[str, int]]) -> list[_Link]:
     """Return all ways from one edge to the next."""
 
@@ -322,16 +333,10 @@ def _save(root: ET.Element, path: Path) -> None:
     path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
 
 
-def _write_nodes(
-    folder: Path,
-    lanes: dict[str, Lane],
-    across: Iterable[str],
-    roads: list[list[str]],
-    nodes: _Sets,
-    signalled: set[str],
-) -> None:
+def _write_nodes(folder: Path, plan: _Plan) -> None:
+    lanes, nodes, signalled = plan.lanes, plan.nodes, plan.signalled
     places: dict[str, list[Array]] = {}
-    for road in roads:
+    for road in plan.roads:
         for name in road:
             places.setdefault(nodes.of(f"{name} start"), []).append(lanes[name].points[0])
             places.setdefault(nodes.of(f"{name} end"), []).append(lanes[name].points[-1])
@@ -357,9 +362,10 @@ def _yields(lanes: dict[str, Lane], name: str) -> bool:
     return bool(lanes[name].yield_to) or (bool(leading) and all(lane.yield_to for lane in leading))
 
 
-def _write_edges(folder: Path, lanes: dict[str, Lane], roads: list[list[str]], nodes: _Sets) -> None:
+def _write_edges(folder: Path, plan: _Plan) -> None:
+    lanes, nodes = plan.lanes, plan.nodes
     root = ET.Element("edges")
-    for road in roads:
+    for road in plan.roads:
         first = lanes[road[0]]
         values = {
             "id": first.name, "from": _number(nodes.of(f"{first.name} start")), "to": _number(nodes.of(f"{first.name} end")),
@@ -377,9 +383,8 @@ def _write_edges(folder: Path, lanes: dict[str, Lane], roads: list[list[str]], n
 
 
 def _write_links(
-    folder: Path, lanes: dict[str, Lane], links: list[_Link], edge_of: dict[str, tuple[str, int]],
-    nodes: _Sets, signalled: set[str], signals: Signals | None,
-) -> None:  # fmt: skip
+    folder: Path, plan: _Plan, links: list[_Link], edge_of: dict[str, tuple[str, int]], signals: Signals | None
+) -> None:
     root, lights = ET.Element("connections"), ET.Element("tlLogics")
     controlled: dict[str, list[str | None]] = {}
     for link in links:
@@ -394,11 +399,11 @@ def _write_links(
                 "speed": f"{min(lane.speed for lane in link.across):.3f}",
             }
         ET.SubElement(root, "connection", ends | curve)
-        node = nodes.of(f"{source} end")
-        if node in signalled:
+        node = plan.nodes.of(f"{source} end")
+        if node in plan.signalled:
             groups = controlled.setdefault(node, [])
             ET.SubElement(lights, "connection", ends | {"tl": _number(node), "linkIndex": str(len(groups))})
-            groups.append(lanes[source].signal)
+            groups.append(plan.lanes[source].signal)
     for node, groups in controlled.items():
         assert signals is not None
         program = ET.Element("tlLogic", {"id": _number(node), "type": "static", "programID": "0", "offset": "0"})

@@ -189,7 +189,7 @@ def _find_zones(graph: TrackGraph, half_width: float, longest: float) -> None:
                 tracks[first].kind == tracks[second].kind == "walk"
             ):  # those who come towards each other keep to the right
                 shared &= np.cos(headings[first][one] - headings[second][other]) > -0.8
-            _add_zones(graph, first, int(second), ways[first], ways[second], one[shared], other[shared])
+            _add_zones(graph, ways, (first, int(second)), one[shared], other[shared])
 
 
 def _reach(track: Track, way: Array, half_width: float, longest: float) -> Array:
@@ -202,18 +202,20 @@ def _reach(track: Track, way: Array, half_width: float, longest: float) -> Array
     return half_width + np.minimum(longest**2 / (8.0 * radius), 1.5)
 
 
-def _add_zones(
-    graph: TrackGraph, first: int, second: int, one_ways: Array, other_ways: Array, one: Array, other: Array
-) -> None:
-    """Add a zone for each contiguous stretch of a track that is close to another one."""
+def _add_zones(graph: TrackGraph, ways: list[Array], pair: tuple[int, int], one: Array, other: Array) -> None:
+    """Add a zone for each contiguous stretch of a track that is close to another one.
+
+    `ways` [m] are those of the points of each track of the graph; `one` and `other` are the points of the pair's tracks that are close.
+    """
+    first, second = pair
     touched = np.unique(one)
     if not touched.size:
         return
     a, b = graph.tracks[first], graph.tracks[second]
     for run in np.split(touched, np.flatnonzero(np.diff(touched) > 3) + 1):
         partner = other[np.isin(one, run)]
-        span_a = (float(one_ways[run[0]]), float(one_ways[run[-1]]))
-        span_b = (float(other_ways[partner.min()]), float(other_ways[partner.max()]))
+        span_a = (float(ways[first][run[0]]), float(ways[first][run[-1]]))
+        span_b = (float(ways[second][partner.min()]), float(ways[second][partner.max()]))
         if second in a.next and span_a[1] > a.length - 1.5 and span_b[0] < 1.5:
             continue
         if first in b.next and span_b[1] > b.length - 1.5 and span_a[0] < 1.5:
