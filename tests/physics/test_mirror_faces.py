@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
@@ -182,7 +182,7 @@ def test_a_body_over_two_faces_is_that_of_two_instances(tmp_path, shape) -> None
     """`sbr` of a plate that sees the radar over both faces."""
     plate = body(plane(6.0, 0.25, (0, 0, 0), (-1, 0, 0)), (25.0, 0.0, 0.75))
     faces = {"crown": [slope(1, 1.0), slope(-1, 1.0)], "canyon": facades()}[shape]
-    settings = SbrChannelSettings(max_phase=2.0, max_depth=1, floor_db=None)
+    settings = SbrSettings(max_phase=2.0, max_depth=1, floor_db=None)
     share = Share("sbr", ("target",), settings, through_mirrors=True)
     one = solve(scene(tmp_path / "one", faces, ["road"], plate), share, ["road"])
     split = solve(scene(tmp_path / "split", faces, ["left", "right"], plate), share, ["left", "right"])
