@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from .core import seeds
 from .core.errors import PlacementError
 from .core.pose import Pose, Twist
+from .core.prompt.arguments import HOW_TO_POSE, HOW_TO_RIG, HOW_TO_WORLD, expect, number
 from .core.registry import Sensor, sensor_class
 from .core.results import Frame
 from .core.spec import Spec
@@ -73,16 +74,24 @@ def observe(
 
     Raises
     ------
+    ArgumentTypeError
+        If a name stands where a world or a rig belongs, and so on.
     PlacementError
         If the world has no ego actor and no pose is given.
     TimeRangeError
         If the time lies outside the world's motion.
     """
-    timestamp_ns = round(time * 1e9)
+    from .engine.world import World
+
+    expect("world", world, World, HOW_TO_WORLD)
+    expect("rig", rig, Rig, HOW_TO_RIG)
+    timestamp_ns = round(number("time", time, "give seconds: observe(world, rig, time=0.5)") * 1e9)
     timings: dict[str, float] = {}
     started = perf_counter()
     state = world.at(timestamp_ns / 1e9)
-    if world_from_vehicle is None:
+    if world_from_vehicle is not None:
+        expect("world_from_vehicle", world_from_vehicle, Pose, HOW_TO_POSE)
+    else:
         if world.ego is None:
             raise PlacementError(
                 f"world '{world.name}' has no ego vehicle that carries the rig; give observe(..., world_from_vehicle=Pose(...))"

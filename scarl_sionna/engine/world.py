@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import TimeRangeError, UnknownNameError
+from scarl_sionna.core.errors import ArgumentTypeError, TimeRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.prompt.arguments import expect, number
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.specs.lighting import Lighting
@@ -181,12 +182,17 @@ class World:
         ------
         TimeRangeError
             If a trajectory is not known at this time.
+        ArgumentTypeError
+            If it is no number.
         """
+        if isinstance(time, list | tuple | np.ndarray) and np.ndim(time):
+            raise ArgumentTypeError("time", time, "one number [s]", "give [world.at(one) for one in times]")
+        time = number("time", time, "give seconds: world.at(0.5)")
         if not np.isfinite(time):
             raise TimeRangeError(time, *self.time_range, what=f"scene '{self.name}'")
         poses = {actor.name: actor.trajectory.pose(time) for actor in self.actors}
         twists = {actor.name: actor.trajectory.twist(time) for actor in self.actors}
-        return WorldState(self, float(time), poses, twists)
+        return WorldState(self, time, poses, twists)
 
 
 class WorldState:
@@ -424,6 +430,7 @@ def load_scene(
     ParameterRangeError
         If the variant is not allowed, or not 0 for a scene that has none.
     """
+    expect("name_or_path", name_or_path, (str, Path), "give the name of a scene or the path of an XML file")
     document = read_document(find_scene(name_or_path, variant, detail), detail)
     return World(document, materials or load_materials())
 

@@ -15,6 +15,7 @@ import yaml
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError, UnknownNameError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import HOW_TO_POSE, expect
 from scarl_sionna.core.registry import spec_type
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
@@ -64,6 +65,7 @@ class SensorMount:
             raise ParameterRangeError(
                 "SensorMount.name", repr(self.name), "letters, digits, '_', '-', with '/' between groups"
             )
+        expect("vehicle_from_sensor", self.vehicle_from_sensor, Pose, HOW_TO_POSE)
         expected = spec_type(self.kind)
         if not isinstance(self.spec, expected):
             raise ParameterRangeError(
@@ -129,7 +131,8 @@ class Rig:
         return tuple(mount.name for mount in self.sensors)
 
     def __getitem__(self, name: str) -> SensorMount:
-        """Return the sensor of a name."""
+        """Return the sensor of a name, for instance ``rig["front_center/radar"]``."""
+        expect("name", name, str, f"sensors go by their names, for instance '{self.names[0]}'")
         for mount in self.sensors:
             if mount.name == name:
                 return mount

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.prompt.arguments import HOW_TO_POSE, HOW_TO_RADAR, expect
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .paths import RadarPaths
@@ -137,6 +138,8 @@ def point_targets(
     ----------
     .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, Eq. (1.6).
     """
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
+    expect("pose", pose, Pose, HOW_TO_POSE)
     targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
     targets.require_apart(pose.position)
     if state is not None:

@@ -9,11 +9,12 @@ import numpy.typing as npt
 import scipy.fft
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.signal.antenna import virtual_positions
 
-from .processing import RangeDoppler, range_doppler, window_values
+from .processing import RangeDoppler, cube_of, range_doppler, window_values
 
 Array = npt.NDArray[np.float64]
 
@@ -98,8 +99,8 @@ def steering(radar: RadarSpec, unit_vectors: npt.ArrayLike) -> npt.NDArray[np.co
 
 
 def range_doppler_angle(
-    cube: npt.NDArray[np.complexfloating],
-    radar: RadarSpec,
+    cube: npt.NDArray[np.complexfloating] | RadarFrame,
+    radar: RadarSpec | None = None,
     window: str | None = "hann",
     doppler_window: str | None = None,
     angle_window: str | None = None,
@@ -113,9 +114,10 @@ def range_doppler_angle(
 
     Parameters
     ----------
-    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples)
-        From :func:`virtual_cube` [sqrt(W)].
-    radar : RadarSpec
+    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples), or RadarFrame
+        From :func:`virtual_cube` [sqrt(W)]; or a radar's frame, whose raw data and specification are taken.
+    radar : RadarSpec, optional
+        Needed with an array.
     window, doppler_window, num_range_bins, num_doppler_bins, compensate_motion
         As in :func:`range_doppler`.
     angle_window : str, optional
@@ -142,6 +144,7 @@ def range_doppler_angle(
     direction's y component. A spherical wavefront blurs the beam of an array of extent D nearer than 2 D^2 / wavelength
     (0.27 m for the default array); the peak stays at the direction from the array's centre.
     """
+    cube, radar = cube_of(cube, radar)
     rd = range_doppler(cube, radar, window, doppler_window, num_range_bins, num_doppler_bins, compensate_motion)
     line = uniform_line(radar)
     if num_azimuth is None:

@@ -10,6 +10,7 @@ import scipy.ndimage
 import scipy.stats
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, power_to_db
 from scarl_sionna.signal.antenna import field_gain
@@ -58,7 +59,7 @@ class RadarPoints:
 
 def detect(
     rda: RangeDopplerAngle,
-    radar: RadarSpec,
+    radar: RadarSpec | None = None,
     pfa: float = 1e-6,
     guard: tuple[int, int] = (3, 3),
     training: tuple[int, int] = (6, 8),
@@ -69,7 +70,8 @@ def detect(
     Parameters
     ----------
     rda : RangeDopplerAngle
-    radar : RadarSpec
+    radar : RadarSpec, optional
+        Default: that of the map.
     pfa : float
         Probability of false alarm of a cell in white noise, 0 < pfa < 1.
     guard, training : tuple of int
@@ -97,6 +99,9 @@ def detect(
     ----------
     .. [1] M. A. Richards, *Fundamentals of Radar Signal Processing*, 2nd ed., 2014, ch. 6.5.
     """
+    expect("rda", rda, RangeDopplerAngle, "give ss.range_doppler_angle(cube, radar)")
+    radar = rda.radar if radar is None else radar
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     found = cfar(rda.range_doppler, pfa, guard, training)
     power = rda.range_doppler.power
     if peaks_only:

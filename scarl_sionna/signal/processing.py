@@ -9,7 +9,9 @@ import numpy.typing as npt
 import scipy.fft
 import scipy.signal
 
-from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import ArgumentTypeError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
+from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .noise import sample_noise_power
@@ -67,6 +69,7 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
     ParameterRangeError
         If the shape is not the radar's.
     """
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     expected = (radar.num_rx, radar.num_chirps_total, radar.num_samples)
     if np.shape(adc) != expected:
         raise ParameterRangeError(
@@ -75,6 +78,27 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
     split = np.asarray(adc).reshape(radar.num_rx, radar.num_chirps, radar.num_tx, radar.num_samples)
     ordered = split.transpose(2, 0, 1, 3).reshape(radar.num_virtual, radar.num_chirps, radar.num_samples)
     return np.ascontiguousarray(ordered, dtype=np.complex64)
+
+
+def cube_of(
+    cube: npt.NDArray[np.complexfloating] | RadarFrame, radar: RadarSpec | None
+) -> tuple[npt.NDArray[np.complexfloating], RadarSpec]:
+    """Return a cube and its radar: as given, or those of a radar's frame.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an array stands without its radar.
+    """
+    if isinstance(cube, RadarFrame):
+        return virtual_cube(cube.adc, cube.spec), cube.spec
+    expect(
+        "cube", cube, np.ndarray, "give ss.virtual_cube(adc, radar), or a RadarFrame (of a stored radar: to_result())"
+    )
+    if radar is None:
+        raise ArgumentTypeError("radar", radar, "a RadarSpec", HOW_TO_RADAR)
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
+    return cube, radar
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +161,8 @@ def doppler_axis(radar: RadarSpec, num_doppler_bins: int | None = None) -> Array
 
 
 def range_doppler(
-    cube: npt.NDArray[np.complexfloating],
-    radar: RadarSpec,
+    cube: npt.NDArray[np.complexfloating] | RadarFrame,
+    radar: RadarSpec | None = None,
     window: str | None = "hann",
     doppler_window: str | None = None,
     num_range_bins: int | None = None,
@@ -149,9 +173,10 @@ def range_doppler(
 
     Parameters
     ----------
-    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples)
-        From :func:`virtual_cube` [sqrt(W)].
-    radar : RadarSpec
+    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples), or RadarFrame
+        From :func:`virtual_cube` [sqrt(W)]; or a radar's frame, whose raw data and specification are taken.
+    radar : RadarSpec, optional
+        Needed with an array.
     window, doppler_window : str, optional
         ``"rect"`` (or None), ``"hann"``, ``"hamming"``, ``"blackman"``, ``"blackmanharris"``, ``"chebyshev"`` (80 dB),
         ``"taylor"``; `doppler_window` left out is the same as `window`.
@@ -181,6 +206,7 @@ def range_doppler(
     What is left is the smear by migration within the frame, symmetric about the point, and a scale error of the velocity
     of ``S tau / f_c``, 2e-4 at the largest range of the default radar.
     """
+    cube, radar = cube_of(cube, radar)
     expected = (radar.num_virtual, radar.num_chirps, radar.num_samples)
     if np.shape(cube) != expected:
         raise ParameterRangeError(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import HOW_TO_POSE, HOW_TO_RADAR, HOW_TO_STATE, expect
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 
@@ -62,7 +63,14 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     ------
     UnknownNameError
         If there is no such method.
+    ArgumentTypeError
+        If a world stands where a state belongs, a tuple where a pose belongs, and so on.
     """
+    from scarl_sionna.engine.world import WorldState
+
+    expect("state", state, WorldState, HOW_TO_STATE)
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
+    expect("pose", pose, Pose, HOW_TO_POSE)
     if method not in SOLVERS:
         raise UnknownNameError("channel solver", method, SOLVERS)
     if method in ("raycast", "sbr", "scatterers"):

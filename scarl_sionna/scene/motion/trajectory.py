@@ -209,7 +209,7 @@ class WaypointTrajectory:
     def pose(self, time: float) -> Pose:
         """Return world_from_actor at a time [s]; x points along the heading, z up."""
         self._check(time)
-        return Pose.from_euler(self._position(time), yaw=self._heading(time)[0])
+        return Pose.from_heading(self._position(time), self._heading(time)[0])
 
     def twist(self, time: float) -> Twist:
         """Return the velocity at a time [s]: derivatives of the splines."""

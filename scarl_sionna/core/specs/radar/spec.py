@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +12,11 @@ from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.core.units import SPEED_OF_LIGHT, DecibelMilliwatts, Decibels, Degrees, Hertz, Metres, Seconds, Unit
 
 from .pattern import AntennaPattern, CosinePattern
 
-Position = tuple[float, float, float]
+Position = tuple[Metres, Metres, Metres]
 
 
 def _uniform_line(count: int, spacing: float) -> tuple[Position, ...]:
@@ -36,13 +36,13 @@ class RadarSpec(Spec):
     with ``"tdm"`` they follow each other, one chirp interval apart.
     """
 
-    start_frequency: float = Field(77e9, gt=0.0, description="carrier frequency at the start of the ramp [Hz]")
-    bandwidth: float = Field(300e6, gt=0.0, description="swept over ramp_time [Hz]")
-    ramp_time: float = Field(30e-6, gt=0.0, description="duration of a ramp [s]")
-    idle_time: float = Field(8e-6, ge=0.0, description="pause between ramps [s]")
+    start_frequency: Hertz = Field(77e9, ge=1e6, description="carrier frequency at the start of the ramp [Hz]")
+    bandwidth: Hertz = Field(300e6, ge=1e3, description="swept over ramp_time [Hz]")
+    ramp_time: Seconds = Field(30e-6, gt=0.0, le=1.0, description="duration of a ramp [s]")
+    idle_time: Seconds = Field(8e-6, ge=0.0, description="pause between ramps [s]")
     num_chirps: int = Field(256, ge=1, description="chirps of each transmitter in a frame")
     num_samples: int = Field(512, ge=1, description="complex samples a chirp")
-    sampling_frequency: float | None = Field(None, gt=0.0, description="[Hz]; None: num_samples / ramp_time")
+    sampling_frequency: Hertz | None = Field(None, gt=0.0, description="[Hz]; None: num_samples / ramp_time")
     multiplexing: Literal["ideal", "tdm"] = "ideal"
     tx_positions: tuple[Position, ...] = Field(_uniform_line(3, 4 * _HALF_WAVE), min_length=1, description="[m]")
     rx_positions: tuple[Position, ...] = Field(_uniform_line(4, _HALF_WAVE), min_length=1, description="[m]")
@@ -50,18 +50,25 @@ class RadarSpec(Spec):
         CosinePattern(half_power_azimuth_deg=45.0, half_power_elevation_deg=15.0), description="of every antenna"
     )
     polarization: Literal["V", "H"] = "V"
-    tx_power_dbm: float = Field(12.0, description="of each transmitter [dBm]")
-    noise_figure_db: float = Field(12.0, ge=0.0, description="[dB]")
-    source_temperature: float = Field(290.0, ge=0.0, description="noise temperature at the antenna [K]")
+    tx_power_dbm: DecibelMilliwatts = Field(12.0, description="of each transmitter [dBm]")
+    noise_figure_db: Decibels = Field(12.0, ge=0.0, description="[dB]")
+    source_temperature: Annotated[float, Unit("K")] = Field(
+        290.0, ge=0.0, description="noise temperature at the antenna [K]"
+    )
     adc_bits: int = Field(16, ge=2, le=16, description="bits of each of I and Q")
-    adc_full_scale_dbm: float = Field(-30.0, description="input-referred power of a full-scale tone [dBm]")
-    azimuth_fov_deg: float = Field(120.0, gt=0.0, le=180.0, description="full width that rays are sent over [deg]")
-    elevation_fov_deg: float = Field(30.0, gt=0.0, le=180.0, description="full height that rays are sent over [deg]")
+    adc_full_scale_dbm: DecibelMilliwatts = Field(-30.0, description="input-referred power of a full-scale tone [dBm]")
+    azimuth_fov_deg: Degrees = Field(120.0, gt=0.0, le=180.0, description="full width that rays are sent over [deg]")
+    elevation_fov_deg: Degrees = Field(30.0, gt=0.0, le=180.0, description="full height that rays are sent over [deg]")
     num_rays: int = Field(1_000_000, ge=1, description="rays of the raycast solver (SCaRL: 10^6)")
-    max_array_extent: float = Field(
+    max_array_extent: Metres = Field(
         1.0, gt=0.0, description="an antenna farther than this from the origin is refused [m]"
     )
     cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
+
+    _derived = (
+        ("range_resolution", "m"), ("max_range", "m"), ("velocity_resolution", "m/s"), ("unambiguous_velocity", "m/s"),
+        ("num_virtual", ""),
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _check(self) -> RadarSpec:

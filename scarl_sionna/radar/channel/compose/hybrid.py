@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError, ScarlError, ScarlWarning
+from scarl_sionna.core.errors import ParameterRangeError, ScarlError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, watt_to_dbm
 from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.channel.multipath.fresnel_zone import SmallMirrorWarning
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from scarl_sionna.radar.channel.sbr import solve_sbr
@@ -31,9 +32,6 @@ from .plan import OBJECT_SOLVERS, ChannelPlan, ResolvedPlan, Share
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
-
-SMALL_MIRRORS = "mirror reflection"
-"""Begin of the warning of `sionna` about small surfaces; whether a mirror is large enough is decided here."""
 
 
 class DoubleCountError(ScarlError):
@@ -169,7 +167,7 @@ class _Work:
         """Compute the chains of mirror reflections from the radar back to itself."""
         start = time.perf_counter()
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", f".*{SMALL_MIRRORS}", ScarlWarning)
+            warnings.simplefilter("ignore", SmallMirrorWarning)  # whether a mirror is large enough is decided here
             found = solve_sionna(
                 self.state, self.radar, self.pose, radar_twist=self.twist,
                 **{"max_distance": self.reach, **self.plan.plan.sionna_options},

@@ -22,6 +22,10 @@ WAVEFRONT_ERROR = 0.1
 """Phase [rad] that an antenna may be off behind an edge before there is a warning: 20 dB below the path, coherently."""
 
 
+class SmallMirrorWarning(ScarlWarning):
+    """A mirror is smaller than the first Fresnel zone, so that its echo is wrong."""
+
+
 def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
     r"""Return the smaller diameter of the first Fresnel zone at each interaction [m], shape (num_legs, max_depth).
 
@@ -61,7 +65,7 @@ def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tu
             f"{num_small} mirror reflection(s) or diffraction(s) at surfaces smaller than the first Fresnel zone, most of all "
             f"'{name}': {what} of {worst[1]:.2g} m where the zone is {worst[2]:.2g} m across. The amplitude ignores the size "
             "and the curvature of a surface, so these echoes are wrong, most often too strong; use method='sbr' for such objects",
-            ScarlWarning,
+            SmallMirrorWarning,
             stacklevel=4,
         )
     return num_small
