@@ -193,7 +193,7 @@ def show_dataset(place: str) -> str:
     manifest = dataset.manifest
     rows = [row for items in manifest["shards"].values() for row in items if row]
     lines = [
-        repr(dataset).strip("<>"),
+        f"Dataset {place}: {len(dataset)} frames in {len(dataset.scenes)} scenes, {len(dataset.sensors)} sensors",
         f"schema version {manifest['schema_version']}, configuration {manifest['configuration_hash'][:16]}, "
         f"{sum(row[3] for row in rows) / 1e6:.1f} MB, licence: {manifest['licence']}",
     ]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .pose import Pose, Twist
+from .prompt.describe import Described, Row, field_rows, html_table, listed, quantity
+from .prompt.pictures import thumbnail
+from .semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
 
@@ -17,8 +21,8 @@ if TYPE_CHECKING:
     from .specs.radar.spec import RadarSpec
 
 
-@dataclass(frozen=True, eq=False)
-class ImageFrame:
+@dataclass(frozen=True, eq=False, repr=False)
+class ImageFrame(Described, units={"depth": "m"}):
     """Images of one camera at one instant, all in the same projection. An image not asked for is None.
 
     Attributes
@@ -63,9 +67,20 @@ class ImageFrame:
     object_occlusion: npt.NDArray[np.float32] | None = None
     object_truncation: npt.NDArray[np.float32] | None = None
 
+    @property
+    def picture(self) -> npt.NDArray[np.uint8] | None:
+        """What a person looks at first: the RGB image, or the colours of the classes, shape (height, width, 3); None without both."""
+        if self.rgb is not None:
+            return self.rgb
+        return None if self.semantic is None else SEMANTIC_COLORS[self.semantic]
 
-@dataclass(frozen=True, eq=False)
-class LidarScan:
+    def _repr_html_(self) -> str:
+        shown = "" if self.picture is None else thumbnail(self.picture)
+        return html_table(type(self).__name__, self._facts(), shown)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velocity": "m/s", "time": "s"}):
     """Returns of one lidar, one row a return, in the order of the shot numbers and of the distance in each shot.
 
     What the receiver measured (distance, radial velocity, position, carrier-to-noise ratio) holds its noise; labels, normal, incidence
@@ -131,8 +146,10 @@ class LidarScan:
         return int(self.distance.shape[0])
 
 
-@dataclass(frozen=True, eq=False)
-class RadarFrame:
+@dataclass(frozen=True, eq=False, repr=False)
+class RadarFrame(
+    Described, units={"adc_scale": "sqrt(W)", "cell_power": "W", "object_power": "W", "object_ghost_power": "W"}
+):
     """Raw data of one radar at one instant, as its converter gives it.
 
     Attributes
@@ -175,6 +192,11 @@ class RadarFrame:
     object_power: npt.NDArray[np.float64] | None = None
     object_ghost_power: npt.NDArray[np.float64] | None = None
 
+    def _facts(self) -> Iterable[Row]:
+        yield "adc", f"complex64 {self.adc_int.shape[:-1]} = (num_rx, num_chirps_total, num_samples) [sqrt(W)]"
+        yield from field_rows(self, without=("adc_int", "diagnostics"))
+        yield "diagnostics", listed(self.diagnostics)
+
     @property
     def adc(self) -> npt.NDArray[np.complex64]:
         """Beat signal [sqrt(W)], complex64, shape (num_rx, num_chirps_total, num_samples)."""
@@ -185,8 +207,8 @@ class RadarFrame:
 SensorResult = ImageFrame | LidarScan | RadarFrame
 
 
-@dataclass(frozen=True, eq=False)
-class ObjectState:
+@dataclass(frozen=True, eq=False, repr=False)
+class ObjectState(Described, units={"size": "m"}):
     """Ground truth of one object at one instant.
 
     `world_from_box` is the pose of the centre of its oriented box with extents `size` (length, width, height) [m].
@@ -204,8 +226,8 @@ class ObjectState:
     num_lidar_points: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
+@dataclass(frozen=True, eq=False, repr=False)
+class Frame(Described):
     """All sensors of a rig at one instant.
 
     `results` is keyed by the sensor's name in the rig (for instance ``"front_left/radar"``);
@@ -220,6 +242,22 @@ class Frame:
     results: Mapping[str, SensorResult]
     objects: tuple[ObjectState, ...]
     timings: Mapping[str, float] = field(default_factory=dict)
+
+    def _facts(self) -> Iterable[Row]:
+        yield "index", str(self.index)
+        yield "time", quantity(self.timestamp_ns * 1e-9, "s")
+        yield "seed", str(self.seed)
+        yield "world_from_vehicle", repr(self.world_from_vehicle)
+        yield "vehicle_twist", repr(self.vehicle_twist)
+        for name, found in (("radars", self.radars), ("images", self.images), ("lidars", self.lidars)):
+            yield name, f"{len(found)}: {listed(found)}" if found else "none"
+        counts = Counter(SEMANTIC_CLASSES[item.semantic] for item in self.objects)
+        yield "objects", f"{len(self.objects)}: " + listed(f"{count} {name}" for name, count in counts.most_common())
+        yield "timings", listed(f"{stage} {quantity(taken, 's')}" for stage, taken in self.timings.items())
+
+    def _repr_html_(self) -> str:
+        seen = [image.picture for image in self.images.values() if image.picture is not None]
+        return html_table(type(self).__name__, self._facts(), thumbnail(seen[0]) if seen else "")
 
     def of_type(self, kind: type) -> dict[str, Any]:
         """Return the results of one type, by sensor name."""

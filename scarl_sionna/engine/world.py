@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ArgumentTypeError, TimeRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.arguments import expect, number
+from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity, short, span, vector
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.specs.lighting import Lighting
@@ -44,7 +45,7 @@ RAYS_PER_BATCH = 1 << 20
 """Rays that are worked on at once: about 200 MB of temporary arrays."""
 
 
-class World:
+class World(Described):
     """A loaded scene. Make one with :func:`load_scene`; ask for its states with :meth:`at`."""
 
     def __init__(self, document: SceneDocument, materials: MaterialTable) -> None:
@@ -67,6 +68,21 @@ class World:
             if entry.trajectory is not None
         )
         self.instances = {number: self._info(number, entry) for number, entry in enumerate(self._entries, start=1)}
+
+    def _facts(self) -> Iterable[Row]:
+        static = [info.name for info in self.instances.values() if info.actor is None]
+        yield "name", self.name
+        yield "actors", f"{len(self.actors)}: {listed(actor.name for actor in self.actors)}"
+        yield "ego", str(self.ego)
+        yield "time_range", span(*self.time_range, "s") if self.actors else "any time: nothing moves"
+        yield "static instances", f"{len(static)}: {listed(static)}"
+        yield "parts", f"{len(self.parts.name)} with {len(self._triangles.corners)} triangles"
+        materials = dict.fromkeys(self.parts.material)
+        yield "radio materials", f"{len(materials)}: {listed(materials)}"
+        lanes = self.document.lanes
+        yield "lanes", "none" if lanes is None else f"{len(lanes.lanes)}, parking places: {len(lanes.parking)}"
+        yield "lighting", "emitters of the scene's XML" if self.lighting is None else short(self.lighting)
+        yield "weather", "clear" if self.weather.is_clear else short(self.weather)
 
     @cached_property
     def _moving_parts(self) -> tuple[tuple[int, int], ...]:
@@ -195,7 +211,7 @@ class World:
         return WorldState(self, time, poses, twists)
 
 
-class WorldState:
+class WorldState(Described):
     """Poses and velocities of everything at one time; immutable. Made by :meth:`World.at`."""
 
     def __init__(self, world: World, time: float, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> None:
@@ -203,6 +219,13 @@ class WorldState:
         self.time = time
         self._poses = poses
         self._twists = twists
+
+    def _facts(self) -> Iterable[Row]:
+        yield "world", self.world.name
+        yield "time", quantity(self.time, "s")
+        for name, pose in self._poses.items():
+            speed = float(np.linalg.norm(self._twists[name].linear))
+            yield f"actor {name}", f"{vector(pose.position, 'm')}, yaw {np.degrees(pose.yaw):.4g} deg, {speed:.4g} m/s"
 
     def actor_pose(self, name: str) -> Pose:
         """Return world_from_actor of an actor."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -16,6 +16,7 @@ import yaml
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.prompt.arguments import HOW_TO_POSE, expect
+from scarl_sionna.core.prompt.describe import Described, Row, vector
 from scarl_sionna.core.registry import spec_type
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
@@ -31,8 +32,8 @@ _FACING_BACK = (0.0, 0.0, 0.0, 1.0)
 _FACING_FRONT = (1.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class SensorMount:
+@dataclass(frozen=True, repr=False)
+class SensorMount(Described):
     """One sensor of a rig.
 
     Parameters
@@ -92,8 +93,8 @@ class SensorMount:
         return cls(data["name"], data["kind"], spec, Pose(pose["position"], pose.get("quaternion", _FACING_FRONT)))
 
 
-@dataclass(frozen=True)
-class Rig:
+@dataclass(frozen=True, repr=False)
+class Rig(Described):
     """All sensors of one vehicle.
 
     Parameters
@@ -123,6 +124,14 @@ class Rig:
                 f"names {', '.join(repeated)} more than once",
                 "unique sensor names",
                 "rename one of them",
+            )
+
+    def _facts(self) -> Iterable[Row]:
+        yield "name", self.name
+        for mount in self.sensors:
+            yield (
+                mount.name,
+                f"{mount.kind} at {vector(mount.vehicle_from_sensor.position, 'm')}, yaw {np.degrees(mount.vehicle_from_sensor.yaw):.4g} deg",
             )
 
     @property

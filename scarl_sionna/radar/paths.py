@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -10,10 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.describe import Described, Row, field_rows, listed
 
 
-@dataclass(frozen=True, eq=False)
-class RadarPaths:
+@dataclass(frozen=True, eq=False, repr=False)
+class RadarPaths(
+    Described,
+    units={"tx_point": "m", "rx_point": "m", "inner_length": "m", "length_rate": "m/s", "length_acceleration": "m/s2"},
+):
     """Propagation paths of one radar at one instant.
 
     The length of a path from an antenna at p to one at q is ``|tx_point - p| + inner_length + |rx_point - q|``. For a
@@ -64,6 +68,12 @@ class RadarPaths:
     world_from_rx: Pose
     rx_image: npt.NDArray[np.float64] | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
+
+    def _facts(self) -> Iterable[Row]:
+        yield "num_paths", f"{self.num_paths}, of at most {self.instance.shape[1]} interactions"
+        yield "method", str(self.diagnostics.get("method", "not stated"))
+        yield from field_rows(self, without=("diagnostics",))
+        yield "diagnostics", listed(self.diagnostics)
 
     @property
     def num_paths(self) -> int:

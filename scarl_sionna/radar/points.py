@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.arguments import HOW_TO_POSE, HOW_TO_RADAR, expect
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .paths import RadarPaths
@@ -24,8 +25,8 @@ MIN_DISTANCE = 1e-6
 """A target nearer than this to the radar's origin has no direction [m]."""
 
 
-@dataclass(frozen=True, eq=False)
-class PointScatterers:
+@dataclass(frozen=True, eq=False, repr=False)
+class PointScatterers(Described, units={"positions": "m", "velocities": "m/s", "rcs": "m2"}):
     """Ideal isotropic point scatterers.
 
     Parameters

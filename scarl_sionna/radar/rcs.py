@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.prompt.arguments import check_frequency, check_radians
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.scene.materials.table import MaterialTable
 
@@ -159,8 +160,8 @@ def _check_values(arrays: Sequence[Real]) -> None:
         check_radians(name, angle)
 
 
-@dataclass(frozen=True, eq=False)
-class RcsCut:
+@dataclass(frozen=True, eq=False, repr=False)
+class RcsCut(Described, units={"angle_deg": "deg", "rcs": "m2", "frequency": "Hz"}):
     """Monostatic RCS over one angle.
 
     Attributes

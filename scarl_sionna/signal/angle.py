@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +10,10 @@ import numpy.typing as npt
 import scipy.fft
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.core.units import SPEED_OF_LIGHT, watt_to_dbm
 from scarl_sionna.signal.antenna import virtual_positions
 
 from .processing import RangeDoppler, cube_of, range_doppler, window_values
@@ -22,8 +24,8 @@ POSITION_TOLERANCE = 1e-3
 """Virtual elements nearer than this part of a wavelength count as one place of a uniform line."""
 
 
-@dataclass(frozen=True, eq=False)
-class RangeDopplerAngle:
+@dataclass(frozen=True, eq=False, repr=False)
+class RangeDopplerAngle(Described):
     """Power over Doppler, range and angle.
 
     Attributes
@@ -54,9 +56,27 @@ class RangeDopplerAngle:
     range_doppler: RangeDoppler
     noise_power: float
 
+    def _facts(self) -> Iterable[Row]:
+        strongest = np.unravel_index(int(self.data.argmax()), self.data.shape)
+        axes = "(num_doppler_bins, num_range_bins, num_azimuth" + (
+            ", num_elevation)" if self.elevation is not None else ")"
+        )
+        yield "data", f"float32 {self.data.shape} = {axes} [W]"
+        yield "range", array_text(self.range, "m")
+        yield "radial_velocity", array_text(self.radial_velocity, "m/s")
+        yield "azimuth", array_text(np.degrees(self.azimuth), "deg")
+        if self.elevation is not None:
+            yield "elevation", array_text(np.degrees(self.elevation), "deg")
+        place = f"{self.range[strongest[1]]:.4g} m, {self.radial_velocity[strongest[0]]:.3g} m/s"
+        place += f", {np.degrees(self.azimuth[strongest[2]]):.3g} deg"
+        yield "strongest cell", f"{watt_to_dbm(self.data[strongest]):.1f} dBm at {place}"
+        yield "noise_power", f"{watt_to_dbm(self.noise_power):.1f} dBm in a cell"
+        yield "range_doppler", f"its channels, {self.range_doppler.data.shape}"
+        yield "radar", short(self.radar)
 
-@dataclass(frozen=True, eq=False)
-class UniformLine:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class UniformLine(Described, units={"spacing": "m"}):
     """The virtual array as a line along y with one spacing: `order` sorts the channels, `spacing` is in metres."""
 
     order: npt.NDArray[np.intp]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ import scipy.stats
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
+from scarl_sionna.core.prompt.describe import Described, Row, field_rows
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, power_to_db
 from scarl_sionna.signal.antenna import field_gain
@@ -22,8 +24,20 @@ from .processing import RangeDoppler, window_values
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class RadarPoints:
+@dataclass(frozen=True, eq=False, repr=False)
+class RadarPoints(
+    Described,
+    units={
+        "position": "m",
+        "range": "m",
+        "azimuth": "rad",
+        "elevation": "rad",
+        "radial_velocity": "m/s",
+        "power": "W",
+        "snr_db": "dB",
+        "rcs": "m2",
+    },
+):
     """Detections of one frame, strongest first; every array has one row a point.
 
     Attributes
@@ -50,6 +64,10 @@ class RadarPoints:
     power: Array
     snr_db: Array
     rcs: Array
+
+    def _facts(self) -> Iterable[Row]:
+        yield "num_points", f"{self.num_points}, strongest first"
+        yield from field_rows(self)
 
     @property
     def num_points(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +12,10 @@ import scipy.signal
 
 from scarl_sionna.core.errors import ArgumentTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
+from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import watt_to_dbm
 
 from .noise import sample_noise_power
 
@@ -101,8 +104,8 @@ def cube_of(
     return cube, radar
 
 
-@dataclass(frozen=True, eq=False)
-class RangeDoppler:
+@dataclass(frozen=True, eq=False, repr=False)
+class RangeDoppler(Described):
     """Range-Doppler data of every channel.
 
     Attributes
@@ -126,6 +129,18 @@ class RangeDoppler:
     radar: RadarSpec
     window: tuple[str, str]
     noise_power: float
+
+    def _facts(self) -> Iterable[Row]:
+        power = self.power
+        row, column = np.unravel_index(int(power.argmax()), power.shape)
+        yield "data", f"complex64 {self.data.shape} = (num_virtual, num_doppler_bins, num_range_bins) [sqrt(W)]"
+        yield "range", array_text(self.range, "m")
+        yield "radial_velocity", array_text(self.radial_velocity, "m/s")
+        place = f"{self.range[column]:.4g} m, {self.radial_velocity[row]:.3g} m/s"
+        yield "strongest cell", f"{watt_to_dbm(power[row, column]):.1f} dBm at {place}"
+        yield "noise_power", f"{watt_to_dbm(self.noise_power):.1f} dBm in a cell of one channel"
+        yield "window", f"{self.window[0]} over range, {self.window[1]} over Doppler"
+        yield "radar", short(self.radar)
 
     @property
     def power(self) -> npt.NDArray[np.float32]:

@@ -22,13 +22,18 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, 
 
 
 class Described:
-    """An object that shows itself as a table; a dataclass gives its fields, with the units of `_units`.
+    """An object that shows itself as a table; a dataclass gives its fields.
 
-    A dataclass needs ``repr=False``, since it would write a ``__repr__`` of its own.
+    ``class Echo(Described, units={"range": "m"})`` states the units of fields. A dataclass needs ``repr=False``, since it would
+    write a ``__repr__`` of its own.
     """
 
     _units: ClassVar[Mapping[str, str]] = {}
-    """Unit of a field, by its name."""
+
+    def __init_subclass__(cls, units: Mapping[str, str] | None = None, **others: Any) -> None:
+        super().__init_subclass__(**others)
+        if units is not None:
+            cls._units = dict(units)
 
     def _facts(self) -> Iterable[Row]:
         """Return the rows of the table; by default the fields that are not None."""

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, SceneError
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .table import AspectTable
@@ -34,8 +35,19 @@ def direction_of(azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
     return np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=-1)
 
 
-@dataclass(frozen=True, eq=False)
-class ScattererModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ScattererModel(
+    Described,
+    units={
+        "centers": "m",
+        "azimuth": "rad",
+        "elevation": "rad",
+        "frequency": "Hz",
+        "cell": "m",
+        "nearest_distance": "m",
+        "elevation_reach": "rad",
+    },
+):
     r"""Scattering centres of one rigid body.
 
     Attributes

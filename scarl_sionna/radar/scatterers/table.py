@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.prompt.describe import Described
 
 Index = npt.NDArray[np.int64]
 Complex = npt.NDArray[np.complex64]
@@ -21,8 +22,8 @@ ABSENT = -1
 """Number of a centre that is not held in a block."""
 
 
-@dataclass(frozen=True, eq=False)
-class AspectTable:
+@dataclass(frozen=True, eq=False, repr=False)
+class AspectTable(Described):
     """Scattering matrices over elevation, azimuth and centre.
 
     Attributes

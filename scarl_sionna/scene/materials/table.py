@@ -21,6 +21,7 @@ from scarl_sionna.core.errors import (
     SceneError,
     UnknownNameError,
 )
+from scarl_sionna.core.prompt.describe import Described, Row
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.core.units import VACUUM_PERMITTIVITY, Hertz, Metres, Unit
@@ -126,11 +127,15 @@ class RadioMaterial(Spec):
         return complex(self.permittivity_at(frequency), -loss)
 
 
-class MaterialTable(Mapping[str, RadioMaterial]):
+class MaterialTable(Described, Mapping[str, RadioMaterial]):
     """Radio materials by name; an unknown name raises :class:`UnknownMaterialError`."""
 
     def __init__(self, materials: Iterable[RadioMaterial]) -> None:
         self._materials = {material.name: material for material in materials}
+
+    def _facts(self) -> Iterable[Row]:
+        yield "materials", str(len(self))
+        yield "names", ", ".join(self)
 
     def __getitem__(self, name: str) -> RadioMaterial:
         """Return the material of a name."""

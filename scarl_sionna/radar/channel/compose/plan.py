@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlError, UnknownNameError
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 
 if TYPE_CHECKING:
@@ -31,8 +32,8 @@ class OwnershipError(ScarlError, ValueError):
         super().__init__(f"'{instance}' is given to {first} and to {second}: {why}; {remedy}")
 
 
-@dataclass(frozen=True)
-class Share:
+@dataclass(frozen=True, repr=False)
+class Share(Described):
     """Instances that one solver computes.
 
     Attributes
@@ -74,8 +75,8 @@ class Share:
             raise ParameterRangeError("options", sorted(reserved)[0], "options of the solver other than these")
 
 
-@dataclass(frozen=True)
-class ChannelPlan:
+@dataclass(frozen=True, repr=False)
+class ChannelPlan(Described):
     """Which solver computes what of a scene.
 
     Attributes
