@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from pathlib import PurePath
 from typing import Any, ClassVar
 
 import numpy as np
@@ -49,7 +50,8 @@ class Described:
 def field_rows(item: Any, without: Iterable[str] = ()) -> list[Row]:
     """Return a row for every field of a dataclass that is not None."""
     units, left_out = getattr(item, "_units", {}), set(without)
-    values = ((entry.name, getattr(item, entry.name)) for entry in fields(item) if entry.name not in left_out)
+    names = (entry.name for entry in fields(item) if entry.name not in left_out and not entry.name.startswith("_"))
+    values = ((name, getattr(item, name)) for name in names)
     return [(name, value_text(value, units.get(name, ""))) for name, value in values if value is not None]
 
 
@@ -100,11 +102,13 @@ def value_text(value: Any, unit: str = "") -> str:
 
 
 def array_text(values: np.ndarray, unit: str = "") -> str:
-    """Return type and shape of an array, and the ends of a line of numbers: ``float64 (512,), 0 to 255.5 m``."""
+    """Return type and shape of an array, and the ends of a line of numbers: ``float64 (512,), 0 to 255.5 m``; up to four as such."""
     after = f" [{unit}]" if unit else ""
     text = f"{values.dtype} {values.shape}"
     if values.ndim != 1 or not len(values) or values.dtype.kind not in "fiu":
         return text + after
+    if len(values) <= 4:
+        return vector(values, unit)
     known = values[np.isfinite(values)] if values.dtype.kind == "f" else values
     return f"{text}, {span(known.min(), known.max(), unit)}" if len(known) else text + after
 
@@ -144,7 +148,9 @@ def short(value: Any) -> str:
         if own and "\n" not in own:
             return own
         return f"{type(value).__name__} {name}" if isinstance(name, str) else f"{type(value).__name__}(...)"
-    text = repr(value) if not isinstance(value, str) else value
+    if type(value).__repr__ is object.__repr__:
+        return f"{type(value).__name__}(...)"
+    text = str(value) if isinstance(value, str | PurePath) else repr(value)
     return clipped(text.splitlines()[0] if "\n" in text else text, 60)
 
 

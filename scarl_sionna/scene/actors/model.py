@@ -42,7 +42,7 @@ class ModelLevel(Described):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ActorModel(Described, units={"length": "m", "width": "m", "height": "m"}):
+class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "wheelbase": "m", "rear_axle": "m"}):
     """What is known of an actor before it is put into a scene. Make one with `read_actor_model` or `actor_from_mesh`.
 
     Attributes
