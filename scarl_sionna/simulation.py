@@ -8,6 +8,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+import scarl_sionna.dataset  # noqa: F401  # it draws frames: Frame.plot
+
 from .core import seeds
 from .core.errors import PlacementError
 from .core.pose import Pose, Twist
@@ -74,7 +76,7 @@ def observe(
 
     Raises
     ------
-    ArgumentTypeError
+    InputTypeError
         If a name stands where a world or a rig belongs, and so on.
     PlacementError
         If the world has no ego actor and no pose is given.

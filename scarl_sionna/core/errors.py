@@ -43,12 +43,12 @@ class UnknownNameError(ScarlError, KeyError):
         return str(self.args[0])
 
 
-class ArgumentTypeError(ScarlError, TypeError):
-    """An argument is of another type than the function takes."""
+class InputTypeError(ScarlError, TypeError):
+    """A value of another type than the one that is needed."""
 
-    def __init__(self, name: str, value: object, expected: str, remedy: str) -> None:
-        self.name, self.value, self.expected, self.remedy = name, value, expected, remedy
-        super().__init__(f"{name} is a {type(value).__name__}, but must be {expected}; {remedy}")
+    def __init__(self, name: str, value: object, needed: str, remedy: str = "") -> None:
+        self.name, self.value, self.needed, self.remedy = name, value, needed, remedy
+        super().__init__(f"{name} is a {type(value).__name__}, not {needed}" + (f"; {remedy}" if remedy else ""))
 
 
 class SpecError(ParameterRangeError):
@@ -304,3 +304,7 @@ class CollisionError(ScenarioError, PlacementError):
 
 class ScarlWarning(UserWarning):
     """A result is outside the range in which its method is right."""
+
+
+class SmallMirrorWarning(ScarlWarning):
+    """A mirror reflection comes from a surface smaller than its first Fresnel zone."""

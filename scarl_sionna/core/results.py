@@ -12,12 +12,16 @@ import numpy.typing as npt
 
 from .pose import Pose, Twist
 from .prompt.describe import Described, Row, field_rows, html_table, listed, quantity
+from .prompt.frames import frame_plot
 from .prompt.pictures import thumbnail
 from .semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from .specs.radar.spec import RadarSpec
 
 
@@ -73,6 +77,29 @@ class ImageFrame(Described, units={"depth": "m"}):
         if self.rgb is not None:
             return self.rgb
         return None if self.semantic is None else SEMANTIC_COLORS[self.semantic]
+
+    def plot(self, image: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw one of the images.
+
+        Parameters
+        ----------
+        image : {"rgb", "depth", "semantic", "instance", "normal", "flow"}, optional
+            Default: the first of them that the camera made. Depth in metres, logarithmic; flow as its length in pixels with arrows.
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        UnknownNameError, ParameterRangeError
+            If the frame does not hold this image, or none at all.
+        """
+        from .prompt.images import plot_image
+
+        return plot_image(self, image, ax)
 
     def _repr_html_(self) -> str:
         shown = "" if self.picture is None else thumbnail(self.picture)
@@ -144,6 +171,29 @@ class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velo
     def num_points(self) -> int:
         """Number of returns."""
         return int(self.distance.shape[0])
+
+    def plot(self, color: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw the returns from above, in the sensor frame.
+
+        Parameters
+        ----------
+        color : {"radial_velocity", "distance", "intensity", "reflectance", "height", "time"}, optional
+            What a point's colour stands for; default: radial velocity, or height where the receiver tells none.
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        UnknownNameError, ParameterRangeError
+            If there is no such quantity, or the scan does not hold it.
+        """
+        from .prompt.images import plot_lidar
+
+        return plot_lidar(self, color, ax)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -258,6 +308,32 @@ class Frame(Described):
     def _repr_html_(self) -> str:
         seen = [image.picture for image in self.images.values() if image.picture is not None]
         return html_table(type(self).__name__, self._facts(), thumbnail(seen[0]) if seen else "")
+
+    def plot(self, suite: str | None = None, title: str = "", max_range: float = 100.0, markers: bool = True) -> Figure:
+        """Return a contact sheet: images, lidar depth and radar maps of one suite.
+
+        Parameters
+        ----------
+        suite : str, optional
+            Group of sensors, the part of their names before the last ``/``; default: ``front_center`` if there, else the first.
+        title : str
+            First words of the headline, for instance the scene's name.
+        max_range : float
+            Last range and depth shown [m].
+        markers : bool
+            Mark the true places of the moving objects on the radar maps.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            For a notebook, or ``savefig``.
+
+        Raises
+        ------
+        UnknownNameError
+            If the frame has no such suite.
+        """
+        return frame_plot()(self, suite=suite, title=title, max_range=max_range, markers=markers)
 
     def of_type(self, kind: type) -> dict[str, Any]:
         """Return the results of one type, by sensor name."""

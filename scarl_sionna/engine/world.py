@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ArgumentTypeError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.errors import InputTypeError, TimeRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.arguments import expect, number
 from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity, short, span, vector
@@ -32,6 +32,11 @@ from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
 
 from .rays.geometry import Triangles, encloses, even_directions, refine_distance, upright_box
 from .twins import MeshData, Twin
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from .show.plan import Sensors
 
 __all__ = ["World", "WorldState", "find_scene", "load_scene", "scene_names", "stage"]
 
@@ -198,17 +203,51 @@ class World(Described):
         ------
         TimeRangeError
             If a trajectory is not known at this time.
-        ArgumentTypeError
+        InputTypeError
             If it is no number.
         """
         if isinstance(time, list | tuple | np.ndarray) and np.ndim(time):
-            raise ArgumentTypeError("time", time, "one number [s]", "give [world.at(one) for one in times]")
+            raise InputTypeError("time", time, "one number [s]", "give [world.at(one) for one in times]")
         time = number("time", time, "give seconds: world.at(0.5)")
         if not np.isfinite(time):
             raise TimeRangeError(time, *self.time_range, what=f"scene '{self.name}'")
         poses = {actor.name: actor.trajectory.pose(time) for actor in self.actors}
         twists = {actor.name: actor.trajectory.twist(time) for actor in self.actors}
         return WorldState(self, time, poses, twists)
+
+    def plot(
+        self,
+        time: float | None = None,
+        rig: Sensors | None = None,
+        extent: tuple[float, float, float, float] | None = None,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw the world from above: ground, lanes, actors with the way of their next second, and the sensors of a rig.
+
+        Parameters
+        ----------
+        time : float, optional
+            [s]; default: the start of the motion, 0 in a static scene.
+        rig : Rig, optional
+            Drawn on the ego vehicle, with the width of the fields of view.
+        extent : tuple of float, optional
+            West, east, south and north end [m]; default: around the actors, or all of a static scene.
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TimeRangeError
+            If the motion is not known at this time.
+        PlacementError
+            If a rig is given and there is no ego vehicle.
+        """
+        start = self.time_range[0]
+        return self.at((start if np.isfinite(start) else 0.0) if time is None else time).plot(rig, extent, ax)
 
 
 class WorldState(Described):
@@ -226,6 +265,17 @@ class WorldState(Described):
         for name, pose in self._poses.items():
             speed = float(np.linalg.norm(self._twists[name].linear))
             yield f"actor {name}", f"{vector(pose.position, 'm')}, yaw {np.degrees(pose.yaw):.4g} deg, {speed:.4g} m/s"
+
+    def plot(
+        self,
+        rig: Sensors | None = None,
+        extent: tuple[float, float, float, float] | None = None,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw the state from above; see :meth:`World.plot`."""
+        from .show.plan import plot_state
+
+        return plot_state(self, rig, extent, ax)
 
     def actor_pose(self, name: str) -> Pose:
         """Return world_from_actor of an actor."""

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 from scarl_sionna.core.prompt.describe import Described, Row, field_rows, listed
 
 
@@ -79,6 +82,44 @@ class RadarPaths(
     def num_paths(self) -> int:
         """Number of paths."""
         return int(self.inner_length.shape[0])
+
+    @property
+    def length(self) -> npt.NDArray[np.float64]:
+        """Length between the array centres [m], shape (num_paths,)."""
+        tx, rx = self.world_from_tx.position, self.world_from_rx.position
+        legs = np.linalg.norm(self.tx_point - tx, axis=1) + np.linalg.norm(self.rx_point - rx, axis=1)
+        length = legs + self.inner_length
+        if self.rx_image is not None:
+            mirror = np.isfinite(self.rx_image).all(axis=(1, 2))
+            image = self.rx_image[mirror]
+            length[mirror] = np.linalg.norm(image[:, :, :3] @ rx + image[:, :, 3] - tx, axis=1)
+        return length
+
+    def plot(self, view: str = "range", dynamic_range_db: float = 60.0, ax: Axes | None = None) -> Axes:
+        """Draw the paths.
+
+        Parameters
+        ----------
+        view : {"range", "map"}
+            ``"range"``: received power of isotropic antennas over half the length, coloured by radial velocity. ``"map"``: from
+            above, where the radar sees each path (its direction of arrival, at half its length), coloured by power.
+        dynamic_range_db : float
+            Paths farther below the strongest are left out [dB].
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such view.
+        """
+        from .path_plot import plot_paths
+
+        return plot_paths(self, view, dynamic_range_db, ax)
 
     def select(self, index: npt.ArrayLike) -> RadarPaths:
         """Return the paths of an index, a mask or a slice."""

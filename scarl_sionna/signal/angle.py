@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,9 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT, watt_to_dbm
 from scarl_sionna.signal.antenna import virtual_positions
 
 from .processing import RangeDoppler, cube_of, range_doppler, window_values
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
 
@@ -73,6 +77,35 @@ class RangeDopplerAngle(Described):
         yield "noise_power", f"{watt_to_dbm(self.noise_power):.1f} dBm in a cell"
         yield "range_doppler", f"its channels, {self.range_doppler.data.shape}"
         yield "radar", short(self.radar)
+
+    def plot(
+        self, view: str = "map", max_range: float | None = None, dynamic_range_db: float = 60.0, ax: Axes | None = None
+    ) -> Axes:
+        """Draw the strongest power [dBm] over what is not shown.
+
+        Parameters
+        ----------
+        view : {"map", "range_azimuth", "range_doppler"}
+            ``"map"``: from above, in metres, within the radar's field of view; or over range and azimuth, or range and velocity.
+        max_range : float, optional
+            Last range shown [m]; default: all.
+        dynamic_range_db : float
+            Powers farther below the peak have the darkest colour [dB].
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such view.
+        """
+        from .plots import plot_range_doppler_angle
+
+        return plot_range_doppler_angle(self, view, max_range, dynamic_range_db, ax)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,9 @@ from scarl_sionna.signal.antenna import field_gain
 from .angle import RangeDopplerAngle, directions, steering
 from .peaks import parabola_offset, tone_offset
 from .processing import RangeDoppler, window_values
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
 
@@ -73,6 +77,22 @@ class RadarPoints(
     def num_points(self) -> int:
         """Number of detections."""
         return int(self.range.shape[0])
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the detections from above, in the radar frame, coloured by radial velocity; larger: higher SNR.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        from .plots import plot_points
+
+        return plot_points(self, ax)
 
 
 def detect(

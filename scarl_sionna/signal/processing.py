@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
 import scipy.signal
 
-from scarl_sionna.core.errors import ArgumentTypeError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
 from scarl_sionna.core.results import RadarFrame
@@ -18,6 +19,9 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
 
 from .noise import sample_noise_power
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
 
@@ -90,7 +94,7 @@ def cube_of(
 
     Raises
     ------
-    ArgumentTypeError
+    InputTypeError
         If an array stands without its radar.
     """
     if isinstance(cube, RadarFrame):
@@ -99,7 +103,7 @@ def cube_of(
         "cube", cube, np.ndarray, "give ss.virtual_cube(adc, radar), or a RadarFrame (of a stored radar: to_result())"
     )
     if radar is None:
-        raise ArgumentTypeError("radar", radar, "a RadarSpec", HOW_TO_RADAR)
+        raise InputTypeError("radar", radar, "a RadarSpec", HOW_TO_RADAR)
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     return cube, radar
 
@@ -149,6 +153,26 @@ class RangeDoppler(Described):
         for channel in self.data:
             total += channel.real**2 + channel.imag**2
         return total / np.float32(len(self.data))
+
+    def plot(self, max_range: float | None = None, dynamic_range_db: float = 60.0, ax: Axes | None = None) -> Axes:
+        """Draw the mean power of the channels [dBm] over range and radial velocity.
+
+        Parameters
+        ----------
+        max_range : float, optional
+            Last range shown [m]; default: all.
+        dynamic_range_db : float
+            Powers farther below the peak have the darkest colour [dB].
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        from .plots import plot_range_doppler
+
+        return plot_range_doppler(self, max_range, dynamic_range_db, ax)
 
 
 def cell_noise_power(radar: RadarSpec, window: str | None = "hann", doppler_window: str | None = None) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.core.errors import ArgumentTypeError, ScarlError, SpecError, UnknownFieldError
+from scarl_sionna.core.errors import InputTypeError, ScarlError, SpecError, UnknownFieldError
 from scarl_sionna.core.prompt.arguments import check_radians
 from scarl_sionna.core.prompt.refusals import in_our_unit, part_with, scaled
 from scarl_sionna.core.specs.camera import CameraSpec
@@ -101,7 +101,7 @@ def test_errors_keep_their_data() -> None:
         ("rain_rate",),
         "less than or equal to 200 [mm/h]",
     )
-    with pytest.raises(ArgumentTypeError) as wrong:
+    with pytest.raises(InputTypeError) as wrong:
         ss.Rig.scarl()[0]
     assert (wrong.value.name, wrong.value.value) == ("name", 0)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ArgumentTypeError, ParameterRangeError
+from scarl_sionna.core.errors import InputTypeError, ParameterRangeError
 
 from .refusals import scaled
 
@@ -38,12 +38,12 @@ def expect(name: str, value: Any, kind: type | tuple[type, ...], remedy: str) ->
 
     Raises
     ------
-    ArgumentTypeError
+    InputTypeError
         If it is not.
     """
     if not isinstance(value, kind):
         kinds = kind if isinstance(kind, tuple) else (kind,)
-        raise ArgumentTypeError(name, value, " or ".join(f"a {one.__name__}" for one in kinds), remedy)
+        raise InputTypeError(name, value, " or ".join(f"a {one.__name__}" for one in kinds), remedy)
 
 
 def number(name: str, value: Any, remedy: str) -> float:
@@ -51,11 +51,11 @@ def number(name: str, value: Any, remedy: str) -> float:
 
     Raises
     ------
-    ArgumentTypeError
+    InputTypeError
         If it is a text, a list or no number at all.
     """
     if isinstance(value, bool | str) or np.ndim(value) or not np.isreal(value):
-        raise ArgumentTypeError(name, value, "one number", remedy)
+        raise InputTypeError(name, value, "one number", remedy)
     return float(value)
 
 

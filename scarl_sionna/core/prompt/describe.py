@@ -148,7 +148,9 @@ def short(value: Any) -> str:
         if own and "\n" not in own:
             return own
         return f"{type(value).__name__} {name}" if isinstance(name, str) else f"{type(value).__name__}(...)"
-    if type(value).__repr__ is object.__repr__:
+    if "__repr__" not in {
+        name for kind in type(value).__mro__[:-1] for name in vars(kind)
+    }:  # that of object, with an address
         return f"{type(value).__name__}(...)"
     text = str(value) if isinstance(value, str | PurePath) else repr(value)
     return clipped(text.splitlines()[0] if "\n" in text else text, 60)

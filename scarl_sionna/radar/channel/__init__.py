@@ -63,7 +63,7 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     ------
     UnknownNameError
         If there is no such method.
-    ArgumentTypeError
+    InputTypeError
         If a world stands where a state belongs, a tuple where a pose belongs, and so on.
     """
     from scarl_sionna.engine.world import WorldState

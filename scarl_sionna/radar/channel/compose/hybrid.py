@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError, ScarlError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlError, SmallMirrorWarning
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, watt_to_dbm
 from scarl_sionna.radar.channel.antennas import check_antennas
-from scarl_sionna.radar.channel.multipath.fresnel_zone import SmallMirrorWarning
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from scarl_sionna.radar.channel.sbr import solve_sbr

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.errors import ScarlWarning, SmallMirrorWarning
 from scarl_sionna.engine.paths.tracing import DIFFRACTION, SPECULAR, mirror_extent
 
 from .legs import Legs, Station
@@ -20,10 +20,6 @@ Array = npt.NDArray[np.float64]
 
 WAVEFRONT_ERROR = 0.1
 """Phase [rad] that an antenna may be off behind an edge before there is a warning: 20 dB below the path, coherently."""
-
-
-class SmallMirrorWarning(ScarlWarning):
-    """A mirror is smaller than the first Fresnel zone, so that its echo is wrong."""
 
 
 def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
