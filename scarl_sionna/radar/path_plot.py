@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.prompt.axes import (
+    DARK,
     POWER_MAP,
     VELOCITY_MAP,
     axes_or_new,
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
     from .paths import RadarPaths
 
 VIEWS = ("range", "map")
-_GAIN = "received over transmitted power, isotropic antennas [dB]"
+_FEW = 500
+"""Paths up to this number have an outline."""
+_GAIN = "received / transmitted power, isotropic antennas [dB]"
 
 
 def plot_paths(paths: RadarPaths, view: str, dynamic_range_db: float, ax: Axes | None) -> Axes:
@@ -42,10 +45,10 @@ def plot_paths(paths: RadarPaths, view: str, dynamic_range_db: float, ax: Axes |
         low, high = centred(velocity)
         drawn = axis.scatter(
             paths.length[order] / 2.0, gain_db[order], c=velocity, s=14, cmap=VELOCITY_MAP, vmin=low, vmax=high,
-            edgecolors="0.3", linewidths=0.3, rasterized=True,
+            edgecolors="0.3", linewidths=0.3 if len(order) <= _FEW else 0.0, rasterized=True,
         )  # fmt: skip
         axis.set(
-            xlabel="range, half of the length [m]", ylabel="received power, isotropic antennas [dB of transmitted]"
+            xlabel="range, half of the length [m]", ylabel="received / transmitted power,\nisotropic antennas [dB]"
         )
         axis.set_xlim(left=0.0)
         axis.grid(color="0.92")
@@ -58,8 +61,8 @@ def plot_paths(paths: RadarPaths, view: str, dynamic_range_db: float, ax: Axes |
             place[:, 1], place[:, 0], c=gain_db[order], s=8, cmap=POWER_MAP, vmin=limits[0], vmax=limits[1], linewidths=0,
             rasterized=True,
         )  # fmt: skip
-        axis.plot([0.0], [0.0], marker="^", color="black", markersize=8)
-        axis.set_facecolor("0.93")
+        axis.plot([0.0], [0.0], marker="^", color="white", markersize=8)
+        axis.set_facecolor(DARK)
         sensor_map(axis, float(np.abs(place[:, 1]).max(initial=10.0)) * 1.05)
         colour_bar(axis, drawn, _GAIN)
     axis.set_title(f"{len(order)} of {paths.num_paths} paths, within {dynamic_range_db:g} dB of the strongest")

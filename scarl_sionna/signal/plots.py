@@ -82,8 +82,8 @@ def plot_points(points: RadarPoints, ax: Axes | None) -> Axes:
         vmax=high, edgecolors="0.25", linewidths=0.5,
     )  # fmt: skip
     axis.plot([0.0], [0.0], marker="^", color="black", markersize=8)
-    aside = float(np.abs(points.position[:, 1]).max(initial=10.0)) * 1.1
-    sensor_map(axis, aside)
+    aside = max(1.1 * np.abs(points.position[:, 1]).max(initial=10.0), 0.35 * points.position[:, 0].max(initial=0.0))
+    sensor_map(axis, float(aside))
     axis.grid(color="0.9")
     axis.set_axisbelow(True)
     axis.set_title(f"{points.num_points} detections, radar frame; larger: higher SNR")

@@ -17,6 +17,8 @@ DYNAMIC_RANGE_DB = 60.0
 POWER_MAP = "magma"
 VELOCITY_MAP = "coolwarm"
 DEPTH_MAP = "viridis_r"
+DARK = "#15171c"
+"""Background of points whose weak ones are dark or pale."""
 NOTHING = "#dfe6ee"
 """Colour of pixels without a value."""
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS, SKY
 
-from .axes import DEPTH_MAP, NOTHING, VELOCITY_MAP, axes_or_new, centred, colour_bar, sensor_map
+from .axes import DARK, DEPTH_MAP, NOTHING, VELOCITY_MAP, axes_or_new, centred, colour_bar, sensor_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -155,11 +155,11 @@ def plot_lidar(scan: LidarScan, color: str | None = None, ax: Axes | None = None
     axis = axes_or_new(ax, 7.0, 6.0)
     low, high = centred(values) if chosen == "radial_velocity" else _ends(values)
     points = axis.scatter(
-        scan.position[:, 1], scan.position[:, 0], c=values, s=1.5, linewidths=0, rasterized=True, vmin=low, vmax=high,
+        scan.position[:, 1], scan.position[:, 0], c=values, s=2.5, linewidths=0, rasterized=True, vmin=low, vmax=high,
         cmap=VELOCITY_MAP if chosen == "radial_velocity" else "viridis",
     )  # fmt: skip
-    axis.plot([0.0], [0.0], marker="^", color="black", markersize=7)
-    axis.set_facecolor("0.93")
+    axis.plot([0.0], [0.0], marker="^", color="white", markersize=7)
+    axis.set_facecolor(DARK)
     aside = float(np.abs(scan.position[:, 1]).max(initial=10.0)) * 1.05
     sensor_map(axis, aside)
     axis.set_title(f"{scan.num_points} lidar returns, sensor frame")

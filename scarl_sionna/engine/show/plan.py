@@ -32,6 +32,8 @@ PIXELS = 900
 LANE_COLORS = {"drive": "#ffd75e", "cycle": "#7fd6ff", "walk": "#ff9ad5", "parking": "#c8c8c8"}
 SENSOR_COLORS = {"radar": "#ff4d4d", "lidar": "#35d07f", "camera": "#4da3ff"}
 OTHER_SENSOR = "white"
+_ARROWS_APART = 25.0
+"""Way between the arrows on a lane [m]."""
 _FAN = 12.0
 """Length of a sensor's field of view in the plan [m]."""
 
@@ -113,11 +115,10 @@ def _draw_lanes(axis: Axes, state: WorldState) -> None:
         axis.plot(
             lane.points[:, 0], lane.points[:, 1], color=color, linewidth=0.9, alpha=0.8, linestyle=(0, (6, 4)), zorder=1
         )
-        middle, ahead = lane.at([lane.length / 2.0, min(lane.length / 2.0 + 0.1, lane.length)])
-        axis.annotate(
-            "", ahead[:2], middle[:2], arrowprops={"arrowstyle": "-|>", "color": color, "alpha": 0.9}, zorder=1,
-            annotation_clip=True,
-        )  # fmt: skip
+        for start in np.arange(_ARROWS_APART / 2.0, lane.length, _ARROWS_APART):
+            tail, head = lane.at([start, min(start + 1.0, lane.length)])
+            arrow = {"arrowstyle": "-|>", "color": color, "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 0.8}
+            axis.annotate("", head[:2], tail[:2], arrowprops=arrow, zorder=1, annotation_clip=True)
     for place in network.parking:
         axis.plot(*place.position[:2], marker="s", color=LANE_COLORS["parking"], markersize=3, alpha=0.8, zorder=1)
 
@@ -180,7 +181,7 @@ def _draw_sensors(axis: Axes, state: WorldState, rig: Sensors) -> None:
                 yaw + right,
                 yaw + left,
                 facecolor=color,
-                alpha=0.16,
+                alpha=0.25,
                 edgecolor=color,
                 zorder=2,
             )
