@@ -64,9 +64,31 @@ class Spec(Described, BaseModel):
             raise FrozenError(f"a {kind} is frozen: {name} cannot be set; make a copy: with_({name}={short(value)})")
         super().__setattr__(name, value)
 
+    @classmethod
+    def of(cls: type[SpecT], **fields: Any) -> SpecT:
+        """Return the specification of some fields, as the constructor does; subclasses take names of their parts' fields, too.
+
+        Raises
+        ------
+        UnknownFieldError
+            If there is no such field.
+        SpecError
+            If a value is not allowed.
+        """
+        return cls(**fields)
+
     def with_(self: SpecT, **changes: Any) -> SpecT:
-        """Return a copy with some fields changed; the copy is validated again."""
-        return type(self)(**{**{name: getattr(self, name) for name in type(self).model_fields}, **changes})
+        """Return a copy with some fields changed; the copy is validated again, and knows which fields were ever set."""
+        kept = {name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set}
+        return type(self)(**{**kept, **changes})
+
+    def merged(self: SpecT, changes: SpecT) -> SpecT:
+        """Return a copy with the fields that were set in `changes`, those of nested specifications one by one."""
+        fields = {}
+        for name in changes.model_fields_set:
+            old, new = getattr(self, name), getattr(changes, name)
+            fields[name] = old.merged(new) if isinstance(new, Spec) and type(old) is type(new) else new
+        return self.with_(**fields) if fields else self
 
     def _facts(self) -> Iterable[Row]:
         for name, unit in self._derived:

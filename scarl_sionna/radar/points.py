@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
-from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.prompt.arguments import HOW_TO_POSE, HOW_TO_RADAR, expect
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.prompt.describe import Described
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .paths import RadarPaths
@@ -89,10 +91,9 @@ def point_targets(
     velocities: npt.ArrayLike,
     rcs: npt.ArrayLike,
     radar: RadarSpec,
-    pose: Pose,
-    radar_twist: Twist | None = None,
+    mount: Mount | Pose,
     state: WorldState | None = None,
-    **options: Any,
+    **fields: Any,
 ) -> RadarPaths:
     r"""Return the paths of ideal isotropic point targets.
 
@@ -105,15 +106,16 @@ def point_targets(
     rcs : array_like of float, shape (num_targets,)
         Radar cross-section [m2], >= 0, the same for V and H; nothing is cross-polarised. A scalar holds for all.
     radar : RadarSpec
-    pose : Pose
-        `world_from_radar` at the start of the frame.
-    radar_twist : Twist, optional
-        Velocity of the radar; at rest if left out. Its rotation within a frame is not modelled.
+    mount : Mount or Pose
+        Of the radar at the start of the frame; a bare pose (`world_from_radar`) stands still. Rotation within a frame is not
+        modelled.
     state : WorldState, optional
         Surroundings: the paths to the targets are then traced in them, with occlusion and mirror reflections (two-ray
         ground, ghosts); free space if left out.
-    **options
-        Of :func:`scarl_sionna.radar.channel.multipath.solve.solve_sionna`, with a `state` only.
+    **fields
+        With a `state` only: `settings` (a :class:`~scarl_sionna.RadarSettings`) or its fields, as in
+        :func:`scarl_sionna.solve_paths`, for the solver ``"sionna"``; `receiver` (a Mount or Pose) of a bistatic pair; and
+        `environment`, whether paths that touch no target are there, too (False).
 
     Returns
     -------
@@ -140,21 +142,18 @@ def point_targets(
     .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, Eq. (1.6).
     """
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
-    expect("pose", pose, Pose, HOW_TO_POSE)
     targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
-    targets.require_apart(pose.position)
     if state is not None:
-        from .channel.multipath.solve import solve_sionna
-
-        return solve_sionna(
-            state, radar, pose, radar_twist=radar_twist, scatterers=targets, **{"environment": False, **options}
-        )
-    if options:
-        raise ParameterRangeError("options", ", ".join(sorted(options)), "none in free space", "give a state")
+        return solve_points(state, radar, mount, targets, **fields)
+    if fields:
+        raise ParameterRangeError("options", ", ".join(sorted(fields)), "none in free space", "give a state")
+    place = Mount.of(mount)
+    pose = place.pose
+    targets.require_apart(pose.position)
     points, motion, sigma = targets.positions, targets.velocities, targets.rcs
     offset = points - pose.position
     distance = np.linalg.norm(offset, axis=1)
-    relative = motion - (radar_twist.linear if radar_twist is not None else 0.0)
+    relative = motion - place.twist.linear
     radial = np.einsum("ij,ij->i", offset, relative) / distance
     amplitude = radar.wavelength * np.sqrt(sigma) / ((4.0 * np.pi) ** 1.5 * distance**2)
     count = len(points)
@@ -172,6 +171,41 @@ def point_targets(
         world_from_tx=pose,
         world_from_rx=pose,
     )
+
+
+def solve_points(
+    state: WorldState,
+    radar: RadarSpec,
+    mount: Mount | Pose,
+    points: PointScatterers,
+    *,
+    settings: RadarSettings | None = None,
+    receiver: Mount | Pose | None = None,
+    environment: bool = False,
+    **fields: Any,
+) -> RadarPaths:
+    """Return the paths of point targets in surroundings, with occlusion and multipath by the solver ``"sionna"``.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    mount : Mount or Pose
+    points : PointScatterers
+        Their ids follow the scene's own.
+    settings : RadarSettings, optional
+    receiver : Mount or Pose, optional
+        Of a bistatic pair.
+    environment : bool
+        Whether paths that touch no target are there, too.
+    **fields
+        Fields of the settings, as in :func:`scarl_sionna.solve_paths`.
+    """
+    from .channel.multipath.solve import solve_sionna
+
+    chosen = (settings or RadarSettings()).changed("sionna", **fields)
+    second = None if receiver is None else state.as_mount(receiver)
+    return solve_sionna(state, radar, state.as_mount(mount), chosen, second, scatterers=points, environment=environment)
 
 
 def _rows(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -56,9 +57,11 @@ def test_public_names_resolve() -> None:
     assert set(scarl_sionna.__all__) <= set(dir(scarl_sionna))
 
 
-def test_every_public_name_has_one_home() -> None:
-    homes = [name for names in scarl_sionna._HOME.values() for name in names]
-    assert sorted(homes) == sorted(scarl_sionna.__all__)
+def test_the_list_of_public_names_is_what_the_stub_imports() -> None:
+    stub = ast.parse(Path(scarl_sionna.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imported = [name.name for node in stub.body if isinstance(node, ast.ImportFrom) for name in node.names]
+    listed = next(node.value for node in stub.body if isinstance(node, ast.Assign))
+    assert sorted(imported) == sorted(ast.literal_eval(listed)) == sorted(scarl_sionna.__all__)
 
 
 def test_unknown_public_name() -> None:

@@ -12,7 +12,7 @@ import scarl_sionna as ss
 from scarl_sionna.core.prompt.describe import MAX_LINES, MAX_WIDTH, array_text, quantity, text_table
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.dataset import write_dataset
-from scarl_sionna.radar.channel import ChannelPlan, Share
+from scarl_sionna.core.settings.plan import ChannelPlan, Share
 from scarl_sionna.radar.points import PointScatterers
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scene.materials.table import load_materials
@@ -56,7 +56,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     write_dataset(folder / "data", RIG.to_dict(), {"street": [make_frame(0), make_frame(1)]})
     dataset = ss.open_dataset(folder / "data")
     extra = [
-        world, state, world.parts, world.actors[0], world.instances[1], world.document, world.document.lanes, world.mesh(0),
+        world, state, state.mount("ego", ss.Pose([2.0, 0.0, 0.8])), world.parts, world.actors[0], world.instances[1], world.document, world.document.lanes, world.mesh(0),
         world.materials, state.cast([0, 0, 5], [[0, 0, -1.0]]), state.boxes()[0], frame, radar_frame, rd, rda, points, paths,
         *frame.images.values(), *frame.lidars.values(), ss.label_paths(paths), ss.label_cells(rd, paths),
         ss.label_points(points, paths, RADAR), scatterers, scatterers.amplitude, model, ss.Pose([1, 2, 3]), ss.Twist(),

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import OutputError, ParameterRangeError, SceneError
+from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRangeError, SceneError
 from scarl_sionna.core.prompt.describe import Described
+from scarl_sionna.core.settings.scatterers import TR38901
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .table import AspectTable
@@ -286,3 +287,31 @@ def _stencil(grid: Array, value: Array) -> tuple[npt.NDArray[np.int64], Array]:
             if i != j:
                 share[:, i] *= (held - node[:, j]) / (node[:, i] - node[:, j])
     return number.astype(np.int64), share
+
+
+def loaded_models(named: Mapping[str, object]) -> dict[str, ScattererModel]:
+    """Return the models of objects: those in memory as they are, those named by a file or as ``"tr38901:<target>"`` loaded.
+
+    Parameters
+    ----------
+    named : mapping of name to ScattererModel, path or text
+        The `models` of :class:`scarl_sionna.core.settings.scatterers.ScattererSettings`.
+
+    Raises
+    ------
+    InputTypeError
+        If a value is none of them.
+    UnknownNameError
+        If TR 38.901 has no such target.
+    """
+    return {name: _loaded(name, model) for name, model in named.items()}
+
+
+def _loaded(name: str, model: object) -> ScattererModel:
+    if isinstance(model, ScattererModel):
+        return model
+    if isinstance(model, str) and model.startswith(TR38901):
+        return ScattererModel.tr38901(model.removeprefix(TR38901))
+    if isinstance(model, (str, Path)):
+        return ScattererModel.load(model)
+    raise InputTypeError(f"model of '{name}'", model, f"a ScattererModel, a file of one, or '{TR38901}<target>'")

@@ -74,7 +74,7 @@ def warn_of_edge_wavefronts(wavelength: float, mirrors: list[tuple[Legs, Station
         warnings.warn(
             f"an edge's wavefront has two radii, and over this array it is up to {error * 1e3:.2g} mm "
             f"({360.0 * error / wavelength:.0f} deg of phase) off the one sphere that a path holds; solve for parts of the array "
-            "apart (rx_pose=...), or leave diffraction out",
+            "apart (receiver=...), or leave diffraction out",
             ScarlWarning,
             stacklevel=4,
         )

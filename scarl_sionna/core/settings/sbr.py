@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Decibels, Unit
 
 
 class SbrChannelSettings(Spec):
@@ -16,16 +19,16 @@ class SbrChannelSettings(Spec):
         description="cut the faces in view into about this many first tubes of equal sides, where max_phase does not ask for "
         "smaller ones; None: as few as it allows",
     )  # fmt: skip
-    max_phase: float = Field(
+    max_phase: Annotated[float, Unit("rad")] = Field(
         0.2, gt=0.0, le=3.0,
         description="largest departure of the phase over a patch from a linear one, at half of its longest side [rad]: size of "
         "what is one path, and distance of the rays",
     )  # fmt: skip
-    integration_phase: float = Field(
+    integration_phase: Annotated[float, Unit("rad")] = Field(
         0.01, gt=0.0, le=3.0,
         description="the same for the parts over which the field of a patch is integrated with a linear phase [rad]",
     )  # fmt: skip
-    max_ramp: float = Field(
+    max_ramp: Annotated[float, Unit("rad")] = Field(
         0.5, gt=0.0, le=3.0,
         description="largest change of the phase between the middle and the end of a patch's side that another antenna, or the "
         "end of the band, makes [rad]",
@@ -43,7 +46,7 @@ class SbrChannelSettings(Spec):
     )
     diffuse: bool = Field(True, description="whether rough surfaces scatter the part S of their reflection diffusely")
     seed: int = Field(0, ge=0, le=2**63 - 1, description="of the random phases of the diffusely scattering patches")
-    floor_db: float | None = Field(
+    floor_db: Decibels | None = Field(
         -10.0,
         description="patches of a range bin are left out as long as the power of all of them in phase stays this far from the "
         "noise of one cell of the range-Doppler-angle cube [dB]; None keeps all",
