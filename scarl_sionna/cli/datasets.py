@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.scenario.spec.named import SCENARIO_FILES, scenario_of
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
 
 from .common import EXIT_INCOMPLETE, collected_warnings, reported
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from scarl_sionna.batch import ExportReport, ExportSettings
 
 app = typer.Typer()
-_FILES = (".yaml", ".yml", ".json")
 
 
 @app.command()
@@ -62,7 +62,7 @@ def export(
     However it was stopped, the same command goes on where it was; the bytes do not depend on the number of workers.
     """
     with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
-        specs = [chosen.apply(load_scenario(text)) for text in scenarios]
+        specs = [chosen.apply(scenario_of(text)) for text in scenarios]
         part = None if shard is None else _part(shard)
         from scarl_sionna.batch import ExportSettings
         from scarl_sionna.dataset.encoding import StoreOptions
@@ -150,8 +150,8 @@ def preview(
             return
         from scarl_sionna.app.preview import write_preview
 
-        scenario = load_scenario(target)
-        if Path(target).suffix not in _FILES and target not in scenario_names():
+        scenario = scenario_of(target)
+        if Path(target).suffix not in SCENARIO_FILES and target not in scenario_names():
             scenario = scenario.with_(duration=8.0)  # a scene's own drive
         scenario = chosen.apply(scenario)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -178,7 +178,7 @@ def preview(
 def _is_scenario(target: str) -> bool:
     """Return whether a text names a scenario or a scene, and no dataset."""
     path = Path(target)
-    return path.suffix in (*_FILES, ".xml") or (not path.is_dir() and target in _ready())
+    return path.suffix in (*SCENARIO_FILES, ".xml") or (not path.is_dir() and target in _ready())
 
 
 def _ready() -> tuple[str, ...]:
@@ -206,23 +206,6 @@ def show_dataset(place: str) -> str:
     ]
     lines += [f"  sensor {name}: {kind}" for name, kind in dataset.sensors.items()]
     return "\n".join(lines)
-
-
-def load_scenario(text: str) -> ScenarioSpec:
-    """Return the scenario of a file, named after it, a ready one, or that of a scene's name."""
-    path = Path(text)
-    if path.suffix in _FILES or text in scenario_names():
-        scenario = named_scenario(text)
-        if scenario.name is None:
-            scenario = scenario.with_(name=re.sub(r"[^A-Za-z0-9_\-]", "_", path.stem))
-    else:
-        scenario = ScenarioSpec(scene=text)
-    return scenario
-
-
-def named_scenario(text: str) -> ScenarioSpec:
-    """Return the scenario of a file, or a ready one by its name."""
-    return ScenarioSpec.load(text) if Path(text).suffix in _FILES else ScenarioSpec.preset(text)
 
 
 def _part(text: str) -> tuple[int, int]:

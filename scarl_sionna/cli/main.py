@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from scarl_sionna.core.errors import OutputError
+from scarl_sionna.scenario.spec.named import named_scenario
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
 from . import calibrate, datasets, formats
@@ -79,7 +80,7 @@ def demo(
     A run that was stopped goes on where it was: frames of the same settings that are complete are kept.
     """
     with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
-        base = datasets.named_scenario(scenario) if scenario else _DEFAULTS
+        base = named_scenario(scenario) if scenario else _DEFAULTS
         started = perf_counter()
         base = base if scene is None else base.with_(scene=scene)
         summary = _run(chosen.apply(base), out, overwrite)

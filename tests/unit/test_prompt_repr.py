@@ -10,9 +10,9 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.prompt.describe import MAX_LINES, MAX_WIDTH, array_text, quantity, text_table
+from scarl_sionna.core.settings.plan import ChannelPlan, Share
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.dataset import write_dataset
-from scarl_sionna.core.settings.plan import ChannelPlan, Share
 from scarl_sionna.radar.points import PointScatterers
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scene.materials.table import load_materials
