@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.scenario.spec.named import SCENARIO_FILES, scenario_of
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
 
-from .common import EXIT_INCOMPLETE, collected_warnings, reported
+from .common import EXIT_INCOMPLETE, collected_warnings, completing, ready_names, reported
 from .options import ScenarioOptions, scenario_options
 
 if TYPE_CHECKING:
@@ -31,7 +31,9 @@ def export(
     scenarios: Annotated[
         list[str],
         typer.Argument(
-            metavar="SCENARIO...", help="Scenario files (.yaml, .json), names of ready scenarios or of scenes."
+            metavar="SCENARIO...",
+            help="Scenario files (.yaml, .json), names of ready scenarios or of scenes.",
+            autocompletion=completing(ready_names),
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
@@ -121,7 +123,11 @@ def preview(
     context: typer.Context,
     chosen: ScenarioOptions,
     target: Annotated[
-        str, typer.Argument(help="Folder or address of a dataset; or a scenario: file, ready scenario, or scene name.")
+        str,
+        typer.Argument(
+            help="Folder or address of a dataset; or a scenario: file, ready scenario, or scene name.",
+            autocompletion=completing(ready_names),
+        ),
     ],
     frame: Annotated[int, typer.Option(help="Dataset: position of the frame; negative: from the end.")] = 0,
     suite: Annotated[
@@ -142,7 +148,7 @@ def preview(
                 )
             if "://" not in target and not Path(target).exists():
                 raise UnknownNameError(
-                    "scenario or scene", target, _ready(), "or give a scenario file, or the folder of a dataset"
+                    "scenario or scene", target, ready_names(), "or give a scenario file, or the folder of a dataset"
                 )
             from scarl_sionna.app.demo import write_sheet
 
@@ -178,14 +184,7 @@ def preview(
 def _is_scenario(target: str) -> bool:
     """Return whether a text names a scenario or a scene, and no dataset."""
     path = Path(target)
-    return path.suffix in (*SCENARIO_FILES, ".xml") or (not path.is_dir() and target in _ready())
-
-
-def _ready() -> tuple[str, ...]:
-    """Return the names of ready scenarios and of scenes."""
-    from scenes_xml import scene_names
-
-    return (*scenario_names(), *scene_names())
+    return path.suffix in (*SCENARIO_FILES, ".xml") or (not path.is_dir() and target in ready_names())
 
 
 def show_dataset(place: str) -> str:

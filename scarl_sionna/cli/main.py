@@ -14,10 +14,11 @@ from rich.table import Table
 
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.scenario.spec.named import named_scenario
-from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
+from scarl_sionna.scene.document.find import scene_names
 
 from . import calibrate, datasets, formats
-from .common import collected_warnings, reported
+from .common import collected_warnings, completing, reported
 from .options import ScenarioOptions, scenario_options
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ app = typer.Typer(
     name="scarl-sionna",
     help="Synchronized synthetic camera, lidar and MIMO radar data of driving scenes.",
     no_args_is_help=True,
-    add_completion=False,
+    rich_markup_mode=None,  # the markup takes [s], [m] and [deg] for its own tags
     pretty_exceptions_enable=False,
 )
 app.add_typer(datasets.app)
@@ -65,11 +66,16 @@ def demo(
     scenario: Annotated[
         str | None,
         typer.Option(
-            help="Scenario file (.yaml, .json) or the name of a ready scenario; the other options win over it."
+            help="Scenario file (.yaml, .json) or the name of a ready scenario; the other options win over it.",
+            autocompletion=completing(scenario_names),
         ),
     ] = None,
     scene: Annotated[
-        str | None, typer.Option(help=f"Scene name or path of an XML file (default: {_DEFAULTS.scene}).")
+        str | None,
+        typer.Option(
+            help=f"Scene name or path of an XML file (default: {_DEFAULTS.scene}).",
+            autocompletion=completing(scene_names),
+        ),
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Remove the frames in the folder first. Without it they are kept.")

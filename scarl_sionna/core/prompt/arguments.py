@@ -104,7 +104,7 @@ def check_frequency(name: str, frequency: npt.ArrayLike) -> None:
     if bad.size:
         value = float(bad.flat[0])
         remedy = scaled(value, "Hz", {"ge": LEAST_FREQUENCY})
-        raise ParameterRangeError(name, f"{value:g} Hz", f">= {LEAST_FREQUENCY:g} Hz and finite", remedy)
+        raise ParameterRangeError(name, f"{value} Hz", f">= {LEAST_FREQUENCY:g} Hz and finite", remedy)
 
 
 def _shown(values: Any) -> str:
