@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from .show.plan import Sensors
+    from .show.preview import Drawn, Points
 
 __all__ = ["World", "WorldState", "find_scene", "load_scene", "scene_names", "stage"]
 
@@ -254,6 +255,47 @@ class World(Described):
         """
         start = self.time_range[0]
         return self.at((start if np.isfinite(start) else 0.0) if time is None else time).plot(rig, extent, ax)
+
+    def preview(
+        self,
+        rig: Sensors | None = None,
+        paths: Drawn | None = None,
+        points: Points | None = None,
+        time: float | None = None,
+    ) -> Any:
+        """Return a view of the world in three dimensions for a notebook: Sionna RT's previewer, in the colours of radio materials.
+
+        Parameters
+        ----------
+        rig : Rig, optional
+            Sensors on the ego vehicle, each a ball with its boresight.
+        paths : RadarPaths, optional
+            Lines from the receiver to where it sees each path, brighter where they are stronger; the strongest 3,000.
+        points : RadarPoints, LidarScan or ndarray of shape (num_points, 3) [m, world], optional
+            Coloured by radial velocity. Detections stand in the frame of the radar of `paths`, else of the rig's first radar.
+        time : float, optional
+            [s]; default: the start of the motion, 0 in a static scene.
+
+        Returns
+        -------
+        sionna.rt.preview.Previewer
+            Shows itself as the result of a notebook's cell, or by its ``display()``.
+
+        Raises
+        ------
+        TimeRangeError
+            If the motion is not known at this time.
+        PlacementError
+            If a rig is given and there is no ego vehicle.
+        ParameterRangeError, InputTypeError
+            If points are of another kind or shape, or detections stand without their radar.
+        """
+        from .show.preview import preview_state
+
+        start = self.time_range[0]
+        return preview_state(
+            self.at((start if np.isfinite(start) else 0.0) if time is None else time), rig, paths, points
+        )
 
 
 class WorldState(Described):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.prompt.axes import (
@@ -56,7 +55,7 @@ def plot_paths(paths: RadarPaths, view: str, dynamic_range_db: float, ax: Axes |
         colour_bar(axis, drawn, "radial velocity [m/s], opening is positive")
     else:
         axis = axes_or_new(ax, 7.0, 6.0)
-        place = apparent_places(paths)[order]
+        place = paths.world_from_rx.inverse().apply(paths.apparent_points[order])
         drawn = axis.scatter(
             place[:, 1], place[:, 0], c=gain_db[order], s=8, cmap=POWER_MAP, vmin=limits[0], vmax=limits[1], linewidths=0,
             rasterized=True,
@@ -67,15 +66,3 @@ def plot_paths(paths: RadarPaths, view: str, dynamic_range_db: float, ax: Axes |
         colour_bar(axis, drawn, _GAIN)
     axis.set_title(f"{len(order)} of {paths.num_paths} paths, within {dynamic_range_db:g} dB of the strongest")
     return axis
-
-
-def apparent_places(paths: RadarPaths) -> npt.NDArray[np.float64]:
-    """Return where the receiver sees each path: along its direction of arrival, at half its length; (num_paths, 3) [m, radar frame]."""
-    arrival = paths.rx_point - paths.world_from_rx.position
-    if paths.rx_image is not None:  # by mirrors only: from the transmitter's image under the inverse isometry
-        mirror = np.isfinite(paths.rx_image).all(axis=(1, 2))
-        image = paths.rx_image[mirror]
-        ahead = image[:, :, :3] @ paths.world_from_rx.position + image[:, :, 3] - paths.world_from_tx.position
-        arrival[mirror] = -np.einsum("pji,pj->pi", image[:, :, :3], ahead)
-    unit = arrival / np.maximum(np.linalg.norm(arrival, axis=1, keepdims=True), 1e-12)
-    return paths.world_from_rx.inverse().rotate(unit * (paths.length / 2.0)[:, None])

@@ -95,6 +95,18 @@ class RadarPaths(
             length[mirror] = np.linalg.norm(image[:, :, :3] @ rx + image[:, :, 3] - tx, axis=1)
         return length
 
+    @property
+    def apparent_points(self) -> npt.NDArray[np.float64]:
+        """Where the receiver sees each path: along its direction of arrival, at half its length; (num_paths, 3) [m, world]."""
+        arrival = self.rx_point - self.world_from_rx.position
+        if self.rx_image is not None:  # by mirrors only: from the transmitter's image under the inverse isometry
+            mirror = np.isfinite(self.rx_image).all(axis=(1, 2))
+            image = self.rx_image[mirror]
+            ahead = image[:, :, :3] @ self.world_from_rx.position + image[:, :, 3] - self.world_from_tx.position
+            arrival[mirror] = -np.einsum("pji,pj->pi", image[:, :, :3], ahead)
+        unit = arrival / np.maximum(np.linalg.norm(arrival, axis=1, keepdims=True), 1e-12)
+        return self.world_from_rx.position + unit * (self.length / 2.0)[:, None]
+
     def plot(self, view: str = "range", dynamic_range_db: float = 60.0, ax: Axes | None = None) -> Axes:
         """Draw the paths.
 
