@@ -1,4 +1,5 @@
 # The public names and where they are defined: read by type checkers, and by lazy_loader at run time.
+from .batch.one_call import export
 from .core.errors import ScarlError, ScarlWarning
 from .core.mount import Mount
 from .core.pose import Pose, Twist
@@ -23,7 +24,7 @@ from .core.specs.radar.multiplexing import IdealMimo, Tdm
 from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
 from .core.specs.weather import Weather
-from .dataset.readers.reader import open_dataset
+from .dataset.readers.reader import Dataset, open_dataset
 from .engine.world import World, WorldState, load_scene, stage
 from .fusion import Rig
 from .radar.channel import plan_channel, solve_paths
@@ -36,6 +37,7 @@ from .radar.scatterers.model import ScattererModel
 from .radar.synthesis import synthesize
 from .radar.synthesis.blocks import retraced, synthesize_blocks
 from .radar.weather.attenuation import attenuate_paths
+from .scenario.spec.scenario import ScenarioSpec
 from .scene.actors.mesh import actor_from_mesh
 from .scene.actors.model import ActorModel, read_actor_model
 from .scene.document.staging import StagedActor
@@ -43,7 +45,7 @@ from .signal.angle import range_doppler_angle
 from .signal.converter import quantize
 from .signal.detection import detect
 from .signal.processing import range_doppler, virtual_cube
-from .simulation import observe, simulate
+from .simulation import observe, radar_cube, simulate
 
 __all__ = [
     "Accuracy",
@@ -63,6 +65,7 @@ __all__ = [
     "BrownConrady",
     "CameraSpec",
     "Fmcw",
+    "Dataset",
     "Frame",
     "FrontEnd",
     "HeterodyneReceiver",
@@ -82,6 +85,7 @@ __all__ = [
     "Rig",
     "RisleyScan",
     "ScarlError",
+    "ScenarioSpec",
     "ScarlReceiver",
     "ScarlWarning",
     "ScattererModel",
@@ -97,6 +101,7 @@ __all__ = [
     "attenuate_paths",
     "compile_scatterers",
     "detect",
+    "export",
     "label_cells",
     "label_paths",
     "label_points",
@@ -105,6 +110,7 @@ __all__ = [
     "open_dataset",
     "point_targets",
     "quantize",
+    "radar_cube",
     "range_doppler",
     "range_doppler_angle",
     "rcs",

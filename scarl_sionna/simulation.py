@@ -7,17 +7,22 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+import scarl_sionna.dataset  # noqa: F401  # it draws frames: Frame.plot
+
 from .core import seeds
 from .core.errors import PlacementError
 from .core.mount import Mount
 from .core.pose import Pose
+from .core.prompt.arguments import HOW_TO_RADAR, HOW_TO_RIG, HOW_TO_WORLD, expect, number
 from .core.registry import Sensor, sensor_class
 from .core.results import Frame
 from .core.settings.radar import RadarSettings
+from .core.specs.radar.spec import RadarSpec
 from .fusion.labels import count_labels
 from .fusion.rig import Rig, SensorMount
 from .fusion.visibility import add_visibility
 from .scenario.spec.scenario import ScenarioSpec
+from .signal.angle import RangeDopplerAngle, range_doppler_angle
 
 if TYPE_CHECKING:
     from .engine.world import World
@@ -74,12 +79,18 @@ def observe(
 
     Raises
     ------
+    InputTypeError
+        If a name stands where a world or a rig belongs, and so on.
     PlacementError
         If the world has no ego actor and no vehicle is given.
     TimeRangeError
         If the time lies outside the world's motion.
     """
-    timestamp_ns = round(time * 1e9)
+    from .engine.world import World
+
+    expect("world", world, World, HOW_TO_WORLD)
+    expect("rig", rig, Rig, HOW_TO_RIG)
+    timestamp_ns = round(number("time", time, "give seconds: observe(world, rig, time=0.5)") * 1e9)
     timings: dict[str, float] = {}
     started = perf_counter()
     state = world.at(timestamp_ns / 1e9)
@@ -119,6 +130,55 @@ def observe(
         objects=count_labels(objects, results),
         timings=timings,
     )
+
+
+def radar_cube(
+    scene: World | str | Path = "highway_guardrail",
+    radar: RadarSpec | str = "awr1843boost",
+    time: float = 0.0,
+    seed: int = 0,
+    *,
+    settings: RadarSettings | None = None,
+) -> RangeDopplerAngle:
+    """Return the radar cube of a scene: what a radar in the middle of the ego vehicle's front sees, processed to angles.
+
+    ``ss.radar_cube().plot()`` is the shortest way to a picture. It is :func:`observe` with a rig of one radar, and
+    :func:`range_doppler_angle`: noise and converter included.
+
+    Parameters
+    ----------
+    scene : World, str or path
+        A loaded world, or what :func:`load_scene` takes. It needs an ego vehicle.
+    radar : RadarSpec or str
+        Or the name of a preset.
+    time : float
+        [s]
+    seed : int
+        Root of the noise.
+    settings : RadarSettings, optional
+        Method, tolerance, noise and the like.
+
+    Returns
+    -------
+    RangeDopplerAngle
+        Power over Doppler, range and angle [W]; `range_doppler` holds the complex channels.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such scene or radar.
+    PlacementError
+        If the world has no ego vehicle.
+    TimeRangeError
+        If the time lies outside the world's motion.
+    """
+    from .engine.world import World, load_scene
+
+    world = scene if isinstance(scene, World) else load_scene(scene)
+    spec = RadarSpec.preset(radar) if isinstance(radar, str) else radar
+    expect("radar", spec, RadarSpec, HOW_TO_RADAR)
+    frame = observe(world, Rig.front(radar=spec).subset("*/radar"), time, seed, radar=settings)
+    return range_doppler_angle(next(iter(frame.radars.values())))
 
 
 def simulate(

@@ -14,14 +14,14 @@ from PIL import Image, ImageDraw, ImageFont
 from scarl_sionna.core.errors import MissingPackageError, OutputError, ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import ObjectState
-from scarl_sionna.core.semantics import SEMANTIC_CLASSES, semantic_id
 from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine.show.ground import ACTOR_COLORS, EGO_COLOR, View, actor_color, ground_picture
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.simulation import load_world, observe
 
 if TYPE_CHECKING:
-    from scarl_sionna.engine.world import World, WorldState
+    from scarl_sionna.engine.world import World
 
 Picture = npt.NDArray[np.uint8]
 OnProgress = Callable[[str, int, int], None]
@@ -36,30 +36,11 @@ WIDEST, AROUND_EGO = 260.0, 55.0
 """A longer plan shows the ego vehicle's way with so much around it, or follows it where that is too long as well [m]."""
 LARGEST_GROUND = 2200
 """Longer side of the ground that a plan which follows is cut out of [px]."""
-HEAD_ROOM = 3.4
-"""Where something covers what moves, the plan is a cut at this height above the ego vehicle's ground [m]."""
-COVERS = frozenset(map(semantic_id, ("Vegetation", "Bridge", "Pole", "TrafficLight", "TrafficSign", "Static")))
-"""Classes that the plan looks through where they are higher than the cut."""
-DEEP = 100.0
-"""What is this far below the ego vehicle is not drawn [m]."""
 TRAIL = 2.0
 """Length of the trails [s]."""
 MAX_FRAMES = 240
 STRIP_FRAMES = 5
 STRIP_CAMERA = CameraSpec(width=384, height=216, horizontal_fov_deg=75.0, samples_per_pixel=8, images=("rgb",))
-
-GROUND_COLORS = {
-    "Roads": (74, 76, 80), "RoadLine": (226, 226, 218), "SideWalks": (158, 156, 150), "Building": (112, 92, 84), "Wall": (128, 126, 122),
-    "Vegetation": (84, 118, 66), "Terrain": (128, 148, 96), "Ground": (146, 142, 128), "Bridge": (150, 148, 146),
-    "GuardRail": (196, 200, 206), "Fence": (122, 100, 80), "Water": (86, 122, 150),
-}  # fmt: skip
-OTHER_COLOR = (104, 102, 108)
-NOTHING_COLOR = (36, 38, 42)
-ACTOR_COLORS = {
-    "Car": (86, 156, 240), "Truck": (240, 160, 60), "Bus": (232, 196, 60), "Pedestrian": (236, 88, 120), "Rider": (200, 110, 230),
-    "Bicycle": (200, 110, 230), "Motorcycle": (170, 90, 220),
-}  # fmt: skip
-EGO_COLOR = (70, 220, 130)
 
 
 @dataclass(frozen=True)
@@ -71,24 +52,8 @@ class Preview:
     num_frames: int
 
 
-@dataclass(frozen=True)
-class _View:
-    """Part of the plane that a picture shows: centre [m], half extents [m], pixels a metre."""
-
-    centre: npt.NDArray[np.float64]
-    half: npt.NDArray[np.float64]
-    scale: float
-
-    @property
-    def longest(self) -> float:
-        """Return the longer side [m]."""
-        return 2.0 * float(self.half.max())
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height [px], even: video codecs want that."""
-        width, height = (2 * max(int(np.round(side * self.scale)), 8) for side in self.half)
-        return width, height
+class _View(View):
+    """A part of the plane that is drawn `SMOOTH` times larger."""
 
     def pixel(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Return columns and rows of points (n, 2) [m]; x runs to the right, y up."""
@@ -177,7 +142,7 @@ def _plans(world: World, times: Sequence[float], on_done: Callable[[int], None])
     if track is not None and whole.longest > WIDEST:
         whole = _view_of(track, AROUND_EGO)
     follows = track is not None and whole.longest > WIDEST
-    ground = _ground(states[0], whole)
+    ground = ground_picture(states[0], whole)
     for index, frame in enumerate(frames):
         view, own = whole, ground
         if follows and track is not None:
@@ -208,52 +173,6 @@ def _view_of(points: npt.NDArray[np.float64], margin: float = MARGIN) -> _View:
     return _View((low + high) / 2.0, half, (LARGEST if longest <= WIDEST else LARGEST_GROUND) / longest)
 
 
-def _ground(state: WorldState, view: _View) -> Picture:
-    """Return the static scene from above, in colours of the classes, shaded by height and slope."""
-    from scarl_sionna.engine.rays.apart import stand_apart
-
-    width, height = view.size
-    column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    x = view.centre[0] + (column.ravel() - width / 2.0) / view.scale
-    y = view.centre[1] - (row.ravel() - height / 2.0) / view.scale
-    ego = state.world.ego
-    floor = float(state.actor_pose(ego).position[2]) if ego is not None else 0.0
-    static = stand_apart(state.world).state
-    _, upper = state.world._triangles.bounds()
-    classes, level, slope = _looked_down(static, x, y, float(upper[:, 2].max()) + 1.0)
-    cut, covered = floor + HEAD_ROOM, False
-    if ego is not None:
-        above = static.cast(state.actor_pose(ego).position + [0.0, 0.0, 1.0], np.array([[0.0, 0.0, 1.0]]))
-        covered = above.num_hits > 0 and not np.isin(state.world.parts.semantic[above.part], list(COVERS)).any()
-        cut = min(cut, floor + 1.0 + 0.8 * float(above.distance[0])) if covered else cut
-    low_classes, low_level, low_slope = _looked_down(static, x, y, cut)
-    through = covered | (np.isin(classes, list(COVERS)) & (level > cut))
-    classes, level, slope = (
-        np.where(through, low, top) for low, top in ((low_classes, classes), (low_level, level), (low_slope, slope))
-    )
-    palette = np.array(
-        [GROUND_COLORS.get(name, OTHER_COLOR) for name in SEMANTIC_CLASSES] + [NOTHING_COLOR], dtype=np.float64
-    )
-    shade = np.clip(0.72 + 0.28 * slope + 0.012 * np.clip(level - floor, -5.0, 25.0), 0.5, 1.25)
-    return np.clip(palette[classes] * shade[:, None], 0, 255).astype(np.uint8).reshape(height, width, 3)
-
-
-def _looked_down(
-    state: WorldState, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], top: float
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return class (one past the last for nothing), height and cosine of the slope of what stands below points."""
-    count = len(x)
-    origins = np.stack([x, y, np.full(count, top)], axis=1)
-    hits = state.cast(origins, np.broadcast_to([0.0, 0.0, -1.0], (count, 3)))
-    classes = np.full(count, len(SEMANTIC_CLASSES), dtype=np.int64)
-    level, slope = np.zeros(count), np.ones(count)
-    body = state.world.parts.actor[hits.part] < 0
-    ray = hits.ray[body]
-    classes[ray] = state.world.parts.semantic[hits.part[body]]
-    level[ray], slope[ray] = hits.point[body, 2], hits.cos_incidence[body]
-    return classes, level, slope
-
-
 def _drawn(
     ground: Image.Image, view: _View, world: World, actors: Sequence[ObjectState],
     trail: Sequence[dict[str, npt.NDArray[np.float64]]], time: float,
@@ -263,12 +182,12 @@ def _drawn(
     large = ground.resize((width * SMOOTH, height * SMOOTH), Image.Resampling.NEAREST)
     pen = ImageDraw.Draw(large, "RGBA")
     for item in actors:
-        color = _color(item, world)
+        color = actor_color(item, world)
         past = np.array([step[item.name] for step in trail if item.name in step])
         if len(past) > 1:
             pen.line([tuple(point) for point in view.pixel(past)], fill=(*color, 150), width=2 * SMOOTH)
     for item in actors:
-        color = _color(item, world)
+        color = actor_color(item, world)
         size = np.maximum(item.size[:2], 0.7)
         corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * size
         nose = np.array([(0.18, -0.42), (0.46, 0.0), (0.18, 0.42)]) * size
@@ -281,12 +200,6 @@ def _drawn(
     picture = large.resize((width, height), Image.Resampling.LANCZOS)
     _annotate(ImageDraw.Draw(picture, "RGBA"), view, world, actors, time)
     return picture
-
-
-def _color(item: ObjectState, world: World) -> tuple[int, int, int]:
-    if item.name == world.ego:
-        return EGO_COLOR
-    return ACTOR_COLORS.get(SEMANTIC_CLASSES[item.semantic], (210, 210, 210))
 
 
 def _annotate(pen: Any, view: _View, world: World, actors: Sequence[ObjectState], time: float) -> None:

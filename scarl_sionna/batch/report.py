@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from scarl_sionna.core.prompt.describe import Described
+
 from .job import ShardReport
 
 
-@dataclass
-class ExportReport:
+@dataclass(repr=False)
+class ExportReport(Described, units={"num_bytes": "bytes", "wall_seconds": "s"}):
     """What an export did.
 
     Attributes

@@ -15,10 +15,11 @@ from scarl_sionna.core.errors import ParameterRangeError, SceneError
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.version_0_1 import read_radar
+from scarl_sionna.core.units import Decibels, Degrees, Hertz, Metres, Unit
 
 Array = npt.NDArray[np.float64]
 Numbers = float | tuple[float, ...]
-Point = tuple[float, float, float]
+Point = tuple[Metres, Metres, Metres]
 Form = Literal["complex", "amplitude", "power", "power_db"]
 
 _NOISE = (
@@ -68,7 +69,7 @@ class Lobe(Spec):
     """One lobe of a target's RCS against aspect, ``peak - 12 (angle / width)^2`` dB as in TR 38.901, clause 7.9.2."""
 
     center_deg: float
-    width_deg: float = Field(gt=0.0, description="between the points 3 dB below the peak [deg]")
+    width_deg: Degrees = Field(gt=0.0, description="between the points 3 dB below the peak [deg]")
     peak_dbsm: float
 
 
@@ -86,7 +87,7 @@ class MeasurementBase(Spec):
     values: tuple[float, ...] = ()
     values_imag: tuple[float, ...] = ()
     noise: Numbers | None = None
-    gain_db: float = Field(0.0, description="of the instrument, added to what the model predicts [dB]")
+    gain_db: Decibels = Field(0.0, description="of the instrument, added to what the model predicts [dB]")
     held_out: bool = Field(False, description="not used for the estimate, only to judge it")
 
     @field_validator("values", "values_imag")
@@ -120,8 +121,8 @@ class SlabMeasurement(MeasurementBase):
     material: str
     quantity: Literal["reflection", "transmission", "backscatter", "cross_backscatter"] = "reflection"
     polarization: Literal["TE", "TM"] = "TE"
-    frequency: Numbers = Field(77e9, description="[Hz]")
-    angle_deg: Numbers = Field(0.0, description="from the normal [deg]")
+    frequency: Annotated[Numbers, Unit("Hz")] = Field(77e9, description="[Hz]")
+    angle_deg: Annotated[Numbers, Unit("deg")] = Field(0.0, description="from the normal [deg]")
     form: Form = "power_db"
 
     @model_validator(mode="after")
@@ -157,10 +158,10 @@ class MeshRcs(MeasurementBase):
     kind: Literal["mesh_rcs"] = "mesh_rcs"
     mesh: str = Field(description="path of a PLY, OBJ, STL or glTF file [m]")
     material: str
-    theta_deg: Numbers = Field(90.0, description="direction to the radar, from +z [deg]")
-    phi_deg: Numbers = Field(0.0, description="and from +x [deg]")
+    theta_deg: Annotated[Numbers, Unit("deg")] = Field(90.0, description="direction to the radar, from +z [deg]")
+    phi_deg: Annotated[Numbers, Unit("deg")] = Field(0.0, description="and from +x [deg]")
     polarization: Literal["VV", "HH", "VH", "HV"] = "VV"
-    frequency: float = Field(77e9, gt=0.0, description="[Hz]")
+    frequency: Hertz = Field(77e9, gt=0.0, description="[Hz]")
     form: Form = Field(
         "power_db", description="complex and amplitude are roots of the RCS [m], power is [m2], power_db [dBsm]"
     )
@@ -178,7 +179,7 @@ class PointTarget(Spec):
     """A reflector of known RCS in the scene."""
 
     position: Point
-    rcs: float = Field(1.0, gt=0.0, description="[m2]")
+    rcs: Annotated[float, Unit("m2")] = Field(1.0, gt=0.0, description="[m2]")
     velocity: Point = (0.0, 0.0, 0.0)
 
 
@@ -187,8 +188,8 @@ class SceneGeometry(MeasurementBase):
 
     scene: str = Field(description="name of a built-in scene, or path of its XML")
     position: Point = Field(description="of the radar [m, world]")
-    yaw_deg: float = Field(0.0, description="of its boresight from x towards y [deg]")
-    pitch_deg: float = Field(0.0, description="of its boresight, up [deg]")
+    yaw_deg: Degrees = Field(0.0, description="of its boresight from x towards y [deg]")
+    pitch_deg: Degrees = Field(0.0, description="of its boresight, up [deg]")
     targets: tuple[PointTarget, ...] = Field(min_length=1)
     max_depth: int = Field(2, ge=0, le=8)
     num_samples: int = Field(200_000, ge=1)
@@ -203,7 +204,7 @@ class ScenePowers(SceneGeometry):
 
     kind: Literal["scene_powers"] = "scene_powers"
     lengths: tuple[float, ...]
-    resolution: float = Field(0.1, gt=0.0, description="[m]")
+    resolution: Metres = Field(0.1, gt=0.0, description="[m]")
     polarization: Literal["V", "H"] = "V"
     frequency: float = Field(77e9, gt=0.0)
     form: Form = "power_db"

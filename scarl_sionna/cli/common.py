@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import signal
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
 import typer
 
 from scarl_sionna.core.errors import ScarlError, ScarlWarning
+from scarl_sionna.scenario.spec.scenario import scenario_names
+from scarl_sionna.scene.document.find import scene_names
 
 EXIT_INCOMPLETE = EXIT_DAMAGED = 1
 EXIT_ERROR = 2
@@ -44,6 +46,20 @@ def collected_warnings() -> Iterator[None]:
     if messages:
         more = f" (and {len(messages) - 1} more warnings)" if len(messages) > 1 else ""
         typer.echo(f"warning: {messages[0]}{more}", err=True)
+
+
+def completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """Return what completes a value in the shell: those of some names that begin as what was typed."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [name for name in names() if name.startswith(incomplete)]
+
+    return complete
+
+
+def ready_names() -> tuple[str, ...]:
+    """Return the names of ready scenarios and of scenes."""
+    return (*scenario_names(), *scene_names())
 
 
 def fail(message: str, code: int) -> NoReturn:

@@ -11,16 +11,24 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.scenario.spec.named import SCENARIO_FILES, scenario_of
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
 
-from .common import EXIT_DAMAGED, EXIT_INCOMPLETE, EXIT_UNFINISHED, collected_warnings, reported
+from .common import (
+    EXIT_DAMAGED,
+    EXIT_INCOMPLETE,
+    EXIT_UNFINISHED,
+    collected_warnings,
+    completing,
+    ready_names,
+    reported,
+)
 from .options import ScenarioOptions, scenario_options
 
 if TYPE_CHECKING:
     from scarl_sionna.batch import ExportReport, ExportSettings
 
 app = typer.Typer()
-_FILES = (".yaml", ".yml", ".json")
 
 
 @app.command()
@@ -31,7 +39,9 @@ def export(
     scenarios: Annotated[
         list[str],
         typer.Argument(
-            metavar="SCENARIO...", help="Scenario files (.yaml, .json), names of ready scenarios or of scenes."
+            metavar="SCENARIO...",
+            help="Scenario files (.yaml, .json), names of ready scenarios or of scenes.",
+            autocompletion=completing(ready_names),
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
@@ -65,7 +75,7 @@ def export(
     However it was stopped, the same command goes on where it was; the bytes do not depend on the number of workers.
     """
     with reported(context, f"go on with the same command; finished frames are kept in {out}"):
-        specs = [chosen.apply(load_scenario(text)) for text in scenarios]
+        specs = [chosen.apply(scenario_of(text)) for text in scenarios]
         part = None if shard is None else _part(shard)
         from scarl_sionna.batch import ExportSettings
         from scarl_sionna.dataset.encoding import StoreOptions
@@ -127,7 +137,11 @@ def preview(
     context: typer.Context,
     chosen: ScenarioOptions,
     target: Annotated[
-        str, typer.Argument(help="Folder or address of a dataset; or a scenario: file, ready scenario, or scene name.")
+        str,
+        typer.Argument(
+            help="Folder or address of a dataset; or a scenario: file, ready scenario, or scene name.",
+            autocompletion=completing(ready_names),
+        ),
     ],
     frame: Annotated[int, typer.Option(help="Dataset: position of the frame; negative: from the end.")] = 0,
     suite: Annotated[
@@ -148,7 +162,7 @@ def preview(
                 )
             if "://" not in target and not Path(target).exists():
                 raise UnknownNameError(
-                    "scenario or scene", target, _ready(), "or give a scenario file, or the folder of a dataset"
+                    "scenario or scene", target, ready_names(), "or give a scenario file, or the folder of a dataset"
                 )
             from scarl_sionna.app.demo import write_sheet
 
@@ -156,8 +170,8 @@ def preview(
             return
         from scarl_sionna.app.preview import write_preview
 
-        scenario = load_scenario(target)
-        if Path(target).suffix not in _FILES and target not in scenario_names():
+        scenario = scenario_of(target)
+        if Path(target).suffix not in SCENARIO_FILES and target not in scenario_names():
             scenario = scenario.with_(duration=8.0)  # a scene's own drive
         scenario = chosen.apply(scenario)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -184,14 +198,7 @@ def preview(
 def _is_scenario(target: str) -> bool:
     """Return whether a text names a scenario or a scene, and no dataset."""
     path = Path(target)
-    return path.suffix in (*_FILES, ".xml") or (not path.is_dir() and target in _ready())
-
-
-def _ready() -> tuple[str, ...]:
-    """Return the names of ready scenarios and of scenes."""
-    from scenes_xml import scene_names
-
-    return (*scenario_names(), *scene_names())
+    return path.suffix in (*SCENARIO_FILES, ".xml") or (not path.is_dir() and target in ready_names())
 
 
 def show_dataset(place: str) -> str:
@@ -202,7 +209,7 @@ def show_dataset(place: str) -> str:
     manifest = dataset.manifest
     rows = [row for items in manifest["shards"].values() for row in items if row]
     lines = [
-        repr(dataset).strip("<>"),
+        f"Dataset {place}: {len(dataset)} frames in {len(dataset.scenes)} scenes, {len(dataset.sensors)} sensors",
         f"schema version {manifest['schema_version']}, configuration {manifest['configuration_hash'][:16]}, "
         f"{sum(row[3] for row in rows) / 1e6:.1f} MB, licence: {manifest['licence']}",
     ]
@@ -212,23 +219,6 @@ def show_dataset(place: str) -> str:
     ]
     lines += [f"  sensor {name}: {kind}" for name, kind in dataset.sensors.items()]
     return "\n".join(lines)
-
-
-def load_scenario(text: str) -> ScenarioSpec:
-    """Return the scenario of a file, named after it, a ready one, or that of a scene's name."""
-    path = Path(text)
-    if path.suffix in _FILES or text in scenario_names():
-        scenario = named_scenario(text)
-        if scenario.name is None:
-            scenario = scenario.with_(name=re.sub(r"[^A-Za-z0-9_\-]", "_", path.stem))
-    else:
-        scenario = ScenarioSpec(scene=text)
-    return scenario
-
-
-def named_scenario(text: str) -> ScenarioSpec:
-    """Return the scenario of a file, or a ready one by its name."""
-    return ScenarioSpec.load(text) if Path(text).suffix in _FILES else ScenarioSpec.preset(text)
 
 
 def _part(text: str) -> tuple[int, int]:

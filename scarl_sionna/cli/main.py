@@ -13,10 +13,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from scarl_sionna.core.errors import OutputError
-from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.named import named_scenario
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
+from scarl_sionna.scene.document.find import scene_names
 
 from . import calibrate, datasets, formats
-from .common import collected_warnings, reported
+from .common import collected_warnings, completing, reported
 from .options import ScenarioOptions, scenario_options
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ app = typer.Typer(
     name="scarl-sionna",
     help="Synchronized synthetic camera, lidar and MIMO radar data of driving scenes.",
     no_args_is_help=True,
-    add_completion=False,
+    rich_markup_mode=None,  # the markup takes [s], [m] and [deg] for its own tags
     pretty_exceptions_enable=False,
 )
 app.add_typer(datasets.app)
@@ -64,11 +66,16 @@ def demo(
     scenario: Annotated[
         str | None,
         typer.Option(
-            help="Scenario file (.yaml, .json) or the name of a ready scenario; the other options win over it."
+            help="Scenario file (.yaml, .json) or the name of a ready scenario; the other options win over it.",
+            autocompletion=completing(scenario_names),
         ),
     ] = None,
     scene: Annotated[
-        str | None, typer.Option(help=f"Scene name or path of an XML file (default: {_DEFAULTS.scene}).")
+        str | None,
+        typer.Option(
+            help=f"Scene name or path of an XML file (default: {_DEFAULTS.scene}).",
+            autocompletion=completing(scene_names),
+        ),
     ] = None,
     overwrite: Annotated[
         bool,
@@ -83,7 +90,7 @@ def demo(
     A run that was stopped goes on where it was: frames of the same settings that are complete are kept.
     """
     with reported(context, f"go on with the same command; finished frames are kept in {out}"):
-        base = datasets.named_scenario(scenario) if scenario else _DEFAULTS
+        base = named_scenario(scenario) if scenario else _DEFAULTS
         started = perf_counter()
         base = base if scene is None else base.with_(scene=scene)
         summary = _run(chosen.apply(base), out, overwrite)

@@ -15,7 +15,13 @@ import yaml
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.settings.radar import METHODS, QUALITIES, RadarSettings
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.specs.lighting import LIGHTING_PRESETS
+from scarl_sionna.core.specs.weather import WEATHER_PRESETS
+from scarl_sionna.fusion.rig import RIG_PRESETS
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.scene.actors.model import DETAILS
+
+from .common import completing
 
 _DEFAULTS = ScenarioSpec()
 _RADAR = RadarSettings()
@@ -30,25 +36,41 @@ SCENARIO_OPTIONS: Mapping[str, Any] = {
     ],
     "quality": Annotated[
         str | None,
-        typer.Option(help=f"{' or '.join(QUALITIES)}: effort of all sensors (default: {_DEFAULTS.quality})."),
+        typer.Option(
+            autocompletion=completing(lambda: QUALITIES),
+            help=f"{' or '.join(QUALITIES)}: effort of all sensors (default: {_DEFAULTS.quality}).",
+        ),
     ],
     "variant": Annotated[
         int | None, typer.Option(help=f"Variant of the scene, built on first use (default: {_DEFAULTS.variant}).")
     ],
     "detail": Annotated[
-        str | None, typer.Option(help=f"Level of geometry, light or detailed (default: {_DEFAULTS.detail}).")
+        str | None,
+        typer.Option(
+            autocompletion=completing(lambda: DETAILS),
+            help=f"Level of geometry, light or detailed (default: {_DEFAULTS.detail}).",
+        ),
     ],
     "lighting": Annotated[
-        str | None, typer.Option(help="day, dusk, night, overcast or rain (default: that of the scene).")
+        str | None,
+        typer.Option(
+            autocompletion=completing(lambda: LIGHTING_PRESETS),
+            help="day, dusk, night, overcast or rain (default: that of the scene).",
+        ),
     ],
     "weather": Annotated[
-        str | None, typer.Option(help="clear, drizzle, rain, heavy_rain, fog, dense_fog or snow (default: clear).")
+        str | None,
+        typer.Option(
+            autocompletion=completing(lambda: WEATHER_PRESETS),
+            help="clear, drizzle, rain, heavy_rain, fog, dense_fog or snow (default: clear).",
+        ),
     ],
     "rig": Annotated[
         str | None,
         typer.Option(
+            autocompletion=completing(lambda: RIG_PRESETS),
             help="front: one suite of five sensors; scarl: six suites all around; or the path of a rig file "
-            f"(default: {_DEFAULTS.rig})."
+            f"(default: {_DEFAULTS.rig}).",
         ),
     ],
     "seed": Annotated[int | None, typer.Option(help=f"Root of all random numbers (default: {_DEFAULTS.seed}).")],
@@ -58,7 +80,13 @@ SCENARIO_OPTIONS: Mapping[str, Any] = {
 RADAR_OPTIONS: Mapping[str, tuple[str, Any]] = {
     "method": (
         "method",
-        Annotated[str | None, typer.Option(help=f"Radar channel: {', '.join(METHODS)} (default: that of the rig).")],
+        Annotated[
+            str | None,
+            typer.Option(
+                autocompletion=completing(lambda: METHODS),
+                help=f"Radar channel: {', '.join(METHODS)} (default: that of the rig).",
+            ),
+        ],
     ),
     "tolerance_db": (
         "accuracy.channel_tolerance_db",

@@ -15,6 +15,12 @@ class ScarlError(Exception):
     """Base of all errors that scarl-sionna raises on purpose."""
 
 
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return a question with the known name nearest to a misspelt one, or nothing if none is near."""
+    close = get_close_matches(name, list(known), n=1)
+    return f"did you mean '{close[0]}'?" if close else ""
+
+
 class ParameterRangeError(ScarlError, ValueError):
     """A parameter lies outside its allowed range."""
 
@@ -28,8 +34,8 @@ class UnknownNameError(ScarlError, KeyError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str], remedy: str = "") -> None:
         self.kind, self.name, self.known, self.remedy = kind, name, sorted(known), remedy
-        close = get_close_matches(name, self.known, n=1)
-        hint = f"; did you mean '{close[0]}'?" if close else ""
+        close = did_you_mean(name, self.known)
+        hint = f"; {close}" if close else ""
         listed = ", ".join(self.known) if self.known else "none"
         super().__init__(f"unknown {kind} '{name}' (known: {listed}){hint}" + (f"; {remedy}" if remedy else ""))
 
@@ -43,6 +49,40 @@ class InputTypeError(ScarlError, TypeError):
     def __init__(self, name: str, value: object, needed: str, remedy: str = "") -> None:
         self.name, self.value, self.needed, self.remedy = name, value, needed, remedy
         super().__init__(f"{name} is a {type(value).__name__}, not {needed}" + (f"; {remedy}" if remedy else ""))
+
+
+class SpecError(ParameterRangeError):
+    """A field of a specification has a value that is not allowed.
+
+    Attributes
+    ----------
+    model : type
+        The specification's class.
+    path : tuple of str or int
+        The field, and the way to the value inside it.
+    """
+
+    def __init__(self, model: type, path: Sequence[str | int], value: object, allowed: str, remedy: str = "") -> None:
+        self.model, self.path = model, tuple(path)
+        super().__init__(".".join([model.__name__, *map(str, path)]), value, allowed, remedy)
+
+
+class UnknownFieldError(SpecError, UnknownNameError, TypeError):
+    """A specification has no field of this name; `owner` is the class that lacks it, which may be a part of `model`."""
+
+    def __init__(
+        self, model: type, path: Sequence[str | int], known: Iterable[str], remedy: str = "", owner: type | None = None
+    ) -> None:
+        self.model, self.path, self.remedy, self.owner = model, tuple(path), remedy, owner or model
+        self.kind, self.known = f"field of {self.owner.__name__}", sorted(known)
+        self.name, self.value, self.allowed = ".".join([model.__name__, *map(str, path)]), None, ", ".join(self.known)
+        close = did_you_mean(str(path[-1]), self.known)
+        hints = "".join(f"; {hint}" for hint in (close, remedy) if hint)
+        Exception.__init__(self, f"{self.name} is an unknown {self.kind} (fields: {self.allowed}){hints}")
+
+
+class FrozenError(ScarlError, AttributeError, TypeError):
+    """A specification or a result cannot be changed, only copied with changes."""
 
 
 class SceneError(ScarlError):

@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 
 from .errors import InputTypeError
 from .pose import Pose, Twist
+from .prompt.describe import Described
 
 
-@dataclass(frozen=True)
-class Mount:
+@dataclass(frozen=True, repr=False)
+class Mount(Described):
     """Pose and velocity of a sensor at one instant.
 
     ``state.mount("ego", ss.Pose([4.0, 0.0, 0.7]))`` makes it for a sensor that rides on an actor.

@@ -16,6 +16,8 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from .errors import ParameterRangeError
+from .prompt.arguments import check_radians, numbers
+from .prompt.describe import Described, Row, vector
 
 Array = npt.NDArray[np.float64]
 
@@ -23,8 +25,11 @@ CAMERA_OPTICAL_FROM_SENSOR = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0,
 """Rotation from a sensor frame (x forward, y left, z up) to the optical frame (x right, y down, z forward)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Pose:
+_EULER = "Euler angles [rad]: ss.Pose.from_euler(position, yaw, pitch, roll)"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Pose(Described):
     """A rigid transformation: rotation, then translation.
 
     Parameters
@@ -39,13 +44,12 @@ class Pose:
     quaternion: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
 
     def __post_init__(self) -> None:
-        position = np.array(self.position, dtype=np.float64)
-        quaternion = np.array(self.quaternion, dtype=np.float64)
-        if position.shape != (3,) or not _all_finite(position):
-            raise ParameterRangeError("position", self.position, "three finite coordinates [m]")
-        norm = math.sqrt(quaternion @ quaternion) if quaternion.shape == (4,) else 0.0
+        position = numbers("position", self.position, 3, "three finite coordinates [m]", "write Pose([x, y, z])")
+        allowed = "four finite numbers [w, x, y, z], not all zero"
+        quaternion = numbers("quaternion", self.quaternion, 4, allowed, _EULER)
+        norm = math.sqrt(quaternion @ quaternion)
         if not math.isfinite(norm) or norm < 1e-12:
-            raise ParameterRangeError("quaternion", self.quaternion, "four finite numbers [w, x, y, z], not all zero")
+            raise ParameterRangeError("quaternion", self.quaternion, allowed, _EULER)
         if abs(norm - 1.0) > 1e-15:  # not twice: a pose read from a file keeps its last bit
             quaternion = quaternion / norm
         position.setflags(write=False)
@@ -61,7 +65,24 @@ class Pose:
 
     @classmethod
     def from_euler(cls, position: npt.ArrayLike, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Pose:
-        """Return the pose with intrinsic yaw (about z), pitch (about y, positive = nose down) and roll (about x) [rad]."""
+        """Return the pose with intrinsic yaw (about z), pitch (about y, positive = nose down) and roll (about x) [rad].
+
+        Raises
+        ------
+        ParameterRangeError
+            If an angle is larger than two turns: it was written in degrees.
+        """
+        for name, angle in (("yaw", yaw), ("pitch", pitch), ("roll", roll)):
+            check_radians(name, angle)
+        return cls._of_angles(position, yaw, pitch, roll)
+
+    @classmethod
+    def from_heading(cls, position: npt.ArrayLike, heading: float) -> Pose:
+        """Return an upright pose whose x axis points along a heading [rad], after any number of turns."""
+        return cls._of_angles(position, heading, 0.0, 0.0)
+
+    @classmethod
+    def _of_angles(cls, position: npt.ArrayLike, yaw: float, pitch: float, roll: float) -> Pose:
         cy, cp, cr = (math.cos(angle / 2.0) for angle in (yaw, pitch, roll))
         sy, sp, sr = (math.sin(angle / 2.0) for angle in (yaw, pitch, roll))
         quaternion = [
@@ -117,15 +138,27 @@ class Pose:
         """Return the pose ``self @ other``."""
         return Pose(self.apply(other.position), _product(self.quaternion, other.quaternion))
 
+    def __repr__(self) -> str:
+        return f"Pose({', '.join(f'{name}={text}' for name, text in self._facts())})"
+
+    def _facts(self) -> list[Row]:
+        yaw, pitch, roll = (math.degrees(angle) + 0.0 for angle in self._angles())
+        turned = (
+            []
+            if abs(pitch) < 5e-4 and abs(roll) < 5e-4
+            else [("pitch", f"{pitch:.4g} deg"), ("roll", f"{roll:.4g} deg")]
+        )
+        return [("position", vector(self.position, "m")), ("yaw", f"{yaw:.4g} deg"), *turned]
+
+    def _angles(self) -> tuple[float, float, float]:
+        """Return yaw, pitch and roll of `from_euler` [rad]."""
+        matrix = self.rotation
+        pitch = math.asin(min(max(-matrix[2, 0], -1.0), 1.0))
+        return self.yaw, pitch, math.atan2(matrix[2, 1], matrix[2, 2])
+
     def to_dict(self) -> dict[str, list[float]]:
         """Return position and quaternion as plain lists, for files."""
         return {"position": self.position.tolist(), "quaternion": self.quaternion.tolist()}
-
-
-def _all_finite(vector: Array) -> bool:
-    """Return whether no coordinate is infinite or not a number; quicker for three numbers than NumPy."""
-    x, y, z = vector.tolist()
-    return math.isfinite(x) and math.isfinite(y) and math.isfinite(z)
 
 
 def _product(first: Array, second: Array) -> Array:
@@ -143,8 +176,8 @@ def _product(first: Array, second: Array) -> Array:
     return -product if product[0] < 0.0 else product
 
 
-@dataclass(frozen=True, eq=False)
-class Twist:
+@dataclass(frozen=True, eq=False, repr=False)
+class Twist(Described):
     """Velocity of a rigid body: linear velocity of its origin [m/s] and angular velocity [rad/s], both in the world frame."""
 
     linear: Array = field(default_factory=lambda: np.zeros(3))
@@ -152,11 +185,15 @@ class Twist:
 
     def __post_init__(self) -> None:
         for name in ("linear", "angular"):
-            value = np.array(getattr(self, name), dtype=np.float64)
-            if value.shape != (3,) or not _all_finite(value):
-                raise ParameterRangeError(name, getattr(self, name), "three finite components")
+            value = numbers(name, getattr(self, name), 3, "three finite components", "write Twist([x, y, z])")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return f"Twist({', '.join(f'{name}={text}' for name, text in self._facts())})"
+
+    def _facts(self) -> list[Row]:
+        return [("linear", vector(self.linear, "m/s")), ("angular", vector(self.angular, "rad/s"))]
 
     def velocity_at(self, offset: npt.ArrayLike) -> Array:
         """Return the velocity [m/s] of points at `offset` (..., 3) [m, world axes] from the body's origin."""

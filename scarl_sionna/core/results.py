@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,15 +11,22 @@ import numpy as np
 import numpy.typing as npt
 
 from .pose import Pose, Twist
+from .prompt.describe import Described, Row, field_rows, html_table, listed, quantity
+from .prompt.frames import frame_plot
+from .prompt.pictures import thumbnail
+from .semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from .specs.radar.spec import RadarSpec
 
 
-@dataclass(frozen=True, eq=False)
-class ImageFrame:
+@dataclass(frozen=True, eq=False, repr=False)
+class ImageFrame(Described, units={"depth": "m"}):
     """Images of one camera at one instant, all in the same projection. An image not asked for is None.
 
     Attributes
@@ -63,9 +71,43 @@ class ImageFrame:
     object_occlusion: npt.NDArray[np.float32] | None = None
     object_truncation: npt.NDArray[np.float32] | None = None
 
+    @property
+    def picture(self) -> npt.NDArray[np.uint8] | None:
+        """What a person looks at first: the RGB image, or the colours of the classes, shape (height, width, 3); None without both."""
+        if self.rgb is not None:
+            return self.rgb
+        return None if self.semantic is None else SEMANTIC_COLORS[self.semantic]
 
-@dataclass(frozen=True, eq=False)
-class LidarScan:
+    def plot(self, image: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw one of the images.
+
+        Parameters
+        ----------
+        image : {"rgb", "depth", "semantic", "instance", "normal", "flow"}, optional
+            Default: the first of them that the camera made. Depth in metres, logarithmic; flow as its length in pixels with arrows.
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        UnknownNameError, ParameterRangeError
+            If the frame does not hold this image, or none at all.
+        """
+        from .prompt.images import plot_image
+
+        return plot_image(self, image, ax)
+
+    def _repr_html_(self) -> str:
+        shown = "" if self.picture is None else thumbnail(self.picture)
+        return html_table(type(self).__name__, self._facts(), shown)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velocity": "m/s", "time": "s"}):
     """Returns of one lidar, one row a return, in the order of the shot numbers and of the distance in each shot.
 
     What the receiver measured (distance, radial velocity, position, carrier-to-noise ratio) holds its noise; labels, normal, incidence
@@ -130,9 +172,34 @@ class LidarScan:
         """Number of returns."""
         return int(self.distance.shape[0])
 
+    def plot(self, color: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw the returns from above, in the sensor frame.
 
-@dataclass(frozen=True, eq=False)
-class RadarFrame:
+        Parameters
+        ----------
+        color : {"radial_velocity", "distance", "intensity", "reflectance", "height", "time"}, optional
+            What a point's colour stands for; default: radial velocity, or height where the receiver tells none.
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        UnknownNameError, ParameterRangeError
+            If there is no such quantity, or the scan does not hold it.
+        """
+        from .prompt.images import plot_lidar
+
+        return plot_lidar(self, color, ax)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RadarFrame(
+    Described, units={"adc_scale": "sqrt(W)", "cell_power": "W", "object_power": "W", "object_ghost_power": "W"}
+):
     """Raw data of one radar at one instant, as its converter gives it.
 
     Attributes
@@ -175,6 +242,11 @@ class RadarFrame:
     object_power: npt.NDArray[np.float64] | None = None
     object_ghost_power: npt.NDArray[np.float64] | None = None
 
+    def _facts(self) -> Iterable[Row]:
+        yield "adc", f"complex64 {self.adc_int.shape[:-1]} = (num_rx, num_chirps_total, num_samples) [sqrt(W)]"
+        yield from field_rows(self, without=("adc_int", "diagnostics"))
+        yield "diagnostics", listed(self.diagnostics)
+
     @property
     def adc(self) -> npt.NDArray[np.complex64]:
         """Beat signal [sqrt(W)], complex64, shape (num_rx, num_chirps_total, num_samples)."""
@@ -185,8 +257,8 @@ class RadarFrame:
 SensorResult = ImageFrame | LidarScan | RadarFrame
 
 
-@dataclass(frozen=True, eq=False)
-class ObjectState:
+@dataclass(frozen=True, eq=False, repr=False)
+class ObjectState(Described, units={"size": "m"}):
     """Ground truth of one object at one instant.
 
     `world_from_box` is the pose of the centre of its oriented box with extents `size` (length, width, height) [m].
@@ -204,8 +276,8 @@ class ObjectState:
     num_lidar_points: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
+@dataclass(frozen=True, eq=False, repr=False)
+class Frame(Described):
     """All sensors of a rig at one instant.
 
     `results` is keyed by the sensor's name in the rig (for instance ``"front_left/radar"``);
@@ -220,6 +292,48 @@ class Frame:
     results: Mapping[str, SensorResult]
     objects: tuple[ObjectState, ...]
     timings: Mapping[str, float] = field(default_factory=dict)
+
+    def _facts(self) -> Iterable[Row]:
+        yield "index", str(self.index)
+        yield "time", quantity(self.timestamp_ns * 1e-9, "s")
+        yield "seed", str(self.seed)
+        yield "world_from_vehicle", repr(self.world_from_vehicle)
+        yield "vehicle_twist", repr(self.vehicle_twist)
+        for name, found in (("radars", self.radars), ("images", self.images), ("lidars", self.lidars)):
+            yield name, f"{len(found)}: {listed(found)}" if found else "none"
+        counts = Counter(SEMANTIC_CLASSES[item.semantic] for item in self.objects)
+        yield "objects", f"{len(self.objects)}: " + listed(f"{count} {name}" for name, count in counts.most_common())
+        yield "timings", listed(f"{stage} {quantity(taken, 's')}" for stage, taken in self.timings.items())
+
+    def _repr_html_(self) -> str:
+        seen = [image.picture for image in self.images.values() if image.picture is not None]
+        return html_table(type(self).__name__, self._facts(), thumbnail(seen[0]) if seen else "")
+
+    def plot(self, suite: str | None = None, title: str = "", max_range: float = 100.0, markers: bool = True) -> Figure:
+        """Return a contact sheet: images, lidar depth and radar maps of one suite.
+
+        Parameters
+        ----------
+        suite : str, optional
+            Group of sensors, the part of their names before the last ``/``; default: ``front_center`` if there, else the first.
+        title : str
+            First words of the headline, for instance the scene's name.
+        max_range : float
+            Last range and depth shown [m].
+        markers : bool
+            Mark the true places of the moving objects on the radar maps.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            For a notebook, or ``savefig``.
+
+        Raises
+        ------
+        UnknownNameError
+            If the frame has no such suite.
+        """
+        return frame_plot()(self, suite=suite, title=title, max_range=max_range, markers=markers)
 
     def of_type(self, kind: type) -> dict[str, Any]:
         """Return the results of one type, by sensor name."""

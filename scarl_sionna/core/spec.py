@@ -2,48 +2,79 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, TypeVar
+import inspect
+from collections.abc import Iterable, Mapping
+from functools import reduce
+from operator import or_
+from types import UnionType
+from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from .errors import ParameterRangeError, UnknownNameError
+from .errors import FrozenError
+from .prompt.describe import Described, Row, short, value_text
+from .prompt.refusals import refusal, unit_of
 
 SpecT = TypeVar("SpecT", bound="Spec")
+_ONE_LINE = 100
+"""A specification whose fields take at most so many characters shows itself in one line."""
 
 
-class Spec(BaseModel):
-    """A frozen specification. Bad values raise :class:`ParameterRangeError` with the field, the value and what is allowed."""
+class Spec(Described, BaseModel):
+    """A frozen specification. Bad values raise :class:`SpecError` with the field, the value and what is allowed.
+
+    Raises
+    ------
+    SpecError
+        If a value is not allowed; it is a ParameterRangeError.
+    UnknownFieldError
+        If there is no field of a name.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    _derived: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """Properties that its table shows first, each with its unit."""
 
     def __init__(self, **data: Any) -> None:
         try:
             super().__init__(**data)
         except ValidationError as error:
-            first = error.errors()[0]
-            name = ".".join([type(self).__name__, *(str(part) for part in first["loc"])])
-            inner = first.get("ctx", {}).get("error")
-            if isinstance(inner, ParameterRangeError):  # of a specification inside this one: its own value and remedy
-                name = ".".join(part for part in (name, inner.name.partition(".")[2]) if part)
-                raise ParameterRangeError(name, inner.value, inner.allowed, inner.remedy) from error
-            value, allowed = first.get("input"), first["msg"].removeprefix("Value error, ")
-            raise ParameterRangeError(name, repr(value)[:80], allowed) from error
+            raise refusal(type(self), error) from error
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **others: Any) -> None:
+        """Give the class the signature of its fields, with plain types."""
+        cls.__signature__ = inspect.Signature(  # type: ignore[assignment]
+            [
+                inspect.Parameter(
+                    name,
+                    inspect.Parameter.KEYWORD_ONLY,
+                    default=inspect.Parameter.empty
+                    if info.is_required()
+                    else info.get_default(call_default_factory=True),
+                    annotation=_plain(info.annotation),
+                )
+                for name, info in cls.model_fields.items()
+            ]
+        )
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in type(self).model_fields:
+            kind = type(self).__name__
+            raise FrozenError(f"a {kind} is frozen: {name} cannot be set; make a copy: with_({name}={short(value)})")
+        super().__setattr__(name, value)
 
     @classmethod
     def of(cls: type[SpecT], **fields: Any) -> SpecT:
-        """Return the specification of some fields; a misspelt one is an error that lists the known ones.
+        """Return the specification of some fields, as the constructor does; subclasses take names of their parts' fields, too.
 
         Raises
         ------
-        UnknownNameError
+        UnknownFieldError
             If there is no such field.
-        ParameterRangeError
+        SpecError
             If a value is not allowed.
         """
-        for name in fields:
-            if name not in cls.model_fields:
-                raise UnknownNameError(f"field of {cls.__name__}", name, cls.model_fields)
         return cls(**fields)
 
     def with_(self: SpecT, **changes: Any) -> SpecT:
@@ -79,3 +110,36 @@ class Spec(BaseModel):
         names = type(self).model_fields
         mine, yours = self.__pydantic_private__, other.__pydantic_private__
         return all(getattr(self, name) == getattr(other, name) for name in names) and mine == yours
+
+    def _facts(self) -> Iterable[Row]:
+        for name, unit in self._derived:
+            yield name, value_text(getattr(self, name), unit)
+        for name, info in type(self).model_fields.items():
+            if (value := getattr(self, name)) is not None:
+                yield name, value_text(value, unit_of(info))
+
+    def __repr__(self) -> str:
+        values = {name: getattr(self, name) for name in type(self).model_fields}
+        inside = ", ".join(
+            f"{name}={repr(value) if isinstance(value, str) else short(value)}"
+            for name, value in values.items()
+            if value is not None
+        )
+        if len(inside) <= _ONE_LINE:
+            return f"{type(self).__name__}({inside})"
+        return Described.__repr__(self)
+
+    def __str__(self) -> str:
+        return repr(self)
+
+
+def _plain(annotation: Any) -> Any:
+    """Return a type without its metadata."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _plain(arguments[0])
+    if origin in (Union, UnionType):
+        return reduce(or_, [_plain(one) for one in arguments])
+    if isinstance(origin, type) and arguments:
+        return origin[tuple(_plain(one) for one in arguments)]  # type: ignore[index]
+    return annotation

@@ -9,7 +9,8 @@ Conventions, stated once:
 
 from __future__ import annotations
 
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Annotated, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,28 @@ REFERENCE_TEMPERATURE = 290.0
 """Reference temperature of the noise figure [K] (IEEE)."""
 
 FloatOrArray = TypeVar("FloatOrArray", float, npt.NDArray[np.floating])
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Unit of a number of a specification, as metadata of its type: ``Annotated[float, Unit("Hz")]``."""
+
+    symbol: str
+
+
+Hertz = Annotated[float, Unit("Hz")]
+Seconds = Annotated[float, Unit("s")]
+Metres = Annotated[float, Unit("m")]
+MetresPerSecond = Annotated[float, Unit("m/s")]
+MetresPerSecond2 = Annotated[float, Unit("m/s2")]
+MetresPerSecond3 = Annotated[float, Unit("m/s3")]
+Pixels = Annotated[float, Unit("px")]
+Degrees = Annotated[float, Unit("deg")]
+Decibels = Annotated[float, Unit("dB")]
+DecibelsIsotropic = Annotated[float, Unit("dBi")]
+DecibelMilliwatts = Annotated[float, Unit("dBm")]
+Watts = Annotated[float, Unit("W")]
+MillimetresPerHour = Annotated[float, Unit("mm/h")]
 
 
 def db_to_power(value_db: FloatOrArray) -> FloatOrArray:

@@ -1,8 +1,18 @@
 """Writers and readers of datasets, and pictures of frames."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from scarl_sionna.core.prompt.frames import plot_frames_with
+from scarl_sionna.core.results import Frame
+
 from .encoding import StoreOptions
 from .readers.reader import Dataset, Scene, StoredFrame, open_dataset
 from .store.writer import write_dataset
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = [
     "Dataset",
@@ -12,3 +22,12 @@ __all__ = [
     "open_dataset",
     "write_dataset",
 ]
+
+
+def _contact_sheet(frame: Frame, **options: Any) -> Figure:
+    from .contact_sheet import contact_sheet  # imports Matplotlib
+
+    return contact_sheet(frame, **options)
+
+
+plot_frames_with(_contact_sheet)

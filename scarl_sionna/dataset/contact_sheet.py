@@ -10,14 +10,13 @@ import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
-from scarl_sionna.core.errors import OutputError
+from scarl_sionna.core.errors import OutputError, UnknownNameError
+from scarl_sionna.core.prompt.axes import POWER_MAP, colour_bar
+from scarl_sionna.core.prompt.images import NEAREST_DEPTH, depth_bar, depth_colors, draw_classes, draw_depth, draw_rgb
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
-from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS, SKY
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.signal.angle import range_doppler_angle
@@ -27,11 +26,6 @@ from .store.atomic import whole_file
 from .store.layout import SHEET_MARK
 
 SHOWN_IMAGES = ("rgb", "depth", "semantic", "instance")
-DEPTH_MAP = "viridis_r"
-POWER_MAP = "magma"
-NOTHING = "#dfe6ee"
-NEAREST_DEPTH = 1.0
-"""First colour of the depth maps [m]."""
 STYLE = {
     "font.size": 10.0,
     "axes.titlesize": 11.0,
@@ -78,23 +72,19 @@ def radar_maps(frame: RadarFrame) -> RadarMaps:
     )
 
 
-def write_contact_sheet(
+def contact_sheet(
     frame: Frame,
-    path: str | Path,
     *,
     title: str = "",
     suite: str | None = None,
     max_range: float = 100.0,
     markers: bool = True,
-    dpi: int = 150,
-) -> None:
-    """Draw one suite of a frame: RGB, depth, range-Doppler; semantic with instances, lidar depth, range-azimuth.
+) -> Figure:
+    """Return one suite of a frame as a figure: RGB, depth, range-Doppler; semantic with instances, lidar depth, range-azimuth.
 
     Parameters
     ----------
     frame : Frame
-    path : path
-        PNG file to write.
     title : str
         First words of the headline, for instance the scene's name.
     suite : str, optional
@@ -104,13 +94,16 @@ def write_contact_sheet(
         Last range and depth shown [m].
     markers : bool
         Mark the true places of the moving objects on the radar maps.
-    dpi : int
-        Pixels an inch of the 16 x 6.9 inch sheet.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        16 x 6.9 inches.
 
     Raises
     ------
-    OutputError
-        If the file cannot be written.
+    UnknownNameError
+        If the frame has no such suite.
     """
     suite, chosen = _suite(frame, suite)
     time = frame.timestamp_ns * 1e-9
@@ -122,19 +115,37 @@ def write_contact_sheet(
             axis.set_anchor("N")
         words = [title, f"frame {frame.index}", f"t = {time:.3f} s", suite]
         figure.suptitle("   ·   ".join(word for word in words if word), fontsize=12.5)
-        depth_norm = LogNorm(NEAREST_DEPTH, max_range)
         _draw_rgb(axes[0, 0], chosen.get("rgb"))
-        _draw_depth(axes[0, 1], chosen.get("depth"), depth_norm)
+        _draw_depth(axes[0, 1], chosen.get("depth"), max_range)
         _draw_labels(axes[1, 0], chosen.get("semantic"), chosen.get("instance"))
-        _draw_lidar(axes[1, 1], chosen.get("lidar"), depth_norm)
+        _draw_lidar(axes[1, 1], chosen.get("lidar"), max_range)
         _draw_radar(axes[0, 2], axes[1, 2], frame, chosen.get("radar"), max_range, markers)
-        try:
-            with whole_file(Path(path)) as partial:
-                figure.savefig(partial, format="png", dpi=dpi, metadata={"Software": SHEET_MARK})
-        except OSError as error:
-            raise OutputError(
-                f"cannot write {path}: {error.strerror}; choose a folder that you may write to"
-            ) from error
+    return figure
+
+
+def write_contact_sheet(frame: Frame, path: str | Path, *, dpi: int = 150, **options: Any) -> None:
+    """Write the :func:`contact_sheet` of a frame to a PNG file.
+
+    Parameters
+    ----------
+    frame : Frame
+    path : path
+    dpi : int
+        Pixels an inch of the sheet.
+    **options
+        Of :func:`contact_sheet`.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    figure = contact_sheet(frame, **options)
+    try:
+        with mpl.rc_context(STYLE), whole_file(Path(path)) as partial:
+            figure.savefig(partial, format="png", dpi=dpi, metadata={"Software": SHEET_MARK})
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}; choose a folder that you may write to") from error
 
 
 def _suite(frame: Frame, suite: str | None) -> tuple[str, dict[str, Any]]:
@@ -142,6 +153,8 @@ def _suite(frame: Frame, suite: str | None) -> tuple[str, dict[str, Any]]:
     groups = dict.fromkeys(name.rpartition("/")[0] for name in frame.results)
     if suite is None:
         suite = "front_center" if "front_center" in groups else next(iter(groups))
+    elif suite not in groups:
+        raise UnknownNameError("suite", suite, groups)
     chosen: dict[str, Any] = {}
     for name, result in frame.results.items():
         if name.rpartition("/")[0] != suite:
@@ -159,39 +172,27 @@ def _draw_rgb(axis: Axes, camera: ImageFrame | None) -> None:
     axis.set_title("RGB camera")
     if camera is None or camera.rgb is None:
         return _leave_empty(axis)
-    axis.imshow(camera.rgb, interpolation="antialiased")
+    draw_rgb(axis, camera.rgb)
     _angle_axes(axis, camera.spec)
 
 
-def _draw_depth(axis: Axes, camera: ImageFrame | None, norm: Normalize) -> None:
+def _draw_depth(axis: Axes, camera: ImageFrame | None, max_range: float) -> None:
     axis.set_title("Depth camera")
     if camera is None or camera.depth is None:
         return _leave_empty(axis)
-    shown = np.ma.masked_invalid(camera.depth)
-    image = axis.imshow(shown, cmap=_depth_colors(), norm=norm, interpolation="nearest")
+    draw_depth(axis, camera.depth, max_range)
     _angle_axes(axis, camera.spec)
-    _depth_bar(axis, image, norm)
 
 
 def _draw_labels(axis: Axes, semantic: ImageFrame | None, instance: ImageFrame | None) -> None:
     axis.set_title("Semantic classes and instances")
     if semantic is None or semantic.semantic is None:
         return _leave_empty(axis)
-    colors = SEMANTIC_COLORS[semantic.semantic].copy()
-    if instance is not None and instance.instance is not None:
-        colors[_edges(instance.instance)] = 255
-    axis.imshow(colors, interpolation="nearest")
+    draw_classes(axis, semantic.semantic, None if instance is None else instance.instance)
     _angle_axes(axis, semantic.spec)
-    ids, counts = np.unique(semantic.semantic, return_counts=True)
-    by_size = [int(i) for i in ids[np.argsort(-counts)] if i != SKY][:10]
-    patches = [Patch(facecolor=SEMANTIC_COLORS[i] / 255.0, edgecolor="0.3", label=SEMANTIC_CLASSES[i]) for i in by_size]
-    axis.legend(
-        handles=patches, loc="lower center", ncols=5, fontsize=7.0, framealpha=0.85, handlelength=0.9, handletextpad=0.5,
-        columnspacing=0.9, labelspacing=0.25, borderpad=0.4, borderaxespad=0.3,
-    )  # fmt: skip
 
 
-def _draw_lidar(axis: Axes, scan: LidarScan | None, norm: Normalize) -> None:
+def _draw_lidar(axis: Axes, scan: LidarScan | None, max_range: float) -> None:
     axis.set_title("Lidar depth map")
     if scan is None:
         return _leave_empty(axis)
@@ -202,15 +203,16 @@ def _draw_lidar(axis: Axes, scan: LidarScan | None, norm: Normalize) -> None:
     shot = scan.shot[order]
     grid[row[shot], column[shot]] = scan.position[order, 0]
     left, right, bottom, top = spec.view_deg
+    norm = LogNorm(NEAREST_DEPTH, max_range)
     image = axis.imshow(
-        np.ma.masked_invalid(grid), cmap=_depth_colors(), norm=norm, extent=(left, right, bottom, top), origin="upper",
+        np.ma.masked_invalid(grid), cmap=depth_colors(), norm=norm, extent=(left, right, bottom, top), origin="upper",
         interpolation="nearest", aspect="auto",
     )  # fmt: skip
     axis.set_xlim(max(left, right), min(left, right))  # left is left
     axis.set_xticks([tick for tick in _TICKS_DEG if min(left, right) <= tick <= max(left, right)])
     axis.set(xlabel="azimuth [deg]", ylabel="elevation [deg]")
     axis.set_box_aspect(9 / 16)
-    _depth_bar(axis, image, norm)
+    depth_bar(axis, image, norm)
 
 
 def _draw_radar(
@@ -246,7 +248,7 @@ def _draw_power(axis: Axes, across: np.ndarray, distance: np.ndarray, power_dbm:
     )
     axis.set_box_aspect(9 / 16 / 0.8)
     axis.set_facecolor(mpl.colormaps[POWER_MAP](0.0))
-    _colour_bar(axis, image, "power [dBm]", extend="min")
+    colour_bar(axis, image, "power [dBm]", extend="min")
 
 
 def _in_radar(item: ObjectState, frame: Frame, radar: RadarFrame) -> tuple[float, float, float] | None:
@@ -292,33 +294,6 @@ def _angle_axes(axis: Axes, spec: CameraSpec) -> None:
         inside = (pixels >= -0.5) & (pixels <= size - 0.5)
         set_ticks(pixels[inside], [f"{tick}".replace("-", "\N{MINUS SIGN}") for tick in _TICKS_DEG[inside]])
     axis.set(xlabel="azimuth [deg]", ylabel="elevation [deg]")
-
-
-def _edges(instance: npt.NDArray[np.uint16]) -> npt.NDArray[np.bool_]:
-    """Return the pixels whose right or lower neighbour is of another instance."""
-    out = np.zeros(instance.shape, dtype=np.bool_)
-    out[:, :-1] |= instance[:, :-1] != instance[:, 1:]
-    out[:-1] |= instance[:-1] != instance[1:]
-    return out
-
-
-def _depth_colors() -> Any:
-    return mpl.colormaps[DEPTH_MAP].with_extremes(bad=NOTHING)
-
-
-def _depth_bar(axis: Axes, image: Any, norm: Normalize) -> None:
-    bar = _colour_bar(axis, image, "depth [m]", extend="both")
-    ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if norm.vmin <= tick <= norm.vmax]  # type: ignore[operator]
-    bar.set_ticks(ticks, labels=[str(tick) for tick in ticks])
-    bar.minorticks_off()
-
-
-def _colour_bar(axis: Axes, image: Any, label: str, extend: str) -> Colorbar:
-    figure = axis.figure
-    bar = figure.colorbar(image, cax=axis.inset_axes((1.02, 0.0, 0.028, 1.0)), extend=extend)
-    bar.set_label(label)
-    bar.outline.set_linewidth(0.5)
-    return bar
 
 
 def _leave_empty(axis: Axes) -> None:

@@ -54,8 +54,13 @@ distance = dr.maximum(rt.PathSolver()(scene, max_depth=0).tau, 0.0).numpy().max(
 """A ray over 5 m in each twin of a scene; dr.maximum is what an LLVM that is too old aborts at."""
 
 _KERNEL_FRAME = """
+import sys
+from scarl_sionna.core.errors import EngineError
 from .bootstrap import ensure_engine
-backend = ensure_engine()
+try:
+    backend = ensure_engine()
+except EngineError as error:
+    sys.exit(str(error))  # to stderr, without a traceback
 import drjit as dr
 {kernel}
 assert abs(distance - 5.0) < 1e-4, distance  # float32 holds 5 m to 5e-7 m
@@ -149,8 +154,7 @@ def check_variant(twin: str) -> Finding:
     if done.returncode == 0 and words[-2:-1] == ["KERNEL"]:
         suffix = {"optical": "ad_rgb", "radio": "ad_mono_polarized"}[twin]
         return Finding(name, f"{words[-1]}_{suffix} traces rays")
-    last = (done.stderr.strip().splitlines() or [f"the process ended with status {done.returncode}"])[-1]
-    reason = last.removeprefix("scarl_sionna.core.errors.EngineError: ")
+    reason = (done.stderr.strip().splitlines() or [f"the process ended with status {done.returncode}"])[-1]
     return Finding(name, reason[:300], "missing", "see the row LLVM, and docs/install.md")
 
 

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import MeshError, SceneError
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.core.temporary import temporary_folder
 from scarl_sionna.scene.document.model import SceneDocument, twin_xml
@@ -40,8 +41,8 @@ _WRITTEN = re.compile(r".*\.(vertex_positions|vertex_normals|faces|emitter\.radi
 """Parameters of the engine's scene that are read or written."""
 
 
-@dataclass(frozen=True, eq=False)
-class MeshData:
+@dataclass(frozen=True, eq=False, repr=False)
+class MeshData(Described, units={"vertices": "m"}):
     """Vertices as the engine holds them (float32 values as float64) and faces of one part."""
 
     vertices: Array

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,8 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import InputTypeError, ScarlWarning, TimeRangeError, UnknownNameError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.prompt.arguments import expect, number
+from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity, short, span, vector
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.specs.lighting import Lighting
@@ -33,6 +35,12 @@ from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
 from .rays.geometry import Triangles, encloses, even_directions, refine_distance, upright_box
 from .twins import MeshData, Twin
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from .show.plan import Sensors
+    from .show.preview import Drawn, Points
+
 __all__ = ["World", "WorldState", "find_scene", "load_scene", "scene_names", "stage"]
 
 Array = npt.NDArray[np.float64]
@@ -49,7 +57,7 @@ RAYS_PER_BATCH = 1 << 20
 """Rays that are worked on at once: about 200 MB of temporary arrays."""
 
 
-class World:
+class World(Described):
     """A loaded scene. Make one with :func:`load_scene`; ask for its states with :meth:`at`."""
 
     def __init__(self, document: SceneDocument, materials: MaterialTable) -> None:
@@ -72,6 +80,21 @@ class World:
             if entry.trajectory is not None
         )
         self.instances = {number: self._info(number, entry) for number, entry in enumerate(self._entries, start=1)}
+
+    def _facts(self) -> Iterable[Row]:
+        static = [info.name for info in self.instances.values() if info.actor is None]
+        yield "name", self.name
+        yield "actors", f"{len(self.actors)}: {listed(actor.name for actor in self.actors)}"
+        yield "ego", str(self.ego)
+        yield "time_range", span(*self.time_range, "s") if self.actors else "any time: nothing moves"
+        yield "static instances", f"{len(static)}: {listed(static)}"
+        yield "parts", f"{len(self.parts.name)} with {len(self._triangles.corners)} triangles"
+        materials = dict.fromkeys(self.parts.material)
+        yield "radio materials", f"{len(materials)}: {listed(materials)}"
+        lanes = self.document.lanes
+        yield "lanes", "none" if lanes is None else f"{len(lanes.lanes)}, parking places: {len(lanes.parking)}"
+        yield "lighting", "emitters of the scene's XML" if self.lighting is None else short(self.lighting)
+        yield "weather", "clear" if self.weather.is_clear else short(self.weather)
 
     @cached_property
     def _moving_parts(self) -> tuple[tuple[int, int], ...]:
@@ -187,15 +210,95 @@ class World:
         ------
         TimeRangeError
             If a trajectory is not known at this time.
+        InputTypeError
+            If it is no number.
         """
+        if isinstance(time, list | tuple | np.ndarray) and np.ndim(time):
+            raise InputTypeError("time", time, "one number [s]", "give [world.at(one) for one in times]")
+        time = number("time", time, "give seconds: world.at(0.5)")
         if not np.isfinite(time):
             raise TimeRangeError(time, *self.time_range, what=f"scene '{self.name}'")
         poses = {actor.name: actor.trajectory.pose(time) for actor in self.actors}
         twists = {actor.name: actor.trajectory.twist(time) for actor in self.actors}
-        return WorldState(self, float(time), poses, twists)
+        return WorldState(self, time, poses, twists)
+
+    def plot(
+        self,
+        time: float | None = None,
+        rig: Sensors | None = None,
+        extent: tuple[float, float, float, float] | None = None,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw the world from above: ground, lanes, actors with the way of their next second, and the sensors of a rig.
+
+        Parameters
+        ----------
+        time : float, optional
+            [s]; default: the start of the motion, 0 in a static scene.
+        rig : Rig, optional
+            Drawn on the ego vehicle, with the width of the fields of view.
+        extent : tuple of float, optional
+            West, east, south and north end [m]; default: around the actors, or all of a static scene.
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TimeRangeError
+            If the motion is not known at this time.
+        PlacementError
+            If a rig is given and there is no ego vehicle.
+        """
+        start = self.time_range[0]
+        return self.at((start if np.isfinite(start) else 0.0) if time is None else time).plot(rig, extent, ax)
+
+    def preview(
+        self,
+        rig: Sensors | None = None,
+        paths: Drawn | None = None,
+        points: Points | None = None,
+        time: float | None = None,
+    ) -> Any:
+        """Return a view of the world in three dimensions for a notebook: Sionna RT's previewer, in the colours of radio materials.
+
+        Parameters
+        ----------
+        rig : Rig, optional
+            Sensors on the ego vehicle, each a ball with its boresight.
+        paths : RadarPaths, optional
+            Lines from the receiver to where it sees each path, brighter where they are stronger; the strongest 3,000.
+        points : RadarPoints, LidarScan or ndarray of shape (num_points, 3) [m, world], optional
+            Coloured by radial velocity. Detections stand in the frame of the radar of `paths`, else of the rig's first radar.
+        time : float, optional
+            [s]; default: the start of the motion, 0 in a static scene.
+
+        Returns
+        -------
+        sionna.rt.preview.Previewer
+            Shows itself as the result of a notebook's cell, or by its ``display()``.
+
+        Raises
+        ------
+        TimeRangeError
+            If the motion is not known at this time.
+        PlacementError
+            If a rig is given and there is no ego vehicle.
+        ParameterRangeError, InputTypeError
+            If points are of another kind or shape, or detections stand without their radar.
+        """
+        from .show.preview import preview_state
+
+        start = self.time_range[0]
+        return preview_state(
+            self.at((start if np.isfinite(start) else 0.0) if time is None else time), rig, paths, points
+        )
 
 
-class WorldState:
+class WorldState(Described):
     """Poses and velocities of everything at one time; immutable. Made by :meth:`World.at`."""
 
     def __init__(self, world: World, time: float, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> None:
@@ -203,6 +306,24 @@ class WorldState:
         self.time = time
         self._poses = poses
         self._twists = twists
+
+    def _facts(self) -> Iterable[Row]:
+        yield "world", self.world.name
+        yield "time", quantity(self.time, "s")
+        for name, pose in self._poses.items():
+            speed = float(np.linalg.norm(self._twists[name].linear))
+            yield f"actor {name}", f"{vector(pose.position, 'm')}, yaw {np.degrees(pose.yaw):.4g} deg, {speed:.4g} m/s"
+
+    def plot(
+        self,
+        rig: Sensors | None = None,
+        extent: tuple[float, float, float, float] | None = None,
+        ax: Axes | None = None,
+    ) -> Axes:
+        """Draw the state from above; see :meth:`World.plot`."""
+        from .show.plan import plot_state
+
+        return plot_state(self, rig, extent, ax)
 
     def actor_pose(self, name: str) -> Pose:
         """Return world_from_actor of an actor."""
@@ -475,6 +596,7 @@ def load_scene(
     ParameterRangeError
         If the variant is not allowed, or not 0 for a scene that has none.
     """
+    expect("name_or_path", name_or_path, (str, Path), "give the name of a scene or the path of an XML file")
     document = read_document(find_scene(name_or_path, variant, detail), detail)
     return World(document, materials or load_materials())
 

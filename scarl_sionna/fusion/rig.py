@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -15,6 +15,8 @@ import yaml
 
 from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRangeError, ScarlError, UnknownNameError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import HOW_TO_POSE, expect
+from scarl_sionna.core.prompt.describe import Described, Row, vector
 from scarl_sionna.core.registry import read_settings, read_spec, settings_type, spec_type
 from scarl_sionna.core.settings.radar import QUALITIES, RadarSettings
 from scarl_sionna.core.spec import Spec
@@ -28,8 +30,8 @@ _FACING_BACK = (0.0, 0.0, 0.0, 1.0)
 _FACING_FRONT = (1.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class SensorMount:
+@dataclass(frozen=True, repr=False)
+class SensorMount(Described):
     """One sensor of a rig.
 
     Parameters
@@ -65,6 +67,7 @@ class SensorMount:
             raise ParameterRangeError(
                 "SensorMount.name", repr(self.name), "letters, digits, '_', '-', with '/' between groups"
             )
+        expect("vehicle_from_sensor", self.vehicle_from_sensor, Pose, HOW_TO_POSE)
         expected = spec_type(self.kind)
         if not isinstance(self.spec, expected):
             raise ParameterRangeError(
@@ -102,8 +105,8 @@ class SensorMount:
         return cls(data["name"], kind, spec, Pose(pose["position"], pose.get("quaternion", _FACING_FRONT)), settings)
 
 
-@dataclass(frozen=True)
-class Rig:
+@dataclass(frozen=True, repr=False)
+class Rig(Described):
     """All sensors of one vehicle.
 
     Parameters
@@ -135,13 +138,22 @@ class Rig:
                 "rename one of them",
             )
 
+    def _facts(self) -> Iterable[Row]:
+        yield "name", self.name
+        for mount in self.sensors:
+            yield (
+                mount.name,
+                f"{mount.kind} at {vector(mount.vehicle_from_sensor.position, 'm')}, yaw {np.degrees(mount.vehicle_from_sensor.yaw):.4g} deg",
+            )
+
     @property
     def names(self) -> tuple[str, ...]:
         """Sensor names in the rig's order."""
         return tuple(mount.name for mount in self.sensors)
 
     def __getitem__(self, name: str) -> SensorMount:
-        """Return the sensor of a name."""
+        """Return the sensor of a name, for instance ``rig["front_center/radar"]``."""
+        expect("name", name, str, f"sensors go by their names, for instance '{self.names[0]}'")
         for mount in self.sensors:
             if mount.name == name:
                 return mount

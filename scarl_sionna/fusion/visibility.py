@@ -74,7 +74,7 @@ def add_visibility(state: WorldState, objects: Sequence[ObjectState], results: M
                 place.quaternion.tobytes(),
                 spec.width,
                 spec.height,
-                repr(spec.lens),
+                spec.lens.model_dump_json(),
                 spec.horizontal_fov_deg,
             )
             if key not in known:

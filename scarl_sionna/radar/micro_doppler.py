@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.signal.processing import doppler_axis, range_doppler, virtual_cube
 from scarl_sionna.signal.windows import window_values
@@ -34,8 +35,8 @@ SAME_POINT = 1e-4
 """Distance within which a path's point and the hit of a ray towards it are one [m], for each metre of distance from the radar."""
 
 
-@dataclass(frozen=True, eq=False)
-class Spectrogram:
+@dataclass(frozen=True, eq=False, repr=False)
+class Spectrogram(Described):
     """Doppler spectra over time.
 
     Attributes
@@ -202,8 +203,8 @@ def _spectrum(paths: RadarPaths, radar: RadarSpec, num_doppler_bins: int | None,
     return range_doppler(cube, radar, window, num_doppler_bins=num_doppler_bins).power.astype(np.float64).sum(axis=1)
 
 
-@dataclass(frozen=True, eq=False)
-class SurfaceMotion:
+@dataclass(frozen=True, eq=False, repr=False)
+class SurfaceMotion(Described):
     """How the triangles of some parts move, as the kinematic model has it.
 
     Attributes

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.describe import Described, Row, field_rows, listed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class RadarPaths:
+@dataclass(frozen=True, eq=False, repr=False)
+class RadarPaths(
+    Described,
+    units={"tx_point": "m", "rx_point": "m", "inner_length": "m", "length_rate": "m/s", "length_acceleration": "m/s2"},
+):
     """Propagation paths of one radar at one instant.
 
     The length of a path from an antenna at p to one at q is ``|tx_point - p| + inner_length + |rx_point - q|``. For a
@@ -67,6 +74,12 @@ class RadarPaths:
     world_from_rx: Pose
     rx_image: npt.NDArray[np.float64] | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
+
+    def _facts(self) -> Iterable[Row]:
+        yield "num_paths", f"{self.num_paths}, of at most {self.instance.shape[1]} interactions"
+        yield "method", str(self.diagnostics.get("method", "not stated"))
+        yield from field_rows(self, without=("diagnostics",))
+        yield "diagnostics", listed(self.diagnostics)
 
     @property
     def num_paths(self) -> int:
@@ -172,6 +185,39 @@ class RadarPaths:
 
     def _images(self) -> Array:
         return np.full((self.num_paths, 3, 4), np.nan) if self.rx_image is None else self.rx_image
+
+    @property
+    def apparent_points(self) -> Array:
+        """Where the receiver sees each path: along its direction of arrival, at half its length; (num_paths, 3) [m, world]."""
+        arrival = self.end_vectors()[1]
+        unit = arrival / np.maximum(np.linalg.norm(arrival, axis=1, keepdims=True), 1e-12)
+        return np.asarray(self.world_from_rx.position + unit * (self.length / 2.0)[:, None])
+
+    def plot(self, view: str = "range", dynamic_range_db: float = 60.0, ax: Axes | None = None) -> Axes:
+        """Draw the paths.
+
+        Parameters
+        ----------
+        view : {"range", "map"}
+            ``"range"``: received power of isotropic antennas over half the length, coloured by radial velocity. ``"map"``: from
+            above, where the radar sees each path (its direction of arrival, at half its length), coloured by power.
+        dynamic_range_db : float
+            Paths farther below the strongest are left out [dB].
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such view.
+        """
+        from .path_plot import plot_paths
+
+        return plot_paths(self, view, dynamic_range_db, ax)
 
     def select(self, index: npt.ArrayLike) -> RadarPaths:
         """Return the paths of an index, a mask or a slice."""

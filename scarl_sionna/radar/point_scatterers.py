@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
+from scarl_sionna.core.prompt.describe import Described
 
 POINT_INTERACTION = 0
 """Kind of interaction written for a point target."""
@@ -15,8 +16,8 @@ MIN_DISTANCE = 1e-6
 """A target nearer than this to the radar's origin has no direction [m]."""
 
 
-@dataclass(frozen=True, eq=False)
-class PointScatterers:
+@dataclass(frozen=True, eq=False, repr=False)
+class PointScatterers(Described, units={"positions": "m", "velocities": "m/s", "rcs": "m2"}):
     """Ideal isotropic point scatterers.
 
     Parameters

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.signal.link import radar_gain
@@ -77,6 +78,7 @@ def point_targets(
     ----------
     .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, Eq. (1.6).
     """
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
     if state is not None:
         return solve_points(state, radar, mount, targets, **fields)

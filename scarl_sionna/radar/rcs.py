@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.prompt.arguments import check_frequency, check_radians
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.scene.materials.table import MaterialTable
@@ -154,17 +156,13 @@ def _polarization(name: str) -> tuple[int, int]:
 
 def _check_values(arrays: Sequence[Real]) -> None:
     frequency = arrays[0]
-    bad = frequency[~((frequency > 0.0) & np.isfinite(frequency))]
-    if bad.size:
-        raise ParameterRangeError("frequency", f"{bad.flat[0]} Hz", "> 0 Hz and finite")
+    check_frequency("frequency", frequency)
     for name, angle in zip(("theta", "phi", "theta_s", "phi_s"), arrays[1:], strict=True):
-        bad = angle[~np.isfinite(angle)]
-        if bad.size:
-            raise ParameterRangeError(name, f"{bad.flat[0]} rad", "finite")
+        check_radians(name, angle)
 
 
-@dataclass(frozen=True, eq=False)
-class RcsCut:
+@dataclass(frozen=True, eq=False, repr=False)
+class RcsCut(Described, units={"angle_deg": "deg", "rcs": "m2", "frequency": "Hz"}):
     """Monostatic RCS over one angle.
 
     Attributes

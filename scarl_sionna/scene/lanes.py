@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.prompt.describe import Described
 
 Array = npt.NDArray[np.float64]
 
@@ -30,8 +31,8 @@ _MAX_TURN = np.radians(50.0)
 """Largest turn between two segments of a centre line that is still a bend and not a corner [rad]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Lane:
+@dataclass(frozen=True, eq=False, repr=False)
+class Lane(Described, units={"points": "m", "width": "m", "speed": "m/s"}):
     """One lane.
 
     Attributes
@@ -143,8 +144,8 @@ class Lane:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class ParkingPlace:
+@dataclass(frozen=True, eq=False, repr=False)
+class ParkingPlace(Described, units={"position": "m", "yaw_deg": "deg", "length": "m", "width": "m"}):
     """A place of one parked car: `position` (3,) of its middle on the ground [m, world], `yaw_deg` [deg], `length`, `width` [m]."""
 
     position: Array
@@ -162,8 +163,8 @@ class ParkingPlace:
         object.__setattr__(self, "width", _number(self.width, "parking.width", 0.0, 10.0, "m"))
 
 
-@dataclass(frozen=True, eq=False)
-class Signals:
+@dataclass(frozen=True, eq=False, repr=False)
+class Signals(Described, units={"cycle": "s"}):
     """Fixed-time signals: `cycle` [s], and for each group the start and the end of green within it [s]."""
 
     cycle: float
@@ -201,8 +202,8 @@ class Signals:
         return self.green[group]
 
 
-@dataclass(frozen=True, eq=False)
-class LaneNetwork:
+@dataclass(frozen=True, eq=False, repr=False)
+class LaneNetwork(Described):
     """Lanes of a scene that fit together.
 
     Parameters

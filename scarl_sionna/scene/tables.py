@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.semantics import semantic_id
 
 from .document.model import InstanceEntry, SceneDocument
@@ -18,8 +19,8 @@ from .motion.trajectory import Motion, Trajectory
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class PartTable:
+@dataclass(frozen=True, eq=False, repr=False)
+class PartTable(Described):
     """One row for each shape of the XML ("part").
 
     Attributes
@@ -48,8 +49,8 @@ class PartTable:
     actor: npt.NDArray[np.int32]
 
 
-@dataclass(frozen=True, eq=False)
-class Actor:
+@dataclass(frozen=True, eq=False, repr=False)
+class Actor(Described):
     """A moving instance: name, instance id, its trajectory, and the joints by which parts of it move on their own."""
 
     name: str
@@ -63,8 +64,8 @@ class Actor:
         return {shape: motion for joint in self.joints for shape, motion in joint.motions(known).items()}
 
 
-@dataclass(frozen=True, eq=False)
-class InstanceInfo:
+@dataclass(frozen=True, eq=False, repr=False)
+class InstanceInfo(Described, units={"size": "m"}):
     """One instance: its parts, and its box in its own frame (actors) or in the world (static)."""
 
     name: str
@@ -78,8 +79,8 @@ class InstanceInfo:
     size: Array
 
 
-@dataclass(frozen=True, eq=False)
-class RayHits:
+@dataclass(frozen=True, eq=False, repr=False)
+class RayHits(Described, units={"distance": "m", "point": "m", "velocity": "m/s"}):
     """Rays that hit something, in ray order.
 
     Attributes

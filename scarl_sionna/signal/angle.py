@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
+from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.core.units import SPEED_OF_LIGHT, watt_to_dbm
 
 from .antenna import virtual_positions
-from .processing import RangeDoppler, range_doppler
+from .processing import RangeDoppler, cube_of, range_doppler
 from .windows import window_values
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
 
@@ -22,8 +29,8 @@ POSITION_TOLERANCE = 1e-3
 """Virtual elements nearer than this part of a wavelength count as one place of a uniform line."""
 
 
-@dataclass(frozen=True, eq=False)
-class RangeDopplerAngle:
+@dataclass(frozen=True, eq=False, repr=False)
+class RangeDopplerAngle(Described):
     """Power over Doppler, range and angle.
 
     Attributes
@@ -54,9 +61,56 @@ class RangeDopplerAngle:
     range_doppler: RangeDoppler
     noise_power: float
 
+    def _facts(self) -> Iterable[Row]:
+        strongest = np.unravel_index(int(self.data.argmax()), self.data.shape)
+        axes = "(num_doppler_bins, num_range_bins, num_azimuth" + (
+            ", num_elevation)" if self.elevation is not None else ")"
+        )
+        yield "data", f"float32 {self.data.shape} = {axes} [W]"
+        yield "range", array_text(self.range, "m")
+        yield "radial_velocity", array_text(self.radial_velocity, "m/s")
+        yield "azimuth", array_text(np.degrees(self.azimuth), "deg")
+        if self.elevation is not None:
+            yield "elevation", array_text(np.degrees(self.elevation), "deg")
+        place = f"{self.range[strongest[1]]:.4g} m, {self.radial_velocity[strongest[0]]:.3g} m/s"
+        place += f", {np.degrees(self.azimuth[strongest[2]]):.3g} deg"
+        yield "strongest cell", f"{watt_to_dbm(self.data[strongest]):.1f} dBm at {place}"
+        yield "noise_power", f"{watt_to_dbm(self.noise_power):.1f} dBm in a cell"
+        yield "range_doppler", f"its channels, {self.range_doppler.data.shape}"
+        yield "radar", short(self.radar)
 
-@dataclass(frozen=True, eq=False)
-class UniformLine:
+    def plot(
+        self, view: str = "map", max_range: float | None = None, dynamic_range_db: float = 60.0, ax: Axes | None = None
+    ) -> Axes:
+        """Draw the strongest power [dBm] over what is not shown.
+
+        Parameters
+        ----------
+        view : {"map", "range_azimuth", "range_doppler"}
+            ``"map"``: from above, in metres, within the radar's field of view; or over range and azimuth, or range and velocity.
+        max_range : float, optional
+            Last range shown [m]; default: all.
+        dynamic_range_db : float
+            Powers farther below the peak have the darkest colour [dB].
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such view.
+        """
+        from .plots import plot_range_doppler_angle
+
+        return plot_range_doppler_angle(self, view, max_range, dynamic_range_db, ax)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class UniformLine(Described, units={"spacing": "m"}):
     """The virtual array as a line along y with one spacing: `order` sorts the channels, `spacing` is in metres."""
 
     order: npt.NDArray[np.intp]
@@ -99,8 +153,8 @@ def steering(radar: RadarSpec, unit_vectors: npt.ArrayLike) -> npt.NDArray[np.co
 
 
 def range_doppler_angle(
-    cube: npt.NDArray[np.complexfloating],
-    radar: RadarSpec,
+    cube: npt.NDArray[np.complexfloating] | RadarFrame,
+    radar: RadarSpec | None = None,
     window: str | None = "hann",
     doppler_window: str | None = None,
     angle_window: str | None = None,
@@ -114,9 +168,10 @@ def range_doppler_angle(
 
     Parameters
     ----------
-    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples)
-        From :func:`virtual_cube` [sqrt(W)].
-    radar : RadarSpec
+    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples), or RadarFrame
+        From :func:`virtual_cube` [sqrt(W)]; or a radar's frame, whose raw data and specification are taken.
+    radar : RadarSpec, optional
+        Needed with an array.
     window, doppler_window, num_range_bins, num_doppler_bins, compensate_motion
         As in :func:`range_doppler`.
     angle_window : str, optional
@@ -143,6 +198,7 @@ def range_doppler_angle(
     direction's y component. A spherical wavefront blurs the beam of an array of extent D nearer than 2 D^2 / wavelength
     (0.27 m for the default array); the peak stays at the direction from the array's centre.
     """
+    cube, radar = cube_of(cube, radar)
     rd = range_doppler(cube, radar, window, doppler_window, num_range_bins, num_doppler_bins, compensate_motion)
     line = uniform_line(radar)
     if num_azimuth is None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +12,8 @@ import scipy.ndimage
 import scipy.stats
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
+from scarl_sionna.core.prompt.describe import Described, Row, field_rows
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, power_to_db
 
@@ -20,11 +24,26 @@ from .peaks import parabola_offset, tone_offset
 from .processing import RangeDoppler
 from .windows import window_values
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class RadarPoints:
+@dataclass(frozen=True, eq=False, repr=False)
+class RadarPoints(
+    Described,
+    units={
+        "position": "m",
+        "range": "m",
+        "azimuth": "rad",
+        "elevation": "rad",
+        "radial_velocity": "m/s",
+        "power": "W",
+        "snr_db": "dB",
+        "rcs": "m2",
+    },
+):
     """Detections of one frame, strongest first; every array has one row a point.
 
     Attributes
@@ -52,15 +71,35 @@ class RadarPoints:
     snr_db: Array
     rcs: Array
 
+    def _facts(self) -> Iterable[Row]:
+        yield "num_points", f"{self.num_points}, strongest first"
+        yield from field_rows(self)
+
     @property
     def num_points(self) -> int:
         """Number of detections."""
         return int(self.range.shape[0])
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the detections from above, in the radar frame, coloured by radial velocity; larger: higher SNR.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        from .plots import plot_points
+
+        return plot_points(self, ax)
+
 
 def detect(
     rda: RangeDopplerAngle,
-    radar: RadarSpec,
+    radar: RadarSpec | None = None,
     pfa: float = 1e-6,
     guard: tuple[int, int] = (3, 3),
     training: tuple[int, int] = (6, 8),
@@ -71,7 +110,8 @@ def detect(
     Parameters
     ----------
     rda : RangeDopplerAngle
-    radar : RadarSpec
+    radar : RadarSpec, optional
+        Default: that of the map.
     pfa : float
         Probability of false alarm of a cell in white noise, 0 < pfa < 1.
     guard, training : tuple of int
@@ -99,6 +139,9 @@ def detect(
     ----------
     .. [1] M. A. Richards, *Fundamentals of Radar Signal Processing*, 2nd ed., 2014, ch. 6.5.
     """
+    expect("rda", rda, RangeDopplerAngle, "give ss.range_doppler_angle(cube, radar)")
+    radar = rda.radar if radar is None else radar
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     found = cfar(rda.range_doppler, pfa, guard, training)
     power = rda.range_doppler.power
     if peaks_only:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import InputTypeError, ParameterRangeError
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
+from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
+from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import watt_to_dbm
 
 from .noise import cell_noise_power
 from .windows import window_values
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
 
@@ -36,6 +45,7 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
     ParameterRangeError
         If the shape is not the radar's.
     """
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     expected = (radar.num_rx, radar.num_chirps_total, radar.num_samples)
     if np.shape(adc) != expected:
         raise ParameterRangeError(
@@ -46,8 +56,29 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
     return np.ascontiguousarray(ordered, dtype=np.complex64)
 
 
-@dataclass(frozen=True, eq=False)
-class RangeDoppler:
+def cube_of(
+    cube: npt.NDArray[np.complexfloating] | RadarFrame, radar: RadarSpec | None
+) -> tuple[npt.NDArray[np.complexfloating], RadarSpec]:
+    """Return a cube and its radar: as given, or those of a radar's frame.
+
+    Raises
+    ------
+    InputTypeError
+        If an array stands without its radar.
+    """
+    if isinstance(cube, RadarFrame):
+        return virtual_cube(cube.adc, cube.spec), cube.spec
+    expect(
+        "cube", cube, np.ndarray, "give ss.virtual_cube(adc, radar), or a RadarFrame (of a stored radar: to_result())"
+    )
+    if radar is None:
+        raise InputTypeError("radar", radar, "a RadarSpec", HOW_TO_RADAR)
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
+    return cube, radar
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RangeDoppler(Described):
     """Range-Doppler data of every channel.
 
     Attributes
@@ -72,6 +103,18 @@ class RangeDoppler:
     window: tuple[str, str]
     noise_power: float
 
+    def _facts(self) -> Iterable[Row]:
+        power = self.power
+        row, column = np.unravel_index(int(power.argmax()), power.shape)
+        yield "data", f"complex64 {self.data.shape} = (num_virtual, num_doppler_bins, num_range_bins) [sqrt(W)]"
+        yield "range", array_text(self.range, "m")
+        yield "radial_velocity", array_text(self.radial_velocity, "m/s")
+        place = f"{self.range[column]:.4g} m, {self.radial_velocity[row]:.3g} m/s"
+        yield "strongest cell", f"{watt_to_dbm(power[row, column]):.1f} dBm at {place}"
+        yield "noise_power", f"{watt_to_dbm(self.noise_power):.1f} dBm in a cell of one channel"
+        yield "window", f"{self.window[0]} over range, {self.window[1]} over Doppler"
+        yield "radar", short(self.radar)
+
     @property
     def power(self) -> npt.NDArray[np.float32]:
         """Power averaged over the channels [W], shape (num_doppler_bins, num_range_bins)."""
@@ -79,6 +122,26 @@ class RangeDoppler:
         for channel in self.data:
             total += channel.real**2 + channel.imag**2
         return total / np.float32(len(self.data))
+
+    def plot(self, max_range: float | None = None, dynamic_range_db: float = 60.0, ax: Axes | None = None) -> Axes:
+        """Draw the mean power of the channels [dBm] over range and radial velocity.
+
+        Parameters
+        ----------
+        max_range : float, optional
+            Last range shown [m]; default: all.
+        dynamic_range_db : float
+            Powers farther below the peak have the darkest colour [dB].
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        from .plots import plot_range_doppler
+
+        return plot_range_doppler(self, max_range, dynamic_range_db, ax)
 
 
 def range_axis(radar: RadarSpec, num_range_bins: int | None = None) -> Array:
@@ -94,8 +157,8 @@ def doppler_axis(radar: RadarSpec, num_doppler_bins: int | None = None) -> Array
 
 
 def range_doppler(
-    cube: npt.NDArray[np.complexfloating],
-    radar: RadarSpec,
+    cube: npt.NDArray[np.complexfloating] | RadarFrame,
+    radar: RadarSpec | None = None,
     window: str | None = "hann",
     doppler_window: str | None = None,
     num_range_bins: int | None = None,
@@ -106,9 +169,10 @@ def range_doppler(
 
     Parameters
     ----------
-    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples)
-        From :func:`virtual_cube` [sqrt(W)].
-    radar : RadarSpec
+    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples), or RadarFrame
+        From :func:`virtual_cube` [sqrt(W)]; or a radar's frame, whose raw data and specification are taken.
+    radar : RadarSpec, optional
+        Needed with an array.
     window, doppler_window : str, optional
         ``"rect"`` (or None), ``"hann"``, ``"hamming"``, ``"blackman"``, ``"blackmanharris"``, ``"chebyshev"`` (80 dB),
         ``"taylor"``; `doppler_window` left out is the same as `window`.
@@ -138,6 +202,7 @@ def range_doppler(
     What is left is the smear by migration within the frame, symmetric about the point, and a scale error of the velocity
     of ``S tau / f_c``, 2e-4 at the largest range of the default radar.
     """
+    cube, radar = cube_of(cube, radar)
     expected = (radar.num_virtual, radar.num_chirps, radar.num_samples)
     if np.shape(cube) != expected:
         raise ParameterRangeError(

@@ -12,9 +12,9 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from scarl_sionna.cli.datasets import load_scenario
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.scenario.compose import compose
+from scarl_sionna.scenario.spec.named import scenario_of
 from scarl_sionna.scenario.spec.scenario import LIBRARY, ScenarioSpec, scenario_names
 from scarl_sionna.scene.motion.trajectory import is_present
 from scarl_sionna.simulation import load_world
@@ -250,9 +250,9 @@ def test_the_examples_are_those_of_the_package() -> None:
 
 
 def test_they_are_found_by_name() -> None:
-    assert load_scenario("cut_in") == ScenarioSpec.preset("cut_in")
-    assert load_scenario("cut_in").with_(num_frames=3).num_frames == 3
-    assert load_scenario("urban_crossing") == ScenarioSpec(scene="urban_crossing")
+    assert scenario_of("cut_in") == ScenarioSpec.preset("cut_in")
+    assert scenario_of("cut_in").with_(num_frames=3).num_frames == 3
+    assert scenario_of("urban_crossing") == ScenarioSpec(scene="urban_crossing")
     with pytest.raises(UnknownNameError, match="did you mean 'cut_in'"):
         ScenarioSpec.preset("cutin")
 

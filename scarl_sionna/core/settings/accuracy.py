@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Decibels
 
 
 class Accuracy(Spec):
@@ -14,11 +15,11 @@ class Accuracy(Spec):
         1e-4, gt=1e-14, lt=1.0,
         description="largest error of the synthesized beat signal relative to its peak; docs/performance_synthesis.md",
     )  # fmt: skip
-    channel_tolerance_db: float = Field(
+    channel_tolerance_db: Decibels = Field(
         1.0, gt=0.0, le=20.0,
         description="error of an object's echo that 'auto' aims at [dB]: sets the knobs of 'sbr'; docs/accuracy.md, car and plate",
     )  # fmt: skip
-    channel_floor_db: float = Field(
+    channel_floor_db: Decibels = Field(
         -10.0,
         description="objects whose power is at most this far from the noise of one range-Doppler-angle cell [dB] are not "
         "computed by 'auto'; docs/accuracy.md, what is left out",

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.spec import Spec
 
 from .raycast import RaycastSettings
@@ -53,8 +54,8 @@ def of_mapping(kind: type[Any], data: Mapping[str, Any]) -> Any:
     return kind(**data)
 
 
-@dataclass(frozen=True)
-class Share:
+@dataclass(frozen=True, repr=False)
+class Share(Described):
     """Instances that one solver computes.
 
     Attributes
@@ -112,8 +113,8 @@ class Share:
         }
 
 
-@dataclass(frozen=True)
-class ChannelPlan:
+@dataclass(frozen=True, repr=False)
+class ChannelPlan(Described):
     """Which solver computes what of a scene.
 
     Attributes

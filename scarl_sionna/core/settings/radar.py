@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer, SerializationInfo,
 
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Metres
 
 from .accuracy import Accuracy
 from .plan import ChannelPlan, of_mapping
@@ -45,7 +46,7 @@ class RadarSettings(Spec):
         "optics; 'scatterers' objects with a model; 'hybrid' several by `plan`",
     )
     accuracy: Accuracy = Field(Accuracy(), description="tolerances, floor and budget")
-    max_distance: float | None = Field(
+    max_distance: Metres | None = Field(
         None, gt=0.0, description="half of the longest length of a path [m]; None: the unambiguous range of the radar"
     )
     instances: tuple[str | int, ...] | None = Field(

@@ -7,12 +7,14 @@ docs/sbr.md those for a scene (``solve_paths(method="sbr")``).
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Decibels, Unit
 
 Array = npt.NDArray[np.float64]
 
@@ -67,17 +69,17 @@ class SbrSettings(Spec):
     max_tubes: int = Field(
         125_000, ge=100, description="tubes worked at once: bounds the memory, changes no result (docs/rcs.md)"
     )
-    max_phase: float = Field(
+    max_phase: Annotated[float, Unit("rad")] = Field(
         0.2, gt=0.0, le=3.0,
         description="scene: largest departure of the phase over a patch from a linear one, at half of its longest side [rad]: size "
         "of what is one path (docs/sbr.md)",
     )  # fmt: skip
-    integration_phase: float = Field(
+    integration_phase: Annotated[float, Unit("rad")] = Field(
         0.01, gt=0.0, le=3.0,
         description="scene: the same for the parts over which the field of a patch is integrated with a linear phase [rad] "
         "(docs/sbr.md)",
     )  # fmt: skip
-    max_ramp: float = Field(
+    max_ramp: Annotated[float, Unit("rad")] = Field(
         0.5, gt=0.0, le=3.0,
         description="scene: largest change of the phase between the middle and the end of a patch's side that another antenna, or "
         "the end of the band, makes [rad] (docs/sbr.md)",
@@ -114,7 +116,7 @@ class SbrSettings(Spec):
     seed: int = Field(
         0, ge=0, le=2**63 - 1, description="scene: of the random phases of the diffusely scattering patches"
     )
-    floor_db: float | None = Field(
+    floor_db: Decibels | None = Field(
         -10.0,
         description="scene: patches of a range bin are left out as long as the power of all of them in phase stays this far from "
         "the noise of one cell of the range-Doppler-angle cube [dB]; None keeps all (docs/sbr.md)",

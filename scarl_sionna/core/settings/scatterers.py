@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field, field_serializer, field_validator
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Metres
 
 TR38901 = "tr38901:"
 """Begin of the name of a sensing target of 3GPP TR 38.901, for instance ``"tr38901:car"``."""
@@ -29,7 +30,7 @@ class ScattererSettings(Spec):
         default_factory=dict,
         description="frame of the model in that of the actor, or in the world for a static object, where they are not the same",
     )
-    group_size: float = Field(
+    group_size: Metres = Field(
         0.5,
         gt=0.0,
         description="centres in a cube of this side share one ray of occlusion [m]; a car has some 30 such groups",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Metres, MillimetresPerHour, Unit
 
 CONTRAST = 0.05
 """Contrast to which a black target has faded at the visibility (meteorological optical range, WMO-No. 8)."""
@@ -28,13 +29,15 @@ class Atmosphere(Spec):
     and Hogan, J. Atmos. Ocean. Technol. 21, 2004); rain and snow are taken alike, within a factor of two.
     """
 
-    visibility: float | None = Field(
+    visibility: Metres | None = Field(
         None, gt=0.0, description="meteorological optical range, 5 % contrast [m]; None: no fog"
     )
-    rain_rate: float = Field(0.0, ge=0.0, le=500.0, description="[mm/h]")
-    snow_rate: float = Field(0.0, ge=0.0, le=50.0, description="as melted water [mm/h]")
+    rain_rate: MillimetresPerHour = Field(0.0, ge=0.0, le=500.0, description="[mm/h]")
+    snow_rate: MillimetresPerHour = Field(0.0, ge=0.0, le=50.0, description="as melted water [mm/h]")
     snow: Literal["dry", "wet"] = "dry"
-    lidar_ratio: float = Field(19.0, gt=0.0, description="extinction over backscatter coefficient [sr]")
+    lidar_ratio: Annotated[float, Unit("sr")] = Field(
+        19.0, gt=0.0, description="extinction over backscatter coefficient [sr]"
+    )
 
     def weather_extinction(self, wavelength: float) -> float:
         """Return the one-way power extinction coefficient of fog, rain and snow [1/m] at an optical wavelength [m]."""

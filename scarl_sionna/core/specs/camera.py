@@ -9,6 +9,7 @@ import numpy.typing as npt
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Degrees, Metres, Pixels, Seconds, Unit
 
 from .image_sensor import ImageSensor
 from .lens import BrownConrady, KannalaBrandt, Lens, Pinhole
@@ -27,31 +28,33 @@ class CameraSpec(Spec):
     the centre of the top-left pixel is (0.5, 0.5). All images of a camera share one projection, pixel for pixel.
     """
 
-    width: int = Field(960, ge=1, le=16384, description="columns [px]")
-    height: int = Field(540, ge=1, le=16384, description="rows [px]")
+    width: Annotated[int, Unit("px")] = Field(960, ge=1, le=16384, description="columns [px]")
+    height: Annotated[int, Unit("px")] = Field(540, ge=1, le=16384, description="rows [px]")
     lens: Annotated[Lens, Field(discriminator="model")] = Pinhole()
-    horizontal_fov_deg: float | None = Field(
+    horizontal_fov_deg: Degrees | None = Field(
         None, gt=0.0, le=360.0,
         description="angle that the width shows through the lens, were the principal point in the middle [deg]; "
         "90 where no focal length is given either",
     )  # fmt: skip
-    focal_length_px: float | tuple[float, float] | None = Field(
+    focal_length_px: Pixels | tuple[Pixels, Pixels] | None = Field(
         None, description="instead of the field of view: focal length, or that of columns and of rows [px]"
     )
-    principal_point: tuple[float, float] | None = Field(None, description="column and row [px]; None: the middle")
+    principal_point: tuple[Pixels, Pixels] | None = Field(None, description="column and row [px]; None: the middle")
     samples_per_pixel: int = Field(
         16, ge=1, le=65536, description="light paths of the RGB image; error against time: docs/camera.md"
     )
     denoise: bool = Field(True, description="Open Image Denoise over the RGB image, led by albedo and normals")
-    max_depth: int = Field(6, ge=1, le=64, description="longest light path of the RGB image [segments]")
+    max_depth: Annotated[int, Unit("segments")] = Field(
+        6, ge=1, le=64, description="longest light path of the RGB image [segments]"
+    )
     exposure: float = Field(1.0, gt=0.0, description="factor on the scene's radiance before the tone curve")
-    exposure_time: float = Field(
+    exposure_time: Seconds = Field(
         0.0, ge=0.0, le=10.0, description="shutter, its middle at the frame's time [s]; 0: no blur"
     )
     num_shutter_times: int = Field(8, ge=1, le=256, description="instants of an exposure with blur")
     sensor: ImageSensor | None = Field(None, description="noise and converter of the RGB image; None: ideal")
-    max_distance: float = Field(1000.0, gt=0.0, description="depth is infinite beyond [m]")
-    flow_interval: float = Field(0.1, gt=0.0, description="time over which the flow image is taken [s]")
+    max_distance: Metres = Field(1000.0, gt=0.0, description="depth is infinite beyond [m]")
+    flow_interval: Seconds = Field(0.1, gt=0.0, description="time over which the flow image is taken [s]")
     images: tuple[CameraImage, ...] = ("rgb", "depth", "semantic", "instance")
 
     @field_validator("horizontal_fov_deg")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Unit
 
 
 class ImageSensor(Spec):
@@ -21,8 +22,12 @@ class ImageSensor(Spec):
     full_well: float = Field(12_000.0, ge=1.0, le=1e9, description="electrons of a full well")
     veiling_glare: float = Field(0.0, ge=0.0, le=0.5, description="share of the light that the optics scatter widely")
     shot_noise: bool = Field(True, description="Poisson noise of the electrons")
-    dark_electrons: float = Field(0.0, ge=0.0, description="mean dark signal, subtracted again [electrons]")
-    read_noise: float = Field(3.0, ge=0.0, description="standard deviation of the read-out [electrons]")
+    dark_electrons: Annotated[float, Unit("electrons")] = Field(
+        0.0, ge=0.0, description="mean dark signal, subtracted again [electrons]"
+    )
+    read_noise: Annotated[float, Unit("electrons")] = Field(
+        3.0, ge=0.0, description="standard deviation of the read-out [electrons]"
+    )
     bits: int = Field(12, ge=1, le=24, description="of the converter, full scale = full well")
     white_balance: Literal["none", "grey_world"] | tuple[float, float, float] = Field(
         "none", description="gains of red, green, blue; or from the mean of the image"

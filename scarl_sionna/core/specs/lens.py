@@ -14,6 +14,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Degrees
 
 Array = npt.NDArray[np.float64]
 
@@ -215,7 +216,7 @@ class KannalaBrandt(Spec):
     k2: float = 0.0
     k3: float = 0.0
     k4: float = 0.0
-    max_angle_deg: float = Field(180.0, gt=0.0, le=180.0, description="half angle of the lens' image circle [deg]")
+    max_angle_deg: Degrees = Field(180.0, gt=0.0, le=180.0, description="half angle of the lens' image circle [deg]")
 
     @property
     def coefficients(self) -> tuple[float, ...]:

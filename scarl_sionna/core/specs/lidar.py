@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.core.units import SPEED_OF_LIGHT, Hertz, Metres, Seconds, Unit, Watts
 
 from .atmosphere import Atmosphere
 from .lidar_pattern import RasterScan, ScanPattern, SpinningScan
@@ -32,19 +32,21 @@ class LidarSpec(Spec):
 
     scan: ScanPattern = RasterScan()
     receiver: LidarReceiver = ScarlReceiver()
-    wavelength: float = Field(1550e-9, ge=400e-9, le=2000e-9, description="optical wavelength [m]")
-    max_distance: float = Field(200.0, gt=0.0, le=1e4, description="no return beyond [m]")
-    atmospheric_attenuation: float = Field(
+    wavelength: Metres = Field(1550e-9, ge=400e-9, le=2000e-9, description="optical wavelength [m]")
+    max_distance: Metres = Field(200.0, gt=0.0, le=1e4, description="no return beyond [m]")
+    atmospheric_attenuation: Annotated[float, Unit("1/m")] = Field(
         4e-4, ge=0.0, description="one-way power extinction coefficient of clear air [1/m]; a visibility replaces it"
     )
     atmosphere: Atmosphere = Field(Atmosphere(), description="fog and rain")
-    transmit_power: float = Field(0.1, gt=0.0, description="optical, of one beam while it chirps [W]")
-    aperture_diameter: float = Field(10e-3, gt=0.0, description="of the beam at the lens, to 1/e2 of the intensity [m]")
-    beam_divergence: float | None = Field(
+    transmit_power: Watts = Field(0.1, gt=0.0, description="optical, of one beam while it chirps [W]")
+    aperture_diameter: Metres = Field(
+        10e-3, gt=0.0, description="of the beam at the lens, to 1/e2 of the intensity [m]"
+    )
+    beam_divergence: Annotated[float, Unit("rad")] | None = Field(
         None, gt=0.0, lt=0.2, description="full angle to 1/e2 of the intensity [rad]; None: the diffraction limit"
     )
-    bandwidth: float = Field(1e9, gt=0.0, description="swept by each chirp [Hz]")
-    chirp_time: float = Field(5e-6, gt=0.0, description="duration of the up chirp, and of the down chirp [s]")
+    bandwidth: Hertz = Field(1e9, gt=0.0, description="swept by each chirp [Hz]")
+    chirp_time: Seconds = Field(5e-6, gt=0.0, description="duration of the up chirp, and of the down chirp [s]")
     sub_rays: int = Field(1, ge=1, le=256, description="rays over the beam's footprint; 1: a thin ray")
     max_surfaces: int = Field(1, ge=1, le=16, description="surfaces a ray may meet through glass; 1: the first only")
     max_returns: int = Field(1, ge=1, le=16, description="the strongest returns of a shot that are kept")

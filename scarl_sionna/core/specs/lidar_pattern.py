@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Degrees, Hertz, Seconds
 
 Array = npt.NDArray[np.float64]
 
@@ -38,11 +39,11 @@ class RasterScan(Spec):
     """
 
     kind: Literal["raster"] = "raster"
-    azimuth_fov_deg: tuple[float, float] = Field((-60.0, 60.0), description="first and last azimuth [deg]")
-    elevation_fov_deg: tuple[float, float] = Field((-20.0, 10.0), description="lowest and highest elevation [deg]")
+    azimuth_fov_deg: tuple[Degrees, Degrees] = Field((-60.0, 60.0), description="first and last azimuth [deg]")
+    elevation_fov_deg: tuple[Degrees, Degrees] = Field((-20.0, 10.0), description="lowest and highest elevation [deg]")
     num_azimuth: int = Field(600, ge=1, description="shots a line")
     num_elevation: int = Field(64, ge=1, description="lines")
-    scan_time: float = Field(0.0, ge=0.0, le=10.0, description="duration of a scan [s]; 0: all shots at one instant")
+    scan_time: Seconds = Field(0.0, ge=0.0, le=10.0, description="duration of a scan [s]; 0: all shots at one instant")
     lines_at_once: int = Field(1, ge=1, description="neighbouring lines that are shot in parallel")
     serpentine: bool = Field(False, description="every second pass runs back")
 
@@ -119,14 +120,14 @@ class SpinningScan(Spec):
     """
 
     kind: Literal["spinning"] = "spinning"
-    elevation_deg: tuple[float, ...] = Field(min_length=1, max_length=1024, description="of every beam [deg]")
-    azimuth_offset_deg: tuple[float, ...] | None = Field(None, description="of every beam to the fan [deg]; None: 0")
-    firing_time: tuple[float, ...] | None = Field(
+    elevation_deg: tuple[Degrees, ...] = Field(min_length=1, max_length=1024, description="of every beam [deg]")
+    azimuth_offset_deg: tuple[Degrees, ...] | None = Field(None, description="of every beam to the fan [deg]; None: 0")
+    firing_time: tuple[Seconds, ...] | None = Field(
         None, description="of every beam after its column's start [s]; None: evenly over the column"
     )
     num_azimuth: int = Field(1800, ge=1, description="columns a turn")
-    rotation_rate: float = Field(10.0, gt=0.0, description="turns a second [Hz]")
-    start_azimuth_deg: float = Field(180.0, ge=-360.0, le=360.0, description="of the first column [deg]")
+    rotation_rate: Hertz = Field(10.0, gt=0.0, description="turns a second [Hz]")
+    start_azimuth_deg: Degrees = Field(180.0, ge=-360.0, le=360.0, description="of the first column [deg]")
     clockwise: bool = Field(True, description="turns to the right, seen from above")
 
     @model_validator(mode="after")
@@ -189,10 +190,10 @@ class RisleyScan(Spec):
     """
 
     kind: Literal["risley"] = "risley"
-    wedge_angles_deg: tuple[float, float] = Field((12.0, 12.0), description="deflection of each prism [deg]")
-    rotation_rates: tuple[float, float] = Field((121.3, -73.7), description="turns of each prism a second [Hz]")
+    wedge_angles_deg: tuple[Degrees, Degrees] = Field((12.0, 12.0), description="deflection of each prism [deg]")
+    rotation_rates: tuple[Hertz, Hertz] = Field((121.3, -73.7), description="turns of each prism a second [Hz]")
     num_shots: int = Field(40_000, ge=1, le=MAX_SHOTS, description="shots of a scan")
-    scan_time: float = Field(0.1, gt=0.0, le=10.0, description="duration of a scan [s]")
+    scan_time: Seconds = Field(0.1, gt=0.0, le=10.0, description="duration of a scan [s]")
 
     @model_validator(mode="after")
     def _check(self) -> RisleyScan:
@@ -225,11 +226,11 @@ class TableScan(Spec):
     """Any directions at any times. :meth:`read` takes them from a .csv or .npz file."""
 
     kind: Literal["table"] = "table"
-    azimuth_deg: tuple[float, ...] = Field(
+    azimuth_deg: tuple[Degrees, ...] = Field(
         min_length=1, max_length=MAX_SHOTS, description="of every shot, left positive [deg]"
     )
-    elevation_deg: tuple[float, ...] = Field(min_length=1, description="of every shot, up positive [deg]")
-    time: tuple[float, ...] | None = Field(None, description="of every shot after the scan's start [s]; None: all 0")
+    elevation_deg: tuple[Degrees, ...] = Field(min_length=1, description="of every shot, up positive [deg]")
+    time: tuple[Seconds, ...] | None = Field(None, description="of every shot after the scan's start [s]; None: all 0")
 
     @model_validator(mode="after")
     def _check(self) -> TableScan:

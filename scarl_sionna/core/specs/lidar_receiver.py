@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Hertz, MetresPerSecond, Unit, Watts
 
 
 class ScarlReceiver(Spec):
@@ -18,10 +19,12 @@ class ScarlReceiver(Spec):
         ge=0.0,
         description="a return of intensity I is kept with probability 1 - exp(-I / drop_out_intensity); 0: all",
     )
-    range_noise_variance_per_metre: float = Field(
+    range_noise_variance_per_metre: Annotated[float, Unit("m2/m")] = Field(
         0.0, ge=0.0, description="variance of the distance noise divided by the distance [m2/m]"
     )
-    velocity_noise_std: float = Field(0.0, ge=0.0, description="standard deviation of the radial velocity noise [m/s]")
+    velocity_noise_std: MetresPerSecond = Field(
+        0.0, ge=0.0, description="standard deviation of the radial velocity noise [m/s]"
+    )
 
 
 class HeterodyneReceiver(Spec):
@@ -33,19 +36,19 @@ class HeterodyneReceiver(Spec):
     kind: Literal["heterodyne"] = "heterodyne"
     quantum_efficiency: float = Field(0.8, gt=0.0, le=1.0, description="photoelectrons a photon")
     system_efficiency: float = Field(0.3, gt=0.0, le=1.0, description="optics, polarization and mixing, both ways")
-    local_oscillator_power: float = Field(1e-3, gt=0.0, description="on the detectors [W]")
-    thermal_current_density: float = Field(
+    local_oscillator_power: Watts = Field(1e-3, gt=0.0, description="on the detectors [W]")
+    thermal_current_density: Annotated[float, Unit("A/sqrt(Hz)")] = Field(
         3e-12, ge=0.0, description="input noise current of the amplifier [A/sqrt(Hz)]"
     )
-    intensity_noise_db: float | None = Field(
+    intensity_noise_db: Annotated[float, Unit("dB/Hz")] | None = Field(
         -175.0, le=-100.0, description="relative intensity noise left after balancing [dB/Hz]; None: none"
     )
-    sampling_frequency: float = Field(500e6, gt=0.0, description="complex samples a second [Hz]")
+    sampling_frequency: Hertz = Field(500e6, gt=0.0, description="complex samples a second [Hz]")
     chirps: Literal["up_down", "up"] = Field("up_down", description='"up": range and velocity cannot be told apart')
     num_looks: int = Field(1, ge=1, le=1024, description="pairs of chirps with independent speckle, averaged in power")
     false_alarm_probability: float = Field(1e-4, gt=0.0, lt=0.5, description="of a shot that hits nothing")
-    max_velocity: float = Field(70.0, gt=0.0, description="radial velocities searched: -max to max [m/s]")
-    saturation_power: float | None = Field(
+    max_velocity: MetresPerSecond = Field(70.0, gt=0.0, description="radial velocities searched: -max to max [m/s]")
+    saturation_power: Watts | None = Field(
         1e-6, gt=0.0, description="received power at which I and Q reach full scale [W]; None: never"
     )
     speckle: bool = Field(True, description="fully developed speckle of rough surfaces")

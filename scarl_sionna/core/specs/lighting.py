@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Degrees, Metres, Unit
 
 
 class Lighting(Spec):
     """Light of a scene. It changes the images of the optical twin only, never its geometry."""
 
-    sun_elevation_deg: float = Field(
+    sun_elevation_deg: Degrees = Field(
         38.0, ge=-90.0, le=90.0, description="above the horizon; below -18 it is night [deg]"
     )
-    sun_azimuth_deg: float = Field(121.0, ge=-360.0, le=360.0, description="from the world's +x towards +y [deg]")
+    sun_azimuth_deg: Degrees = Field(121.0, ge=-360.0, le=360.0, description="from the world's +x towards +y [deg]")
     turbidity: float = Field(3.0, ge=1.0, le=10.0, description="haze of the clear sky, 2: very clear, 6: hazy")
     cloud_cover: float = Field(0.0, ge=0.0, le=1.0, description="share of the sky with clouds; 1: overcast, no sun")
-    night_sky_luminance: float = Field(0.01, ge=0.0, description="sky glow that is left without sun [cd/m2]")
+    night_sky_luminance: Annotated[float, Unit("cd/m2")] = Field(
+        0.01, ge=0.0, description="sky glow that is left without sun [cd/m2]"
+    )
     headlamps: bool = Field(False, description="head and tail lamps of the vehicles")
     street_lamps: bool = False
     wetness: float = Field(0.0, ge=0.0, le=1.0, description="of the ground; 1: puddles in the wheel tracks")
-    visibility: float | None = Field(
+    visibility: Metres | None = Field(
         None, gt=0.0, description="meteorological range at 5 % contrast [m]; None: no haze"
     )
     exposure: float = Field(

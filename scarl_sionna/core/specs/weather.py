@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Metres, MetresPerSecond, MillimetresPerHour, Seconds, Unit
 
 from .atmosphere import CONTRAST, REFERENCE_WAVELENGTH, Atmosphere
 from .drop_sizes import DropSizes
@@ -39,11 +40,11 @@ class Spray(Spec):
     airborne_share: float = Field(
         0.05, gt=0.0, le=1.0, description="of the water in the tyres' tracks, what stays in the air"
     )
-    drop_diameter: float = Field(0.3e-3, gt=1e-5, lt=3e-3, description="median volume diameter of the drops [m]")
-    lifetime: float = Field(0.4, gt=0.0, le=10.0, description="time in which the cloud thins out by 1/e [s]")
-    track_width: float = Field(0.45, gt=0.0, le=3.0, description="of both tracks of tyres together [m]")
-    height: float = Field(1.5, gt=0.0, le=6.0, description="of the cloud [m]")
-    min_speed: float = Field(8.0, ge=0.0, description="a slower vehicle throws none up [m/s]")
+    drop_diameter: Metres = Field(0.3e-3, gt=1e-5, lt=3e-3, description="median volume diameter of the drops [m]")
+    lifetime: Seconds = Field(0.4, gt=0.0, le=10.0, description="time in which the cloud thins out by 1/e [s]")
+    track_width: Metres = Field(0.45, gt=0.0, le=3.0, description="of both tracks of tyres together [m]")
+    height: Metres = Field(1.5, gt=0.0, le=6.0, description="of the cloud [m]")
+    min_speed: MetresPerSecond = Field(8.0, ge=0.0, description="a slower vehicle throws none up [m/s]")
 
     def water_content(self, wetness: float, width: float) -> float:
         r"""Return the liquid water right behind a vehicle [g/m3].
@@ -69,26 +70,30 @@ class Weather(Spec):
     One of `visibility` and `fog_water` states the fog; they are tied by Kunkel's law, see :func:`fog_water_of`.
     """
 
-    rain_rate: float = Field(0.0, ge=0.0, le=200.0, description="[mm/h]")
+    rain_rate: MillimetresPerHour = Field(0.0, ge=0.0, le=200.0, description="[mm/h]")
     drop_sizes: DropSizes = Field(
         "marshall_palmer", description="distribution of the rain's drops, for what they send back to a radar"
     )
-    visibility: float | None = Field(
+    visibility: Metres | None = Field(
         None, gt=10.0, description="meteorological range in the fog alone, 5 % contrast [m]; None: no fog"
     )
-    fog_water: float | None = Field(
+    fog_water: Annotated[float, Unit("g/m3")] | None = Field(
         None, gt=0.0, le=2.0, description="liquid water of the fog [g/m3], instead of a visibility"
     )
-    snow_rate: float = Field(0.0, ge=0.0, le=20.0, description="as melted water [mm/h]")
+    snow_rate: MillimetresPerHour = Field(0.0, ge=0.0, le=20.0, description="as melted water [mm/h]")
     snow: Literal["dry", "wet"] = Field(
         "dry", description="wet: flakes with 10 % of liquid water by volume, near 0 degrees"
     )
     spray: Spray | None = Field(None, description="behind moving vehicles on wet roads; None: not modelled")
-    wind: tuple[float, float] = Field((0.0, 0.0), description="velocity of the air along the world's x and y [m/s]")
-    turbulence: float = Field(
+    wind: tuple[MetresPerSecond, MetresPerSecond] = Field(
+        (0.0, 0.0), description="velocity of the air along the world's x and y [m/s]"
+    )
+    turbulence: MetresPerSecond = Field(
         0.5, ge=0.0, le=5.0, description="standard deviation of the air's velocity, each axis [m/s]"
     )
-    temperature_celsius: float = Field(10.0, ge=-20.0, le=40.0, description="of air and drops [degrees Celsius]")
+    temperature_celsius: Annotated[float, Unit("degrees Celsius")] = Field(
+        10.0, ge=-20.0, le=40.0, description="of air and drops [degrees Celsius]"
+    )
     gases: bool = Field(False, description="oxygen and water vapour take their part of the radar's power (P.676)")
     wetness: float | None = Field(
         None, ge=0.0, le=1.0, description="of the surfaces; None: what the rain makes of them"

@@ -6,7 +6,7 @@ import json
 import threading
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import DatasetError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity
 from scarl_sionna.core.results import Frame, ObjectState, SensorResult
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.dataset.encoding import spec_of
@@ -41,7 +42,7 @@ _CACHED_SHARDS = 64
 """Shards whose indices and JSON are kept in memory, a scene."""
 
 
-class Dataset(Sequence["StoredFrame"]):
+class Dataset(Described, Sequence["StoredFrame"]):
     """A dataset that is open for reading; nothing is read before it is asked for.
 
     ``ds[i]`` is the i-th frame that is there, scene after scene in the order of their names. Safe to use from several
@@ -66,8 +67,13 @@ class Dataset(Sequence["StoredFrame"]):
     def __reduce__(self) -> tuple[Any, ...]:
         return Dataset, (self.place,)
 
-    def __repr__(self) -> str:
-        return f"<Dataset {self.place}: {len(self)} frames in {len(self._scenes)} scenes, {len(self.sensors)} sensors>"
+    def _facts(self) -> Iterable[Row]:
+        yield "place", self.place
+        yield "frames", f"{len(self)} in {len(self._scenes)} scenes"
+        yield "scenes", listed(f"{name} ({len(scene)})" for name, scene in self._scenes.items())
+        yield "splits", listed(f"{split}: {len(names)}" for split, names in self.splits.items())
+        yield "sensors", f"{len(self.sensors)}: {listed(self.sensors)}"
+        yield "licence", str(self.manifest["licence"])
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -129,7 +135,7 @@ class Dataset(Sequence["StoredFrame"]):
         return self._specs[sensor]
 
 
-class Scene(Sequence["StoredFrame"]):
+class Scene(Described, Sequence["StoredFrame"]):
     """One scene (sequence) of a dataset: ``scene[k]`` is the k-th frame that is there."""
 
     def __init__(self, dataset: Dataset, plan: ScenePlan) -> None:
@@ -139,8 +145,11 @@ class Scene(Sequence["StoredFrame"]):
         self._shards: OrderedDict[int, _Shard] = OrderedDict()
         self.frames: tuple[int, ...] = tuple(self._find_frames())
 
-    def __repr__(self) -> str:
-        return f"<Scene {self.name}: {len(self)} of {self.plan.num_frames} frames>"
+    def _facts(self) -> Iterable[Row]:
+        yield "name", self.name
+        yield "frames", f"{len(self)} of {self.plan.num_frames}"
+        yield "split", self.plan.split
+        yield "dataset", self.dataset.place
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -287,7 +296,7 @@ class _Shard:
         self.places: dict[str, list[tuple[int, int] | None]] = {}
 
 
-class StoredFrame:
+class StoredFrame(Described):
     """One frame of a dataset; its arrays are read when they are asked for.
 
     Attributes
@@ -300,8 +309,12 @@ class StoredFrame:
     def __init__(self, scene: Scene, index: int) -> None:
         self.scene, self.index = scene, index
 
-    def __repr__(self) -> str:
-        return f"<StoredFrame {self.index} of {self.scene.name}: {', '.join(self.sensors)}>"
+    def _facts(self) -> Iterable[Row]:
+        yield "scene", self.scene.name
+        yield "index", str(self.index)
+        yield "time", quantity(self.timestamp_ns * 1e-9, "s")
+        yield "sensors", f"{len(self.sensors)}: {listed(self.sensors)}"
+        yield "objects", str(len(self.label_arrays["name"]))
 
     @cached_property
     def timestamp_ns(self) -> int:

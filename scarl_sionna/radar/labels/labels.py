@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.paths.tracing import DIFFUSE, REFRACTION
@@ -32,8 +33,8 @@ NO_INSTANCE = 0
 """Instance of what no path explains: noise, sidelobes, a line of sight between two radars."""
 
 
-@dataclass(frozen=True, eq=False)
-class PathLabels:
+@dataclass(frozen=True, eq=False, repr=False)
+class PathLabels(Described):
     """Label of every path.
 
     Attributes
@@ -54,8 +55,8 @@ class PathLabels:
     mirror: Ids
 
 
-@dataclass(frozen=True, eq=False)
-class CellLabels:
+@dataclass(frozen=True, eq=False, repr=False)
+class CellLabels(Described, units={"power": "W"}):
     """Labels of a range-Doppler map. Instance and class are 0 and shares are 0 where no path reaches.
 
     Attributes
@@ -95,8 +96,8 @@ class CellLabels:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class PointLabels:
+@dataclass(frozen=True, eq=False, repr=False)
+class PointLabels(Described):
     """Labels of detections, one row a point.
 
     Attributes

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRangeError, SceneError
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.settings.scatterers import TR38901
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
@@ -30,8 +31,19 @@ _ROUNDING = 1e-9
 """Aspects this far outside of the table [rad] are still inside."""
 
 
-@dataclass(frozen=True, eq=False)
-class ScattererModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ScattererModel(
+    Described,
+    units={
+        "centers": "m",
+        "azimuth": "rad",
+        "elevation": "rad",
+        "frequency": "Hz",
+        "cell": "m",
+        "nearest_distance": "m",
+        "elevation_reach": "rad",
+    },
+):
     r"""Scattering centres of one rigid body.
 
     Attributes

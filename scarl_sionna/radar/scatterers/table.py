@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.prompt.describe import Described
 
 Index = npt.NDArray[np.int64]
 Complex = npt.NDArray[np.complex64]
@@ -27,8 +28,8 @@ def direction_of(azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> npt.NDArra
     return np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=-1)
 
 
-@dataclass(frozen=True, eq=False)
-class AspectTable:
+@dataclass(frozen=True, eq=False, repr=False)
+class AspectTable(Described):
     """Scattering matrices over elevation, azimuth and centre.
 
     Attributes

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.antenna import PathGeometry
@@ -75,6 +76,9 @@ def synthesize(
     ----------
     .. [1] A. Nittur Ramesh et al., "SCaRL", eqs. (2) and (3).
     """
+    expect("paths", paths, RadarPaths, "give ss.solve_paths(world.at(time), radar, pose), or ss.point_targets(...)")
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
+    expect("rng", rng, (np.random.Generator, type(None)), "give numpy.random.default_rng(seed), or None for no noise")
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)

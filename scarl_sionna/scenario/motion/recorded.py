@@ -203,5 +203,5 @@ def _apart(values: Array, least: float) -> npt.NDArray[np.int64]:
 def _standing(record: Record, points: Array, headings: Array, span: tuple[float, float]) -> Smoothed:
     """Return the motion of a body that does not move."""
     direction = np.array([np.cos(headings[0]), np.sin(headings[0]), 0.0])
-    pose = Pose.from_euler(points.mean(0) - record.ahead * direction, yaw=float(headings[0]))
+    pose = Pose.from_heading(points.mean(0) - record.ahead * direction, float(headings[0]))
     return Smoothed(StaticTrajectory(pose, *span), float(np.linalg.norm(points - points.mean(0), axis=1).max()), 0)

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Degrees, Metres, Unit
 
 from .motion import TrajectorySpec
 
@@ -29,8 +30,8 @@ class MeshSpec(Spec):
     up: Axis | None = Field(None, description="axis of the file; default: y for glTF, else z")
     forward: Axis | None = Field(None, description="axis of the file; default: z for glTF, else x")
     motion: Literal["vehicle", "cycle", "walk", "stand"] | None = Field(None, description="default: by the class")
-    wheelbase: float | None = Field(None, gt=0.0, description="distance of the axles [m]")
-    rear_axle: float | None = Field(None, le=0.0, description="x of the rear axle from the middle [m]")
+    wheelbase: Metres | None = Field(None, gt=0.0, description="distance of the axles [m]")
+    rear_axle: Metres | None = Field(None, le=0.0, description="x of the rear axle from the middle [m]")
 
 
 class _Body(Spec):
@@ -70,7 +71,9 @@ class TrafficSpec(Spec):
     file: str | None = Field(
         None, description="FCD, CommonRoad or SUMO's configuration, relative to the scenario's file"
     )
-    density: float = Field(10.0, ge=0.0, le=150.0, description="vehicles on a kilometre of lane [1/km]")
+    density: Annotated[float, Unit("1/km")] = Field(
+        10.0, ge=0.0, le=150.0, description="vehicles on a kilometre of lane [1/km]"
+    )
     mix: dict[str, Annotated[float, Field(ge=0.0)]] | None = Field(
         None, description="shares of the models of vehicles; default: that of a town"
     )
@@ -93,9 +96,9 @@ class TrafficSpec(Spec):
 class JitterSpec(Spec):
     """How far placements vary, each evenly between minus and plus."""
 
-    along: float = Field(2.0, ge=0.0, le=50.0, description="along the lane or the heading [m]")
-    lateral: float = Field(0.2, ge=0.0, le=5.0, description="to the side, kept within the lane [m]")
-    yaw_deg: float = Field(2.0, ge=0.0, le=180.0, description="of what stands [deg]")
+    along: Metres = Field(2.0, ge=0.0, le=50.0, description="along the lane or the heading [m]")
+    lateral: Metres = Field(0.2, ge=0.0, le=5.0, description="to the side, kept within the lane [m]")
+    yaw_deg: Degrees = Field(2.0, ge=0.0, le=180.0, description="of what stands [deg]")
 
 
 class RandomizationSpec(Spec):

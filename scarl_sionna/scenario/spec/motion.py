@@ -8,19 +8,20 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Degrees, Metres, MetresPerSecond, MetresPerSecond2, MetresPerSecond3, Seconds, Unit
 
-Vector = tuple[float, float, float]
-Point = Annotated[tuple[float, ...], Field(min_length=2, max_length=3)]
-Speed = Annotated[float, Field(ge=0.0, le=70.0)]
+Vector = tuple[MetresPerSecond, MetresPerSecond, MetresPerSecond]
+Point = Annotated[tuple[Metres, ...], Field(min_length=2, max_length=3)]
+Speed = Annotated[MetresPerSecond, Field(ge=0.0, le=70.0)]
 
 
 class BrakeSpec(Spec):
     """Braking down to a speed."""
 
     kind: Literal["brake"] = "brake"
-    time: float = Field(description="when it begins [s]")
-    deceleration: float = Field(6.0, gt=0.0, le=12.0, description="at most [m/s2]")
-    jerk: float = Field(15.0, gt=0.0, le=100.0, description="at most [m/s3]")
+    time: Seconds = Field(description="when it begins [s]")
+    deceleration: MetresPerSecond2 = Field(6.0, gt=0.0, le=12.0, description="at most [m/s2]")
+    jerk: MetresPerSecond3 = Field(15.0, gt=0.0, le=100.0, description="at most [m/s3]")
     speed: Speed = Field(0.0, description="at its end [m/s]")
 
 
@@ -28,9 +29,9 @@ class AccelerateSpec(Spec):
     """Speeding up to a speed."""
 
     kind: Literal["accelerate"] = "accelerate"
-    time: float = Field(description="when it begins [s]")
-    acceleration: float = Field(2.0, gt=0.0, le=10.0, description="at most [m/s2]")
-    jerk: float = Field(2.0, gt=0.0, le=100.0, description="at most [m/s3]")
+    time: Seconds = Field(description="when it begins [s]")
+    acceleration: MetresPerSecond2 = Field(2.0, gt=0.0, le=10.0, description="at most [m/s2]")
+    jerk: MetresPerSecond3 = Field(2.0, gt=0.0, le=100.0, description="at most [m/s3]")
     speed: Speed = Field(description="at its end [m/s]")
 
 
@@ -38,18 +39,18 @@ class StopSpec(Spec):
     """Keeping the speed and braking in time to stand at a place: a stop line, the end of a queue."""
 
     kind: Literal["stop"] = "stop"
-    at: float = Field(ge=0.0, description="way along the lanes from the start of the first one [m]")
-    deceleration: float = Field(3.0, gt=0.0, le=12.0, description="at most [m/s2]")
-    jerk: float = Field(5.0, gt=0.0, le=100.0, description="at most [m/s3]")
+    at: Metres = Field(ge=0.0, description="way along the lanes from the start of the first one [m]")
+    deceleration: MetresPerSecond2 = Field(3.0, gt=0.0, le=12.0, description="at most [m/s2]")
+    jerk: MetresPerSecond3 = Field(5.0, gt=0.0, le=100.0, description="at most [m/s3]")
 
 
 class ShiftSpec(Spec):
     """A smooth move to the side while driving on: a lane change, a cut-in, or passing an obstacle."""
 
     kind: Literal["shift"] = "shift"
-    time: float = Field(description="when it begins [s]")
-    duration: float = Field(3.0, gt=0.0, le=60.0, description="how long it takes [s]")
-    by: float = Field(ge=-15.0, le=15.0, description="how far, positive to the left [m]")
+    time: Seconds = Field(description="when it begins [s]")
+    duration: Seconds = Field(3.0, gt=0.0, le=60.0, description="how long it takes [s]")
+    by: Metres = Field(ge=-15.0, le=15.0, description="how far, positive to the left [m]")
 
 
 Event = Annotated[BrakeSpec | AccelerateSpec | StopSpec | ShiftSpec, Field(discriminator="kind")]
@@ -60,14 +61,14 @@ class RouteSpec(Spec):
 
     kind: Literal["route"] = "route"
     lanes: tuple[str, ...] = Field(min_length=1, description="names of lanes, each one continues the one before")
-    start: float = Field(0.0, ge=0.0, description="way along the first lane at `since` [m]")
+    start: Metres = Field(0.0, ge=0.0, description="way along the first lane at `since` [m]")
     speed: Speed | None = Field(
         None, description="at `since`, kept until an event [m/s]; default: the first lane's limit"
     )
-    since: float | None = Field(
+    since: Seconds | None = Field(
         None, description="when the motion begins [s]; default: 0, or the first frame where that is earlier"
     )
-    offset: float = Field(
+    offset: Metres = Field(
         0.0, ge=-15.0, le=15.0, description="from the lane's middle before any event, positive to the left [m]"
     )
     events: tuple[Event, ...] = Field((), description="in the order of their times")
@@ -85,9 +86,9 @@ class WaypointsSpec(Spec):
 
     kind: Literal["waypoints"] = "waypoints"
     positions: tuple[Point, ...] = Field(min_length=2, description="[x, y] on the ground, or [x, y, z] [m, world]")
-    times: tuple[float, ...] | None = Field(None, description="one for each position [s]")
+    times: tuple[Seconds, ...] | None = Field(None, description="one for each position [s]")
     speed: Annotated[float, Field(gt=0.0, le=70.0)] | None = Field(None, description="instead of `times` [m/s]")
-    depart: float = Field(0.0, description="when it sets off, with `speed`; before, it waits [s]")
+    depart: Seconds = Field(0.0, description="when it sets off, with `speed`; before, it waits [s]")
     yaw_deg: tuple[float, ...] | None = Field(
         None, description="headings, one for each position; default: along the way"
     )
@@ -110,8 +111,8 @@ class ConstantTwistSpec(Spec):
     kind: Literal["constant_twist"] = "constant_twist"
     position: Point = Field(description="[m, world]")
     velocity: Vector = Field(description="[m/s, world]")
-    yaw_deg: float | None = Field(None, description="heading; default: along the velocity [deg]")
-    angular_velocity_z: float = Field(0.0, ge=-10.0, le=10.0, description="[rad/s]")
+    yaw_deg: Degrees | None = Field(None, description="heading; default: along the velocity [deg]")
+    angular_velocity_z: Annotated[float, Unit("rad/s")] = Field(0.0, ge=-10.0, le=10.0, description="[rad/s]")
 
 
 class StaticSpec(Spec):
@@ -121,9 +122,9 @@ class StaticSpec(Spec):
     position: Point | None = Field(None, description="[m, world]")
     parking: int | None = Field(None, ge=0, description="number of a parking place of the scene, from 0")
     lane: str | None = Field(None, description="name of a lane, with `start` and `offset`")
-    start: float = Field(0.0, ge=0.0, description="way along the lane [m]")
-    offset: float = Field(0.0, ge=-15.0, le=15.0, description="from the lane's middle, positive to the left [m]")
-    yaw_deg: float = Field(0.0, description="in the world, or from the direction of the place or lane [deg]")
+    start: Metres = Field(0.0, ge=0.0, description="way along the lane [m]")
+    offset: Metres = Field(0.0, ge=-15.0, le=15.0, description="from the lane's middle, positive to the left [m]")
+    yaw_deg: Degrees = Field(0.0, description="in the world, or from the direction of the place or lane [deg]")
 
     @model_validator(mode="after")
     def _check(self) -> StaticSpec:

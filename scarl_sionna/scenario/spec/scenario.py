@@ -21,6 +21,7 @@ from scarl_sionna.core.errors import (
 )
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Hertz, Seconds
 
 from .actors import ActorSpec, EgoSpec, RandomizationSpec, TrafficSpec
 from .files import Origin, place_of, read_marked
@@ -52,11 +53,11 @@ class ScenarioSpec(Spec):
         None, description="how every radar of the rig is simulated: the fields that stand here replace those of the rig"
     )
     num_frames: int = Field(5, ge=1, description="consecutive frames")
-    duration: float | None = Field(
+    duration: Seconds | None = Field(
         None, gt=0.0, le=1e6, exclude=True, description="instead of num_frames, rounded up to whole frames [s]"
     )
-    frame_rate: float = Field(10.0, gt=0.0, le=1e6, description="[Hz]")
-    start_time: float = Field(0.0, description="time of the first frame [s]")
+    frame_rate: Hertz = Field(10.0, gt=0.0, le=1e6, description="[Hz]")
+    start_time: Seconds = Field(0.0, description="time of the first frame [s]")
     seed: int = Field(0, ge=0, description="root of all random numbers")
     name: str | None = Field(
         None, pattern=r"^[A-Za-z0-9_\-]+$", description="name of the sequence in a dataset; default: that of the scene"

@@ -128,7 +128,7 @@ def _actor(
     if height is not None:
         table[:, 3] = height(table[:, 1:3])
     if len(table) == 1:
-        pose = Pose.from_euler(table[0, 1:4], yaw=float(table[0, 4]))
+        pose = Pose.from_heading(table[0, 1:4], float(table[0, 4]))
         return PlannedActor(name, model, None, StaticTrajectory(pose), body)
     smoothed = smooth_record(Record(name, table[:, 0], table[:, 1:4], table[:, 4]), body, span)
     present = (float(table[0, 0]), float(table[-1, 0]))

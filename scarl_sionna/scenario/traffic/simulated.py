@@ -332,7 +332,7 @@ def _parked(
         body, yaw = bodies[model], np.radians(place.yaw_deg + 1.0 * slack[1])
         along = 0.4 * (place.length - body.length) * slack[0]
         position = place.position + along * np.array([np.cos(yaw), np.sin(yaw), 0.0])
-        trajectory = StaticTrajectory(Pose.from_euler(position, yaw=float(yaw)))
+        trajectory = StaticTrajectory(Pose.from_heading(position, float(yaw)))
         actors.append(
             PlannedActor(
                 f"{names}_parked_{number}", model, draw_variant(model, models, float(draw.uniform())), trajectory, body

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.scene.document.material_entries import material_entries
@@ -31,8 +32,8 @@ _REQUIRED = {"name", "class", "motion", "length", "width", "height"}
 _KEYS = _REQUIRED | {"title", "license", "source", "wheelbase", "rear_axle", "ego_mount"}
 
 
-@dataclass(frozen=True, eq=False)
-class ModelLevel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelLevel(Described):
     """One level of geometry: elements of shapes and BSDFs by their ids, and the BSDF of each shape."""
 
     shapes: Mapping[str, ET.Element]
@@ -40,8 +41,8 @@ class ModelLevel:
     bsdf_of_shape: Mapping[str, str]
 
 
-@dataclass(frozen=True, eq=False)
-class ActorModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "wheelbase": "m", "rear_axle": "m"}):
     """What is known of an actor before it is put into a scene. Make one with `read_actor_model` or `actor_from_mesh`.
 
     Attributes

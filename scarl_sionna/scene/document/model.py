@@ -9,14 +9,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from scarl_sionna.core.prompt.describe import Described, Row, field_rows, listed
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.articulation import Joint
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
 
-@dataclass(frozen=True)
-class MaterialEntry:
+@dataclass(frozen=True, repr=False)
+class MaterialEntry(Described):
     """Radio material and lidar reflectance that stand behind a BSDF id; None: what the radio material's entry says.
 
     `lamp` is the kind of lamp that surfaces of this material are (:mod:`scarl_sionna.engine.light.lamps`), `wets` how much of the
@@ -31,8 +32,8 @@ class MaterialEntry:
     puddles: Path | None = None
 
 
-@dataclass(frozen=True)
-class InstanceEntry:
+@dataclass(frozen=True, repr=False)
+class InstanceEntry(Described):
     """One instance of the scene: static, or an actor when it has a trajectory."""
 
     name: str
@@ -44,8 +45,8 @@ class InstanceEntry:
     joints: tuple[Joint, ...] = ()
 
 
-@dataclass(frozen=True)
-class SceneDocument:
+@dataclass(frozen=True, repr=False)
+class SceneDocument(Described):
     """A scene's description.
 
     `root` is the parsed XML, with file names made absolute; `is_foreign` is true where no scene.toml states the classes.
@@ -65,6 +66,11 @@ class SceneDocument:
     lighting: Lighting | None = None
     lanes: LaneNetwork | None = None
     files: tuple[Path, ...] = ()
+
+    def _facts(self) -> Iterable[Row]:
+        yield "instances", f"{len(self.instances)}: {listed(entry.name for entry in self.instances)}"
+        yield "materials", f"{len(self.materials)}: {listed(self.materials)}"
+        yield from field_rows(self, without=("root", "instances", "materials", "bsdf_of_shape", "info", "files"))
 
 
 def twin_xml(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
+from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.scene.actors.model import DETAILS, ActorModel, Color, ModelLevel, check_colors, read_actor_model
 from scarl_sionna.scene.motion.articulation import joints_from_tables
 from scarl_sionna.scene.motion.trajectory import Trajectory
@@ -26,8 +27,8 @@ _PHASED = ("walk", "pedal")
 """Joints that begin at a phase."""
 
 
-@dataclass(frozen=True, eq=False)
-class StagedActor:
+@dataclass(frozen=True, eq=False, repr=False)
+class StagedActor(Described):
     """An actor model in a scene.
 
     Attributes

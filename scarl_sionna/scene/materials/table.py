@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -20,9 +21,10 @@ from scarl_sionna.core.errors import (
     SceneError,
     UnknownNameError,
 )
+from scarl_sionna.core.prompt.describe import Described, Row
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.toml_file import read_toml
-from scarl_sionna.core.units import VACUUM_PERMITTIVITY
+from scarl_sionna.core.units import VACUUM_PERMITTIVITY, Hertz, Metres, Unit
 
 BUILTIN_FILE = Path(__file__).with_name("materials.toml")
 
@@ -54,21 +56,23 @@ class RadioMaterial(Spec):
 
     name: str = Field(min_length=1)
     relative_permittivity: float = Field(ge=1.0, description="real part at reference_frequency")
-    conductivity: float = Field(ge=0.0, description="at reference_frequency, all losses in one number [S/m]")
-    reference_frequency: float = Field(77e9, gt=0.0, description="[Hz]")
+    conductivity: Annotated[float, Unit("S/m")] = Field(
+        ge=0.0, description="at reference_frequency, all losses in one number [S/m]"
+    )
+    reference_frequency: Hertz = Field(77e9, gt=0.0, description="[Hz]")
     permittivity_exponent: float = Field(0.0, description="b of the power law")
     conductivity_exponent: float = Field(1.0, description="d of the power law; 1: constant loss tangent")
-    thickness: float | None = Field(None, gt=0.0, description="of the layer with air behind [m]; None: half space")
-    water_film: float = Field(0.0, ge=0.0, le=0.1, description="depth of water on its face [m]; 0: dry")
-    water_temperature: float = Field(283.15, ge=250.0, le=330.0, description="of that water [K]")
-    roughness_rms: float = Field(0.0, ge=0.0, description="standard deviation of the surface height [m]")
+    thickness: Metres | None = Field(None, gt=0.0, description="of the layer with air behind [m]; None: half space")
+    water_film: Metres = Field(0.0, ge=0.0, le=0.1, description="depth of water on its face [m]; 0: dry")
+    water_temperature: Annotated[float, Unit("K")] = Field(283.15, ge=250.0, le=330.0, description="of that water [K]")
+    roughness_rms: Metres = Field(0.0, ge=0.0, description="standard deviation of the surface height [m]")
     scattering_coefficient: float = Field(
         0.0, ge=0.0, le=1.0, description="fraction of the reflected field that is scattered diffusely"
     )
     xpd_coefficient: float = Field(0.0, ge=0.0, le=1.0, description="fraction of the diffuse power that is cross-polar")
     lidar_reflectance: float = Field(0.3, ge=0.0, le=1.0, description="diffuse, at 1550 nm; a scene may state its own")
     lidar_transmittance: float = Field(0.0, ge=0.0, le=1.0, description="of a pane, at 1550 nm and normal incidence")
-    frequency_range: tuple[float, float] = Field((76e9, 81e9), description="valid between [Hz]")
+    frequency_range: tuple[Hertz, Hertz] = Field((76e9, 81e9), description="valid between [Hz]")
     source: str = Field(min_length=1, description="where the values come from")
     uncertainty: str = Field(min_length=1, description="how far they may be off")
 
@@ -128,11 +132,15 @@ class RadioMaterial(Spec):
         return complex(self.permittivity_at(frequency), -loss)
 
 
-class MaterialTable(Mapping[str, RadioMaterial]):
+class MaterialTable(Described, Mapping[str, RadioMaterial]):
     """Radio materials by name; an unknown name raises :class:`UnknownMaterialError`."""
 
     def __init__(self, materials: Iterable[RadioMaterial]) -> None:
         self._materials = {material.name: material for material in materials}
+
+    def _facts(self) -> Iterable[Row]:
+        yield "materials", str(len(self))
+        yield "names", ", ".join(self)
 
     def __getitem__(self, name: str) -> RadioMaterial:
         """Return the material of a name."""

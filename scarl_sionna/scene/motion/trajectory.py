@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.prompt.describe import Described
 
 _REST_SPEED = 1e-3
 """Below this speed [m/s] a heading cannot be read off the velocity."""
@@ -53,8 +54,8 @@ def forward_speeds(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[
     return np.array([trajectory.twist(time).linear @ trajectory.pose(time).rotation[:, 0] for time in when.tolist()])
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(Described):
     """Pose of a frame in its parent's, and its velocity relative to the parent, in the parent's axes."""
 
     pose: Pose = field(default_factory=Pose)
@@ -75,8 +76,8 @@ class Motion:
         return Motion(self.pose.compose(inner.pose), Twist(linear, angular))
 
 
-@dataclass(frozen=True, eq=False)
-class StaticTrajectory:
+@dataclass(frozen=True, eq=False, repr=False)
+class StaticTrajectory(Described):
     """A body that stays where it is."""
 
     world_from_actor: Pose
@@ -96,8 +97,8 @@ class StaticTrajectory:
         return np.zeros(times.shape)
 
 
-@dataclass(frozen=True, eq=False)
-class ConstantTwistTrajectory:
+@dataclass(frozen=True, eq=False, repr=False)
+class ConstantTwistTrajectory(Described):
     """A body with constant linear velocity of its origin and constant angular velocity; known at all times."""
 
     pose_at_zero: Pose
@@ -209,7 +210,7 @@ class WaypointTrajectory:
     def pose(self, time: float) -> Pose:
         """Return world_from_actor at a time [s]; x points along the heading, z up."""
         self._check(time)
-        return Pose.from_euler(self._position(time), yaw=self._heading(time)[0])
+        return Pose.from_heading(self._position(time), self._heading(time)[0])
 
     def twist(self, time: float) -> Twist:
         """Return the velocity at a time [s]: derivatives of the splines."""

@@ -10,12 +10,12 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.core.units import SPEED_OF_LIGHT, Metres
 
 from .pattern import AntennaPattern, CosinePattern
 
 Array = npt.NDArray[np.float64]
-Position = tuple[float, float, float]
+Position = tuple[Metres, Metres, Metres]
 
 HALF_WAVE = SPEED_OF_LIGHT / 77e9 / 2.0
 """Half a wavelength at 77 GHz [m]."""
@@ -48,7 +48,7 @@ class AntennaArray(Spec):
         CosinePattern(half_power_azimuth_deg=45.0, half_power_elevation_deg=15.0), description="of every antenna"
     )
     polarization: Literal["V", "H"] = Field("V", description="of every antenna: V along z, H along y at boresight")
-    max_array_extent: float = Field(
+    max_array_extent: Metres = Field(
         1.0, gt=0.0, description="an antenna farther than this from the origin is refused [m]"
     )
 

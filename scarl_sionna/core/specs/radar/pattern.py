@@ -9,6 +9,7 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import DecibelsIsotropic, Degrees
 
 Array = npt.NDArray[np.float64]
 
@@ -17,7 +18,7 @@ class IsotropicPattern(Spec):
     """The same gain in every direction."""
 
     kind: Literal["isotropic"] = "isotropic"
-    gain_dbi: float = Field(0.0, description="[dBi]")
+    gain_dbi: DecibelsIsotropic = Field(0.0, description="[dBi]")
 
     def gain_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
         """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast."""
@@ -28,9 +29,9 @@ class CosinePattern(Spec):
     """cos^n(azimuth) * cos^m(elevation) in power, with n and m from the half-power angles; nothing behind."""
 
     kind: Literal["cosine"] = "cosine"
-    peak_gain_dbi: float = Field(10.0, description="[dBi]")
-    half_power_azimuth_deg: float = Field(45.0, gt=0.0, lt=90.0, description="-3 dB at +- this azimuth [deg]")
-    half_power_elevation_deg: float = Field(15.0, gt=0.0, lt=90.0, description="-3 dB at +- this elevation [deg]")
+    peak_gain_dbi: DecibelsIsotropic = Field(10.0, description="[dBi]")
+    half_power_azimuth_deg: Degrees = Field(45.0, gt=0.0, lt=90.0, description="-3 dB at +- this azimuth [deg]")
+    half_power_elevation_deg: Degrees = Field(15.0, gt=0.0, lt=90.0, description="-3 dB at +- this elevation [deg]")
 
     def gain_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
         """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast; -400 dB behind."""
@@ -46,7 +47,7 @@ class Tr38901Pattern(Spec):
     """Element pattern of 3GPP TR 38.901, Table 7.3-1."""
 
     kind: Literal["tr38901"] = "tr38901"
-    peak_gain_dbi: float = Field(8.0, description="[dBi]")
+    peak_gain_dbi: DecibelsIsotropic = Field(8.0, description="[dBi]")
 
     def gain_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
         """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast."""
@@ -62,10 +63,14 @@ class TablePattern(Spec):
     """
 
     kind: Literal["table"] = "table"
-    azimuth_deg: tuple[float, ...] = Field(min_length=2, description="rising [deg]")
-    azimuth_gain_dbi: tuple[float, ...] = Field(min_length=2, description="gain over azimuth at elevation 0 [dBi]")
-    elevation_deg: tuple[float, ...] = Field(min_length=2, description="rising [deg]")
-    elevation_gain_dbi: tuple[float, ...] = Field(min_length=2, description="gain over elevation at azimuth 0 [dBi]")
+    azimuth_deg: tuple[Degrees, ...] = Field(min_length=2, description="rising [deg]")
+    azimuth_gain_dbi: tuple[DecibelsIsotropic, ...] = Field(
+        min_length=2, description="gain over azimuth at elevation 0 [dBi]"
+    )
+    elevation_deg: tuple[Degrees, ...] = Field(min_length=2, description="rising [deg]")
+    elevation_gain_dbi: tuple[DecibelsIsotropic, ...] = Field(
+        min_length=2, description="gain over elevation at azimuth 0 [dBi]"
+    )
 
     @model_validator(mode="after")
     def _check(self) -> TablePattern:

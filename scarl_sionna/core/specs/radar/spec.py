@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.core.units import SPEED_OF_LIGHT, Degrees
 
 from .array import AntennaArray
 from .converter import Adc
@@ -50,8 +50,13 @@ class RadarSpec(Spec):
     array: AntennaArray = Field(AntennaArray(), description="positions, pattern and polarisation of the antennas")
     front_end: FrontEnd = Field(FrontEnd(), description="power and noise")
     adc: Adc = Field(Adc(), description="converter")
-    azimuth_fov_deg: float = Field(120.0, gt=0.0, le=180.0, description="full width that rays are sent over [deg]")
-    elevation_fov_deg: float = Field(30.0, gt=0.0, le=180.0, description="full height that rays are sent over [deg]")
+    azimuth_fov_deg: Degrees = Field(120.0, gt=0.0, le=180.0, description="full width that rays are sent over [deg]")
+    elevation_fov_deg: Degrees = Field(30.0, gt=0.0, le=180.0, description="full height that rays are sent over [deg]")
+
+    _derived = (
+        ("range_resolution", "m"), ("max_range", "m"), ("velocity_resolution", "m/s"), ("unambiguous_velocity", "m/s"),
+        ("num_virtual", ""),
+    )  # fmt: skip
 
     @model_validator(mode="before")
     @classmethod

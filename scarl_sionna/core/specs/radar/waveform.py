@@ -12,6 +12,7 @@ from typing import Literal, Protocol
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Hertz, Seconds
 
 
 class Waveform(Protocol):
@@ -66,13 +67,13 @@ class Fmcw(Spec):
     """
 
     kind: Literal["fmcw"] = "fmcw"
-    start_frequency: float = Field(77e9, gt=0.0, description="carrier frequency at the start of the ramp [Hz]")
-    bandwidth: float = Field(300e6, gt=0.0, description="swept over ramp_time [Hz]")
-    ramp_time: float = Field(30e-6, gt=0.0, description="duration of a ramp [s]")
-    idle_time: float = Field(8e-6, ge=0.0, description="pause between ramps [s]")
+    start_frequency: Hertz = Field(77e9, ge=1e6, description="carrier frequency at the start of the ramp [Hz]")
+    bandwidth: Hertz = Field(300e6, ge=1e3, description="swept over ramp_time [Hz]")
+    ramp_time: Seconds = Field(30e-6, gt=0.0, le=1.0, description="duration of a ramp [s]")
+    idle_time: Seconds = Field(8e-6, ge=0.0, description="pause between ramps [s]")
     num_chirps: int = Field(256, ge=1, description="chirps of each transmitter in a frame")
     num_samples: int = Field(512, ge=1, description="complex samples a chirp")
-    sampling_frequency: float | None = Field(None, gt=0.0, description="[Hz]; None: num_samples / ramp_time")
+    sampling_frequency: Hertz | None = Field(None, gt=0.0, description="[Hz]; None: num_samples / ramp_time")
 
     @model_validator(mode="after")
     def _check(self) -> Fmcw:

@@ -1,0 +1,1 @@
+"""A scene for people: from above, and in three dimensions."""

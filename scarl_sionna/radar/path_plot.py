@@ -1,0 +1,68 @@
+"""Plots of propagation paths: their strength over range, and where they scatter."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scarl_sionna.core.errors import UnknownNameError
+from scarl_sionna.core.prompt.axes import (
+    DARK,
+    POWER_MAP,
+    VELOCITY_MAP,
+    axes_or_new,
+    centred,
+    colour_bar,
+    power_limits,
+    sensor_map,
+)
+from scarl_sionna.core.units import power_to_db
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from .paths import RadarPaths
+
+VIEWS = ("range", "map")
+_FEW = 500
+"""Paths up to this number have an outline."""
+_GAIN = "received / transmitted power, isotropic antennas [dB]"
+
+
+def plot_paths(paths: RadarPaths, view: str, dynamic_range_db: float, ax: Axes | None) -> Axes:
+    """Draw paths, see `RadarPaths.plot`."""
+    if view not in VIEWS:
+        raise UnknownNameError("view", view, VIEWS)
+    gain_db = power_to_db((np.abs(paths.a) ** 2).sum(axis=(1, 2)))
+    limits = power_limits(gain_db, dynamic_range_db)
+    order = np.argsort(gain_db, kind="stable")  # strong ones on top
+    order = order[gain_db[order] >= limits[0]]
+    if view == "range":
+        axis = axes_or_new(ax)
+        velocity = paths.length_rate[order] / 2.0
+        low, high = centred(velocity)
+        drawn = axis.scatter(
+            paths.length[order] / 2.0, gain_db[order], c=velocity, s=14, cmap=VELOCITY_MAP, vmin=low, vmax=high,
+            edgecolors="0.3", linewidths=0.3 if len(order) <= _FEW else 0.0, rasterized=True,
+        )  # fmt: skip
+        axis.set(
+            xlabel="range, half of the length [m]", ylabel="received / transmitted power,\nisotropic antennas [dB]"
+        )
+        axis.set_xlim(left=0.0)
+        axis.grid(color="0.92")
+        axis.set_axisbelow(True)
+        colour_bar(axis, drawn, "radial velocity [m/s], opening is positive")
+    else:
+        axis = axes_or_new(ax, 7.0, 6.0)
+        place = paths.world_from_rx.inverse().apply(paths.apparent_points[order])
+        drawn = axis.scatter(
+            place[:, 1], place[:, 0], c=gain_db[order], s=8, cmap=POWER_MAP, vmin=limits[0], vmax=limits[1], linewidths=0,
+            rasterized=True,
+        )  # fmt: skip
+        axis.plot([0.0], [0.0], marker="^", color="white", markersize=8)
+        axis.set_facecolor(DARK)
+        sensor_map(axis, float(np.abs(place[:, 1]).max(initial=10.0)) * 1.05)
+        colour_bar(axis, drawn, _GAIN)
+    axis.set_title(f"{len(order)} of {paths.num_paths} paths, within {dynamic_range_db:g} dB of the strongest")
+    return axis
