@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.generate import load_world
-from scarl_sionna.radar.channel import hybrid, solve_paths
+from scarl_sionna.radar.channel import hybrid, plan_channel, solve_paths
 from scarl_sionna.radar.channel.ghosts import STRAIGHT, Faces
 from scarl_sionna.radar.channel.hybrid import chains_of
 from scarl_sionna.radar.paths import RadarPaths
@@ -73,7 +74,14 @@ def test_a_lorry_in_a_tunnel(monkeypatch) -> None:
 
 @pytest.mark.slow
 def test_a_garage(monkeypatch) -> None:
-    """Walls, pillars and ceilings of one building on all sides."""
+    """A parked car over several flat pieces of the ceiling, as `auto` plans it with a large budget."""
     state = ss.load_scene("parking_garage", variant=2, detail="light").at(1.0)
-    budget = Accuracy(sbr_tubes_per_ray=20.0, channel_tolerance_db=3.0)
-    assert check(monkeypatch, state, [4.0, 0.0, 0.7], RadarSpec(num_rays=20_000), max_distance=8.0, accuracy=budget) > 0
+    radar, mount = RadarSpec(num_rays=20_000), [4.0, 0.0, 0.7]
+    budget = Accuracy(sbr_tubes_per_ray=60.0, channel_tolerance_db=3.0)
+    pose = state.actor_pose("ego").compose(Pose(mount))
+    plan = plan_channel(state, radar, pose, max_distance=15.0, accuracy=budget)
+    car = next(number for number, info in state.world.instances.items() if info.name == "parked_06")
+    (share,) = (share for share in plan.shares if car in share.instances)
+    assert share.through_mirrors and "ceiling" in [state.world.instances[number].name for number in plan.mirrors]
+    plan = replace(plan, shares=(replace(share, instances=(car,)),), mirrors=("ceiling",), echoes=False)
+    assert check(monkeypatch, state, mount, radar, method="hybrid", plan=plan, max_distance=15.0) > 0
