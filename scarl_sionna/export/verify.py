@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from scarl_sionna.core.errors import DatasetError, OutputError, ScarlError, Scar
 
 from .card import dataset_card, is_card, unmarked_card
 from .encoding import decode_png
-from .files import LocalFiles, output_error
+from .files import output_error
 from .layout import (
     CARD,
     DATA_FOLDERS,
@@ -450,10 +451,9 @@ def _metadata_of_nothing(folder: DatasetFolder, scene: str) -> list[str]:
 
 
 def _remove(root: Path, name: str, found: Verification) -> None:
-    """Remove a file of the dataset; a link is removed itself, and nothing outside of the dataset."""
-    try:
-        path = LocalFiles(root).path(name) if not (root / name).is_symlink() else root / name
-    except DatasetError:
+    """Remove a file of the dataset; a link is removed itself, and nothing that is reached by one."""
+    path = root / name
+    if os.path.realpath(path.parent) != os.path.join(os.path.realpath(root), os.path.dirname(name)).rstrip("/"):
         return
     if not remove_file(path):
         found.foreign.append(f"{name}/ (a folder where a file belongs)")
