@@ -18,11 +18,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 import scarl_sionna as ss
 from camera_lidar import Camera
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lighting import Lighting
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world.actor_model import actor_names
-from scarl_sionna.world.motion import ConstantTwistTrajectory, StaticTrajectory
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.scene.actors.model import actor_names
+from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory
 
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
 COLORFUL = ("saloon", "van", "lorry", "bus")
@@ -83,7 +83,7 @@ class Studio:
             samples_per_pixel=samples,
             denoise=True,
         )
-        frame = Camera(spec).observe(state, state.actor_pose("it").compose(mount), Twist(), np.random.default_rng(0))
+        frame = Camera(spec).observe(state, state.actor_pose("it").compose(mount), np.random.default_rng(0))
         return Image.fromarray(frame.rgb)
 
 

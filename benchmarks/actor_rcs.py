@@ -20,9 +20,9 @@ import numpy as np
 import scarl_sionna as ss
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.units import power_to_db
+from scarl_sionna.radar.optics.far import SbrSettings
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
-from scarl_sionna.radar.sbr import SbrSettings
-from scarl_sionna.world.motion import StaticTrajectory
+from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
 FREQUENCY = 77e9

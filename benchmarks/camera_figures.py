@@ -17,9 +17,9 @@ import numpy as np
 from PIL import Image
 
 from camera_lidar import Camera
-from scarl_sionna.core.camera_spec import CameraSpec, ImageSensor
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import load_scene
+from scarl_sionna.core.specs.camera import CameraSpec, ImageSensor
+from scarl_sionna.engine.world import load_scene
 
 TIME = 0.9
 LARGEST_FILE = 400_000

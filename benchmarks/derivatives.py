@@ -15,11 +15,11 @@ import numpy as np
 
 from scarl_sionna.calibration import ForwardModel
 from scarl_sionna.calibration.scene_model import FixedPaths
-from scarl_sionna.radar.body_parts import load_body
-from scarl_sionna.radar.sbr import PartSurfaces, SbrSettings, Surface, scattering_matrices
-from scarl_sionna.radar.sbr.replay import FixedTubes
-from scarl_sionna.world.materials import load_materials
-from scarl_sionna.world.path_slopes import path_slopes
+from scarl_sionna.engine.paths.slopes import path_slopes
+from scarl_sionna.radar.optics.body_parts import load_body
+from scarl_sionna.radar.optics.far import PartSurfaces, SbrSettings, Surface, scattering_matrices
+from scarl_sionna.radar.optics.far.replay import FixedTubes
+from scarl_sionna.scene.materials.table import load_materials
 from tests.calibration_street import TRUTH, street, street_problem
 from tests.physics.test_calibration_body import corner, looks
 

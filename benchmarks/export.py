@@ -21,17 +21,17 @@ import numpy as np
 from harness import machine, peak_memory
 
 import scarl_sionna as ss
+from scarl_sionna.batch import ExportReport, ExportSettings, export
+from scarl_sionna.batch.estimate import size_text, time_text
+from scarl_sionna.batch.job import TimedPool
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.results import Frame
-from scarl_sionna.export import StoreOptions
-from scarl_sionna.export.encoding import encode_frame
-from scarl_sionna.export.manifest import DatasetPlan, ScenePlan
-from scarl_sionna.export.writer import DatasetFolder
-from scarl_sionna.exporting import ExportReport, ExportSettings, export
-from scarl_sionna.exporting.estimate import size_text, time_text
-from scarl_sionna.exporting.job import TimedPool
-from scarl_sionna.generate import load_world, observe, resolve_rig
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.dataset import StoreOptions
+from scarl_sionna.dataset.encoding import encode_frame
+from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan
+from scarl_sionna.dataset.store.writer import DatasetFolder
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.simulation import load_world, observe, resolve_rig
 
 PLANNED_FRAMES, PLANNED_SUITES = 140_000, 6  # of SCaRL
 FLEET_EFFICIENCY = 0.9  # of many machines: the last shards, start-up, a shared disk

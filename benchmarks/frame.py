@@ -31,7 +31,9 @@ def main() -> None:
     start = time.perf_counter()
     world = ss.load_scene(args.scene)
     rig = ss.Rig.preset(args.rig, args.quality)
-    print(f"load {args.scene}: {time.perf_counter() - start:.2f} s, {len(world.parts.name)} parts; {len(rig.sensors)} sensors")
+    print(
+        f"load {args.scene}: {time.perf_counter() - start:.2f} s, {len(world.parts.name)} parts; {len(rig.sensors)} sensors"
+    )
     rows = []
     for index in range(args.frames):
         wall, cpu = time.perf_counter(), time.process_time()

@@ -29,12 +29,13 @@ from camera_lidar.lidar import (
 from camera_lidar.lidar.beat import estimate_beats, synthesize_beats
 from camera_lidar.lidar.heterodyne import backscatter_profile, receive_heterodyne
 from camera_lidar.lidar.returns import Echoes
-from scarl_sionna.core.atmosphere import Atmosphere
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
-from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import load_scene
+from scarl_sionna.core.specs.atmosphere import Atmosphere
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.engine.world import load_scene
 
 FRONT = Pose([2.45, 0.0, 0.7])  # vehicle_from_sensor: in the middle of the front bumper
 ROOF = Pose([0.0, 0.0, 2.0])
@@ -58,7 +59,7 @@ class Place:
 
     def scan(self, spec: LidarSpec) -> Any:
         """Return a scan from here; always with the same random numbers."""
-        return Lidar(spec).observe(self.state, self.pose, self.twist, np.random.default_rng(0))
+        return Lidar(spec).observe(self.state, Mount(self.pose, self.twist), np.random.default_rng(0))
 
 
 def table(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:

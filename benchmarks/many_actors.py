@@ -22,8 +22,8 @@ from functools import partial
 import numpy as np
 
 import scarl_sionna as ss
-from scarl_sionna.world import actor_names
-from scarl_sionna.world.motion import WaypointTrajectory
+from scarl_sionna.scene.actors.model import actor_names
+from scarl_sionna.scene.motion.trajectory import WaypointTrajectory
 
 SPEED = {"vehicle": 10.0, "cycle": 5.0, "walk": 1.3, "stand": 0.0}
 """[m/s]"""
@@ -96,7 +96,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--actors", default="10,50,200")
     parser.add_argument("--details", default="light,detailed")
-    parser.add_argument("--scene-detail", default="detailed", help="level of the scene itself; not every scene has a light one")
+    parser.add_argument(
+        "--scene-detail", default="detailed", help="level of the scene itself; not every scene has a light one"
+    )
     parser.add_argument("--scene", default="urban_crossing")
     parser.add_argument("--frames", type=int, default=6)
     given = parser.parse_args()

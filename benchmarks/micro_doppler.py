@@ -19,13 +19,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import World
 from scarl_sionna.radar.micro_doppler import Spectrogram, spectrograms, surface_motion, window_half_width
-from scarl_sionna.world import World
-from scarl_sionna.world.articulation import Pedal
-from scarl_sionna.world.gait import SEGMENTS, WalkingGait
+from scarl_sionna.scene.motion.articulation import Pedal
+from scarl_sionna.scene.motion.gait import SEGMENTS, WalkingGait
 from tests.actor_scenes import actor_world
 
 FIGURES = Path(__file__).resolve().parent.parent / "docs" / "figures"
@@ -95,7 +95,16 @@ def study(
 ) -> Study:  # fmt: skip
     """Return the spectrograms of a target and of groups of its parts, with the answers of its kinematics."""
     spectra = spectrograms(
-        world, radar, pose, times, groups, looks=looks, num_doppler_bins=2 * radar.num_chirps, window=WINDOW, hits_per_cell=None, **options
+        world,
+        radar,
+        pose,
+        times,
+        groups,
+        looks=looks,
+        num_doppler_bins=2 * radar.num_chirps,
+        window=WINDOW,
+        hits_per_cell=None,
+        **options,
     )
     motion = [surface_motion(world, float(t), pose(float(t))) for t in times]
     groups = {"whole": range(len(world.parts.name)), **groups}
@@ -191,12 +200,24 @@ def figure_walker(result: Study, path: Path) -> None:
     times = result.spectra["whole"].time
     for column, label in ((0, "fastest and slowest point, exact"), (1, None)):
         left.plot(times, result.extremes["whole"][:, column], "c-", lw=1.3, label=label)
-        left.plot(times, result.edges("whole")[:, column], "w.", ms=4, label=None if column else f"edges at -{BELOW_DB:.0f} dB")
+        left.plot(
+            times,
+            result.edges("whole")[:, column],
+            "w.",
+            ms=4,
+            label=None if column else f"edges at -{BELOW_DB:.0f} dB",
+        )
     left.legend(loc="lower right", fontsize=8, facecolor="0.25", labelcolor="white")
     left.set_title("whole body")
     shown = ("left_foot", "right_foot", "left_lower_leg", "right_lower_arm", "torso")
     for number, name in enumerate(shown):
-        right.plot(times, result.exact[name], f"C{number}-", lw=1.4, label=f"{name.replace('_', ' ')}: {result.correlation(name):.4f}")
+        right.plot(
+            times,
+            result.exact[name],
+            f"C{number}-",
+            lw=1.4,
+            label=f"{name.replace('_', ' ')}: {result.correlation(name):.4f}",
+        )
         right.plot(times, result.spectra[name].mean_velocity(), f"C{number}.", ms=5)
     right.set(xlabel="time [s]", ylabel="radial velocity [m/s]", title="limbs: model (lines), mean Doppler (dots)")
     right.legend(title="correlation", fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -216,17 +237,33 @@ def figure_cyclist(result: Study, rolling: Study, path: Path) -> None:
     times = result.spectra["whole"].time
     shown = ("left_foot", "right_foot", "left_lower_leg", "right_upper_leg")
     for number, name in enumerate(shown):
-        axes[1].plot(times, result.exact[name], f"C{number}-", lw=1.4, label=f"{name.replace('_', ' ')}: {result.correlation(name):.4f}")
+        axes[1].plot(
+            times,
+            result.exact[name],
+            f"C{number}-",
+            lw=1.4,
+            label=f"{name.replace('_', ' ')}: {result.correlation(name):.4f}",
+        )
         axes[1].plot(times, result.spectra[name].mean_velocity(), f"C{number}.", ms=5)
-    axes[1].set(xlabel="time [s]", ylabel="radial velocity [m/s]", title="pedalling: model (lines), mean Doppler (dots)")
+    axes[1].set(
+        xlabel="time [s]", ylabel="radial velocity [m/s]", title="pedalling: model (lines), mean Doppler (dots)"
+    )
     axes[1].legend(title="correlation", fontsize=8, ncol=2, loc="upper center")
     axes[1].set_ylim(top=-2.3)
     axes[1].grid(alpha=0.3)
     image = spectrogram_axes(axes[2], rolling, "wheel_front_tyre", -14.5, 2.0)
     figure.colorbar(image, ax=axes[2], label="power [dBm]")
     for column, label in ((0, "slowest and fastest point, exact"), (1, None)):
-        axes[2].plot(rolling.spectra["whole"].time, rolling.extremes["wheel_front_tyre"][:, column], "c-", lw=1.3, label=label)
-        axes[2].plot(rolling.spectra["whole"].time, rolling.edges("wheel_front_tyre")[:, column], "w.", ms=4, label=None if column else "edges")
+        axes[2].plot(
+            rolling.spectra["whole"].time, rolling.extremes["wheel_front_tyre"][:, column], "c-", lw=1.3, label=label
+        )
+        axes[2].plot(
+            rolling.spectra["whole"].time,
+            rolling.edges("wheel_front_tyre")[:, column],
+            "w.",
+            ms=4,
+            label=None if column else "edges",
+        )
     axes[2].legend(loc="lower left", fontsize=8, facecolor="0.25", labelcolor="white")
     axes[2].set_title("front tyre alone, speeding up")
     figure.savefig(path, dpi=110)
@@ -240,7 +277,10 @@ def report(title: str, result: Study) -> None:
         edges, exact = result.edges(name), result.extremes[name]
         fast, slow = (edges[:, k] - exact[:, k] for k in (0, 1))
         spread = " ".join(f"{np.nanmean(part):+.2f} +- {np.nanstd(part):.2f}" for part in (fast, slow))
-        rising = [np.corrcoef(*(column[np.isfinite(edges[:, k])] for column in (edges[:, k], exact[:, k])))[0, 1] for k in (0, 1)]
+        rising = [
+            np.corrcoef(*(column[np.isfinite(edges[:, k])] for column in (edges[:, k], exact[:, k])))[0, 1]
+            for k in (0, 1)
+        ]
         print(
             f"  {name:18s} mean {result.correlation(name):.4f} rms {result.rms(name):.3f} m/s, edges {rising[0]:.4f} {rising[1]:.4f},"
             f" off by {spread} m/s"

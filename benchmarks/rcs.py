@@ -18,9 +18,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.harness import machine, measure, peak_memory
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.optics.far import Body, SbrSettings
 from scarl_sionna.radar.rcs import actor_parts, load_body, rcs, scattering_matrix
-from scarl_sionna.radar.sbr import Body, SbrSettings
-from scarl_sionna.world import load_scene
 
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
 FREQUENCY = 76.5e9

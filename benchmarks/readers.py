@@ -23,12 +23,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from harness import machine
 
 import scarl_sionna as ss
-from scarl_sionna.export import write_dataset
-from scarl_sionna.export.samples import FrameSamples
-from scarl_sionna.export.tables import box_table
-from scarl_sionna.export.tf_data import tensorflow, tf_dataset
-from scarl_sionna.export.views import convert
-from scarl_sionna.export.views.tfrecord import read_tfrecord
+from scarl_sionna.dataset import write_dataset
+from scarl_sionna.dataset.formats import convert
+from scarl_sionna.dataset.formats.tfrecord import read_tfrecord
+from scarl_sionna.dataset.readers.samples import FrameSamples
+from scarl_sionna.dataset.readers.tables import box_table
+from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset
 
 SUITE = "front_center"
 READS = {

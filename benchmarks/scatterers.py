@@ -23,9 +23,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import scarl_sionna as ss
 from benchmarks.harness import machine, peak_memory
-from scarl_sionna.radar.body_parts import actor_parts
-from scarl_sionna.radar.channel.sbr_settings import SbrChannelSettings
-from scarl_sionna.radar.scatterer_compile import COMPILE_SBR, range_profile
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.radar.optics.body_parts import actor_parts
+from scarl_sionna.radar.scatterers.compile import COMPILE_SBR, range_profile
 
 SPEED_OF_LIGHT = 299792458.0
 SIDES = {"rear": 180.0, "front": 0.0, "oblique": 45.0, "beside": 90.0}

@@ -27,6 +27,8 @@ import numpy as np
 import numpy.typing as npt
 from harness import machine, peak_memory
 
+from scarl_sionna.core.mount import Mount
+
 Array = npt.NDArray[np.float64]
 FRONT = (2.36, 0.0, 0.6)
 ROOF = (0.0, 0.0, 1.9)
@@ -73,10 +75,10 @@ def radar_power(state: Any, arguments: argparse.Namespace, rays: int) -> tuple[d
 
     radar = ss.RadarSpec.preset("awr1843boost")
     options = {"num_rays": rays} if arguments.method == "raycast" else {}
-    sensor = Radar(radar, method=arguments.method, noise=False, solver_options=options)
+    sensor = Radar(radar, ss.RadarSettings.of(arguments.method, noise=False, **options))
     pose = state.actor_pose("ego").compose(Pose(FRONT))
     with Clock() as clock:
-        frame = sensor.observe(state, pose, state.actor_twist("ego"), np.random.default_rng(0))
+        frame = sensor.observe(state, Mount(pose, state.actor_twist("ego")), np.random.default_rng(0))
     rd = ss.range_doppler(ss.virtual_cube(frame.adc, radar), radar)
     power = np.mean(np.abs(rd.data) ** 2, axis=0)  # (doppler, range)
     rest, result = np.ones(power.shape, bool), {}
@@ -95,9 +97,9 @@ def one_level(arguments: argparse.Namespace) -> None:
     """Measure one level and write the results."""
     import scarl_sionna as ss
     from camera_lidar import Camera, Lidar
-    from scarl_sionna.core.camera_spec import CameraSpec
-    from scarl_sionna.core.lidar_spec import LidarSpec
     from scarl_sionna.core.pose import Pose
+    from scarl_sionna.core.specs.camera import CameraSpec
+    from scarl_sionna.core.specs.lidar import LidarSpec
 
     warnings.simplefilter("ignore")
     with Clock() as clock:
@@ -109,18 +111,18 @@ def one_level(arguments: argparse.Namespace) -> None:
     found["radar"], cold = radar_power(state, arguments, arguments.rays)
     found["radar_again"], found["radar_seconds"] = radar_power(state, arguments, round(1.3 * arguments.rays))
     lidar = Lidar(LidarSpec.preset("spinning_64"))
-    lidar.observe(state, ego.compose(Pose(ROOF)), twist, np.random.default_rng(0))
+    lidar.observe(state, Mount(ego.compose(Pose(ROOF)), twist), np.random.default_rng(0))
     with Clock() as clock:
-        scan = lidar.observe(state, ego.compose(Pose(ROOF)), twist, np.random.default_rng(1))
+        scan = lidar.observe(state, Mount(ego.compose(Pose(ROOF)), twist), np.random.default_rng(1))
     found["lidar_seconds"] = clock.seconds
     numbers = {info.name: number for number, info in world.instances.items()}
     found["lidar"] = {name: int(np.sum(scan.instance == numbers[name])) for name in actors_in_view(state, "ego")}
     found["lidar"]["all points"] = len(scan.instance)
     camera = Camera(CameraSpec(width=320, height=180, horizontal_fov_deg=75.0, images=("rgb",), samples_per_pixel=32))
     mount = ego.compose(Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(2.0)))
-    camera.observe(state, mount, twist, np.random.default_rng(0))
+    camera.observe(state, Mount(mount, twist), np.random.default_rng(0))
     with Clock() as clock:
-        rgb = camera.observe(state, mount, twist, np.random.default_rng(1)).rgb
+        rgb = camera.observe(state, Mount(mount, twist), np.random.default_rng(1)).rgb
     found |= {"camera_seconds": clock.seconds, "peak": peak_memory(), "radar_cold": cold}
     arguments.out.write_text(json.dumps(found), encoding="utf-8")
     np.save(arguments.out.with_suffix(".npy"), rgb)
@@ -145,12 +147,16 @@ def report(levels: dict[str, dict[str, Any]], images: dict[str, Array]) -> None:
     for name in full["radar"]:
         if full["lidar"].get(name, 1) < 5:  # hidden: its window holds what leaks into it from elsewhere
             continue
-        print(f"  {name:22s} {decibels(light['radar'][name], full['radar'][name])}           {decibels(full['radar_again'][name], full['radar'][name])}")
+        print(
+            f"  {name:22s} {decibels(light['radar'][name], full['radar'][name])}           {decibels(full['radar_again'][name], full['radar'][name])}"
+        )
     print("lidar points             detailed     light")
     for name in full["lidar"]:
         print(f"  {name:22s} {full['lidar'][name]:8d}  {light['lidar'][name]:8d}")
     change = np.abs(images["detailed"] - images["light"])
-    print(f"image: mean difference {change.mean():.2f} of 255, {np.mean(change.max(axis=2) > 16):.1%} of the pixels by more than 16")
+    print(
+        f"image: mean difference {change.mean():.2f} of 255, {np.mean(change.max(axis=2) > 16):.1%} of the pixels by more than 16"
+    )
 
 
 LOAD = """
@@ -176,11 +182,18 @@ def loads(scenes: list[str]) -> None:
     for scene in scenes:
         for level in ("detailed", "light"):
             folder = scene_path(scene, 0, level).parent
-            size = sum(file.stat().st_size for file in folder.rglob("*") if file.suffix in (".ply", ".png", ".xml", ".toml"))
+            size = sum(
+                file.stat().st_size for file in folder.rglob("*") if file.suffix in (".ply", ".png", ".xml", ".toml")
+            )
             command = [sys.executable, "-c", LOAD, scene, level]
-            rows = [json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout) for _ in range(2)]
+            rows = [
+                json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout) for _ in range(2)
+            ]
             wall, cpu, still, own, parts, total = min(rows)
-            print(f"{scene:20s} {level:9s} {size / 1e6:9.2f} {still:8d} {own:10d} {parts:8d} {total:10d} {wall:14.2f} {cpu:7.2f}", flush=True)
+            print(
+                f"{scene:20s} {level:9s} {size / 1e6:9.2f} {still:8d} {own:10d} {parts:8d} {total:10d} {wall:14.2f} {cpu:7.2f}",
+                flush=True,
+            )
 
 
 def main() -> None:
@@ -208,7 +221,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for level in ("detailed", "light"):
             out = Path(folder) / f"{level}.json"
-            own = [f"--scene={arguments.scene}", f"--time={arguments.time}", f"--method={arguments.method}", f"--rays={arguments.rays}"]
+            own = [
+                f"--scene={arguments.scene}",
+                f"--time={arguments.time}",
+                f"--method={arguments.method}",
+                f"--rays={arguments.rays}",
+            ]
             subprocess.run([sys.executable, __file__, *own, f"--level={level}", f"--out={out}"], check=True)
             levels[level] = json.loads(out.read_text(encoding="utf-8"))
             images[level] = np.load(out.with_suffix(".npy")).astype(np.float64)

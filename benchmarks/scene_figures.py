@@ -13,9 +13,9 @@ import numpy as np
 from PIL import Image
 
 from camera_lidar import Camera
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import load_scene
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine.world import load_scene
 
 LARGEST_FILE = 340_000
 STREET = Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(2.0))
@@ -61,7 +61,7 @@ def picture(scene: str, lighting: str, time: float, camera: Pose) -> Image.Image
         width=640, height=360, horizontal_fov_deg=75.0 if camera is STREET else 66.0, images=("rgb",),
         samples_per_pixel=samples, denoise=True,
     )  # fmt: skip
-    frame = Camera(spec).observe(state, state.actor_pose("ego").compose(camera), Twist(), np.random.default_rng(0))
+    frame = Camera(spec).observe(state, state.actor_pose("ego").compose(camera), np.random.default_rng(0))
     return Image.fromarray(frame.rgb)
 
 
@@ -83,7 +83,10 @@ def gallery(figures: Path) -> Path:
         "signalised_crossing", "roundabout", "parking_garage", "tunnel", "motorway", "suburban_street", "country_road", "urban_crossing",
     )  # fmt: skip
     width, columns, gap = 420, 4, 6
-    views = [Image.open(figures / f"scene_{n}_{'day' if n == 'urban_crossing' else 'street'}.png").convert("RGB") for n in names]
+    views = [
+        Image.open(figures / f"scene_{n}_{'day' if n == 'urban_crossing' else 'street'}.png").convert("RGB")
+        for n in names
+    ]
     tiles = [view.resize((width, round(width * 9 / 16)), Image.Resampling.LANCZOS) for view in views]
     rows = -(-len(tiles) // columns)
     height = tiles[0].height

@@ -24,10 +24,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import RadarPaths, point_targets, synthesize
+from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
 
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
 NUM_EXACT_CHIRPS = 16
@@ -91,7 +93,7 @@ def lone_error(paths: RadarPaths, radar: RadarSpec, tolerance: float) -> float:
 
 def cfr_cost() -> tuple[float, int]:
     """Return seconds of ``Paths.cfr`` a path and sample, and the paths of Sionna RT's street that it was measured on."""
-    from scarl_sionna.world import variant
+    from scarl_sionna.engine import variant
 
     with variant.radio():
         import sionna.rt as rt
@@ -152,7 +154,9 @@ def main() -> None:
         cost, count = cfr_cost()
         wall = cost * options.paths * cells
         rows[f"sionna.rt Paths.cfr (scaled from {count} paths, one pair)"] = [(wall, float("nan"))]
-    print(f"\n| {options.paths} paths, 12 channels, 512 x 256 | first [s] | fastest wall [s] | CPU [s] |\n|---|---|---|---|")
+    print(
+        f"\n| {options.paths} paths, 12 channels, 512 x 256 | first [s] | fastest wall [s] | CPU [s] |\n|---|---|---|---|"
+    )
     for name, values in rows.items():
         print(f"| {name} | {values[0][0]:.3g} | {min(v[0] for v in values):.3g} | {min(v[1] for v in values):.3g} |")
     print(f"\npeak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB\n")

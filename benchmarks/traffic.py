@@ -17,13 +17,13 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Polygon
 
-from scarl_sionna.scenario.collisions import find_collisions
-from scarl_sionna.scenario.paths import sample_motion
-from scarl_sionna.scenario.planned import PlannedActor
-from scarl_sionna.scenario.traffic import simulate_traffic
-from scarl_sionna.world.lanes import LaneNetwork, lanes_from_tables
-from scarl_sionna.world.scene import find_scene
-from scarl_sionna.world.scene_file import read_document
+from scarl_sionna.engine.world import find_scene
+from scarl_sionna.scenario.checks.collisions import find_collisions
+from scarl_sionna.scenario.motion.paths import sample_motion
+from scarl_sionna.scenario.traffic.planned import PlannedActor
+from scarl_sionna.scenario.traffic.simulated import simulate_traffic
+from scarl_sionna.scene.document.scene_file import read_document
+from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
 COLORS = {"vehicle": "tab:blue", "cycle": "tab:green", "walk": "tab:orange"}
 

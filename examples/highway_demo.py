@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import sys
 
-from scarl_sionna.demo import RunSummary, run
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.app.demo import RunSummary, run
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
 SCENARIO = ScenarioSpec(
     scene="highway_guardrail", rig="front", quality="draft", num_frames=5, frame_rate=10.0, start_time=0.0, seed=0

@@ -11,8 +11,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from scarl_sionna.exporting import ExportSettings, export
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.batch import ExportSettings, export
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
 
 def main() -> None:

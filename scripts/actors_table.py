@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import scarl_sionna as ss
-from scarl_sionna.world.actor_model import ActorModel, actor_names
+from scarl_sionna.scene.actors.model import ActorModel, actor_names
 
 REPO = Path(__file__).resolve().parents[1]
 PAGE = REPO / "docs" / "actors.md"

@@ -1,4 +1,4 @@
-"""Write the tables of docs/materials.md from scarl_sionna/world/materials.toml.
+"""Write the tables of docs/materials.md from scarl_sionna/scene/materials/materials.toml.
 
 Usage: python scripts/materials_table.py [--check]. With --check nothing is written; the exit status is 1 if the page is old.
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from scarl_sionna.radar.fresnel import power_reflectance
-from scarl_sionna.world.materials import RadioMaterial, builtin_materials
+from scarl_sionna.scene.materials.fresnel import power_reflectance
+from scarl_sionna.scene.materials.table import RadioMaterial, builtin_materials
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "materials.md"
 BEGIN, END = "<!-- table: begin (scripts/materials_table.py) -->", "<!-- table: end -->"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from scarl_sionna.core.toml_file import read_toml
-from scarl_sionna.world import World, load_scene
+from scarl_sionna.engine.world import World, load_scene
 
 ACTORS = Path(str(files("scenes_xml"))) / "actors"
 NAMES = ("adult_man", "adult_woman", "child", "standing_adult", "bicycle", "scooter", "motorcycle")

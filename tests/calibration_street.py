@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from scarl_sionna.calibration import CalibrationProblem, ForwardModel, FreeParameter, PointTarget, RadarMap
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = RadarSpec(

@@ -9,7 +9,9 @@ os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
 import pytest
 from hypothesis import settings
 
-settings.register_profile("ci", derandomize=True)  # the same examples in every run, so that a failure is the change's own
+settings.register_profile(
+    "ci", derandomize=True
+)  # the same examples in every run, so that a failure is the change's own
 if os.environ.get("CI"):
     settings.load_profile("ci")
 

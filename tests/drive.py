@@ -10,15 +10,18 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_COLORS, semantic_id
-from scarl_sionna.export.views.source import FrameSource, SceneFrames
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from scarl_sionna.fusion import Rig, SensorMount, count_labels
-from scarl_sionna.radar import point_targets, quantize, synthesize
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.signal.converter import quantize
 
 CAMERA = CameraSpec(width=160, height=90)
 LIDAR = LidarSpec(num_azimuth=121, num_elevation=32)
@@ -168,6 +171,6 @@ def _radar(
     places = np.array([item.world_from_box.position for item in objects])
     motion = np.array([item.twist.linear for item in objects])
     ahead = pose.inverse().apply(places)[:, 0] > 1.0
-    paths = point_targets(places[ahead], motion[ahead], 10.0, spec, pose, radar_twist=own)
+    paths = point_targets(places[ahead], motion[ahead], 10.0, spec, Mount(pose, own))
     codes, scale, saturated = quantize(synthesize(paths, spec, rng=rng), spec)
     return RadarFrame(spec, pose, codes, scale, saturated, paths.num_paths, {"method": "points"})

@@ -6,12 +6,12 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
-from scarl_sionna.export.codec import decode_depth
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.dataset.codec import decode_depth
 from scarl_sionna.fusion import Rig, SensorMount
 
 CAMERA = CameraSpec(width=24, height=16)
@@ -54,7 +54,9 @@ def make_frame(index: int = 0) -> Frame:
         beat_signal=signal.astype(np.complex64), object_points=np.arange(index % 3, dtype=np.int32),
     )  # fmt: skip
     adc = rng.integers(-(2**15), 2**15, (RADAR.num_rx, RADAR.num_chirps_total, RADAR.num_samples, 2)).astype(np.int16)
-    radar = RadarFrame(RADAR, pose, adc, 1.0 / 3.0e7, 2, 77, {"method": "raycast", "num_rays": 5}, *cells(rng, index % 3))
+    radar = RadarFrame(
+        RADAR, pose, adc, 1.0 / 3.0e7, 2, 77, {"method": "raycast", "num_rays": 5}, *cells(rng, index % 3)
+    )
     car = ObjectState("car", 7, 14, pose, np.array([4.5, 1.8, 1.5]), Twist([1 / 3, 0, 0], [0, 0, 0.1]), True, 3, 4)
     return Frame(
         index, 1_000_000_007 + index, 2**70, pose, Twist([30.1, 0, 0]),

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.camera import CameraSpec
 
 _SENSOR_FROM_CAMERA_MITSUBA = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Columns: Mitsuba's camera axes (x left, y up, z forward) in the sensor frame (x forward, y left, z up)."""

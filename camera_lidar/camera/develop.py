@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.image_sensor import ImageSensor
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.image_sensor import ImageSensor
 
 from .tone import DAYLIGHT_EXPOSURE, srgb_encode, tone_curve
 

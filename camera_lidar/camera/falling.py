@@ -8,10 +8,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.drop_sizes import RAIN_POWER, RAIN_SIZES, SNOW_FALL_SPEED, SNOW_SIZES, SNOW_SOLID, terminal_speed
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose, Twist
-from scarl_sionna.core.weather import Weather
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.drop_sizes import (
+    RAIN_POWER,
+    RAIN_SIZES,
+    SNOW_FALL_SPEED,
+    SNOW_SIZES,
+    SNOW_SOLID,
+    terminal_speed,
+)
+from scarl_sionna.core.specs.weather import Weather
 
 Array = npt.NDArray[np.float64]
 
@@ -67,7 +74,7 @@ def add_falling(
     Parameters
     ----------
     radiance : ndarray of float32, shape (height, width, 3)
-    state : scarl_sionna.world.WorldState
+    state : scarl_sionna.engine.world.WorldState
         Its weather; where nothing falls the image comes back as it is.
     spec : CameraSpec
         Its exposure time draws the streaks, `DEFAULT_EXPOSURE` if it is 0.

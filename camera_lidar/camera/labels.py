@@ -10,9 +10,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import SKY
+from scarl_sionna.core.specs.camera import CameraSpec
 
 from .motion import shifted_sensor, shifted_state
 from .projection import camera_optical_from_world, pixel_centres, pixel_rays, projection_key
@@ -93,7 +93,7 @@ def render_labels(
 
     Parameters
     ----------
-    state : scarl_sionna.world.WorldState
+    state : scarl_sionna.engine.world.WorldState
     spec : CameraSpec
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).

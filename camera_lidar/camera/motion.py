@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import WorldState
+from scarl_sionna.engine.world import WorldState
 
 _SAME_MOTION = 1e-9
 """Velocities that differ by less than this [m/s, rad/s] are the same rigid motion."""

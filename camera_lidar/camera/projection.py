@@ -1,7 +1,7 @@
 """Projection between `camera_optical` and pixels, and the rays of all pixels. Pure numpy.
 
 :func:`project` and :func:`unproject` are those of a matrix K alone; a camera with its lens has them as
-:meth:`CameraSpec.project <scarl_sionna.core.camera_spec.CameraSpec.project>` and ``unproject``.
+:meth:`CameraSpec.project <scarl_sionna.core.specs.camera.CameraSpec.project>` and ``unproject``.
 
 `camera_optical` has x right, y down, z forward. Pixel (u, v) = (column, row); the centre of the top-left pixel is (0.5, 0.5),
 so a point at column u falls into the array element ``[floor(v), floor(u)]``.
@@ -14,8 +14,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec, Lens
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
+from scarl_sionna.core.specs.camera import CameraSpec, Lens
 
 Array = npt.NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""A Mitsuba sensor that shoots exactly the rays of a :class:`CameraSpec`, whatever its lens."""
+"""The rays of a :class:`CameraSpec`, whatever its lens, as a sensor of Mitsuba."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine.light.ray_table import RayTable, ray_table_sensor
 
 from .projection import pixel_rays, projection_key
-
-PLUGIN = "scarl_ray_table"
-
 
 LAUNCHES = (1024, 256, 64, 16, 8, 4, 2, 1)
 """Samples a pixel of one launch: full grids of the multi-jittered sampler that divide the blocks of pixels which threads share out. With
@@ -54,78 +52,11 @@ def _table_of(key: tuple[Any, ...]) -> tuple[npt.NDArray[np.float64], npt.NDArra
     return table, seen
 
 
-@lru_cache(maxsize=4)
-def _plugin(mi: Any, variant_name: str) -> type:
-    """Define and register the sensor for the variant that runs; an object belongs to the variant that made it."""
-    import drjit as dr
-
-    class RayTableSensor(mi.Sensor):  # type: ignore[misc, name-defined]
-        """Directions from a table at pixel centres, bilinear between them; no near and no far limit."""
-
-        def place(self, spec: CameraSpec, world_from_sensor: Pose) -> None:
-            """Take the rays of a camera at a pose. All numbers are variables, so that no pose or lens costs a compilation."""
-            table, seen = _table_of(projection_key(spec))
-            world = world_from_sensor.rotate(table).astype(np.float32)
-            self._directions = mi.Float(world.ravel())
-            self._seen = mi.Float(seen.astype(np.float32).ravel())
-            self._size = mi.Vector2f(dr.opaque(mi.Float, float(spec.width)), dr.opaque(mi.Float, float(spec.height)))
-            self._columns = dr.opaque(mi.UInt32, spec.width)
-            self._origin = mi.Point3f(*(dr.opaque(mi.Float, float(value)) for value in world_from_sensor.position))
-
-        def sample_ray(self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True) -> Any:
-            """Return the ray through a point of the film (`sample2`, 0 to 1) and its weight."""
-            position = mi.Point2f(sample2) * self._size
-            last = mi.Point2u(self._size) - 1
-            pixel = dr.minimum(mi.Point2u(position), last)
-            corner = mi.Point2u(position + 0.5)  # the table begins half a pixel outside of the image
-            part = position + 0.5 - mi.Point2f(corner)
-            stride = self._columns + 2
-            first = corner.y * stride + corner.x
-
-            def direction(index: Any) -> Any:
-                return dr.gather(mi.Vector3f, self._directions, index)
-
-            upper = dr.lerp(direction(first), direction(first + 1), part.x)
-            lower = dr.lerp(direction(first + stride), direction(first + stride + 1), part.x)
-            ray = mi.Ray3f(self._origin, dr.normalize(dr.lerp(upper, lower, part.y)))
-            ray.time = time
-            return ray, mi.Color3f(dr.gather(mi.Float, self._seen, pixel.y * self._columns + pixel.x))
-
-        def sample_ray_differential(
-            self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
-        ) -> Any:
-            """Return :meth:`sample_ray` without differentials."""
-            ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
-            return mi.RayDifferential3f(ray), weight
-
-        def bbox(self) -> Any:
-            """Return an empty box: a camera takes no room."""
-            return mi.ScalarBoundingBox3f()
-
-    mi.register_sensor(PLUGIN, RayTableSensor)
-    return RayTableSensor
-
-
 def ray_sensor(mi: Any, spec: CameraSpec, world_from_sensor: Pose, samples_per_pixel: int) -> Any:
     """Return the Mitsuba sensor of a camera at a pose; inside ``variant.optical()``.
 
-    The box filter keeps every sample in its own pixel, so that a pixel of the image and of the labels mean the same square,
-    and, with a number of samples of `LAUNCHES`, makes the sum over samples independent of the threads: same seed, same bytes.
+    With a number of samples of `LAUNCHES` the sum over the samples of a pixel does not depend on the threads: same seed, same bytes.
     """
-    _plugin(mi, mi.variant())
-    sensor = mi.load_dict(
-        {
-            "type": PLUGIN,
-            "film": {
-                "type": "hdrfilm",
-                "width": spec.width,
-                "height": spec.height,
-                "pixel_format": "rgb",
-                "component_format": "float32",
-                "rfilter": {"type": "box"},
-            },
-            "sampler": {"type": "multijitter", "sample_count": samples_per_pixel},
-        }
-    )
-    sensor.place(spec, world_from_sensor)
-    return sensor
+    directions, seen = _table_of(projection_key(spec))
+    table = RayTable(world_from_sensor.position, world_from_sensor.rotate(directions), seen)
+    return ray_table_sensor(mi, table, samples_per_pixel)

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world import variant
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.light.haze import haze_integrator
 
 from .denoise import denoise
 from .develop import develop
 from .falling import add_falling
-from .haze import haze_integrator
 from .motion import shifted_sensor, shifted_state
 from .ray_sensor import launch_samples, ray_sensor
 
@@ -38,20 +38,20 @@ def render_radiance(
     state: Any,
     spec: CameraSpec,
     world_from_sensor: Pose,
-    seed_generator: np.random.Generator,
+    rng: np.random.Generator,
     sensor_twist: Twist | None = None,
 ) -> npt.NDArray[np.float32]:
     """Path trace the linear RGB radiance of every pixel.
 
     Parameters
     ----------
-    state : scarl_sionna.world.WorldState
+    state : scarl_sionna.engine.world.WorldState
     spec : CameraSpec
         `samples_per_pixel` are taken in launches of full grids (:func:`launch_samples`); `max_depth` bounds the light path. With an
         `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done here.
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).
-    seed_generator : numpy.random.Generator
+    rng : numpy.random.Generator
         Draws the seed of the sampler: the same generator state gives the same bytes.
     sensor_twist : Twist, optional
         Velocity of the sensor, for motion blur; default: at rest.
@@ -66,7 +66,7 @@ def render_radiance(
     Without denoiser the estimate is unbiased but for paths longer than `max_depth`. Its standard deviation falls as n^-1/2 with
     n samples inside smooth areas, and faster at edges (multi-jittered sampling); measured in docs/camera.md.
     """
-    seed = int(seed_generator.integers(2**32))
+    seed = int(rng.integers(2**32))
     moments = _moments(state, spec, world_from_sensor, sensor_twist or Twist())
     count = -(-spec.samples_per_pixel // len(moments))
     radiance = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
@@ -98,7 +98,11 @@ def _trace(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) ->
     with variant.optical() as mi:
         integrator = mi.load_dict(integrator_dict(spec))
         lighting = state.world.lighting
-        if lighting is not None and lighting.visibility is not None and not state.world.document.info.get("enclosed", False):
+        if (
+            lighting is not None
+            and lighting.visibility is not None
+            and not state.world.document.info.get("enclosed", False)
+        ):
             integrator = haze_integrator(mi, integrator, lighting.visibility, state.airlight)
         return _launched(mi, scene, spec, pose, integrator, seed, samples, 3)
 
@@ -127,16 +131,16 @@ def render_rgb(
     state: Any,
     spec: CameraSpec,
     world_from_sensor: Pose,
-    seed_generator: np.random.Generator,
+    rng: np.random.Generator,
     sensor_twist: Twist | None = None,
 ) -> npt.NDArray[np.uint8]:
     """Return the 8-bit sRGB image, shape (height, width, 3): :func:`render_radiance`, what falls, then :func:`develop`."""
-    radiance = render_radiance(state, spec, world_from_sensor, seed_generator, sensor_twist)
+    radiance = render_radiance(state, spec, world_from_sensor, rng, sensor_twist)
     weather = state.world.weather
     if weather.rain_rate > 0.0 or weather.snow_rate > 0.0:
-        drops = seed_generator.spawn(1)[0]
+        drops = rng.spawn(1)[0]
         radiance = add_falling(radiance, state, spec, world_from_sensor, sensor_twist or Twist(), drops)
     lighting, info = state.world.lighting, state.world.document.info
     # a scene under its own lamps (tunnel, underground car park) states the exposure that suits them, whatever the sky does
     exposure = float(info["exposure"]) if "exposure" in info else (1.0 if lighting is None else lighting.exposure)
-    return develop(radiance, spec, seed_generator, exposure)
+    return develop(radiance, spec, rng, exposure)

@@ -11,8 +11,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
-from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
 from scarl_sionna.core.units import BOLTZMANN, SPEED_OF_LIGHT
 
 from .beam import beam_radius

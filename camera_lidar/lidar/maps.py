@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import LidarScan
+from scarl_sionna.core.specs.camera import CameraSpec
 
 from ..camera.projection import camera_optical_from_world
 

@@ -16,8 +16,8 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import WorldState
-    from scarl_sionna.world.motion import Trajectory
+    from scarl_sionna.engine.world import WorldState
+    from scarl_sionna.scene.motion.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 

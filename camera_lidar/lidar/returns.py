@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.lidar_spec import LidarSpec
-from scarl_sionna.world.tables import PartTable, RayHits
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.scene.tables import PartTable, RayHits
 
 from .beam import beam_radius, sub_directions, widest_gap
 from .scan import pane_transmittance, radial_velocity, return_intensity

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.world.apart import Apart, stand_apart
-from scarl_sionna.world.scene import WorldState
-from scarl_sionna.world.tables import RayHits
+from scarl_sionna.engine.rays.apart import Apart, stand_apart
+from scarl_sionna.engine.world import WorldState
+from scarl_sionna.scene.tables import RayHits
 
 from .motion import Motion, knots
 

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaincc, gammainccinv
 
-from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
-from scarl_sionna.core.lidar_spec import LidarSpec
-from scarl_sionna.world.spray import SprayCloud
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.engine.spray import SprayCloud
 
 from .detection import detection_probability, threshold
 from .heterodyne import NO_ECHO, Detections, estimate, keep_strongest

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.body_parts import check_size, load_body, surface_of
-from scarl_sionna.radar.sbr import Looks, PartSurfaces, SbrSettings
-from scarl_sionna.radar.sbr.replay import FixedTubes
-from scarl_sionna.world.materials import MaterialTable
+from scarl_sionna.radar.optics.body_parts import check_size, load_body, surface_of
+from scarl_sionna.radar.optics.far import Looks, PartSurfaces, SbrSettings
+from scarl_sionna.radar.optics.far.replay import FixedTubes
+from scarl_sionna.scene.materials.table import MaterialTable
 
 from .physics import TrialMaterial
 from .spec import MeshRcs

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
-from scarl_sionna.world.materials import MaterialTable, load_materials
+from scarl_sionna.scene.materials.table import MaterialTable, load_materials
 
 from .body_model import mesh_field
 from .physics import MATERIAL_FIELDS, TrialMaterial, derivative, slab_field, target_field

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import MissingPackageError
-from scarl_sionna.world.engine import ensure_engine
+from scarl_sionna.engine.bootstrap import ensure_engine
 
 from .forward import ForwardModel
 

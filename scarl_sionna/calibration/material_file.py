@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scarl_sionna.core.errors import OutputError
-from scarl_sionna.world.materials import RadioMaterial
+from scarl_sionna.scene.materials.table import RadioMaterial
 
 from .errors import CalibrationError
 from .estimate import INTERVAL, CalibrationResult
@@ -49,7 +49,7 @@ def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
 
 
 def save_materials(result: CalibrationResult, path: str | Path) -> Path:
-    """Write the calibrated materials to a TOML file that :func:`scarl_sionna.world.materials.load_materials` reads.
+    """Write the calibrated materials to a TOML file that :func:`scarl_sionna.scene.materials.table.load_materials` reads.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Materials and targets with complex-valued parameters, so that the physics can be differentiated as a holomorphic function.
 
-All coefficients of :mod:`scarl_sionna.radar.fresnel` are holomorphic in permittivity, conductivity, thickness and scattering
+All coefficients of :mod:`scarl_sionna.scene.materials.fresnel` are holomorphic in permittivity, conductivity, thickness and scattering
 coefficient. So the same code that simulates gives exact derivatives, by Cauchy's integral over a small circle of complex
 parameter values.
 """
@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.units import SPEED_OF_LIGHT, VACUUM_PERMITTIVITY
-from scarl_sionna.radar.fresnel import reflection, transmission
-from scarl_sionna.world.materials import RadioMaterial
+from scarl_sionna.scene.materials.fresnel import reflection, transmission
+from scarl_sionna.scene.materials.table import RadioMaterial
 
 from .spec import LobedTarget, SlabMeasurement
 

@@ -13,16 +13,18 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, SceneError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.channel.images import Chain, material_coefficients, spherical_basis, transfer
-from scarl_sionna.radar.channel.legs import Legs, Station, legs_of
-from scarl_sionna.radar.channel.scattering import scattered_columns
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.paths.tracing import REFRACTION, SPECULAR, TracedPaths, trace_paths
+from scarl_sionna.engine.world import WorldState, load_scene
+from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
+from scarl_sionna.radar.channel.multipath.legs import Legs, legs_of
+from scarl_sionna.radar.channel.multipath.scattering import scattered_columns
+from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import PointScatterers
-from scarl_sionna.radar.processing import range_doppler, virtual_cube
+from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.synthesis import synthesize
-from scarl_sionna.world import WorldState, load_scene, variant
-from scarl_sionna.world.materials import MaterialTable
-from scarl_sionna.world.path_tracing import REFRACTION, SPECULAR, TracedPaths, trace_paths
+from scarl_sionna.scene.materials.table import MaterialTable
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 from .physics import TrialMaterial
 from .spec import RadarMap, SceneGeometry, ScenePowers

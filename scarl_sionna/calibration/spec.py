@@ -12,8 +12,8 @@ import yaml
 from pydantic import Field, field_validator, model_validator
 
 from scarl_sionna.core.errors import ParameterRangeError, SceneError
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 Array = npt.NDArray[np.float64]
 Numbers = float | tuple[float, ...]
@@ -160,7 +160,9 @@ class MeshRcs(MeasurementBase):
     phi_deg: Numbers = Field(0.0, description="and from +x [deg]")
     polarization: Literal["VV", "HH", "VH", "HV"] = "VV"
     frequency: float = Field(77e9, gt=0.0, description="[Hz]")
-    form: Form = Field("power_db", description="complex and amplitude are roots of the RCS [m], power is [m2], power_db [dBsm]")
+    form: Form = Field(
+        "power_db", description="complex and amplitude are roots of the RCS [m], power is [m2], power_db [dBsm]"
+    )
 
     @model_validator(mode="after")
     def _check_grid(self) -> MeshRcs:

@@ -37,6 +37,14 @@ class UnknownNameError(ScarlError, KeyError):
         return str(self.args[0])
 
 
+class InputTypeError(ScarlError, TypeError):
+    """A value of another type than the one that is needed."""
+
+    def __init__(self, name: str, value: object, needed: str, remedy: str = "") -> None:
+        self.name, self.value, self.needed, self.remedy = name, value, needed, remedy
+        super().__init__(f"{name} is a {type(value).__name__}, not {needed}" + (f"; {remedy}" if remedy else ""))
+
+
 class SceneError(ScarlError):
     """A scene's files are missing, broken or contradict each other."""
 
@@ -57,7 +65,9 @@ class MaterialError(ScarlError):
 class MaterialRangeError(MaterialError):
     """A material has no data at the frequency asked for."""
 
-    def __init__(self, material: str, frequency: float, valid: tuple[float, float], alternatives: Iterable[str]) -> None:
+    def __init__(
+        self, material: str, frequency: float, valid: tuple[float, float], alternatives: Iterable[str]
+    ) -> None:
         self.material, self.frequency, self.valid = material, frequency, valid
         self.alternatives = sorted(alternatives)
         super().__init__(
@@ -110,7 +120,9 @@ class DatasetError(ScarlError):
 class TrajectoryFileError(ScarlError):
     """A file of recorded motion is not there, or what stands in it is not usable; `row` (from 1, without the header), `column`: where."""
 
-    def __init__(self, message: str, path: object = None, remedy: str = "", row: int | None = None, column: str | None = None) -> None:
+    def __init__(
+        self, message: str, path: object = None, remedy: str = "", row: int | None = None, column: str | None = None
+    ) -> None:
         self.path, self.remedy, self.row, self.column = path, remedy, row, column
         where = f"{path}: " if path is not None else ""
         where += f"row {row}: " if row is not None else ""
@@ -206,7 +218,9 @@ class ScenarioError(ParameterRangeError):
 
     def at(self, place: ScenarioPlace) -> ScenarioError:
         """Return this problem at another place."""
-        other = type(self).__new__(type(self))  # copy() may share the attributes where a library has registered exceptions with copyreg
+        other = type(self).__new__(
+            type(self)
+        )  # copy() may share the attributes where a library has registered exceptions with copyreg
         other.__dict__.update(self.__dict__)
         other.args = self.args
         other.place, other.name, other.problems = place, place.key or "scenario", (other,)
@@ -250,3 +264,7 @@ class CollisionError(ScenarioError, PlacementError):
 
 class ScarlWarning(UserWarning):
     """A result is outside the range in which its method is right."""
+
+
+class SmallMirrorWarning(ScarlWarning):
+    """A mirror reflection comes from a surface smaller than its first Fresnel zone."""

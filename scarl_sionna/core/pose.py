@@ -60,9 +60,7 @@ class Pose:
         return cls(np.asarray(position, dtype=np.float64), np.roll(quaternion, 1))
 
     @classmethod
-    def from_euler(
-        cls, position: npt.ArrayLike, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0
-    ) -> Pose:
+    def from_euler(cls, position: npt.ArrayLike, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Pose:
         """Return the pose with intrinsic yaw (about z), pitch (about y, positive = nose down) and roll (about x) [rad]."""
         cy, cp, cr = (math.cos(angle / 2.0) for angle in (yaw, pitch, roll))
         sy, sp, sr = (math.sin(angle / 2.0) for angle in (yaw, pitch, roll))

@@ -20,7 +20,9 @@ def count_labels(objects: Iterable[ObjectState], results: Mapping[str, Any]) -> 
     results : mapping of str to sensor result
         Instance images and lidar scans are counted, summed over sensors; others are passed over.
     """
-    pixels = instance_histogram(r.instance for r in results.values() if isinstance(r, ImageFrame) and r.instance is not None)
+    pixels = instance_histogram(
+        r.instance for r in results.values() if isinstance(r, ImageFrame) and r.instance is not None
+    )
     points = instance_histogram(r.instance for r in results.values() if isinstance(r, LidarScan))
     return tuple(
         replace(o, num_pixels=int(pixels[o.instance]), num_lidar_points=int(points[o.instance])) for o in objects

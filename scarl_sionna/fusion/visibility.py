@@ -11,14 +11,14 @@ import numpy.typing as npt
 from scipy.ndimage import find_objects
 
 from scarl_sionna.core.boxes import CORNERS, WIDEST, rays_over, rectangle, through_box
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
 from scarl_sionna.core.results import ImageFrame, LidarScan, ObjectState
+from scarl_sionna.core.specs.camera import CameraSpec
 
 from .labels import instance_histogram
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import WorldState
+    from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 

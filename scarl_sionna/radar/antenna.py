@@ -1,4 +1,4 @@
-"""Antennas of a radar: gains towards paths, lengths and amplitudes of every transmit-receive pair, virtual elements."""
+"""Paths seen from the antennas of a radar: gains, lengths and amplitudes of every transmit-receive pair."""
 
 from __future__ import annotations
 
@@ -7,35 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.antenna_pattern import AntennaPattern
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
+from scarl_sionna.signal.antenna import field_gain
 
 from .paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
-
-
-def azimuth_elevation(vectors: npt.ArrayLike) -> tuple[Array, Array]:
-    """Return azimuth (left positive) and elevation [rad] of vectors (..., 3) in the radar frame."""
-    x, y, z = np.moveaxis(np.asarray(vectors, dtype=np.float64), -1, 0)
-    return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
-
-
-def field_gain(pattern: AntennaPattern, vectors: npt.ArrayLike) -> Array:
-    """Return the square root of the power gain towards vectors (..., 3) in the radar frame."""
-    azimuth, elevation = azimuth_elevation(vectors)
-    return 10.0 ** (pattern.gain_db(azimuth, elevation) / 20.0)
-
-
-def virtual_positions(radar: RadarSpec) -> Array:
-    """Return tx + rx position of every channel ``i * num_rx + j``, shape (num_virtual, 3) [m, radar frame].
-
-    In the far field the length of channel c towards the unit vector n is ``2 R - virtual_positions[c] @ n``.
-    """
-    return (radar.tx_array[:, None, :] + radar.rx_array[None, :, :]).reshape(-1, 3)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,16 +13,17 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.signal.processing import doppler_axis, range_doppler, virtual_cube, window_values
 
 from .channel import solve_paths
 from .paths import RadarPaths
-from .processing import doppler_axis, range_doppler, virtual_cube, window_values
 from .synthesis import synthesize
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import World, WorldState
+    from scarl_sionna.engine.world import World, WorldState
 
 Array = npt.NDArray[np.float64]
 
@@ -104,7 +105,9 @@ def window_half_width(radar: RadarSpec, below_db: float, window: str = "hann") -
     inside = np.flatnonzero(level >= 0.0)
     if len(inside) != inside[-1] + 1:
         highest = below_db - level[np.flatnonzero(level < 0.0)[0] :].max()
-        raise ParameterRangeError("below_db", f"{below_db} dB", f"< {highest:.1f} dB, the side lobes of a {window} window")
+        raise ParameterRangeError(
+            "below_db", f"{below_db} dB", f"< {highest:.1f} dB, the side lobes of a {window} window"
+        )
     bin_width = 2.0 * radar.unambiguous_velocity / radar.num_chirps
     return float(inside[-1] / fine * bin_width)
 
@@ -137,7 +140,7 @@ def part_of_paths(paths: RadarPaths, state: WorldState) -> npt.NDArray[np.int32]
 def spectrograms(
     world: World,
     radar: RadarSpec,
-    pose: Pose | Callable[[float], Pose],
+    mount: Mount | Pose | Callable[[float], Mount | Pose],
     times: npt.ArrayLike,
     groups: Mapping[str, Sequence[int]] | None = None,
     *,
@@ -145,7 +148,7 @@ def spectrograms(
     num_doppler_bins: int | None = None,
     window: str = "hann",
     method: str = "raycast",
-    **options: Any,
+    **fields: Any,
 ) -> dict[str, Spectrogram]:
     """Return the spectrogram of a target and of groups of its parts, each column solved anew.
 
@@ -154,8 +157,8 @@ def spectrograms(
     world : World
     radar : RadarSpec
         One frame of it makes one spectrum: its `frame_time` is the window. Of several channels the powers are averaged.
-    pose : Pose or callable
-        world_from_radar, or that as a function of time [s].
+    mount : Mount, Pose or callable
+        Of the radar, or that as a function of time [s].
     times : array_like of float, shape (num_times,)
         Start of each column [s].
     groups : mapping of str to sequence of int, optional
@@ -167,8 +170,8 @@ def spectrograms(
         More than the chirps interpolates.
     window : str
         Over the chirps and over range.
-    method, options
-        Of :func:`scarl_sionna.radar.solve_paths`.
+    method, **fields
+        Of :func:`scarl_sionna.solve_paths`.
 
     Returns
     -------
@@ -182,8 +185,8 @@ def spectrograms(
     for look in looks:
         for row, time in enumerate(columns + look):
             state = world.at(float(time))
-            place = pose(float(time)) if callable(pose) else pose
-            paths = solve_paths(state, radar, place, method=method, **options)
+            place = mount(float(time)) if callable(mount) else mount
+            paths = solve_paths(state, radar, place, method=method, **fields)
             power[WHOLE][row] += _spectrum(paths, radar, num_doppler_bins, window)
             part = part_of_paths(paths, state) if groups else np.zeros(0, dtype=np.int32)
             for name, parts in groups.items():
@@ -230,7 +233,9 @@ class SurfaceMotion:
         return float(chosen.min()), float(chosen.max())
 
 
-def surface_motion(world: World, time: float, pose: Pose, parts: Sequence[int] | None = None, step: float = 1e-5) -> SurfaceMotion:
+def surface_motion(
+    world: World, time: float, pose: Pose, parts: Sequence[int] | None = None, step: float = 1e-5
+) -> SurfaceMotion:
     """Return how fast the surface of parts moves away from a place, from the poses alone, and how much of it is in view.
 
     Parameters
@@ -259,7 +264,9 @@ def surface_motion(world: World, time: float, pose: Pose, parts: Sequence[int] |
         corners = world.mesh(part).vertices[world.mesh(part).faces]
         middle = corners.mean(axis=1)
         doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        ways = [np.linalg.norm(state.part_pose(part).apply(middle) - pose.position, axis=1) for state in (before, after)]
+        ways = [
+            np.linalg.norm(state.part_pose(part).apply(middle) - pose.position, axis=1) for state in (before, after)
+        ]
         point = now.part_pose(part).apply(middle)
         sight = point - pose.position
         sight /= np.linalg.norm(sight, axis=1)[:, None]

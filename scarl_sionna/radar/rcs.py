@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
-from scarl_sionna.world.materials import MaterialTable
+from scarl_sionna.scene.materials.table import MaterialTable
 
-from .body_parts import Material, Mesh, actor_parts, check_size, load_body, surfaces_of
-from .sbr import Looks, SbrSettings, scattering_matrices
+from .optics.body_parts import Material, Mesh, actor_parts, check_size, load_body, surfaces_of
+from .optics.far import Looks, SbrSettings, scattering_matrices
 
 __all__ = ["POLARIZATIONS", "RcsCut", "actor_parts", "load_body", "rcs", "rcs_cut", "scattering_matrix"]
 

@@ -1,5 +1,5 @@
 """One simulated drive: its specification, the motion and traffic in it, and the composition of its world."""
 
-from .spec import ScenarioSpec, scenario_names
+from .spec.scenario import ScenarioSpec, scenario_names
 
 __all__ = ["ScenarioSpec", "scenario_names"]

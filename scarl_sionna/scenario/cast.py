@@ -9,27 +9,21 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from scarl_sionna.core.errors import (
-    ScarlError,
-    ScenarioError,
-    ScenarioFileError,
-    ScenarioValueError,
-    UnknownNameError,
-)
-from scarl_sionna.world.actor_mesh import actor_from_mesh
-from scarl_sionna.world.actor_model import ActorModel, Color, read_actor_model
-from scarl_sionna.world.document import SceneDocument
-from scarl_sionna.world.materials import load_materials
-from scarl_sionna.world.motion import Trajectory
-from scarl_sionna.world.staging import StagedActor
+from scarl_sionna.core.errors import ScarlError, ScenarioError, ScenarioFileError, ScenarioValueError, UnknownNameError
+from scarl_sionna.scene.actors.mesh import actor_from_mesh
+from scarl_sionna.scene.actors.model import ActorModel, Color, read_actor_model
+from scarl_sionna.scene.document.model import SceneDocument
+from scarl_sionna.scene.document.staging import StagedActor
+from scarl_sionna.scene.materials.table import load_materials
+from scarl_sionna.scene.motion.trajectory import Trajectory
 
-from .bodies import Body
-from .motions import Setting, trajectory_of
+from .motion.bodies import Body
+from .motion.motions import Setting, trajectory_of
 from .randomize import Jitter, draw_jitter, draw_look
-from .spec import ScenarioSpec
-from .spec_actors import ActorSpec, EgoSpec, MeshSpec
-from .spec_files import KeyPath
-from .spec_light import name_error
+from .spec.actors import ActorSpec, EgoSpec, MeshSpec
+from .spec.files import KeyPath
+from .spec.light import name_error
+from .spec.scenario import ScenarioSpec
 
 EGO = "ego"
 """Name of the ego vehicle of a scenario."""

@@ -17,21 +17,21 @@ from scarl_sionna.core.errors import (
     SceneError,
     UnknownNameError,
 )
-from scarl_sionna.world.document import SceneDocument
-from scarl_sionna.world.materials import MaterialTable, load_materials
-from scarl_sionna.world.scene_file import read_document
-from scarl_sionna.world.staging import stage
+from scarl_sionna.scene.document.model import SceneDocument
+from scarl_sionna.scene.document.scene_file import read_document
+from scarl_sionna.scene.document.staging import stage
+from scarl_sionna.scene.materials.table import MaterialTable, load_materials
 
 from .cast import EGO, Member, cast_of, roles_of
-from .motions import Setting
+from .checks.spec import check_collisions, check_gaits, check_places, check_speeds, check_times, first_collision
+from .motion.motions import Setting
 from .randomize import draw_materials, draw_reflectances
 from .road_users import traffic_of
-from .spec import ScenarioSpec
-from .spec_checks import check_collisions, check_gaits, check_places, check_speeds, check_times, first_collision
-from .spec_light import name_error
+from .spec.light import name_error
+from .spec.scenario import ScenarioSpec
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import World
+    from scarl_sionna.engine.world import World
 
 ATTEMPTS = 20
 """How often placements are drawn again where bodies touch."""
@@ -118,7 +118,7 @@ def build_world(spec: ScenarioSpec) -> World:
     SceneError, MeshError, MaterialError
         If files of the scene are broken.
     """
-    from scarl_sionna.world.scene import World
+    from scarl_sionna.engine.world import World
 
     composition = compose(spec)
     world = World(composition.document, composition.materials)
@@ -132,7 +132,7 @@ def build_world(spec: ScenarioSpec) -> World:
 
 def scene_of(spec: ScenarioSpec) -> SceneDocument:
     """Return the scene that a scenario names, as its files have it."""
-    from scarl_sionna.world.scene import find_scene
+    from scarl_sionna.engine.world import find_scene
 
     text = spec.scene
     if text in scenes_xml.scene_names():

@@ -10,8 +10,8 @@ from typing import Any
 
 from .compose import Composition
 from .randomize import RANGES_FILE
-from .spec import ScenarioSpec
-from .spec_actors import RandomizationSpec
+from .spec.actors import RandomizationSpec
+from .spec.scenario import ScenarioSpec
 
 _SIMPLE = ("variant", "detail", "lighting", "weather")
 

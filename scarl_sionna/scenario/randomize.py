@@ -17,10 +17,10 @@ import numpy as np
 
 from scarl_sionna.core import seeds
 from scarl_sionna.core.toml_file import read_toml
-from scarl_sionna.world.document import SceneDocument
-from scarl_sionna.world.materials import MaterialTable, RadioMaterial
+from scarl_sionna.scene.document.model import SceneDocument
+from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial
 
-from .spec_actors import JitterSpec
+from .spec.actors import JitterSpec
 
 Color = tuple[float, float, float]
 

@@ -17,25 +17,25 @@ from scarl_sionna.core.errors import (
     TrajectoryFileError,
     UnknownNameError,
 )
-from scarl_sionna.world.actor_model import Color, read_actor_model
-from scarl_sionna.world.document import SceneDocument
-from scarl_sionna.world.motion import Trajectory
-from scarl_sionna.world.staging import StagedActor
+from scarl_sionna.scene.actors.model import Color, read_actor_model
+from scarl_sionna.scene.document.model import SceneDocument
+from scarl_sionna.scene.document.staging import StagedActor
+from scarl_sionna.scene.motion.trajectory import Trajectory
 
-from .bodies import BodyLike
 from .cast import Member
-from .collisions import find_collisions
-from .commonroad import read_commonroad
-from .fcd import read_fcd
-from .motions import MARGIN, Setting
-from .planned import BETWEEN, DEPTH, PlannedActor, PresentTrajectory
+from .checks.collisions import find_collisions
+from .checks.spec import PATH_OF_TRAFFIC, STEP, body_of_entry, moving_of
+from .motion.bodies import BodyLike
+from .motion.motions import MARGIN, Setting
 from .randomize import draw_look
-from .spec import ScenarioSpec
-from .spec_actors import TrafficSpec
-from .spec_checks import PATH_OF_TRAFFIC, STEP, body_of_entry, moving_of
-from .spec_light import name_error
-from .sumo import run_sumo
-from .traffic import simulate_traffic
+from .spec.actors import TrafficSpec
+from .spec.light import name_error
+from .spec.scenario import ScenarioSpec
+from .traffic.commonroad import read_commonroad
+from .traffic.fcd import read_fcd
+from .traffic.planned import BETWEEN, DEPTH, PlannedActor, PresentTrajectory
+from .traffic.simulated import simulate_traffic
+from .traffic.sumo import run_sumo
 
 
 def traffic_seed(spec: ScenarioSpec) -> int:

@@ -264,7 +264,11 @@ def build(shape: BicycleShape, light: bool = False) -> Parts:
         parts |= {f"wheel_{name}_tyre": (tyre, "tyre"), f"wheel_{name}_rim": (rim, "rim")}
     lamp = shape.steering(0.49) + [0.066, 0.0, 0.0]
     rear = (shape.rear[0] - 0.137, 0.0, 2.0 * shape.wheel_radius + 0.045)
-    glass = box((0.05, 0.056, 0.056), lamp) if light else ellipsoid(tuple(lamp), (0.032, 0.032, 0.032), rows=10, segments=16)
+    glass = (
+        box((0.05, 0.056, 0.056), lamp)
+        if light
+        else ellipsoid(tuple(lamp), (0.032, 0.032, 0.032), rows=10, segments=16)
+    )
     parts["lamp_front"] = (glass, "headlamp")
     parts["lamp_rear"] = (box((0.02, 0.07, 0.035), rear), "taillamp")
     if not light:

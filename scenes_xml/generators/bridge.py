@@ -44,20 +44,32 @@ def overpass(
     deck += [box((0.22, 2 * abutment + 2.0, 0.7), (sign * (half - 0.02), 0.0, top - 0.05)) for sign in (-1.0, 1.0)]
     xs = np.linspace(-half + 1.2, half - 1.2, 4)
     girders = [box((0.5, 2 * abutment, girder), (x, 0.0, clearance + girder / 2)) for x in xs]
-    girders += [box((width - 1.4, 0.35, girder * 0.9), (0.0, y, clearance + girder / 2)) for y in (*piers, -abutment + 0.3, abutment - 0.3)]
+    girders += [
+        box((width - 1.4, 0.35, girder * 0.9), (0.0, y, clearance + girder / 2))
+        for y in (*piers, -abutment + 0.3, abutment - 0.3)
+    ]
     columns = []
     for y in piers:
         columns.append(box((width - 2.0, 0.9, 0.7), (0.0, y, clearance - 0.35)))
         for x in (-half + 2.0, 0.0, half - 2.0):
             shaft = tube(np.array([(x, y, -0.4), (x, y, 1.0), (x, y, clearance - 0.65)]), 0.42, 10 if is_light else 20)
             columns.append(Mesh(shaft.vertices, shaft.faces, shaft.uv))
-    walls = [box((width + 0.6, 0.8, clearance + girder + 0.4), (0.0, sign * (abutment + 0.4), 0.5 * (clearance + girder) - 0.2)) for sign in (-1.0, 1.0)]
+    walls = [
+        box(
+            (width + 0.6, 0.8, clearance + girder + 0.4),
+            (0.0, sign * (abutment + 0.4), 0.5 * (clearance + girder) - 0.2),
+        )
+        for sign in (-1.0, 1.0)
+    ]
     rails = []
     length = 2 * abutment + 2.0
     for sign in (-1.0, 1.0):
         x = sign * (half - 0.12)
         rails += [box((0.06, length, 0.06), (x, 0.0, top + z)) for z in ((1.15,) if is_light else (0.35, 0.75, 1.15))]
-        rails += [box((0.06, 0.06, 1.1), (x, y, top + 0.6)) for y in np.arange(-length / 2 + 0.1, length / 2, 4.0 if is_light else 2.0)]
+        rails += [
+            box((0.06, 0.06, 1.1), (x, y, top + 0.6))
+            for y in np.arange(-length / 2 + 0.1, length / 2, 4.0 if is_light else 2.0)
+        ]
     parts = {
         "road": road,
         "deck": merge([*deck, *walls]),

@@ -307,14 +307,23 @@ def _mirror(shape: CarShape) -> Mesh:
     return outward(weld(grid(np.stack(rings), close_columns=True)))
 
 
-WHEELS = {"front_left": (True, True), "front_right": (True, False), "rear_left": (False, True), "rear_right": (False, False)}
+WHEELS = {
+    "front_left": (True, True),
+    "front_right": (True, False),
+    "rear_left": (False, True),
+    "rear_right": (False, False),
+}
 """Name of each wheel -> whether it is in front, and on the left."""
 
 
 def wheel_centre(shape: CarShape, name: str) -> tuple[float, float, float]:
     """Return the middle of a wheel [m]."""
     front, left = WHEELS[name]
-    return (shape.front_axle if front else shape.rear_axle, 0.44 * shape.width * (1 if left else -1), shape.wheel_radius)
+    return (
+        shape.front_axle if front else shape.rear_axle,
+        0.44 * shape.width * (1 if left else -1),
+        shape.wheel_radius,
+    )
 
 
 def build(shape: CarShape, turning_wheels: bool = False, mirrors_apart: bool = False) -> dict[str, tuple[Mesh, str]]:
@@ -330,7 +339,8 @@ def build(shape: CarShape, turning_wheels: bool = False, mirrors_apart: bool = F
     body = merge([lower, painted])
     whole = merge([lower, dark, painted, glazed, black])
     wheels = {
-        name: wheel(shape, shape.front_axle if front else shape.rear_axle, left) for name, (front, left) in WHEELS.items()
+        name: wheel(shape, shape.front_axle if front else shape.rear_axle, left)
+        for name, (front, left) in WHEELS.items()
     }
     tyres, rims, wells = (merge([w[k] for w in wheels.values()]) for k in range(3))
     mirror = _mirror(shape)

@@ -109,8 +109,16 @@ def block(b: Block, is_light: bool = False) -> dict[str, Mesh]:
         for key, meshes in found.items():
             parts[key] += [m.moved((0.0, -reach, 0.0)).moved(yaw=k * np.pi / 2) for m in meshes]
     half_x, half_y = b.width / 2, b.depth / 2
-    corners = np.array([[(-half_x, -half_y, b.height), (-half_x, half_y, b.height)], [(half_x, -half_y, b.height), (half_x, half_y, b.height)]])
+    corners = np.array(
+        [
+            [(-half_x, -half_y, b.height), (-half_x, half_y, b.height)],
+            [(half_x, -half_y, b.height), (half_x, half_y, b.height)],
+        ]
+    )
     parts["walls"].append(grid(corners, corners[..., :2] / b.tile).flipped())
     if not is_light:
-        parts["trim"] += [box((2.4, 2.0, 1.6), (-0.2 * b.width, 0.1 * b.depth, b.height + 0.7)), box((0.7, 0.7, 2.2), (0.3 * b.width, -0.1 * b.depth, b.height + 1.0))]
+        parts["trim"] += [
+            box((2.4, 2.0, 1.6), (-0.2 * b.width, 0.1 * b.depth, b.height + 0.7)),
+            box((0.7, 0.7, 2.2), (0.3 * b.width, -0.1 * b.depth, b.height + 1.0)),
+        ]
     return {key: merge(meshes) for key, meshes in parts.items()}

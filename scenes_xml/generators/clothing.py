@@ -148,7 +148,10 @@ def motorcycle_helmet(shape: BodyShape, light: bool = False) -> tuple[Mesh, Mesh
         (0.006 * h, 0.0, 0.074 * h), (0.079 * h, 0.067 * h, 0.080 * h), low=-0.75, rows=rows, segments=segments
     )
     chin = ellipsoid(
-        (0.040 * h, 0.0, 0.026 * h), (0.047 * h, 0.054 * h, 0.032 * h), rows=3 if light else rows // 2, segments=segments
+        (0.040 * h, 0.0, 0.026 * h),
+        (0.047 * h, 0.054 * h, 0.032 * h),
+        rows=3 if light else rows // 2,
+        segments=segments,
     )
     visor = ellipsoid(
         (0.030 * h, 0.0, 0.078 * h), (0.060 * h, 0.062 * h, 0.034 * h), rows=3 if light else rows - 4, segments=segments

@@ -139,9 +139,18 @@ def bench() -> dict[str, Mesh]:
 
 def street_lamp(height: float = 5.2) -> dict[str, Mesh]:
     """Return ``pole``, ``head`` and ``glass`` of a post-top lamp of a town street."""
-    pole = tube(np.array([(0, 0, -0.3), (0, 0, 0.0), (0, 0, 0.9), (0, 0, height - 0.6), (0, 0, height - 0.45)]), np.array([0.10, 0.10, 0.055, 0.045, 0.045]), 14)
-    glass = revolve(np.array([(0.0005, 0.0), (0.10, 0.0), (0.19, 0.36), (0.0005, 0.36)])[::-1] + [0.0, height - 0.45], 18)
-    cap = revolve(np.array([(0.0005, 0.0), (0.27, 0.0), (0.25, 0.05), (0.06, 0.14), (0.0005, 0.15)])[::-1] + [0.0, height - 0.08], 20)
+    pole = tube(
+        np.array([(0, 0, -0.3), (0, 0, 0.0), (0, 0, 0.9), (0, 0, height - 0.6), (0, 0, height - 0.45)]),
+        np.array([0.10, 0.10, 0.055, 0.045, 0.045]),
+        14,
+    )
+    glass = revolve(
+        np.array([(0.0005, 0.0), (0.10, 0.0), (0.19, 0.36), (0.0005, 0.36)])[::-1] + [0.0, height - 0.45], 18
+    )
+    cap = revolve(
+        np.array([(0.0005, 0.0), (0.27, 0.0), (0.25, 0.05), (0.06, 0.14), (0.0005, 0.15)])[::-1] + [0.0, height - 0.08],
+        20,
+    )
     return {"pole": Mesh(pole.vertices, pole.faces), "head": outward(cap), "glass": outward(glass)}
 
 

@@ -18,8 +18,16 @@ def gantry(right: float, left: float, height: float = 6.6, is_light: bool = Fals
         places = np.linspace(right, left, max(4, int(span / 1.5)))
         bars += [box((0.06, 0.06, 0.9), (x, y, height + 0.45)) for y in places for x in (-0.4, 0.4)]
         bars += [box((0.8, 0.05, 0.05), (0.0, y, height + dz)) for y in places[::2] for dz in (0.0, 0.9)]
-        bars += [_strut((x, a, height), (x, b, height + 0.9)) for a, b in zip(places[:-1:2], places[1::2], strict=False) for x in (-0.4, 0.4)]
-        bars += [_strut((x, b, height), (x, a, height + 0.9)) for a, b in zip(places[1:-1:2], places[2::2], strict=False) for x in (-0.4, 0.4)]
+        bars += [
+            _strut((x, a, height), (x, b, height + 0.9))
+            for a, b in zip(places[:-1:2], places[1::2], strict=False)
+            for x in (-0.4, 0.4)
+        ]
+        bars += [
+            _strut((x, b, height), (x, a, height + 0.9))
+            for a, b in zip(places[1:-1:2], places[2::2], strict=False)
+            for x in (-0.4, 0.4)
+        ]
         bars.append(box((0.7, span - 0.6, 0.03), (0.0, middle, height + 0.07)))
     return {"frame": merge([Mesh(b.vertices, b.faces) for b in bars])}
 

@@ -142,7 +142,12 @@ def manhole(seed: int, size: int = 128) -> Array:
 def crop(seed: int, size: int = 256, rows: int = 16) -> Array:
     """Return ripe grain in drilled rows, for a tile of 4 m."""
     across = np.sin(2 * np.pi * rows * (np.arange(size) + 0.5) / size)
-    value = 0.5 + 0.12 * across[None, :] + 0.13 * textures.periodic_noise(size, seed + 141, 0.3, 20.0) + 0.07 * textures.periodic_noise(size, seed + 142, 1.3, 1.0, 14.0)
+    value = (
+        0.5
+        + 0.12 * across[None, :]
+        + 0.13 * textures.periodic_noise(size, seed + 141, 0.3, 20.0)
+        + 0.07 * textures.periodic_noise(size, seed + 142, 1.3, 1.0, 14.0)
+    )
     return textures.tinted(value, (0.40, 0.31, 0.13), (0.82, 0.70, 0.40))
 
 

@@ -17,7 +17,9 @@ ROUGH = {"roughness": 0.85, "specular": 0.25}
 COATED = {"roughness": 0.35, "specular": 0.5}
 
 
-def _plain(radio: str, lidar: float, color: tuple[float, float, float], lamp: str | None = None, **floats: float) -> Bsdf:
+def _plain(
+    radio: str, lidar: float, color: tuple[float, float, float], lamp: str | None = None, **floats: float
+) -> Bsdf:
     return Bsdf("principled", radio, lidar, TYPICAL, color=color, floats=floats or ROUGH, lamp=lamp)
 
 
@@ -104,12 +106,22 @@ def font(size: float) -> Any:
     return ImageFont.load_default(size)
 
 
-def lettered(width: int, height: int, text: str, ground: tuple[int, int, int], ink: tuple[int, int, int], share: float = 0.6) -> Image.Image:
+def lettered(
+    width: int, height: int, text: str, ground: tuple[int, int, int], ink: tuple[int, int, int], share: float = 0.6
+) -> Image.Image:
     """Return a plate with centred text; `share` is the height of the letters in that of a line of the plate."""
     big = Image.new("RGB", (4 * width, 4 * height), ground)
     draw = ImageDraw.Draw(big)
     lines = text.split("\n")
-    draw.multiline_text((2 * width, 2 * height), text, ink, font(4 * height * share / len(lines)), anchor="mm", align="center", spacing=4 * height * 0.04)
+    draw.multiline_text(
+        (2 * width, 2 * height),
+        text,
+        ink,
+        font(4 * height * share / len(lines)),
+        anchor="mm",
+        align="center",
+        spacing=4 * height * 0.04,
+    )
     return big.resize((width, height), Image.Resampling.LANCZOS)
 
 
@@ -134,7 +146,14 @@ def limit(text: str, size: int = 128) -> Image.Image:
     image = Image.new("RGB", (s, s), (196, 18, 28))
     draw = ImageDraw.Draw(image)
     draw.ellipse([0.115 * s, 0.115 * s, 0.885 * s, 0.885 * s], fill=(240, 240, 238))
-    draw.text((0.5 * s, 0.5 * s), text, (20, 20, 22), font(0.42 * s if len(text) < 3 else 0.26 * s), anchor="mm", stroke_width=int(0.012 * s))
+    draw.text(
+        (0.5 * s, 0.5 * s),
+        text,
+        (20, 20, 22),
+        font(0.42 * s if len(text) < 3 else 0.26 * s),
+        anchor="mm",
+        stroke_width=int(0.012 * s),
+    )
     return image.resize((size, size), Image.Resampling.LANCZOS)
 
 

@@ -23,7 +23,12 @@ class KickScooterShape:
 def _wheel(shape: KickScooterShape, light: bool) -> tuple[Mesh, Mesh]:
     around = 14 if light else 32
     tyre = ring(shape.wheel_radius - 0.03, 0.03, 0.027, around, 4 if light else 9)
-    hub = merge([light_disc(0.075, 0.03, 8) if light else disc(0.075, 0.03, around), tube(np.array([[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]), 0.012, 4 if light else 6)])
+    hub = merge(
+        [
+            light_disc(0.075, 0.03, 8) if light else disc(0.075, 0.03, around),
+            tube(np.array([[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]), 0.012, 4 if light else 6),
+        ]
+    )
     return tyre, hub
 
 

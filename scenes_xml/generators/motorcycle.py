@@ -159,10 +159,19 @@ def build(shape: MotorcycleShape, light: bool = False) -> Parts:
     if light:
         seat = seat[[0, 2, 4, 5]]
     outline = np.concatenate([seat, seat[::-1] * [1.0, -1.0]])
-    rear = [(0.70, 0.10, 0.06, -0.60, 0.0), (0.74, 0.24, 0.10, -0.60, 0.0), (0.785, 0.26, 0.11, -0.62, 0.0), (0.80, 0.2, 0.08, -0.62, 0.0)]
+    rear = [
+        (0.70, 0.10, 0.06, -0.60, 0.0),
+        (0.74, 0.24, 0.10, -0.60, 0.0),
+        (0.785, 0.26, 0.11, -0.62, 0.0),
+        (0.80, 0.2, 0.08, -0.62, 0.0),
+    ]
     tail = loft(np.array(rear[::2] + rear[3:] if light else rear), segments * 2, 2.6)
     grips = [
-        tube(np.array([(x - 0.002, s * (y + 0.095), z), (x + 0.015, s * (y - 0.045), z)]), 0.020, 3 if light else segments)
+        tube(
+            np.array([(x - 0.002, s * (y + 0.095), z), (x + 0.015, s * (y - 0.045), z)]),
+            0.020,
+            3 if light else segments,
+        )
         for s in (-1.0, 1.0)
     ]
     pegs = [tube(np.array([_mirror(shape.peg, s) - [0.0, s * 0.05, 0.0], _mirror(shape.peg, s) + [0.0, s * 0.05, 0.0]]), 0.014, 3 if light else 6) for s in (-1.0, 1.0)]  # fmt: skip

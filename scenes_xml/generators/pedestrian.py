@@ -174,14 +174,21 @@ def _pelvis(h: float, g: float, hips: float, light: bool) -> Mesh:
         (-0.055, 0.030, 0.050, -0.004), (-0.035, 0.056, 0.086, -0.006), (0.0, 0.064, 0.097, -0.006), (0.03, 0.060, 0.090, -0.002),
         (0.055, 0.057, 0.080, 0.0),
     ]  # fmt: skip
-    table = [(z, depth, width * (hips if z <= 0.0 else 1.0 + (hips - 1.0) * (1.0 - z / 0.055)), x) for z, depth, width, x in table]
+    table = [
+        (z, depth, width * (hips if z <= 0.0 else 1.0 + (hips - 1.0) * (1.0 - z / 0.055)), x)
+        for z, depth, width, x in table
+    ]
     if light:
         return loft(_rows([table[k] for k in (0, 2, 4)], h, g), 8, 2.3)
     return loft(_rings(table, h, g, 18), 26, 2.3)
 
 
 def ellipsoid(
-    centre: tuple[float, float, float], radii: tuple[float, float, float], low: float = -1.0, rows: int = 14, segments: int = 22
+    centre: tuple[float, float, float],
+    radii: tuple[float, float, float],
+    low: float = -1.0,
+    rows: int = 14,
+    segments: int = 22,
 ) -> Mesh:
     """Return an ellipsoid [m], cut off below `low` of its half height."""
     z = np.sin(np.radians(np.linspace(np.degrees(np.arcsin(max(low, -0.997))), 86.0, rows)))
@@ -193,18 +200,27 @@ def ellipsoid(
 def _head(h: float, g: float, light: bool) -> Mesh:
     if light:
         neck = _rings([(-0.02, 0.031, 0.032, -0.006), (0.05, 0.028, 0.028, 0.0)], h, g, 2)
-        return merge([loft(neck, 4, 2.0), ellipsoid((0.012 * h, 0.0, 0.072 * h), (0.054 * h, 0.045 * h, 0.066 * h), rows=4, segments=7)])
+        return merge(
+            [
+                loft(neck, 4, 2.0),
+                ellipsoid((0.012 * h, 0.0, 0.072 * h), (0.054 * h, 0.045 * h, 0.066 * h), rows=4, segments=7),
+            ]
+        )
     skull = ellipsoid((0.008 * h, 0.0, 0.078 * h), (0.051 * h, 0.043 * h, 0.062 * h))
     jaw = ellipsoid((0.022 * h, 0.0, 0.045 * h), (0.034 * h, 0.033 * h, 0.036 * h))
     nose = ellipsoid((0.060 * h, 0.0, 0.066 * h), (0.009 * h, 0.008 * h, 0.014 * h), rows=6)
-    ears = [ellipsoid((0.003 * h, s * 0.0435 * h, 0.070 * h), (0.011 * h, 0.006 * h, 0.018 * h), rows=6) for s in (-1, 1)]
+    ears = [
+        ellipsoid((0.003 * h, s * 0.0435 * h, 0.070 * h), (0.011 * h, 0.006 * h, 0.018 * h), rows=6) for s in (-1, 1)
+    ]
     neck = _rings([(-0.02, 0.031, 0.032, -0.006), (0.03, 0.030, 0.031, -0.003), (0.05, 0.028, 0.028, 0.0)], h, g)
     return merge([loft(neck, 16, 2.0), skull, jaw, nose, *ears])
 
 
 def _hair(h: float, light: bool) -> Mesh:
     if light:
-        return ellipsoid((-0.010 * h, 0.0, 0.082 * h), (0.050 * h, 0.0475 * h, 0.0625 * h), low=-0.2, rows=3, segments=6)
+        return ellipsoid(
+            (-0.010 * h, 0.0, 0.082 * h), (0.050 * h, 0.0475 * h, 0.0625 * h), low=-0.2, rows=3, segments=6
+        )
     cap = ellipsoid((-0.003 * h, 0.0, 0.084 * h), (0.0535 * h, 0.0475 * h, 0.0625 * h), low=0.05)
     back = ellipsoid((-0.020 * h, 0.0, 0.070 * h), (0.038 * h, 0.0445 * h, 0.055 * h), low=-0.75)
     return merge([cap, back])

@@ -32,7 +32,9 @@ def sweep(curve: RoadCurve, s: Array, profile: Array, tile: tuple[float, float] 
     return grid(points, np.stack([u, v], -1))
 
 
-def bar(curve: RoadCurve, s: Array, low: Sequence[float], high: Sequence[float], tile: tuple[float, float] = (1.0, 1.0)) -> Mesh:
+def bar(
+    curve: RoadCurve, s: Array, low: Sequence[float], high: Sequence[float], tile: tuple[float, float] = (1.0, 1.0)
+) -> Mesh:
     """Return a closed bar along the road between the corners `low` and `high` (offset, height) [m]."""
     (d0, z0), (d1, z1) = low, high
     ring = np.array([(d0, z0), (d0, z1), (d1, z1), (d1, z0), (d0, z0)])
@@ -45,7 +47,14 @@ def bar(curve: RoadCurve, s: Array, low: Sequence[float], high: Sequence[float],
     return merge([sweep(curve, s, ring, tile), *ends])
 
 
-def row(curve: RoadCurve, arc_lengths: Sequence[float] | Array, thing: Mesh, offset: float, height: float = 0.0, turn_deg: float = 0.0) -> Mesh:
+def row(
+    curve: RoadCurve,
+    arc_lengths: Sequence[float] | Array,
+    thing: Mesh,
+    offset: float,
+    height: float = 0.0,
+    turn_deg: float = 0.0,
+) -> Mesh:
     """Return copies of `thing` along the road as one mesh, turned by `turn_deg` from the road's direction."""
     copies = []
     for s in arc_lengths:
@@ -54,7 +63,9 @@ def row(curve: RoadCurve, arc_lengths: Sequence[float] | Array, thing: Mesh, off
     return merge(copies)
 
 
-def lane_line(curve: RoadCurve, start: float, stop: float, offset: float, height: float = 0.0, step: float = 2.0) -> Array:
+def lane_line(
+    curve: RoadCurve, start: float, stop: float, offset: float, height: float = 0.0, step: float = 2.0
+) -> Array:
     """Return the centre line of a lane from `start` to `stop` (against the road where it is smaller), points `step` apart, shape (n, 3)."""
     s = np.linspace(start, stop, max(2, int(np.ceil(abs(stop - start) / step)) + 1))
     return curve.point(s, offset, height)

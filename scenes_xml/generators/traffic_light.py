@@ -25,7 +25,10 @@ def _lens(y: float, z: float, x: float, segments: int, radius: float = LENS) -> 
 def _visor(z: float, x: float, segments: int = 9) -> Mesh:
     """Return the shade over a lens: a piece of a tube that is open below."""
     angle = np.linspace(np.radians(-20.0), np.radians(200.0), segments)
-    rows = [np.column_stack([np.full(segments, px), r * np.cos(angle), z + r * np.sin(angle)]) for px, r in ((x, 0.115), (x - 0.18, 0.12))]
+    rows = [
+        np.column_stack([np.full(segments, px), r * np.cos(angle), z + r * np.sin(angle)])
+        for px, r in ((x, 0.115), (x - 0.18, 0.12))
+    ]
     return grid(np.stack(rows))
 
 
@@ -42,26 +45,48 @@ def head(is_light: bool = False) -> dict[str, Mesh]:
 
 def walker_head() -> dict[str, Mesh]:
     """Return ``case``, ``red`` and ``green`` of a head for people on foot, 0.55 m high; its lower edge is at the origin."""
-    case = merge([Mesh(m.vertices, m.faces) for m in (box((0.16, 0.26, 0.55), (-0.08, 0.0, 0.275)), _visor(0.41, -0.16), _visor(0.14, -0.16))])
+    case = merge(
+        [
+            Mesh(m.vertices, m.faces)
+            for m in (box((0.16, 0.26, 0.55), (-0.08, 0.0, 0.275)), _visor(0.41, -0.16), _visor(0.14, -0.16))
+        ]
+    )
     return {"case": case, "red": _lens(0.0, 0.41, -0.164, 14, 0.085), "green": _lens(0.0, 0.14, -0.164, 14, 0.085)}
 
 
 def mast(height: float = 3.4) -> dict[str, Mesh]:
     """Return ``pole`` and ``button`` of a post at the kerb; the button's box looks to -y."""
-    pole = tube(np.array([(0.0, 0.0, -0.3), (0.0, 0.0, 0.25), (0.0, 0.0, 0.3), (0.0, 0.0, height)]), np.array([0.085, 0.085, 0.055, 0.055]), 12)
+    pole = tube(
+        np.array([(0.0, 0.0, -0.3), (0.0, 0.0, 0.25), (0.0, 0.0, 0.3), (0.0, 0.0, height)]),
+        np.array([0.085, 0.085, 0.055, 0.055]),
+        12,
+    )
     return {"pole": Mesh(pole.vertices, pole.faces), "button": box((0.11, 0.10, 0.20), (0.0, -0.09, 1.0))}
 
 
 def cantilever(reach: float, height: float = 6.1) -> dict[str, Mesh]:
     """Return ``pole`` of a mast with an arm of `reach` [m] to +y whose middle is at `height` [m]."""
-    shaft = tube(np.array([(0.0, 0.0, -0.4), (0.0, 0.0, 0.0), (0.0, 0.0, 3.0), (0.0, 0.0, height + 0.4)]), np.array([0.15, 0.15, 0.12, 0.10]), 14)
-    arm = tube(np.array([(0.0, 0.0, height - 0.1), (0.0, 0.5 * reach, height + 0.08), (0.0, reach, height + 0.15)]), np.array([0.09, 0.075, 0.05]), 12)
+    shaft = tube(
+        np.array([(0.0, 0.0, -0.4), (0.0, 0.0, 0.0), (0.0, 0.0, 3.0), (0.0, 0.0, height + 0.4)]),
+        np.array([0.15, 0.15, 0.12, 0.10]),
+        14,
+    )
+    arm = tube(
+        np.array([(0.0, 0.0, height - 0.1), (0.0, 0.5 * reach, height + 0.08), (0.0, reach, height + 0.15)]),
+        np.array([0.09, 0.075, 0.05]),
+        12,
+    )
     foot = box((0.5, 0.5, 0.12), (0.0, 0.0, 0.05))
     return {"pole": merge([Mesh(m.vertices, m.faces) for m in (shaft, arm, foot)])}
 
 
 def plate(width: float, height: float) -> dict[str, Mesh]:
     """Return ``face`` and ``back`` of a hanging sign in the plane x = 0 that faces -x, its middle at the origin."""
-    corners: Array = np.array([[(-0.03, -width / 2, -height / 2), (-0.03, width / 2, -height / 2)], [(-0.03, -width / 2, height / 2), (-0.03, width / 2, height / 2)]])
+    corners: Array = np.array(
+        [
+            [(-0.03, -width / 2, -height / 2), (-0.03, width / 2, -height / 2)],
+            [(-0.03, -width / 2, height / 2), (-0.03, width / 2, height / 2)],
+        ]
+    )
     uv = np.array([[(1.0, 1.0), (0.0, 1.0)], [(1.0, 0.0), (0.0, 0.0)]])
     return {"face": grid(corners, uv).flipped(), "back": box((0.05, width, height))}

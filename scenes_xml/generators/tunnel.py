@@ -31,7 +31,9 @@ class Bore:
     def upper(self, segments: int = 14) -> Array:
         """Return the upper profile from the left wall to the right one, shape (n, 2)."""
         if not self.is_arch:
-            return np.array([(self.half, LOWER), (self.half, self.height), (-self.half, self.height), (-self.half, LOWER)])
+            return np.array(
+                [(self.half, LOWER), (self.half, self.height), (-self.half, self.height), (-self.half, LOWER)]
+            )
         angle = np.linspace(0.0, np.pi, segments + 1)
         return np.column_stack([self.half * np.cos(angle), LOWER + (self.height - LOWER) * np.sin(angle)])
 
@@ -53,7 +55,9 @@ class Opening:
     depth: float
 
 
-def lower_wall(curve: RoadCurve, start: float, stop: float, bore: Bore, side: int, openings: Sequence[Opening]) -> tuple[Mesh, Mesh | None]:
+def lower_wall(
+    curve: RoadCurve, start: float, stop: float, bore: Bore, side: int, openings: Sequence[Opening]
+) -> tuple[Mesh, Mesh | None]:
     """Return the lower wall of one side, and the insides of its niches (None without)."""
     d = side * bore.half
     own = sorted((o for o in openings if o.side == side), key=lambda o: o.start)
@@ -71,7 +75,9 @@ def lower_wall(curve: RoadCurve, start: float, stop: float, bore: Bore, side: in
         back = d + side * o.depth
         inside.append(upright(o.start, o.stop, 0.0, o.height, back))
         for s, flip in ((o.start, side < 0), (o.stop, side > 0)):
-            corners = curve.point(np.full((2, 2), s), np.array([[d, back], [d, back]]), np.array([[0.0, 0.0], [o.height, o.height]]))
+            corners = curve.point(
+                np.full((2, 2), s), np.array([[d, back], [d, back]]), np.array([[0.0, 0.0], [o.height, o.height]])
+            )
             jamb = grid(corners, np.array([[(0, 0), (o.depth, 0)], [(0, o.height), (o.depth, o.height)]]) / LOWER)
             inside.append(jamb.flipped() if flip else jamb)
         s = np.array([o.start, o.stop])
@@ -82,7 +88,9 @@ def lower_wall(curve: RoadCurve, start: float, stop: float, bore: Bore, side: in
     return merge(wall), merge(inside) if inside else None
 
 
-def portal(curve: RoadCurve, s: float, bore: Bore, outwards: int, half: float = 22.0, top: float = 9.0, thickness: float = 0.7) -> Mesh:
+def portal(
+    curve: RoadCurve, s: float, bore: Bore, outwards: int, half: float = 22.0, top: float = 9.0, thickness: float = 0.7
+) -> Mesh:
     """Return a portal wall with the tunnel's mouth, facing against the road (`outwards` -1) or along it (+1)."""
     upper = bore.upper(14)
     inner = np.vstack([(bore.half, -0.3), upper, (-bore.half, -0.3)])
@@ -90,7 +98,10 @@ def portal(curve: RoadCurve, s: float, bore: Bore, outwards: int, half: float = 
     centre = np.array([0.0, 0.5 * LOWER])
     ray = inner[1:-1] - centre
     with np.errstate(divide="ignore"):
-        reach = np.minimum(half / np.maximum(np.abs(ray[:, 0]), 1e-9), np.where(ray[:, 1] > 1e-9, (top - centre[1]) / np.maximum(ray[:, 1], 1e-9), np.inf))
+        reach = np.minimum(
+            half / np.maximum(np.abs(ray[:, 0]), 1e-9),
+            np.where(ray[:, 1] > 1e-9, (top - centre[1]) / np.maximum(ray[:, 1], 1e-9), np.inf),
+        )
     outer = np.vstack([(half, -0.3), centre + reach[:, None] * ray, (-half, -0.3)])
     for corner in (1, -1):  # the corners of the rectangle
         k = int(np.argmin(np.hypot(outer[:, 0] - corner * half, outer[:, 1] - top)))
@@ -111,19 +122,37 @@ def jet_fan(segments: int = 20, length: float = 3.2, radius: float = 0.45) -> di
     """Return ``case`` and ``core`` of a jet fan along x with hangers, its axis at the origin."""
     x = length / 2
     bell, throat = radius * 1.06, radius * 0.9
-    profile = np.array([(throat, -x * 0.96), (bell, -x), (radius, -x * 0.9), (radius, x * 0.9), (bell, x), (throat, x * 0.96), (throat, 0.0)])
+    profile = np.array(
+        [
+            (throat, -x * 0.96),
+            (bell, -x),
+            (radius, -x * 0.9),
+            (radius, x * 0.9),
+            (bell, x),
+            (throat, x * 0.96),
+            (throat, 0.0),
+        ]
+    )
     profile = np.vstack([profile, profile[:1]])
     shell = outward(revolve(profile, segments, "x"))
     hub = np.array([(0.001, -0.7), (0.12, -0.55), (0.17, -0.3), (0.17, 0.3), (0.12, 0.55), (0.001, 0.7)])
     blades = [box((0.05, throat * 1.98, 0.14))]
     hangers = [box((0.06, 0.05, 0.6), (px, py, radius + 0.2)) for px in (-x * 0.6, x * 0.6) for py in (-0.3, 0.3)]
     plain = [Mesh(m.vertices, m.faces) for m in (shell, *hangers)]
-    return {"case": merge(plain), "core": merge([Mesh(m.vertices, m.faces) for m in (outward(revolve(hub, 12, "x")), *blades)])}
+    return {
+        "case": merge(plain),
+        "core": merge([Mesh(m.vertices, m.faces) for m in (outward(revolve(hub, 12, "x")), *blades)]),
+    }
 
 
 def luminaire(length: float = 1.5) -> dict[str, Mesh]:
     """Return ``case`` and ``glass`` of a luminaire along x; its top is at the origin, light goes down."""
-    corners = np.array([[(-length / 2, -0.14, -0.121), (-length / 2, 0.14, -0.121)], [(length / 2, -0.14, -0.121), (length / 2, 0.14, -0.121)]])
+    corners = np.array(
+        [
+            [(-length / 2, -0.14, -0.121), (-length / 2, 0.14, -0.121)],
+            [(length / 2, -0.14, -0.121), (length / 2, 0.14, -0.121)],
+        ]
+    )
     return {"case": box((length + 0.08, 0.34, 0.12), (0.0, 0.0, -0.06)), "glass": grid(corners).flipped()}
 
 
@@ -138,9 +167,17 @@ def lane_signal() -> dict[str, Mesh]:
 def lane_arrow() -> dict[str, Mesh]:
     """Return ``green``: the lit arrow of a lane signal, pointing down, to be placed where the signal is."""
     x = -0.165
-    outline = np.array([(-0.06, 0.75), (0.06, 0.75), (0.06, 0.42), (0.24, 0.42), (0.0, 0.14), (-0.24, 0.42), (-0.06, 0.42)])
+    outline = np.array(
+        [(-0.06, 0.75), (0.06, 0.75), (0.06, 0.42), (0.24, 0.42), (0.0, 0.14), (-0.24, 0.42), (-0.06, 0.42)]
+    )
     points = np.column_stack([np.full(len(outline), x), outline])
-    faces = np.array([(0, 1, 2), (0, 2, 6), (3, 4, 5), ])
+    faces = np.array(
+        [
+            (0, 1, 2),
+            (0, 2, 6),
+            (3, 4, 5),
+        ]
+    )
     return {"green": Mesh(points, faces[:, ::-1].astype(np.int64))}
 
 
@@ -149,7 +186,10 @@ def lane_cross() -> dict[str, Mesh]:
     bars = []
     for turn in (np.pi / 4, -np.pi / 4):
         c, s = np.cos(turn), np.sin(turn)
-        flat = np.array([(-0.36, -0.05), (0.36, -0.05), (0.36, 0.05), (-0.36, 0.05)]) @ np.array([[c, s], [-s, c]]) + (0.0, 0.45)
+        flat = np.array([(-0.36, -0.05), (0.36, -0.05), (0.36, 0.05), (-0.36, 0.05)]) @ np.array([[c, s], [-s, c]]) + (
+            0.0,
+            0.45,
+        )
         bars.append(Mesh(np.column_stack([np.full(4, -0.165), flat]), np.array([(2, 1, 0), (3, 2, 0)])))
     return {"red": merge(bars)}
 
@@ -185,4 +225,7 @@ def box_sign(width: float = 0.6, height: float = 0.6) -> dict[str, Mesh]:
             uv[..., 0] = 1.0 - uv[..., 0]
         plate = grid(corners, uv)
         faces.append(plate if flip else plate.flipped())
-    return {"case": box((0.12, width + 0.04, height + 0.04), (0.0, 0.05 + width / 2, height / 2)), "faces": merge(faces)}
+    return {
+        "case": box((0.12, width + 0.04, height + 0.04), (0.0, 0.05 + width / 2, height / 2)),
+        "faces": merge(faces),
+    }

@@ -20,7 +20,14 @@ def _wall(texture: str, radio: str = "brick", lidar: float = 0.5) -> Bsdf:
 
 
 def _sign(texture: str) -> Bsdf:
-    return Bsdf("principled", "metal", 0.6, "estimate, retroreflective sheet, diffuse share only", texture=texture, floats={"roughness": 0.4})
+    return Bsdf(
+        "principled",
+        "metal",
+        0.6,
+        "estimate, retroreflective sheet, diffuse share only",
+        texture=texture,
+        floats={"roughness": 0.4},
+    )
 
 
 MATERIALS: dict[str, Bsdf] = {
@@ -47,7 +54,11 @@ MATERIALS: dict[str, Bsdf] = {
 
 def facade(tint: tuple[float, float, float], seed: int, size: int = 256) -> Array:
     """Return weathered plaster, a tile of 3 m, shape (size, size, 3)."""
-    tone = 0.84 + 0.02 * textures.periodic_noise(size, seed + 401, 0.4, 8.0) + 0.035 * textures.periodic_noise(size, seed + 402, 1.5, 1.0, 8.0)
+    tone = (
+        0.84
+        + 0.02 * textures.periodic_noise(size, seed + 401, 0.4, 8.0)
+        + 0.035 * textures.periodic_noise(size, seed + 402, 1.5, 1.0, 8.0)
+    )
     return textures.tinted(tone, (0.2, 0.19, 0.18), (0.98, 0.97, 0.95)) * np.array(tint)
 
 
@@ -58,7 +69,11 @@ def ashlar(seed: int, size: int = 256, rows: int = 6) -> Array:
     row = k * rows // size
     shift = (row % 2) * size // 6
     column = ((k[None, :] + shift[:, None]) * 3 // size) % 3
-    tone = 0.64 + 0.03 * textures.periodic_noise(size, seed + 412, 0.6, 4.0) + g.uniform(-0.04, 0.04, (rows, 3))[row[:, None], column]
+    tone = (
+        0.64
+        + 0.03 * textures.periodic_noise(size, seed + 412, 0.6, 4.0)
+        + g.uniform(-0.04, 0.04, (rows, 3))[row[:, None], column]
+    )
     joint = (k * rows % size < rows * 2)[:, None] | ((k[None, :] + shift[:, None]) * 3 % size < 6)
     return textures.tinted(np.where(joint, tone * 0.8, tone), (0.22, 0.20, 0.17), (0.95, 0.90, 0.81))
 
@@ -66,7 +81,11 @@ def ashlar(seed: int, size: int = 256, rows: int = 6) -> Array:
 def noise_panel(seed: int, size: int = 128) -> Array:
     """Return boards of wood-fibre concrete with grooves and posts' joints, a tile of 4 m, shape (size, size, 3)."""
     k = np.arange(size)
-    tone = 0.5 + 0.05 * textures.periodic_noise(size, seed + 431, 0.4, 6.0) + 0.05 * textures.periodic_noise(size, seed + 432, 1.4, 1.0, 8.0)
+    tone = (
+        0.5
+        + 0.05 * textures.periodic_noise(size, seed + 431, 0.4, 6.0)
+        + 0.05 * textures.periodic_noise(size, seed + 432, 1.4, 1.0, 8.0)
+    )
     tone[k % 16 < 2, :] -= 0.16
     return textures.tinted(tone, (0.12, 0.16, 0.11), (0.62, 0.66, 0.52))
 
@@ -104,12 +123,16 @@ IMAGES: dict[str, Callable[[int], Any]] = {
     "facade_stone.png": ashlar,
     "manhole.png": images.IMAGES["manhole.png"],
     "poster.png": poster,
-    "sign_directions.png": lambda seed: lettered(256, 80, "Centre  ^\nStation  >", (20, 70, 160), (250, 250, 250), 0.72),
+    "sign_directions.png": lambda seed: lettered(
+        256, 80, "Centre  ^\nStation  >", (20, 70, 160), (250, 250, 250), 0.72
+    ),
     "sign_bus_stop.png": lambda seed: bus_flag(),
     "sign_50.png": lambda seed: limit("50"),
     "sign_120.png": lambda seed: limit("120"),
     "sign_ahead.png": lambda seed: lettered(256, 150, "A 7\nNorth\nHarbour", (20, 70, 160), (250, 250, 250), 0.85),
-    "sign_exit_way.png": lambda seed: lettered(256, 150, "Exit 12\nLakeside\nAirport  >", (20, 70, 160), (250, 250, 250), 0.85),
+    "sign_exit_way.png": lambda seed: lettered(
+        256, 150, "Exit 12\nLakeside\nAirport  >", (20, 70, 160), (250, 250, 250), 0.85
+    ),
     "noise_panel.png": noise_panel,
 }
 """File -> function of the seed that draws it."""

@@ -42,7 +42,13 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     _lanes(kit, plan)
     for t in plan.traffic:
         speed = t.speed if t.lane >= 0 else -t.speed
-        kit.actor(t.name, t.model, at.TIMES, plan.curve.lane_positions(t.start, plan.offset(t.lane), speed, at.TIMES), t.variant)
+        kit.actor(
+            t.name,
+            t.model,
+            at.TIMES,
+            plan.curve.lane_positions(t.start, plan.offset(t.lane), speed, at.TIMES),
+            t.variant,
+        )
     kit.write()
 
 
@@ -52,15 +58,31 @@ def _lanes(kit: SceneKit, plan: at.Layout) -> None:
     for k in range(plan.lanes):
         limit = 25.0 if k == 0 else 33.3
         left = k + 1 if k + 1 < plan.lanes else None
-        kit.lanes.append(_lane(f"east_{k}", lane_line(plan.curve, a, b, plan.offset(k), step=4.0), limit, None if left is None else f"east_{left}"))
-        kit.lanes.append(_lane(f"west_{k}", lane_line(plan.curve, b, a, plan.offset(-1 - k), step=4.0), limit, None if left is None else f"west_{left}"))
+        kit.lanes.append(
+            _lane(
+                f"east_{k}",
+                lane_line(plan.curve, a, b, plan.offset(k), step=4.0),
+                limit,
+                None if left is None else f"east_{left}",
+            )
+        )
+        kit.lanes.append(
+            _lane(
+                f"west_{k}",
+                lane_line(plan.curve, b, a, plan.offset(-1 - k), step=4.0),
+                limit,
+                None if left is None else f"west_{left}",
+            )
+        )
     x, y, _ = plan.curve.point(np.array(plan.bridge), 0.0)
     heading = float(plan.curve.heading(np.array(plan.bridge)))
     along, across = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
     for name, sign in (("bridge_north", 1.0), ("bridge_south", -1.0)):
         way = np.linspace(-sign * 76.0, sign * 76.0, 39)[:, None]
         points = np.array([x, y]) + sign * 1.8 * along + way * across
-        kit.lanes.append(_lane(name, np.column_stack([points, np.full(len(points), surface(plan.clearance))]), 13.9, None))
+        kit.lanes.append(
+            _lane(name, np.column_stack([points, np.full(len(points), surface(plan.clearance))]), 13.9, None)
+        )
 
 
 def _lane(name: str, points: Array, speed: float, left: str | None) -> Lane:

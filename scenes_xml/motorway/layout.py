@@ -74,7 +74,9 @@ def layout(variant: int = 0) -> Layout:
         return Layout(RoadCurve(20.0, 900.0, 1400.0, 80.0), 3, 92.0, 5.0, 30.0, (-70.0, 62.0, 3.6), 4.0, TRAFFIC, 9)
     g = np.random.default_rng([SEED, variant])
     lanes = int(g.integers(2, 4))
-    curve = RoadCurve(float(g.uniform(0.0, 40.0)), 900.0, float(g.choice([-1.0, 1.0])) * float(g.uniform(900.0, 2500.0)), 80.0)
+    curve = RoadCurve(
+        float(g.uniform(0.0, 40.0)), 900.0, float(g.choice([-1.0, 1.0])) * float(g.uniform(900.0, 2500.0)), 80.0
+    )
     traffic = []
     for t in TRAFFIC:
         if lanes == 2 and t.lane in (2, -3):

@@ -14,7 +14,9 @@ from . import layout as at
 MARK = 0.004
 
 
-def _pose(plan: at.Layout, s: float, offset: float, z: float = 0.0, turn: float = 0.0) -> tuple[tuple[float, float, float], float]:
+def _pose(
+    plan: at.Layout, s: float, offset: float, z: float = 0.0, turn: float = 0.0
+) -> tuple[tuple[float, float, float], float]:
     x, y, _ = plan.curve.point(np.array(s), offset)
     return (float(x), float(y), z), float(np.degrees(plan.curve.heading(np.array(s)))) + turn
 
@@ -24,19 +26,33 @@ def add_road(kit: SceneKit, plan: at.Layout) -> None:
     curve = plan.curve
     s = stations(curve, at.START, at.STOP, 4.0)
     coarse = stations(curve, at.START, at.STOP, 8.0)
-    kit.add("road_asphalt", sweep(curve, coarse, np.array([(-plan.pavement, 0.0), (0.0, 0.0), (plan.pavement, 0.0)]), (4.0, 4.0)), "asphalt_worn")
+    kit.add(
+        "road_asphalt",
+        sweep(curve, coarse, np.array([(-plan.pavement, 0.0), (0.0, 0.0), (plan.pavement, 0.0)]), (4.0, 4.0)),
+        "asphalt_worn",
+    )
     kit.instance("road", "Roads", ["road_asphalt"])
     edges = [sign * d for sign in (-1.0, 1.0) for d in (at.FIRST - 0.1, plan.edge + 0.1)]
-    kit.add("marking_edges", merge([sweep(curve, s, np.array([(d - 0.1, MARK), (d + 0.1, MARK)]), (2.0, 2.0)) for d in edges]), "line_white")
+    kit.add(
+        "marking_edges",
+        merge([sweep(curve, s, np.array([(d - 0.1, MARK), (d + 0.1, MARK)]), (2.0, 2.0)) for d in edges]),
+        "line_white",
+    )
     starts = np.arange(at.START, at.STOP - 7.0, 18.0)
-    dashes = [road.dashes(curve, starts, 6.0, sign * (at.FIRST + k * at.LANE), 0.15, MARK) for sign in (-1.0, 1.0) for k in range(1, plan.lanes)]
+    dashes = [
+        road.dashes(curve, starts, 6.0, sign * (at.FIRST + k * at.LANE), 0.15, MARK)
+        for sign in (-1.0, 1.0)
+        for k in range(1, plan.lanes)
+    ]
     kit.add("marking_dashes", merge(dashes), "line_white")
     kit.instance("lane_markings", "RoadLine", ["marking_*"])
     across = np.array([-0.01, 1.4, 3.5, 6.0, 14.0, 30.0, 75.0])
     heights = np.array([-0.03, -0.10, -0.45, -0.35, 0.1, 0.5, -1.7])
     for side, sign in (("left", 1.0), ("right", -1.0)):
         profile = np.column_stack([sign * (plan.pavement + across), heights])
-        strip = sweep(curve, stations(curve, at.START, at.STOP, 8.0), profile if sign < 0 else profile[::-1], (8.0, 8.0))
+        strip = sweep(
+            curve, stations(curve, at.START, at.STOP, 8.0), profile if sign < 0 else profile[::-1], (8.0, 8.0)
+        )
         kit.add(f"terrain_{side}", strip, "grass_meadow", 60.0)
     kit.add("terrain_far", road.far_ground(1100.0, at.SEED + 6), "grass_meadow", 60.0)
     kit.instance("terrain", "Terrain", ["terrain_*"])
@@ -101,12 +117,23 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
         for number, s in enumerate((-40.0, 160.0)):
             where, yaw = _pose(plan, s, -plan.pavement - 1.6, -0.15, 180.0)
             kit.place(phone, f"telephone_{number}", "Static", where, yaw)
-        speed = kit.prefab("sign_speed", furniture.sign("round", 2.4), {"face": "sign_limit_120", "back": "sign_back", "pole": "galvanized_steel"})
-        for name, s, offset, turn in (("right", -20.0, -plan.pavement - 1.7, 0.0), ("left", 130.0, plan.pavement + 1.7, 180.0)):
+        speed = kit.prefab(
+            "sign_speed",
+            furniture.sign("round", 2.4),
+            {"face": "sign_limit_120", "back": "sign_back", "pole": "galvanized_steel"},
+        )
+        for name, s, offset, turn in (
+            ("right", -20.0, -plan.pavement - 1.7, 0.0),
+            ("left", 130.0, plan.pavement + 1.7, 180.0),
+        ):
             where, yaw = _pose(plan, s, offset, -0.1, turn)
             kit.place(speed, f"sign_speed_{name}", "TrafficSign", where, yaw, scale=1.25)
         board = kit.prefab("sign_exit", traffic_light.plate(3.6, 2.2), {"face": "sign_exit_way", "back": "sign_back"})
-        posts = kit.prefab("sign_exit_posts", {"posts": merge([furniture.bollard().moved((0.05, y, 0.0), scale=3.6) for y in (-1.2, 1.2)])}, {"posts": "galvanized_steel"})
+        posts = kit.prefab(
+            "sign_exit_posts",
+            {"posts": merge([furniture.bollard().moved((0.05, y, 0.0), scale=3.6) for y in (-1.2, 1.2)])},
+            {"posts": "galvanized_steel"},
+        )
         where, yaw = _pose(plan, -88.0, plan.pavement + 4.0, -0.3, 180.0)
         kit.place(posts, "sign_exit_posts", "Pole", where, yaw)
         kit.place(board, "sign_exit", "TrafficSign", (where[0], where[1], 3.2), yaw)
@@ -118,7 +145,11 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
     count = 0
     while count < plan.trees:
         s, side = float(g.uniform(at.START + 20.0, at.STOP - 40.0)), float(g.choice([-1.0, 1.0]))
-        offset, turn, scale = side * (plan.pavement + float(g.uniform(9.0, 24.0))), float(g.uniform(0.0, 360.0)), float(g.uniform(0.85, 1.2))
+        offset, turn, scale = (
+            side * (plan.pavement + float(g.uniform(9.0, 24.0))),
+            float(g.uniform(0.0, 360.0)),
+            float(g.uniform(0.85, 1.2)),
+        )
         if abs(s - plan.bridge) < 22.0:
             continue
         if tree is None:
@@ -130,7 +161,12 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
         for part, body in parts.items():
             kit.add(f"trees_{part}", merge([body.moved(*copy) for copy in copies]), bsdfs[part], 60.0)
         kit.instance("trees", "Vegetation")
-    where_wood = [curve.point(np.array(s), o) for s in np.arange(at.START, at.STOP, 14.0) for o in (-68.0 - 9 * np.sin(s), 66.0 + 8 * np.cos(s)) if abs(s - plan.bridge) > 24.0]
+    where_wood = [
+        curve.point(np.array(s), o)
+        for s in np.arange(at.START, at.STOP, 14.0)
+        for o in (-68.0 - 9 * np.sin(s), 66.0 + 8 * np.cos(s))
+        if abs(s - plan.bridge) > 24.0
+    ]
     feet = np.array(where_wood) - [0.0, 0.0, 1.2]
     forest = vegetation.woods(feet, g.uniform(8.0, 14.0, len(feet)), at.SEED + 10, 40)
     for part, body in forest.items():

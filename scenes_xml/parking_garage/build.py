@@ -93,7 +93,15 @@ def _parked(kit: SceneKit, plan: at.Layout) -> None:
     for number, (bay, model, colour, nose) in enumerate(plan.parked):
         yaw = bay.yaw_deg if nose else bay.yaw_deg + 180.0
         there = np.tile([(bay.x, bay.y, 0.0)], (2, 1))
-        kit.actor(f"parked_{number:02d}", model, at.TIMES[[0, -1]], there, COLOURS[model][colour], np.full(2, yaw), detail="light")
+        kit.actor(
+            f"parked_{number:02d}",
+            model,
+            at.TIMES[[0, -1]],
+            there,
+            COLOURS[model][colour],
+            np.full(2, yaw),
+            detail="light",
+        )
 
 
 COLOURS = {
@@ -115,7 +123,14 @@ def _moving(kit: SceneKit, plan: at.Layout) -> None:
     kit.actor("car_opposite", "saloon", t, along(19.0 + plan.shift, -2.4, -y), "red")
     v = np.clip((t - 1.0) / 7.0, 0.0, 1.0)
     back = 3.0 * v**3 * (10.0 - 15.0 * v + 6.0 * v * v)
-    kit.actor("backing_car", "small_car", t, np.column_stack([np.full(n, 8.85), -13.4 + 0.5 * back, flat]), None, np.full(n, -90.0))
+    kit.actor(
+        "backing_car",
+        "small_car",
+        t,
+        np.column_stack([np.full(n, 8.85), -13.4 + 0.5 * back, flat]),
+        None,
+        np.full(n, -90.0),
+    )
     kit.actor("woman", "adult_woman", t, np.column_stack([np.full(n, 17.2), -3.6 - 1.15 * t, flat]))
     kit.actor("man", "adult_man", t, along(7.0 + plan.shift, -1.25, -5.75))
     kit.actor("child", "child", t, along(7.3 + plan.shift, -1.25, -5.2))

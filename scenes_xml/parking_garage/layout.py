@@ -109,7 +109,11 @@ def layout(variant: int = 0) -> Layout:
     parked, free = [], []
     for bay in places:
         taken = g.uniform() < share
-        model, colour, nose = PARKED_MODELS[int(g.integers(0, len(PARKED_MODELS)))], int(g.integers(0, 4)), bool(g.uniform() < 0.6)
+        model, colour, nose = (
+            PARKED_MODELS[int(g.integers(0, len(PARKED_MODELS)))],
+            int(g.integers(0, 4)),
+            bool(g.uniform() < 0.6),
+        )
         if keep_free(bay, half):
             continue
         if taken:
@@ -118,12 +122,27 @@ def layout(variant: int = 0) -> Layout:
             free.append(bay)
     ceiling = 2.9 if variant == 0 else float(np.round(g.uniform(2.7, 3.2), 2))
     beam = 0.40 if variant == 0 else float(g.choice([0.0, 0.35, 0.45]))
-    guard = "paint_yellow" if variant == 0 else str(g.choice(["paint_yellow", "paint_green", "paint_blue", "paint_red"]))
+    guard = (
+        "paint_yellow" if variant == 0 else str(g.choice(["paint_yellow", "paint_green", "paint_blue", "paint_red"]))
+    )
     line = "line_yellow" if variant == 0 or g.uniform() < 0.5 else "line_white"
     tint = (1.0, 1.0, 1.0) if variant == 0 else tuple(float(v) for v in g.uniform([0.9, 0.9, 0.85], [1.0, 1.0, 1.0]))
     lamps = 5.2 if variant == 0 else float(g.choice([3.9, 5.2, 7.8]))
     speed = 2.8 if variant == 0 else float(g.uniform(2.2, 3.2))
-    return Layout(spans, ceiling, beam, lamps, core, guard, line, tint, tuple(parked[:12]), tuple(free), speed, 0.0 if variant == 0 else float(g.uniform(0.0, 1.5)))
+    return Layout(
+        spans,
+        ceiling,
+        beam,
+        lamps,
+        core,
+        guard,
+        line,
+        tint,
+        tuple(parked[:12]),
+        tuple(free),
+        speed,
+        0.0 if variant == 0 else float(g.uniform(0.0, 1.5)),
+    )
 
 
 def ramp_height(u: np.ndarray, level: float) -> np.ndarray:

@@ -35,7 +35,11 @@ def add_hall(kit: SceneKit, plan: at.Layout) -> None:
     kit.instance("floor", "Roads", ["floor_slab"])
     gap = [(sign * at.AISLE - at.RAMP_HALF, sign * at.AISLE + at.RAMP_HALF) for sign in (-1.0, 1.0)]
     ends = [(-y, gap[0][0]), (gap[0][1], gap[1][0]), (gap[1][1], y)]
-    walls = [upright((-x, -y), (x, -y), 0.0, top), upright((x, y), (-x, y), 0.0, top), upright((-x, y), (-x, -y), 0.0, top)]
+    walls = [
+        upright((-x, -y), (x, -y), 0.0, top),
+        upright((x, y), (-x, y), 0.0, top),
+        upright((-x, y), (-x, -y), 0.0, top),
+    ]
     walls += [upright((x, a), (x, b), 0.0, top) for a, b in ends]
     walls += [upright((x, a), (x, b), top - plan.beam, top) for a, b in gap if plan.beam]
     kit.add("walls_hall", merge(walls), "garage_concrete")
@@ -45,7 +49,11 @@ def add_hall(kit: SceneKit, plan: at.Layout) -> None:
         low = top - plan.beam
         for px in (*plan.column_x, -x + 0.2, x - 0.2):
             ceiling += [box((0.36, 2 * y + 0.1, plan.beam), (px, 0.0, low + plan.beam / 2))]
-    kit.add("ceiling_slab", merge([Mesh(m.vertices, m.faces, m.uv if k == 0 else m.uv / 4.0) for k, m in enumerate(ceiling)]), "garage_concrete")
+    kit.add(
+        "ceiling_slab",
+        merge([Mesh(m.vertices, m.faces, m.uv if k == 0 else m.uv / 4.0) for k, m in enumerate(ceiling)]),
+        "garage_concrete",
+    )
     kit.instance("ceiling", "Wall", ["ceiling_slab"])
     guard = [box((0.04, 0.04, 0.94), (sx * 0.145, sy * 0.295, 0.43)) for sx in (-1, 1) for sy in (-1, 1)]
     guard.append(box((at.COLUMN[0] + 0.012, at.COLUMN[1] + 0.012, 0.22), (0.0, 0.0, 1.75)))
@@ -55,7 +63,9 @@ def add_hall(kit: SceneKit, plan: at.Layout) -> None:
         kit.add("columns_shafts", merge(shafts), "garage_concrete")
         kit.instance("columns", "Pole", ["columns_shafts"])
         return
-    column = kit.prefab("column", {"shaft": box((*at.COLUMN, top + 0.1), (0.0, 0.0, top / 2))}, {"shaft": "garage_concrete"})
+    column = kit.prefab(
+        "column", {"shaft": box((*at.COLUMN, top + 0.1), (0.0, 0.0, top / 2))}, {"shaft": "garage_concrete"}
+    )
     for n, px in enumerate(plan.column_x):
         for m, py in enumerate(at.COLUMN_Y):
             if not (m in (1, 2) and plan.core[0] - 0.1 < px < plan.core[1] + 0.1):
@@ -74,15 +84,23 @@ def add_markings(kit: SceneKit, plan: at.Layout) -> None:
             for low in (-16.0, 11.0, -5.0, 0.0):
                 if low in (-5.0, 0.0) and k == plan.core_left:
                     continue
-                depth = (low + 0.3, low + 5.0) if low == -16.0 else (low, low + 4.7) if low == 11.0 else (low, low + 5.0)
+                depth = (
+                    (low + 0.3, low + 5.0) if low == -16.0 else (low, low + 4.7) if low == 11.0 else (low, low + 5.0)
+                )
                 lines.append(plane((px - 0.05, px + 0.05), depth, MARK))
     kit.add("marking_bays", merge(lines), plan.line)
     arrows = []
     for sign, flip in ((-1.0, 0.0), (1.0, np.pi)):
         for px in np.arange(-plan.half + 4.0, plan.half, 11.0):
-            outline = np.array([(-1.0, -0.08), (0.2, -0.08), (0.2, -0.32), (1.0, 0.0), (0.2, 0.32), (0.2, 0.08), (-1.0, 0.08)])
+            outline = np.array(
+                [(-1.0, -0.08), (0.2, -0.08), (0.2, -0.32), (1.0, 0.0), (0.2, 0.32), (0.2, 0.08), (-1.0, 0.08)]
+            )
             faces = np.array([(0, 1, 5), (0, 5, 6), (2, 3, 4)])
-            arrows.append(Mesh(np.column_stack([outline, np.full(7, MARK)]), faces.astype(np.int64)).moved((px, sign * at.AISLE, 0.0), flip))
+            arrows.append(
+                Mesh(np.column_stack([outline, np.full(7, MARK)]), faces.astype(np.int64)).moved(
+                    (px, sign * at.AISLE, 0.0), flip
+                )
+            )
     kit.add("marking_arrows", merge(arrows), "line_white")
     kit.instance("markings", "RoadLine", ["marking_*"])
     if not kit.is_light:
@@ -105,13 +123,26 @@ def add_ramps(kit: SceneKit, plan: at.Layout) -> None:
         points = np.stack([*np.broadcast_arrays(x + u[:, None], np.array([low, high])[None, :]), z], -1)
         floors.append(grid(points, points[..., :2] / 8.0))
         for y, flip in ((low, False), (high, True)):
-            side = np.stack([np.column_stack([x + u, np.full(len(u), y), heights - 0.05]), np.column_stack([x + u, np.full(len(u), y), np.full(len(u), roof)])], 1)
+            side = np.stack(
+                [
+                    np.column_stack([x + u, np.full(len(u), y), heights - 0.05]),
+                    np.column_stack([x + u, np.full(len(u), y), np.full(len(u), roof)]),
+                ],
+                1,
+            )
             uv = np.stack([np.column_stack([u, heights]), np.column_stack([u, np.full(len(u), roof)])], 1) / 4.0
             wall = grid(side, uv)
             walls.append(wall if flip else wall.flipped())
-            walls.append(box((at.RAMP_LENGTH, 0.2, roof - top + 0.2), (x + at.RAMP_LENGTH / 2, y + (0.101 if flip else -0.101), 0.5 * (roof + top) + 0.1)))
+            walls.append(
+                box(
+                    (at.RAMP_LENGTH, 0.2, roof - top + 0.2),
+                    (x + at.RAMP_LENGTH / 2, y + (0.101 if flip else -0.101), 0.5 * (roof + top) + 0.1),
+                )
+            )
         walls.append(upright((x + 0.01, low), (x + 0.01, high), plan.ceiling, roof))
-        walls.append(box((at.RAMP_LENGTH, high - low + 0.4, 0.2), (x + at.RAMP_LENGTH / 2, sign * at.AISLE, roof + 0.1)))
+        walls.append(
+            box((at.RAMP_LENGTH, high - low + 0.4, 0.2), (x + at.RAMP_LENGTH / 2, sign * at.AISLE, roof + 0.1))
+        )
     kit.add("ramp_floor", merge(floors), "garage_floor")
     kit.add("ramp_walls", merge([Mesh(m.vertices, m.faces, m.uv) for m in walls]), "garage_concrete")
     kit.instance("ramps", "Roads", ["ramp_floor"])
@@ -119,10 +150,17 @@ def add_ramps(kit: SceneKit, plan: at.Layout) -> None:
     end, out = x + at.RAMP_LENGTH, x + at.RAMP_LENGTH + 25.0
     holes = (-at.AISLE - at.RAMP_HALF, -at.AISLE + at.RAMP_HALF, at.AISLE - at.RAMP_HALF, at.AISLE + at.RAMP_HALF)
     ground = [plane((-x - 6.0, x + 0.02), (-40.0, 40.0), top), plane((end, out), (-40.0, 40.0), top)]
-    ground += [plane((x + 0.02, end), span, top) for span in ((-40.0, holes[0] - 0.2), (holes[1] + 0.2, holes[2] - 0.2), (holes[3] + 0.2, 40.0))]
+    ground += [
+        plane((x + 0.02, end), span, top)
+        for span in ((-40.0, holes[0] - 0.2), (holes[1] + 0.2, holes[2] - 0.2), (holes[3] + 0.2, 40.0))
+    ]
     kit.add("street_ground", merge(ground), "paving")
     kit.instance("street", "Ground", ["street_ground"])
-    kit.add("street_house", box((0.6, 80.0, 12.0), (out, 0.0, top + 6.0)), "plaster_grey" if "plaster_grey.png" in kit.textures else "garage_concrete")
+    kit.add(
+        "street_house",
+        box((0.6, 80.0, 12.0), (out, 0.0, top + 6.0)),
+        "plaster_grey" if "plaster_grey.png" in kit.textures else "garage_concrete",
+    )
     kit.instance("house", "Building", ["street_house"], True)
 
 
@@ -131,10 +169,14 @@ def add_core(kit: SceneKit, plan: at.Layout) -> None:
     a, b = plan.core
     half = 4.3
     outline = [(a, -half), (b, -half), (b, half), (a, half)]
-    walls = [upright(p, q, 0.0, plan.ceiling).flipped() for p, q in zip(outline, [*outline[1:], outline[0]], strict=True)]
+    walls = [
+        upright(p, q, 0.0, plan.ceiling).flipped() for p, q in zip(outline, [*outline[1:], outline[0]], strict=True)
+    ]
     kit.add("core_walls", merge(walls), "garage_core")
     kit.instance("core", "Building", ["core_walls"], True)
-    door = kit.prefab("exit_door", tunnel.exit_door(), {"leaf": "paint_green", "frame": "grey_steel", "handle": "galvanized_steel"})
+    door = kit.prefab(
+        "exit_door", tunnel.exit_door(), {"leaf": "paint_green", "frame": "grey_steel", "handle": "galvanized_steel"}
+    )
     middle = 0.5 * (a + b)
     for name, dx, y, yaw in (("right", 1.6, -half, -90.0), ("left", -1.6, half, 90.0)):
         kit.place(door, f"door_{name}", "Static", (middle + dx, y, 0.01), yaw)
@@ -142,8 +184,14 @@ def add_core(kit: SceneKit, plan: at.Layout) -> None:
         return
     sign = kit.prefab("sign_exit", tunnel.box_sign(), {"case": "black_plastic", "faces": "sign_exit"})
     for name, dx, y, yaw in (("right", 2.7, -half, 180.0), ("left", -2.7, half, 0.0)):
-        kit.place(sign, f"sign_exit_{name}", "TrafficSign", (middle + dx, y, 2.1 if plan.ceiling < 3 else 2.3), yaw, scale=0.7)
-    machine = {"box": box((0.55, 0.9, 1.8), (0.285, 0.0, 0.85)), "panel": box((0.02, 0.5, 0.5), (0.56, 0.0, 1.25)), "plate": box((0.03, 0.9, 0.2), (0.56, 0.0, 1.85))}
+        kit.place(
+            sign, f"sign_exit_{name}", "TrafficSign", (middle + dx, y, 2.1 if plan.ceiling < 3 else 2.3), yaw, scale=0.7
+        )
+    machine = {
+        "box": box((0.55, 0.9, 1.8), (0.285, 0.0, 0.85)),
+        "panel": box((0.02, 0.5, 0.5), (0.56, 0.0, 1.25)),
+        "plate": box((0.03, 0.9, 0.2), (0.56, 0.0, 1.85)),
+    }
     ready = kit.prefab("pay_machine", machine, {"box": "paint_blue", "panel": "black_gloss", "plate": "sign_parking"})
     kit.place(ready, "pay_machine", "Static", (middle - 1.6, -half, 0.0), -90.0)
 
@@ -171,31 +219,65 @@ def add_services(kit: SceneKit, plan: at.Layout) -> None:
     kit.instance("ducts", "Other", ["duct_*"])
     if kit.is_light:
         return
-    grilles = [box((0.8, 0.02, 0.2), (px, sign * (13.3 - 0.36), low - 0.18)) for px in np.arange(-x + 5.0, x - 4.0, 6.0) for sign in (-1.0, 1.0)]
+    grilles = [
+        box((0.8, 0.02, 0.2), (px, sign * (13.3 - 0.36), low - 0.18))
+        for px in np.arange(-x + 5.0, x - 4.0, 6.0)
+        for sign in (-1.0, 1.0)
+    ]
     kit.add("duct_grilles", merge(grilles), "black_gloss")
-    pipes = [tube(np.array([(-x + 0.3, y, low - 0.09), (0.0, y, low - 0.09), (x - 0.3, y, low - 0.09)]), 0.045, 8) for y in (-5.6, 5.6, -11.2, 11.2)]
+    pipes = [
+        tube(np.array([(-x + 0.3, y, low - 0.09), (0.0, y, low - 0.09), (x - 0.3, y, low - 0.09)]), 0.045, 8)
+        for y in (-5.6, 5.6, -11.2, 11.2)
+    ]
     kit.add("pipe_sprinkler", merge(pipes), "paint_red")
-    drain = [tube(np.array([(-x + 0.3, y, low - 0.14), (0.0, y, low - 0.12), (x - 0.3, y, low - 0.10)]), 0.06, 10) for y in (-1.2, 15.2)]
+    drain = [
+        tube(np.array([(-x + 0.3, y, low - 0.14), (0.0, y, low - 0.12), (x - 0.3, y, low - 0.10)]), 0.06, 10)
+        for y in (-1.2, 15.2)
+    ]
     kit.add("pipe_drain", merge(drain), "grey_steel")
     kit.instance("pipes", "Other", ["pipe_*"])
     trays = [box((2 * x - 1.0, 0.3, 0.06), (0.0, y, low - 0.05)) for y in (-9.8, 9.8)]
     kit.add("tray_cables", merge(trays), "galvanized_steel")
     kit.instance("cable_trays", "Other", ["tray_cables"])
-    hose = kit.prefab("hose", {"box": box((0.22, 0.6, 0.7), (0.11, 0.0, 1.3)), "glass": box((0.01, 0.3, 0.3), (0.225, 0.0, 1.35))}, {"box": "paint_red", "glass": "black_gloss"})
+    hose = kit.prefab(
+        "hose",
+        {"box": box((0.22, 0.6, 0.7), (0.11, 0.0, 1.3)), "glass": box((0.01, 0.3, 0.3), (0.225, 0.0, 1.35))},
+        {"box": "paint_red", "glass": "black_gloss"},
+    )
     for n, px in enumerate(plan.column_x[1::3]):
         kit.place(hose, f"hose_{n}_right", "Static", (px, -at.WALL_Y + 0.005, 0.0), 90.0)
         kit.place(hose, f"hose_{n}_left", "Static", (px, at.WALL_Y - 0.005, 0.0), -90.0)
-    bar = {"tube": merge([tube(np.array([(0.0, -2.0, 0.0), (0.0, 0.0, 0.0), (0.0, 2.0, 0.0)]), 0.05, 10), box((0.02, 0.02, 0.35), (0.0, -1.4, 0.2)), box((0.02, 0.02, 0.35), (0.0, 1.4, 0.2))]), "plate": tunnel.box_sign(0.5, 0.5)["faces"].moved((0.0, -0.3, -0.25))}
+    bar = {
+        "tube": merge(
+            [
+                tube(np.array([(0.0, -2.0, 0.0), (0.0, 0.0, 0.0), (0.0, 2.0, 0.0)]), 0.05, 10),
+                box((0.02, 0.02, 0.35), (0.0, -1.4, 0.2)),
+                box((0.02, 0.02, 0.35), (0.0, 1.4, 0.2)),
+            ]
+        ),
+        "plate": tunnel.box_sign(0.5, 0.5)["faces"].moved((0.0, -0.3, -0.25)),
+    }
     bar["tube"] = Mesh(bar["tube"].vertices, bar["tube"].faces)
     ready = kit.prefab("height_bar", bar, {"tube": "paint_yellow", "plate": "sign_height"})
     for sign, name in ((-1.0, "out"), (1.0, "in")):
         kit.place(ready, f"height_bar_{name}", "TrafficSign", (x - 0.6, sign * at.AISLE, low - 0.3), 0.0)
-    grates = [plane((px - 0.3, px + 0.3), (y - 0.3, y + 0.3), MARK / 2) for px in np.arange(-x + 8.0, x, 16.0) for y in (-at.AISLE, at.AISLE)]
+    grates = [
+        plane((px - 0.3, px + 0.3), (y - 0.3, y + 0.3), MARK / 2)
+        for px in np.arange(-x + 8.0, x, 16.0)
+        for y in (-at.AISLE, at.AISLE)
+    ]
     kit.add("grate_drains", merge(grates), "cast_iron")
     kit.instance("drains", "Static", ["grate_drains"])
-    round_bars = extrude(np.column_stack([0.06 * np.cos(np.linspace(0, 2 * np.pi, 12, endpoint=False)), 0.06 * np.sin(np.linspace(0, 2 * np.pi, 12, endpoint=False))]), -0.05, 0.9)
+    round_bars = extrude(
+        np.column_stack(
+            [
+                0.06 * np.cos(np.linspace(0, 2 * np.pi, 12, endpoint=False)),
+                0.06 * np.sin(np.linspace(0, 2 * np.pi, 12, endpoint=False)),
+            ]
+        ),
+        -0.05,
+        0.9,
+    )
     ready = kit.prefab("bollard", {"steel": round_bars}, {"steel": plan.guard})
     for n, dx in enumerate((-2.6, 0.2, 3.2)):
         kit.place(ready, f"bollard_{n}", "Pole", (0.5 * sum(plan.core) + dx, -5.15, 0.0))
-
-

@@ -60,7 +60,16 @@ def _traffic(kit: SceneKit, plan: at.Layout) -> None:
     t, inner, outer = at.TIMES, 0.5 * at.LANE, 1.5 * at.LANE
     still = t[[0, -1]]
 
-    def stands(name: str, model: str, x: float, y: float, yaw: float, variant: str | None = None, z: float = 0.0, detail: str | None = None) -> None:
+    def stands(
+        name: str,
+        model: str,
+        x: float,
+        y: float,
+        yaw: float,
+        variant: str | None = None,
+        z: float = 0.0,
+        detail: str | None = None,
+    ) -> None:
         kit.actor(name, model, still, np.tile([(x, y, z)], (2, 1)), variant, np.full(2, yaw), detail)
 
     kit.actor("ego", "saloon", t, _along(-40.0, -inner, plan.speed))
@@ -71,7 +80,11 @@ def _traffic(kit: SceneKit, plan: at.Layout) -> None:
     stands("bus", "bus", plan.stop_x + 1.0, -outer - 0.2, 0.0)
     stands("waiting_south", "small_car", 0.5 * at.LANE, -plan.stop[1] - 2.4, 90.0, detail="light")
     stands("waiting_north", "saloon", -0.5 * at.LANE, plan.stop[1] + 2.8, -90.0, "white", detail="light")
-    for name, model, start, y, speed in (("woman", "adult_woman", -6.0, -14.9, 1.25), ("child", "child", -6.4, -14.3, 1.25), ("man", "adult_man", 5.6, 14.6, -1.35)):
+    for name, model, start, y, speed in (
+        ("woman", "adult_woman", -6.0, -14.9, 1.25),
+        ("child", "child", -6.4, -14.3, 1.25),
+        ("man", "adult_man", 5.6, 14.6, -1.35),
+    ):
         fine = np.linspace(t[0], t[-1], 10 * (len(t) - 1) + 1)  # the ground slopes below their feet
         x = start + speed * fine
         kit.actor(name, model, fine, np.column_stack([x, np.full(len(fine), y), _kerb(np.abs(x) - at.SIDE)]))

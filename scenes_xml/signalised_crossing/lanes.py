@@ -51,11 +51,25 @@ def lanes(plan: at.Layout) -> list[Lane]:
         for turn, target, lane in ways[arm, k]:
             out = starts[target, lane]
             away = np.radians(at.ARMS[target][0] + 180.0)
-            middle = _line(tuple(line[-1]), tuple(out[0])) if turn == "ahead" else at.bend(line[-1], np.radians(heading), out[0], away)
+            middle = (
+                _line(tuple(line[-1]), tuple(out[0]))
+                if turn == "ahead"
+                else at.bend(line[-1], np.radians(heading), out[0], away)
+            )
             opposite = names[(names.index(arm) + 2) % 4]
             first = tuple(f"{opposite}_{n}_ahead" for n in range(len(offsets(is_main)))) if turn == "left" else ()
             speed = LIMIT if turn == "ahead" else TURNING
-            found.append(Lane(f"{arm}_{k}_{turn}", _flat(middle), "drive", at.LANE, speed, (f"{target}_out_{lane}",), yield_to=first))
+            found.append(
+                Lane(
+                    f"{arm}_{k}_{turn}",
+                    _flat(middle),
+                    "drive",
+                    at.LANE,
+                    speed,
+                    (f"{target}_out_{lane}",),
+                    yield_to=first,
+                )
+            )
     for (arm, k), line in starts.items():
         left = f"{arm}_out_{k - 1}" if k > 0 else None
         found.append(Lane(f"{arm}_out_{k}", _flat(line), "drive", at.LANE, LIMIT, (), left))
@@ -66,7 +80,10 @@ def lanes(plan: at.Layout) -> list[Lane]:
         x = sign * np.mean(at.CROSS_X)
         found.append(Lane(f"zebra_{name}", _flat(_line((x, -at.MAIN), (x, at.MAIN))), "walk", 3.0, 1.5))
     for sign, name in ((-1.0, "right"), (1.0, "left")):
-        for side, a, b in (("west", -at.REACH[0] + 4.0, -at.SIDE - at.CORNER - 1.0), ("east", at.SIDE + at.CORNER + 1.0, at.REACH[0] - 4.0)):
+        for side, a, b in (
+            ("west", -at.REACH[0] + 4.0, -at.SIDE - at.CORNER - 1.0),
+            ("east", at.SIDE + at.CORNER + 1.0, at.REACH[0] - 4.0),
+        ):
             y = sign * (at.MAIN + 2.9)  # between the shelter, benches and the houses
             found.append(Lane(f"pavement_{name}_{side}", _flat(_line((a, y), (b, y)), at.KERB), "walk", 0.9, 1.5))
     return found

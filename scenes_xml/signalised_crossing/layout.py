@@ -70,12 +70,18 @@ DEPTH = 11.0
 def layout(variant: int = 0) -> Layout:
     """Return the layout of a variant; its houses, their heights and colours, widths of pavements, lamps and traffic come from the number."""
     g = np.random.default_rng([SEED, variant])
-    pavement = (4.0, 3.4) if variant == 0 else (float(np.round(g.uniform(3.4, 5.5), 1)), float(np.round(g.uniform(3.0, 4.2), 1)))
+    pavement = (
+        (4.0, 3.4)
+        if variant == 0
+        else (float(np.round(g.uniform(3.4, 5.5), 1)), float(np.round(g.uniform(3.0, 4.2), 1)))
+    )
     kinds = []
     for _ in range(5):
         axis = float(np.round(g.uniform(2.3, 3.1), 2))
         width = float(np.round(g.uniform(16.0, 24.0), 1))
-        kinds.append((width, int(g.integers(4, 7)), axis, float(np.round(g.uniform(1.0, 1.5), 2)), bool(g.uniform() < 0.5)))
+        kinds.append(
+            (width, int(g.integers(4, 7)), axis, float(np.round(g.uniform(1.0, 1.5), 2)), bool(g.uniform() < 0.5))
+        )
     houses = []
     for sx in (-1.0, 1.0):
         for sy in (-1.0, 1.0):
@@ -83,21 +89,52 @@ def layout(variant: int = 0) -> Layout:
             while x < REACH[0] - 6.0:
                 kind = int(g.integers(0, 5))
                 width = kinds[kind][0]
-                houses.append(House(kind, sx * (x + width / 2), sy * (MAIN + pavement[0] + DEPTH / 2), 0.0 if sy > 0 else 180.0, str(g.choice(WALLS))))
+                houses.append(
+                    House(
+                        kind,
+                        sx * (x + width / 2),
+                        sy * (MAIN + pavement[0] + DEPTH / 2),
+                        0.0 if sy > 0 else 180.0,
+                        str(g.choice(WALLS)),
+                    )
+                )
                 x += width + 0.02
             y = MAIN + pavement[0] + CORNER_SIZE
             while y < REACH[1] - 6.0:
                 kind = int(g.integers(0, 5))
                 width = kinds[kind][0]
-                houses.append(House(kind, sx * (SIDE + pavement[1] + DEPTH / 2), sy * (y + width / 2), -90.0 if sx > 0 else 90.0, str(g.choice(WALLS))))
+                houses.append(
+                    House(
+                        kind,
+                        sx * (SIDE + pavement[1] + DEPTH / 2),
+                        sy * (y + width / 2),
+                        -90.0 if sx > 0 else 90.0,
+                        str(g.choice(WALLS)),
+                    )
+                )
                 y += width + 0.02
     storeys = tuple(int(v) for v in g.integers(5, 8, 4))
     corner_walls = tuple(str(v) for v in g.permutation(np.array(WALLS))[:4])
     lamp = 26.0 if variant == 0 else float(g.uniform(20.0, 32.0))
     stop = 33.0 if variant == 0 else float(g.uniform(30.0, 50.0))
     speed = 8.5 if variant == 0 else float(g.uniform(7.0, 10.0))
-    lines = (15.0, 17.8) if variant == 0 else (float(np.round(g.uniform(14.6, 16.5), 2)), float(np.round(g.uniform(17.4, 19.3), 2)))
-    return Layout(pavement, tuple(kinds), storeys, tuple(houses), corner_walls, lamp, stop, speed, 0.0 if variant == 0 else float(g.uniform(0.0, 4.0)), lines)
+    lines = (
+        (15.0, 17.8)
+        if variant == 0
+        else (float(np.round(g.uniform(14.6, 16.5), 2)), float(np.round(g.uniform(17.4, 19.3), 2)))
+    )
+    return Layout(
+        pavement,
+        tuple(kinds),
+        storeys,
+        tuple(houses),
+        corner_walls,
+        lamp,
+        stop,
+        speed,
+        0.0 if variant == 0 else float(g.uniform(0.0, 4.0)),
+        lines,
+    )
 
 
 ARMS = {"west": (0.0, True), "south": (90.0, False), "east": (180.0, True), "north": (-90.0, False)}
@@ -114,7 +151,10 @@ def bend(a: Array, heading_a: float, b: Array, heading_b: float, step: float = 0
     """Return a smooth way, shape (n, 2), from a to b with the given headings [rad]: quintic, level curvature at both ends."""
     span = float(np.linalg.norm(b - a))
     scale = 1.15 * span
-    da, db = scale * np.array([np.cos(heading_a), np.sin(heading_a)]), scale * np.array([np.cos(heading_b), np.sin(heading_b)])
+    da, db = (
+        scale * np.array([np.cos(heading_a), np.sin(heading_a)]),
+        scale * np.array([np.cos(heading_b), np.sin(heading_b)]),
+    )
     u = np.linspace(0.0, 1.0, max(6, int(span / step) + 1))[:, None]
     h = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
     ha, hb = u - 6.0 * u**3 + 8.0 * u**4 - 3.0 * u**5, -4.0 * u**3 + 7.0 * u**4 - 3.0 * u**5

@@ -23,7 +23,10 @@ def add_ground(kit: SceneKit, plan: at.Layout) -> None:
     """Add carriageways, pavements with kerbs, and the ground behind the houses."""
     rx, ry = at.REACH
     kit.add("road_main", _rectangle((-rx, rx), (-at.MAIN - 0.1, at.MAIN + 0.1), 0.0, 4.0), "asphalt_street")
-    sides = [_rectangle((-at.SIDE - at.CORNER, at.SIDE + at.CORNER), span, 0.0, 4.0) for span in ((-ry, -at.MAIN - 0.1), (at.MAIN + 0.1, ry))]
+    sides = [
+        _rectangle((-at.SIDE - at.CORNER, at.SIDE + at.CORNER), span, 0.0, 4.0)
+        for span in ((-ry, -at.MAIN - 0.1), (at.MAIN + 0.1, ry))
+    ]
     kit.add("road_side", merge(sides), "asphalt_street")
     kit.instance("road", "Roads", ["road_*"])
     kerbs, tops = [], []
@@ -60,7 +63,10 @@ def _bars(along_y: bool, centre: float, half: float, width: float) -> list[Mesh]
     """Return the bars of a zebra crossing across the main street (`along_y`) or the side street."""
     places = np.arange(-half + 0.55, half - 0.2, 1.0)
     span = (centre - width / 2, centre + width / 2)
-    return [_rectangle(span, (p - 0.25, p + 0.25), MARK) if along_y else _rectangle((p - 0.25, p + 0.25), span, MARK) for p in places]
+    return [
+        _rectangle(span, (p - 0.25, p + 0.25), MARK) if along_y else _rectangle((p - 0.25, p + 0.25), span, MARK)
+        for p in places
+    ]
 
 
 def _arrow(kinds: str) -> Mesh:
@@ -68,7 +74,9 @@ def _arrow(kinds: str) -> Mesh:
     parts = [_rectangle((-1.5, 0.6 if "a" in kinds else 0.2), (-0.07, 0.07), MARK)]
 
     def head(tip: tuple[float, float], left: tuple[float, float], right: tuple[float, float]) -> Mesh:
-        return Mesh(np.array([(*tip, MARK), (*left, MARK), (*right, MARK)]), np.array([[0, 1, 2]]), np.array([tip, left, right]))
+        return Mesh(
+            np.array([(*tip, MARK), (*left, MARK), (*right, MARK)]), np.array([[0, 1, 2]]), np.array([tip, left, right])
+        )
 
     if "a" in kinds:
         parts.append(head((1.5, 0.0), (0.5, 0.35), (0.5, -0.35)))
@@ -89,10 +97,18 @@ def add_markings(kit: SceneKit, plan: at.Layout) -> None:
     for _, (heading, is_main) in at.ARMS.items():
         stop, reach, half = (plan.stop[0], at.REACH[0], at.MAIN) if is_main else (plan.stop[1], at.REACH[1], at.SIDE)
         yaw = np.radians(heading)
-        own = [_rectangle((-stop + 0.3, -stop + 0.8), (-half + 0.15, -0.1), MARK), _rectangle((-reach, -stop), (-0.06, 0.06), MARK)]
+        own = [
+            _rectangle((-stop + 0.3, -stop + 0.8), (-half + 0.15, -0.1), MARK),
+            _rectangle((-reach, -stop), (-0.06, 0.06), MARK),
+        ]
         if is_main:
             own.append(_rectangle((-stop - 24.0, -stop), (-at.LANE - 0.06, -at.LANE + 0.06), MARK))
-            own += [_rectangle((x, x + 3.0), (d - 0.06, d + 0.06), MARK) for x in np.arange(-reach, -stop - 4.0, 9.0) for d in (at.LANE, -at.LANE) if d > 0 or x + 3 < -stop - 24]
+            own += [
+                _rectangle((x, x + 3.0), (d - 0.06, d + 0.06), MARK)
+                for x in np.arange(-reach, -stop - 4.0, 9.0)
+                for d in (at.LANE, -at.LANE)
+                if d > 0 or x + 3 < -stop - 24
+            ]
         lines += [m.moved(yaw=yaw) for m in own]
         for x in (-stop - 6.0, -stop - 22.0):
             kinds = (("al", -0.5 * at.LANE), ("ar", -1.5 * at.LANE)) if is_main else (("alr", -0.5 * at.LANE),)
@@ -116,10 +132,23 @@ def add_houses(kit: SceneKit, plan: at.Layout) -> None:
         kit.place(ready[h.kind], f"house_{number:02d}", "Building", (h.x, h.y, at.KERB - 0.02), h.turn, walls=h.walls)
     places = ((1.0, 1.0, 0.0), (-1.0, 1.0, 90.0), (-1.0, -1.0, 180.0), (1.0, -1.0, -90.0))
     for number, (sx, sy, turn) in enumerate(places):
-        b = cityblock.Block(at.CORNER_SIZE, at.CORNER_SIZE, plan.corner_storeys[number], axis=2.8, window=1.5, pane=1.9, sides=("front", "left"))
+        b = cityblock.Block(
+            at.CORNER_SIZE,
+            at.CORNER_SIZE,
+            plan.corner_storeys[number],
+            axis=2.8,
+            window=1.5,
+            pane=1.9,
+            sides=("front", "left"),
+        )
         thing = kit.prefab(f"corner_{number}", _with_trim(cityblock.block(b, kit.is_light), kit.is_light), bsdfs)
-        x, y = sx * (at.SIDE + plan.pavement[1] + at.CORNER_SIZE / 2), sy * (at.MAIN + plan.pavement[0] + at.CORNER_SIZE / 2)
-        kit.place(thing, f"corner_house_{number}", "Building", (x, y, at.KERB - 0.02), turn, walls=plan.corner_walls[number])
+        x, y = (
+            sx * (at.SIDE + plan.pavement[1] + at.CORNER_SIZE / 2),
+            sy * (at.MAIN + plan.pavement[0] + at.CORNER_SIZE / 2),
+        )
+        kit.place(
+            thing, f"corner_house_{number}", "Building", (x, y, at.KERB - 0.02), turn, walls=plan.corner_walls[number]
+        )
 
 
 def _with_trim(parts: dict[str, Mesh], is_light: bool) -> dict[str, Mesh]:
@@ -136,9 +165,18 @@ def _one(parts: dict[str, Mesh], name: str) -> dict[str, Mesh]:
 
 def add_signals(kit: SceneKit, plan: at.Layout) -> None:
     """Add masts, cantilevers, heads (the main street has green) and heads for people on foot."""
-    colours = {"case": "black_plastic", "red": "signal_red_off", "amber": "signal_amber_off", "green": "signal_green_off"}
+    colours = {
+        "case": "black_plastic",
+        "red": "signal_red_off",
+        "amber": "signal_amber_off",
+        "green": "signal_green_off",
+    }
     head = kit.prefab("signal_head", traffic_light.head(kit.is_light), colours)
-    walker = None if kit.is_light else kit.prefab("walker_head", traffic_light.walker_head(), {k: colours[k] for k in ("case", "red", "green")})
+    walker = (
+        None
+        if kit.is_light
+        else kit.prefab("walker_head", traffic_light.walker_head(), {k: colours[k] for k in ("case", "red", "green")})
+    )
     post = kit.prefab("signal_post", _one(traffic_light.mast(), "pole"), {"pole": "grey_steel"})
     arm = kit.prefab("signal_arm", traffic_light.cantilever(6.2), {"pole": "galvanized_steel"})
     street = kit.prefab("street_sign", traffic_light.plate(2.2, 0.7), {"face": "sign_directions", "back": "sign_back"})
@@ -159,7 +197,9 @@ def add_signals(kit: SceneKit, plan: at.Layout) -> None:
                 kit.place(street, f"street_sign_{name}", "TrafficSign", where(foot[0] - 0.1, -3.5, 6.25), heading)
         else:
             kit.place(post, f"signal_post_{name}", "Pole", where(*foot), heading)
-        kit.place(head, f"signal_{name}_low", "TrafficLight", where(foot[0] - 0.12, foot[1], 2.3 + at.KERB), heading, **lit)
+        kit.place(
+            head, f"signal_{name}_low", "TrafficLight", where(foot[0] - 0.12, foot[1], 2.3 + at.KERB), heading, **lit
+        )
         if walker is None:
             continue
         # people who cross this arm wait while its traffic goes
@@ -167,26 +207,43 @@ def add_signals(kit: SceneKit, plan: at.Layout) -> None:
         cross = np.mean(at.CROSS_X if is_main else at.CROSS_Y) - 0.3
         for side, y, turn in (("right", -half - 0.5, 90.0), ("left", half + 0.5, -90.0)):
             x = -float(cross) - 1.4
-            kit.place(walker, f"walker_signal_{name}_{side}", "TrafficLight", where(x, y, 2.2 + at.KERB), heading - turn, **shown)
+            kit.place(
+                walker,
+                f"walker_signal_{name}_{side}",
+                "TrafficLight",
+                where(x, y, 2.2 + at.KERB),
+                heading - turn,
+                **shown,
+            )
             kit.place(post, f"walker_post_{name}_{side}", "Pole", where(x, y), heading - turn, scale=0.85)
 
 
 def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
     """Add bus stop, lamps, signs, bollards, benches, trees, manhole covers and gullies."""
     y = -at.MAIN - 2.3
-    frame = {"frame": "grey_steel", "glass": "shelter_glass", "roof": "grey_steel", "bench": "door_wood", "poster": "poster"}
+    frame = {
+        "frame": "grey_steel",
+        "glass": "shelter_glass",
+        "roof": "grey_steel",
+        "bench": "door_wood",
+        "poster": "poster",
+    }
     shelter = kit.prefab("shelter", bus_stop.shelter(), frame)
     kit.place(shelter, "bus_shelter", "Static", (plan.stop_x, y, at.KERB), 180.0)
     post = bus_stop.post()
     if kit.is_light:
         post = _one(post, "pole")
-    stop = kit.prefab("stop_post", post, {"pole": "galvanized_steel", "flag": "sign_bus_stop", "board": "white_plastic"})
+    stop = kit.prefab(
+        "stop_post", post, {"pole": "galvanized_steel", "flag": "sign_bus_stop", "board": "white_plastic"}
+    )
     kit.place(stop, "bus_stop_sign", "TrafficSign", (plan.stop_x + 3.6, -at.MAIN - 0.6, at.KERB), 180.0)
     glass = {"pole": "black_plastic", "glass": "lamp_glass"}
     lamp_parts = furniture.lamp_post(7.5, 1.6)
     lamp_parts["pole"] = merge([Mesh(m.vertices, m.faces) for m in (lamp_parts["pole"], lamp_parts.pop("head"))])
     lamp = kit.prefab("lamp", lamp_parts, glass)
-    places = np.r_[-np.arange(27.0, at.REACH[0] - 5.0, plan.lamp_spacing), np.arange(22.0, at.REACH[0] - 5.0, plan.lamp_spacing)]
+    places = np.r_[
+        -np.arange(27.0, at.REACH[0] - 5.0, plan.lamp_spacing), np.arange(22.0, at.REACH[0] - 5.0, plan.lamp_spacing)
+    ]
     for side, sign in (("left", 1.0), ("right", -1.0)):
         turn = 180.0 if sign > 0 else 0.0
         if kit.is_light:
@@ -197,12 +254,27 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
             continue
         for number, x in enumerate(places):
             kit.place(lamp, f"lamp_{side}_{number}", "Pole", (float(x), sign * (at.MAIN + 0.5), at.KERB), turn)
-    covers = [(-31.0, -5.2), (-9.0, -1.2), (-4.0, 4.2), (6.5, -4.6), (24.0, 1.9), (41.0, -2.3), (-52.0, 2.5), (2.2, 28.0), (-1.1, -34.0)]
+    covers = [
+        (-31.0, -5.2),
+        (-9.0, -1.2),
+        (-4.0, 4.2),
+        (6.5, -4.6),
+        (24.0, 1.9),
+        (41.0, -2.3),
+        (-52.0, 2.5),
+        (2.2, 28.0),
+        (-1.1, -34.0),
+    ]
     kit.add("manhole_covers", merge([manhole_cover().moved((x, y, 0.0)) for x, y in covers]), "manhole_iron")
     kit.instance("manholes", "Static", ["manhole_covers"])
     if kit.is_light:
         return
-    grates = [gully_grate().moved((float(x), sign * (at.MAIN - 0.22), 0.0)) for x in np.arange(-90.0, 91.0, 18.0) for sign in (-1.0, 1.0) if abs(x) > 12]
+    grates = [
+        gully_grate().moved((float(x), sign * (at.MAIN - 0.22), 0.0))
+        for x in np.arange(-90.0, 91.0, 18.0)
+        for sign in (-1.0, 1.0)
+        if abs(x) > 12
+    ]
     kit.add("gully_grates", merge(grates), "cast_iron")
     kit.instance("gullies", "Static", ["gully_grates"])
     bollards = []
@@ -214,17 +286,42 @@ def add_furniture(kit: SceneKit, plan: at.Layout) -> None:
                 bollards.append(furniture.bollard().moved((sx * cx, sy * cy, at.KERB)))
     kit.add("bollards_corners", merge(bollards), "galvanized_steel")
     kit.instance("bollards", "Pole", ["bollards_corners"])
-    speed = kit.prefab("sign_speed", furniture.sign("round"), {"face": "sign_50", "back": "sign_back", "pole": "galvanized_steel"})
+    speed = kit.prefab(
+        "sign_speed", furniture.sign("round"), {"face": "sign_50", "back": "sign_back", "pole": "galvanized_steel"}
+    )
     kit.place(speed, "sign_speed_west", "TrafficSign", (-62.0, -at.MAIN - 0.5, at.KERB), 0.0)
     kit.place(speed, "sign_speed_east", "TrafficSign", (64.0, at.MAIN + 0.5, at.KERB), 180.0)
     bench = kit.prefab("bench", furniture.bench(), {"wood": "door_wood", "frame": "black_plastic"})
     kit.place(bench, "bench_0", "Static", (-24.0, -at.MAIN - 1.2, at.KERB), 0.0)
     kit.place(bench, "bench_1", "Static", (-40.0, at.MAIN + 1.2, at.KERB), 180.0)
-    bin_parts = {"can": merge([Mesh(m.vertices, m.faces) for m in (box((0.4, 0.4, 0.75), (0.0, 0.0, 0.55)), box((0.08, 0.08, 0.4), (0.0, 0.0, 0.1)))])}
+    bin_parts = {
+        "can": merge(
+            [
+                Mesh(m.vertices, m.faces)
+                for m in (box((0.4, 0.4, 0.75), (0.0, 0.0, 0.55)), box((0.08, 0.08, 0.4), (0.0, 0.0, 0.1)))
+            ]
+        )
+    }
     litter = kit.prefab("litter_bin", bin_parts, {"can": "paint_green"})
-    for number, (x, py) in enumerate(((plan.stop_x - 3.2, -at.MAIN - 1.6), (-22.2, -at.MAIN - 1.2), (14.0, at.MAIN + 1.2))):
+    for number, (x, py) in enumerate(
+        ((plan.stop_x - 3.2, -at.MAIN - 1.6), (-22.2, -at.MAIN - 1.2), (14.0, at.MAIN + 1.2))
+    ):
         kit.place(litter, f"litter_bin_{number}", "Static", (x, py, at.KERB))
     shape = vegetation.TreeShape(7.2, 2.0, 2.8, 0.12, 10, 1500)
-    tree = kit.prefab("tree", street_tree(shape, at.SEED + 3, False), {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"}, 60.0)
-    for number, (x, sign) in enumerate(((-34.0, 1.0), (-56.0, 1.0), (-50.0, -1.0), (44.0, 1.0), (57.0, -1.0), (70.0, 1.0))):
-        kit.place(tree, f"tree_{number}", "Vegetation", (x, sign * (at.MAIN + 1.3), at.KERB), 47.0 * number, 0.9 + 0.04 * (number % 4))
+    tree = kit.prefab(
+        "tree",
+        street_tree(shape, at.SEED + 3, False),
+        {"trunk": "bark", "core": "leaves_shade", "leaves": "leaves"},
+        60.0,
+    )
+    for number, (x, sign) in enumerate(
+        ((-34.0, 1.0), (-56.0, 1.0), (-50.0, -1.0), (44.0, 1.0), (57.0, -1.0), (70.0, 1.0))
+    ):
+        kit.place(
+            tree,
+            f"tree_{number}",
+            "Vegetation",
+            (x, sign * (at.MAIN + 1.3), at.KERB),
+            47.0 * number,
+            0.9 + 0.04 * (number % 4),
+        )

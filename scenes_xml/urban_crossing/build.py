@@ -108,7 +108,9 @@ def _trees(writer: Writer) -> Iterator[Instance]:
     files = _files(writer, "tree", vegetation.tree(shape, at.SEED + 3), 60.0)
     for number, x in enumerate((-25.0, -8.0, 8.0, 33.5, 48.0, 63.0, 78.0, 93.0)):
         where = (x, at.KERB_LEFT + 0.9, at.KERB_HEIGHT)
-        yield _place(writer, files, bsdfs, f"tree_{number}", "Vegetation", 37.0 * number, where, 0.9 + 0.05 * (number % 4))
+        yield _place(
+            writer, files, bsdfs, f"tree_{number}", "Vegetation", 37.0 * number, where, 0.9 + 0.05 * (number % 4)
+        )
 
 
 def _car_files(writer: Writer, kind: str, turning: bool) -> dict[str, tuple[str, str]]:
@@ -127,7 +129,9 @@ def _parked(writer: Writer) -> Iterator[Instance]:
         half = SHAPES[kind].width / 2
         where = (x, round(at.KERB_RIGHT + 0.15 + half, 3), 0.0)
         for part, (file, role) in files[kind].items():
-            writer.placements.append(Placement(f"{name}_{part}", file, paint if role == "paint" else ROLES[role], 0.0, where))
+            writer.placements.append(
+                Placement(f"{name}_{part}", file, paint if role == "paint" else ROLES[role], 0.0, where)
+            )
         yield Instance(name, "Car", (f"{name}_*",), True)
 
 

@@ -15,7 +15,11 @@ from .layout import KERB_LEFT, KERB_RIGHT, LANE_LEFT
 
 def _paving(size: int, seed: int, slabs: int = 4) -> Array:
     """Return concrete slabs of 0.3 m with joints, in sRGB, for a tile of 1.2 m."""
-    tone = 0.56 + 0.035 * textures.periodic_noise(size, seed, 0.5, 6.0) + 0.03 * textures.periodic_noise(size, seed + 1, 1.5, 1.0, 10.0)
+    tone = (
+        0.56
+        + 0.035 * textures.periodic_noise(size, seed, 0.5, 6.0)
+        + 0.03 * textures.periodic_noise(size, seed + 1, 1.5, 1.0, 10.0)
+    )
     step = size // slabs
     index = np.arange(size) // step
     own = np.random.default_rng(seed + 2).uniform(-0.035, 0.035, (slabs, slabs))

@@ -36,9 +36,17 @@ def add_street(add: Add) -> None:
     add("marking_stop", merge(lines), "road_marking")
     starts = np.concatenate([np.arange(at.START + 2.0, 14.0, 6.0), np.arange(28.0, at.STOP - 4.0, 6.0)])
     add("marking_centre", road.dashes(STREET, starts, 3.0, 1.625, 0.12, MARKING_HEIGHT), "road_marking")
-    bays = [box((0.1, 2.0, 2 * MARKING_HEIGHT), (x, -2.85, 0.0)) for x in (*np.arange(-17.0, 17.0, 6.6), *np.arange(28.6, 62.0, 6.4))]
+    bays = [
+        box((0.1, 2.0, 2 * MARKING_HEIGHT), (x, -2.85, 0.0))
+        for x in (*np.arange(-17.0, 17.0, 6.6), *np.arange(28.6, 62.0, 6.4))
+    ]
     add("marking_parking", merge(bays), "road_marking")
-    corners = np.array([[(at.START - 60.0, -60.0, -0.3), (at.START - 60.0, 60.0, -0.3)], [(at.STOP + 60.0, -60.0, -0.3), (at.STOP + 60.0, 60.0, -0.3)]])
+    corners = np.array(
+        [
+            [(at.START - 60.0, -60.0, -0.3), (at.START - 60.0, 60.0, -0.3)],
+            [(at.STOP + 60.0, -60.0, -0.3), (at.STOP + 60.0, 60.0, -0.3)],
+        ]
+    )
 
     add("ground_far", grid(corners, corners[..., :2] / 3.0), "paving")
 
@@ -55,7 +63,9 @@ def _add_pavement(add: Add, side: str, s: np.ndarray, kerb: float, wall: float) 
     order = np.argsort(across)
     add(f"kerb_{side}", road.strip(STREET, fine, across[order], heights[:, order], (1.0, 1.0)), "concrete_grey")
     across = np.array([kerb + sign * 0.15, kerb + sign * 0.95, wall])
-    heights = np.stack([at.KERB_HEIGHT * drop, np.full(len(fine), at.KERB_HEIGHT), np.full(len(fine), at.KERB_HEIGHT)], 1)
+    heights = np.stack(
+        [at.KERB_HEIGHT * drop, np.full(len(fine), at.KERB_HEIGHT), np.full(len(fine), at.KERB_HEIGHT)], 1
+    )
     order = np.argsort(across)
     add(f"pavement_{side}", road.strip(STREET, fine, across[order], heights[:, order], (1.2, 1.2)), "paving")
 
@@ -96,5 +106,13 @@ def _town_house(width: float, storeys: int, generator: np.random.Generator, text
                 windows.append(("back", float(round(y, 3)), 1.0 + 3.1 * storey, 1.1, 1.4))
     ridge = eaves + float(np.round(generator.uniform(2.6, 3.8), 1))
     return building.House(
-        width, 10.0, eaves, ridge, windows, [("front", float(round(along[door], 3)), 1.15, 2.3)], overhang, texture_size, bool(generator.uniform() < 0.7)
+        width,
+        10.0,
+        eaves,
+        ridge,
+        windows,
+        [("front", float(round(along[door], 3)), 1.15, 2.3)],
+        overhang,
+        texture_size,
+        bool(generator.uniform() < 0.7),
     )

@@ -12,7 +12,7 @@ sys.path.insert(0, sys.argv[1])
 
 from rerun.chunk import RrdReader
 
-from scarl_sionna.export.views import convert
+from scarl_sionna.dataset.formats import convert
 from tests.drive import drive
 
 LIDAR = "/street/vehicle/front_center/lidar/points"

@@ -14,7 +14,7 @@ if __name__ == "__main__":
 import torch
 from torch.utils.data import DataLoader
 
-from scarl_sionna.export.torch_data import TorchFrames
+from scarl_sionna.dataset.readers.torch_data import TorchFrames
 
 ITEMS = {
     "adc": "front_center/radar:adc",

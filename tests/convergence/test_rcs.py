@@ -8,9 +8,9 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.optics.far import SbrSettings
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
-from scarl_sionna.radar.sbr import SbrSettings
-from scarl_sionna.world import load_scene
 from tests.oracles import rcs as oracle
 
 F77 = 77e9

@@ -12,13 +12,14 @@ import pytest
 from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.export import open_dataset
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.dataset import open_dataset
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import contents, kept_frames, wait_until
 from tests.frames import assert_same
 
@@ -29,7 +30,13 @@ RIG = Rig(
     (
         SensorMount("front/camera", "camera", CameraSpec(width=32, height=18, samples_per_pixel=1), PLACE),
         SensorMount("front/lidar", "lidar", LidarSpec(num_azimuth=60, num_elevation=8), PLACE),
-        SensorMount("front/radar", "radar", RadarSpec(num_rays=2_000, num_chirps=16, num_samples=128), PLACE),
+        SensorMount(
+            "front/radar",
+            "radar",
+            RadarSpec(num_chirps=16, num_samples=128),
+            PLACE,
+            RadarSettings(raycast={"num_rays": 2_000}, accuracy={"tube_budget": 200}),
+        ),
     ),
 )
 

@@ -15,6 +15,9 @@ from pathlib import Path
 
 import pytest
 
+from scarl_sionna.batch import ExportSettings, export
+from scarl_sionna.batch import job as job_module
+from scarl_sionna.batch.cluster import portable
 from scarl_sionna.core.errors import (
     ExportError,
     OutputError,
@@ -24,14 +27,11 @@ from scarl_sionna.core.errors import (
     TimeRangeError,
 )
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.export import StoreOptions, open_dataset
-from scarl_sionna.export.verify import verify
-from scarl_sionna.exporting import ExportSettings, export
-from scarl_sionna.exporting import job as job_module
-from scarl_sionna.exporting.cluster import portable
+from scarl_sionna.dataset import StoreOptions, open_dataset
+from scarl_sionna.dataset.verify import verify
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.generate import load_world, observe
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.simulation import load_world, observe
 from tests.exports import RIG, SHARD_FRAMES, contents, kept_frames, run, scenario_files, start, wait_until
 from tests.frames import assert_same
 
@@ -199,7 +199,12 @@ def test_a_full_disk_stops_it_and_nothing_is_lost(scenarios, undisturbed, tmp_pa
             export(scenarios, place / "out", SETTINGS)
         finished = len(open_dataset(place / "out"))
         assert finished < 15
-        stopped = ("belongs to no finished shard", "an export that was stopped", "not what follows from", "not the card of")
+        stopped = (
+            "belongs to no finished shard",
+            "an export that was stopped",
+            "not what follows from",
+            "not the card of",
+        )
         assert all(any(text in fault.what for text in stopped) for fault in verify(place / "out").faults)
         subprocess.run(["mount", "-o", "remount,size=100m", str(place)], check=True)
         report = export(scenarios, place / "out", SETTINGS)
@@ -281,7 +286,7 @@ def test_a_scheduler_elsewhere_and_its_loss(files, scenarios, undisturbed, tmp_p
 
 
 def test_a_scheduler_that_is_not_there(scenarios, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("scarl_sionna.exporting.cluster.CONNECT_SECONDS", 1.0)
+    monkeypatch.setattr("scarl_sionna.batch.cluster.CONNECT_SECONDS", 1.0)
     with pytest.raises(ExportError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9 within 1 s"):
         export(scenarios, tmp_path / "out", ExportSettings(options=OPTIONS, scheduler="tcp://127.0.0.1:9"))
 

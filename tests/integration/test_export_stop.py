@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from scarl_sionna.export import StoreOptions, open_dataset
-from scarl_sionna.export.verify import verify
-from scarl_sionna.exporting import ExportSettings, ExportStopped, export
-from scarl_sionna.exporting import job as job_module
+from scarl_sionna.batch import ExportSettings, ExportStopped, export
+from scarl_sionna.batch import job as job_module
+from scarl_sionna.dataset import StoreOptions, open_dataset
+from scarl_sionna.dataset.verify import verify
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import RIG, SHARD_FRAMES, contents, kept_frames, scenario_files, start, wait_until
 
 OPTIONS = StoreOptions(shard_frames=SHARD_FRAMES)

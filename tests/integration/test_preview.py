@@ -9,11 +9,11 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from scarl_sionna import preview as module
+from scarl_sionna.app import preview as module
+from scarl_sionna.app.preview import ACTOR_COLORS, EGO_COLOR, write_preview
 from scarl_sionna.cli import app
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.preview import ACTOR_COLORS, EGO_COLOR, write_preview
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import scene_file
 
 RUN = CliRunner()

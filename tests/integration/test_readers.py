@@ -13,18 +13,19 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
+from scarl_sionna.core import packages
 from scarl_sionna.core.errors import DatasetError, MissingPackageError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.results import Frame, ObjectState, RadarFrame
 from scarl_sionna.core.semantics import semantic_id
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
-from scarl_sionna.export import packages, write_dataset
-from scarl_sionna.export.radar_points import sensed_points
-from scarl_sionna.export.samples import FrameSamples
-from scarl_sionna.export.tables import BOX_UNITS, DETECTION_UNITS, box_table, detection_table
-from scarl_sionna.export.torch_data import TorchFrames
-from scarl_sionna.export.xarray_view import open_xarray, radar_maps_xarray
+from scarl_sionna.dataset import write_dataset
+from scarl_sionna.dataset.derived.radar_points import sensed_points
+from scarl_sionna.dataset.readers.samples import FrameSamples
+from scarl_sionna.dataset.readers.tables import BOX_UNITS, DETECTION_UNITS, box_table, detection_table
+from scarl_sionna.dataset.readers.torch_data import TorchFrames
+from scarl_sionna.dataset.readers.xarray_view import open_xarray, radar_maps_xarray
 from scarl_sionna.fusion import Rig, SensorMount
 from tests.client_env import REPO, client_python, run_client
 from tests.drive import drive
@@ -141,7 +142,7 @@ def test_samples_travel_to_another_process(place) -> None:
 
 
 def test_tf_data_gives_frames_in_order_and_ragged_batches(place) -> None:
-    from scarl_sionna.export.tf_data import tensorflow, tf_dataset
+    from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset
 
     tf = tensorflow()
     assert "drjit" in sys.modules  # imported first
@@ -170,7 +171,7 @@ def test_tf_data_gives_frames_in_order_and_ragged_batches(place) -> None:
 @pytest.mark.slow  # 12 frames of 6.3 MB are simulated
 def test_tf_data_delivers_more_than_200_megabytes_a_cpu_second(tmp_path) -> None:
     """Of raw radar data of SCaRL's size, read from files; CPU time of all threads, since the wall clock depends on the load."""
-    from scarl_sionna.export.tf_data import tf_dataset
+    from scarl_sionna.dataset.readers.tf_data import tf_dataset
 
     spec, rng = RadarSpec.preset("awr1843boost"), np.random.default_rng(0)
     shape = (spec.num_rx, spec.num_chirps_total, spec.num_samples, 2)
@@ -194,7 +195,7 @@ def test_tf_data_delivers_more_than_200_megabytes_a_cpu_second(tmp_path) -> None
 
 
 def test_tf_data_shuffles_by_seed_anew_in_each_epoch(place) -> None:
-    from scarl_sionna.export.tf_data import tf_dataset
+    from scarl_sionna.dataset.readers.tf_data import tf_dataset
 
     def epochs(seed: int) -> list[list[tuple[int, ...]]]:
         dataset = tf_dataset(place, ["timestamp_ns", "box_instance"], shuffle_seed=seed)
@@ -210,7 +211,7 @@ def test_tf_data_shuffles_by_seed_anew_in_each_epoch(place) -> None:
 
 def test_a_keras_network_learns_near_and_far_from_range_doppler_maps_in_one_epoch(tmp_path) -> None:
     """160 frames of one target each; the label comes from the boxes. A constant answer is right in half of them."""
-    from scarl_sionna.export.tf_data import tensorflow, tf_dataset
+    from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset
 
     tf = tensorflow()
     spec = RadarSpec(num_chirps=32, num_samples=32, tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))

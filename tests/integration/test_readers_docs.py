@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scarl_sionna.export import write_dataset
-from scarl_sionna.export.tf_data import tensorflow
-from scarl_sionna.export.views import convert
+from scarl_sionna.dataset import write_dataset
+from scarl_sionna.dataset.formats import convert
+from scarl_sionna.dataset.readers.tf_data import tensorflow
 from tests.drive import drive
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

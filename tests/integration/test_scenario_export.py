@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from scarl_sionna.batch import ExportSettings, export
 from scarl_sionna.core.errors import CollisionError, OutputError
-from scarl_sionna.export import StoreOptions, open_dataset
-from scarl_sionna.exporting import ExportSettings, export
+from scarl_sionna.dataset import StoreOptions, open_dataset
 from scarl_sionna.fusion import Rig
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import RIG, contents
 from tests.lane_scene import lane_scene
 

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
-from scarl_sionna.export import write_dataset
+from scarl_sionna.dataset import write_dataset
 from tests.drive import drive
 
 SOURCE = drive(num_frames=2, ends=("front",), scenes=("lane", "street"))

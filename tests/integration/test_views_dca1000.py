@@ -15,10 +15,10 @@ from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeEr
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import Frame, RadarFrame
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.export.views.dca1000 import decode_dca1000, encode_dca1000, export_dca1000, read_dca1000
-from scarl_sionna.export.views.source import FrameSource, SceneFrames
+from scarl_sionna.dataset.formats.dca1000 import decode_dca1000, encode_dca1000, export_dca1000, read_dca1000
+from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from scarl_sionna.fusion import Rig, SensorMount
-from scarl_sionna.radar.antenna import virtual_positions
+from scarl_sionna.signal.antenna import virtual_positions
 from tests.drive import drive
 
 BOARD = ss.RadarSpec.preset("awr1843boost").with_(num_chirps=64, num_samples=256)

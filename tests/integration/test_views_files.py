@@ -15,18 +15,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import DatasetError, MissingPackageError, OutputError, ParameterRangeError
 from scarl_sionna.core.results import ImageFrame, LidarScan
-from scarl_sionna.export import open_dataset, write_dataset
-from scarl_sionna.export.boxes import points_inside
-from scarl_sionna.export.lidar_points import world_points
-from scarl_sionna.export.radar_points import sensed_points
-from scarl_sionna.export.views import FORMATS, FrameSource, SceneFrames, as_source, convert
-from scarl_sionna.export.views.hdf5 import export_hdf5
-from scarl_sionna.export.views.mcap import export_mcap
-from scarl_sionna.export.views.mcap_schemas import SCHEMAS
-from scarl_sionna.export.views.tfrecord import export_tfrecord, read_tfrecord
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.dataset import open_dataset, write_dataset
+from scarl_sionna.dataset.derived.boxes import points_inside
+from scarl_sionna.dataset.derived.lidar_points import world_points
+from scarl_sionna.dataset.derived.radar_points import sensed_points
+from scarl_sionna.dataset.formats import FORMATS, FrameSource, SceneFrames, as_source, convert
+from scarl_sionna.dataset.formats.hdf5 import export_hdf5
+from scarl_sionna.dataset.formats.mcap import export_mcap
+from scarl_sionna.dataset.formats.mcap_schemas import SCHEMAS
+from scarl_sionna.dataset.formats.tfrecord import export_tfrecord, read_tfrecord
 from tests.client_env import REPO, client_python, run_client
 from tests.drive import drive
 
@@ -299,7 +299,7 @@ def test_files_are_whole_or_not_there(tmp_path, form) -> None:
 
 KILLED = """
 import os, signal, sys
-from scarl_sionna.export.views import FrameSource, SceneFrames, convert
+from scarl_sionna.dataset.formats import FrameSource, SceneFrames, convert
 from tests.drive import drive
 frame = drive(1, ends=("front",)).scenes[0].frames[0]
 class Deadly(list):
@@ -380,9 +380,9 @@ def test_a_moving_scan_is_put_where_its_shots_were() -> None:
 
 def test_a_distorted_camera_is_undistorted_for_nuscenes() -> None:
     """A grid seen through a lens becomes the grid that a pinhole camera with the same matrix sees."""
-    from scarl_sionna.core.lens import BrownConrady
     from scarl_sionna.core.pose import Pose
-    from scarl_sionna.export.views.nuscenes_files import undistorted
+    from scarl_sionna.core.specs.lens import BrownConrady
+    from scarl_sionna.dataset.formats.nuscenes_files import undistorted
 
     lens = BrownConrady(k1=-0.25, k2=0.05)
     spec = CameraSpec(width=320, height=200, focal_length_px=200.0, lens=lens)

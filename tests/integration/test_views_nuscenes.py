@@ -14,14 +14,16 @@ from scarl_sionna.core.errors import OutputError, ParameterRangeError
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
 from scarl_sionna.core.results import LidarScan, RadarFrame
 from scarl_sionna.core.semantics import semantic_id
-from scarl_sionna.export.boxes import visible_fraction
-from scarl_sionna.export.radar_points import radar_points, sensed_points
-from scarl_sionna.export.views.nuscenes import export_nuscenes
-from scarl_sionna.export.views.nuscenes_files import deviation_code, tone_deviation
-from scarl_sionna.export.views.nuscenes_tables import CATEGORIES, LIDARSEG_LABEL, TABLES, visibility_token
-from scarl_sionna.export.views.output import FILES, MARK
-from scarl_sionna.export.views.source import FrameSource, SceneFrames
-from scarl_sionna.radar import point_targets, quantize, synthesize
+from scarl_sionna.dataset.derived.boxes import visible_fraction
+from scarl_sionna.dataset.derived.radar_points import radar_points, sensed_points
+from scarl_sionna.dataset.formats.nuscenes import export_nuscenes
+from scarl_sionna.dataset.formats.nuscenes_files import deviation_code, tone_deviation
+from scarl_sionna.dataset.formats.nuscenes_tables import CATEGORIES, LIDARSEG_LABEL, TABLES, visibility_token
+from scarl_sionna.dataset.formats.output import FILES, MARK
+from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.signal.converter import quantize
 from tests.client_env import client_python, run_client
 from tests.drive import RADAR, _image, drive
 

@@ -9,9 +9,9 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world.articulation import Accumulated, joints_from_tables
-from scarl_sionna.world.gait import SEGMENTS, SOLE, WalkingGait
-from scarl_sionna.world.motion import ConstantTwistTrajectory, Motion, StaticTrajectory, WaypointTrajectory
+from scarl_sionna.scene.motion.articulation import Accumulated, joints_from_tables
+from scarl_sionna.scene.motion.gait import SEGMENTS, SOLE, WalkingGait
+from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, Motion, StaticTrajectory, WaypointTrajectory
 from tests.scenes import Thing, write_scene
 
 SPEED, RADIUS = 15.0, 0.32

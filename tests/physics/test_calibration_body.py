@@ -18,10 +18,10 @@ from scarl_sionna.calibration import (
     calibrate,
 )
 from scarl_sionna.core.errors import MeshError, ParameterRangeError
-from scarl_sionna.radar.body_parts import load_body
-from scarl_sionna.radar.sbr import Looks, PartSurfaces, Surface, scattering_matrices
-from scarl_sionna.radar.sbr.replay import FixedTubes
-from scarl_sionna.world.materials import builtin_materials
+from scarl_sionna.radar.optics.body_parts import load_body
+from scarl_sionna.radar.optics.far import Looks, PartSurfaces, Surface, scattering_matrices
+from scarl_sionna.radar.optics.far.replay import FixedTubes
+from scarl_sionna.scene.materials.table import builtin_materials
 
 FREQUENCY = 77e9
 THETA = np.linspace(40.0, 80.0, 9)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.radar.fresnel import (
+from scarl_sionna.scene.materials.fresnel import (
     halfspace_reflection,
     layer_reflection,
     power_reflectance,
     te_fraction_of_h,
 )
-from scarl_sionna.world.materials import load_materials
+from scarl_sionna.scene.materials.table import load_materials
 from tests.oracles import fresnel as oracle
 
 # The tabulated values carry 13 digits; the evaluation is a handful of double-precision operations.

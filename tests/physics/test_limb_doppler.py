@@ -10,9 +10,9 @@ import scarl_sionna as ss
 from benchmarks.micro_doppler import BELOW_DB, LEGS, SPEED_UP, WINDOW, cyclist, radar_of, tyres, walker
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.radar import point_targets
 from scarl_sionna.radar.micro_doppler import Spectrogram, part_of_paths, spectrograms, surface_motion, window_half_width
-from scarl_sionna.world.gait import SEGMENTS
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.scene.motion.gait import SEGMENTS
 from tests.actor_scenes import actor_world
 
 
@@ -102,7 +102,7 @@ def test_edges_and_half_width_of_one_line():
     pose, speed = Pose(), -2.345
     paths = point_targets(np.array([[8.0, 0.0, 0.0]]), np.array([[speed, 0.0, 0.0]]), 1.0, radar, pose)
     from scarl_sionna.radar.micro_doppler import _spectrum
-    from scarl_sionna.radar.processing import doppler_axis
+    from scarl_sionna.signal.processing import doppler_axis
 
     power = _spectrum(paths, radar, 512, WINDOW)
     line = Spectrogram(np.zeros(1), doppler_axis(radar, 512), power[None])

@@ -8,8 +8,8 @@ import pytest
 from scarl_sionna.calibration.physics import TrialMaterial, derivative
 from scarl_sionna.calibration.scene_model import FixedPaths
 from scarl_sionna.core.errors import UnknownNameError
-from scarl_sionna.radar.channel.images import material_coefficients, transfer
-from scarl_sionna.world.path_slopes import path_slopes
+from scarl_sionna.engine.paths.slopes import path_slopes
+from scarl_sionna.radar.channel.multipath.images import material_coefficients, transfer
 from tests.calibration_street import street, street_problem
 
 SOURCE = (0.0, 0.0, 1.0)
@@ -20,7 +20,7 @@ LOSSY = {"relative_permittivity": 5.6, "conductivity": 3.0, "scattering_coeffici
 @pytest.fixture(scope="module")
 def fixed(tmp_path_factory: pytest.TempPathFactory) -> FixedPaths:
     problem = street_problem(street(tmp_path_factory.mktemp("street")), 1e-9)
-    from scarl_sionna.world.materials import load_materials
+    from scarl_sionna.scene.materials.table import load_materials
 
     return FixedPaths.trace(problem.measurements[0], load_materials(), 77e9)
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import point_targets, range_doppler, range_doppler_angle, synthesize, virtual_cube
-from scarl_sionna.radar.noise import add_noise
-from scarl_sionna.radar.processing import cell_noise_power
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.signal.angle import range_doppler_angle
+from scarl_sionna.signal.noise import add_noise
+from scarl_sionna.signal.processing import cell_noise_power, range_doppler, virtual_cube
 from tests.oracles import link
 
 ORIGIN = ((0.0, 0.0, 0.0),)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.accuracy import Accuracy
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import point_targets, range_doppler_angle, synthesize, virtual_cube
+from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.signal.angle import range_doppler_angle
+from scarl_sionna.signal.processing import virtual_cube
 from tests.oracles import fmcw
 
 ORIGIN = ((0.0, 0.0, 0.0),)
@@ -59,7 +63,7 @@ def test_motion_within_a_chirp_is_kept():
 def test_moving_radar_equals_moving_target():
     radar = single_channel(num_chirps=8)
     position = [[40.0, 9.0, 1.0]]
-    still = point_targets(position, [[0.0, 0.0, 0.0]], 1.0, radar, Pose(), radar_twist=Twist([20.0, 1.0, 0.0]))
+    still = point_targets(position, [[0.0, 0.0, 0.0]], 1.0, radar, Mount(Pose(), Twist([20.0, 1.0, 0.0])))
     moving = point_targets(position, [[-20.0, -1.0, 0.0]], 1.0, radar, Pose())
     assert np.array_equal(synthesize(still, radar), synthesize(moving, radar))
 
@@ -92,7 +96,9 @@ def test_beat_frequency_and_doppler():
     assert radar.unambiguous_velocity * radar.center_frequency / 76.5e9 == pytest.approx(24.49284787582, rel=1e-4)
 
 
-@pytest.mark.parametrize(("velocity", "shift"), [(-30.0, 15310.59350002), (30.0, -15310.59043397), (70.0, -35724.70625074)])
+@pytest.mark.parametrize(
+    ("velocity", "shift"), [(-30.0, 15310.59350002), (30.0, -15310.59043397), (70.0, -35724.70625074)]
+)
 def test_exact_doppler_shift(velocity, shift):
     # (c - v) / (c + v): the second order in v / c is 3e-3 Hz here. A slope of 1 kHz a ramp leaves pure Doppler.
     radar = single_channel(bandwidth=1e3, ramp_time=5e-6, idle_time=5e-6, num_samples=4, num_chirps=1024)

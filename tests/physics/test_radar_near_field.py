@@ -7,11 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import point_targets, synthesize
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.antenna import PathGeometry
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
 from tests.oracles import fmcw
 
 HALF_WAVE = fmcw.C / 77e9 / 2.0

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import detect, point_targets, range_doppler_angle, synthesize, virtual_cube
-from scarl_sionna.radar.peaks import parabola_offset, tone_offset
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.signal.angle import range_doppler_angle
+from scarl_sionna.signal.detection import detect
+from scarl_sionna.signal.peaks import parabola_offset, tone_offset
+from scarl_sionna.signal.processing import virtual_cube
 
 BIN = 0.05
 """Of a bin, from the issue."""

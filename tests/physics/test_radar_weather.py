@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
-from scarl_sionna.core.atmosphere import Atmosphere
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.atmosphere import Atmosphere
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar import point_targets, range_doppler, synthesize, virtual_cube
-from scarl_sionna.radar.weather import (
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.radar.weather.attenuation import (
     attenuate_paths,
     fog_attenuation,
     gas_attenuation,
@@ -21,6 +22,7 @@ from scarl_sionna.radar.weather import (
     specific_attenuation,
     water_permittivity,
 )
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 FREQUENCY = 77e9
 # computed with another implementation (itur): P.838-3, horizontal path; P.676 line by line, 15 degrees C, 1013 hPa, 7.5 g/m3

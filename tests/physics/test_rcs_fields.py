@@ -9,7 +9,7 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.rcs import scattering_matrix
-from scarl_sionna.world.materials import RadioMaterial, builtin_materials
+from scarl_sionna.scene.materials.table import RadioMaterial, builtin_materials
 from tests.oracles import fresnel
 from tests.oracles import rcs as oracle
 
@@ -193,7 +193,7 @@ def test_shadow_of_another_body_and_of_the_observer():
 
 def test_depth_of_the_corner():
     """One bounce sees only the faces, two see the dihedrals, three the corner; a fourth adds nothing on the axis."""
-    from scarl_sionna.radar.sbr import SbrSettings
+    from scarl_sionna.radar.optics.far import SbrSettings
 
     boresight = (np.arccos(1 / np.sqrt(3)), np.pi / 4)
     level = [10 * np.log10(ss.rcs(CORNER, F77, *boresight, settings=SbrSettings(max_depth=d))) for d in (1, 2, 3, 4)]

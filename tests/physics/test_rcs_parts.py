@@ -8,10 +8,10 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import MeshError, ParameterRangeError, UnknownNameError
-from scarl_sionna.radar.body_parts import actor_parts, load_body
+from scarl_sionna.radar.optics.body_parts import actor_parts, load_body
 from scarl_sionna.radar.rcs import scattering_matrix
-from scarl_sionna.radar.scatterer_compile import compile_scatterers
-from scarl_sionna.world.materials import RadioMaterial, UnknownMaterialError
+from scarl_sionna.radar.scatterers.compile import compile_scatterers
+from scarl_sionna.scene.materials.table import RadioMaterial, UnknownMaterialError
 from tests.oracles import fresnel
 from tests.oracles import rcs as oracle
 from tests.scenes import Thing, write_scene

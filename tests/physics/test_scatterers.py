@@ -10,10 +10,11 @@ import pytest
 import trimesh
 
 import scarl_sionna as ss
+from scarl_sionna.radar.optics.far import SbrSettings
 from scarl_sionna.radar.rcs import scattering_matrix
-from scarl_sionna.radar.sbr import SbrSettings
-from scarl_sionna.radar.scatterer_compile import WEAKEST, compile_scatterers, range_profile
-from scarl_sionna.radar.scatterers import ScattererModel, direction_of
+from scarl_sionna.radar.scatterers.compile import WEAKEST, compile_scatterers, range_profile
+from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.radar.scatterers.table import direction_of
 from tests.scenes import Thing, write_scene
 
 COARSE = SbrSettings(max_depth=3, ray_spacing=2.0, edge_spacing=1.0)
@@ -129,7 +130,9 @@ def test_tr38901_targets_follow_the_standards_formula(target, phi_deg, theta_deg
 @pytest.mark.slow
 def test_the_highways_car_agrees_with_the_solver_sbr_and_is_faster(tmp_path):
     folder = Path(str(files("scenes_xml") / "highway_guardrail" / "meshes"))
-    mesh = trimesh.util.concatenate([trimesh.load(path, process=False) for path in sorted(folder.glob("car_ahead_*.ply"))])
+    mesh = trimesh.util.concatenate(
+        [trimesh.load(path, process=False) for path in sorted(folder.glob("car_ahead_*.ply"))]
+    )
     car = Thing("car", mesh, "Car", "steel", trajectory={"kind": "static", "position": [0.0, 0.0, 0.0]})
     state = ss.load_scene(write_scene(tmp_path, actors=[car])).at(0.0)
     radar = ss.RadarSpec.preset("awr1843boost")
@@ -144,7 +147,9 @@ def test_the_highways_car_agrees_with_the_solver_sbr_and_is_faster(tmp_path):
         reach = distance + 20.0
         truth = ss.solve_paths(state, radar, pose, method="sbr", instances=["car"], max_distance=reach)
         fast = ss.solve_paths(state, radar, pose, method="scatterers", models={"car": model}, max_distance=reach)
-        assert truth.diagnostics["seconds"] > 10.0 * fast.diagnostics["seconds"]  # measured: > 100, on a machine at rest
+        assert (
+            truth.diagnostics["seconds"] > 10.0 * fast.diagnostics["seconds"]
+        )  # measured: > 100, on a machine at rest
         profiles = []
         for paths in (truth, fast):
             length = np.linalg.norm(paths.tx_point - pose.position, axis=1) + paths.inner_length

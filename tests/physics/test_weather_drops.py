@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.drop_sizes import RAIN_SIZES, terminal_speed
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.specs.drop_sizes import RAIN_SIZES, terminal_speed
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.hydrometeors import rain, snow, spray
-from scarl_sionna.radar.mie import mie_efficiencies
-from scarl_sionna.radar.weather import rain_attenuation
+from scarl_sionna.radar.weather.attenuation import rain_attenuation
+from scarl_sionna.radar.weather.hydrometeors import rain, snow, spray
+from scarl_sionna.radar.weather.mie import mie_efficiencies
 from tests.oracles import rcs as oracle
 
 FREQUENCY, KELVIN = 77e9, 283.15

@@ -8,14 +8,14 @@ import pytest
 from camera_lidar.camera.falling import add_falling
 from camera_lidar.lidar import Lidar
 from camera_lidar.lidar.spray import extinction_of
-from scarl_sionna.core.atmosphere import Atmosphere, snow_extinction
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
-from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.weather import WEATHER_PRESETS, Spray, Weather, fog_water_of, visibility_of
-from scarl_sionna.world.spray import spray_clouds
+from scarl_sionna.core.specs.atmosphere import Atmosphere, snow_extinction
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.weather import WEATHER_PRESETS, Spray, Weather, fog_water_of, visibility_of
+from scarl_sionna.engine.spray import spray_clouds
 from tests.weather_street import street
 
 HETERODYNE = LidarSpec(receiver=HeterodyneReceiver(), num_azimuth=80, num_elevation=30, max_returns=2)
@@ -29,7 +29,7 @@ def world(tmp_path_factory):
 def scan(world, weather, spec=HETERODYNE, time=1.0, x=2.4):
     state = world.with_weather(weather).at(time)
     pose = state.actor_pose("ego").compose(Pose([x, 0.0, 1.2]))
-    return Lidar(spec).observe(state, pose, Twist(), np.random.default_rng(3))
+    return Lidar(spec).observe(state, pose, np.random.default_rng(3))
 
 
 def test_presets_and_errors() -> None:
@@ -68,7 +68,7 @@ def test_snow_at_1550_nm_is_p1814s() -> None:
 def test_clear_weather_changes_no_byte_of_a_scan(world) -> None:
     state = world.at(1.0)
     pose = state.actor_pose("ego").compose(Pose([2.4, 0.0, 1.2]))
-    own = Lidar(HETERODYNE).observe(state, pose, Twist(), np.random.default_rng(3))
+    own = Lidar(HETERODYNE).observe(state, pose, np.random.default_rng(3))
     clear = scan(world, "clear")
     assert own.position.tobytes() == clear.position.tobytes()
     assert own.intensity.tobytes() == clear.intensity.tobytes()

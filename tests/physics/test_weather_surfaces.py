@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scarl_sionna.core.specs.weather import FULL_FILM, Weather
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.core.weather import FULL_FILM, Weather
-from scarl_sionna.radar.fresnel import (
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.scene.materials.dielectrics import water_permittivity
+from scarl_sionna.scene.materials.fresnel import (
     film_coefficients,
     halfspace_reflection,
     layer_reflection,
     reflection,
     transmission,
 )
-from scarl_sionna.world import load_scene
-from scarl_sionna.world.dielectrics import water_permittivity
-from scarl_sionna.world.materials import builtin_materials
+from scarl_sionna.scene.materials.table import builtin_materials
 
 FREQUENCY = 77e9
 WATER = water_permittivity(FREQUENCY, 283.15)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from scarl_sionna.export import open_dataset
-from scarl_sionna.export.schema import SCHEMA_VERSION
-from scarl_sionna.export.verify import verify
+from scarl_sionna.dataset import open_dataset
+from scarl_sionna.dataset.schema import SCHEMA_VERSION
+from scarl_sionna.dataset.verify import verify
 from tests.regression.schema.make import digest
 
 FOLDER = Path(__file__).parent / "schema"

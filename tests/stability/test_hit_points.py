@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scarl_sionna.world import load_scene
-from scarl_sionna.world.geometry import encloses, refine_distance, winding_number
+from scarl_sionna.engine.rays.geometry import encloses, refine_distance, winding_number
+from scarl_sionna.engine.world import load_scene
 from tests.scenes import Thing, ball, box, plane, write_scene
 
 WAVELENGTH = 299_792_458.0 / 77e9
@@ -31,7 +31,9 @@ def test_small_motion_moves_the_phase(tmp_path: Path) -> None:
     """A wall that moves in steps of lambda/20 at 200 m: the path follows, where float32 has steps of 1.5e-5 m."""
     step = WAVELENGTH / 20
     way = {"kind": "constant_twist", "position": [200.0, 0, 0], "velocity": [step, 0, 0]}
-    world = load_scene(write_scene(tmp_path, [], [Thing("wall", plane(10, 10, (0, 0, 0), (-1, 0, 0)), "Wall", trajectory=way)]))
+    world = load_scene(
+        write_scene(tmp_path, [], [Thing("wall", plane(10, 10, (0, 0, 0), (-1, 0, 0)), "Wall", trajectory=way)])
+    )
     distance = [float(world.at(float(k)).cast([0, 0, 0], [[1, 0, 0]]).distance[0]) for k in range(60)]
     # float64 rounding at 200 m is 3e-14 m; 1e-9 m is 1e-4 deg of phase
     np.testing.assert_allclose(distance, 200.0 + step * np.arange(60), atol=1e-9)

@@ -11,17 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.paths.tracing import trace_paths
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import PathBufferOverflowError, solve_paths
-from scarl_sionna.radar.channel.legs import Station, legs_of
-from scarl_sionna.radar.channel.sionna_paths import solve_sionna
-from scarl_sionna.radar.points import PointScatterers
-from scarl_sionna.world import load_scene, variant
-from scarl_sionna.world.path_tracing import trace_paths
+from scarl_sionna.radar.channel.multipath.legs import legs_of
+from scarl_sionna.radar.channel.multipath.station import Station
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import solve_points
 from tests.oracles import multipath as oracle
 from tests.scenes import Thing, ball, box, plane, write_scene
 
@@ -64,7 +66,7 @@ def test_path_length_at_200_m_is_exact(tmp_path) -> None:
     normal, offset = np.array([0.6, 0.8, 0.0]), 0.8 * 250.0  # 0.6 x + 0.8 y = 200
     start, target = np.array([0.123, -0.456, 0.789]), np.array([30.321, 1.654, -2.987])
     points = PointScatterers([target], np.zeros((1, 3)), 1.0)
-    paths = solve_sionna(state, RADAR, Pose(start), scatterers=points, max_distance=500.0, **FEW)
+    paths = solve_points(state, RADAR, Pose(start), points, environment=True, max_distance=500.0, **FEW)
     echo = 2.0 * (offset - normal @ start)
     there = [np.linalg.norm(target - start), np.linalg.norm(oracle.mirrored(target, normal, offset) - start)]
     expected = [echo, 2 * there[0], sum(there), sum(there), 2 * there[1]]
@@ -81,7 +83,8 @@ def test_small_motion_turns_the_phase_and_no_path_flickers(tmp_path) -> None:
     diagonal = np.array([64.0, 1.0, 8.0])  # the wall's centre, where its diagonal passes, seen at right angles
     step = RADAR.wavelength / 20.0
     solves = [
-        solve_sionna(state, RADAR, Pose(diagonal + [step * (k - 12.5), 0, 0]), scatterers=points, **FEW) for k in range(26)
+        solve_points(state, RADAR, Pose(diagonal + [step * (k - 12.5), 0, 0]), points, environment=True, **FEW)
+        for k in range(26)
     ]
     first = solves[0]
     assert first.num_paths >= 10
@@ -104,11 +107,13 @@ def test_near_field_of_every_antenna(tmp_path) -> None:
     radar = RADAR.with_(tx_positions=tx, rx_positions=rx)
     points = PointScatterers([[3.0, 2.0, 0.5]], np.zeros((1, 3)), 1.0)
     few = {**FEW, "max_depth": 1}
-    geometry = PathGeometry.of(solve_sionna(state, radar, Pose(), scatterers=points, **few), radar)
+    geometry = PathGeometry.of(solve_points(state, radar, Pose(), points, environment=True, **few), radar)
     single = RADAR.with_(tx_positions=((0, 0, 0),), rx_positions=((0, 0, 0),))
     for i, transmitter in enumerate(tx):
         for j, receiver in enumerate(rx):
-            alone = solve_sionna(state, single, Pose(transmitter), rx_pose=Pose(receiver), scatterers=points, **few)
+            alone = solve_points(
+                state, single, Pose(transmitter), points, receiver=Pose(receiver), environment=True, **few
+            )
             direct = alone.depth == 0  # between two antennas there is a line of sight, from one to itself there is none
             expected = lengths(alone.select(~direct), single)
             assert direct.sum() == 1 and len(expected) == 2 + 3 * 3
@@ -141,7 +146,7 @@ def _digest(folder: str) -> str:
     points = PointScatterers([[30, -1, 1.5], [20, 2, 0.5]], np.zeros((2, 3)), 1.0)
     digest = hashlib.sha256()
     for options in ({}, {"diffuse": True}):
-        paths = solve_sionna(state, RADAR, Pose([0, 0, 0.5]), scatterers=points, **FEW, **options)
+        paths = solve_points(state, RADAR, Pose([0, 0, 0.5]), points, environment=True, **FEW, **options)
         for value in vars(paths).values():
             if isinstance(value, np.ndarray):
                 digest.update(np.ascontiguousarray(value).tobytes())
@@ -174,7 +179,9 @@ def test_small_and_curved_mirrors_are_warned_of(tmp_path) -> None:
     # A 10 cm plate at 10 m: the zone is 2 sqrt(lambda 5 m) = 0.28 m across; its mirror echo is 6 dB too strong.
     plate = Thing("plate", plane(0.1, 0.1, (10, 0, 0), (-1, 0, 0)), "Static", "steel")
     state = load_scene(write_scene(tmp_path / "plate", [plate])).at(0.0)
-    with pytest.warns(ScarlWarning, match=r"'plate': a flat face of 0\.1 m where the zone is 0\.28 m.*method='sbr'") as caught:
+    with pytest.warns(
+        ScarlWarning, match=r"'plate': a flat face of 0\.1 m where the zone is 0\.28 m.*method='sbr'"
+    ) as caught:
         paths = solve_paths(state, RADAR, Pose(), "sionna", max_depth=1)
     assert paths.num_paths == 1 and len(caught) == 1 and paths.diagnostics["num_small_mirrors"] == 1
     # A ball of flat faces of 0.15 m, seen at 8 m: a face whose normal points at the radar is a mirror of the wrong size.
@@ -195,6 +202,6 @@ def test_coincident_surfaces_reflect_once(tmp_path) -> None:
         ]
         state = load_scene(write_scene(tmp_path / name, things)).at(0.0)
         points = PointScatterers([[10, 0, 0.5]], np.zeros((1, 3)), 1.0)
-        paths = solve_sionna(state, RADAR, Pose([0, 0, 0.5]), scatterers=points, environment=False, **FEW)
+        paths = solve_points(state, RADAR, Pose([0, 0, 0.5]), points, **FEW)
         assert paths.depth.tolist() == [1, 2, 2, 3]
         assert abs(lengths(paths)[3] / 2 - np.hypot(10, 1 - 2 * height)) < 1e-9

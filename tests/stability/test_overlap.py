@@ -7,7 +7,7 @@ import warnings
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.world.overlap import overlapping_parts, seen_overlaps
+from scarl_sionna.engine.rays.overlap import overlapping_parts, seen_overlaps
 from tests.scenes import Thing, plane, write_scene
 
 NORMAL = (-1, 0, 0)

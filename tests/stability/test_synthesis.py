@@ -8,14 +8,14 @@ import warnings
 import numpy as np
 import pytest
 
-from scarl_sionna.core.accuracy import Accuracy
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import point_targets, synthesize
+from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.antenna import PathGeometry
-from scarl_sionna.radar.synthesis import chirpz, direct, groups
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import chirpz, direct, groups, synthesize
 from tests.oracles.direct_sum import point_scatterer_signal
 
 PAIR = {"tx_positions": ((0.0, -0.008, 0.0),), "rx_positions": ((0.0, 0.003, 0.0),)}
@@ -82,7 +82,15 @@ def test_error_stays_below_the_tolerance(tolerance):
 
 @pytest.mark.parametrize(
     ("tolerance", "fastest"),
-    [(1e-3, 70.0), (Accuracy().synthesis_tolerance, 70.0), (1e-5, 70.0), (1e-6, 70.0), (1e-7, 70.0), (1e-9, 0.5), (1e-9, 0.0)],
+    [
+        (1e-3, 70.0),
+        (Accuracy().synthesis_tolerance, 70.0),
+        (1e-5, 70.0),
+        (1e-6, 70.0),
+        (1e-7, 70.0),
+        (1e-9, 0.5),
+        (1e-9, 0.0),
+    ],
 )
 def test_lone_paths_among_all_ranges_and_speeds_stay_below_the_tolerance(tolerance, fastest):
     # the group spans 1..255 m and +-fastest, so no correction is at rest; alone, no path hides another's error
@@ -128,7 +136,9 @@ def test_bending_paths(forced, monkeypatch):
 @pytest.mark.usefixtures("each_method")
 @pytest.mark.parametrize(("num_samples", "num_chirps"), [(1, 1), (1, 64), (64, 1), (127, 63), (128, 63)])
 def test_odd_and_tiny_frames(num_samples, num_chirps):
-    radar = RadarSpec(num_samples=num_samples, num_chirps=num_chirps, sampling_frequency=10e6 if num_samples < 300 else None)
+    radar = RadarSpec(
+        num_samples=num_samples, num_chirps=num_chirps, sampling_frequency=10e6 if num_samples < 300 else None
+    )
     paths = scene(radar, 20, 50.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ScarlWarning)
@@ -150,7 +160,9 @@ def test_long_frame_and_steep_slope():
 def test_exact_sum_equals_an_independent_oracle():
     # the oracle moves every point and traces every antenna; points far enough that the length rates of the antennas,
     # 11 mm from the centre, agree: 0.011 m / 150 m x 5 m/s across x 2.5 ms = 1 um = 1.5e-3 rad
-    radar = RadarSpec(num_chirps=64, num_samples=128, sampling_frequency=10e6, pattern=IsotropicPattern(), tx_power_dbm=30.0, **PAIR)
+    radar = RadarSpec(
+        num_chirps=64, num_samples=128, sampling_frequency=10e6, pattern=IsotropicPattern(), tx_power_dbm=30.0, **PAIR
+    )
     positions = np.array([[100.0, 10.0, 1.0], [140.0, -30.0, 0.0]])
     velocities = np.array([[-40.0, 5.0, 0.0], [25.0, -5.0, 0.0]])
     paths = point_targets(positions, velocities, 1e4, radar, Pose())
@@ -182,7 +194,9 @@ def test_chunks_change_nothing(monkeypatch):
     fine = Accuracy(synthesis_tolerance=1e-5)
     whole = synthesize(paths, radar, accuracy=fine)
     monkeypatch.setattr(groups, "MAX_CHUNK_PATHS", 100)
-    assert np.abs(synthesize(paths, radar, accuracy=fine) - whole).max() < 2e-5 * np.abs(whole).max()  # each within 1e-5
+    assert (
+        np.abs(synthesize(paths, radar, accuracy=fine) - whole).max() < 2e-5 * np.abs(whole).max()
+    )  # each within 1e-5
 
 
 def test_no_paths_give_silence():

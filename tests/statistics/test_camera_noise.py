@@ -7,8 +7,8 @@ import pytest
 
 from camera_lidar.camera.develop import develop, digitize, expose, full_scale, veil, white_balance
 from camera_lidar.camera.tone import DAYLIGHT_EXPOSURE
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.image_sensor import ImageSensor
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.image_sensor import ImageSensor
 
 COUNT = 400
 SHAPE = (COUNT, COUNT, 3)

@@ -11,9 +11,9 @@ from camera_lidar.lidar.beat import estimate_beats, synthesize_beats
 from camera_lidar.lidar.detection import threshold
 from camera_lidar.lidar.heterodyne import Detections, backscatter_profile, receive_heterodyne
 from camera_lidar.lidar.returns import Echoes
-from scarl_sionna.core.atmosphere import Atmosphere
-from scarl_sionna.core.lidar_receiver import HeterodyneReceiver
-from scarl_sionna.core.lidar_spec import LidarSpec
+from scarl_sionna.core.specs.atmosphere import Atmosphere
+from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
 from tests.oracles.coherent_lidar import fisher_frequency_deviation, joint_detection, marcum_tail
 
 NUM = 100_000

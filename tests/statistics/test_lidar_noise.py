@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from camera_lidar.lidar.receiver import receive
-from scarl_sionna.core.lidar_receiver import ScarlReceiver
+from scarl_sionna.core.specs.lidar_receiver import ScarlReceiver
 
 NUM = 200_000
 SPEC = ScarlReceiver()

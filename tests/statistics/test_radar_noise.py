@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from scarl_sionna.core.radar_spec import RadarSpec
 from scarl_sionna.core.seeds import generator
-from scarl_sionna.radar import add_noise, quantize, range_doppler, virtual_cube
-from scarl_sionna.radar.detection import cfar
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.signal.converter import quantize
+from scarl_sionna.signal.detection import cfar
+from scarl_sionna.signal.noise import add_noise
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.oracles import link
 
 RADAR = RadarSpec()

@@ -12,8 +12,8 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.world.actor_model import ActorModel, actor_names, read_actor_model
-from scarl_sionna.world.materials import load_materials
+from scarl_sionna.scene.actors.model import ActorModel, actor_names, read_actor_model
+from scarl_sionna.scene.materials.table import load_materials
 from scenes_xml.actors.build import MODELS, build
 from scenes_xml.actors.cars import SHAPES
 from scenes_xml.generators import car

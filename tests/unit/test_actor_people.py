@@ -7,10 +7,10 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from scarl_sionna.world import World
-from scarl_sionna.world.gait import SEGMENTS
-from scarl_sionna.world.materials import load_materials
-from scarl_sionna.world.pedalling import PEDALLING_SEGMENTS
+from scarl_sionna.engine.world import World
+from scarl_sionna.scene.materials.table import load_materials
+from scarl_sionna.scene.motion.gait import SEGMENTS
+from scarl_sionna.scene.motion.pedalling import PEDALLING_SEGMENTS
 from scenes_xml.actors.build import MODELS, build
 from tests.actor_scenes import ACTORS, NAMES, actor_table, actor_world
 

@@ -27,7 +27,7 @@ from scarl_sionna.calibration import (
 )
 from scarl_sionna.cli import app
 from scarl_sionna.core.errors import MaterialRangeError, ParameterRangeError, SceneError, UnknownNameError
-from scarl_sionna.world.materials import UnknownMaterialError, load_materials
+from scarl_sionna.scene.materials.table import UnknownMaterialError, load_materials
 from tests.calibration_street import RADAR, TARGETS, noisy, street
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from camera_lidar.camera.projection import pixel_centres, pixel_rays
-from scarl_sionna.core.camera_spec import BrownConrady, CameraSpec, KannalaBrandt, Pinhole
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.specs.camera import BrownConrady, CameraSpec, KannalaBrandt, Pinhole
 from tests.oracles import lens as oracle
 
 BARREL = BrownConrady(k1=-0.31, k2=0.11, p1=8e-4, p2=-5e-4, k3=-0.018)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from camera_lidar.camera.projection import camera_optical_from_world, pixel_centres, pixel_rays, project, unproject
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.camera import CameraSpec
 
 SPEC = CameraSpec(width=960, height=540, horizontal_fov_deg=70.0)
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.export import write_dataset
+from scarl_sionna.dataset import write_dataset
 from tests.exports import scenario_files
 from tests.frames import RIG, make_frame
 from tests.scenes import box

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.scenario.bodies import Body
-from scarl_sionna.scenario.checks import (
+from scarl_sionna.engine.world import load_scene
+from scarl_sionna.scenario.checks.collisions import find_collisions
+from scarl_sionna.scenario.checks.motion import (
     check_extent,
     check_ground,
     check_motion,
@@ -18,9 +19,8 @@ from scarl_sionna.scenario.checks import (
     ground_heights,
     scene_extent,
 )
-from scarl_sionna.scenario.collisions import find_collisions
-from scarl_sionna.world.motion import ConstantTwistTrajectory, StaticTrajectory, WaypointTrajectory
-from scarl_sionna.world.scene import load_scene
+from scarl_sionna.scenario.motion.bodies import Body
+from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory, WaypointTrajectory
 
 
 def stands(x: float, y: float, yaw_deg: float = 0.0, z: float = 0.0) -> StaticTrajectory:

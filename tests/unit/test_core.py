@@ -8,18 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scarl_sionna.core import seeds, units
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose, Twist
 from scarl_sionna.core.registry import sensor_class
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS, semantic_id
+from scarl_sionna.core.specs.camera import CameraSpec
 
 coordinate = st.floats(-1e3, 1e3)
 angle = st.floats(-3.1, 3.1)
 
 
 @given(st.tuples(coordinate, coordinate, coordinate), angle, st.floats(-1.5, 1.5), angle)
-def test_pose_inverse_and_composition(position: tuple[float, float, float], yaw: float, pitch: float, roll: float) -> None:
+def test_pose_inverse_and_composition(
+    position: tuple[float, float, float], yaw: float, pitch: float, roll: float
+) -> None:
     pose = Pose.from_euler(position, yaw, pitch, roll)
     points = np.array([[1.0, -2.0, 3.0], [0.0, 0.0, 0.0]])
     # rounding: a few ulp of coordinates up to 2e3 m

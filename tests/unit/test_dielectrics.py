@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.world.dielectrics import (
+from scarl_sionna.scene.materials.dielectrics import (
     CELSIUS,
     ice_permittivity,
     refractive_mixture,

@@ -10,16 +10,16 @@ import pytest
 
 import scarl_sionna as ss
 from camera_lidar import Camera
-from scarl_sionna.core.antenna_pattern import IsotropicPattern
-from scarl_sionna.core.camera_spec import CameraSpec
-from scarl_sionna.core.lighting import Lighting
-from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.light.lamps import ALWAYS_ON, is_on
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.points import point_targets
-from scarl_sionna.world.lamps import ALWAYS_ON, is_on
-from scarl_sionna.world.material_entries import LAMP_KINDS
+from scarl_sionna.scene.document.material_entries import LAMP_KINDS
 from scenes_xml.motorway import layout as motorway
 from scenes_xml.parking_garage import layout as garage
 from scenes_xml.signalised_crossing import layout as crossing
@@ -45,14 +45,26 @@ def image_paths(name: str, radar_at, target, velocity, normal, offset):
     return paths, image, there & back
 
 
-@pytest.mark.filterwarnings("ignore:.*smaller than the first Fresnel zone")  # kerbs and lamps beside the walls looked at
+@pytest.mark.filterwarnings(
+    "ignore:.*smaller than the first Fresnel zone"
+)  # kerbs and lamps beside the walls looked at
 @pytest.mark.parametrize(
     ("name", "radar_at", "target", "normal", "offset"),
     [
         ("tunnel", (-23.6, -1.75, 0.6), (-9.0, -1.2, 0.7), (0.0, -1.0, 0.0), 4.9),  # the right wall
-        pytest.param("tunnel", (-23.6, -1.75, 0.6), (-9.0, -1.2, 0.7), (0.0, 1.0, 0.0), 4.9, marks=pytest.mark.slow),  # the left wall
-        ("parking_garage", (-14.6, -6.7, 0.6), (-8.9, -6.5, 0.8), (0.0, 0.0, 1.0), 2.9),  # the ceiling, between two beams
-        pytest.param("parking_garage", (-14.6, -6.7, 0.6), (-8.9, -6.5, 0.8), (0.0, 0.0, 1.0), 0.0, marks=pytest.mark.slow),  # the floor
+        pytest.param(
+            "tunnel", (-23.6, -1.75, 0.6), (-9.0, -1.2, 0.7), (0.0, 1.0, 0.0), 4.9, marks=pytest.mark.slow
+        ),  # the left wall
+        (
+            "parking_garage",
+            (-14.6, -6.7, 0.6),
+            (-8.9, -6.5, 0.8),
+            (0.0, 0.0, 1.0),
+            2.9,
+        ),  # the ceiling, between two beams
+        pytest.param(
+            "parking_garage", (-14.6, -6.7, 0.6), (-8.9, -6.5, 0.8), (0.0, 0.0, 1.0), 0.0, marks=pytest.mark.slow
+        ),  # the floor
     ],
 )
 def test_a_target_has_its_image_where_the_mirror_puts_it(name, radar_at, target, normal, offset):
@@ -93,7 +105,7 @@ def test_lamps_of_enclosed_scenes_shine_at_any_time_of_day(name, time):
     for light in (NIGHT, Lighting.preset("overcast")):
         state = world.with_lighting(light).at(time)
         mount = state.actor_pose("ego").compose(Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(4.0)))
-        rgb = Camera(spec).observe(state, mount, Twist(), np.random.default_rng(0)).rgb
+        rgb = Camera(spec).observe(state, mount, np.random.default_rng(0)).rgb
         means.append(np.median(rgb))
     assert 60.0 < min(means) < 200.0
     assert means[1] / means[0] == pytest.approx(1.0, abs=0.15)  # daylight comes in at the ends only; the rest is noise
@@ -174,6 +186,8 @@ def test_the_bridge_spans_every_lane_at_its_clearance():
         assert hit.num_hits == 1
         part = int(hit.part[0])
         assert SEMANTIC_CLASSES[world.parts.semantic[part]] == "Bridge"
-        assert plan.clearance - 0.5 - 1e-3 <= hit.distance[0] <= plan.clearance - 0.5 + 1.3  # girder or slab between girders
+        assert (
+            plan.clearance - 0.5 - 1e-3 <= hit.distance[0] <= plan.clearance - 0.5 + 1.3
+        )  # girder or slab between girders
     names = {info.name: SEMANTIC_CLASSES[info.semantic] for info in world.instances.values()}
     assert names["guardrail_right"] == names["guardrail_left"] == "GuardRail" and names["noise_wall"] == "Wall"

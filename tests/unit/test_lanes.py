@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
-from scarl_sionna.world.lanes import Lane, LaneNetwork, ParkingPlace, Signals, lanes_from_tables
+from scarl_sionna.scene.lanes import Lane, LaneNetwork, ParkingPlace, Signals, lanes_from_tables
 
 
 def straight(name: str, x: float = 0.0, y: float = 0.0, length: float = 50.0, **rest: object) -> dict[str, object]:

@@ -9,11 +9,11 @@ import pytest
 
 from camera_lidar.lidar.maps import camera_maps, range_view
 from camera_lidar.lidar.pattern import shot_directions
-from scarl_sionna.core.camera_spec import CameraSpec
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.lidar_spec import LidarSpec
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import LidarScan
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar import LidarSpec
 
 SPEC = LidarSpec(azimuth_fov_deg=(-30, 30), elevation_fov_deg=(-10, 10), num_azimuth=3, num_elevation=2)
 CAMERA = CameraSpec(width=100, height=60, horizontal_fov_deg=90.0)  # focal length 50 px

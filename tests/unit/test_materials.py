@@ -12,8 +12,13 @@ import pytest
 
 from scarl_sionna.core.errors import MaterialError, MaterialRangeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.units import VACUUM_PERMITTIVITY
-from scarl_sionna.world.dielectrics import ice_permittivity, skin_permittivity, snow_permittivity, water_permittivity
-from scarl_sionna.world.materials import RadioMaterial, builtin_materials, load_materials
+from scarl_sionna.scene.materials.dielectrics import (
+    ice_permittivity,
+    skin_permittivity,
+    snow_permittivity,
+    water_permittivity,
+)
+from scarl_sionna.scene.materials.table import RadioMaterial, builtin_materials, load_materials
 
 REPO = Path(__file__).resolve().parents[2]
 
@@ -160,7 +165,7 @@ def test_the_table_needs_no_mitsuba() -> None:
     # World's package may load the engine, so the module is loaded from its file alone.
     code = (
         "import importlib.util, sys, pathlib;"
-        "path = pathlib.Path('scarl_sionna/world/materials.py').resolve();"
+        "path = pathlib.Path('scarl_sionna/scene/materials/table.py').resolve();"
         "spec = importlib.util.spec_from_file_location('materials', path);"
         "module = importlib.util.module_from_spec(spec); sys.modules['materials'] = module; spec.loader.exec_module(module);"
         "module.load_materials(); assert not {'mitsuba', 'drjit', 'sionna'} & set(sys.modules), 'engine loaded'"

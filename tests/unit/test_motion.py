@@ -7,7 +7,7 @@ import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world.motion import (
+from scarl_sionna.scene.motion.trajectory import (
     ConstantTwistTrajectory,
     StaticTrajectory,
     WaypointTrajectory,

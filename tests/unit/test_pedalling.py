@@ -9,9 +9,9 @@ import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.world.articulation import Accumulated, joints_from_tables
-from scarl_sionna.world.motion import ConstantTwistTrajectory, WaypointTrajectory
-from scarl_sionna.world.pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
+from scarl_sionna.scene.motion.articulation import Accumulated, joints_from_tables
+from scarl_sionna.scene.motion.pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
+from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, WaypointTrajectory
 
 LEGS = PedallingLegs(
     axle=(-0.10, 0.28), crank=0.17, hip=(-0.33, 1.015), foot_y=0.125, upper_leg=0.43, lower_leg=0.43, pedal_from_ankle=(0.11, -0.075),

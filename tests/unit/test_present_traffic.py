@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.scenario import ScenarioSpec
 from scarl_sionna.scenario.compose import build_world, compose
-from scarl_sionna.scenario.planned import DEPTH, PresentTrajectory
-from scarl_sionna.world.motion import ConstantTwistTrajectory, forward_speeds
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.scenario.traffic.planned import DEPTH, PresentTrajectory
+from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, forward_speeds
 
 
 def test_only_the_height_changes_and_only_outside_of_the_interval() -> None:
@@ -46,4 +46,6 @@ def test_who_is_not_in_the_scene_has_no_box() -> None:
     assert all(item.world_from_box.position[2] > -0.5 * DEPTH for boxes in seen for item in boxes.values())
     assert any(set(boxes) < actors for boxes in seen)
     kept = set(seen[0]) & set(seen[1])
-    assert kept and all(seen[0][name].instance == seen[1][name].instance for name in kept)  # ids stay when others come and go
+    assert kept and all(
+        seen[0][name].instance == seen[1][name].instance for name in kept
+    )  # ids stay when others come and go

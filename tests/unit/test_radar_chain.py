@@ -10,20 +10,15 @@ import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError, UnknownNameError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
-from scarl_sionna.radar import (
-    add_noise,
-    detect,
-    point_targets,
-    quantize,
-    range_doppler,
-    range_doppler_angle,
-    synthesize,
-    virtual_cube,
-)  # fmt: skip
-from scarl_sionna.radar.angle import uniform_line
-from scarl_sionna.radar.peaks import tone_offset
-from scarl_sionna.radar.processing import noise_bandwidth, window_values
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize  # fmt: skip
+from scarl_sionna.signal.angle import range_doppler_angle, uniform_line
+from scarl_sionna.signal.converter import quantize
+from scarl_sionna.signal.detection import detect
+from scarl_sionna.signal.noise import add_noise
+from scarl_sionna.signal.peaks import tone_offset
+from scarl_sionna.signal.processing import noise_bandwidth, range_doppler, virtual_cube, window_values
 
 SMALL = RadarSpec(num_chirps=16, num_samples=64)
 STILL = [[0.0, 0.0, 0.0]]
@@ -72,7 +67,9 @@ def test_line_of_the_default_array_is_uniform_and_the_board_is_not():
 
 def test_line_by_transform_and_by_steering_agree():
     cube = small_cube()
-    radar = SMALL.with_(rx_positions=(*SMALL.rx_positions[:3], (1e-5, *SMALL.rx_positions[3][1:])))  # 10 um off the line
+    radar = SMALL.with_(
+        rx_positions=(*SMALL.rx_positions[:3], (1e-5, *SMALL.rx_positions[3][1:]))
+    )  # 10 um off the line
     assert uniform_line(radar) is None
     fast, general = range_doppler_angle(cube, SMALL), range_doppler_angle(cube, radar)
     cell = np.unravel_index(fast.data.argmax(), fast.data.shape)[:2]
@@ -117,9 +114,7 @@ def test_tone_offset_is_exact(window):
     count, true = 64, np.linspace(-0.49, 0.49, 23)
     values = window_values(window, count)
     n = np.arange(count)
-    powers = [
-        np.abs(np.exp(2j * np.pi * np.outer(true - step, n) / count) @ values) ** 2 for step in (-1, 0, 1)
-    ]
+    powers = [np.abs(np.exp(2j * np.pi * np.outer(true - step, n) / count) @ values) ** 2 for step in (-1, 0, 1)]
     # 129 entries, linear between them: the curvature of the map leaves below 1e-4 of a bin
     assert np.abs(tone_offset(*powers, window, count, count) - true).max() < 5e-4
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.antenna_pattern import CosinePattern, IsotropicPattern, TablePattern, Tr38901Pattern
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.pattern import CosinePattern, IsotropicPattern, TablePattern, Tr38901Pattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT as C
 
 
@@ -83,7 +83,10 @@ def test_patterns() -> None:
     assert element.gain_db(np.radians(32.5), 0.0) == pytest.approx(5.0)
     assert element.gain_db(np.pi, 0.0) == pytest.approx(-22.0)
     table = TablePattern(
-        azimuth_deg=(-90, 0, 90), azimuth_gain_dbi=(-10, 9, -10), elevation_deg=(-30, 0, 30), elevation_gain_dbi=(0, 9, 0)
+        azimuth_deg=(-90, 0, 90),
+        azimuth_gain_dbi=(-10, 9, -10),
+        elevation_deg=(-30, 0, 30),
+        elevation_gain_dbi=(0, 9, 0),
     )
     assert table.gain_db(np.radians(45), np.radians(15)) == pytest.approx(-0.5 + 4.5 - 9)
     assert table.gain_db(np.radians(120), 0.0) == pytest.approx(-10)

@@ -13,10 +13,10 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import MaterialRangeError, MeshError, ParameterRangeError, UnknownNameError
+from scarl_sionna.radar.optics.far import SbrSettings
+from scarl_sionna.radar.optics.far.phase import triangle_phase_integral
 from scarl_sionna.radar.rcs import load_body, rcs_cut, scattering_matrix
-from scarl_sionna.radar.sbr import SbrSettings
-from scarl_sionna.radar.sbr.phase import triangle_phase_integral
-from scarl_sionna.world.materials import RadioMaterial, UnknownMaterialError
+from scarl_sionna.scene.materials.table import RadioMaterial, UnknownMaterialError
 from tests.oracles import rcs as oracle
 
 REPO = Path(__file__).resolve().parents[2]

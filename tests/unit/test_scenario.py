@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
 
 def test_times_start_at_the_start_and_follow_the_frame_rate() -> None:

@@ -22,11 +22,11 @@ from scarl_sionna.core.errors import (
     TimeRangeError,
     UnknownNameError,
 )
-from scarl_sionna.core.lighting import Lighting
-from scarl_sionna.generate import load_world
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.engine.light.sky import SKY_SIZE, sky_image
 from scarl_sionna.scenario.compose import compose
-from scarl_sionna.world.sky import SKY_SIZE, sky_image
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.simulation import load_world
 from tests.lane_scene import lane_scene
 
 

@@ -5,16 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.scenario.randomize import (
-    FACTOR,
-    PAINTS,
-    draw_jitter,
-    draw_look,
-    draw_materials,
-    material_ranges,
-)
-from scarl_sionna.scenario.spec_actors import JitterSpec
-from scarl_sionna.world.materials import MaterialTable, builtin_materials
+from scarl_sionna.scenario.randomize import FACTOR, PAINTS, draw_jitter, draw_look, draw_materials, material_ranges
+from scarl_sionna.scenario.spec.actors import JitterSpec
+from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 
 VARIANTS = {"blue": {"paint": (0.0, 0.0, 0.5)}, "red": {"paint": (0.5, 0.0, 0.0)}}
 DRAWN = ("relative_permittivity", "conductivity", "thickness")
@@ -104,7 +97,9 @@ def test_jitter_is_even_between_its_bounds_and_off_without_a_specification() -> 
     draws = np.array([[j.along, j.lateral, j.yaw_deg] for j in (draw_jitter(s, "a", spec) for s in range(400))])
     bounds = np.array([3.0, 0.4, 5.0])
     assert np.all(np.abs(draws) <= bounds)
-    np.testing.assert_allclose(draws.var(axis=0), bounds**2 / 3.0, rtol=6 * np.sqrt(0.8 / 400))  # var of the variance of even draws
+    np.testing.assert_allclose(
+        draws.var(axis=0), bounds**2 / 3.0, rtol=6 * np.sqrt(0.8 / 400)
+    )  # var of the variance of even draws
     # of 400 even draws the mean is 0 +- bound / sqrt(1200)
     assert np.all(np.abs(draws.mean(axis=0)) < 6 * bounds / np.sqrt(1200))
 

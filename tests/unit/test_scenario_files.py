@@ -17,12 +17,12 @@ from scarl_sionna.core.errors import (
     ScenarioValueError,
     UnknownNameError,
 )
-from scarl_sionna.core.lighting import Lighting
-from scarl_sionna.core.weather import Weather
-from scarl_sionna.scenario import ScenarioSpec
-from scarl_sionna.scenario.spec_actors import ActorSpec, EgoSpec, JitterSpec, RandomizationSpec, TrafficSpec
-from scarl_sionna.scenario.spec_light import lighting_at, sun_at
-from scarl_sionna.scenario.spec_motion import AccelerateSpec, BrakeSpec, RouteSpec, ShiftSpec, StaticSpec, WaypointsSpec
+from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.core.specs.weather import Weather
+from scarl_sionna.scenario.spec.actors import ActorSpec, EgoSpec, JitterSpec, RandomizationSpec, TrafficSpec
+from scarl_sionna.scenario.spec.light import lighting_at, sun_at
+from scarl_sionna.scenario.spec.motion import AccelerateSpec, BrakeSpec, RouteSpec, ShiftSpec, StaticSpec, WaypointsSpec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
 FULL = """\
 scene: highway_guardrail
@@ -123,7 +123,9 @@ def test_a_scenario_goes_to_another_process_with_its_lines(tmp_path) -> None:
 
 def test_duration_is_the_other_way_to_say_the_number_of_frames() -> None:
     assert ScenarioSpec(duration=3.0, frame_rate=20.0).num_frames == 60
-    assert ScenarioSpec(duration=0.3, frame_rate=10.0).num_frames == 3  # 0.3 * 10 is 3.0000000000000004 or 2.9999999999999996
+    assert (
+        ScenarioSpec(duration=0.3, frame_rate=10.0).num_frames == 3
+    )  # 0.3 * 10 is 3.0000000000000004 or 2.9999999999999996
     assert ScenarioSpec(duration=0.31, frame_rate=10.0).num_frames == 4  # frames at 0, 0.1, 0.2, 0.3 s
     assert ScenarioSpec(num_frames=7).duration == 0.7
     assert ScenarioSpec(num_frames=7).with_(duration=2.0).num_frames == 20

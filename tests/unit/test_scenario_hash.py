@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from scarl_sionna.export.encoding import StoreOptions
-from scarl_sionna.export.manifest import hash_of as hash_of_plan
-from scarl_sionna.exporting.plan import plan_export, scene_configuration
-from scarl_sionna.scenario import ScenarioSpec
+from scarl_sionna.batch.plan import plan_export, scene_configuration
+from scarl_sionna.dataset.encoding import StoreOptions
+from scarl_sionna.dataset.store.manifest import hash_of as hash_of_plan
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import RIG
 from tests.lane_scene import lane_scene
 

@@ -12,13 +12,12 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from scarl_sionna.cli_export import load_scenario
+from scarl_sionna.cli.datasets import load_scenario
 from scarl_sionna.core.errors import UnknownNameError
-from scarl_sionna.generate import load_world
-from scarl_sionna.scenario import ScenarioSpec
 from scarl_sionna.scenario.compose import compose
-from scarl_sionna.scenario.spec import LIBRARY, scenario_names
-from scarl_sionna.world.motion import is_present
+from scarl_sionna.scenario.spec.scenario import LIBRARY, ScenarioSpec, scenario_names
+from scarl_sionna.scene.motion.trajectory import is_present
+from scarl_sionna.simulation import load_world
 
 REPO = Path(__file__).resolve().parents[2]
 NAMES = scenario_names()
@@ -118,7 +117,9 @@ def queue(run: Run) -> None:
 def rainy_night(run: Run) -> None:
     assert run.spec.weather.rain_rate == 50.0 and run.spec.weather.spray is not None
     assert run.spec.lighting.sun_elevation_deg < -18.0
-    assert run.speed("ego")[-1] < 1e-6 and run.way("ego")[-1, 0] + run.bodies["ego"].length / 2.0 < 20.0  # before the zebra
+    assert (
+        run.speed("ego")[-1] < 1e-6 and run.way("ego")[-1, 0] + run.bodies["ego"].length / 2.0 < 20.0
+    )  # before the zebra
     for name in ("woman", "man"):
         y = run.way(name)[:, 1]
         assert y.min() < 0.0 < y.max()
@@ -172,7 +173,9 @@ def pulls_out(run: Run) -> None:
     lanes = run.composition.scene.lanes
     start, stop = (run.motions["lorry"].pose(t).position for t in (0.0, run.last))
     assert lanes["east_0"].nearest(start)[1] < 0.1 and lanes["east_1"].nearest(stop)[1] < 0.2
-    assert run.speed("ego")[0] == pytest.approx(32.0, abs=0.05) and run.speed("ego")[-1] == pytest.approx(23.0, abs=0.05)
+    assert run.speed("ego")[0] == pytest.approx(32.0, abs=0.05) and run.speed("ego")[-1] == pytest.approx(
+        23.0, abs=0.05
+    )
     assert 8.0 < run.in_ego("lorry", run.last)[0] < 50.0
 
 
@@ -191,7 +194,9 @@ def backs_out(run: Run) -> None:
 def overtaken(run: Run) -> None:
     lanes = run.composition.scene.lanes
     start, stop = (run.motions["overtaker"].pose(t).position for t in (0.0, run.last))
-    assert lanes["east"].nearest(start)[1] < 0.3 and lanes["west"].nearest(stop)[1] < 0.3  # from the ego vehicle's lane back to its own
+    assert (
+        lanes["east"].nearest(start)[1] < 0.3 and lanes["west"].nearest(stop)[1] < 0.3
+    )  # from the ego vehicle's lane back to its own
     assert run.in_ego("overtaker", 2.8)[0] > 15.0  # in time
     assert run.speed("ego")[-1] == pytest.approx(10.0, abs=0.05)
 
@@ -246,7 +251,7 @@ def test_the_examples_are_those_of_the_package() -> None:
 
 def test_they_are_found_by_name() -> None:
     assert load_scenario("cut_in") == ScenarioSpec.preset("cut_in")
-    assert load_scenario("cut_in", 3).num_frames == 3
+    assert load_scenario("cut_in").with_(num_frames=3).num_frames == 3
     assert load_scenario("urban_crossing") == ScenarioSpec(scene="urban_crossing")
     with pytest.raises(UnknownNameError, match="did you mean 'cut_in'"):
         ScenarioSpec.preset("cutin")

@@ -6,8 +6,8 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.errors import ScenarioFileError, ScenarioNameError, ScenarioValueError
-from scarl_sionna.scenario import ScenarioSpec
 from scarl_sionna.scenario.compose import compose
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
 HEAD = "scene: urban_crossing\nduration: 1.0\n"
 

@@ -15,7 +15,7 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.world.overlap import overlapping_parts
+from scarl_sionna.engine.rays.overlap import overlapping_parts
 from scenes_xml import cache_folder, scene_names, scene_path
 from tests.plan_view import overlap
 

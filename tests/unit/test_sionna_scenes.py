@@ -8,10 +8,11 @@ import trimesh
 
 from scarl_sionna.core.errors import MaterialError, MaterialRangeError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.world import load_scene, variant
-from scarl_sionna.world.materials import builtin_materials, load_materials
+from scarl_sionna.scene.materials.table import builtin_materials, load_materials
 
 RADAR = RadarSpec()
 

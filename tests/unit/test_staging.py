@@ -12,11 +12,11 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
-from scarl_sionna.world.actor_model import actor_names, read_actor_model
-from scarl_sionna.world.motion import Trajectory, trajectory_from_table
-from scarl_sionna.world.scene import find_scene
-from scarl_sionna.world.scene_file import read_document
-from scarl_sionna.world.staging import StagedActor, stage
+from scarl_sionna.engine.world import find_scene
+from scarl_sionna.scene.actors.model import actor_names, read_actor_model
+from scarl_sionna.scene.document.scene_file import read_document
+from scarl_sionna.scene.document.staging import StagedActor, stage
+from scarl_sionna.scene.motion.trajectory import Trajectory, trajectory_from_table
 from tests.scenes import Thing, plane, write_scene
 
 TABLE = {

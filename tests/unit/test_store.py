@@ -20,13 +20,13 @@ from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeEr
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.export import StoreOptions, open_dataset, write_dataset
-from scarl_sionna.export.codec import DEPTH_RATIO, decode_depth, encode_depth
-from scarl_sionna.export.encoding import encode_frame
-from scarl_sionna.export.manifest import DatasetPlan, ScenePlan
-from scarl_sionna.export.schema import RESULT_TYPES, TABLES, Field, check_fields, check_schema
-from scarl_sionna.export.schema_docs import schema_page
-from scarl_sionna.export.shards import (
+from scarl_sionna.dataset import StoreOptions, open_dataset, write_dataset
+from scarl_sionna.dataset.codec import DEPTH_RATIO, decode_depth, encode_depth
+from scarl_sionna.dataset.encoding import encode_frame
+from scarl_sionna.dataset.schema import RESULT_TYPES, TABLES, Field, check_fields, check_schema
+from scarl_sionna.dataset.schema_docs import schema_page
+from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan
+from scarl_sionna.dataset.store.shards import (
     ArrayInfo,
     array_metadata,
     decode_chunk,
@@ -35,7 +35,7 @@ from scarl_sionna.export.shards import (
     shard_index,
     shard_key,
 )
-from scarl_sionna.export.writer import DatasetFolder
+from scarl_sionna.dataset.store.writer import DatasetFolder
 from scarl_sionna.fusion import Rig, SensorMount
 from tests.frames import CAMERA, RIG, assert_same, make_frame
 
@@ -290,7 +290,11 @@ class Mute(Sonar):
 def sonar(monkeypatch: pytest.MonkeyPatch) -> None:
     kinds = {"sonar": Sonar, "mute": Mute}
     real = registry.sensor_class
-    for module in ("scarl_sionna.core.registry", "scarl_sionna.export.encoding", "scarl_sionna.export.stored"):
+    for module in (
+        "scarl_sionna.core.registry",
+        "scarl_sionna.dataset.encoding",
+        "scarl_sionna.dataset.readers.stored",
+    ):
         monkeypatch.setattr(f"{module}.sensor_class", lambda kind: kinds.get(kind) or real(kind))
 
 
@@ -307,7 +311,7 @@ def test_a_sensor_of_another_package_is_stored_by_what_its_class_declares(tmp_pa
 
 
 def test_a_sensor_of_another_package_that_declares_nothing_is_refused_before_it_works(sonar) -> None:
-    from scarl_sionna.exporting.plan import check_storable
+    from scarl_sionna.batch.plan import check_storable
 
     check_storable("hull/sonar", "sonar")
     with pytest.raises(ParameterRangeError, match="declare `stored_fields` and `result_type`"):
@@ -396,5 +400,5 @@ def test_every_field_of_the_made_frame_is_there() -> None:
 def test_the_page_of_the_schema_is_up_to_date() -> None:
     page = Path(__file__).parents[2] / "docs" / "dataset.md"
     assert page.read_text(encoding="utf-8") == schema_page(), (
-        "python -m scarl_sionna.export.schema_docs > docs/dataset.md"
+        "python -m scarl_sionna.dataset.schema_docs > docs/dataset.md"
     )

@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
 from scarl_sionna.core.errors import OutputError, ScarlWarning
-from scarl_sionna.export import StoreOptions, open_dataset, write_dataset
-from scarl_sionna.export.card import is_card, unmarked_card
-from scarl_sionna.export.layout import Layout
-from scarl_sionna.export.manifest import DatasetPlan, ScenePlan
-from scarl_sionna.export.verify import verify
-from scarl_sionna.export.writer import DatasetFolder
+from scarl_sionna.dataset import StoreOptions, open_dataset, write_dataset
+from scarl_sionna.dataset.store.card import is_card, unmarked_card
+from scarl_sionna.dataset.store.layout import Layout
+from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan
+from scarl_sionna.dataset.store.writer import DatasetFolder
+from scarl_sionna.dataset.verify import verify
 from tests.frames import RIG, make_frame
 
 FRAMES = [make_frame(index) for index in range(5)]

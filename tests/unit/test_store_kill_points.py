@@ -17,12 +17,12 @@ from pathlib import Path
 import pytest
 
 from scarl_sionna.core.errors import DatasetError, OutputError
-from scarl_sionna.export import StoreOptions, open_dataset
-from scarl_sionna.export import shard_writer as shard_writer_module
-from scarl_sionna.export.encoding import EncodedFrame, encode_frame
-from scarl_sionna.export.manifest import DatasetPlan, ScenePlan
-from scarl_sionna.export.verify import verify
-from scarl_sionna.export.writer import DatasetFolder
+from scarl_sionna.dataset import StoreOptions, open_dataset
+from scarl_sionna.dataset.encoding import EncodedFrame, encode_frame
+from scarl_sionna.dataset.store import shard_writer as shard_writer_module
+from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan
+from scarl_sionna.dataset.store.writer import DatasetFolder
+from scarl_sionna.dataset.verify import verify
 from scarl_sionna.fusion import Rig
 from tests.frames import RIG, make_frame
 
@@ -152,7 +152,10 @@ def test_killed_at_every_step_of_tidying_up(frames, expected, tmp_path, monkeypa
     monkeypatch.setattr(shard_writer_module, "clear_work", clear_or_die)
     for number in range(2):
         assert killed(lambda: run(left, frames), 0)
-        assert sorted(path.name for path in left.glob(".work/a/*/*.pack")) == [["000000.pack", "000001.pack"], ["000002.pack"]][number]
+        assert (
+            sorted(path.name for path in left.glob(".work/a/*/*.pack"))
+            == [["000000.pack", "000001.pack"], ["000002.pack"]][number]
+        )
     monkeypatch.undo()
     (left / ".work" / "a" / "000000").mkdir()
     (left / ".work" / "a" / "000000" / "part_000000").write_text("cut")

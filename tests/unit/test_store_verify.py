@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from scarl_sionna.core.errors import DatasetError, OutputError
-from scarl_sionna.export import StoreOptions, open_dataset, write_dataset
-from scarl_sionna.export.manifest import DatasetPlan, ScenePlan
-from scarl_sionna.export.verify import verify
-from scarl_sionna.export.writer import DatasetFolder
+from scarl_sionna.dataset import StoreOptions, open_dataset, write_dataset
+from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan
+from scarl_sionna.dataset.store.writer import DatasetFolder
+from scarl_sionna.dataset.verify import verify
 from tests.exports import contents
 from tests.frames import RIG, assert_same, make_frame
 

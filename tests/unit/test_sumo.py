@@ -10,16 +10,16 @@ import pytest
 from scipy.spatial import cKDTree
 
 from scarl_sionna.core.errors import ScarlWarning, SimulatorError, TrajectoryFileError
-from scarl_sionna.scenario.bodies import Body
-from scarl_sionna.scenario.checks import check_ground, check_motion
-from scarl_sionna.scenario.collisions import find_collisions
-from scarl_sionna.scenario.fcd import heading_of_angle, model_of_type, read_fcd
-from scarl_sionna.scenario.paths import PathTrajectory, sample_motion
-from scarl_sionna.scenario.planned import PlannedActor, lane_ground
-from scarl_sionna.scenario.tables import read_table
-from scarl_sionna.world.lanes import LaneNetwork, lanes_from_tables
-from scarl_sionna.world.scene import find_scene, load_scene
-from scarl_sionna.world.scene_file import read_document
+from scarl_sionna.engine.world import find_scene, load_scene
+from scarl_sionna.scenario.checks.collisions import find_collisions
+from scarl_sionna.scenario.checks.motion import check_ground, check_motion
+from scarl_sionna.scenario.motion.bodies import Body
+from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
+from scarl_sionna.scenario.motion.tables import read_table
+from scarl_sionna.scenario.traffic.fcd import heading_of_angle, model_of_type, read_fcd
+from scarl_sionna.scenario.traffic.planned import PlannedActor, lane_ground
+from scarl_sionna.scene.document.scene_file import read_document
+from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
 BODIES = {name: Body() for name in ("saloon", "small_car", "suv", "van")} | {
     "bus": Body(12.0, 2.5, 3.0, 6.0, -3.0),
@@ -151,7 +151,7 @@ def _check_drive(network: LaneNetwork, actors: list[PlannedActor], duration: flo
 )
 def test_60_s_of_sumo_on_a_scene(scene: str, beside: float) -> None:
     pytest.importorskip("libsumo")
-    from scarl_sionna.scenario.sumo import run_sumo
+    from scarl_sionna.scenario.traffic.sumo import run_sumo
 
     network = read_document(find_scene(scene)).lanes
     assert network is not None
@@ -175,7 +175,7 @@ def test_60_s_of_sumo_on_a_scene(scene: str, beside: float) -> None:
 @pytest.mark.slow
 def test_sumo_vehicles_stand_on_the_ground_of_the_scene() -> None:
     pytest.importorskip("libsumo")
-    from scarl_sionna.scenario.sumo import run_sumo
+    from scarl_sionna.scenario.traffic.sumo import run_sumo
 
     world = load_scene("roundabout", detail="light")
     network = world.document.lanes
@@ -198,7 +198,7 @@ def test_sumo_vehicles_stand_on_the_ground_of_the_scene() -> None:
 
 def test_same_seed_same_traffic() -> None:
     pytest.importorskip("libsumo")
-    from scarl_sionna.scenario.sumo import run_sumo
+    from scarl_sionna.scenario.traffic.sumo import run_sumo
 
     network = lanes_from_tables([{"name": "a", "points": [[0.0, 0.0, 0.0], [400.0, 0.0, 0.0]]}])
     runs = [run_sumo(network, 5.0, seed=seed, density=20.0, models=BODIES) for seed in (7, 7, 8)]
@@ -208,8 +208,8 @@ def test_same_seed_same_traffic() -> None:
 
 def test_configuration_of_sumo(tmp_path: Path) -> None:
     pytest.importorskip("libsumo")
-    from scarl_sionna.scenario.sumo import run_sumo
-    from scarl_sionna.scenario.sumo_network import write_sumo_network
+    from scarl_sionna.scenario.traffic.sumo import run_sumo
+    from scarl_sionna.scenario.traffic.sumo_network import write_sumo_network
 
     roads = write_sumo_network(
         lanes_from_tables([{"name": "a", "points": [[0.0, 0.0, 0.0], [200.0, 0.0, 0.0]]}]), tmp_path
@@ -250,7 +250,7 @@ def commonroad_state(step: int) -> str:
 
 def test_commonroad(tmp_path: Path) -> None:
     pytest.importorskip("commonroad")
-    from scarl_sionna.scenario.commonroad import read_commonroad
+    from scarl_sionna.scenario.traffic.commonroad import read_commonroad
 
     path = tmp_path / "c.xml"
     states = "".join(

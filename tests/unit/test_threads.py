@@ -6,8 +6,8 @@ import subprocess
 import sys
 
 CODE = """
-from scarl_sionna.world.threads import limit_threads
-from scarl_sionna.world import variant
+from scarl_sionna.engine.threads import limit_threads
+from scarl_sionna.engine import variant
 limit_threads(1)
 import drjit
 print(drjit.thread_count())

@@ -9,16 +9,16 @@ import numpy.typing as npt
 import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
-from scarl_sionna.scenario.bodies import WALKER, Body
-from scarl_sionna.scenario.checks import check_motion
-from scarl_sionna.scenario.collisions import find_collisions
-from scarl_sionna.scenario.drivers import CRITICAL_HEADWAY, Driver
-from scarl_sionna.scenario.paths import PathTrajectory, sample_motion
-from scarl_sionna.scenario.planned import PlannedActor
-from scarl_sionna.scenario.profiles import SpeedProfile
-from scarl_sionna.scenario.routes import route_trajectory
-from scarl_sionna.scenario.traffic import simulate_traffic
-from scarl_sionna.world.lanes import LaneNetwork, lanes_from_tables
+from scarl_sionna.scenario.checks.collisions import find_collisions
+from scarl_sionna.scenario.checks.motion import check_motion
+from scarl_sionna.scenario.motion.bodies import WALKER, Body
+from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
+from scarl_sionna.scenario.motion.profiles import SpeedProfile
+from scarl_sionna.scenario.motion.routes import route_trajectory
+from scarl_sionna.scenario.traffic.drivers import CRITICAL_HEADWAY, Driver
+from scarl_sionna.scenario.traffic.planned import PlannedActor
+from scarl_sionna.scenario.traffic.simulated import simulate_traffic
+from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
 BODIES = {
     "saloon": Body(), "small_car": Body(3.9, 1.7, 1.5, 2.5, -1.25), "suv": Body(4.7, 1.9, 1.7, 2.8, -1.4),

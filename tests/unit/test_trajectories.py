@@ -8,19 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scarl_sionna.core.errors import (
-    ParameterRangeError,
-    TimeRangeError,
-    TrajectoryFileError,
-    UnknownNameError,
-)
-from scarl_sionna.scenario.bodies import WALKER, Body
-from scarl_sionna.scenario.paths import LateralShift, PathTrajectory, SmoothPath, quintic_step
-from scarl_sionna.scenario.profiles import SpeedProfile, constant_way, smooth_way
-from scarl_sionna.scenario.recorded import Record, smooth_record
-from scarl_sionna.scenario.routes import route_points, route_trajectory, vehicle_trajectory
-from scarl_sionna.scenario.tables import read_table, read_table_actors, write_table
-from scarl_sionna.world.lanes import LaneNetwork, lanes_from_tables
+from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, TrajectoryFileError, UnknownNameError
+from scarl_sionna.scenario.motion.bodies import WALKER, Body
+from scarl_sionna.scenario.motion.paths import LateralShift, PathTrajectory, SmoothPath, quintic_step
+from scarl_sionna.scenario.motion.profiles import SpeedProfile, constant_way, smooth_way
+from scarl_sionna.scenario.motion.recorded import Record, smooth_record
+from scarl_sionna.scenario.motion.routes import route_points, route_trajectory, vehicle_trajectory
+from scarl_sionna.scenario.motion.tables import read_table, read_table_actors, write_table
+from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
 CAR = Body(4.6, 1.8, 1.45, 2.7, -1.35)
 

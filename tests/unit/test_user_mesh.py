@@ -13,8 +13,8 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import MaterialError, MeshError, ParameterRangeError, ScarlWarning, UnknownNameError
-from scarl_sionna.world.mesh_checks import open_edges
-from scarl_sionna.world.motion import StaticTrajectory
+from scarl_sionna.scene.actors.mesh_checks import open_edges
+from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 from tests.scenes import Thing, plane, write_scene
 
 

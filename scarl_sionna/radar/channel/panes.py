@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 if TYPE_CHECKING:
-    from scarl_sionna.world import WorldState
+    from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 

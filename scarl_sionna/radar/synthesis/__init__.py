@@ -10,13 +10,13 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.antenna import PathGeometry
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.noise import add_noise
 
-from ..antenna import PathGeometry
-from ..noise import add_noise
-from ..paths import RadarPaths
 from . import direct, groups
 
 MAX_THREADS = 8
@@ -94,7 +94,9 @@ def _within_band(paths: RadarPaths, radar: RadarSpec) -> tuple[RadarPaths, PathG
     """Return the paths whose beat frequency passes the receiver's filter, and their geometry."""
     for name in ("a", "tx_point", "rx_point", "inner_length", "length_rate", "length_acceleration"):
         if not np.isfinite(getattr(paths, name)).all():
-            raise ParameterRangeError(f"paths.{name}", "NaN or infinity", "finite values", "check the solver's geometry")
+            raise ParameterRangeError(
+                f"paths.{name}", "NaN or infinity", "finite values", "check the solver's geometry"
+            )
     geometry = PathGeometry.of(paths, radar)
     length = geometry.center_length()
     beyond = length >= 2.0 * radar.max_range
@@ -131,7 +133,9 @@ def _add_group(
 
     pairs = [(tx, rx) for tx in range(radar.num_tx) for rx in range(radar.num_rx)]
     workers = min(_num_cores(), len(pairs), MAX_THREADS)
-    with ThreadPoolExecutor(workers) as pool:  # pairs write to rows of their own, so the bytes do not depend on the order
+    with ThreadPoolExecutor(
+        workers
+    ) as pool:  # pairs write to rows of their own, so the bytes do not depend on the order
         list(pool.map(add_pair, pairs))
 
 

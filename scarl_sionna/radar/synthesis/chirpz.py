@@ -23,7 +23,7 @@ import numpy.typing as npt
 from scipy import fft
 from scipy.interpolate import CubicSpline
 
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .phase import FrameGrid, delay_terms, phasor
@@ -132,7 +132,9 @@ class Layout:
         return cls(reference, doppler, squared, migration, tuple(terms), phases, cell, shape)
 
     @staticmethod
-    def _grid(radar: RadarSpec, half_span: float, x: float, q: float, tolerance: float) -> tuple[float, tuple[int, int]]:
+    def _grid(
+        radar: RadarSpec, half_span: float, x: float, q: float, tolerance: float
+    ) -> tuple[float, tuple[int, int]]:
         stretch = 1.0 + radar.chirp_slope * x / radar.start_frequency
         upsampling = _upsampling(tolerance)
         cell = 1.0 / (2.0 * upsampling * max(q * stretch, 0.5 / radar.sample_rate))

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import jv
 
-from scarl_sionna.core.radar_spec import RadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .phase import FrameGrid, delay_terms, phasor
 
@@ -135,10 +135,10 @@ class Transform:
 
     def _batch(self, grid: FrameGrid, tolerance: float) -> list[_Batch]:
         """Return the terms of the series, batched by the precision that they need."""
-        at_nodes = np.array(
-            [[phasor(grid.residual_cycles(u, b)) for b in self._bend.nodes] for u in self._rate.nodes]
+        at_nodes = np.array([[phasor(grid.residual_cycles(u, b)) for b in self._bend.nodes] for u in self._rate.nodes])
+        screens = np.einsum(
+            "kl,lbs->kbs", self._rate.coefficients, at_nodes.reshape(*at_nodes.shape[:2], -1), optimize=True
         )
-        screens = np.einsum("kl,lbs->kbs", self._rate.coefficients, at_nodes.reshape(*at_nodes.shape[:2], -1), optimize=True)
         if self._bend.count > 1:
             screens = np.einsum("cb,kbs->kcs", self._bend.coefficients, screens, optimize=True)
         screens = screens.reshape(-1, *self._shape)

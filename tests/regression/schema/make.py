@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from scarl_sionna.core.results import Frame
-from scarl_sionna.export import StoreOptions, write_dataset
+from scarl_sionna.dataset import StoreOptions, write_dataset
 from tests.frames import RIG, make_frame
 
 HERE = Path(__file__).parent

@@ -1,0 +1,110 @@
+# The public names and where they are defined: read by type checkers, and by lazy_loader at run time.
+from .core.errors import ScarlError, ScarlWarning
+from .core.mount import Mount
+from .core.pose import Pose, Twist
+from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
+from .core.settings.accuracy import Accuracy
+from .core.settings.plan import ChannelPlan, Share
+from .core.settings.radar import RadarSettings
+from .core.settings.raycast import RaycastSettings
+from .core.settings.sbr import SbrChannelSettings
+from .core.settings.scatterers import ScattererSettings
+from .core.settings.sionna import SionnaSettings
+from .core.specs.atmosphere import Atmosphere
+from .core.specs.camera import BrownConrady, CameraSpec, ImageSensor, KannalaBrandt, Pinhole
+from .core.specs.lidar import LidarSpec
+from .core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, TableScan
+from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
+from .core.specs.lighting import Lighting
+from .core.specs.radar.spec import RadarSpec
+from .core.specs.weather import Weather
+from .dataset.readers.reader import open_dataset
+from .engine.world import World, WorldState, load_scene, stage
+from .fusion import Rig
+from .radar.channel import plan_channel, solve_paths
+from .radar.labels.labels import label_cells, label_paths, label_points
+from .radar.paths import RadarPaths
+from .radar.points import point_targets
+from .radar.rcs import rcs
+from .radar.scatterers.compile import compile_scatterers
+from .radar.scatterers.model import ScattererModel
+from .radar.synthesis import synthesize
+from .radar.synthesis.blocks import retraced, synthesize_blocks
+from .radar.weather.attenuation import attenuate_paths
+from .scene.actors.mesh import actor_from_mesh
+from .scene.actors.model import ActorModel, read_actor_model
+from .scene.document.staging import StagedActor
+from .signal.angle import range_doppler_angle
+from .signal.converter import quantize
+from .signal.detection import detect
+from .signal.processing import range_doppler, virtual_cube
+from .simulation import observe, simulate
+
+__all__ = [
+    "Accuracy",
+    "ChannelPlan",
+    "Mount",
+    "RadarSettings",
+    "RaycastSettings",
+    "SbrChannelSettings",
+    "ScattererSettings",
+    "Share",
+    "SionnaSettings",
+    "plan_channel",
+    "ActorModel",
+    "Atmosphere",
+    "BrownConrady",
+    "CameraSpec",
+    "Frame",
+    "HeterodyneReceiver",
+    "ImageFrame",
+    "ImageSensor",
+    "KannalaBrandt",
+    "LidarScan",
+    "LidarSpec",
+    "Lighting",
+    "Pinhole",
+    "Pose",
+    "RadarFrame",
+    "RadarPaths",
+    "RadarSpec",
+    "RasterScan",
+    "Rig",
+    "RisleyScan",
+    "ScarlError",
+    "ScarlReceiver",
+    "ScarlWarning",
+    "ScattererModel",
+    "SpinningScan",
+    "StagedActor",
+    "TableScan",
+    "Twist",
+    "Weather",
+    "World",
+    "WorldState",
+    "actor_from_mesh",
+    "attenuate_paths",
+    "compile_scatterers",
+    "detect",
+    "label_cells",
+    "label_paths",
+    "label_points",
+    "load_scene",
+    "observe",
+    "open_dataset",
+    "point_targets",
+    "quantize",
+    "range_doppler",
+    "range_doppler_angle",
+    "rcs",
+    "read_actor_model",
+    "retraced",
+    "simulate",
+    "solve_paths",
+    "stage",
+    "synthesize",
+    "synthesize_blocks",
+    "virtual_cube",
+]
+
+__version__: str

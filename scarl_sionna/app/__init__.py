@@ -1,0 +1,1 @@
+"""Small applications on top of all packages: the demo and the preview of a scenario."""

@@ -1,0 +1,162 @@
+"""Shards on several processes: workers of this machine, or those of any Dask scheduler."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+import warnings
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from scarl_sionna.core.errors import ExportError, OutputError, ScarlError, ScarlWarning
+from scarl_sionna.core.packages import require
+from scarl_sionna.dataset.store.manifest import MANIFEST
+
+from .job import OnEvent, ShardJob, ShardReport, make_shard
+
+TOPIC = "scarl-export"
+CONNECT_SECONDS = 10.0
+_AHEAD, _LEAST_AHEAD = 3, 256  # shards that are handed out at once: for each worker, and in all
+_KEPT = "finished frames are kept; the same command goes on from there"
+
+
+def run_on_cluster(
+    jobs: list[ShardJob], workers: int, scheduler: str | None, on_event: OnEvent
+) -> Iterator[ShardReport]:
+    """Yield the report of each shard as it is finished.
+
+    Parameters
+    ----------
+    jobs : list of ShardJob
+    workers : int
+        Processes to start on this machine, one thread each, if there is no `scheduler`. They share its cores.
+    scheduler : str, optional
+        Address of a Dask scheduler.
+    on_event : callable
+        Called for each frame.
+
+    Raises
+    ------
+    ExportError
+        If the scheduler is not there or goes away, or a worker dies on the same shard again and again.
+    ScarlError
+        Of the shard that failed.
+    """
+    distributed = require("distributed", "dask")
+    with ExitStack() as stack:
+        if scheduler is None:
+            count = min(workers, len(jobs))
+            client = stack.enter_context(_local_client(distributed, count))
+            threads: int | None = max(len(os.sched_getaffinity(0)) // count, 1)
+        else:
+            client = stack.enter_context(_remote_client(distributed, scheduler))
+            threads = None
+        client.subscribe_topic(TOPIC, lambda event: on_event("frame", event[1]))
+        yield from _reports(distributed, client, jobs, threads)
+
+
+def _reports(distributed: Any, client: Any, jobs: list[ShardJob], threads: int | None) -> Iterator[ShardReport]:
+    waiting = list(reversed(jobs))
+
+    def hand_out(running: int) -> list[Any]:
+        """Submit shards until enough of them are on their way: not all, for a job carries its whole specification."""
+        most = max(_AHEAD * len(client.ncores()), _LEAST_AHEAD)
+        chosen = [waiting.pop() for _ in range(min(most - running, len(waiting)))]
+        return [client.submit(work, job, threads, key=f"shard-{job.name}-{id(client)}", pure=False) for job in chosen]
+
+    running = distributed.as_completed(hand_out(0))
+    try:
+        for future in running:
+            report: ShardReport = future.result()
+            for text in report.warnings:
+                warnings.warn(text, ScarlWarning, stacklevel=2)
+            yield report
+            for new in hand_out(running.count()):
+                running.add(new)
+    except ScarlError:
+        raise
+    except distributed.KilledWorker as error:
+        raise ExportError(
+            f"workers died again and again on {error.args[0] if error.args else 'a shard'} (memory?); {_KEPT}"
+        ) from error
+    except (
+        asyncio.CancelledError,
+        distributed.client.FutureCancelledError,
+        OSError,
+        distributed.comm.CommClosedError,
+    ) as error:
+        raise ExportError(f"the Dask scheduler was lost ({type(error).__name__}); {_KEPT}") from error
+
+
+def work(job: ShardJob, threads: int | None) -> ShardReport:
+    """Make a shard in a worker and tell the client of each frame."""
+    from scarl_sionna.engine.threads import limit_threads
+
+    if not (Path(job.root) / MANIFEST).exists():
+        raise OutputError(
+            f"this worker does not see the dataset {job.root}; give --out on a file system that all workers mount"
+        )
+    if threads is not None:
+        limit_threads(threads)
+    worker = require("distributed", "dask").get_worker()
+
+    def tell(kind: str, data: dict[str, Any]) -> None:
+        if kind == "frame":
+            worker.log_event(TOPIC, data)
+
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ScarlWarning)
+            report = make_shard(job, tell)
+    except ScarlError as error:
+        raise portable(error) from None
+    texts = dict.fromkeys(str(item.message) for item in caught if issubclass(item.category, ScarlWarning))
+    return replace(report, warnings=tuple(texts))
+
+
+def portable(error: ScarlError) -> ScarlError:
+    """Return an error that can be sent to another process: itself, or its text where it is made of more than that."""
+    if isinstance(error, OutputError | ExportError):
+        return error
+    return ExportError(f"{type(error).__name__}: {error}")
+
+
+def dask_setup(worker: Any) -> None:
+    """Let a worker of this machine ignore Ctrl-C, which a terminal sends to all processes: the one that started it stops it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _local_client(distributed: Any, count: int) -> Iterator[Any]:
+    """Start worker processes on this machine."""
+    import dask
+
+    settings = {
+        "distributed.worker.multiprocessing-method": "spawn",
+        "distributed.worker.preload": [__name__],  # calls `dask_setup`
+        "distributed.comm.timeouts.connect": "30s",
+    }
+    with dask.config.set(settings), distributed.LocalCluster(
+        n_workers=count, threads_per_worker=1, processes=True, memory_limit=None, dashboard_address=None,
+        silence_logs=logging.CRITICAL,
+    ) as cluster, distributed.Client(cluster) as client:  # fmt: skip
+        yield client
+
+
+@contextmanager
+def _remote_client(distributed: Any, address: str) -> Iterator[Any]:
+    """Connect to a scheduler; it and its workers stay when the export is done."""
+    try:
+        client = distributed.Client(address, timeout=CONNECT_SECONDS)
+    except (OSError, TimeoutError, asyncio.TimeoutError, ValueError) as error:
+        raise ExportError(
+            f"no Dask scheduler answers at {address} within {CONNECT_SECONDS:g} s ({type(error).__name__}); "
+            "start one with `dask scheduler`, or check the address"
+        ) from error
+    with client:
+        yield client

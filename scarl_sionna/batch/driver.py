@@ -1,0 +1,218 @@
+"""The export: from scenarios to a verified dataset folder."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError
+from scarl_sionna.dataset.encoding import StoreOptions
+from scarl_sionna.dataset.store.layout import LOG_FILE
+from scarl_sionna.dataset.store.writer import DatasetFolder
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+
+from .job import OnError, OnEvent, ShardJob, ShardReport, forget_worlds, ignore, make_shard, output_root
+from .plan import ExportPlan, plan_export, shards_of_part
+from .report import ExportReport
+from .stop import stoppable
+
+_log = logging.getLogger("scarl_sionna.batch")
+
+
+@dataclass(frozen=True)
+class ExportSettings:
+    """Where and how an export runs; only `options`, `licence` and `description` show in the dataset.
+
+    Attributes
+    ----------
+    workers : int
+        Processes on this machine; 0: in this process.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers see the folder under the same path.
+    part : (int, int), optional
+        (i, n): only every n-th shard, beginning with the i-th; several such runs may work on one folder.
+    on_error : {"raise", "record"}
+        What a failing frame does: stop the export, or be recorded and tried again on the next call.
+    options : StoreOptions
+    overwrite : bool
+        Remove the dataset that is there first; files that are not its own stay.
+    licence, description : str
+        For the dataset card.
+    """
+
+    workers: int = 0
+    scheduler: str | None = None
+    part: tuple[int, int] | None = None
+    on_error: OnError = "raise"
+    options: StoreOptions = field(default_factory=StoreOptions)
+    overwrite: bool = False
+    licence: str = "not stated"
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        if self.workers < 0:
+            raise ParameterRangeError("workers", self.workers, ">= 0")
+        if sum((self.workers > 0, self.scheduler is not None, self.part is not None)) > 1:
+            raise ParameterRangeError("workers, scheduler, part", "more than one of them", "one of them")
+        if self.overwrite and self.part is not None:
+            raise ParameterRangeError(
+                "overwrite", "with a part of the shards", "a run of the whole", "remove the folder first"
+            )
+
+
+def export(
+    scenarios: Iterable[ScenarioSpec],
+    out: str | Path,
+    settings: ExportSettings | None = None,
+    *,
+    on_event: OnEvent = ignore,
+) -> ExportReport:
+    """Make a dataset of scenarios, or what is missing of it.
+
+    The bytes do not depend on `workers`, `scheduler`, `part`, on the order of the scenarios, or on how often the export was
+    stopped.
+
+    Parameters
+    ----------
+    scenarios : iterable of ScenarioSpec
+        Their `scene_name` differ; all have the same rig.
+    out : path
+    settings : ExportSettings, optional
+        Default: one process, this one.
+    on_event : callable
+        Called with ``"plan"`` (frames, done), ``"stage"``, ``"frame"`` and ``"shard"`` and their data.
+
+    Returns
+    -------
+    ExportReport
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written, is in use, or holds frames of another configuration.
+    ExportError
+        If a frame fails (`on_error` "raise"), a worker dies again and again, or the scheduler is not there.
+    ScarlError
+        Of a scenario that is not possible, before anything is made.
+    ExportStopped
+        A `KeyboardInterrupt`: Ctrl-C or SIGTERM came; finished frames are kept, the one in work is dropped.
+    """
+    with stoppable():
+        return _export(scenarios, out, settings or ExportSettings(), on_event)
+
+
+def _export(
+    scenarios: Iterable[ScenarioSpec], out: str | Path, settings: ExportSettings, on_event: OnEvent
+) -> ExportReport:
+    started = perf_counter()
+    plan = plan_export(scenarios, settings.options, settings.licence, settings.description)
+    part = None if settings.part is None else f"{settings.part[0]}_of_{settings.part[1]}"
+    with DatasetFolder(out, plan.dataset, overwrite=settings.overwrite, part=part) as folder, _log_file(folder.root):
+        jobs, report = _jobs(plan, folder, settings)
+        on_event("plan", {"frames": report.num_frames, "done": report.num_kept, "shards": len(jobs)})
+        _log.info("%d frames, %d there, %d shards to make", report.num_frames, report.num_kept, len(jobs))
+        try:
+            for shard in run_jobs(jobs, settings, on_event):
+                report.add(shard)
+                on_event("shard", {"scene": shard.scene, "shard": shard.shard, "bytes": shard.num_bytes})
+                _log.info(
+                    "%s shard %d: %d made, %d kept, %d failed",
+                    shard.scene,
+                    shard.shard,
+                    shard.num_made,
+                    shard.num_kept,
+                    len(shard.failed),
+                )
+        except BaseException as error:
+            _log.error("stopped: %s: %s", type(error).__name__, error)
+            if isinstance(error, KeyboardInterrupt):
+                forget_worlds()
+            with suppress(ScarlError, OSError):
+                folder.finalize()
+            raise
+        folder.finalize()
+        report.wall_seconds = perf_counter() - started
+        _log.info("%s", report)
+    return report
+
+
+def run_jobs(jobs: list[ShardJob], settings: ExportSettings, on_event: OnEvent) -> Iterator[ShardReport]:
+    """Yield the report of each shard as it is finished."""
+    if not jobs:
+        return
+    if settings.workers == 0 and settings.scheduler is None:
+        for job in jobs:
+            yield make_shard(job, on_event)
+        return
+    from .cluster import run_on_cluster
+
+    yield from run_on_cluster(jobs, settings.workers, settings.scheduler, on_event)
+
+
+def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> tuple[list[ShardJob], ExportReport]:
+    """Return the shards that are not finished, and a report that counts those that are."""
+    keys = [
+        (name, shard)
+        for name, scenario in sorted(plan.scenarios.items())
+        for shard in range(-(-scenario.num_frames // settings.options.shard_frames))
+    ]
+    report = ExportReport(folder.root, 0)
+    jobs = []
+    root = output_root(folder.root)
+    for name, shard in shards_of_part(keys, settings.part):
+        scene = folder.plan.scene(name)
+        frames = scene.shard_range(shard, settings.options)
+        report.num_frames += len(frames)
+        if folder.is_finished(name, shard):
+            report.num_kept += len(frames)
+            report.num_bytes += folder.rows[name][shard][3]  # type: ignore[index]
+        else:
+            jobs.append(
+                ShardJob(
+                    root,
+                    plan.scenarios[name],
+                    plan.rig,
+                    scene,
+                    shard,
+                    settings.options,
+                    folder.plan.scene_hash(name),
+                    settings.on_error,
+                )
+            )
+    return jobs, report
+
+
+@contextmanager
+def _log_file(root: Path) -> Iterator[None]:
+    """Let the export's messages also go to a file in the dataset's folder."""
+    try:
+        handler: logging.Handler = logging.FileHandler(root / LOG_FILE, encoding="utf-8", delay=False)
+    except OSError as error:
+        raise OutputError(
+            f"cannot write {root / LOG_FILE}: {error.strerror}; choose a folder that you may write to"
+        ) from error
+    handler.setFormatter(logging.Formatter(f"%(asctime)s {os.getpid()} %(levelname)s %(message)s"))
+    handler.handleError = lambda record: None  # type: ignore[method-assign]  # a full disk stops the export, not its log
+    level = _log.level
+    _log.addHandler(handler)
+    _log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        _log.removeHandler(handler)
+        _log.setLevel(level)
+        with suppress(OSError):
+            handler.close()
+
+
+def describe(settings: ExportSettings) -> dict[str, Any]:
+    """Return where an export runs, in words."""
+    if settings.scheduler:
+        return {"where": f"Dask workers of {settings.scheduler}"}
+    return {"where": f"{settings.workers} processes" if settings.workers else "this process"}

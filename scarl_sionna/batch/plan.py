@@ -1,0 +1,152 @@
+"""What an export is to make: scenarios with names, their content as plain data, and the plan of the dataset."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.dataset.encoding import StoreOptions, foreign_fields
+from scarl_sionna.dataset.schema import RESULT_TYPES, check_schema
+from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan, differences
+from scarl_sionna.fusion.rig import Rig
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from scarl_sionna.simulation import resolve_rig
+
+if TYPE_CHECKING:
+    from scarl_sionna.scene.document.model import SceneDocument
+
+PROVENANCE_PACKAGES = ("scarl-sionna", "sionna-rt", "mitsuba", "drjit", "numpy")
+"""Packages whose version can change a frame's bytes."""
+
+
+@dataclass(frozen=True)
+class ExportPlan:
+    """Scenarios by the name of their scene in the dataset, the rig, and the plan of the dataset."""
+
+    scenarios: dict[str, ScenarioSpec]
+    rig: Rig
+    dataset: DatasetPlan
+
+    @property
+    def num_frames(self) -> int:
+        """Frames of all scenarios."""
+        return sum(scenario.num_frames for scenario in self.scenarios.values())
+
+
+def plan_export(
+    scenarios: Iterable[ScenarioSpec], options: StoreOptions, licence: str = "not stated", description: str = ""
+) -> ExportPlan:
+    """Return the plan of an export; nothing is simulated and nothing written.
+
+    Raises
+    ------
+    ParameterRangeError
+        If two scenarios have the same name, the rigs differ, or a sensor kind cannot be stored.
+    UnknownNameError, SceneError
+        If a rig is unknown, or files of a scene or rig are missing.
+    ScenarioError
+        If a scenario cannot be; see `scene_configuration`.
+    """
+    check_schema()
+    named: dict[str, ScenarioSpec] = {}
+    for scenario in scenarios:
+        name = scenario.scene_name
+        if name in named:
+            raise ParameterRangeError(
+                "scenarios", f"two of the name '{name}'", "one name each", "give one of them another `name`"
+            )
+        named[name] = scenario
+    if not named:
+        raise ParameterRangeError("scenarios", "none", "at least one")
+    rig = _common_rig(named)
+    for mount in rig.sensors:
+        check_storable(mount.name, mount.kind)
+    software = {"python": platform.python_version(), **{name: _version(name) for name in PROVENANCE_PACKAGES}}
+    named = {name: scenario.resolved() for name, scenario in named.items()}
+    scenes = tuple(
+        ScenePlan(name, scenario.num_frames, scene_configuration(scenario), scenario.split)
+        for name, scenario in named.items()
+    )
+    return ExportPlan(named, rig, DatasetPlan(rig.to_dict(), scenes, options, software, licence, description))
+
+
+def scene_configuration(scenario: ScenarioSpec) -> dict[str, Any]:
+    """Return all that decides the frames of a scenario but the rig, as plain data: without paths and without their number.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario cannot be: an unknown name, a motion that ends too early, bodies that overlap.
+    """
+    from scarl_sionna.scenario.compose import compose
+    from scarl_sionna.scenario.fingerprint import fingerprint
+
+    composition = compose(scenario)
+    return {
+        "scene": Path(scenario.scene).stem,
+        "scene_files": _checksum(composition.scene),
+        "start_time": scenario.start_time,
+        "frame_rate": scenario.frame_rate,
+        "seed": scenario.seed,
+        **fingerprint(composition),
+    }
+
+
+def _checksum(document: SceneDocument) -> str:
+    """Return the SHA-256 of a scene's files: XML, ``scene.toml``, those of its actors' models, and every file that the XML names."""
+    path = document.path
+    named = {Path(item.get("value", "")) for item in document.root.iter("string") if item.get("name") == "filename"}
+    files = {path, path.parent / "scene.toml", *document.files, *named}
+    digests = sorted(hashlib.sha256(file.read_bytes()).digest() for file in files if file.is_file())
+    return hashlib.sha256(b"".join(digests)).hexdigest()
+
+
+def check_storable(name: str, kind: str) -> None:
+    """Raise if the dataset does not know what a sensor kind gives.
+
+    Raises
+    ------
+    ParameterRangeError
+        If it is neither built in nor declares what is to be stored.
+    """
+    if kind not in RESULT_TYPES.values() and foreign_fields(kind) is None:
+        raise ParameterRangeError(
+            f"sensor '{name}'", f"of kind '{kind}'", ", ".join(sorted(RESULT_TYPES.values())),
+            "declare `stored_fields` and `result_type` on its class (docs/dataset.md)",
+        )  # fmt: skip
+
+
+def shards_of_part(keys: Sequence[tuple[str, int]], part: tuple[int, int] | None) -> list[tuple[str, int]]:
+    """Return the shards of part i of n: every n-th, beginning with the i-th; all for None."""
+    if part is None:
+        return list(keys)
+    index, count = part
+    if not 0 <= index < count:
+        raise ParameterRangeError("shard", f"{index}/{count}", "i/n with 0 <= i < n")
+    return [key for position, key in enumerate(keys) if position % count == index]
+
+
+def _common_rig(scenarios: dict[str, ScenarioSpec]) -> Rig:
+    (first, scenario), *others = scenarios.items()
+    rig = resolve_rig(scenario)
+    for name, other in others:
+        found = differences(rig.to_dict(), resolve_rig(other).to_dict())
+        if found:
+            raise ParameterRangeError(
+                "scenarios", f"rigs of '{first}' and '{name}' differ ({'; '.join(found[:3])})", "one rig for a dataset",
+                "export them into two folders",
+            )  # fmt: skip
+    return rig
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

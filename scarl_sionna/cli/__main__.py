@@ -1,0 +1,5 @@
+"""``python -m scarl_sionna.cli``."""
+
+from . import app
+
+app()

@@ -1,0 +1,287 @@
+"""Commands of datasets: export, verify, preview."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
+
+from .common import EXIT_DAMAGED, EXIT_INCOMPLETE, EXIT_UNFINISHED, collected_warnings, reported
+from .options import ScenarioOptions, scenario_options
+
+if TYPE_CHECKING:
+    from scarl_sionna.batch import ExportReport, ExportSettings
+
+app = typer.Typer()
+_FILES = (".yaml", ".yml", ".json")
+
+
+@app.command()
+@scenario_options
+def export(
+    context: typer.Context,
+    chosen: ScenarioOptions,
+    scenarios: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SCENARIO...", help="Scenario files (.yaml, .json), names of ready scenarios or of scenes."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
+    workers: Annotated[int, typer.Option(min=0, help="Processes on this machine (0: in this process).")] = 0,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler, for instance tcp://host:8786.")
+    ] = None,
+    shard: Annotated[
+        str | None,
+        typer.Option(metavar="i/n", help="Only every n-th shard from the i-th (0-based) on, for jobs of an array."),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Measure one frame, show size and time, write nothing.")
+    ] = False,
+    on_error: Annotated[
+        str, typer.Option(metavar="record|raise", help="A frame that fails: go on without it, or stop.")
+    ] = "raise",
+    shard_frames: Annotated[int, typer.Option(min=1, max=1024, help="Frames in a shard, the unit of work.")] = 8,
+    radar_format: Annotated[
+        str, typer.Option(metavar="int16|complex64", help="I/Q codes with their scale, or the beat signal.")
+    ] = "int16",
+    licence: Annotated[str, typer.Option(help="For the dataset card.")] = "not stated",
+    description: Annotated[str, typer.Option(help="For the dataset card.")] = "",
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Remove the dataset in the folder first; files that are not its own stay.")
+    ] = False,
+) -> None:
+    """Make a dataset of scenarios, or what is missing of it. Options about scenarios hold for each of them.
+
+    However it was stopped, the same command goes on where it was; the bytes do not depend on the number of workers.
+    """
+    with reported(context, f"go on with the same command; finished frames are kept in {out}"):
+        specs = [chosen.apply(load_scenario(text)) for text in scenarios]
+        part = None if shard is None else _part(shard)
+        from scarl_sionna.batch import ExportSettings
+        from scarl_sionna.dataset.encoding import StoreOptions
+
+        options = StoreOptions(shard_frames, _choice("radar-format", radar_format, "int16", "complex64"))
+        settings = ExportSettings(
+            workers,
+            scheduler,
+            part,
+            _choice("on-error", on_error, "record", "raise"),
+            options,
+            overwrite,
+            licence,
+            description,
+        )
+        if dry_run:
+            from scarl_sionna.batch.estimate import estimate
+            from scarl_sionna.batch.plan import plan_export
+
+            with collected_warnings():
+                typer.echo(str(estimate(plan_export(specs, options), out, settings)))
+            return
+        report = _export(specs, out, settings)
+        typer.echo(str(report))
+        if report.failed:
+            raise typer.Exit(EXIT_INCOMPLETE)
+
+
+@app.command()
+def verify(
+    context: typer.Context,
+    dataset: Annotated[Path, typer.Argument(help="Folder of the dataset.")],
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Remove damaged shards, so that the next export makes them again.")
+    ] = False,
+) -> None:
+    """Check every checksum, count and cross-reference of a dataset.
+
+    Exit code 0: whole and complete; 1: damaged; 2: no dataset; 3: whole, not complete.
+    """
+    with reported(context, "not all was checked"):
+        from scarl_sionna.dataset.verify import describe
+        from scarl_sionna.dataset.verify import verify as check
+
+        columns = (TextColumn("shards"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
+        with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
+            task = progress.add_task("verify", total=None)
+            found = check(
+                dataset, repair=repair, on_shard=lambda done, total: progress.update(task, completed=done, total=total)
+            )
+        typer.echo(describe(found))
+        if not found.complete:
+            raise typer.Exit(EXIT_UNFINISHED if found.ok else EXIT_DAMAGED)
+
+
+@app.command()
+@scenario_options
+def preview(
+    context: typer.Context,
+    chosen: ScenarioOptions,
+    target: Annotated[
+        str, typer.Argument(help="Folder or address of a dataset; or a scenario: file, ready scenario, or scene name.")
+    ],
+    frame: Annotated[int, typer.Option(help="Dataset: position of the frame; negative: from the end.")] = 0,
+    suite: Annotated[
+        str | None, typer.Option(help="Dataset: group of sensors (default: front_center, or the first).")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="File to write (default: preview.png of a dataset, <name>.gif of a scenario; or .mp4)."),
+    ] = None,
+    strip: Annotated[bool, typer.Option(help="Scenario: render the ego vehicle's view five times, too.")] = True,
+) -> None:
+    """Draw a dataset's frame as a contact sheet, or a scenario from above as an animation with a strip of renders."""
+    with reported(context, "nothing was written"):
+        if not _is_scenario(target):
+            if chosen.says_anything:
+                raise ParameterRangeError(
+                    "options about scenarios", target, "a scenario or a scene", "a dataset is shown as it is"
+                )
+            if "://" not in target and not Path(target).exists():
+                raise UnknownNameError(
+                    "scenario or scene", target, _ready(), "or give a scenario file, or the folder of a dataset"
+                )
+            from scarl_sionna.app.demo import write_sheet
+
+            typer.echo(f"contact sheet: {write_sheet(target, frame, out or Path('preview.png'), suite)}")
+            return
+        from scarl_sionna.app.preview import write_preview
+
+        scenario = load_scenario(target)
+        if Path(target).suffix not in _FILES and target not in scenario_names():
+            scenario = scenario.with_(duration=8.0)  # a scene's own drive
+        scenario = chosen.apply(scenario)
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True)) as progress:
+            tasks: dict[str, Any] = {}
+
+            def on_progress(stage: str, done: int, total: int) -> None:
+                if stage not in tasks:
+                    tasks[stage] = progress.add_task(stage, total=total)
+                progress.update(tasks[stage], completed=done, total=total)
+
+            made = write_preview(
+                scenario,
+                out or Path(f"{scenario.scene_name}.gif"),
+                frame_rate=chosen.fields["frame_rate"],
+                strip=strip,
+                on_progress=on_progress,
+            )
+        typer.echo(f"animation: {made.animation} ({made.num_frames} pictures)")
+        if made.strip is not None:
+            typer.echo(f"renders: {made.strip}")
+
+
+def _is_scenario(target: str) -> bool:
+    """Return whether a text names a scenario or a scene, and no dataset."""
+    path = Path(target)
+    return path.suffix in (*_FILES, ".xml") or (not path.is_dir() and target in _ready())
+
+
+def _ready() -> tuple[str, ...]:
+    """Return the names of ready scenarios and of scenes."""
+    from scenes_xml import scene_names
+
+    return (*scenario_names(), *scene_names())
+
+
+def show_dataset(place: str) -> str:
+    """Return what a dataset holds, for people."""
+    from scarl_sionna.dataset.readers.reader import open_dataset
+
+    dataset = open_dataset(place)
+    manifest = dataset.manifest
+    rows = [row for items in manifest["shards"].values() for row in items if row]
+    lines = [
+        repr(dataset).strip("<>"),
+        f"schema version {manifest['schema_version']}, configuration {manifest['configuration_hash'][:16]}, "
+        f"{sum(row[3] for row in rows) / 1e6:.1f} MB, licence: {manifest['licence']}",
+    ]
+    lines += [
+        f"  scene {name}: {len(dataset.scene(name))} of {item['num_frames']} frames, {item['split']}"
+        for name, item in manifest["scenes"].items()
+    ]
+    lines += [f"  sensor {name}: {kind}" for name, kind in dataset.sensors.items()]
+    return "\n".join(lines)
+
+
+def load_scenario(text: str) -> ScenarioSpec:
+    """Return the scenario of a file, named after it, a ready one, or that of a scene's name."""
+    path = Path(text)
+    if path.suffix in _FILES or text in scenario_names():
+        scenario = named_scenario(text)
+        if scenario.name is None:
+            scenario = scenario.with_(name=re.sub(r"[^A-Za-z0-9_\-]", "_", path.stem))
+    else:
+        scenario = ScenarioSpec(scene=text)
+    return scenario
+
+
+def named_scenario(text: str) -> ScenarioSpec:
+    """Return the scenario of a file, or a ready one by its name."""
+    return ScenarioSpec.load(text) if Path(text).suffix in _FILES else ScenarioSpec.preset(text)
+
+
+def _part(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d+)/(\d+)", text)
+    if not match or int(match[1]) >= int(match[2]):
+        raise ParameterRangeError("--shard", text, "i/n with 0 <= i < n, for instance 0/4")
+    return int(match[1]), int(match[2])
+
+
+def _choice(name: str, value: str, *allowed: str) -> Any:
+    if value not in allowed:
+        raise ParameterRangeError(f"--{name}", value, " or ".join(allowed))
+    return value
+
+
+def _export(scenarios: list[ScenarioSpec], out: Path, settings: ExportSettings) -> ExportReport:
+    """Run an export under a progress bar."""
+    columns = (
+        BarColumn(bar_width=12),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), speed_estimate_period=3600.0) as progress:
+        task = progress.add_task("starting", total=None, rate="")
+        from scarl_sionna.batch import export as run  # takes seconds: under the bar
+
+        show = _Display(progress, task)
+        with collected_warnings():
+            return run(scenarios, out, settings, on_event=show)
+
+
+class _Display:
+    """Shows the events of an export on a progress bar."""
+
+    def __init__(self, progress: Progress, task: Any) -> None:
+        self._progress, self._task = progress, task
+        self._done, self._first, self._bytes, self._failed = 0.0, 0, 0, 0
+
+    def __call__(self, kind: Literal["plan", "stage", "frame", "shard"] | str, data: dict[str, Any]) -> None:
+        """Take an event."""
+        if kind == "plan":
+            self._done = self._first = data["done"]
+            self._progress.reset(self._task, total=data["frames"], completed=data["done"], rate="", description="scene")
+        elif kind == "stage":
+            self._progress.update(self._task, completed=self._done + data["part"], description=data["stage"])
+        elif kind == "frame":
+            self._done += 1
+            self._bytes += data["bytes"]
+            self._failed += "failed" in data
+            elapsed = self._progress.tasks[0].elapsed or 1e-9
+            failed = f", {self._failed} failed" if self._failed else ""
+            rate = f"{(self._done - self._first) / elapsed:.2f} /s, {self._bytes / 1e6:.1f} MB{failed}"
+            self._progress.update(self._task, completed=self._done, rate=rate)

@@ -1,0 +1,117 @@
+"""Commands that show a dataset and write it in other formats: argument parsing, progress and messages only."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import yaml
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+
+from .common import collected_warnings, reported
+
+app = typer.Typer()
+
+_COMMON = ("data", "out", "overwrite", "on_progress")
+_SCENES = Annotated[
+    list[str] | None, typer.Option("--scene", help="Scene to take; several times for several (default: all).")
+]
+_FRAMES = Annotated[int | None, typer.Option(help="Take the first frames of each scene only.")]
+_OVERWRITE = Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier conversion wrote.")]
+
+
+@app.command()
+def convert(
+    context: typer.Context,
+    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")],
+    form: Annotated[
+        str,
+        typer.Argument(metavar="FORMAT", help="nuscenes, tfrecord, hdf5, mcap, dca1000 or rerun.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Argument(help="Folder or file to write.", show_default=False)],
+    scene: _SCENES = None,
+    frames: _FRAMES = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Option of the format as name=value, for instance keyframe_every=5; several times for several."
+        ),
+    ] = None,
+    overwrite: _OVERWRITE = False,
+) -> None:
+    """Write a dataset in a format that other tools read."""
+    with reported(context, "nothing was written"), collected_warnings():
+        from scarl_sionna.dataset.formats import FORMATS, as_source
+        from scarl_sionna.dataset.formats import convert as run
+
+        if form not in FORMATS:
+            raise UnknownNameError("format", form, FORMATS)
+        chosen = FORMATS[form]
+        module = import_module(f"scarl_sionna.dataset.formats.{chosen.module}")
+        options = _options(option or [], getattr(module, chosen.function))
+        data = as_source(source).subset(scene or (), frames)
+        with _progress() as report:
+            written = run(data, form, out, overwrite=overwrite, on_progress=report, **options)
+        typer.echo(f"{data.num_frames} frames written to {written}")
+
+
+@app.command()
+def view(
+    context: typer.Context,
+    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")],
+    save: Annotated[Path | None, typer.Option(help="Write an .rrd file instead of opening the viewer.")] = None,
+    scene: _SCENES = None,
+    frames: _FRAMES = None,
+    overwrite: _OVERWRITE = False,
+) -> None:
+    """Show a dataset in the Rerun viewer: images, lidar, radar points and maps, boxes, over time."""
+    with (
+        reported(context, "the viewer keeps what it has" if save is None else "nothing was written"),
+        collected_warnings(),
+    ):
+        from scarl_sionna.dataset.formats import as_source
+        from scarl_sionna.dataset.formats.rerun import export_rerun, view_rerun
+
+        data = as_source(source).subset(scene or (), frames)
+        with _progress() as report:
+            if save is None:
+                view_rerun(data, on_progress=report)
+            else:
+                export_rerun(data, save, overwrite=overwrite, on_progress=report)
+        typer.echo(f"{data.num_frames} frames " + ("shown" if save is None else f"written to {save}"))
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    """Yield a function that moves a progress bar."""
+    columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
+    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
+        task = progress.add_task("convert", total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def _options(given: list[str], function: Callable[..., Any]) -> dict[str, Any]:
+    """Return name=value options of an exporter, values read as YAML."""
+    known = [name for name in inspect.signature(function).parameters if name not in _COMMON]
+    out = {}
+    for text in given:
+        name, sign, value = text.partition("=")
+        if not sign:
+            raise ParameterRangeError("--option", repr(text), "name=value", f"names: {', '.join(known)}")
+        if name not in known:
+            raise UnknownNameError("option of this format", name, known)
+        try:
+            out[name] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise ParameterRangeError(
+                f"--option {name}", repr(value), "a number, true, false, a text or a list"
+            ) from error
+    return out

@@ -1,0 +1,1 @@
+"""Specifications of sensors, light and weather as plain frozen data."""

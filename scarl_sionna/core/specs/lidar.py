@@ -1,0 +1,196 @@
+"""What a scanning coherent lidar is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import Field, model_validator
+
+from scarl_sionna.core.errors import UnknownNameError
+from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+
+from .atmosphere import Atmosphere
+from .lidar_pattern import RasterScan, ScanPattern, SpinningScan
+from .lidar_receiver import HeterodyneReceiver, LidarReceiver, ScarlReceiver
+
+MAX_RAW_BYTES = 1 << 29
+"""Largest raw beat signal of one scan [bytes]."""
+
+
+class LidarSpec(Spec):
+    """A scanning coherent (FMCW) lidar.
+
+    Parameters of a raster scan and of SCaRL's receiver may also be given directly: ``LidarSpec(num_azimuth=300)`` is
+    ``LidarSpec(scan=RasterScan(num_azimuth=300))``.
+
+    The defaults are an ideal lidar with a flash of all shots, one thin ray a shot, as in SCaRL; noise, scan motion, beam footprint,
+    several returns and weather are added by the fields that name them.
+    """
+
+    scan: ScanPattern = RasterScan()
+    receiver: LidarReceiver = ScarlReceiver()
+    wavelength: float = Field(1550e-9, ge=400e-9, le=2000e-9, description="optical wavelength [m]")
+    max_distance: float = Field(200.0, gt=0.0, le=1e4, description="no return beyond [m]")
+    atmospheric_attenuation: float = Field(
+        4e-4, ge=0.0, description="one-way power extinction coefficient of clear air [1/m]; a visibility replaces it"
+    )
+    atmosphere: Atmosphere = Field(Atmosphere(), description="fog and rain")
+    transmit_power: float = Field(0.1, gt=0.0, description="optical, of one beam while it chirps [W]")
+    aperture_diameter: float = Field(10e-3, gt=0.0, description="of the beam at the lens, to 1/e2 of the intensity [m]")
+    beam_divergence: float | None = Field(
+        None, gt=0.0, lt=0.2, description="full angle to 1/e2 of the intensity [rad]; None: the diffraction limit"
+    )
+    bandwidth: float = Field(1e9, gt=0.0, description="swept by each chirp [Hz]")
+    chirp_time: float = Field(5e-6, gt=0.0, description="duration of the up chirp, and of the down chirp [s]")
+    sub_rays: int = Field(1, ge=1, le=256, description="rays over the beam's footprint; 1: a thin ray")
+    max_surfaces: int = Field(1, ge=1, le=16, description="surfaces a ray may meet through glass; 1: the first only")
+    max_returns: int = Field(1, ge=1, le=16, description="the strongest returns of a shot that are kept")
+    deskew: bool = Field(
+        False, description="positions in the sensor's frame at the timestamp, not at the shot's own time"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_direct(cls, data: Any) -> Any:
+        """Move parameters of a raster and of SCaRL's receiver that were given directly to where they belong."""
+        if not isinstance(data, Mapping):
+            return data
+        data = dict(data)
+        for name, kind in (("scan", RasterScan), ("receiver", ScarlReceiver)):
+            direct = {key: data.pop(key) for key in kind.model_fields if key != "kind" and key in data}
+            if not direct:
+                continue
+            base = data.get(name, {"kind": kind.model_fields["kind"].default})
+            plain = base.model_dump() if isinstance(base, Spec) else dict(base)
+            if plain.get("kind") != kind.model_fields["kind"].default:
+                raise ValueError(
+                    f"{', '.join(direct)} inside of `{name}`: a {name} of kind '{plain.get('kind')}' is given"
+                )
+            data[name] = {**plain, **direct}
+        return data
+
+    @model_validator(mode="after")
+    def _check(self) -> LidarSpec:
+        if self.divergence < self.diffraction_limit * (1.0 - 1e-9):
+            raise ValueError(
+                f"beam_divergence of at least the diffraction limit of the aperture, {self.diffraction_limit:.3g} rad at "
+                f"{self.aperture_diameter * 1e3:g} mm, not {self.beam_divergence:.3g} rad"
+            )
+        receiver = self.receiver
+        if isinstance(receiver, HeterodyneReceiver):
+            if self.num_samples < 16:
+                raise ValueError(f"16 or more samples a chirp; chirp_time * sampling_frequency is {self.num_samples}")
+            if receiver.raw_signal and self.raw_bytes > MAX_RAW_BYTES:
+                raise ValueError(
+                    f"raw_signal of at most {MAX_RAW_BYTES >> 20} MiB; {self.num_shots} shots of 2 x {self.num_samples} samples "
+                    f"take {self.raw_bytes / 2**20:.0f} MiB; shoot at most {MAX_RAW_BYTES // (16 * self.num_samples)}"
+                )
+        return self
+
+    @classmethod
+    def preset(cls, name: str) -> LidarSpec:
+        """Return a named lidar.
+
+        ``"spinning_64"``: 64 beams from -24.33 to 2 deg that turn at 10 Hz, 1800 columns, with the beam table of a common
+        64-beam scanner (1/3 deg apart in the upper, 1/2 deg in the lower half). ``"fmcw_forward"``: 120 x 28 deg, eight beams
+        in parallel, 400 x 200 shots in 50 ms. Both receive by heterodyning, see glass and edges, and follow the motion.
+        """
+        presets = {"spinning_64": _spinning_64, "fmcw_forward": _fmcw_forward}
+        if name not in presets:
+            raise UnknownNameError("lidar preset", name, presets)
+        return presets[name]()
+
+    @property
+    def num_shots(self) -> int:
+        """Number of shots of a scan."""
+        return self.scan.num_shots
+
+    @property
+    def num_azimuth(self) -> int:
+        """Columns of the range view."""
+        return self.scan.grid_shape[1]
+
+    @property
+    def num_elevation(self) -> int:
+        """Rows of the range view."""
+        return self.scan.grid_shape[0]
+
+    @property
+    def view_deg(self) -> tuple[float, float, float, float]:
+        """Left, right, lower and upper limit of the field of view [deg]; azimuth is positive to the left."""
+        azimuth, elevation = self.scan.angles()
+        limits = azimuth.max(), azimuth.min(), elevation.min(), elevation.max()
+        left, right, bottom, top = (float(math.degrees(value)) for value in limits)
+        return left, right, bottom, top
+
+    @property
+    def diffraction_limit(self) -> float:
+        """Full divergence of a collimated Gaussian beam of this aperture [rad], to 1/e2: 4 wavelength / (pi diameter)."""
+        return 4.0 * self.wavelength / (math.pi * self.aperture_diameter)
+
+    @property
+    def divergence(self) -> float:
+        """Full divergence of the beam in the far field [rad], to 1/e2 of the intensity."""
+        return self.diffraction_limit if self.beam_divergence is None else self.beam_divergence
+
+    @property
+    def chirp_slope(self) -> float:
+        """Frequency slope of the up chirp [Hz/s]."""
+        return self.bandwidth / self.chirp_time
+
+    @property
+    def range_resolution(self) -> float:
+        """Distance of two returns that can be told apart [m]: c / (2 bandwidth)."""
+        return SPEED_OF_LIGHT / (2.0 * self.bandwidth)
+
+    @property
+    def velocity_resolution(self) -> float:
+        """Radial velocity that shifts the beat by one resolution cell [m/s]: wavelength / (2 chirp_time)."""
+        return self.wavelength / (2.0 * self.chirp_time)
+
+    @property
+    def num_samples(self) -> int:
+        """Complex samples of a chirp; 0 for a receiver without a signal."""
+        if isinstance(self.receiver, HeterodyneReceiver):
+            return round(self.receiver.sampling_frequency * self.chirp_time)
+        return 0
+
+    @property
+    def raw_bytes(self) -> int:
+        """Size of the raw beat signals of a scan [bytes]: two chirps a shot, complex64."""
+        return self.num_shots * 2 * self.num_samples * 8
+
+    @property
+    def extinction(self) -> float:
+        """One-way power extinction coefficient of air, fog and rain at the lidar's wavelength [1/m]."""
+        clear = self.atmospheric_attenuation if self.atmosphere.visibility is None else 0.0
+        return clear + self.atmosphere.weather_extinction(self.wavelength)
+
+
+def _spinning_64() -> LidarSpec:
+    upper = [2.0 - index / 3.0 for index in range(32)]
+    lower = [-8.83 - index * 15.5 / 31.0 for index in range(32)]
+    return LidarSpec(
+        scan=SpinningScan(elevation_deg=tuple(round(value, 4) for value in upper + lower)),
+        receiver=HeterodyneReceiver(),
+        sub_rays=5,
+        max_surfaces=4,
+        max_returns=2,
+    )
+
+
+def _fmcw_forward() -> LidarSpec:
+    scan = RasterScan(
+        elevation_fov_deg=(-18.0, 10.0),
+        num_azimuth=400,
+        num_elevation=200,
+        scan_time=0.05,
+        lines_at_once=8,
+        serpentine=True,
+    )
+    return LidarSpec(
+        scan=scan, receiver=HeterodyneReceiver(), max_distance=250.0, sub_rays=5, max_surfaces=4, max_returns=2
+    )

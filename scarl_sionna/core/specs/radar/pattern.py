@@ -1,0 +1,90 @@
+"""Antenna patterns as plain data: gain against azimuth and elevation in the radar frame."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, model_validator
+
+from scarl_sionna.core.spec import Spec
+
+Array = npt.NDArray[np.float64]
+
+
+class IsotropicPattern(Spec):
+    """The same gain in every direction."""
+
+    kind: Literal["isotropic"] = "isotropic"
+    gain_dbi: float = Field(0.0, description="[dBi]")
+
+    def gain_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
+        """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast."""
+        return np.full(np.broadcast(np.asarray(azimuth), np.asarray(elevation)).shape, self.gain_dbi)
+
+
+class CosinePattern(Spec):
+    """cos^n(azimuth) * cos^m(elevation) in power, with n and m from the half-power angles; nothing behind."""
+
+    kind: Literal["cosine"] = "cosine"
+    peak_gain_dbi: float = Field(10.0, description="[dBi]")
+    half_power_azimuth_deg: float = Field(45.0, gt=0.0, lt=90.0, description="-3 dB at +- this azimuth [deg]")
+    half_power_elevation_deg: float = Field(15.0, gt=0.0, lt=90.0, description="-3 dB at +- this elevation [deg]")
+
+    def gain_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
+        """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast; -400 dB behind."""
+        cosines = np.cos(azimuth), np.cos(elevation)
+        half = np.radians([self.half_power_azimuth_deg, self.half_power_elevation_deg])
+        exponents = np.log(0.5) / np.log(np.cos(half))
+        tiny = 1e-40
+        total = sum(n * 10.0 * np.log10(np.maximum(c, tiny)) for n, c in zip(exponents, cosines, strict=True))
+        return np.maximum(self.peak_gain_dbi + total, -400.0)
+
+
+class Tr38901Pattern(Spec):
+    """Element pattern of 3GPP TR 38.901, Table 7.3-1."""
+
+    kind: Literal["tr38901"] = "tr38901"
+    peak_gain_dbi: float = Field(8.0, description="[dBi]")
+
+    def gain_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
+        """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast."""
+        vertical = np.minimum(12.0 * (np.degrees(elevation) / 65.0) ** 2, 30.0)
+        horizontal = np.minimum(12.0 * (np.degrees(azimuth) / 65.0) ** 2, 30.0)
+        return self.peak_gain_dbi - np.minimum(vertical + horizontal, 30.0)
+
+
+class TablePattern(Spec):
+    """A measured pattern: two cuts, added in dB around the peak, linear between the entries.
+
+    Outside the table a cut keeps its last value.
+    """
+
+    kind: Literal["table"] = "table"
+    azimuth_deg: tuple[float, ...] = Field(min_length=2, description="rising [deg]")
+    azimuth_gain_dbi: tuple[float, ...] = Field(min_length=2, description="gain over azimuth at elevation 0 [dBi]")
+    elevation_deg: tuple[float, ...] = Field(min_length=2, description="rising [deg]")
+    elevation_gain_dbi: tuple[float, ...] = Field(min_length=2, description="gain over elevation at azimuth 0 [dBi]")
+
+    @model_validator(mode="after")
+    def _check(self) -> TablePattern:
+        for angle, gain in (("azimuth_deg", "azimuth_gain_dbi"), ("elevation_deg", "elevation_gain_dbi")):
+            angles = np.asarray(getattr(self, angle))
+            if len(angles) != len(getattr(self, gain)):
+                raise ValueError(f"{angle} and {gain} of the same length")
+            if np.any(np.diff(angles) <= 0):
+                raise ValueError(f"{angle} strictly rising")
+        return self
+
+    def gain_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
+        """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast."""
+        horizontal = np.interp(np.degrees(azimuth), self.azimuth_deg, self.azimuth_gain_dbi)
+        vertical = np.interp(np.degrees(elevation), self.elevation_deg, self.elevation_gain_dbi)
+        reference = np.interp(0.0, self.elevation_deg, self.elevation_gain_dbi)
+        return horizontal + vertical - reference
+
+
+AntennaPattern = Annotated[
+    IsotropicPattern | CosinePattern | Tr38901Pattern | TablePattern, Field(discriminator="kind")
+]

@@ -1,0 +1,1 @@
+"""What is computed from stored frames: boxes, lidar and radar points."""

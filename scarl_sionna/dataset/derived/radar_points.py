@@ -1,0 +1,75 @@
+"""Radar points of a stored frame: detections of its cube, with the vehicle's own motion taken out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.results import Frame, RadarFrame
+from scarl_sionna.signal.angle import range_doppler_angle
+from scarl_sionna.signal.detection import RadarPoints, detect
+from scarl_sionna.signal.processing import virtual_cube
+
+Array = npt.NDArray[np.float64]
+
+GUARD, TRAINING = 3, (6, 8)
+"""Half-widths of the detector's window in cells: left out, and averaged over Doppler and range; `detect`'s own."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensedPoints:
+    """Detections of one radar frame.
+
+    Attributes
+    ----------
+    points : RadarPoints
+    direction : ndarray of float64, shape (num_points, 3)
+        Unit vectors towards the points, radar frame.
+    compensated_velocity : ndarray of float64, shape (num_points,)
+        Radial velocity over ground: the sensor's own motion taken out, positive when opening [m/s].
+    """
+
+    points: RadarPoints
+    direction: Array
+    compensated_velocity: Array
+
+
+def radar_points(radar: RadarFrame, pfa: float = 1e-6) -> RadarPoints:
+    """Return the detections of a radar frame; a map smaller than the detector's window gets a smaller window."""
+    rda = range_doppler_angle(virtual_cube(radar.adc, radar.spec), radar.spec)
+    windows = [_window(bins, cells) for bins, cells in zip(rda.data.shape[:2], TRAINING, strict=True)]
+    guard, training = zip(*windows, strict=True)
+    return detect(rda, radar.spec, pfa=pfa, guard=guard, training=training)
+
+
+def _window(num_bins: int, training: int) -> tuple[int, int]:
+    """Return guard and training cells on each side that fit into an axis; fewer than 3 bins are left to the detector."""
+    guard = GUARD
+    while 2 * (guard + training) + 1 > num_bins and (training > 1 or guard > 0):
+        training, guard = (training - 1, guard) if training > 1 else (training, guard - 1)
+    return guard, training
+
+
+def sensor_velocity(frame: Frame, world_from_sensor: Pose) -> Array:
+    """Return a sensor's velocity over ground in its own axes [m/s], shape (3,)."""
+    lever = world_from_sensor.position - frame.world_from_vehicle.position
+    twist: Twist = frame.vehicle_twist
+    return world_from_sensor.inverse().rotate(twist.velocity_at(lever))
+
+
+def sensed_points(frame: Frame, radar: RadarFrame, pfa: float = 1e-6) -> SensedPoints:
+    """Return the detections of a radar of a frame, with radial velocities over ground.
+
+    The compensated velocity is folded to the radar's unambiguous interval about 0: what stands still is near 0 also where the
+    vehicle is faster than that interval.
+    """
+    points = radar_points(radar, pfa)
+    direction = points.position / np.maximum(points.range, 1e-9)[:, None]
+    own = direction @ sensor_velocity(frame, radar.world_from_sensor)
+    interval = 2.0 * radar.spec.unambiguous_velocity
+    over_ground = points.radial_velocity + own
+    over_ground -= interval * np.rint(over_ground / interval)
+    return SensedPoints(points, direction, over_ground)

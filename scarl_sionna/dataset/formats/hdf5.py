@@ -1,0 +1,288 @@
+"""Writes frames as one HDF5 file: every field of the schema as an array over the frames of a scene."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import DatasetError, ParameterRangeError
+from scarl_sionna.core.packages import require
+from scarl_sionna.core.results import Frame, ObjectState
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.dataset import schema
+from scarl_sionna.dataset.codec import plain
+from scarl_sionna.dataset.readers.samples import kind_of
+from scarl_sionna.dataset.schema import Field
+
+from .output import whole_output_file
+from .source import FrameSource, OnProgress, as_source, no_progress
+
+FORMAT, FORMAT_VERSION = "scarl-hdf5", 1
+_RAGGED_AXES = (schema.POINT, schema.OBJECT)
+_COUNTS = ("num_points", "num_objects")
+
+
+def export_hdf5(
+    data: Any,
+    out: str | Path,
+    *,
+    compression: Literal["gzip", "lzf"] | None = "gzip",
+    overwrite: bool = False,
+    on_progress: OnProgress = no_progress,
+) -> Path:
+    """Write frames as one HDF5 file.
+
+    Parameters
+    ----------
+    data : FrameSource, dataset or path
+        See `as_source`.
+    out : path
+        File to write.
+    compression : str, optional
+        ``"gzip"`` (level 1 after a byte shuffle, any HDF5 reads it), ``"lzf"`` (faster, h5py reads it) or None.
+    overwrite : bool
+    on_progress : callable
+
+    Returns
+    -------
+    Path
+        `out`: ``/scene/sensor/field`` with the frame as first axis. Fields of different length in each frame (lidar returns,
+        objects) are written one frame after the other, those of frame k are rows ``offsets[k]`` to ``offsets[k + 1]``.
+
+    Raises
+    ------
+    MissingPackageError
+        If h5py is not installed.
+    DatasetError
+        If a frame lacks a sensor or a field that the first frame of its scene has.
+    OutputError
+        If the file is there or cannot be written.
+    """
+    h5py = require("h5py", "hdf5")
+    if compression not in ("gzip", "lzf", None):
+        raise ParameterRangeError("compression", repr(compression), "'gzip', 'lzf' or None")
+    source = as_source(data)
+    done = 0
+    with whole_output_file(out, overwrite, is_ours) as partial, _Sink(partial) as sink:
+        with h5py.File(sink, "w") as file:
+            _describe(file, source)
+            for scene in source.scenes:
+                writer = _SceneWriter(h5py, file.create_group(scene.name), compression)
+                for frame in scene:
+                    writer.add(frame)
+                    file.flush()
+                    sink.check()
+                    done += 1
+                    on_progress(done, source.num_frames)
+                writer.finish()
+        sink.check()
+    return Path(out)
+
+
+def is_ours(path: Path) -> bool:
+    """Return whether a file is one that `export_hdf5` wrote."""
+    h5py = require("h5py", "hdf5")
+    try:
+        with h5py.File(path, "r") as file:
+            return bool(file.attrs.get("format") == FORMAT)
+    except OSError:
+        return False
+
+
+class _Sink:
+    """A file for the HDF5 library that keeps a failed write to itself until `check`.
+
+    The library cannot close a file whose last writes failed (full disk): it leaves it open and crashes at the end of the
+    process. So it is told that they worked, and the export ends with the first error after the frame.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.error: OSError | None = None
+
+    def __enter__(self) -> _Sink:
+        self.file = self.path.open("w+b", buffering=0)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.file.close()
+
+    def check(self) -> None:
+        """Raise the first error of a write."""
+        if self.error is not None:
+            raise self.error
+
+    def write(self, data: Any) -> int:
+        """Write all bytes."""
+        view = memoryview(data).cast("B")
+        done = 0
+        try:
+            while done < len(view):
+                done += self.file.write(view[done:]) or 0
+        except OSError as error:
+            self.error = self.error or error
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the length of the file."""
+        try:
+            return self.file.truncate(size)
+        except OSError as error:
+            self.error = self.error or error
+            return size or 0
+
+    def readinto(self, buffer: Any) -> int:
+        """Read into a buffer."""
+        return self.file.readinto(buffer) or 0
+
+    def read(self, size: int = -1) -> bytes:
+        """Read bytes."""
+        return self.file.read(size) or b""
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Move to a place."""
+        return self.file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Return the place."""
+        return self.file.tell()
+
+    def flush(self) -> None:
+        """Do nothing: there is no buffer."""
+
+
+def _describe(file: Any, source: FrameSource) -> None:
+    file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
+    file.attrs["schema_version"] = schema.SCHEMA_VERSION
+    file.attrs["rig"] = json.dumps(plain(source.rig))
+    file.attrs["semantic_classes"] = list(SEMANTIC_CLASSES)
+
+
+class _SceneWriter:
+    """Appends frames to the arrays of one scene."""
+
+    def __init__(self, h5py: Any, group: Any, compression: str | None) -> None:
+        self.h5py, self.group, self.compression = h5py, group, compression
+        self.length = 0
+        self.fields: set[str] | None = None
+
+    def add(self, frame: Frame) -> None:
+        """Append a frame to all arrays."""
+        rows = dict(_frame_rows(frame))
+        if self.fields is None:
+            self.fields = set(rows)
+        if set(rows) != self.fields:
+            missing, new = sorted(self.fields - set(rows)), sorted(set(rows) - self.fields)
+            what = f"lacks {missing[0]}" if missing else f"has {new[0]}, which the first frame lacks"
+            raise DatasetError(
+                f"frame {frame.index} of {self.group.name.strip('/')} {what}", None, "convert a part of the rig"
+            )
+        for path, (item, value) in rows.items():
+            self._append(path, item, value)
+        self.length += 1
+
+    def finish(self) -> None:
+        """Attach the time of the frames to every array's first axis."""
+        if not self.length:
+            return
+        time = self.group.create_dataset("time", data=self.group["timestamp_ns"][:] * 1e-9)
+        time.attrs["units"] = "s"
+        time.make_scale("frame")
+        for path in self.fields or ():
+            array = self.group[path]
+            if array.shape[0] == self.length and not _is_ragged_path(path, self.group):
+                array.dims[0].label = "frame"
+                array.dims[0].attach_scale(time)
+
+    def _append(self, path: str, item: Field, value: npt.NDArray[Any]) -> None:
+        ragged = bool(item.axes) and item.axes[0] in _RAGGED_AXES
+        if path not in self.group:
+            self._create(path, item, value, ragged)
+        array = self.group[path]
+        start, count = array.shape[0], len(value) if ragged else 1
+        array.resize(start + count, axis=0)
+        array[start:] = value if ragged else value[None]
+        if ragged:
+            self._offset(path.rpartition("/")[0], start + count)
+
+    def _offset(self, folder: str, end: int) -> None:
+        offsets = self.group[f"{folder}/offsets"]
+        if len(offsets) == self.length + 1:
+            offsets.resize(self.length + 2, axis=0)
+            offsets[-1] = end
+
+    def _create(self, path: str, item: Field, value: npt.NDArray[Any], ragged: bool) -> None:
+        shape = value.shape[1:] if ragged else value.shape
+        chunk = (4096 if ragged else 1, *shape)
+        is_text = value.dtype.kind in "OU"
+        pack = self.compression if value.nbytes > 1024 and not is_text else None
+        options = {"compression_opts": 1} if pack == "gzip" else {}
+        array = self.group.create_dataset(
+            path, (0, *shape), self.h5py.string_dtype() if is_text else value.dtype, maxshape=(None, *shape), chunks=chunk,
+            compression=pack, shuffle=pack is not None, **options,
+        )  # fmt: skip
+        axes = item.axes if ragged else ("frame", *item.axes)
+        for dimension, name in zip(array.dims, axes, strict=False):
+            dimension.label = name
+        array.attrs.update(schema.attributes(item))
+        folder = path.rpartition("/")[0]
+        if ragged and f"{folder}/offsets" not in self.group:
+            offsets = self.group.create_dataset(f"{folder}/offsets", data=[0], maxshape=(None,), chunks=(1024,))
+            offsets.attrs["long_name"] = "rows of frame k: offsets[k] to offsets[k + 1]"
+
+
+def _is_ragged_path(path: str, group: Any) -> bool:
+    return f"{path.rpartition('/')[0]}/offsets" in group and path.rpartition("/")[2] != "world_from_sensor"
+
+
+def _frame_rows(frame: Frame) -> Iterable[tuple[str, tuple[Field, npt.NDArray[Any]]]]:
+    """Yield path, field and value of all that a frame holds."""
+    for item in schema.FRAME:
+        yield item.name, (item, _value(frame, item))
+    for item in schema.OBJECTS:
+        if item.name not in _COUNTS:
+            yield f"objects/{item.name}", (item, _object_column(frame.objects, item))
+    for name, result in frame.results.items():
+        kind = kind_of(result)
+        if not kind:
+            raise DatasetError(
+                f"sensor '{name}' is of a kind that HDF5 files do not hold", None, "convert a part of the rig"
+            )
+        for item in schema.TABLES[kind]:
+            if item.name in _COUNTS:
+                continue
+            value = _value(result, item)
+            if value.shape or value.dtype != object or value.item() is not None:
+                yield f"{name}/{item.name}", (item, value)
+
+
+def _value(holder: Any, item: Field) -> npt.NDArray[Any]:
+    """Return a field as an array; an object array of None where it was not made."""
+    value = getattr(holder, "adc_int" if item.name == "adc" else item.name)
+    if item.axes == schema.POSE_AXES:
+        return np.concatenate([value.position, value.quaternion])
+    if item.axes == schema.TWIST_AXES:
+        return np.concatenate([value.linear, value.angular])
+    if item.name == "diagnostics":
+        return np.array(json.dumps(plain({k: v for k, v in value.items() if k != "seconds"})), dtype=object)
+    return np.asarray(value)
+
+
+def _object_column(objects: tuple[ObjectState, ...], item: Field) -> npt.NDArray[Any]:
+    if item.name == "name":
+        return np.array([entry.name for entry in objects], dtype=object)
+    width = {"pose": 7, "twist": 6, "xyz": 3}.get(item.axes[-1])
+    rows = [_object_value(entry, item.name) for entry in objects]
+    return np.array(rows, dtype=item.dtype).reshape((-1, width) if width else (-1,))
+
+
+def _object_value(entry: ObjectState, name: str) -> Any:
+    value = getattr(entry, name)
+    if name == "world_from_box":
+        return [*value.position, *value.quaternion]
+    return [*value.linear, *value.angular] if name == "twist" else value

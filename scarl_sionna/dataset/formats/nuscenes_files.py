@@ -1,0 +1,211 @@
+"""Files of a nuScenes folder: lidar points with labels, radar points, and the map of the drivable surface."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import scipy.ndimage
+from PIL import Image
+
+from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
+from scarl_sionna.core.results import Frame, ImageFrame, LidarScan
+from scarl_sionna.core.semantics import semantic_id
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import power_to_db
+from scarl_sionna.dataset.derived.lidar_points import elevation_line, world_points
+from scarl_sionna.dataset.derived.radar_points import SensedPoints
+
+RADAR_FIELDS = (
+    ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("dyn_prop", "i1"), ("id", "<i2"), ("rcs", "<f4"), ("vx", "<f4"),
+    ("vy", "<f4"), ("vx_comp", "<f4"), ("vy_comp", "<f4"), ("is_quality_valid", "i1"), ("ambig_state", "i1"),
+    ("x_rms", "i1"), ("y_rms", "i1"), ("invalid_state", "i1"), ("pdh0", "i1"), ("vx_rms", "i1"), ("vy_rms", "i1"),
+)  # fmt: skip
+"""The 18 fields of a radar point."""
+MOVING, STATIONARY, ONCOMING, UNAMBIGUOUS, VALID, LEAST_FALSE = 0, 1, 2, 3, 0, 1
+
+LIDAR_FROM_VEHICLE_AXES = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""nuScenes' lidar has x right, y forward, z up."""
+
+MAP_RESOLUTION = 0.1
+MAP_MARGIN = 120.0
+"""Map beyond the ego poses [m]; drawings of the reader reach 57 m."""
+MAP_CLOSING = 1.0
+"""Gaps of the seen road narrower than this are closed [m]."""
+_MAP_REACH = 60.0
+_DRIVABLE = np.zeros(256, dtype=np.bool_)
+_DRIVABLE[[semantic_id("Roads"), semantic_id("RoadLine")]] = True
+
+
+def lidar_rows(
+    frame: Frame, scans: Sequence[LidarScan], world_from_lidar: Pose
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
+    """Return the returns of lidars of one instant as one cloud.
+
+    Returns
+    -------
+    points : ndarray of float32, shape (N, 5)
+        x, y, z [m], intensity 0 to 255 (reflectance of a diffuser times the cosine of incidence, with the loss in air),
+        index of the elevation line.
+    semantic : ndarray of uint8, shape (N,)
+    instance : ndarray of uint16, shape (N,)
+    """
+    lidar_from_world = world_from_lidar.inverse()
+    parts = []
+    for scan in scans:
+        place = lidar_from_world.apply(world_points(frame, scan))
+        strength = np.clip(255.0 * scan.intensity * scan.distance**2, 0.0, 255.0)
+        parts.append(np.column_stack([place, strength, elevation_line(scan)]))
+    return (
+        np.concatenate(parts).astype(np.float32),
+        np.concatenate([scan.semantic for scan in scans]),
+        np.concatenate([scan.instance for scan in scans]),
+    )
+
+
+def radar_file(sensed: SensedPoints, radar: RadarSpec) -> bytes:
+    """Return detections as a nuScenes radar file: x forward, y left; z is 0 where the array cannot tell elevation.
+
+    The file ends with one byte after the last point, which the reader asks for. Without detections it holds one point
+    of nan, which the reader takes for none.
+    """
+    points, count = sensed.points, sensed.points.num_points
+    rows = np.zeros(max(count, 1), dtype=list(RADAR_FIELDS))
+    if count:
+        for axis, name in enumerate("xyz"):
+            rows[name] = points.position[:, axis]
+        for axis, name in enumerate(("vx", "vy")):
+            rows[name] = points.radial_velocity * sensed.direction[:, axis]
+            rows[f"{name}_comp"] = sensed.compensated_velocity * sensed.direction[:, axis]
+        still = np.abs(sensed.compensated_velocity) < radar.velocity_resolution
+        rows["dyn_prop"] = np.where(still, STATIONARY, np.where(sensed.compensated_velocity > 0, MOVING, ONCOMING))
+        rows["id"] = np.arange(count) % 2**15
+        rows["rcs"] = power_to_db(points.rcs)
+        rows["is_quality_valid"], rows["ambig_state"] = 1, UNAMBIGUOUS
+        rows["invalid_state"], rows["pdh0"] = VALID, LEAST_FALSE
+        snr = 10.0 ** (points.snr_db / 10.0)
+        along = tone_deviation(snr) * radar.range_resolution
+        across = points.range * tone_deviation(snr) * 2.0 / radar.num_virtual
+        speed = tone_deviation(snr) * radar.velocity_resolution
+        for name, value in (("x_rms", along), ("y_rms", across), ("vx_rms", speed), ("vy_rms", speed)):
+            rows[name] = deviation_code(value)
+    else:
+        for name, kind in RADAR_FIELDS:
+            if kind == "<f4":
+                rows[name] = np.nan
+    letters = ["F" if kind == "<f4" else "I" for _, kind in RADAR_FIELDS]
+    header = (
+        "# .PCD v0.7 - Point Cloud Data file format\n"
+        "VERSION 0.7\n"
+        f"FIELDS {' '.join(name for name, _ in RADAR_FIELDS)}\n"
+        f"SIZE {' '.join(kind[-1] for _, kind in RADAR_FIELDS)}\n"
+        f"TYPE {' '.join(letters)}\n"
+        f"COUNT {' '.join('1' for _ in RADAR_FIELDS)}\n"
+        f"WIDTH {len(rows)}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(rows)}\nDATA binary\n"
+    )
+    return header.encode("ascii") + rows.tobytes() + b"\n"
+
+
+def tone_deviation(snr: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return the Cramer-Rao bound of a tone's frequency in bins, ``sqrt(6 / snr) / (2 pi)``, snr after integration.
+
+    References
+    ----------
+    .. [1] D. C. Rife, R. R. Boorstyn, "Single-tone parameter estimation", IEEE Trans. Inf. Theory 20(5), 1974.
+    """
+    return np.sqrt(6.0 / np.maximum(np.asarray(snr, dtype=np.float64), 1e-12)) / (2.0 * np.pi)
+
+
+def deviation_code(value: npt.ArrayLike) -> npt.NDArray[np.int8]:
+    """Return a standard deviation [m, m/s] as the sensor's logarithmic code: 0 below 0.005, 30 at 10, 31 above."""
+    steps = np.log(np.maximum(np.asarray(value, dtype=np.float64), 0.005) / 0.005) / np.log(10.0 / 0.005) * 30.0
+    return np.clip(np.ceil(steps - 1e-9), 0, 31).astype(np.int8)
+
+
+class DrivableMap:
+    """Cells of 0.1 m where any sensor of a scene saw road, gathered frame by frame."""
+
+    def __init__(self) -> None:
+        self._cells: list[npt.NDArray[np.int32]] = []
+        self._poses: list[npt.NDArray[np.float64]] = []
+
+    def add(self, frame: Frame) -> None:
+        """Gather the road that the lidars and the cameras with depth and classes of a frame see."""
+        self._poses.append(frame.world_from_vehicle.position)
+        for scan in frame.lidars.values():
+            self._add(world_points(frame, scan)[_DRIVABLE[scan.semantic]])
+        images = list(frame.images.values())
+        for depth in (image for image in images if image.depth is not None):
+            for labels in (image for image in images if image.semantic is not None):
+                if labels.semantic.shape == depth.depth.shape and _same_pose(labels, depth):  # type: ignore[union-attr]
+                    self._add(_road_points(depth, labels.semantic))  # type: ignore[arg-type]
+                    break
+
+    def origin(self) -> npt.NDArray[np.float64]:
+        """Return the world position (x, y, 0) that is the map's lower left corner [m], in whole metres."""
+        low = np.min(np.array(self._poses), axis=0) - MAP_MARGIN
+        return np.array([np.floor(low[0]), np.floor(low[1]), 0.0])
+
+    def save(self, path: Path) -> None:
+        """Write the map: 255 where road is, 0 elsewhere; x to the right, y upwards."""
+        origin = self.origin()[:2]
+        high = np.max(np.array(self._poses), axis=0)[:2] + MAP_MARGIN
+        width, height = np.ceil((high - origin) / MAP_RESOLUTION).astype(int)
+        mask = np.zeros((height, width), dtype=np.bool_)
+        for cells in self._cells:
+            column, row = (cells - np.rint(origin / MAP_RESOLUTION).astype(int)).T
+            inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+            mask[height - 1 - row[inside], column[inside]] = True
+        reach = max(1, round(MAP_CLOSING / MAP_RESOLUTION / 2))
+        padded = np.pad(mask, reach)
+        closed = scipy.ndimage.distance_transform_cdt(~padded, "chessboard") <= reach
+        closed = scipy.ndimage.distance_transform_cdt(closed, "chessboard") > reach
+        final = closed[reach:-reach, reach:-reach] | mask
+        Image.fromarray(final.astype(np.uint8) * 255).save(path)
+
+    def _add(self, points: npt.NDArray[np.float64]) -> None:
+        if len(points):
+            self._cells.append(np.unique(np.floor(points[:, :2] / MAP_RESOLUTION).astype(np.int32), axis=0))
+
+
+def _road_points(image: ImageFrame, semantic: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
+    """Return the road seen in a depth image within 60 m, shape (N, 3) [m, world]."""
+    assert image.depth is not None
+    line, column = np.nonzero(_DRIVABLE[semantic] & (image.depth < _MAP_REACH))
+    rays = image.spec.rays(np.stack([column + 0.5, line + 0.5], axis=-1))
+    optical = rays * (image.depth[line, column] / rays[:, 2])[:, None]
+    return image.world_from_sensor.apply(optical @ CAMERA_OPTICAL_FROM_SENSOR)
+
+
+def _same_pose(a: ImageFrame, b: ImageFrame) -> bool:
+    return bool(
+        np.array_equal(a.world_from_sensor.position, b.world_from_sensor.position)
+        and np.array_equal(a.world_from_sensor.quaternion, b.world_from_sensor.quaternion)
+        and np.array_equal(a.spec.intrinsics, b.spec.intrinsics)
+        and a.spec.lens == b.spec.lens
+    )
+
+
+def undistorted(image: ImageFrame) -> npt.NDArray[np.uint8]:
+    """Return the RGB image as a pinhole camera with the same matrix K would show it; black where the lens sees nothing."""
+    assert image.rgb is not None
+    spec = image.spec
+    if spec.lens.model == "pinhole":
+        return image.rgb
+    line, column = np.mgrid[: spec.height, : spec.width] + 0.5
+    (fx, _, cu), (_, fy, cv), _ = spec.intrinsics
+    pixel, _ = spec.project(np.stack([(column - cu) / fx, (line - cv) / fy, np.ones_like(line)], axis=-1))
+    place = np.nan_to_num(pixel[..., ::-1], nan=-10.0).transpose(2, 0, 1) - 0.5
+    planes = [scipy.ndimage.map_coordinates(image.rgb[..., band], place, order=1, mode="constant") for band in range(3)]
+    return np.stack(planes, axis=-1)
+
+
+def encode_image(pixels: npt.NDArray[np.uint8], kind: str) -> bytes:
+    """Return an image as ``"jpg"`` (quality 95, full colour resolution) or ``"png"``."""
+    buffer = io.BytesIO()
+    options = {"quality": 95, "subsampling": 0} if kind == "jpg" else {}
+    Image.fromarray(pixels).save(buffer, format={"jpg": "JPEG", "png": "PNG"}[kind], **options)
+    return buffer.getvalue()

@@ -1,0 +1,177 @@
+"""What an exporter reads: scenes of frames in time order, and the rig that made them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, overload
+
+from scarl_sionna.core.errors import DatasetError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.results import Frame
+
+OnProgress = Callable[[int, int], None]
+"""Called with the number of finished frames and of all frames."""
+
+
+def no_progress(done: int, total: int) -> None:
+    """Report nothing."""
+
+
+_SCENE_NAME = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_\-.]*")
+
+
+class Frames(Protocol):
+    """Frames by index, read when they are asked for."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Frame: ...
+
+
+@dataclass(frozen=True)
+class SceneFrames:
+    """One drive: a name and its frames in time order."""
+
+    name: str
+    frames: Frames
+
+    def __post_init__(self) -> None:
+        if not _SCENE_NAME.fullmatch(self.name):
+            raise ParameterRangeError("scene name", repr(self.name), "letters, digits, '_', '-', '.', not first '.'")
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.frames)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Frames, one after the other; none is kept."""
+        return (self.frames[index] for index in range(len(self.frames)))
+
+    def labels(self) -> Iterator[Frame]:
+        """Yield the frames with poses and labels; of a stored one the results of the sensors are not read."""
+        return (_without_results(self.frames, index) for index in range(len(self.frames)))
+
+
+@dataclass(frozen=True)
+class FrameSource:
+    """Scenes of one rig.
+
+    Parameters
+    ----------
+    rig : mapping
+        `Rig.to_dict()`.
+    scenes : sequence of SceneFrames
+    splits : mapping of str to list of str
+        Scene names by split; may be empty.
+    """
+
+    rig: Mapping[str, Any]
+    scenes: Sequence[SceneFrames]
+    splits: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    @property
+    def num_frames(self) -> int:
+        """Number of frames of all scenes."""
+        return sum(len(scene) for scene in self.scenes)
+
+    @property
+    def mounts(self) -> dict[str, Mapping[str, Any]]:
+        """Rig entries by sensor name."""
+        return {mount["name"]: mount for mount in self.rig["sensors"]}
+
+    def vehicle_from_sensor(self, name: str) -> Pose:
+        """Return where a sensor sits on the vehicle."""
+        pose = self.mounts[name]["vehicle_from_sensor"]
+        return Pose(pose["position"], pose.get("quaternion", (1.0, 0.0, 0.0, 0.0)))
+
+    def subset(self, scenes: Sequence[str] = (), num_frames: int | None = None) -> FrameSource:
+        """Return some scenes by name (none given: all), and the first frames of each.
+
+        Raises
+        ------
+        UnknownNameError, ParameterRangeError
+            If a scene is unknown or the number is below 1.
+        """
+        if num_frames is not None and num_frames < 1:
+            raise ParameterRangeError("num_frames", num_frames, ">= 1")
+        known = {scene.name: scene for scene in self.scenes}
+        for name in scenes:
+            if name not in known:
+                raise UnknownNameError("scene", name, known)
+        chosen = [known[name] for name in scenes] if scenes else list(self.scenes)
+        if num_frames is not None:
+            chosen = [SceneFrames(scene.name, _First(scene.frames, num_frames)) for scene in chosen]
+        kept = {scene.name for scene in chosen}
+        splits = {split: [name for name in names if name in kept] for split, names in self.splits.items()}
+        return FrameSource(self.rig, chosen, {split: names for split, names in splits.items() if names})
+
+
+def _without_results(frames: Frames, index: int) -> Frame:
+    """Return a frame, without the results of its sensors where these would have to be read."""
+    read: Callable[[int], Frame] = getattr(frames, "without_results", frames.__getitem__)
+    return read(index)
+
+
+@dataclass(frozen=True)
+class _First:
+    """The first frames of a sequence."""
+
+    frames: Frames
+    count: int
+
+    def __len__(self) -> int:
+        return min(self.count, len(self.frames))
+
+    def __getitem__(self, index: int) -> Frame:
+        return self.frames[index]
+
+
+@dataclass(frozen=True)
+class _DatasetFrames:
+    """Frames of a dataset of the native store, whole ones."""
+
+    scene: Any
+
+    def __len__(self) -> int:
+        return len(self.scene)
+
+    def __getitem__(self, index: int) -> Frame:
+        return self.scene[index].to_frame()  # type: ignore[no-any-return]
+
+    def without_results(self, index: int) -> Frame:
+        """Return a frame with poses and labels only."""
+        item = self.scene[index]
+        pose, twist = item.world_from_vehicle, item.vehicle_twist
+        return Frame(item.index, item.timestamp_ns, item.seed, pose, twist, {}, item.labels)
+
+
+@overload
+def as_source(data: FrameSource) -> FrameSource: ...
+@overload
+def as_source(data: Any) -> FrameSource: ...
+def as_source(data: Any) -> FrameSource:
+    """Return what an exporter reads.
+
+    Parameters
+    ----------
+    data : FrameSource, dataset of `open_dataset`, or path
+        A path is that of a dataset (also a URL).
+
+    Raises
+    ------
+    DatasetError
+        If there is no dataset.
+    """
+    if isinstance(data, FrameSource):
+        return data
+    if isinstance(data, str | Path):
+        if Path(data).is_file():
+            raise DatasetError("is a file", data, "give the folder that holds the dataset")
+        from scarl_sionna.dataset.readers.reader import open_dataset
+
+        data = open_dataset(data)
+    scenes = [SceneFrames(name, _DatasetFrames(data.scene(name))) for name in data.scenes]
+    return FrameSource(data.rig, scenes, getattr(data, "splits", None) or {})

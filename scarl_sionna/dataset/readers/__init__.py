@@ -1,0 +1,1 @@
+"""Reading a dataset: lazily, as tables, and for TensorFlow, PyTorch and xarray."""

@@ -1,0 +1,137 @@
+"""The page of the dataset's schema, made from the schema's code: ``python -m scarl_sionna.dataset.schema_docs > docs/dataset.md``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+
+from .codec import DEPTH_FORMULA
+from .encoding import StoreOptions
+from .schema import ADC_COMPLEX, SCHEMA_VERSION, TABLES, Field
+from .store.manifest import CONVENTIONS
+
+_TITLES = {
+    "frame": "Frame (`arrays/<scene>/`)",
+    "objects": "Objects (`arrays/<scene>/objects/`)",
+    "camera": "Camera (`arrays/<scene>/<sensor>/`, `images/<scene>/<sensor>/`)",
+    "lidar": "Lidar (`arrays/<scene>/<sensor>/`)",
+    "radar": "Radar (`arrays/<scene>/<sensor>/`)",
+}
+_INTRODUCTION = """\
+# The dataset
+
+This page is made from the code (`python -m scarl_sionna.dataset.schema_docs > docs/dataset.md`); a test holds it up to date.
+Schema version {version}. How a dataset is made is told in [export.md](export.md).
+
+## Files
+
+```
+out/
+  manifest.json                               configuration and its hash, calibration, conventions, schema, splits, checksums
+  manifest.backup.json                        copy of the manifest, read where that is lost
+  README.md                                   dataset card
+  export.log                                  when and where it was made (not part of the data)
+  arrays/                                     a Zarr v3 hierarchy, one group a scene
+    <scene>/timestamp_ns                      arrays whose first axis is the frame
+    <scene>/objects/world_from_box
+    <scene>/front_center/radar/adc            a group for each sensor, by its name in the rig
+  images/<scene>/front_center/rgb/rgb/000012.png
+  shards/<scene>/000003.json                  record of a shard: its frames, and size and SHA-256 of every file
+  shards/<scene>/000003.frames.json           names and diagnostics of its frames
+```
+
+A **scene** is one drive (sequence) with its own scenario and seed. An array has one chunk for each frame; a file holds the chunks of
+one **shard** ({shard_frames} frames by default). A chunk is compressed with Blosc (zstd, level 5, bit shuffle) and ends with a CRC-32C, so
+that every Zarr v3 reader sees damage. Reading a frame, or a part of it, reads that frame's chunk and nothing else.
+
+Lengths that differ from frame to frame (returns of a scan, objects) are filled with zeros to a capacity: all shots times
+`max_returns`, and `object_capacity` = {object_capacity}. The zeros take no room on disk. `num_points` and `num_objects` tell how many entries are valid;
+`open_dataset` cuts them off.
+
+A field that a sensor did not make (an optional one of the lidar, an image not asked for) has no array and no folder. A frame that
+could not be made has no chunk: Zarr shows the fill value there (0, nan), `open_dataset` leaves the frame out.
+
+No file but `export.log` holds a time of day or a path of the machine. The same configuration gives the same bytes, for any number of
+workers and any order of work, on the same versions and kind of processor.
+
+## Fields
+"""
+_READING = """\
+## Reading
+
+```python
+import scarl_sionna as ss
+
+ds = ss.open_dataset("out")                      # or "s3://bucket/out", "https://host/out": any fsspec address
+frame = ds[12]                                   # nothing is read yet; frames of all scenes in order
+frame.radar["front_center"].adc                  # complex64; .adc_int: the codes; also ["front_center/radar"]
+frame.image["front_center"].depth                # float32 [m]; .rgb, .semantic, .instance, .normal, .flow
+frame.lidar["front_center"].position             # valid returns only
+frame.labels                                     # true boxes; .label_arrays: the same as columns
+frame.to_frame()                                 # the scarl_sionna.Frame that ss.observe returned
+ds.scene("drive").group["front_center/radar/adc"][100:200, 0, :64]      # zarr.Array: slices over frames
+ds.rig, ds.calibration, ds.splits, ds.sensors
+```
+
+`ds` may be used from several threads and sent to other processes. A dataset can be read while it is written: what is finished is
+there. Without this package, `zarr`, `xarray` (`xarray.open_zarr("out/arrays/drive", group="front_center/radar",
+consolidated=False)`), Pillow and `json` read everything.
+
+All is as the sensors gave it, bit for bit, but: depth (16-bit code, within 7.6e-5 of the depth), normals of the camera (float16, within
+2.5e-4), and the times that something took, which are not stored.
+
+A name in a file of a dataset that would lead out of its folder, also through a link, is not followed: it raises `DatasetError`.
+
+## Versions
+
+A reader reads every schema version up to its own, and refuses a newer one. A new optional field does not raise the version.
+
+## Sensors of other packages
+
+A sensor that is registered under the entry points `scarl.sensors` and returns an `ImageFrame`, `LidarScan` or `RadarFrame` is stored
+like a built-in one. One with a result of its own says on its class what is to be stored; without that, an export refuses it before
+anything is simulated:
+
+```python
+from scarl_sionna.dataset.schema import Field
+
+class Sonar:
+    spec_type = SonarSpec
+    result_type = SonarPing            # dataclass: spec, world_from_sensor, echo, kind = "sonar"
+    stored_fields = (Field("echo", "float32", ("beam", "sample"), "Pa", "pressure"),)   # the same shape in every frame
+```
+"""
+
+
+def schema_page() -> str:
+    """Return the text of ``docs/dataset.md``."""
+    options = StoreOptions()
+    head = _INTRODUCTION.format(
+        version=SCHEMA_VERSION, shard_frames=options.shard_frames, object_capacity=options.object_capacity
+    )
+    parts = [head]
+    for name, fields in TABLES.items():
+        extra = (ADC_COMPLEX,) if name == "radar" else ()
+        parts.append("\n".join([f"### {_TITLES[name]}", "", *_table((*fields, *extra)), ""]))
+    parts.append("\n".join(["## Conventions", "", *_conventions(), ""]))
+    parts.append(_READING)
+    return "\n".join(parts)
+
+
+def _table(fields: Iterable[Field]) -> Iterator[str]:
+    yield "| field | type | axes after the frame | unit | meaning |"
+    yield "|---|---|---|---|---|"
+    for item in fields:
+        kind = {"png": f"PNG, {item.dtype}", "json": "JSON"}.get(item.storage, item.dtype)
+        yield f"| `{item.name}` | {kind} | {', '.join(item.axes)} | {item.unit} | {item.description} |"
+
+
+def _conventions() -> Iterator[str]:
+    yield from (f"- **{name}**: {text}" for name, text in CONVENTIONS.items())
+    yield f"- **depth_formula**: {DEPTH_FORMULA}"
+    yield "- **semantic_classes**: " + ", ".join(f"{index} {name}" for index, name in enumerate(SEMANTIC_CLASSES))
+
+
+if __name__ == "__main__":
+    print(schema_page(), end="")

@@ -1,0 +1,463 @@
+"""A dataset folder that is open for writing: the manifest, the locks of the run, and a simple writer of frames."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from scarl_sionna.core.errors import DatasetError, OutputError, ScarlWarning
+from scarl_sionna.core.results import Frame
+from scarl_sionna.dataset.encoding import StoreOptions, encode_frame
+
+from .card import dataset_card, unmarked_card
+from .files import LocalFiles, make_folder, output_error, write_whole
+from .layout import (
+    CARD,
+    CONTACT_SHEET,
+    DATA_FOLDERS,
+    LOG_FILE,
+    MARKED,
+    METADATA,
+    WORK_FOLDER,
+    Layout,
+    blocked_folders,
+    clear_temporaries,
+    clear_work,
+    files_under,
+    foreign_data,
+    foreign_marked,
+    is_contact_sheet,
+    prune,
+    remove_empty,
+    remove_file,
+)
+from .locks import LOCK_FOLDER, FileLock
+from .manifest import (
+    BACKUP,
+    MANIFEST,
+    SHARDS,
+    DatasetPlan,
+    ManifestDamage,
+    ManifestForeign,
+    ManifestMissing,
+    ScenePlan,
+    dump_manifest,
+    manifest_data,
+    plan_of,
+    recover_manifest,
+)
+from .shard_writer import ShardRecord, ShardWriter, meta_name, metadata_texts, record_name, tidy_shard
+from .shards import group_metadata
+
+_RUN = "run"
+MANIFEST_SECONDS = 900.0
+"""How long to wait for the many jobs of an array that begin or end at once [s]."""
+Row = list[Any] | None
+"""Checksum, number of frames, failed frames and bytes of a shard, as the manifest holds them."""
+
+
+class DatasetFolder:
+    """A dataset that this process writes; use it as a context.
+
+    Parameters
+    ----------
+    root : path
+        Made if it is not there.
+    plan : DatasetPlan
+        Scenes that are there and not in the plan stay; frames that are there are kept.
+    overwrite : bool
+        Remove the dataset that is there first: its own files (see `layout`) and no other.
+    part : str, optional
+        Name of this run among several that share the folder (``"0_of_4"``); without it no other run is let in.
+    repair : bool
+        Leave what is not ours where it is, also in the place of the card.
+
+    Raises
+    ------
+    OutputError
+        On entering, if the folder cannot be written, is in use, is no dataset but not empty, holds something that is not ours
+        where a file of the dataset belongs (nothing is written then), or holds frames of another configuration; the files or
+        the difference are named.
+    """
+
+    def __init__(
+        self,
+        root: str | Path,
+        plan: DatasetPlan,
+        *,
+        overwrite: bool = False,
+        part: str | None = None,
+        repair: bool = False,
+    ) -> None:
+        self.root, self.plan, self.overwrite, self.part, self.repair = Path(root), plan, overwrite, part, repair
+        self.rows: dict[str, list[Row]] = {}
+        self._stack = ExitStack()
+
+    def __enter__(self) -> DatasetFolder:
+        try:
+            self._check_foreign()  # before there is even a lock
+            with ExitStack() as stack:
+                self._lock(stack)
+                with FileLock(
+                    self.root, "manifest", timeout=MANIFEST_SECONDS, what="another export writes the manifest"
+                ):
+                    self._prepare()
+                self._stack = stack.pop_all()
+        except OSError as error:
+            if isinstance(error, OutputError):
+                raise
+            raise output_error(self.root, error) from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def shard(self, scene: str, shard: int, lock_timeout: float = 120.0) -> ShardWriter:
+        """Return the writer of a shard."""
+        configuration = self.plan.scene_hash(scene)
+        return ShardWriter(self.root, self.plan.scene(scene), shard, self.plan.options, configuration, lock_timeout)
+
+    def is_finished(self, scene: str, shard: int) -> bool:
+        """Return whether a shard was finished with all of its frames when the dataset was opened."""
+        return _is_full(self.rows[scene][shard], self.plan.scene(scene), shard, self.plan.options)
+
+    def finalize(self, *, afresh: bool = False) -> dict[str, Any]:
+        """Write the manifest with the checksums of all shards that are there, and the dataset card; return the manifest.
+
+        `afresh` reads the records of all shards, not only of those that the manifest lacks.
+        """
+        try:
+            with FileLock(self.root, "manifest", timeout=MANIFEST_SECONDS, what="another export writes the manifest"):
+                there = _There.look(self.root).manifest
+                if there is not None:  # other parts of the export may have added to it
+                    self.plan = self.plan.merged(plan_of(there))
+                data = self._write_manifest({} if there is None or afresh else there["shards"], there)
+                self._tidy_work()
+                return data
+        except OSError as error:
+            if isinstance(error, OutputError):
+                raise
+            raise output_error(self.root, error) from error
+
+    def _lock(self, stack: ExitStack) -> None:
+        what = "another export or repair works on it"
+        self.root.mkdir(parents=True, exist_ok=True)
+        stack.enter_context(FileLock(self.root, _RUN, shared=self.part is not None, what=what))
+        if self.part is not None:
+            stack.enter_context(
+                FileLock(self.root, f"{_RUN}_{self.part}", what=f"another export of the part {self.part}")
+            )
+
+    def _prepare(self) -> None:
+        there = self._check_foreign()
+        clear_temporaries(self.root, sheet=self.part is None)
+        if self.overwrite and self.part is None:
+            self._clear(there)
+            there = _There(self.root)
+        old = there.plan or self._plan_of_shards(there.records())
+        grows = True
+        if old is not None:
+            changes = self.plan.changes(old)
+            if changes and holds_frames(self.root):
+                shown = "; ".join(changes[:5]) + (f"; and {len(changes) - 5} more" if len(changes) > 5 else "")
+                raise OutputError(
+                    f"{self.root} holds frames of another configuration ({shown}); choose another folder or overwrite"
+                )
+            self.plan = self.plan if changes else self.plan.merged(old)
+            grows = [(s.name, s.num_frames) for s in self.plan.scenes] != [(s.name, s.num_frames) for s in old.scenes]
+        self._write_manifest({} if there.manifest is None or grows else there.manifest["shards"], there.manifest)
+        self._tidy_work()
+
+    def _check_foreign(self) -> _There:
+        """Return what of ours is there, or raise if something that is not ours stands in the way; nothing is written.
+
+        Raises
+        ------
+        OutputError
+            With the names of the files.
+        """
+        if not self.root.is_dir():
+            return _There(self.root)
+        there = _There.look(self.root)
+        found = blocked_folders(self.root, [scene.name for scene in self.plan.scenes])
+        where = "where files of the dataset belong"
+        if not self.repair:
+            found += foreign_marked(self.root, not there.is_empty, there.card)
+            if there.is_empty:
+                found += [name for name in self._others() if name not in found]
+                where = "and no dataset"
+            if not found:
+                scenes = self._changed(there.plan)
+                found = foreign_data(self.root, Layout(self.plan), there.layout(scenes), scenes)
+        if found:
+            shown = ", ".join(found[:5]) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
+            raise OutputError(
+                f"{self.root} holds other files ({shown}) {where}; they are kept: choose another folder, or move them away"
+            )
+        return there
+
+    def _others(self) -> list[str]:
+        """Return what is in a folder that holds no dataset: one belongs in a folder of its own."""
+        names = []
+        for path in sorted(self.root.iterdir()):
+            if path.name in DATA_FOLDERS:
+                inside = [name for name, folder in files_under(self.root, [path.name]) if not folder]
+                names += [path.name] if any(not _is_group(self.root / name) for name in inside) else []
+            elif not path.name.startswith(".") and path.name not in MARKED and not is_contact_sheet(path):
+                names.append(path.name)
+        return names
+
+    def _changed(self, there: DatasetPlan | None) -> list[str]:
+        """Return the scenes that have places for files which the dataset that is there has not."""
+        old = {} if there is None or self.plan.changes(there) else {s.name: s.num_frames for s in there.scenes}
+        return [scene.name for scene in self.plan.scenes if old.get(scene.name, 0) < scene.num_frames]
+
+    def _plan_of_shards(self, records: Mapping[tuple[str, int], ShardRecord]) -> DatasetPlan | None:
+        """Return this plan if the shards that are there are of it, None if there are none: for a manifest lost with its copy."""
+        known = {scene.name: self.plan.scene_hash(scene.name) for scene in self.plan.scenes}
+        for (scene, shard), record in records.items():
+            name = record_name(scene, shard)
+            if record.configuration != known.get(scene):
+                raise OutputError(
+                    f"{self.root} has lost its {MANIFEST}, and {name} is of another "
+                    "configuration; give the configuration that made it, choose another folder or overwrite"
+                )
+            if any(_size(self.root / file) != size for file, (size, _) in record.files.items()):
+                remove_file(self.root / name)  # of an overwrite that was stopped: it is made again
+        return self.plan if records else None
+
+    def _clear(self, there: _There) -> None:
+        """Remove a dataset's own files; what is foreign stays.
+
+        Records go first: without its record a shard is not there. The manifest stays until it is replaced, and tells what is
+        ours; where it is lost the records tell that, and go last.
+        """
+        if there.is_empty:
+            return
+        layout = there.layout()
+        names = [*files_under(self.root, reversed(DATA_FOLDERS))]
+        if there.plan is None:
+            names.sort(key=lambda item: item[0].startswith(f"{SHARDS}/"))
+        own = [name for name, is_folder in names if not is_folder and layout.owns(name)]
+        for name in own:
+            remove_file(self.root / name)
+        prune(self.root, own)
+        for folder in self.root.glob(f"{WORK_FOLDER}/*/*"):
+            clear_work(folder)
+        for name in (LOG_FILE, *([CONTACT_SHEET] if is_contact_sheet(self.root / CONTACT_SHEET) else [])):
+            remove_file(self.root / name)  # the log is ours, else this export would not have begun
+
+    def _tidy_work(self) -> None:
+        """Remove what killed runs left of shards on which nobody works: all of a finished one, else what has no name yet."""
+        scenes = {scene.name: scene for scene in self.plan.scenes}
+        work = self.root / WORK_FOLDER
+        left = {(path.parent.name, path.name) for path in work.glob("*/*")}
+        left |= {
+            (scene, shard)
+            for scene, _, shard in (path.stem.rpartition("_") for path in self.root.glob(f"{LOCK_FOLDER}/*.lock"))
+        }
+        for scene, shard in sorted(left):
+            if scene in scenes and shard.isdigit() and int(shard) < scenes[scene].num_shards(self.plan.options):
+                with suppress(OutputError, DatasetError):  # in work, or damaged: that is for others to mend
+                    tidy_shard(self.root, scenes[scene], int(shard), self.plan.options)
+        for folder in [*work.glob("*"), work]:
+            remove_empty(folder)
+
+    def _write_manifest(self, known: Mapping[str, list[Row]], there: dict[str, Any] | None) -> dict[str, Any]:
+        """Write card, manifest, its copy, and what of the arrays' metadata differs; `there`: the manifest that is there."""
+        texts: dict[str, str] = {}
+        for scene in self.plan.scenes:
+            self.rows[scene.name], arrays = shard_rows(self.root, scene, self.plan.options, known.get(scene.name, []))
+            texts.update(metadata_texts(scene, arrays, self.plan.options))
+        data = manifest_data(self.plan, {scene.name: self.rows[scene.name] for scene in self.plan.scenes})
+        manifest = dump_manifest(data)
+        foreign = foreign_marked(self.root, True, None if there is None else unmarked_card(there))
+        if there is None and MANIFEST not in foreign:
+            _write_if_other(self.root, MANIFEST, manifest)  # first of all: it tells that the rest is ours
+        texts.update({CARD: dataset_card(data), MANIFEST: manifest, BACKUP: manifest})
+        for name, text in texts.items():
+            if name not in foreign:
+                _write_if_other(self.root, name, text)
+        if foreign and not self.repair:
+            warnings.warn(
+                f"{', '.join(foreign)} in {self.root} became somebody else's during the export and stays",
+                ScarlWarning,
+                stacklevel=2,
+            )
+        return data
+
+
+@dataclass(frozen=True)
+class _There:
+    """What of ours is in a folder: the manifest or its copy, and its plan."""
+
+    root: Path
+    manifest: dict[str, Any] | None = None
+    plan: DatasetPlan | None = None
+
+    @classmethod
+    def look(cls, root: Path) -> _There:
+        """Look into a folder.
+
+        Raises
+        ------
+        OutputError
+            If the dataset there is of a newer schema: what is its own is not known.
+        """
+        try:
+            manifest, _ = recover_manifest(LocalFiles(root))
+            return cls(root, manifest, plan_of(manifest))
+        except (ManifestDamage, ManifestMissing, ManifestForeign):
+            return cls(root)
+        except DatasetError as error:
+            raise OutputError(f"{error}; or choose another folder") from error
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no dataset."""
+        return self.plan is None and not self.records()
+
+    @property
+    def card(self) -> str | None:
+        """Text of a card from before cards had a mark."""
+        return None if self.manifest is None else unmarked_card(self.manifest)
+
+    def records(self, scenes: Iterable[str] = ("*",)) -> dict[tuple[str, int], ShardRecord]:
+        """Return the records of finished shards that are whole."""
+        found = {}
+        for path in (path for scene in scenes for path in sorted(self.root.glob(f"{SHARDS}/{scene}/*.json"))):
+            if path.stem.isdigit():
+                with suppress(DatasetError, OSError):
+                    record = ShardRecord.parse(path.read_bytes())
+                    if all(_is_of_scene(name, path.parent.name) for name in record.files):
+                        found[path.parent.name, int(path.stem)] = record
+        return found
+
+    def layout(self, scenes: Iterable[str] = ("*",)) -> Layout:
+        """Return the names that are ours; what only records tell, of some scenes."""
+        names: set[str] = set()
+        for (scene, shard), record in self.records(scenes).items():
+            texts = metadata_texts(ScenePlan(scene, 1), record.arrays, StoreOptions())
+            names |= {*record.files, record_name(scene, shard), meta_name(scene, shard), *texts}
+        return Layout(self.plan, names)
+
+
+def _is_of_scene(name: str, scene: str) -> bool:
+    return any(name.startswith(f"{folder}/{scene}/") for folder in DATA_FOLDERS)
+
+
+def _is_group(path: Path) -> bool:
+    """Return whether a file is the metadata of an empty group, which an export writes as it begins."""
+    return path.name == METADATA and path.read_bytes() == group_metadata().encode()
+
+
+def _size(path: Path) -> int | None:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return None
+
+
+def _is_full(row: Row, scene: ScenePlan, shard: int, options: StoreOptions) -> bool:
+    return row is not None and row[1] == len(scene.shard_range(shard, options))
+
+
+def _write_if_other(root: Path, name: str, text: str) -> None:
+    path = root / name
+    try:
+        if path.read_text(encoding="utf-8") == text:
+            return
+    except (FileNotFoundError, UnicodeDecodeError):
+        make_folder(path.parent)
+    except IsADirectoryError:
+        remove_empty(path)
+    write_whole(path, text, root)
+
+
+def shard_rows(
+    root: Path, scene: ScenePlan, options: StoreOptions, known: Sequence[Row] = ()
+) -> tuple[list[Row], dict[str, Any]]:
+    """Return checksum, frames, failed frames and bytes of each finished shard (None where there is none), and the arrays.
+
+    A shard that `known` lists with all of its frames is not read again: its record is the largest part of a large dataset's
+    bookkeeping. The arrays are those of the shards that were read.
+    """
+    rows: list[Row] = []
+    arrays: dict[str, Any] = {}
+    for shard in range(scene.num_shards(options)):
+        path = root / record_name(scene.name, shard)
+        if shard < len(known) and _is_full(known[shard], scene, shard, options) and path.is_file():
+            rows.append(known[shard])
+            continue
+        try:
+            text = path.read_bytes()
+            record = ShardRecord.parse(text)
+        except (FileNotFoundError, IsADirectoryError, NotADirectoryError, DatasetError):
+            rows.append(None)
+            continue
+        rows.append([hashlib.sha256(text).hexdigest(), len(record.frames), sorted(record.failed), record.num_bytes])
+        arrays.update(record.arrays)
+    return rows, arrays
+
+
+def holds_frames(root: Path) -> bool:
+    """Return whether a folder holds finished shards or frames."""
+    return any(root.glob(f"{SHARDS}/*/*.json")) or any(root.glob(f"{WORK_FOLDER}/*/*/*.pack"))
+
+
+def write_dataset(
+    root: str | Path,
+    rig: Mapping[str, Any],
+    scenes: Mapping[str, Iterable[Frame]],
+    *,
+    options: StoreOptions | None = None,
+    configuration: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Write frames that are at hand as a dataset.
+
+    Parameters
+    ----------
+    root : path
+    rig : mapping
+        `Rig.to_dict()` of the rig that made all frames.
+    scenes : mapping of str to iterable of Frame
+        Frames by scene; their indices begin at 0 and have no gaps.
+    options : StoreOptions, optional
+    configuration : mapping, optional
+        Plain data on how the frames were made, the same for all scenes.
+    overwrite : bool
+        Remove the dataset that is there first; files that are not its own stay.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written, holds other data, or a frame has something that the schema does not know.
+    """
+    options = options or StoreOptions()
+    frames = {name: list(items) for name, items in scenes.items()}
+    plans = tuple(ScenePlan(name, len(items), configuration or {}) for name, items in frames.items())
+    plan = DatasetPlan(rig, plans, options)
+    with DatasetFolder(root, plan, overwrite=overwrite) as folder, ThreadPoolExecutor(2) as pool:
+        for name, items in frames.items():
+            shards = defaultdict(list)
+            for frame in items:
+                shards[frame.index // options.shard_frames].append(frame)
+            for number, group in shards.items():
+                with folder.shard(name, number) as shard:
+                    for frame in group:
+                        if frame.index in shard.missing:
+                            shard.add(encode_frame(frame, options, pool))
+                    shard.commit()
+        folder.finalize()
+    return Path(root)

@@ -1,0 +1,489 @@
+"""Checks a dataset against its checksums, counts and cross-references, and removes what is damaged."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from scarl_sionna.core.errors import DatasetError, OutputError, ScarlError, ScarlWarning
+
+from .encoding import decode_png
+from .readers.reader import Dataset, Scene, open_dataset
+from .schema import OBJECT, POINT
+from .store.card import dataset_card, is_card, unmarked_card
+from .store.files import output_error
+from .store.layout import (
+    CARD,
+    DATA_FOLDERS,
+    MARKED,
+    METADATA,
+    WORK_FOLDER,
+    Layout,
+    files_under,
+    is_manifest,
+    is_temporary,
+    prune,
+    remove_file,
+)
+from .store.manifest import (
+    ARRAYS,
+    BACKUP,
+    IMAGES,
+    MANIFEST,
+    SHARDS,
+    ScenePlan,
+    dump_manifest,
+    manifest_data,
+    read_manifest,
+)
+from .store.shard_writer import ShardRecord, metadata_texts, record_name
+from .store.writer import DatasetFolder, Row, shard_rows
+
+Kind = Literal["damage", "unfinished"]
+STRAY = "belongs to no finished shard"
+UNFINISHED_STRAY = "is of a shard that is not finished (an export that is running or was stopped)"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that is wrong: the file (or frame), what it is, and the shard that holds it, if one does.
+
+    `kind` "unfinished": what an export leaves that is running or was stopped; the next one mends it and no data is damaged.
+    """
+
+    name: str
+    what: str
+    scene: str | None = None
+    shard: int | None = None
+    kind: Kind = "damage"
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.what}"
+
+
+@dataclass
+class Verification:
+    """What :func:`verify` found.
+
+    Attributes
+    ----------
+    num_frames, num_planned : int
+        Frames that are there, and that the manifest plans.
+    num_files, num_bytes : int
+        Files whose checksum was computed.
+    failed : dict of (str, int) to str
+        Frames that could not be made, with the reason.
+    faults : list of Fault
+        What is damaged.
+    unfinished : list of Fault
+        Traces of an export that is running or was stopped.
+    foreign : list of str
+        Files in the dataset's folders, or with names of its files, that are not its own; they are never touched.
+    removed : list of (str, int)
+        Shards that were removed, to be made again.
+    """
+
+    num_frames: int = 0
+    num_planned: int = 0
+    num_files: int = 0
+    num_bytes: int = 0
+    failed: dict[tuple[str, int], str] = field(default_factory=dict)
+    faults: list[Fault] = field(default_factory=list)
+    unfinished: list[Fault] = field(default_factory=list)
+    foreign: list[str] = field(default_factory=list)
+    removed: list[tuple[str, int]] = field(default_factory=list)
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is damaged (frames may still be missing)."""
+        return not self.faults
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is damaged, no frame is missing and no export is under way."""
+        return self.ok and not self.unfinished and self.num_frames == self.num_planned
+
+    def add(self, faults: Iterable[Fault]) -> None:
+        """Add what is wrong, each to its list."""
+        for fault in faults:
+            (self.faults if fault.kind == "damage" else self.unfinished).append(fault)
+
+
+def verify(
+    root: str | Path, *, repair: bool = False, on_shard: Callable[[int, int], None] = lambda done, total: None
+) -> Verification:
+    """Check every file of a dataset.
+
+    Checked are: the checksum of every record against the manifest, size and checksum of every file against its record, the
+    ``zarr.json`` files against the schema, the dataset card, files that belong to nothing, the number of frames, that every chunk
+    and image decodes, the number of objects and points, the sensors, and that time rises.
+
+    Parameters
+    ----------
+    root : path
+    repair : bool
+        Remove damaged shards, so that the next export makes them again, and write anew what follows from the rest. Only
+        files of the dataset's own are removed or replaced.
+    on_shard : callable
+        Called with the number of shards checked and their total.
+
+    Raises
+    ------
+    DatasetError
+        If there is no dataset, or its manifest cannot be read.
+    OutputError
+        If it is in use or cannot be repaired for lack of permission.
+    """
+    root = Path(root)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScarlWarning)  # a manifest that is lost is a fault here
+        dataset = open_dataset(root)
+    found = Verification()
+    if dataset.manifest_fault is not None:
+        found.add([Fault(MANIFEST, f"{dataset.manifest_fault} (its copy {BACKUP} is whole)")])
+    shards = [
+        (scene, shard) for scene in dataset.plan.scenes for shard in range(scene.num_shards(dataset.plan.options))
+    ]
+    known: set[str] = set()
+    for position, (scene, shard) in enumerate(shards):
+        on_shard(position, len(shards))
+        found.num_planned += len(scene.shard_range(shard, dataset.plan.options))
+        found.add(_check_shard(dataset, scene, shard, found, known))
+    on_shard(len(shards), len(shards))
+    found.add(_check_manifest(dataset, root, known))
+    found.add(_check_marked(dataset, root, found))
+    found.add(_check_strays(dataset, root, known, found))
+    found.add(_check_order(dataset))
+    if repair and (found.faults or found.unfinished or not (root / BACKUP).exists()):
+        _repair(root, dataset, found)
+    return found
+
+
+def _check_shard(
+    dataset: Dataset, scene: ScenePlan, shard: int, found: Verification, known: set[str]
+) -> Iterator[Fault]:
+    """Yield what is wrong with a shard's record and files."""
+    name = record_name(scene.name, shard)
+    rows = dataset.manifest["shards"].get(scene.name, [])
+    row = rows[shard] if shard < len(rows) else None
+    try:
+        text = dataset.files.read(name)
+        known.add(name)
+        record = ShardRecord.parse(text, name)
+    except FileNotFoundError:
+        if row is not None and _is_kept(dataset, scene, shard, row):
+            yield Fault(name, "is made again from kept frames (an export that was stopped)", kind="unfinished")
+        elif row is not None:
+            yield Fault(name, "stands in the manifest and is not there", scene.name, shard)
+        return
+    except (OSError, DatasetError) as error:
+        known.add(name)
+        yield Fault(name, str(error), scene.name, shard)
+        return
+    if row is None:
+        yield Fault(name, "is not in the manifest yet (an export that is running or was stopped)", kind="unfinished")
+    elif _is_remade(row, [hashlib.sha256(text).hexdigest(), len(record.frames)], scene, shard, dataset):
+        yield Fault(
+            name, "has more frames than in the manifest (an export that is running or was stopped)", kind="unfinished"
+        )
+    elif row[0] != hashlib.sha256(text).hexdigest():
+        yield Fault(name, "its checksum is not that of the manifest", scene.name, shard)
+    found.failed.update({(scene.name, index): reason for index, reason in record.failed.items()})
+    if record.configuration != dataset.plan.scene_hash(scene.name):
+        yield Fault(name, "was made with another configuration than the manifest's", scene.name, shard)
+    expected = set(scene.shard_range(shard, dataset.plan.options))
+    if set(record.frames) | set(record.failed) != expected or len(set(record.frames)) != len(record.frames):
+        yield Fault(name, f"holds the frames {list(record.frames)}, planned are {sorted(expected)}", scene.name, shard)
+    known.update(record.files)
+    damaged = False
+    for file, (size, digest) in record.files.items():
+        what = _check_file(dataset, file, size, digest)
+        found.num_files += 1
+        found.num_bytes += size
+        if what is not None:
+            damaged = True
+            yield Fault(file, what, scene.name, shard)
+    found.num_frames += len(record.frames)
+    if not damaged:
+        for index in record.frames:
+            yield from _check_frame(dataset.scene(scene.name), index, shard)
+
+
+def _check_file(dataset: Dataset, name: str, size: int, digest: str) -> str | None:
+    if name.split("/")[0] not in (ARRAYS, IMAGES, SHARDS):
+        return "is no place for data of a shard"
+    try:
+        data = dataset.files.read(name)
+    except FileNotFoundError:
+        return "is not there"
+    except (OSError, DatasetError) as error:
+        return f"cannot be read: {error}"
+    if len(data) != size:
+        return f"has {len(data)} bytes, {size} were written"
+    return None if hashlib.sha256(data).hexdigest() == digest else "its checksum is wrong"
+
+
+def _check_frame(scene: Scene, index: int, shard: int) -> Iterator[Fault]:
+    """Yield what is wrong inside a frame whose files are whole."""
+    where = f"{scene.name} frame {index}"
+    try:
+        meta, arrays = scene.meta(index), scene.arrays(index)
+        lengths: dict[str, int] = {}
+        for name in arrays:
+            values = scene.read_array(index, name)
+            group, _, short = name.rpartition("/")
+            if values is not None and short in ("num_points", "num_objects"):
+                lengths[group] = int(values)
+                capacity = next(
+                    (
+                        item.shape[0]
+                        for other, item in arrays.items()
+                        if other.rpartition("/")[0] == group and item.axes[:1] in ((POINT,), (OBJECT,))
+                    ),
+                    0,
+                )
+                if not 0 <= lengths[group] <= capacity:
+                    yield Fault(where, f"{name} = {lengths[group]} is outside of 0 to {capacity}", scene.name, shard)
+        if lengths.get("objects") != len(meta["objects"]):
+            yield Fault(where, f"{lengths.get('objects')} objects and {len(meta['objects'])} names", scene.name, shard)
+        rig = set(scene.dataset.sensors)
+        if set(meta["sensors"]) != rig:
+            yield Fault(
+                where, f"sensors {sorted(set(meta['sensors']) ^ rig)} are not those of the rig", scene.name, shard
+            )
+        for sensor in meta["sensors"]:
+            for image in ("rgb", "depth", "semantic", "instance"):
+                file = scene.image_file(index, sensor, image)
+                if file is not None:
+                    pixels, spec = decode_png(image, scene.read_file(file)), scene.dataset.spec(sensor)
+                    if pixels.shape[:2] != (spec.height, spec.width):  # type: ignore[attr-defined]
+                        yield Fault(file, f"is of {pixels.shape[1]} x {pixels.shape[0]} pixels", scene.name, shard)
+    except (ScarlError, OSError, ValueError, KeyError, TypeError) as error:
+        yield Fault(where, f"cannot be read: {error}", scene.name, shard)
+
+
+def _is_kept(dataset: Dataset, scene: ScenePlan, shard: int, row: list[Any]) -> bool:
+    """Return whether the frames of a shard that is being made again, because frames are added to it, are kept ones."""
+    planned = len(scene.shard_range(shard, dataset.plan.options))
+    packs = dataset.files.names(f"{WORK_FOLDER}/{scene.name}/{shard:06d}")
+    return bool(row[1] < planned and sum(name.endswith(".pack") for name in packs) >= row[1])
+
+
+def _is_remade(old: list[Any], new: list[Any], scene: ScenePlan, shard: int, dataset: Dataset) -> bool:
+    """Return whether a shard, of which frames were missing, was made again since the manifest was written."""
+    planned = len(scene.shard_range(shard, dataset.plan.options))
+    return bool(old[0] != new[0] and old[1] < planned and new[1] >= old[1])
+
+
+def _check_manifest(dataset: Dataset, root: Path, known: set[str]) -> Iterator[Fault]:
+    """Yield what is wrong with the manifest and with the metadata of arrays."""
+    plan, there = dataset.plan, dataset.manifest["shards"]
+    rows: dict[str, list[Row]] = {}
+    for scene in plan.scenes:
+        now, arrays = shard_rows(root, scene, plan.options)
+        old = [*there.get(scene.name, []), *[None] * len(now)][: len(now)]
+        rows[scene.name] = [  # those that an export has changed meanwhile were told of with their shards
+            was
+            if (was is None) or (now is None and _is_kept(dataset, scene, shard, was))
+            or (now is not None and _is_remade(was, now, scene, shard, dataset))
+            else now
+            for shard, (was, now) in enumerate(zip(old, now, strict=True))
+        ]  # fmt: skip
+        for name, text in metadata_texts(scene, arrays, plan.options).items():
+            known.add(name)
+            try:
+                if (found := dataset.files.read(name).decode()) != text:
+                    grown = _without_length(found) == _without_length(text)
+                    yield Fault(name, "is not what the schema says", kind="unfinished" if grown else "damage")
+            except FileNotFoundError:
+                yield Fault(name, "is not there", kind=_lost(dataset, root))
+            except (OSError, UnicodeDecodeError, DatasetError) as error:
+                yield Fault(name, f"cannot be read: {error}")
+    if dump_manifest(manifest_data(plan, rows)) != dump_manifest(dataset.manifest):
+        yield Fault(MANIFEST, "is not what follows from the plan and the shards")
+
+
+def _lost(dataset: Dataset, root: Path) -> Kind:
+    """Return what it means that a file is not there: an export writes the manifest first, then these, then the manifest's copy."""
+    begins = not (root / BACKUP).exists() and not any(
+        row for rows in dataset.manifest["shards"].values() for row in rows
+    )
+    return "unfinished" if begins else "damage"
+
+
+def _without_length(text: str) -> Any:
+    """Return the metadata of an array without the number of frames, which an export that adds frames changes first."""
+    try:
+        data = json.loads(text)
+        return {**data, "shape": data.get("shape", [0])[1:]}
+    except (ValueError, TypeError, AttributeError):
+        return text
+
+
+def _check_marked(dataset: Dataset, root: Path, found: Verification) -> Iterator[Fault]:
+    """Yield what is wrong with the card and the manifest's copy; list those that are somebody else's."""
+    for name in (CARD, BACKUP):
+        if (root / name).is_dir():
+            yield Fault(name, "is a folder")
+    try:
+        card = dataset.files.read(CARD).decode()
+    except FileNotFoundError:
+        yield Fault(CARD, "is not there", kind=_lost(dataset, root))
+    except (OSError, UnicodeDecodeError, DatasetError):
+        found.foreign.append(CARD)
+    else:
+        if card not in (dataset_card(dataset.manifest), unmarked_card(dataset.manifest)):
+            if is_card(root / CARD):
+                yield Fault(
+                    CARD, "is the card of another state (an export that is running or was stopped)", kind="unfinished"
+                )
+            else:
+                found.foreign.append(CARD)
+    if not (root / BACKUP).is_file() or dataset.manifest_fault is not None:
+        return  # written before there was a copy; or read from it
+    try:
+        same = read_manifest(dataset.files, BACKUP) == dataset.manifest
+    except DatasetError as error:
+        if is_manifest(root / BACKUP, in_dataset=True):
+            yield Fault(BACKUP, str(error))
+        else:
+            found.foreign.append(BACKUP)
+        return
+    if not same:
+        yield Fault(
+            BACKUP, "is the manifest of another state (an export that is running or was stopped)", kind="unfinished"
+        )
+
+
+def _check_strays(dataset: Dataset, root: Path, known: set[str], found: Verification) -> Iterator[Fault]:
+    """Yield files of the dataset that belong to no finished shard; list those that are not its own."""
+    layout, options = Layout(dataset.plan, known), dataset.plan.options
+    waiting = {
+        scene.name
+        for scene in dataset.plan.scenes
+        if any(record_name(scene.name, shard) not in known for shard in range(scene.num_shards(options)))
+    }
+    for name, is_folder in files_under(root, DATA_FOLDERS):
+        if is_folder or (name in known and not (root / name).is_symlink()):
+            continue
+        if is_temporary(name):
+            yield Fault(name, "has no name yet (an export that is running or was stopped)", kind="unfinished")
+        elif (root / name).is_symlink() and layout.is_folder(name):
+            found.foreign.append(name)
+            yield Fault(name, "is a link where a folder of the dataset belongs")
+        elif not layout.owns(name):
+            found.foreign.append(name)
+        else:
+            shard = layout.shard_of(name)
+            begun = name.split("/")[1] in waiting if shard is None else record_name(*shard) not in known
+            finished = name in known or not begun
+            yield Fault(name, STRAY if finished else UNFINISHED_STRAY, kind="damage" if finished else "unfinished")
+
+
+def _check_order(dataset: Dataset) -> Iterator[Fault]:
+    """Yield where time does not rise."""
+    for name in dataset.scenes:
+        scene, last = dataset.scene(name), None
+        for index in scene.frames:
+            try:
+                time = scene.frame(index).timestamp_ns
+            except ScarlError:
+                continue  # reported already
+            if last is not None and time <= last:
+                yield Fault(f"{name} frame {index}", f"timestamp {time} ns is not after {last} ns")
+            last = time
+
+
+def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
+    """Remove damaged shards and what belongs to nothing, and write the rest anew; what is not the dataset's own stays."""
+    damaged = {
+        (fault.scene, fault.shard) for fault in found.faults if fault.scene is not None and fault.shard is not None
+    }
+    strays = [
+        fault.name
+        for fault in [*found.faults, *found.unfinished]
+        if fault.what in (STRAY, UNFINISHED_STRAY) or is_temporary(fault.name)
+    ]
+    with DatasetFolder(root, dataset.plan, repair=True) as folder:
+        layout, removed = Layout(folder.plan), list[str]()
+        try:
+            for scene, shard in sorted(damaged):
+                place = root / record_name(scene, shard)
+                try:
+                    files = list(ShardRecord.parse(place.read_bytes()).files)
+                except (OSError, DatasetError):
+                    files = []
+                _remove(root, record_name(scene, shard), found)  # first: without its record the shard is not there
+                removed += [name for name in files if layout.owns(name)]
+                for name in files:
+                    if layout.owns(name):
+                        _remove(root, name, found)
+                found.removed.append((scene, shard))
+            strays += [
+                name for scene in {scene for scene, _ in damaged} for name in _metadata_of_nothing(folder, scene)
+            ]
+            for name in strays:
+                _remove(root, name, found)
+            prune(root, [*strays, *removed])
+            for name in MARKED:
+                if (root / name).is_dir():
+                    remove_file(root / name)  # if nothing is in it
+        except OSError as error:
+            if isinstance(error, OutputError):
+                raise
+            raise output_error(root, error) from error
+        folder.finalize(afresh=True)
+
+
+def _metadata_of_nothing(folder: DatasetFolder, scene: str) -> list[str]:
+    """Return the metadata of a scene's arrays that none of its shards has."""
+    plan = folder.plan.scene(scene)
+    known = metadata_texts(plan, shard_rows(folder.root, plan, folder.plan.options)[1], folder.plan.options)
+    layout = Layout(folder.plan)
+    names = [name for name, is_folder in files_under(folder.root, [f"{ARRAYS}/{scene}"]) if not is_folder]
+    return [name for name in names if name.endswith(f"/{METADATA}") and name not in known and layout.owns(name)]
+
+
+def _remove(root: Path, name: str, found: Verification) -> None:
+    """Remove a file of the dataset; a link is removed itself, and nothing that is reached by one."""
+    path = root / name
+    if os.path.realpath(path.parent) != os.path.join(os.path.realpath(root), os.path.dirname(name)).rstrip("/"):
+        return
+    if not remove_file(path):
+        found.foreign.append(f"{name}/ (a folder where a file belongs)")
+
+
+def describe(found: Verification) -> str:
+    """Return what was found, for people."""
+    lines = [
+        f"{found.num_frames} of {found.num_planned} frames, {found.num_files} files, {found.num_bytes / 1e6:.1f} MB checked"
+    ]
+    lines += [f"  {fault}" for fault in found.faults[:20]]
+    if len(found.faults) > 20:
+        lines.append(f"  and {len(found.faults) - 20} more")
+    if found.unfinished:
+        lines.append(
+            f"  {len(found.unfinished)} traces of an export that is running or was stopped, for instance {found.unfinished[0]}"
+        )
+    if found.foreign:
+        more = f" and {len(found.foreign) - 10} more" if len(found.foreign) > 10 else ""
+        lines.append(f"  not of the dataset, never touched: {', '.join(found.foreign[:10])}{more}")
+    for (scene, index), reason in list(found.failed.items())[:10]:
+        lines.append(f"  failed: {scene} frame {index}: {reason}")
+    if found.removed:
+        lines.append(
+            f"{len(found.removed)} shards removed; the export makes them again: " + json.dumps(found.removed[:20])
+        )
+    elif found.faults:
+        lines.append("damaged; `scarl-sionna verify --repair` removes what is damaged, then the export makes it again")
+    elif not found.complete:
+        lines.append("whole, not complete; the export goes on where it was")
+    else:
+        lines.append("whole and complete")
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Light of the optical twin: sky, sun, lamps, wet ground."""

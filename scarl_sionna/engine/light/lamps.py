@@ -1,0 +1,199 @@
+"""Lamps of vehicles and streets as emitters: glowing surfaces, and the low beams of head lamps.
+
+A surface of a material with ``lamp = "headlamp" | "taillamp" | "street_lamp"`` in scene.toml glows when the lighting says so, those
+of `ALWAYS_ON` (rooms and tunnels, traffic lights) under every lighting. In front of each half (left, right) of a head lamp's surface hangs a projector with the light distribution of a low beam.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.scene.document.model import SceneDocument
+
+from .sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
+
+Array = npt.NDArray[np.float64]
+
+STREET_LAMP_FLUX = 9000.0
+"""Of one luminaire [lm]: an LED of 75 W."""
+_COLORS = {
+    "headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.0, 0.0), "street_lamp": (1.0, 0.86, 0.66),
+    "indoor": (1.0, 0.93, 0.82), "signal_red": (1.0, 0.02, 0.01), "signal_amber": (1.0, 0.36, 0.0), "signal_green": (0.0, 1.0, 0.32),
+    "lane_red": (1.0, 0.02, 0.01), "lane_green": (0.0, 1.0, 0.32),
+}  # fmt: skip
+"""Linear RGB: LED of 5000 K, red, LED of 4000 K, LED of 5000 K, signals, before they are scaled to luminance 1."""
+ALWAYS_ON = {
+    "indoor": 8000.0,
+    "signal_red": 6400.0,
+    "signal_amber": 6400.0,
+    "signal_green": 6400.0,
+    "lane_red": 300.0,
+    "lane_green": 300.0,
+}
+"""Luminance of lamps that shine by day, too [cd/m2]: a fluorescent tube or LED panel; a signal of 200 cd (EN 12368, class 2) over its
+lens of 200 mm; a lane signal dimmed for a tunnel (engineering estimate)."""
+_GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 8.0}
+"""Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear position
+lamp gives 4 to 17 cd (UN Regulations 149 and 148)."""
+_WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0, "indoor": 3.0}
+_SIGNAL_WEIGHT = 0.05
+"""How often a light path asks a surface for light; beams ask at weight 1. Signals are bright to look at and light little."""
+
+BEAM_FOV_DEG = 100.0
+_BEAM_SIZE = (256, 768)
+
+
+def is_on(lamp: str | None, lighting: Lighting | None) -> bool:
+    """Return whether a kind of lamp is switched on."""
+    if lamp is None or lighting is None:
+        return False
+    if lamp in ALWAYS_ON:
+        return True
+    return lighting.street_lamps if lamp == "street_lamp" else lighting.headlamps
+
+
+def low_beam(azimuth_deg: Array, elevation_deg: Array) -> Array:
+    """Return the intensity [cd] of a low beam for traffic on the right; azimuth to the right, elevation up [deg].
+
+    Notes
+    -----
+    A hot spot of 18,000 cd below a cut-off at -0.57 deg that rises by 15 deg to the right, a wide foreground, and 250 cd of
+    scattered light above. It keeps within UN Regulation 112's limits for passing beams: B50L below 350 cd, 75R above 10,100 cd
+    (class B), 50L below 13,200 cd. A smooth model, not a measured lamp.
+    """
+    cutoff = -0.57 + np.where(azimuth_deg > 0.0, np.minimum(azimuth_deg * np.tan(np.radians(15.0)), 1.6), 0.0)
+    below = 1.0 / (1.0 + np.exp(np.clip((elevation_deg - cutoff) / 0.12, -60.0, 60.0)))
+    depth = np.maximum(cutoff - elevation_deg, 0.0)
+    spot = 18_000.0 * np.exp(-(((azimuth_deg - 2.0) / 5.5) ** 2)) * np.exp(-((depth / 2.3) ** 2))
+    wide = 5_500.0 * np.exp(-((azimuth_deg / 21.0) ** 2)) * np.exp(-((depth / 5.5) ** 2))
+    return (spot + wide) * below + 250.0 * np.exp(-((azimuth_deg / 30.0) ** 2 + (elevation_deg / 12.0) ** 2))
+
+
+def _beam_texture(path: Path, mi: Any) -> None:
+    """Write the irradiance of the beam on the plane at 1 m, in the scenes' units."""
+    rows, columns = _BEAM_SIZE
+    half = np.tan(np.radians(BEAM_FOV_DEG / 2.0))
+    right = ((np.arange(columns) + 0.5) / columns * 2.0 - 1.0) * half
+    up = (1.0 - (np.arange(rows) + 0.5) / rows * 2.0) * half * rows / columns
+    x, y = np.meshgrid(right, up)
+    cosine = 1.0 / np.sqrt(1.0 + x * x + y * y)
+    intensity = low_beam(np.degrees(np.arctan(x)), np.degrees(np.arctan(y / np.sqrt(1.0 + x * x))))
+    # pi: the projector takes the radiance of a white diffuser on that plane for its irradiance (tested against E = I / d^2)
+    light = (intensity * cosine**3 / (np.pi * UNIT_LUMINANCE))[..., None] * _unit_color("headlamp")
+    mi.Bitmap(light.astype(np.float32)).write(str(path))
+
+
+def _unit_color(lamp: str) -> Array:
+    color = np.array(_COLORS[lamp])
+    return color / (LUMINANCE_WEIGHTS @ color)
+
+
+def lamp_elements(
+    document: SceneDocument, lighting: Lighting | None, folder: Path, mi: Any
+) -> tuple[dict[str, ET.Element], list[ET.Element]]:
+    """Return the emitters of glowing shapes by shape id, and the beams; their strength and place are set after loading.
+
+    Files are written into `folder`, which must live until the scene is loaded.
+    """
+    glowing: dict[str, ET.Element] = {}
+    beams: list[ET.Element] = []
+    for shape, bsdf in document.bsdf_of_shape.items():
+        lamp = document.materials[bsdf].lamp
+        if lamp is None or not is_on(lamp, lighting):
+            continue
+        emitter = ET.Element("emitter", {"type": "area"})
+        ET.SubElement(emitter, "rgb", {"name": "radiance", "value": "1, 1, 1"})
+        ET.SubElement(emitter, "float", {"name": "sampling_weight", "value": repr(_WEIGHTS.get(lamp, _SIGNAL_WEIGHT))})
+        glowing[shape] = emitter
+        if lamp == "headlamp":
+            beams += [_beam(f"beam-{shape}-{side}", folder / "low_beam.exr") for side in ("left", "right")]
+    if beams:
+        _beam_texture(folder / "low_beam.exr", mi)
+    return glowing, beams
+
+
+def _beam(name: str, file: Path) -> ET.Element:
+    element = ET.Element("emitter", {"type": "projector", "id": name})
+    ET.SubElement(element, "float", {"name": "fov", "value": repr(BEAM_FOV_DEG)})
+    texture = ET.SubElement(element, "texture", {"type": "bitmap", "name": "irradiance"})
+    ET.SubElement(texture, "string", {"name": "filename", "value": str(file)})
+    ET.SubElement(texture, "boolean", {"name": "raw", "value": "true"})
+    return element
+
+
+class Lamps:
+    """The lamps of a loaded optical scene: sets their strength once, and moves the beams with their vehicles.
+
+    Parameters
+    ----------
+    params : mitsuba.SceneParameters
+    document : SceneDocument
+    lighting : Lighting or None
+    meshes : mapping
+        Shape id -> vertices and faces in the frame of the shape's actor.
+    """
+
+    def __init__(
+        self, params: Any, document: SceneDocument, lighting: Lighting | None, meshes: Mapping[str, Any]
+    ) -> None:
+        self._mounts: dict[str, dict[str, Pose]] = {}
+        for shape, bsdf in document.bsdf_of_shape.items():
+            lamp = document.materials[bsdf].lamp
+            if lamp is None or not is_on(lamp, lighting):
+                continue
+            vertices, faces = meshes[shape].vertices, meshes[shape].faces
+            key = f"{shape}.emitter.radiance.value"
+            params[key] = type(params[key])(*(float(v) for v in _glow(lamp, vertices, faces) * _unit_color(lamp)))
+            if lamp == "headlamp":
+                self._mounts[shape] = _mounts(vertices)
+                self.move(params, shape, Pose())
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Shapes that carry beams."""
+        return tuple(self._mounts)
+
+    def move(self, params: Any, shape: str, world_from_part: Pose) -> None:
+        """Put the beams of a shape where it is now."""
+        for side, mount in self._mounts[shape].items():
+            pose = world_from_part.compose(mount)
+            matrix = np.eye(4)
+            matrix[:3, :3] = pose.rotation @ _SENSOR_FROM_PROJECTOR
+            matrix[:3, 3] = pose.position
+            key = f"beam-{shape}-{side}.to_world"
+            params[key] = type(params[key])(matrix.astype(np.float32))
+
+
+_SENSOR_FROM_PROJECTOR = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Columns: the projector's axes (x left, y up, z forward) in a frame with x forward, y left, z up."""
+
+
+def _glow(lamp: str, vertices: Array, faces: npt.NDArray[np.int64]) -> float:
+    """Return the radiance of a lamp's surface in the scenes' unit."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    area_vectors = np.cross(b - a, c - a) / 2.0
+    if lamp in ALWAYS_ON:
+        luminance = ALWAYS_ON[lamp]
+    elif lamp == "street_lamp":
+        luminance = STREET_LAMP_FLUX / (np.pi * np.linalg.norm(area_vectors, axis=1).sum())
+    else:  # two lamps, seen from along x
+        luminance = _GLOW_INTENSITY[lamp] / (np.abs(area_vectors[:, 0]).sum() / 2.0 / 2.0)
+    return luminance / UNIT_LUMINANCE
+
+
+def _mounts(vertices: Array) -> dict[str, Pose]:
+    """Return the poses of the left and the right beam: just before the lamp's surface, looking along +x."""
+    mounts = {}
+    for side, chosen in (("left", vertices[:, 1] > 0.0), ("right", vertices[:, 1] <= 0.0)):
+        half = vertices[chosen] if chosen.any() else vertices
+        centre = 0.5 * (half.min(axis=0) + half.max(axis=0))
+        mounts[side] = Pose(np.array([half[:, 0].max() + 0.02, centre[1], centre[2]]))
+    return mounts

@@ -1,0 +1,182 @@
+"""Radiance of the sky with clouds, at twilight and at night, for an environment map.
+
+One unit of radiance of the scenes is `UNIT_LUMINANCE` cd/m2: under Mitsuba's `sunsky` (turbidity 3, sun 45 deg high) a white
+horizontal diffuser has the radiance 0.36, and in nature 80.8 klx [1]_ fall on it.
+
+References
+----------
+.. [1] Illuminating Engineering Society, *Recommended Practice for the Calculation of Daylight Availability*, RP-21, 1984: clear
+   sky 127.5 exp(-0.21 m) klx (normal) from the sun and 0.8 + 15.5 sqrt(sin h) from the sky, overcast 0.3 + 21 sin h klx.
+.. [2] CIE S 011, *Spatial Distribution of Daylight - CIE Standard General Sky*, 2003: overcast (1 + 2 sin g) / 3.
+.. [3] *Explanatory Supplement to the Astronomical Almanac*, 1992, section 9.3: illuminance at twilight.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.specs.lighting import Lighting
+
+Array = npt.NDArray[np.float64]
+
+UNIT_LUMINANCE = 80.8e3 / np.pi / 0.36
+"""Luminance of the radiance 1 [cd/m2]."""
+
+LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+"""Of linear sRGB (IEC 61966-2-1)."""
+
+SKY_SIZE = (768, 1536)
+"""Rows (zenith to nadir) and columns of the environment map."""
+
+_TWILIGHT_DEG = np.array([-18.0, -12.0, -6.0, -3.0, -0.8, 0.0])
+_TWILIGHT_LUX = np.array([6.5e-4, 8.3e-3, 3.4, 60.0, 450.0, 700.0])
+"""Illuminance of the clear sky on level ground [3]."""
+
+_CLOUD_GREY = np.array([0.95, 1.0, 1.07])
+_CLOUD_SEED = 20
+_NOISE_SIZE = 1024
+_NOISE_PERIOD = 9.0
+"""Side of the noise's tile in heights of the cloud layer."""
+
+
+def twilight_factor(elevation_deg: float) -> float:
+    """Return the brightness of the clear sky relative to that at sunset; 1 while the sun is up, 0 below -18 deg."""
+    if elevation_deg >= 0.0:
+        return 1.0
+    if elevation_deg <= _TWILIGHT_DEG[0]:
+        return 0.0
+    return float(np.exp(np.interp(elevation_deg, _TWILIGHT_DEG, np.log(_TWILIGHT_LUX))) / _TWILIGHT_LUX[-1])
+
+
+def sun_direction(lighting: Lighting) -> Array:
+    """Return the unit vector towards the sun [world], not below the horizon."""
+    elevation, azimuth = np.radians(max(lighting.sun_elevation_deg, 0.0)), np.radians(lighting.sun_azimuth_deg)
+    return np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+
+
+def overcast_illuminance(lighting: Lighting) -> float:
+    """Return the illuminance of level ground under an overcast sky [lx], dimmed at twilight like the clear sky."""
+    height = np.sin(np.radians(max(lighting.sun_elevation_deg, 0.0)))
+    return float((300.0 + 21e3 * height) * twilight_factor(lighting.sun_elevation_deg))
+
+
+def sky_directions() -> Array:
+    """Return the unit vectors [world, z up] of the environment map's pixels, shape (rows, columns, 3).
+
+    They are those of Mitsuba's `envmap` turned by 90 deg about x.
+    """
+    rows, columns = SKY_SIZE
+    polar = (np.arange(rows) + 0.5) / rows * np.pi
+    around = (np.arange(columns) + 0.5) / columns * 2.0 * np.pi
+    sine = np.sin(polar)[:, None]
+    return np.stack(
+        [sine * np.sin(around), sine * np.cos(around), np.broadcast_to(np.cos(polar)[:, None], (rows, columns))],
+        axis=-1,
+    )
+
+
+def sky_image(lighting: Lighting, clear: Array, sun_irradiance: Array) -> npt.NDArray[np.float32]:
+    """Return the environment map.
+
+    Parameters
+    ----------
+    lighting : Lighting
+    clear : ndarray, shape (rows, columns, 3)
+        Radiance of the clear sky without the sun's disc.
+    sun_irradiance : ndarray, shape (3,)
+        Of a surface that faces the sun.
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, columns, 3)
+        Radiance. The sun's disc is not in it.
+    """
+    horizon = SKY_SIZE[0] // 2
+    directions = sky_directions()[:horizon]
+    height = directions[..., 2]
+    sky = clear[:horizon] * twilight_factor(lighting.sun_elevation_deg)
+    zenith = 9.0 / (7.0 * np.pi) * overcast_illuminance(lighting) / UNIT_LUMINANCE
+    grey = _CLOUD_GREY / (LUMINANCE_WEIGHTS @ _CLOUD_GREY)
+    layer = (zenith * (1.0 + 2.0 * height) / 3.0)[..., None] * grey
+    cover = lighting.cloud_cover
+    if cover >= 1.0:
+        mottled = np.clip(1.0 + 0.10 * _cloud_noise(directions)[0], 0.6, 1.4)
+        onto_ground = layer[..., 1] * height * np.hypot(directions[..., 0], directions[..., 1])  # sine: area of a pixel
+        total = (mottled * onto_ground).sum()  # zero by night
+        sky = layer * (mottled * (onto_ground.sum() / total if total > 0.0 else 1.0))[..., None]
+    elif cover > 0.0:
+        opacity, shade = _clouds(directions, cover)
+        lit = sun_irradiance * 0.55 / np.pi + 0.6 * layer  # white clouds: reflect most of the sunlight
+        dark = layer * 0.9 + 0.12 * sun_irradiance / np.pi
+        cloud = shade[..., None] * lit + (1.0 - shade[..., None]) * dark
+        sky = (1.0 - opacity[..., None]) * sky + opacity[..., None] * cloud
+    glow = lighting.night_sky_luminance / UNIT_LUMINANCE * np.array([0.85, 1.0, 1.35])
+    sky = sky + glow * (1.0 + 1.5 * np.exp(-height / 0.15))[..., None]
+    below = np.broadcast_to(sky[-1].mean(axis=0), (SKY_SIZE[0] - horizon, SKY_SIZE[1], 3))  # as at the horizon
+    return np.concatenate([sky, below]).astype(np.float32)
+
+
+def _cloud_noise(directions: Array) -> tuple[Array, Array]:
+    """Return two fields of fractal noise, mean 0, variance 1, on a level layer above; flattened to the horizon."""
+    from scipy.ndimage import map_coordinates
+
+    place = directions[..., :2] / (np.maximum(directions[..., 2], 0.0) + 0.05)[..., None]
+    where = np.moveaxis(place, -1, 0) * (_NOISE_SIZE / _NOISE_PERIOD)
+    fields = []
+    for seed in (_CLOUD_SEED, _CLOUD_SEED + 1):
+        spectrum = np.fft.rfft2(np.random.default_rng(seed).standard_normal((_NOISE_SIZE, _NOISE_SIZE)))
+        waves = np.hypot(np.fft.fftfreq(_NOISE_SIZE)[:, None], np.fft.rfftfreq(_NOISE_SIZE)[None, :]) * _NOISE_SIZE
+        spectrum *= np.where(waves >= 2.0, np.maximum(waves, 1.0) ** -1.75, 0.0)
+        tile = np.fft.irfft2(spectrum, s=(_NOISE_SIZE, _NOISE_SIZE))
+        fields.append(map_coordinates(tile / tile.std(), where, order=1, mode="grid-wrap"))
+    return fields[0], fields[1]
+
+
+def _clouds(directions: Array, cover: float) -> tuple[Array, Array]:
+    """Return opacity and sunlit share of broken clouds."""
+    from scipy.special import erfinv
+
+    noise, detail = _cloud_noise(directions)
+    level = float(np.sqrt(2.0) * erfinv(1.0 - 2.0 * cover))  # a share `cover` of a normal field lies above
+    thickness = noise + 0.25 * detail - level
+    opacity = 1.0 - np.exp(-2.2 * np.clip(thickness, 0.0, None) ** 1.3)
+    shade = np.clip(1.0 - 0.55 * np.clip(thickness, 0.0, 1.6) + 0.12 * detail, 0.15, 1.0)
+    fade = np.clip(directions[..., 2] / 0.05, 0.0, 1.0)
+    return opacity * fade, shade
+
+
+def clear_sky(mi: Any, lighting: Lighting) -> tuple[Array, Array]:
+    """Return the clear sky's radiance without the sun, shape (rows, columns, 3), and the sun's irradiance, shape (3,).
+
+    Zero below the horizon. Evaluated with Mitsuba's `sunsky` emitter; run it inside ``variant.optical()``.
+    """
+    toward = sun_direction(lighting)
+    base = {"type": "sunsky", "sun_direction": toward.tolist(), "turbidity": lighting.turbidity}
+    if lighting.sun_elevation_deg <= -18.0:
+        return np.zeros((*SKY_SIZE, 3)), np.zeros(3)
+    upper = sky_directions()[: SKY_SIZE[0] // 2]
+    sky = np.zeros((*SKY_SIZE, 3))
+    emitter = mi.load_dict({**base, "sun_scale": 0.0})
+    sky[: len(upper)] = _evaluate(mi, emitter, upper.reshape(-1, 3)).reshape(upper.shape)
+    if lighting.sun_elevation_deg <= 0.0:
+        return sky, np.zeros(3)
+    half, count = np.radians(0.5358 / 2.0), 4000
+    side = np.cross(toward, [0.0, 0.0, 1.0] if toward[2] < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    radius = half * np.sqrt((np.arange(count) + 0.5) / count)
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(count)
+    offset = radius * np.cos(turn), radius * np.sin(turn)
+    disc = toward + offset[0][:, None] * side + offset[1][:, None] * np.cross(toward, side)
+    disc /= np.linalg.norm(disc, axis=-1, keepdims=True)
+    sun = _evaluate(mi, mi.load_dict({**base, "sky_scale": 0.0}), disc)
+    return sky, sun.mean(axis=0) * np.pi * half**2
+
+
+def _evaluate(mi: Any, emitter: Any, directions: Array) -> Array:
+    """Return the radiance that an environment emitter sends from directions, shape (n, 3)."""
+    interaction = mi.SurfaceInteraction3f()
+    interaction.wi = mi.Vector3f(-directions.T.astype(np.float32))
+    return np.array(emitter.eval(interaction, True), dtype=np.float64).reshape(3, -1).T

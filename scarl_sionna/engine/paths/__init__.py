@@ -1,0 +1,1 @@
+"""Sionna RT's PathSolver: which surfaces paths touch, and derivatives of its gains."""

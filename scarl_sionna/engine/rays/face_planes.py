@@ -1,0 +1,81 @@
+"""The float64 planes of all triangles of a state, and which of them are the same plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from .geometry import Triangles
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import World, WorldState
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+_SAME_PLANE = 1e-6
+"""Faces of one part whose unit normals and offsets [m] agree within this have one plane number."""
+
+_numbers: WeakKeyDictionary[World, tuple[Index, Flags]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class FaceTable:
+    """Triangles of a state.
+
+    Attributes
+    ----------
+    triangles : Triangles
+        Float64, world frame.
+    part : ndarray of int64, shape (num_faces,)
+        Row of the part table.
+    plane : ndarray of int64, shape (num_faces,)
+        Faces of one part that lie in one plane, whichever way they are turned, have one number.
+    repeated : ndarray of bool, shape (num_faces,)
+        Has the corners of an earlier face, as the second side of a sheet that is modelled with two has.
+    """
+
+    triangles: Triangles
+    part: Index
+    plane: Index
+    repeated: Flags
+
+
+def face_table(state: WorldState) -> FaceTable:
+    """Return the triangles of a state; plane numbers are the same at all times."""
+    world = state.world
+    first = world._triangles.first
+    part = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    if world not in _numbers:
+        _numbers[world] = _plane_numbers(world._triangles, part), _repeated(world, part)
+    return FaceTable(state._triangles, part, *_numbers[world])
+
+
+def _repeated(world: World, part: Index) -> Flags:
+    """Return which faces have the corners of an earlier one of the same body."""
+    corners = np.round(world._triangles.corners / _SAME_PLANE).astype(np.int64)
+    order = np.lexsort(np.moveaxis(corners, 2, 0)[::-1], axis=1)
+    corners = np.take_along_axis(corners, order[..., None], axis=1)
+    keys = np.column_stack([world.parts.actor[part], corners.reshape(len(corners), 9)])
+    _, first = np.unique(keys, axis=0, return_index=True)
+    repeated = np.ones(len(keys), dtype=np.bool_)
+    repeated[first] = False
+    return repeated
+
+
+def _plane_numbers(triangles: Triangles, part: Index) -> Index:
+    normal = triangles.normal
+    pivot = np.abs(normal).argmax(axis=1)
+    sign = np.where(normal[np.arange(len(normal)), pivot] < 0.0, -1.0, 1.0)
+    rounded = np.round(np.column_stack([normal, triangles.offset]) * (sign / _SAME_PLANE)[:, None]).astype(np.int64)
+    keys = np.column_stack([part, rounded])
+    order = np.lexsort(keys.T)
+    new = np.any(np.diff(keys[order], axis=0) != 0, axis=1)
+    number = np.empty(len(keys), dtype=np.int64)
+    number[order] = np.concatenate([[0], np.cumsum(new)])
+    return number

@@ -1,0 +1,305 @@
+"""The two twins of a scene: one Mitsuba scene in the RGB variant, one Sionna RT scene in the polarized variant.
+
+Both are made from one :class:`SceneDocument`. Actors are loaded in their own frame and moved by writing vertex positions,
+all at once, before one update of the acceleration structure.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import MeshError, SceneError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.core.temporary import temporary_folder
+from scarl_sionna.scene.document.model import SceneDocument, twin_xml
+from scarl_sionna.scene.materials.table import MaterialTable
+
+from . import variant
+from .light.lamps import Lamps, lamp_elements
+from .light.look import airlight, sky_elements, wet_bsdfs
+
+Array = npt.NDArray[np.float64]
+
+RADIO_FREQUENCY = 77e9
+"""Frequency at which the radio twin's materials are evaluated [Hz]; the materials' table is flat over 76-81 GHz."""
+_DEFAULT_COLOR = "0.45, 0.45, 0.45"
+_RADIO_BSDFS = ("itu-radio-material", "radio-material", "itu-radio-material-no-scattering")
+
+
+_WRITTEN = re.compile(r".*\.(vertex_positions|vertex_normals|faces|emitter\.radiance\.value)$|beam-.*\.to_world$")
+"""Parameters of the engine's scene that are read or written."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshData:
+    """Vertices as the engine holds them (float32 values as float64) and faces of one part."""
+
+    vertices: Array
+    faces: npt.NDArray[np.int64]
+
+
+class Twin:
+    """One loaded scene, moved to one state at a time.
+
+    Parameters
+    ----------
+    kind : str
+        ``"optical"`` or ``"radio"``.
+    document : SceneDocument
+    materials : MaterialTable
+        Radio materials; used by the radio twin only.
+    part_names : tuple of str
+        Shape ids in the order of the parts.
+    lighting : Lighting, optional
+        Of the optical twin; None: the emitters of the scene's own XML.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        document: SceneDocument,
+        materials: MaterialTable,
+        part_names: tuple[str, ...],
+        lighting: Lighting | None = None,
+    ) -> None:
+        self.kind = kind
+        self.part_names = part_names
+        self.sionna_scene: Any = None
+        with variant.use(kind) as mi:
+            try:
+                if kind == "radio":
+                    self._load_radio(document, materials)
+                else:
+                    self._load_optical(mi, document, lighting)
+            except (RuntimeError, TypeError, ValueError) as error:
+                raise _load_error(str(error), document) from error
+            self._shapes = {shape.id(): shape for shape in self.mi_scene.shapes()}
+            if absent := [name for name in part_names if name not in self._shapes]:
+                raise SceneError(f"the engine did not load shape '{absent[0]}'", document.path)
+            self._part_of_registry = self._registry_table(mi)
+            self._params = mi.traverse(self.mi_scene)
+            kept = {key: value for key, value in self._params.properties.items() if _WRITTEN.match(key)}
+            self._params.properties = kept  # every update looks at all of them; `keep` takes a second for 10^4
+        self._applied: object = None
+        self._pose_of: dict[str, Pose] = {}
+        self._velocity_of: dict[str, tuple[float, ...]] = {}
+        self._local_normals: dict[str, Array] = {}
+        self._lamps: Lamps | None = None
+        if kind == "optical" and lighting is not None:
+            with variant.use(kind):
+                meshes = dict(zip(part_names, self.mesh_data(), strict=True))
+                self._lamps = Lamps(self._params, document, lighting, meshes)
+                self._params.update()
+
+    def _load_optical(self, mi: Any, document: SceneDocument, lighting: Lighting | None) -> None:
+        self.airlight = np.zeros(3)
+        with temporary_folder() as folder:
+            self.mi_scene = mi.load_string(optical_xml(document, lighting, folder, mi), optimize=False)
+        if lighting is not None and lighting.visibility is not None:
+            self.airlight = airlight(mi, self.mi_scene)
+
+    def _load_radio(self, document: SceneDocument, materials: MaterialTable) -> None:
+        import sionna.rt as rt
+
+        self.sionna_scene = rt.load_scene_from_string(radio_xml(document, materials), merge_shapes=False)
+        self.sionna_scene.frequency = RADIO_FREQUENCY
+        self.mi_scene = self.sionna_scene.mi_scene
+
+    def _registry_table(self, mi: Any) -> npt.NDArray[np.int32]:
+        """Return the part of every shape number that an intersection can report, -1 for none."""
+        import drjit as dr
+
+        numbers = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(self._shapes[name]))[0]) for name in self.part_names]
+        table = np.full(max(numbers) + 1, -1, dtype=np.int32)
+        table[numbers] = np.arange(len(numbers), dtype=np.int32)
+        return table
+
+    def mesh_data(self) -> tuple[MeshData, ...]:
+        """Return the mesh of every part: static ones in the world frame, actors' in their own.
+
+        Raises
+        ------
+        MeshError
+            If a mesh has no faces or vertices that are not finite.
+        """
+        meshes = []
+        with variant.use(self.kind):
+            for name in self.part_names:
+                vertices = np.array(self._params[f"{name}.vertex_positions"], dtype=np.float64).reshape(-1, 3)
+                faces = np.array(self._params[f"{name}.faces"], dtype=np.int64).reshape(-1, 3)
+                if faces.shape[0] == 0:
+                    raise MeshError(f"mesh of shape '{name}' has no faces")
+                if not np.isfinite(vertices).all():
+                    bad = int(np.count_nonzero(~np.isfinite(vertices).all(axis=1)))
+                    raise MeshError(f"mesh of shape '{name}' has {bad} vertices that are not finite (NaN or inf)")
+                meshes.append(MeshData(vertices, faces))
+        return tuple(meshes)
+
+    def apply(
+        self,
+        state: object,
+        world_from_part: Mapping[str, Pose],
+        twist_of_part: Mapping[str, Twist],
+        meshes: Mapping[str, MeshData],
+    ) -> None:
+        """Move the actors' parts to a state; nothing is done when it is already applied."""
+        if self._applied is state:
+            return
+        with variant.use(self.kind) as mi:
+            for name, pose in world_from_part.items():
+                if _is_same(self._pose_of.get(name), pose):
+                    continue
+                self._pose_of[name] = pose
+                world = pose.apply(meshes[name].vertices).astype(np.float32)
+                self._params[f"{name}.vertex_positions"] = mi.Float(world.ravel())
+                self._rotate_normals(mi, name, pose)
+                if self._lamps is not None and name in self._lamps.shapes:
+                    self._lamps.move(self._params, name, pose)
+            self._params.update()
+            if self.sionna_scene is not None:
+                for name, twist in twist_of_part.items():
+                    velocity = tuple(twist.linear.tolist())
+                    if self._velocity_of.get(name) != velocity:
+                        self._velocity_of[name] = velocity
+                        self._object(name).velocity = mi.Vector3f(*velocity)
+        self._applied = state
+
+    def _rotate_normals(self, mi: Any, name: str, pose: Pose) -> None:
+        """Turn the shading normals of a part with it; a mesh without any has an empty array."""
+        key = f"{name}.vertex_normals"
+        if key not in self._params:
+            return
+        if name not in self._local_normals:
+            self._local_normals[name] = np.array(self._params[key], dtype=np.float64).reshape(-1, 3)
+        local = self._local_normals[name]
+        if local.size:
+            self._params[key] = mi.Float(pose.rotate(local).astype(np.float32).ravel())
+
+    def part_of_number(self, number: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Return the part of each of the engine's shape numbers, -1 for none."""
+        known = (number >= 0) & (number < len(self._part_of_registry))
+        return np.where(known, self._part_of_registry[np.where(known, number, 0)], -1).astype(np.int64)
+
+    def _object(self, name: str) -> Any:
+        import sionna.rt as rt
+
+        return self.sionna_scene.objects[rt.SceneObject.shape_id_to_name(name)]
+
+    def intersect(
+        self, origins: Array, directions: Array, max_distance: float
+    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+        """Intersect rays in the engine's float32.
+
+        Returns
+        -------
+        ray, part, face, distance : ndarray
+            One row a hit, in ray order; `face` counts within the part, `distance` is the float32 one [m].
+        """
+        import drjit as dr
+
+        with variant.use(self.kind) as mi:
+            origin = np.broadcast_to(origins, directions.shape).astype(np.float32)
+            ray = mi.Ray3f(mi.Point3f(origin.T), mi.Vector3f(directions.astype(np.float32).T))
+            if np.isfinite(max_distance):
+                ray.maxt = mi.Float(float(max_distance))
+            found = self.mi_scene.ray_intersect_preliminary(ray, coherent=True)
+            shape = dr.reinterpret_array(mi.UInt32, found.shape)
+            distance, face, number = found.t, found.prim_index, shape
+            dr.eval(distance, face, number)
+            distance, face, number = distance.numpy(), face.numpy(), number.numpy()
+        hit = np.flatnonzero(np.isfinite(distance) & (number > 0))
+        part = self._part_of_registry[number[hit]]
+        return hit, part, face[hit].astype(np.int64), distance[hit]
+
+
+def optical_xml(document: SceneDocument, lighting: Lighting | None, folder: Path, mi: Any) -> str:
+    """Return the XML of the RGB twin.
+
+    Without a lighting: the document's own BSDFs and emitters, and a sky where there is no light. With one: its sun, sky and
+    lamps in place of the document's emitters outside of shapes, and wet BSDFs. Textures made for that go into `folder`.
+    """
+    bsdfs = {}
+    for element in document.root.iter("bsdf"):
+        bsdf_id = element.get("id")
+        if bsdf_id in document.materials:
+            bsdfs[str(bsdf_id)] = _plain_look(element) if _is_radio(element) else copy.deepcopy(element)
+    _require(document, bsdfs)
+    if lighting is None:
+        emitters = [copy.deepcopy(element) for element in document.root.findall("emitter")]
+        if not emitters and document.root.find("./shape/emitter") is None:
+            emitters = [ET.Element("emitter", {"type": "sunsky"})]
+        return twin_xml(document, bsdfs, emitters)
+    if lighting.wetness > 0.0:
+        bsdfs = wet_bsdfs(bsdfs, document, lighting, folder)
+    glowing, beams = lamp_elements(document, lighting, folder, mi)
+    return twin_xml(document, bsdfs, [*sky_elements(lighting, folder, mi), *beams], glowing)
+
+
+def radio_xml(document: SceneDocument, materials: MaterialTable) -> str:
+    """Return the XML of the radio twin: radio materials from our table.
+
+    Their ids get a prefix, since Sionna takes ids such as ``itu_brick`` for its own materials.
+    """
+    bsdfs = {}
+    for bsdf_id, entry in document.materials.items():
+        material = materials[entry.radio]
+        permittivity, conductivity = (
+            material.permittivity_at(RADIO_FREQUENCY),
+            material.conductivity_at(RADIO_FREQUENCY),
+        )
+        element = ET.Element("bsdf", {"type": "radio-material", "id": f"radio-{bsdf_id}"})
+        for name, value in (
+            ("relative_permittivity", permittivity),
+            ("conductivity", conductivity),
+            ("thickness", material.thickness or 0.1),
+            ("scattering_coefficient", material.scattering_coefficient),
+            ("xpd_coefficient", material.xpd_coefficient),
+        ):
+            ET.SubElement(element, "float", {"name": name, "value": repr(float(value))})
+        bsdfs[bsdf_id] = element
+    _require(document, bsdfs)
+    return twin_xml(document, bsdfs)
+
+
+def _load_error(message: str, document: SceneDocument) -> SceneError:
+    """Return the error that tells what the engine found wrong."""
+    reason = message.strip().splitlines()[-1].split("failed to instantiate", 1)[-1].strip()
+    if "shape plugin" in reason:
+        return MeshError(f"cannot be loaded: {reason}", document.path, "export the mesh again with finite vertices")
+    return SceneError(f"cannot be loaded: {reason}", document.path)
+
+
+def _is_radio(element: ET.Element) -> bool:
+    return element.get("type") in _RADIO_BSDFS
+
+
+def _plain_look(element: ET.Element) -> ET.Element:
+    """Return a matt BSDF, in the material's own colour where it states one, for a radio material in an image."""
+    color = next((str(child.get("value")) for child in element.findall("rgb")), _DEFAULT_COLOR)
+    outer = ET.Element("bsdf", {"type": "twosided", "id": str(element.get("id"))})
+    inner = ET.SubElement(outer, "bsdf", {"type": "diffuse"})
+    ET.SubElement(inner, "rgb", {"name": "reflectance", "value": color})
+    return outer
+
+
+def _is_same(known: Pose | None, pose: Pose) -> bool:
+    """Return whether a part stands where it stood."""
+    if known is None or known is pose:
+        return known is pose
+    return bool((known.position == pose.position).all() and (known.quaternion == pose.quaternion).all())
+
+
+def _require(document: SceneDocument, bsdfs: Mapping[str, ET.Element]) -> None:
+    used = set(document.bsdf_of_shape.values())
+    if absent := sorted(used - set(bsdfs)):
+        raise SceneError(f"BSDF '{absent[0]}' is referred to but not defined", document.path)

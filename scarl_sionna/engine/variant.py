@@ -1,0 +1,68 @@
+"""The only place that switches Mitsuba's variant, which is global to the process.
+
+Radio paths need the polarized variant, images the RGB one. Objects belong to the variant that made them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from . import bootstrap as engine
+
+_SUFFIX = {"optical": "ad_rgb", "radio": "ad_mono_polarized"}
+
+
+def mitsuba() -> Any:
+    """Return the module mitsuba, imported after the engine has been checked."""
+    engine.ensure_engine()
+    import mitsuba as mi
+
+    return mi
+
+
+class _Blocks:
+    """Which variant the blocks below left behind, so that a switch back is made only where somebody notices.
+
+    A switch takes 0.2 s, since Mitsuba reloads its Python modules. A variant that the caller chose is given back at the
+    end of the outermost block; one that an earlier block of ours left is not.
+    """
+
+    depth = 0
+    left: str | None = None
+
+
+@contextmanager
+def _variant(name: str) -> Iterator[Any]:
+    """Switch to a variant for a block; give back what the caller, or an enclosing block, had chosen."""
+    mi = mitsuba()
+    previous = mi.variant()
+    give_back = previous is not None and (_Blocks.depth > 0 or previous != _Blocks.left)
+    if previous != name:
+        mi.set_variant(name)
+    _Blocks.depth += 1
+    try:
+        yield mi
+    finally:
+        _Blocks.depth -= 1
+        if give_back and previous != name:
+            mi.set_variant(previous)
+        elif _Blocks.depth == 0 and not give_back:
+            _Blocks.left = name
+
+
+def use(twin: str) -> Any:
+    """Return the context manager of a twin: ``"optical"`` or ``"radio"``; it yields the module mitsuba."""
+    backend = engine.ensure_engine()
+    return _variant(f"{backend}_{_SUFFIX[twin]}")
+
+
+def optical() -> Any:
+    """Return a context manager in which Mitsuba runs in the RGB variant."""
+    return use("optical")
+
+
+def radio() -> Any:
+    """Return a context manager in which Mitsuba runs in the polarized variant of Sionna RT."""
+    return use("radio")

@@ -1,0 +1,512 @@
+"""A driving scene: parts, instances and actors, and its immutable states over time."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import InputTypeError, ScarlWarning, TimeRangeError, UnknownNameError
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.results import ObjectState
+from scarl_sionna.core.semantics import semantic_id
+from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.core.specs.weather import Weather
+from scarl_sionna.scene.document.find import find_scene, scene_names
+from scarl_sionna.scene.document.model import InstanceEntry, SceneDocument
+from scarl_sionna.scene.document.scene_file import read_document
+from scarl_sionna.scene.document.staging import StagedActor
+from scarl_sionna.scene.document.staging import stage as stage_document
+from scarl_sionna.scene.materials.table import MaterialTable, load_materials
+from scarl_sionna.scene.materials.wet import wet_surfaces
+from scarl_sionna.scene.motion.trajectory import Motion, is_present
+from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
+
+from .rays.geometry import Triangles, encloses, even_directions, refine_distance, upright_box
+from .twins import MeshData, Twin
+
+__all__ = ["World", "WorldState", "find_scene", "load_scene", "scene_names", "stage"]
+
+Array = npt.NDArray[np.float64]
+
+SMALLEST_ROOM = 2.0
+"""In a scene without scene.toml, a mesh with all sides at least this long [m] that holds everything is taken for a room."""
+_SPHERE = even_directions(256)
+"""Rays that look for a way out of an actor."""
+SLOWEST = 0.1
+"""A slower actor [m/s] stands still for a sensor on it: far below a Doppler bin."""
+CARRIED_WITHIN = 0.5
+"""A sensor this near to a moving actor's box [m] is most likely meant to ride on it: depth of a bumper or of a roof rack."""
+RAYS_PER_BATCH = 1 << 20
+"""Rays that are worked on at once: about 200 MB of temporary arrays."""
+
+
+class World:
+    """A loaded scene. Make one with :func:`load_scene`; ask for its states with :meth:`at`."""
+
+    def __init__(self, document: SceneDocument, materials: MaterialTable) -> None:
+        self.document = document
+        self.materials = materials
+        self.weather = Weather()
+        self.lighting = document.lighting
+        self._dry = document, materials, document.lighting
+        self.name = document.name
+        self.ego = document.ego
+        self.parts, self._entries = part_table(document, materials)
+        self._twins: dict[str, Twin] = {}
+        self._meshes = dict(zip(self.parts.name, self.twin("optical").mesh_data(), strict=True))
+        self._triangles = Triangles.from_meshes(
+            [mesh.vertices for mesh in self._meshes.values()], [mesh.faces for mesh in self._meshes.values()]
+        )
+        self.actors = tuple(
+            Actor(entry.name, number, entry.trajectory, entry.joints)
+            for number, entry in enumerate(self._entries, start=1)
+            if entry.trajectory is not None
+        )
+        self.instances = {number: self._info(number, entry) for number, entry in enumerate(self._entries, start=1)}
+
+    @cached_property
+    def _moving_parts(self) -> tuple[tuple[int, int], ...]:
+        """Part and index of its actor, of every part that has one."""
+        index = self.parts.actor.tolist()
+        return tuple((part, index[part]) for part in range(len(index)) if index[part] >= 0)
+
+    @cached_property
+    def _actor_of_name(self) -> dict[str, Actor]:
+        return {actor.name: actor for actor in self.actors}
+
+    def _info(self, number: int, entry: InstanceEntry) -> InstanceInfo:
+        parts = tuple(int(part) for part in np.flatnonzero(self.parts.instance == number))
+        is_actor = entry.trajectory is not None
+        moved: dict[str, Motion] = {}
+        if entry.trajectory is not None:
+            start = entry.trajectory.start
+            moved = self.actor(entry.name).motions(start if np.isfinite(start) else 0.0)
+        vertices = self._vertices(parts, moved)
+        frame_from_box, size = upright_box(vertices, fixed_axes=is_actor or not entry.is_object)
+        name = entry.name if is_actor else None
+        is_room = entry.is_room or (self.document.is_foreign and self._holds_all(vertices))
+        return InstanceInfo(
+            entry.name, number, semantic_id(entry.semantic), parts, entry.is_object, is_room, name, frame_from_box, size
+        )
+
+    def _vertices(self, parts: Iterable[int], moved: Mapping[str, Motion]) -> Array:
+        """Return the vertices of parts in the frame of their instance, those with a joint in the place where that has them."""
+        vertices = []
+        for part in parts:
+            name, own = self.parts.name[part], self.mesh(part).vertices
+            vertices.append(moved[name].pose.apply(own) if name in moved else own)
+        return np.concatenate(vertices)
+
+    def _holds_all(self, vertices: Array) -> bool:
+        """Return whether the bounding box of an instance is room-sized and holds the whole scene."""
+        lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+        corners = self._triangles.corners.reshape(-1, 3)
+        whole = np.all(corners.min(axis=0) >= lower) and np.all(corners.max(axis=0) <= upper)
+        return bool(whole and np.all(upper - lower >= SMALLEST_ROOM))
+
+    def twin(self, kind: str) -> Twin:
+        """Return a twin of the scene, ``"optical"`` or ``"radio"``, loaded on first use."""
+        if kind not in self._twins:
+            if kind not in ("optical", "radio"):
+                raise UnknownNameError("twin", kind, ("optical", "radio"))
+            self._twins[kind] = Twin(kind, self.document, self.materials, self.parts.name, self.lighting)
+        return self._twins[kind]
+
+    def with_lighting(self, lighting: Lighting | str | None) -> World:
+        """Return this world under another lighting; it shares everything but the optical twin.
+
+        Parameters
+        ----------
+        lighting : Lighting, str or None
+            Or the name of a preset (``"day"``, ``"dusk"``, ``"night"``, ``"overcast"``, ``"rain"``); None: the emitters of the
+            scene's own XML.
+        """
+        other = copy.copy(self)
+        chosen = Lighting.preset(lighting) if isinstance(lighting, str) else lighting
+        other.lighting = self.weather.over(chosen)
+        other._dry = *self._dry[:2], chosen
+        other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
+        return other
+
+    def with_weather(self, weather: Weather | str) -> World:
+        """Return this world in another weather: its materials wet, its lighting as :meth:`Weather.over` has it.
+
+        Sensors read `weather` for what is in the air. It shares everything but the optical twin; geometry and instances stay.
+
+        Parameters
+        ----------
+        weather : Weather or str
+            Or the name of a preset, one of :data:`scarl_sionna.core.specs.weather.WEATHER_PRESETS`; ``"clear"`` goes back to the scene as
+            it was loaded.
+        """
+        other = copy.copy(self)
+        other.weather = Weather.preset(weather) if isinstance(weather, str) else weather
+        document, materials, lighting = self._dry
+        other.document, other.materials = wet_surfaces(document, materials, other.weather)
+        other.parts = part_table(other.document, other.materials)[0]
+        other.lighting = other.weather.over(lighting)
+        if other.lighting != self.lighting:
+            other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
+        return other
+
+    def mesh(self, part: int) -> MeshData:
+        """Return the mesh of a part: of a static one in the world's frame, else in the part's own, see `WorldState.part_pose`."""
+        return self._meshes[self.parts.name[part]]
+
+    def actor(self, name: str) -> Actor:
+        """Return an actor by name."""
+        if name not in self._actor_of_name:
+            raise UnknownNameError("actor", name, self._actor_of_name)
+        return self._actor_of_name[name]
+
+    @property
+    def time_range(self) -> tuple[float, float]:
+        """Interval in which all trajectories are known [s]; infinite for a static scene."""
+        starts = [actor.trajectory.start for actor in self.actors]
+        stops = [actor.trajectory.stop for actor in self.actors]
+        return max(starts, default=-np.inf), min(stops, default=np.inf)
+
+    def at(self, time: float) -> WorldState:
+        """Return the state at a time.
+
+        Parameters
+        ----------
+        time : float
+            [s], within `time_range`.
+
+        Raises
+        ------
+        TimeRangeError
+            If a trajectory is not known at this time.
+        """
+        if not np.isfinite(time):
+            raise TimeRangeError(time, *self.time_range, what=f"scene '{self.name}'")
+        poses = {actor.name: actor.trajectory.pose(time) for actor in self.actors}
+        twists = {actor.name: actor.trajectory.twist(time) for actor in self.actors}
+        return WorldState(self, float(time), poses, twists)
+
+
+class WorldState:
+    """Poses and velocities of everything at one time; immutable. Made by :meth:`World.at`."""
+
+    def __init__(self, world: World, time: float, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> None:
+        self.world = world
+        self.time = time
+        self._poses = poses
+        self._twists = twists
+
+    def actor_pose(self, name: str) -> Pose:
+        """Return world_from_actor of an actor."""
+        self.world.actor(name)
+        return self._poses[name]
+
+    def actor_twist(self, name: str) -> Twist:
+        """Return the velocity of an actor."""
+        self.world.actor(name)
+        return self._twists[name]
+
+    def mount(self, actor: str, actor_from_sensor: Pose | None = None) -> Mount:
+        """Return pose and velocity of a sensor that rides on an actor.
+
+        Parameters
+        ----------
+        actor : str
+            Name of the actor, for instance ``world.ego``.
+        actor_from_sensor : Pose, optional
+            Where it sits: x forward, y left, z up from the actor's origin, on the ground below the middle of a car [m].
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such actor.
+        InputTypeError
+            If `actor_from_sensor` is no pose.
+        """
+        place = Pose() if actor_from_sensor is None else actor_from_sensor
+        if not isinstance(place, Pose):
+            raise InputTypeError("actor_from_sensor", place, "a Pose", "write ss.Pose([x, y, z])")
+        return Mount(self.actor_pose(actor), self.actor_twist(actor), actor).at(place)
+
+    def as_mount(self, place: Mount | Pose) -> Mount:
+        """Return a mount as it is, and a pose as one at rest; warn of a pose that stands on or in a moving actor.
+
+        Raises
+        ------
+        InputTypeError
+            If `place` is neither.
+        """
+        mount = Mount.of(place)
+        if mount is place:
+            return mount
+        for box in self.boxes():
+            offset = np.abs(box.world_from_box.inverse().apply(mount.pose.position)) - box.size / 2.0
+            speed = float(np.linalg.norm(box.twist.linear))
+            if speed > SLOWEST and float(offset.max()) <= CARRIED_WITHIN:
+                warnings.warn(
+                    f"a sensor is given by a pose, so it stands still, but that is on or in '{box.name}', which moves at {speed:.1f} m/s; "
+                    f"state.mount('{box.name}', ss.Pose([x, y, z])) rides on it",
+                    ScarlWarning,
+                    stacklevel=3,
+                )
+        return mount
+
+    @cached_property
+    def _joints(self) -> dict[str, dict[str, Motion]]:
+        """Motion of the shapes with a joint relative to their actor, by actor."""
+        return {actor.name: actor.motions(self.time) for actor in self.world.actors if actor.joints}
+
+    @cached_property
+    def _part_motion(self) -> dict[int, Motion]:
+        """Motion in the world of every part that belongs to an actor."""
+        motions = {}
+        wholes = {name: Motion(pose, self._twists[name]) for name, pose in self._poses.items()}
+        moved: dict[int, Motion] = {}  # by the identity of the joint's motion, which several shapes can share
+        for part, index in self.world._moving_parts:
+            name = self.world.actors[index].name
+            whole, own = wholes[name], self._joints.get(name, {}).get(self.world.parts.name[part])
+            if own is None:
+                motions[part] = whole
+                continue
+            if id(own) not in moved:
+                moved[id(own)] = whole.then(own)
+            motions[part] = moved[id(own)]
+        return motions
+
+    def part_pose(self, part: int) -> Pose:
+        """Return world_from_part: the actor's pose and the part's joint; the identity for what stands still."""
+        return self._part_motion[part].pose if part in self._part_motion else Pose()
+
+    def point_velocity(self, part: npt.NDArray[Any], point: Array) -> Array:
+        """Return the velocity of surface points.
+
+        Parameters
+        ----------
+        part : ndarray of int, shape (n,)
+            Row of the part table; -1 is at rest.
+        point : ndarray of float64, shape (n, 3)
+            [m, world].
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 3)
+            [m/s, world].
+        """
+        velocity = np.zeros_like(point)
+        actor = np.where(part >= 0, self.world.parts.actor[part], -1)
+        for index in np.unique(part[actor >= 0]):
+            rows, motion = part == index, self._part_motion[int(index)]
+            velocity[rows] = motion.twist.velocity_at(point[rows] - motion.pose.position)
+        return velocity
+
+    @cached_property
+    def _triangles(self) -> Triangles:
+        return self.world._triangles.moved({part: motion.pose for part, motion in self._part_motion.items()})
+
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
+        return self._triangles.bounds()
+
+    def _applied(self, kind: str) -> Twin:
+        """Return a twin that stands in this state."""
+        twin = self.world.twin(kind)
+        names = self.world.parts.name
+        twin.apply(
+            self,
+            {names[part]: motion.pose for part, motion in self._part_motion.items()},
+            {names[part]: motion.twist for part, motion in self._part_motion.items()},
+            self.world._meshes,
+        )
+        return twin
+
+    def optical_scene(self) -> Any:
+        """Return the Mitsuba scene of the RGB variant in this state; use it inside ``variant.optical()``."""
+        return self._applied("optical").mi_scene
+
+    @property
+    def airlight(self) -> Array:
+        """Radiance of the sky at the horizon, shape (3,), into which haze fades; zeros where the lighting has no haze."""
+        return np.asarray(self.world.twin("optical").airlight)
+
+    def radio_scene(self) -> Any:
+        """Return the Sionna RT scene in this state, with the velocities set; use it inside ``variant.radio()``."""
+        return self._applied("radio").sionna_scene
+
+    def boxes(self) -> tuple[ObjectState, ...]:
+        """Return the ground truth of every actor that is in the scene and of every static object."""
+        states = []
+        for info in self.world.instances.values():
+            if not info.is_object or (info.actor is not None and not self._is_present(info.actor)):
+                continue
+            if info.actor is None:
+                box, size, twist = info.frame_from_box, info.size, Twist()
+            else:
+                pose, own = self._poses[info.actor], self._twists[info.actor]
+                frame_from_box, size = self._box(info)
+                box = pose.compose(frame_from_box)
+                twist = Twist(own.velocity_at(box.position - pose.position), own.angular)
+            states.append(
+                ObjectState(info.name, info.instance, info.semantic, box, size, twist, info.actor is not None)
+            )
+        return tuple(states)
+
+    def _is_present(self, name: str) -> bool:
+        return is_present(self.world.actor(name).trajectory, self.time)
+
+    def _box(self, info: InstanceInfo) -> tuple[Pose, Array]:
+        """Return the box of an actor in its own frame; that of a body whose limbs move is its box at this time."""
+        actor = self.world.actor(str(info.actor))
+        if not any(joint.changes_shape for joint in actor.joints):
+            return info.frame_from_box, info.size
+        return upright_box(self.world._vertices(info.parts, self._joints[actor.name]), fixed_axes=True)
+
+    def cast(
+        self, origins: npt.ArrayLike, directions: npt.ArrayLike, max_distance: float = np.inf, twin: str = "optical"
+    ) -> RayHits:
+        """Intersect rays with the scene.
+
+        Parameters
+        ----------
+        origins : array_like of float, shape (3,) or (num_rays, 3)
+            [m, world].
+        directions : array_like of float, shape (num_rays, 3)
+            Unit vectors [world].
+        max_distance : float
+            Nothing is hit beyond [m].
+        twin : str
+            Which twin is intersected: ``"optical"`` or ``"radio"``. The geometry is the same.
+
+        Returns
+        -------
+        RayHits
+            With distances and points in float64 on the plane of the triangle hit.
+        """
+        origin = np.asarray(origins, dtype=np.float64)
+        direction = np.asarray(directions, dtype=np.float64).reshape(-1, 3)
+        engine = self._applied(twin)
+        triangles = self._triangles
+        batches = []
+        for first in range(0, max(len(direction), 1), RAYS_PER_BATCH):
+            rows = slice(first, min(first + RAYS_PER_BATCH, len(direction)))
+            some_origins = origin if origin.ndim == 1 else origin[rows]
+            batches.append(self._cast_batch(engine, triangles, some_origins, direction[rows], first, max_distance))
+        if len(batches) == 1:
+            return batches[0]
+        joined = (np.concatenate(column) for column in zip(*(vars(batch).values() for batch in batches), strict=True))
+        return RayHits(*joined)
+
+    def _cast_batch(
+        self, engine: Twin, triangles: Triangles, origins: Array, directions: Array, first: int, max_distance: float
+    ) -> RayHits:
+        if len(directions) == 0:
+            return RayHits.none()
+        ray, part, face, rough = engine.intersect(origins, directions, max_distance)
+        row = triangles.first[part] + face
+        start = origins if origins.ndim == 1 else origins[ray]
+        direction = directions[ray]
+        normal = triangles.normal[row]
+        distance, cosine = refine_distance(start, direction, normal, triangles.offset[row], rough)
+        normal *= -np.sign(cosine)[:, None]
+        point = start + distance[:, None] * direction
+        velocity = self.point_velocity(part, point)
+        return RayHits(ray + first, distance, point, normal, np.minimum(np.abs(cosine), 1.0), part, velocity)
+
+    def inside(self, point: npt.ArrayLike) -> str | None:
+        """Return the name of the instance whose mesh encloses a point [m, world], or None.
+
+        An actor made of several shells (a cabin behind separate panes) encloses a point from which no ray gets out. Rooms
+        (``room = true`` in scene.toml) are there to be stood in and do not count.
+        """
+        where = np.asarray(point, dtype=np.float64)
+        lower, upper = self._bounds
+        for info in self.world.instances.values():
+            parts = list(info.parts)
+            near = np.all(where >= lower[parts].min(axis=0)) and np.all(where <= upper[parts].max(axis=0))
+            if not near or info.is_room:
+                continue
+            if encloses(where, self._triangles.of_parts(info.parts)) and self._is_walled_in(where):
+                return info.name
+            if info.actor is not None and np.isin(self.cast(where, _SPHERE).part, parts).sum() == len(_SPHERE):
+                return info.name
+        return None
+
+    def _is_walled_in(self, point: Array) -> bool:
+        """Return whether three quarters of the rays from a point hit something: not so above layers of open ground."""
+        return self.cast(point, _SPHERE).num_hits >= 0.75 * len(_SPHERE)
+
+
+def load_scene(
+    name_or_path: str | Path, materials: MaterialTable | None = None, *, variant: int = 0, detail: str = "detailed"
+) -> World:
+    """Load a scene.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        A scene of ``scenes_xml`` (``"highway_guardrail"``), a scene of Sionna RT (``"simple_street_canyon_with_cars"``),
+        or the path of a Mitsuba or Sionna XML; a ``scene.toml`` beside it states classes, materials and actors.
+    materials : MaterialTable, optional
+        Radio materials; default: the built-in table. See :func:`scarl_sionna.scene.materials.table.load_materials`.
+    variant : int
+        Of a scene of ``scenes_xml``: 0 is the one of the package, any other number the seed of another place of its kind,
+        which is built on first use into a cache folder.
+    detail : str
+        Level of geometry: ``"detailed"`` or ``"light"`` (few shapes and triangles). It goes for actors that name a model, too;
+        of a scene given by its path only for those.
+
+    Returns
+    -------
+    World
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such scene or level.
+    SceneError, MeshError, MaterialError
+        If its files are missing or broken, or a material is unknown.
+    ParameterRangeError
+        If the variant is not allowed, or not 0 for a scene that has none.
+    """
+    document = read_document(find_scene(name_or_path, variant, detail), detail)
+    return World(document, materials or load_materials())
+
+
+def stage(
+    world: World | str | Path,
+    actors: Sequence[StagedActor],
+    ego: str | None = None,
+    *,
+    variant: int = 0,
+    detail: str = "detailed",
+) -> World:
+    """Return a scene with actors put into it.
+
+    Parameters
+    ----------
+    world : World, str or Path
+        A loaded scene, which stays as it is, or what `load_scene` takes; with a name the scene is loaded once only.
+    actors : sequence of StagedActor
+    ego : str, optional
+        The actor that carries the rig from now on; None: that of the scene.
+    variant, detail
+        As in `load_scene`; used where `world` is a name or a path.
+
+    Raises
+    ------
+    SceneError, UnknownNameError
+        If a name stands twice, or `ego` is no actor of the scene.
+    """
+    if isinstance(world, World):
+        document, materials, lighting = world._dry
+        staged = World(stage_document(replace(document, lighting=lighting), actors, ego), materials)
+        return staged if world.weather == Weather() else staged.with_weather(world.weather)
+    document = read_document(find_scene(world, variant, detail), detail)
+    return World(stage_document(document, actors, ego), load_materials())

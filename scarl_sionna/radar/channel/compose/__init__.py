@@ -1,0 +1,1 @@
+"""Several solvers at once: plans, mirrors, objects through mirrors, and the choice of auto."""

@@ -1,0 +1,239 @@
+"""What an object can send back at most, and what it costs to compute: the numbers that ``method="auto"`` decides by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import dbm_to_watt
+from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
+from scarl_sionna.signal.antenna import field_gain
+from scarl_sionna.signal.noise import sample_noise_power
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+    from scarl_sionna.scene.tables import InstanceInfo
+
+Array = npt.NDArray[np.float64]
+
+DIFFUSE_CLASSES = frozenset(
+    {"Roads", "SideWalks", "RoadLine", "Ground", "Terrain", "Vegetation", "Water", "Pedestrian", "Rider", "Sky"}
+)
+"""Classes without coherent bodies: rough or soft, many unresolved scatterers in a resolution cell."""
+SPECKLE_DB = 10.0
+"""A rough surface is taken to send back at most this much more than its mean: 4.5e-5 of exponential speckle is above."""
+
+LONG = 20.0
+"""Objects longer than this [m] (guardrails, walls) are followed by many more tubes after each bounce."""
+
+PROBES = 256
+"""Rays that find out how often an object reflects to itself."""
+LEAST_SHARE = 0.01
+"""Part of those rays that must go on for another bounce to count: a corner reflector on a body is often small."""
+MOST_BOUNCES = 3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What an instance can be for a radar.
+
+    Attributes
+    ----------
+    number : int
+        Instance id.
+    info : InstanceInfo
+    distance : float
+        To the nearest point of its box [m].
+    size : float
+        Largest extent [m].
+    area : float
+        Of its box projected across the line of sight, the part within the field of view's width at most [m2].
+    in_view : bool
+    bound_db : float
+        Largest power that it can send back over the noise of a range-Doppler-angle cell [dB].
+    expected_db : float
+        The same by the mean reflectivity of its class [dB].
+    num_faces : int
+    is_coherent : bool
+        Whether its echo is that of smooth bodies, with a phase that means something.
+    """
+
+    number: int
+    info: InstanceInfo
+    distance: float
+    size: float
+    area: float
+    in_view: bool
+    bound_db: float
+    expected_db: float
+    num_faces: int
+    is_coherent: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the instance."""
+        return self.info.name
+
+
+def cell_noise_power(radar: RadarSpec) -> float:
+    """Return the noise power of one cell of the range-Doppler-angle cube, without windows [W]."""
+    return sample_noise_power(radar) / (radar.num_samples * radar.num_chirps * radar.num_virtual)
+
+
+def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach: float) -> Estimate:
+    r"""Return distance, size and bounds of an instance.
+
+    Notes
+    -----
+    A body of projected area A at the distance d has at most the RCS of a flat plate of that area, or of an infinite mirror:
+
+    .. math:: \sigma \le \min(4 \pi A^2 / \lambda^2, \pi d^2)
+
+    The second is the image source, :math:`\lambda / (4 \pi \cdot 2 d)`. Concave bodies that focus can exceed it. Of a diffuse
+    class it is its mean, gamma A, and `SPECKLE_DB`.
+    """
+    info = state.world.instances[number]
+    box = info.frame_from_box if info.actor is None else state.actor_pose(info.actor).compose(info.frame_from_box)
+    half = info.size / 2.0
+    local = box.inverse().apply(pose.position)
+    nearest = box.apply(np.clip(local, -half, half))
+    distance = max(float(np.linalg.norm(nearest - pose.position)), 1e-3)
+    direction = _unit(pose.position - box.position)
+    sides = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]]) * 4.0
+    in_view, gain, width = _view(radar, pose, box, info.size, nearest)
+    area = min(float(np.abs(direction @ box.rotation) @ sides), width * distance)
+    semantic = SEMANTIC_CLASSES[info.semantic]
+    mean = float(class_reflectivity()[info.semantic]) * area
+    flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
+    coherent = semantic not in DIFFUSE_CLASSES and _smooth_share(state, info) > 0.5
+    largest = flat if coherent else mean * 10.0 ** (SPECKLE_DB / 10.0)
+    scale = dbm_to_watt(radar.tx_power_dbm) * gain**2 * radar.wavelength**2 / (4.0 * np.pi) ** 3 / distance**4
+    scale /= cell_noise_power(radar)
+    triangles = state._triangles
+    faces = sum(int(triangles.first[part + 1] - triangles.first[part]) for part in info.parts)
+    return Estimate(
+        number, info, distance, float(info.size.max()), area, in_view and distance < reach,
+        _db(scale * largest), _db(scale * mean), faces, coherent,
+    )  # fmt: skip
+
+
+def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrChannelSettings) -> int:
+    """Return about how many patches `sbr` makes of an instance, within a factor of three for those of highway_guardrail.
+
+    Half of the faces are lit, long edges are cut in steps of `edge_spacing`, and each further bounce doubles the number; on long
+    things, which see themselves along their length, it multiplies by six.
+    """
+    side = np.sqrt(4.0 * settings.max_phase * item.distance * radar.wavelength / (2.0 * np.pi))
+    edges = item.size / (side * settings.edge_spacing) * np.sqrt(item.num_faces / 100.0)
+    growth = 6 if item.size > LONG else 2
+    return int(growth ** (settings.max_depth - 1) * (1000.0 + 0.5 * item.num_faces + 1.5 * edges))
+
+
+def own_bounces(state: WorldState, pose: Pose, numbers: Sequence[int]) -> dict[int, int]:
+    """Return how many bounces objects make of a ray from the radar on themselves, 1 to `MOST_BOUNCES`.
+
+    Rays go to points spread evenly over what of each object's faces looks at the radar, and on in the mirror direction: a plate
+    or a ball has one bounce, a dihedral two, a corner reflector three.
+    """
+    targets, owner = [], []
+    for number in numbers:
+        points = _lit_points(state, pose, number)
+        targets.append(points)
+        owner.append(np.full(len(points), number))
+    bounces = dict.fromkeys(numbers, 1)
+    if not numbers:
+        return bounces
+    who = np.concatenate(owner)
+    sight = np.concatenate(targets) - pose.position
+    direction = sight / np.linalg.norm(sight, axis=1, keepdims=True)
+    origin = np.broadcast_to(pose.position, direction.shape)
+    instance = state.world.parts.instance
+    sent = {number: max(int(np.sum(who == number)), 1) for number in numbers}
+    for bounce in range(1, MOST_BOUNCES + 1):
+        hits = state.cast(origin, direction)
+        own = instance[hits.part] == who[hits.ray]
+        ray = hits.ray[own]
+        who, direction, normal = who[ray], direction[ray], hits.normal[own]
+        for number in np.unique(who).tolist():
+            if np.sum(who == number) >= LEAST_SHARE * sent[number]:
+                bounces[number] = max(bounces[number], bounce)
+        direction = direction - 2.0 * np.einsum("ij,ij->i", direction, normal)[:, None] * normal
+        origin = hits.point[own] + 1e-5 * (1.0 + hits.distance[own, None]) * normal
+    return bounces
+
+
+def _lit_points(state: WorldState, pose: Pose, number: int) -> Array:
+    """Return points on the faces of an instance that look at the radar, evenly over their projected area, shape (n, 3)."""
+    triangles = state._triangles
+    corners = triangles.of_parts(state.world.instances[number].parts)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
+    sight = pose.position - corners.mean(axis=1)
+    sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-9)
+    reach = np.cumsum(np.abs(np.einsum("ij,ij->i", cross, sight)))
+    if not len(reach) or reach[-1] <= 0.0:
+        return np.zeros((0, 3))
+    step = (np.arange(PROBES) + 0.5) / PROBES
+    face = np.searchsorted(reach, step * reach[-1])
+    first, second = (np.modf(step[:, None] * PROBES * np.array([0.7548776662, 0.5698402910]))[0]).T  # Roberts' sequence
+    flip = first + second > 1.0
+    first, second = np.where(flip, 1.0 - first, first), np.where(flip, 1.0 - second, second)
+    a, b, c = np.moveaxis(corners[face], 1, 0)
+    return np.asarray(a + first[:, None] * (b - a) + second[:, None] * (c - a))
+
+
+def _db(ratio: float) -> float:
+    return float(10.0 * np.log10(max(ratio, 1e-40)))
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-9))
+
+
+def _smooth_share(state: WorldState, info: InstanceInfo) -> float:
+    """Return the coherently reflected share of the power, 1 - S^2, of the parts' materials, weighted by their area."""
+    triangles, total, smooth = state._triangles, 0.0, 0.0
+    for part in info.parts:
+        corners = triangles.corners[triangles.first[part] : triangles.first[part + 1]]
+        area = float(
+            np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+        )
+        rough = state.world.materials[state.world.parts.material[part]].scattering_coefficient
+        total, smooth = total + area, smooth + area * (1.0 - rough**2)
+    return smooth / total if total > 0.0 else 0.0
+
+
+def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) -> tuple[bool, float, float]:
+    """Return whether a box may be in the field of view, the antenna's largest power gain over it, and its width there [m].
+
+    The box is taken as its sphere; one wider than 20 deg as if it stood where the antenna is best.
+    """
+    center, radius = box.position - pose.position, float(np.linalg.norm(size)) / 2.0
+    far = float(np.linalg.norm(center))
+    fov = np.radians([radar.azimuth_fov_deg, radar.elevation_fov_deg])
+    wide = 2.0 * np.tan(min(fov[0], 2.9) / 2.0) * float(size[2] + 1.0)
+    if far <= radius or np.arcsin(radius / far) > np.radians(10.0):
+        x, y, _ = (nearest - pose.position) @ pose.rotation
+        behind = far > radius and np.abs(np.arctan2(y, x)) > fov[0] / 2.0 and _outside(pose, center, radius, fov)
+        return not behind, float(field_gain(radar.pattern, np.array([[1.0, 0.0, 0.0]]))[0]) ** 2, wide
+    signs = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)] + [(0, 0, 0)]) / 2.0
+    corners = (box.apply(signs * size) - pose.position) @ pose.rotation
+    gain = float(field_gain(radar.pattern, corners).max()) ** 2
+    return not _outside(pose, center, radius, fov), gain, wide
+
+
+def _outside(pose: Pose, center: Array, radius: float, fov: Array) -> bool:
+    x, y, z = center @ pose.rotation
+    far = float(np.linalg.norm(center))
+    spread = np.arcsin(min(radius / far, 1.0)) if far > 0.0 else np.pi
+    return bool(
+        abs(np.arctan2(y, x)) - spread > fov[0] / 2.0
+        or abs(np.arcsin(np.clip(z / max(far, 1e-9), -1.0, 1.0))) - spread > fov[1] / 2.0
+    )

@@ -1,0 +1,266 @@
+"""Objects seen through mirrors: ground bounce and ghosts of whole meshes, solved from the radar's images.
+
+An object is solved alone, seen from the image of the transmitter and that of the receiver, so its scattering is that of the
+aspects under which the mirrored waves meet it. What the mirrors do to polarisation, length and rate, and what hides the way,
+is added path by path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.paths.tracing import SPECULAR
+from scarl_sionna.engine.subset import alone
+from scarl_sionna.radar.channel.multipath.images import spherical_basis
+from scarl_sionna.radar.channel.multipath.station import Station
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
+from scarl_sionna.radar.scatterers.model import ScattererModel
+
+from .mirrors import Leg, Mirror, Way, leg, may_reach, mirrored, ways
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+Array = npt.NDArray[np.float64]
+FromImages = Callable[[Pose, Pose], RadarPaths]
+"""From the poses of two images of the radar, both with the same axes, to the paths of the object alone, nothing moving but it."""
+
+
+def paths_through_mirrors(
+    state: WorldState,
+    radar: RadarSpec,
+    mount: Mount,
+    owned: Sequence[int],
+    solve: FromImages,
+    mirrors: Sequence[Mirror],
+    depth: int,
+    reach: float,
+) -> list[RadarPaths]:
+    """Return the paths of objects over at least one mirror, one block for each pair of a way there and a way back.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    mount : Mount
+        Pose and velocity of the radar.
+    owned : sequence of int
+        Instances of the objects.
+    solve : callable
+        The objects alone, instance ids those of `state`.
+    mirrors : sequence of Mirror
+    depth : int
+        Most mirrors of one way.
+    reach : float
+        Half of the longest length [m].
+    """
+    pose = mount.pose
+    station = Station(pose.position, mount.twist.linear, pose.rotation)
+    middle, corners = _box(state, owned)
+    open_ways = [way for way in ways(mirrors, depth) if may_reach(way, pose.position, corners)]
+    blocks = []
+    for there, back in combinations_with_replacement(open_ways, 2):
+        if not there and not back:
+            continue
+        images = [mirrored(way, pose.position) for way in (there, back)]
+        if min(np.linalg.norm(corners - image, axis=1).min() for image in images) > reach:
+            continue
+        axes = _looking((images[0] + images[1]) / 2.0, middle)
+        tx, rx = (Pose.from_rotation(image, axes) for image in images)
+        found = solve(tx, rx)
+        block = _seen(state, radar, pose, station, found, (there, back), (tx, rx), owned)
+        blocks.append(block)
+        if there is not back:
+            blocks.append(_reversed(block))
+    return blocks
+
+
+def _box(state: WorldState, owned: Sequence[int]) -> tuple[Array, Array]:
+    """Return the middle of the objects and the corners and middles of their boxes [m, world]."""
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)] + [(0, 0, 0)]) / 2.0
+    points = []
+    for number in owned:
+        info = state.world.instances[number]
+        box = info.frame_from_box
+        if info.actor is not None:
+            box = state.actor_pose(info.actor).compose(box)
+        points.append(box.apply(signs * info.size))
+    joined = np.concatenate(points)
+    return joined.mean(axis=0), joined
+
+
+def _looking(start: Array, end: Array) -> Array:
+    """Return axes whose x points from start to end and whose y is level."""
+    x = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
+    helper = np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
+    y = np.cross(helper, x)
+    y /= np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)], axis=1)
+
+
+def _seen(
+    state: WorldState, radar: RadarSpec, pose: Pose, station: Station, found: RadarPaths, both: tuple[Way, Way],
+    image: tuple[Pose, Pose], owned: Sequence[int],
+) -> RadarPaths:  # fmt: skip
+    """Return the paths as the radar itself sees them, without those that the surroundings hide."""
+    frequency = radar.center_frequency
+    legs: list[Leg] = []
+    for way, of_image, points in zip(both, image, (found.tx_point, found.rx_point), strict=True):
+        legs.append(leg(state, way, station, of_image.rotation, points, owned, frequency))
+    there, back = legs
+    visible = there.visible & back.visible
+    for one in legs:
+        visible &= _in_view(radar, pose, one.image)
+    changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
+    changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones)
+    changed |= {
+        "tx_point": there.image,
+        "rx_point": back.image,
+        "length_rate": found.length_rate
+        - sum(np.einsum("pi,pi->p", way.direction, way.station_velocity) for way in legs),
+        "length_acceleration": _acceleration(state, found, station, legs),
+        "instance": _chained(state, both, found.instance, None),
+        "interaction": _chained(state, both, found.interaction, SPECULAR),
+        "depth": (found.depth + len(both[0]) + len(both[1])).astype(np.int32),
+        "world_from_tx": pose,
+        "world_from_rx": pose,
+        "rx_image": None,
+    }
+    return RadarPaths(**changed).select(visible)
+
+
+def _acceleration(state: WorldState, found: RadarPaths, station: Station, legs: Sequence[Leg]) -> Array:
+    """Return the second derivative of the lengths to scattering centres; `sbr` itself keeps to first order, so zero for it."""
+    result = np.zeros(found.num_paths)
+    rows = np.flatnonzero(found.interaction[:, 0] == POINT_INTERACTION)
+    part = np.array([state.world.instances[int(number)].parts[0] for number in found.instance[rows, 0]], dtype=np.int64)
+    velocity = state.point_velocity(part, found.rx_point[rows])
+    for way in legs:
+        relative = velocity - way.station_velocity[rows]
+        radial = np.einsum("pi,pi->p", relative, way.direction[rows])
+        distance = np.linalg.norm(way.image[rows] - station.position, axis=1)
+        result[rows] += np.maximum(np.einsum("pi,pi->p", relative, relative) - radial**2, 0.0) / distance
+    return result
+
+
+def _in_view(radar: RadarSpec, pose: Pose, points: Array) -> npt.NDArray[np.bool_]:
+    x, y, z = ((points - pose.position) @ pose.rotation).T
+    inside = np.abs(np.arctan2(y, x)) <= np.radians(radar.azimuth_fov_deg) / 2.0
+    return np.asarray(inside & (np.abs(np.arctan2(z, np.hypot(x, y))) <= np.radians(radar.elevation_fov_deg) / 2.0))
+
+
+def _chained(
+    state: WorldState, both: tuple[Way, Way], own: npt.NDArray[np.int32], kind: int | None
+) -> npt.NDArray[np.int32]:
+    """Return labels along the way: mirrors there, the object's own, mirrors back; -1 behind the last."""
+    count = len(own)
+    ends = [
+        np.array([[state.world.parts.instance[mirror.part] if kind is None else kind for mirror in way]] * count)
+        .reshape(count, len(way)) for way in both
+    ]  # fmt: skip
+    columns = np.concatenate([ends[0], own, ends[1][:, ::-1]], axis=1)
+    return np.take_along_axis(columns, np.argsort(columns == -1, axis=1, kind="stable"), axis=1).astype(np.int32)
+
+
+def _reversed(block: RadarPaths) -> RadarPaths:
+    """Return the same paths the other way round."""
+    changed: dict[str, Any] = {name: value for name, value in vars(block).items()}
+    changed |= {"tx_point": block.rx_point, "rx_point": block.tx_point, "a": block.a.transpose(0, 2, 1).copy()}
+    for name in ("instance", "interaction"):
+        column = getattr(block, name)
+        step = np.arange(column.shape[1])
+        backward = np.where(step < block.depth[:, None], block.depth[:, None] - 1 - step, step)
+        changed[name] = np.take_along_axis(column, backward, axis=1)
+    return RadarPaths(**changed)
+
+
+def of_models(state: WorldState, radar: RadarSpec, models: dict[int, tuple[ScattererModel, Pose]]) -> FromImages:
+    """Return what makes the paths of scattering centres between two images of the radar.
+
+    Parameters
+    ----------
+    models : dict
+        By instance id, with the model's frame in that of the actor, or in the world for a static object.
+
+    Notes
+    -----
+    A model is monostatic: between two directions it is taken at their bisector, which is right for small angles between
+    them.
+
+    References
+    ----------
+    .. [1] R. E. Kell, "On the derivation of bistatic RCS from monostatic measurements", Proc. IEEE 53(8), 1965.
+    """
+
+    def solve(tx: Pose, rx: Pose) -> RadarPaths:
+        blocks = [_of_model(state, radar, tx, rx, number, *model) for number, model in sorted(models.items())]
+        joined: dict[str, Any] = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+        count = len(joined["semantic"])
+        return RadarPaths(
+            **joined, inner_length=np.zeros(count), length_acceleration=np.zeros(count), interaction=np.full((count, 1), POINT_INTERACTION, np.int32),
+            depth=np.ones(count, np.int32), world_from_tx=tx, world_from_rx=rx,
+        )  # fmt: skip
+
+    return solve
+
+
+def _of_model(
+    state: WorldState, radar: RadarSpec, tx: Pose, rx: Pose, number: int, model: ScattererModel, frame: Pose
+) -> dict[str, npt.NDArray[Any]]:
+    info = state.world.instances[number]
+    body = Pose() if info.actor is None else state.actor_pose(info.actor)
+    world_from_model = body.compose(frame)
+    point = world_from_model.apply(model.centers)
+    velocity = state.point_velocity(np.full(len(point), info.parts[0], dtype=np.int64), point)
+    turn, directions, distances, rate = [], [], [], np.zeros(len(point))
+    for image in (tx, rx):
+        offset = point - image.position
+        distance = np.linalg.norm(offset, axis=1)
+        direction = offset / distance[:, None]
+        basis = spherical_basis(world_from_model.rotation, -direction)
+        turn.append(np.einsum("nri,nbi->nrb", spherical_basis(image.rotation, direction), basis))
+        rate += np.einsum("ni,ni->n", direction, velocity)
+        directions.append(direction)
+        distances.append(distance)
+    middle = directions[0] + directions[1]
+    middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
+    matrix = model.matrices(-middle @ world_from_model.rotation)
+    scale = radar.wavelength / (4.0 * np.pi * distances[0] * distances[1])
+    return {
+        "tx_point": point,
+        "rx_point": point,
+        "a": np.einsum("nrb,nbc,ntc->nrt", turn[1], matrix, turn[0]) * scale[:, None, None],
+        "length_rate": rate,
+        "instance": np.full((len(point), 1), number, dtype=np.int32),
+        "semantic": np.full(len(point), info.semantic, dtype=np.uint8),
+    }
+
+
+def of_meshes(state: WorldState, radar: RadarSpec, owned: Sequence[int], settings: RadarSettings) -> FromImages:
+    """Return what makes the paths of meshes alone between two images of the radar, by `sbr`."""
+    from scarl_sionna.radar.channel.sbr import solve_sbr
+
+    part, original = alone(state, owned)
+    number_of = np.array([-1, *(original[number] for number in sorted(original))], dtype=np.int32)
+    wide = radar.with_(azimuth_fov_deg=180.0, elevation_fov_deg=180.0)
+
+    reach = radar.max_range if settings.max_distance is None else settings.max_distance
+    own = settings.with_(instances=tuple(sorted(original)), max_distance=2.0 * reach)
+
+    def solve(tx: Pose, rx: Pose) -> RadarPaths:
+        receiver = None if np.array_equal(tx.position, rx.position) else Mount(rx)
+        found = solve_sbr(part, wide, Mount(tx), own, receiver)
+        renamed = np.where(found.instance >= 0, number_of[found.instance], -1).astype(np.int32)
+        return RadarPaths(**{**vars(found), "instance": renamed})
+
+    return solve

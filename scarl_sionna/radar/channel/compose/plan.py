@@ -1,0 +1,99 @@
+"""A plan on a world: which instances each share owns, and that nobody computes an echo twice.
+
+The rule of ownership, and what it does not cover, stands in docs/accuracy.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from scarl_sionna.core.errors import ScarlError, UnknownNameError
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.settings.plan import COHERENT, REST, ChannelPlan
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import World
+
+
+class OwnershipError(ScarlError, ValueError):
+    """Two parts of a plan would compute the same echo."""
+
+    def __init__(self, instance: str, first: str, second: str, why: str, remedy: str) -> None:
+        self.instance, self.owners = instance, (first, second)
+        super().__init__(f"'{instance}' is given to {first} and to {second}: {why}; {remedy}")
+
+
+@dataclass(frozen=True)
+class ResolvedPlan:
+    """A plan with instance ids: those of each share, and the mirrors."""
+
+    plan: ChannelPlan
+    owned: tuple[tuple[int, ...], ...]
+    mirrors: tuple[int, ...]
+
+
+def resolve(plan: ChannelPlan, world: World) -> ResolvedPlan:
+    """Return a plan with the ids of a world's instances.
+
+    Raises
+    ------
+    UnknownNameError
+        If a name is neither an instance nor a class of the scene.
+    OwnershipError
+        If an instance is in two shares, or is a mirror and owned by a coherent solver.
+    """
+    named = [ids_of(world, [item for item in share.instances if item != REST]) for share in plan.shares]
+    owner: dict[int, int] = {}
+    for index, numbers in enumerate(named):
+        for number in numbers:
+            if number in owner:
+                _refuse(plan, world, number, owner[number], index)
+            owner[number] = index
+    rest = [index for index, share in enumerate(plan.shares) if REST in share.instances]
+    if len(rest) > 1:
+        free = next((number for number in world.instances if number not in owner), 1)
+        _refuse(plan, world, free, rest[0], rest[1])
+    away = set(ids_of(world, [entry["instance"] for entry in plan.left_out]))
+    mirrors = ids_of(world, plan.mirrors)
+    for number in world.instances:
+        if rest and number not in owner and number not in away:
+            owner[number] = rest[0]
+    for number in mirrors:
+        if number in owner and plan.shares[owner[number]].solver in COHERENT:
+            raise OwnershipError(
+                world.instances[number].name, f"'{plan.shares[owner[number]].solver}'", "the mirrors ('sionna')",
+                "its coherent reflection would be there twice",
+                "take it out of one of them; a mirror's rough part may be given to 'raycast'",
+            )  # fmt: skip
+    owned = [tuple(number for number in sorted(owner) if owner[number] == index) for index in range(len(plan.shares))]
+    return ResolvedPlan(plan, tuple(owned), tuple(mirrors))
+
+
+def _refuse(plan: ChannelPlan, world: World, number: int, first: int, second: int) -> None:
+    raise OwnershipError(
+        world.instances[number].name, f"'{plan.shares[first].solver}' (share {first})",
+        f"'{plan.shares[second].solver}' (share {second})", "its echo would be counted twice",
+        "name it in one share only",
+    )  # fmt: skip
+
+
+def ids_of(world: World, items: Sequence[str | int]) -> list[int]:
+    """Return the instance ids of names, ids and semantic classes, rising.
+
+    Raises
+    ------
+    UnknownNameError
+        If an item is none of them.
+    """
+    chosen: set[int] = set()
+    for item in items:
+        by_name = [number for number, info in world.instances.items() if item in (number, info.name)]
+        if not by_name and item in SEMANTIC_CLASSES:
+            semantic = SEMANTIC_CLASSES.index(str(item))
+            by_name = [number for number, info in world.instances.items() if info.semantic == semantic]
+        elif not by_name:
+            raise UnknownNameError("instance or class", str(item), [info.name for info in world.instances.values()])
+        chosen.update(by_name)
+    return sorted(chosen)

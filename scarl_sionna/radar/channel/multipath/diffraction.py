@@ -1,0 +1,204 @@
+"""Legs over one edge: mirrors and panes, an edge, mirrors and panes again; geometry in float64, amplitude by the uniform theory.
+
+Which edge a path meets is the engine's; where on it, how long, how strong and how fast is computed here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.paths.tracing import DIFFRACTION, REFRACTION, SPECULAR, TracedPaths
+from scarl_sionna.engine.rays.edges import Wedge, wedge_at
+from scarl_sionna.scene.materials.fresnel import reflection
+
+from .images import Chain, material_coefficients, propagated, spherical_basis
+from .station import Station
+from .utd import edge_transfer
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+GRAZING = 1e-6
+"""A ray closer than this to an edge's direction or to its end [m or rad] has no point on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeLeg:
+    """One leg over an edge; the fields of :class:`Legs`, for one leg, and `edge_length` [m]."""
+
+    point: Array
+    image: Array
+    isometry: Array
+    inner: float
+    front: Array
+    rear: Array
+    spread: float
+    length: float
+    rate: float
+    acceleration: float
+    transfer: Complex
+    edge_length: float
+
+
+def edge_leg(
+    state: WorldState, traced: TracedPaths, row: int, station: Station, end: Array, end_velocity: Array, end_rotation: Array,
+    frequency: float, end_is_station: bool,
+) -> EdgeLeg | None:  # fmt: skip
+    """Return one traced path with a diffraction as a leg, or None where it has no edge or misses it in float64.
+
+    Parameters
+    ----------
+    state : WorldState
+    traced : TracedPaths
+    row : int
+        Of the path.
+    station : Station
+    end, end_velocity : ndarray of float64, shape (3,)
+        [m], [m/s], world.
+    end_rotation : ndarray of float64, shape (3, 3)
+        Axes of the polarisation at the end, as columns.
+    frequency : float
+        [Hz].
+    end_is_station : bool
+        Whether the end carries the antennas of a radar too, not a point target.
+    """
+    kind, part = traced.kind[row], traced.part[row]
+    where = int(np.flatnonzero(kind == DIFFRACTION)[0])
+    first, second = _chain(traced, row, slice(0, where)), _chain(traced, row, slice(where + 1, None))
+    backward = Chain(*(value[:, ::-1] for value in vars(first).values()))
+    source, target = backward.images(station.position[None])[0, 0], second.images(end[None])[0, 0]
+    wedge = wedge_at(state, int(part[where]), int(traced.face[row, where]), traced.vertex[row, where])
+    wedge = None if wedge is None else wedge.seen_from(source)
+    if wedge is None:
+        return None
+    (rho, _, z), (rho_end, angle_end, z_end) = wedge.cylindrical(source), wedge.cylindrical(target)
+    if angle_end > wedge.exterior or min(rho, rho_end) < GRAZING:
+        return None
+    place = (z * rho_end + z_end * rho) / (rho + rho_end)
+    if not 0.0 <= place <= wedge.length:
+        return None
+    edge = wedge.origin + place * wedge.direction
+    points = np.broadcast_to(end, (len(kind), 3)).copy()
+    points[where] = edge
+    right = True
+    for chain, start, stop, columns in (
+        (first, station.position, edge, slice(0, where)),
+        (second, edge, end, slice(where + 1, None)),
+    ):
+        points[columns], met = (value[0] for value in chain.vertices(start, chain.images(stop[None])))
+        right = right and bool(met)
+    if not right:
+        return None
+    images = first.images(edge[None]), second.images(end[None])
+    travel = first.travel(station.position, images[0]), second.travel(edge, images[1])
+    before, behind = float(np.linalg.norm(edge - source)), float(np.linalg.norm(target - edge))
+    known = [state.world.materials[state.world.parts.material[index]] if index >= 0 else None for index in part]
+    own = known[where]
+    assert own is not None  # the row of a diffraction is a part
+    coherent = np.sqrt(1.0 - own.scattering_coefficient**2)
+
+    def faces(cosine: float) -> tuple[complex, complex]:
+        te, tm = reflection(own, frequency, cosine)
+        return complex(te) * coherent, complex(tm) * coherent
+
+    materials = [material for material in known if material is not None]
+    index = np.where(part >= 0, np.cumsum(part >= 0) - 1, -1)[None]
+    field = spherical_basis(station.rotation, travel[0][:, 0]).astype(np.complex128)
+    field = propagated(first, travel[0], field, material_coefficients(materials, index[:, :where], frequency))
+    wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
+    turned = edge_transfer(wedge, travel[0][0, -1], travel[1][0, 0], before, behind, wavenumber, faces)
+    field = np.einsum("ij,pqj->pqi", turned, field)
+    field = propagated(second, travel[1], field, material_coefficients(materials, index[:, where + 1 :], frequency))
+    basis = spherical_basis(end_rotation, -travel[1][:, -1])
+    velocity = state.point_velocity(part, points)
+    rate, acceleration = _motion(
+        wedge, source, target, _seen_velocity(backward, station.velocity, velocity[:where][::-1]) - velocity[where],
+        _seen_velocity(second, end_velocity, velocity[where + 1 :]) - velocity[where],
+    )  # fmt: skip
+    isometry = _joined_isometry(first, _unfolding(wedge, source, target), second)
+    image = isometry[:, :3] @ end + isometry[:, 3]
+    near, far = _wavefront_errors(station, first, wedge, edge, travel[0][0, 0], before, behind, end_is_station)
+    front = station.position + before * travel[0][0, 0]
+    if near <= far:
+        image, isometry = front, np.full((3, 4), np.nan)
+    return EdgeLeg(
+        points, image, isometry, behind if near <= far else 0.0, front, end - behind * travel[1][0, -1], min(near, far),
+        before + behind, rate, acceleration, np.einsum("pri,pti->prt", basis, field)[0], wedge.length,
+    )  # fmt: skip
+
+
+def _chain(traced: TracedPaths, row: int, columns: slice) -> Chain:
+    kind = traced.kind[row, columns][None]
+    return Chain(
+        kind == SPECULAR, kind == REFRACTION, traced.normal[row, columns][None], traced.offset[row, columns][None]
+    )
+
+
+def _seen_velocity(chain: Chain, velocity: Array, surfaces: Array) -> Array:
+    """Return the velocity of a point's image as seen from the edge."""
+    return np.asarray(chain.image_velocity(velocity[None], surfaces[None])[0])
+
+
+def _motion(
+    wedge: Wedge, source: Array, target: Array, source_velocity: Array, target_velocity: Array
+) -> tuple[float, float]:
+    r"""Return the first and second derivative of the length over an edge at rest.
+
+    .. math:: L^2 = (\rho_1 + \rho_2)^2 + (z_1 - z_2)^2
+    """
+    total, rate, curve, along = 0.0, 0.0, 0.0, []
+    for point, velocity in ((source, source_velocity), (target, target_velocity)):
+        rho, _, z = wedge.cylindrical(point)
+        out = point - wedge.origin - z * wedge.direction
+        across = velocity - (velocity @ wedge.direction) * wedge.direction
+        opening = float(out @ across) / rho
+        total, rate = total + rho, rate + opening
+        curve += max(float(across @ across) - opening**2, 0.0) / rho
+        along.append((z, float(velocity @ wedge.direction)))
+    apart, sliding = along[0][0] - along[1][0], along[0][1] - along[1][1]
+    length = float(np.hypot(total, apart))
+    first = (total * rate + apart * sliding) / length
+    return first, (rate**2 + sliding**2 + total * curve - first**2) / length
+
+
+def _unfolding(wedge: Wedge, source: Array, target: Array) -> Array:
+    """Return the rotation about the edge that takes the target to where the source sees it straight ahead, shape (3, 4)."""
+    turn = wedge.cylindrical(source)[1] + np.pi - wedge.cylindrical(target)[1]
+    e, t, n = wedge.direction, wedge.tangent, wedge.normal
+    cosine, sine = np.cos(turn), np.sin(turn)
+    matrix = np.outer(e, e) + np.outer(cosine * t + sine * n, t) + np.outer(cosine * n - sine * t, n)
+    return np.concatenate([matrix, (wedge.origin - matrix @ wedge.origin)[:, None]], axis=1)
+
+
+def _joined_isometry(first: Chain, middle: Array, second: Chain) -> Array:
+    """Return the isometry of mirrors, then a rotation, then mirrors, shape (3, 4): the last ones act first."""
+    outer, inner = first.isometry()[0], second.isometry()[0]
+    matrix = outer[:, :3] @ middle[:, :3]
+    shift = outer[:, :3] @ (middle[:, :3] @ inner[:, 3] + middle[:, 3]) + outer[:, 3]
+    return np.concatenate([matrix @ inner[:, :3], shift[:, None]], axis=1)
+
+
+def _wavefront_errors(
+    station: Station, chain: Chain, wedge: Wedge, edge: Array, ahead: Array, before: float, behind: float,
+    end_is_station: bool,
+) -> tuple[float, float]:  # fmt: skip
+    """Return the largest error of a length to an antenna [m] with the edge's point, and with the unfolded end, as the centre.
+
+    An edge's wavefront has two radii: to the edge across it, to the source behind along it. One sphere has one.
+    """
+    along = np.asarray(chain.images((edge + wedge.direction)[None])[0, 0] - chain.images(edge[None])[0, 0])
+    across = np.cross(ahead, along)
+    across /= np.linalg.norm(across)
+    along = np.cross(across, ahead)
+    bend = 0.5 * (1.0 / before + (1.0 / behind if end_is_station else -1.0 / (before + behind)))
+    near, far = (bend * float(np.max((station.arms @ axis) ** 2, initial=0.0)) for axis in (along, across))
+    return near, far

@@ -1,0 +1,96 @@
+"""Diffusely scattered paths: amplitudes from Sionna RT, lengths in float64 on the planes of the triangles that scatter."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.paths.tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths
+from scarl_sionna.engine.twins import RADIO_FREQUENCY
+
+from .images import Chain, spherical_basis
+from .station import Station
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+Array = npt.NDArray[np.float64]
+
+
+def diffuse_columns(
+    state: WorldState, traced: TracedPaths, tx: Station, rx: Station, wavelength: float
+) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of :class:`RadarPaths` for the paths that scatter diffusely at least once, and ``total`` [m].
+
+    A scattering point is the engine's, moved onto the float64 plane of its triangle; what lies before the first and behind
+    the last of them is mirrored, so lengths are exact for every antenna.
+    """
+    rows = np.flatnonzero((traced.kind == DIFFUSE).any(axis=1))
+    kind, part, normal = traced.kind[rows], traced.part[rows], traced.normal[rows]
+    offset, depth = traced.offset[rows], traced.depth[rows]
+    count, width = kind.shape
+    height = np.einsum("pdi,pdi->pd", normal, traced.vertex[rows]) - offset
+    point = traced.vertex[rows] - height[..., None] * normal
+    point = np.where((kind == NONE)[..., None], rx.position, point)
+    if width == 0:
+        point, first, last = np.zeros((count, 0, 3)), np.zeros(count, np.int64), np.zeros(count, np.int64)
+        tx_point = rx_point = np.zeros((count, 3))
+    else:
+        scatters = kind == DIFFUSE
+        first, last = scatters.argmax(axis=1), width - 1 - scatters[:, ::-1].argmax(axis=1)
+        row, column = np.arange(count), np.arange(width)
+        before = _part_of_chain(kind, normal, offset, column < first[:, None])
+        behind = _part_of_chain(kind, normal, offset, column > last[:, None])
+        reverse = Chain(*(value[:, ::-1] for value in vars(behind).values()))
+        tx_point, rx_point = before.images(point[row, first])[:, 0], reverse.images(point[row, last])[:, 0]
+    travel = _directions(tx.position, point, rx.position)
+    steps = np.linalg.norm(np.diff(point, axis=1), axis=2) if width > 1 else np.zeros((count, 0))
+    column = np.arange(max(width - 1, 0))
+    inner = np.sum(steps, axis=1, where=(column >= first[:, None]) & (column < last[:, None]))
+    surfaces = state.point_velocity(part.ravel(), point.reshape(-1, 3)).reshape(point.shape)
+    arrive = np.take_along_axis(travel, depth[:, None, None].astype(np.int64), axis=1)[:, 0]
+    turn = np.where((kind != NONE)[..., None], travel[:, :-1] - travel[:, 1:], 0.0)
+    rate = np.einsum("pdi,pdi->p", turn, surfaces) + arrive @ rx.velocity - travel[:, 0] @ tx.velocity
+    to_tx = _turned(tx.rotation, travel[:, 0])
+    to_rx = _turned(rx.rotation, -arrive)
+    a = np.einsum("pri,pij,ptj->prt", to_rx, traced.a[rows], to_tx) * (wavelength * RADIO_FREQUENCY / SPEED_OF_LIGHT)
+    total = np.linalg.norm(tx_point - tx.position, axis=1) + inner + np.linalg.norm(rx_point - rx.position, axis=1)
+    parts = state.world.parts
+    last_part = part[np.arange(count), np.maximum(depth - 1, 0)] if width else np.full(count, -1, np.int64)
+    return {
+        "tx_point": tx_point,
+        "rx_point": rx_point,
+        "inner_length": inner,
+        "a": a,
+        "length_rate": rate,
+        "length_acceleration": np.zeros(count),
+        "instance": np.where(part >= 0, parts.instance[part], -1),
+        "interaction": np.where(part >= 0, kind, -1),
+        "depth": depth,
+        "semantic": np.where(last_part >= 0, parts.semantic[last_part], 0),
+        "rx_image": np.full((count, 3, 4), np.nan),
+        "total": total,
+    }
+
+
+def _directions(start: Array, points: Array, end: Array) -> Array:
+    """Return the unit directions of travel, shape (num_paths, max_depth + 1, 3); zero where two points agree."""
+    count = len(points)
+    line = np.concatenate(
+        [np.broadcast_to(start, (count, 3))[:, None], points, np.broadcast_to(end, (count, 3))[:, None]], axis=1
+    )
+    step = np.diff(line, axis=1)
+    length = np.linalg.norm(step, axis=2, keepdims=True)
+    return np.divide(step, length, out=np.zeros_like(step), where=length > 0.0)
+
+
+def _part_of_chain(kind: npt.NDArray[np.int32], normal: Array, offset: Array, chosen: npt.NDArray[np.bool_]) -> Chain:
+    return Chain((kind == SPECULAR) & chosen, (kind == REFRACTION) & chosen, normal, offset)
+
+
+def _turned(rotation: Array, direction: Array) -> Array:
+    """Return what turns components in the world's spherical basis into a frame's, shape (num_paths, 2, 2)."""
+    return np.einsum("pai,pbi->pab", spherical_basis(rotation, direction), spherical_basis(np.eye(3), direction))

@@ -1,0 +1,363 @@
+"""Multipath of a radar by Sionna RT's PathSolver: which surfaces a path touches is Sionna's, the rest is float64 image method.
+
+What it models and where it breaks stands in docs/sionna_paths.md.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ScarlError, ScarlWarning
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.sionna import SionnaSettings
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.paths.tracing import TracedPaths, trace_paths
+from scarl_sionna.engine.rays.placement import check_placement
+from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.point_scatterers import PointScatterers
+
+from .diffuse import diffuse_columns
+from .fresnel_zone import warn_of_edge_wavefronts, warn_of_small_mirrors
+from .legs import Legs, joined_legs, legs_of
+from .scattering import scattered_columns
+from .station import Station
+from .visibility import warn_of_hidden_antennas
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+Array = npt.NDArray[np.float64]
+Columns = dict[str, npt.NDArray[Any]]
+
+ASIDE = 0.05 / 3.0 * np.array([(2.0, -1.0, 2.0), (2.0, 2.0, -1.0), (-1.0, 2.0, 2.0)])
+"""Points beside a monostatic radar [m], 5 cm away: five times the shortest segment that the engine keeps. They are askew to
+the world's axes, along which most corners stand."""
+
+
+RAYS_APART = 3.5
+"""Angle between neighbouring rays times the root of their number [rad]: that of an even grid over the sphere, (4 pi)^0.5."""
+
+
+class PathBufferOverflowError(ScarlError):
+    """Sionna RT found more candidates than its buffer holds, so paths are missing."""
+
+    def __init__(self, max_num_paths: int) -> None:
+        self.max_num_paths = max_num_paths
+        super().__init__(
+            f"the path solver filled its buffer of max_num_paths = {max_num_paths} candidates, so paths may be missing; "
+            f"raise max_num_paths, or ask for less with max_depth, num_samples or fewer scatterers "
+            "(on_overflow='warn' goes on with what was found)"
+        )
+
+
+def solve_sionna(
+    state: WorldState,
+    radar: RadarSpec,
+    mount: Mount,
+    settings: RadarSettings,
+    receiver: Mount | None = None,
+    *,
+    scatterers: PointScatterers | None = None,
+    environment: bool = True,
+) -> RadarPaths:
+    r"""Return the paths that Sionna RT's deterministic PathSolver finds, with float64 geometry and amplitudes.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    mount : Mount
+        Pose and velocity of the radar, or of the transmitter. Rotation within a frame is not modelled.
+    settings : RadarSettings
+        Its `sionna` and `max_distance`.
+    receiver : Mount, optional
+        A separate receiver (bistatic); the transmitter if not given.
+    scatterers : PointScatterers, optional
+        Point targets in the scene: every pair of a way there and a way back is a path (two-ray, ghosts of type 1 and 2).
+    environment : bool
+        Also the paths from the radar to itself, or to the receiver, that touch no scatterer.
+
+    Returns
+    -------
+    RadarPaths
+        Environment first, then by scatterer, way there and way back, double bounces last; empty where nothing is found.
+        Paths through a scatterer have depth k + 1 + m and the interaction kind ``POINT_INTERACTION`` at the scatterer.
+
+    Raises
+    ------
+    PathBufferOverflowError
+        If the solver's buffer was filled (``on_overflow="raise"``).
+    PlacementError
+        If the radar or one of its antennas is inside a mesh, or a scatterer stands at the radar.
+    MaterialRangeError
+        If a material that a path meets has no data at the carrier frequency.
+
+    Warns
+    -----
+    ScarlWarning
+        If a mirror is smaller than the first Fresnel zone on it, or an edge shorter, once, naming the worst; if the wavefront
+        of an edge is no sphere over the antennas; if antennas of a wide array do not see a path; if an object may lie
+        between the rays; if the buffer was filled (``on_overflow="warn"``).
+
+    Notes
+    -----
+    A mirror path of length L, and a path through a scatterer with ways L1 and L2:
+
+    .. math:: a = \frac{\lambda}{4\pi L} J, \quad
+              a = \frac{\lambda \sqrt{\sigma}}{(4\pi)^{3/2} L_1 L_2} J_2^T J_1
+
+    with J the product of the reflections' Jones matrices at each end in the radar's spherical basis; J of the way back is
+    the transpose of the way there (reciprocity).
+
+    *Not modelled*: size and curvature of mirrors, more than one edge in a way, scattering from one scatterer to another.
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.2040-3, section 2.2.
+    """
+    knobs, pose = settings.sionna, mount.pose
+    arms = np.concatenate([radar.tx_array, radar.rx_array])
+    tx = _station(mount, arms)
+    rx = tx if receiver is None else _station(receiver, arms)
+    if receiver is not None:
+        check_placement(state, receiver.pose.position, "receiving radar")
+    solver = _Solver(state, radar, knobs)
+    if scatterers is not None:
+        scatterers.require_apart(tx.position)
+        scatterers.require_apart(rx.position)
+    with variant.radio():
+        check_antennas(state, radar, pose, twin="radio")
+        blocks = solver.solve(tx, rx, scatterers, environment)
+    if solver.overflow:
+        error = PathBufferOverflowError(knobs.max_num_paths)
+        if knobs.on_overflow == "raise":
+            raise error
+        warnings.warn(str(error), ScarlWarning, stacklevel=2)
+    num_small = warn_of_small_mirrors(state, radar.wavelength, solver.mirrors)
+    spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors)
+    num_hidden = warn_of_hidden_antennas(state, solver.mirrors)
+    reach = radar.max_range if settings.max_distance is None else settings.max_distance
+    num_missed = _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if environment else 0
+    columns = _joined(blocks)
+    keep = columns.pop("total") < 2.0 * reach
+    diagnostics = {
+        "method": "sionna",
+        **knobs.model_dump(),
+        "max_distance": reach,
+        "num_candidates": solver.num_candidates,
+        "overflow": solver.overflow,
+        "num_small_mirrors": num_small,
+        "edge_wavefront_error": spread,
+        "num_hidden_from_antennas": num_hidden,
+        "num_objects_maybe_missed": num_missed,
+        "seconds": solver.clock,
+    }
+    paths = RadarPaths(
+        **columns,
+        world_from_tx=pose,
+        world_from_rx=pose if receiver is None else receiver.pose,
+        diagnostics=diagnostics,
+    )
+    return paths.select(keep)
+
+
+def _station(mount: Mount, arms: Array) -> Station:
+    pose = mount.pose
+    return Station(pose.position, mount.twist.linear, pose.rotation, pose.rotate(arms))
+
+
+def _warn_of_small_objects(
+    state: WorldState, pose: Pose, found: list[tuple[Legs, Station]], num_samples: int, reach: float
+) -> int:
+    """Warn once of objects that no path touches and that may lie between the rays; return their number."""
+    parts = [legs.part[legs.part >= 0] for legs, _ in found]
+    touched = set(state.world.parts.instance[np.concatenate(parts)].tolist()) if parts else set()
+    small = []
+    for box in state.boxes():
+        distance = float(np.linalg.norm(box.world_from_box.position - pose.position))
+        width = float(np.sort(box.size)[1])  # what a plate or a pole shows at least along one direction
+        if box.instance not in touched and distance < reach and 0.0 < width < distance * RAYS_APART / num_samples**0.5:
+            small.append((width / distance, box.name, width, distance))
+    if small:
+        ratio, name, width, distance = min(small)
+        warnings.warn(
+            f"{len(small)} object(s) are smaller than the distance between rays and may be missed, most of all '{name}' "
+            f"({width:.2g} m at {distance:.3g} m); num_samples >= {(RAYS_APART / ratio) ** 2:.1e} would hit it, but the mirror of "
+            "so small a thing is wrong: use method='sbr' for such objects",
+            ScarlWarning,
+            stacklevel=3,
+        )
+    return len(small)
+
+
+class _Solver:
+    """One solve: what was asked, and what it cost."""
+
+    def __init__(self, state: WorldState, radar: RadarSpec, settings: SionnaSettings) -> None:
+        self.state, self.radar, self.settings = state, radar, settings
+        self.clock = {"trace": 0.0, "geometry": 0.0}
+        self.num_candidates, self.overflow = 0, False
+        self.mirrors: list[tuple[Legs, Station]] = []
+
+    def _trace(self, source: Array, targets: Array, diffuse: bool) -> TracedPaths:
+        asked = self.settings
+        start = time.perf_counter()
+        traced = trace_paths(
+            self.state, source, targets, max_depth=asked.max_depth, num_samples=asked.num_samples,
+            max_num_paths=asked.max_num_paths, specular=asked.specular, diffuse=diffuse, refraction=asked.refraction,
+            diffraction=asked.diffraction and not diffuse, seed=asked.seed,
+        )  # fmt: skip
+        self.clock["trace"] += time.perf_counter() - start
+        self.num_candidates = max(self.num_candidates, traced.num_candidates)
+        self.overflow |= traced.overflow
+        return traced
+
+    def _legs(
+        self,
+        traced: TracedPaths,
+        station: Station,
+        ends: Array,
+        velocity: Array,
+        rotation: Array,
+        to_radar: bool = False,
+    ) -> Legs:
+        start = time.perf_counter()
+        legs = legs_of(self.state, traced, station, ends, velocity, rotation, self.radar.start_frequency, to_radar)
+        self.mirrors.append((legs, station))
+        self.clock["geometry"] += time.perf_counter() - start
+        return legs
+
+    def solve(self, tx: Station, rx: Station, points: PointScatterers | None, environment: bool) -> list[Columns]:
+        """Return the columns of all paths asked for; what leaves the transmitter is traced at once."""
+        ends = np.zeros((0, 3)) if points is None else points.positions
+        own = self._own_targets(tx.position, rx.position)
+        blocks = []
+        if self.settings.diffuse and environment:
+            traced = self._trace(tx.position, own[:1], True)
+            blocks.append(diffuse_columns(self.state, traced, tx, rx, self.radar.wavelength))
+        targets = np.concatenate([own, ends]) if environment else ends
+        if len(targets) == 0:
+            return blocks
+        traced = self._trace(tx.position, targets, False)
+        if environment:
+            legs = self._legs(
+                _at_one_target(traced.of_targets(0, len(own))), tx, own[:1], rx.velocity[None], rx.rotation, True
+            )
+            blocks.insert(0, self._mirror_columns(legs, tx, rx))
+        if points is not None:
+            blocks.extend(self._scattered(traced.of_targets(len(targets) - len(ends)), tx, rx, points))
+        return blocks
+
+    def _own_targets(self, tx: Array, rx: Array) -> Array:
+        """Return the receiver, and where it stands at the transmitter three points beside it that nothing hides.
+
+        The way into a right-angled corner and back meets both faces in one point of the edge, where the engine finds
+        nothing; to a point beside the transmitter it does. Lengths are then those of the receiver itself.
+        """
+        away = np.linalg.norm(ASIDE, axis=1)
+        if np.linalg.norm(tx - rx) > away[0]:
+            return rx[None]
+        hits = self.state.cast(rx, ASIDE / away[:, None], max_distance=float(away[0]), twin="radio")
+        free = np.setdiff1d(np.arange(len(ASIDE)), hits.ray)
+        return np.concatenate([rx[None], rx + ASIDE[free]])
+
+    def _mirror_columns(self, legs: Legs, tx: Station, rx: Station) -> Columns:
+        parts = self.state.world.parts
+        depth, count = legs.depth, len(legs.length)
+        if self.settings.max_depth:
+            row = np.arange(count)
+            first, last = legs.point[:, 0], legs.point[row, np.maximum(depth - 1, 0)]
+            last_part = legs.part[row, np.maximum(depth - 1, 0)]
+        else:
+            first = last = np.broadcast_to(rx.position, (count, 3))
+            last_part = np.full(count, -1, dtype=np.int64)
+        middle = np.broadcast_to((tx.position + rx.position) / 2.0, (count, 3))  # of a line of sight
+        first, last = (np.where(depth[:, None] > 0, point, middle) for point in (first, last))
+        bent = np.isfinite(legs.edge_length)
+        first, last = (
+            np.where(bent[:, None], point, other) for point, other in ((legs.front, first), (legs.rear, last))
+        )
+        ends = np.linalg.norm(first - tx.position, axis=1) + np.linalg.norm(last - rx.position, axis=1)
+        return {
+            "tx_point": first,
+            "rx_point": last,
+            "inner_length": np.maximum(legs.length - ends, 0.0),
+            "a": legs.transfer * (self.radar.wavelength / (4.0 * np.pi * legs.length))[:, None, None],
+            "length_rate": legs.rate,
+            "length_acceleration": legs.acceleration,
+            "instance": np.where(legs.part >= 0, parts.instance[legs.part], -1),
+            "interaction": np.where(legs.part >= 0, legs.kind, -1),
+            "depth": depth,
+            "semantic": np.where(last_part >= 0, parts.semantic[last_part], 0),
+            "rx_image": legs.isometry,
+            "total": legs.length,
+        }
+
+    def _scattered(self, traced: TracedPaths, tx: Station, rx: Station, points: PointScatterers) -> list[Columns]:
+        """Return the paths through scatterers: all pairs of a way there and a way back."""
+        ends, velocity = points.positions, points.velocities
+        there = self._legs(traced, tx, ends, velocity, tx.rotation)
+        back = there
+        if rx is not tx:
+            back = self._legs(self._trace(rx.position, ends, False), rx, ends, velocity, tx.rotation)
+        blocks = [scattered_columns(self.state, self.radar.wavelength, points, there, back)]
+        if self.settings.double_bounce and len(ends):
+            between = joined_legs([self._to_itself(index, points, tx.rotation) for index in range(len(ends))])
+            blocks.append(scattered_columns(self.state, self.radar.wavelength, points, there, back, between))
+        return blocks
+
+    def _to_itself(self, index: int, points: PointScatterers, rotation: Array) -> Legs:
+        """Return the ways of a scatterer by mirrors back to itself."""
+        position, velocity = points.positions[index], points.velocities[index]
+        targets = self._own_targets(position, position)
+        traced = _at_one_target(self._trace(position, targets, False))
+        legs = self._legs(traced, Station(position, velocity, rotation), targets[:1], velocity[None], rotation)
+        return replace(legs, target=np.full(len(legs.target), index, dtype=np.int64))
+
+
+def _at_one_target(traced: TracedPaths) -> TracedPaths:
+    """Return the paths to the first target, and those to the points beside it as paths to it; no line of sight to those."""
+    rows = (traced.target == 0) | (traced.depth > 0)
+    arrays: dict[str, Any] = {
+        name: value[rows] for name, value in vars(traced).items() if isinstance(value, np.ndarray)
+    }
+    return replace(traced, **{**arrays, "target": np.zeros(np.count_nonzero(rows), np.int64)})
+
+
+_TYPES = {"instance": np.int32, "interaction": np.int32, "depth": np.int32, "semantic": np.uint8}
+
+
+def _joined(blocks: list[Columns]) -> Columns:
+    """Return the columns of all blocks, labels padded with -1 to the longest path."""
+    width = max([1, *(block["instance"].shape[1] for block in blocks)])
+    for block in blocks:
+        for name in ("instance", "interaction"):
+            block[name] = np.pad(block[name], [(0, 0), (0, width - block[name].shape[1])], constant_values=-1)
+    if not blocks:
+        blocks = [_no_columns(width)]
+    return {
+        name: np.ascontiguousarray(np.concatenate([block[name] for block in blocks])).astype(
+            _TYPES.get(name, blocks[0][name].dtype)
+        )
+        for name in blocks[0]
+    }
+
+
+def _no_columns(width: int) -> Columns:
+    none = {name: np.zeros(0) for name in ("inner_length", "length_rate", "length_acceleration", "total")}
+    none |= {name: np.zeros((0, 3)) for name in ("tx_point", "rx_point")}
+    none |= {name: np.zeros((0, width), np.int32) for name in ("instance", "interaction")}
+    return {
+        **none, "a": np.zeros((0, 2, 2), np.complex128), "depth": np.zeros(0), "semantic": np.zeros(0),
+        "rx_image": np.zeros((0, 3, 4)),
+    }  # fmt: skip

@@ -1,0 +1,66 @@
+"""Reflectivity of semantic classes: SCaRL's "target class to determine the RCS"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SKY, semantic_id
+from scarl_sionna.core.toml_file import read_toml
+
+BUILTIN_FILE = Path(__file__).with_name("rcs_by_class.toml")
+
+ClassRcs = Mapping[str, float] | str | Path
+
+
+def _entries(path: str | Path) -> dict[str, Any]:
+    """Return gamma by class name as a file states it."""
+    values = {}
+    for name, entry in read_toml(path).items():
+        semantic_id(name)
+        if not isinstance(entry, dict) or set(entry) - {"gamma", "source"} or "gamma" not in entry:
+            raise ParameterRangeError(f"[{name}] of {Path(path).name}", entry, "a table with gamma and source")
+        values[name] = entry["gamma"]
+    return values
+
+
+@cache
+def _builtin() -> dict[str, Any]:
+    return _entries(BUILTIN_FILE)
+
+
+def class_reflectivity(changes: ClassRcs | None = None) -> npt.NDArray[np.float64]:
+    """Return the reflectivity gamma of every semantic class.
+
+    Parameters
+    ----------
+    changes : mapping of class name to gamma, or path of a TOML file, optional
+        What replaces the built-in table, class by class.
+
+    Returns
+    -------
+    ndarray of float64, shape (num_classes,)
+        RCS for each m2 of projected area before the material's reflectance [1]; the index is the semantic id. Sky is 0.
+
+    Raises
+    ------
+    UnknownNameError
+        If a class does not exist.
+    ParameterRangeError
+        If a value is negative or not finite.
+    """
+    own = {} if changes is None else dict(changes) if isinstance(changes, Mapping) else _entries(changes)
+    gamma = np.zeros(len(SEMANTIC_CLASSES))
+    for name, value in {**_builtin(), **own}.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < np.inf:
+            raise ParameterRangeError(f"gamma of class '{name}'", value, "a finite number >= 0")
+        gamma[semantic_id(name)] = value
+    if SKY not in (semantic_id(name) for name in own):
+        gamma[SKY] = 0.0
+    return gamma

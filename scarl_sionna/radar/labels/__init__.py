@@ -1,0 +1,1 @@
+"""Ground truth on radar data, and where paths lie in a range-Doppler map."""

@@ -1,0 +1,195 @@
+"""Where paths lie in a range-Doppler map, and their fields in the cells around: the transform, local to the main lobe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.radar.antenna import PathGeometry
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
+from scarl_sionna.signal.processing import RangeDoppler, window_values
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+_STEPS_PER_BIN = 256
+_CELLS_PER_BLOCK = 1_000_000
+
+
+@lru_cache(maxsize=32)
+def main_lobe(window: str, count: int) -> Array:
+    """Return a window's transform from 0 to its first minimum, `_STEPS_PER_BIN` values a bin; 1 at 0, real."""
+    values = window_values(window, count)
+    position = np.arange(count) - (count - 1) / 2.0
+    for reach in range(1, count + 2):
+        offset = np.arange(reach * _STEPS_PER_BIN + 2) / _STEPS_PER_BIN
+        response = np.cos(2.0 * np.pi * np.outer(offset, position) / count) @ values
+        rising = np.flatnonzero(np.diff(np.abs(response)) > 0.0)
+        if len(rising):
+            return np.asarray(response[: rising[0] + 1])
+    return np.asarray(response)  # one value only: the response is flat
+
+
+def _lobe_at(lobe: Array, offset: Array) -> Array:
+    """Return the transform at offsets [bins], 0 beyond the main lobe."""
+    return np.interp(np.abs(offset) * _STEPS_PER_BIN, np.arange(len(lobe)), lobe, right=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PathCells:
+    """Places of paths in the map and their fields in every channel.
+
+    Attributes
+    ----------
+    beat_bin, doppler_bin : ndarray of float64, shape (num_paths,)
+        Beat frequency before the compensation of motion, and Doppler, in bins of the map without zero padding; Doppler is within
+        [0, num_chirps), 0 at rest.
+    kept : ndarray of bool, shape (num_paths,)
+        False for paths that the receiver's filter removes.
+    """
+
+    radar: RadarSpec
+    beat_bin: Array
+    doppler_bin: Array
+    kept: npt.NDArray[np.bool_]
+    range_lobe: Array
+    doppler_lobe: Array
+    geometry: PathGeometry
+    motion: tuple[Array, Array]
+
+    @classmethod
+    def of(
+        cls, paths: RadarPaths, radar: RadarSpec, window: str | None = "hann", doppler_window: str | None = None
+    ) -> PathCells:
+        """Return the places of paths, as `range_doppler` has them after its compensation of motion."""
+        window = "rect" if window is None else window
+        doppler_window = window if doppler_window is None else doppler_window
+        geometry = PathGeometry.of(paths, radar)
+        length = geometry.center_length()
+        grid = FrameGrid(radar)
+        _, over_x, over_y, _ = grid.expand(*delay_terms(length, paths.length_rate, paths.length_acceleration), 0)
+        doppler_bin = np.mod(over_y * radar.doppler_interval * radar.num_chirps, radar.num_chirps)
+        return cls(
+            radar=radar,
+            beat_bin=over_x * radar.num_samples / radar.sample_rate,
+            doppler_bin=doppler_bin,
+            kept=length < 2.0 * radar.max_range,
+            range_lobe=main_lobe(window, radar.num_samples),
+            doppler_lobe=main_lobe(doppler_window, radar.num_chirps),
+            geometry=geometry,
+            motion=(paths.length_rate, paths.length_acceleration),
+        )
+
+    def range_bin(self, index: Index, doppler: float | Array) -> Array:
+        """Return the places over range in a row of the map of a Doppler frequency [Hz], without padding, modulo num_samples."""
+        radar = self.radar
+        coupling = 1.0 + radar.chirp_slope * FrameGrid(radar).center_time(0) / radar.center_frequency
+        removed = np.asarray(doppler) * coupling * radar.num_samples / radar.sample_rate
+        beat = self.beat_bin[index].reshape((-1,) + (1,) * (removed.ndim - 1))
+        return np.mod(beat - removed, radar.num_samples)
+
+    def fields(self, index: Index, doppler: float | Array) -> npt.NDArray[np.complex128]:
+        """Return beat amplitudes with their phases at the middle of the frame [sqrt(W)], shape (len(index), num_virtual).
+
+        `doppler` [Hz] is that of the map's row, whose motion between the transmitters is removed.
+        """
+        grid, radar = FrameGrid(self.radar), self.radar
+        rate, acceleration = self.motion[0][index], self.motion[1][index]
+        out = np.empty((len(index), radar.num_virtual), dtype=np.complex128)
+        for tx in range(radar.num_tx):
+            for rx in range(radar.num_rx):
+                delay = delay_terms(self.geometry.length(tx, rx)[index], rate, acceleration)
+                cycles = grid.expand(*delay, tx)[0] - doppler * grid.tx_delay(tx)
+                amplitude = self.geometry.pair_amplitude(tx, rx)[index]
+                out[:, tx * radar.num_rx + rx] = amplitude * phasor(cycles)
+        return out
+
+    def near(self, distance: float, radial_velocity: float) -> tuple[Index, Array]:
+        """Return the paths whose main lobe covers a range [m] and a velocity [m/s], and the lobe's value there."""
+        radar = self.radar
+        doppler = 2.0 * radial_velocity * radar.center_frequency / SPEED_OF_LIGHT
+        y = _wrapped(doppler * radar.doppler_interval * radar.num_chirps - self.doppler_bin, radar.num_chirps)
+        index = np.flatnonzero((np.abs(y) * _STEPS_PER_BIN < len(self.doppler_lobe)) & self.kept)
+        x = _wrapped(distance / radar.range_resolution - self.range_bin(index, doppler), radar.num_samples)
+        weight = _lobe_at(self.range_lobe, x) * _lobe_at(self.doppler_lobe, y[index])
+        return index[weight != 0.0], weight[weight != 0.0]
+
+
+def _wrapped(offset: Array, period: int) -> Array:
+    """Return offsets modulo a period, within half of it."""
+    return np.asarray(np.mod(offset + period / 2.0, period) - period / 2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class CellSpread:
+    """Fields of all paths, ready to be put onto the cells of a map."""
+
+    cells: PathCells
+    field: npt.NDArray[np.complex64]
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, rd: RangeDoppler, paths: RadarPaths) -> CellSpread:
+        """Return the fields of paths in the channels of a map."""
+        cells = PathCells.of(paths, rd.radar, *rd.window)
+        # the power of a channel does not depend on the phase that TDM adds to it, the same for all paths of a row
+        field = cells.fields(np.arange(paths.num_paths), 0.0).astype(np.complex64)
+        field[~cells.kept] = 0.0
+        return cls(cells, field, (rd.data.shape[1], rd.data.shape[2]))
+
+    def power(self, index: Index) -> Array:
+        """Return the power of some paths in every cell, averaged over the channels [W], flat."""
+        channels = self.field.shape[1]
+        place = np.full(self.shape[0] * self.shape[1], -1, dtype=np.int64)
+        for block in self._blocks(index):
+            place[self._footprint(block)[0].ravel()] = 0
+        used = np.flatnonzero(place == 0)
+        place[used] = np.arange(len(used))
+        real, imag = np.zeros((channels, len(used))), np.zeros((channels, len(used)))
+        for block in self._blocks(index):
+            cell, weight = self._footprint(block)
+            where = place[cell].ravel()
+            for channel in range(channels):
+                value = self.field[block, channel].astype(np.complex128)
+                real[channel] += np.bincount(where, (weight * value.real[:, None]).ravel(), len(used))
+                imag[channel] += np.bincount(where, (weight * value.imag[:, None]).ravel(), len(used))
+        out = np.zeros(len(place))
+        out[used] = np.mean(real**2 + imag**2, axis=0)
+        return out
+
+    def _blocks(self, index: Index) -> list[Index]:
+        """Return the paths in blocks of a bounded number of cells."""
+        if not len(index):
+            return []
+        width = max(1, _CELLS_PER_BLOCK // self._footprint(index[:1])[0].shape[1])
+        return [index[start : start + width] for start in range(0, len(index), width)]
+
+    def _footprint(self, index: Index) -> tuple[Index, Array]:
+        """Return the flat cells of each path's main lobe and the lobe's value there, shapes (len(index), num_cells)."""
+        radar = self.cells.radar
+        num_doppler, num_range = self.shape
+        rows, by_row = _axis(self.cells.doppler_bin[index], radar.num_chirps, num_doppler, self.cells.doppler_lobe)
+        rows = (rows + num_doppler // 2) % num_doppler
+        doppler = (rows - num_doppler // 2) / (num_doppler * radar.doppler_interval)
+        place = self.cells.range_bin(index, doppler)
+        columns, by_column = _axis(place, radar.num_samples, num_range, self.cells.range_lobe)
+        flat = rows[:, :, None] * num_range + columns
+        weight = by_row[:, :, None] * by_column
+        return flat.reshape(len(index), -1), weight.reshape(len(index), -1)
+
+
+def _axis(place: Array, count: int, num_bins: int, lobe: Array) -> tuple[Index, Array]:
+    """Return the bins within the main lobe along one axis and the lobe's value there; each bin once."""
+    scale = num_bins / count
+    reach = len(lobe) / _STEPS_PER_BIN * scale
+    width = min(int(np.floor(2.0 * reach)) + 1, num_bins)
+    first = np.ceil(place * scale - reach).astype(np.int64)
+    bins = first[..., None] + np.arange(width)
+    offset = _wrapped(bins / scale - place[..., None], count)
+    return bins % num_bins, _lobe_at(lobe, offset)

@@ -1,0 +1,212 @@
+"""Sum of what all footprints radiate: the far-field scattering matrix of a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.rays.mesh_caster import Rays
+
+from .body import Body
+from .phase import triangle_phase_integral
+from .settings import DEFAULT_SBR, SbrSettings
+from .surface import PartSurfaces, radiating_vector
+from .trace import Bounce, Waves, bounces
+from .tubes import refine
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Index = npt.NDArray[np.int64]
+
+_BACKWARD = 1e-12
+"""An observer within this (1 + direction . observer, so 1e-6 rad) of the source sees what the source lights."""
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """What to solve for: one row a pair of directions at one frequency, all arrays of shape (num_looks,).
+
+    Attributes
+    ----------
+    frequency : ndarray of float64
+        [Hz].
+    theta, phi : ndarray of float64
+        Where the wave comes from, from +z and from +x [rad].
+    theta_s, phi_s : ndarray of float64
+        Where the observer stands [rad].
+    """
+
+    frequency: Array
+    theta: Array
+    phi: Array
+    theta_s: Array
+    phi_s: Array
+
+    def __len__(self) -> int:
+        return len(self.frequency)
+
+
+def unit_vectors(theta: Array, phi: Array) -> tuple[Array, Array, Array]:
+    """Return r_hat, theta_hat and phi_hat, each of shape (n, 3)."""
+    st, ct, sp, cp = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
+    r_hat = np.stack([st * cp, st * sp, ct], axis=1)
+    theta_hat = np.stack([ct * cp, ct * sp, -st], axis=1)
+    phi_hat = np.stack([-sp, cp, np.zeros_like(phi)], axis=1)
+    return r_hat, theta_hat, phi_hat
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Looks sorted by wave and observer: `view` is a pair (wave, observer), with one look a frequency."""
+
+    waves: Waves
+    first_view: Index  # (num_waves + 1,): views of each wave
+    observer: Array  # (num_views, 3)
+    receive: Array  # (num_views, 2, 3): theta_hat and phi_hat there
+    backward: npt.NDArray[np.bool_]  # (num_views,)
+    first_look: Index  # (num_views + 1,): entries of `look` of each view
+    look: Index  # (num_looks,)
+    wavenumber: Array  # (num_looks,), in the order of `look`
+
+
+def plan_of(looks: Looks) -> Plan:
+    """Return the looks sorted by wave and observer."""
+    angles = np.column_stack([looks.theta, looks.phi, looks.theta_s, looks.phi_s])
+    views, view_of = np.unique(angles, axis=0, return_inverse=True)
+    view_of = view_of.reshape(-1)
+    order = np.lexsort((looks.frequency, view_of))
+    sources, wave_of = np.unique(views[:, :2], axis=0, return_inverse=True)
+    wave_of = wave_of.reshape(-1)  # views are sorted by their source first
+    r_hat, theta_hat, phi_hat = unit_vectors(sources[:, 0], sources[:, 1])
+    highest = np.zeros(len(sources))
+    np.maximum.at(highest, wave_of[view_of], looks.frequency)
+    waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), SPEED_OF_LIGHT / highest)
+    observer, theta_s, phi_s = unit_vectors(views[:, 2], views[:, 3])
+    return Plan(
+        waves=waves,
+        first_view=np.searchsorted(wave_of, np.arange(len(sources) + 1)),
+        observer=observer,
+        receive=np.stack([theta_s, phi_s], axis=1),
+        backward=1.0 + np.einsum("ij,ij->i", observer, waves.direction[wave_of]) < _BACKWARD,
+        first_look=np.searchsorted(view_of[order], np.arange(len(views) + 1)),
+        look=order,
+        wavenumber=2.0 * np.pi * looks.frequency[order] / SPEED_OF_LIGHT,
+    )
+
+
+def scattering_matrices(
+    body: Body, surfaces: PartSurfaces, looks: Looks, settings: SbrSettings = DEFAULT_SBR
+) -> npt.NDArray[np.complex128]:
+    r"""Return the far-field scattering matrix of a mesh for every look.
+
+    Parameters
+    ----------
+    body : Body
+    surfaces : PartSurfaces
+        One for each part of the body. A dielectric is valid at its own frequency only.
+    looks : Looks
+    settings : SbrSettings
+
+    Returns
+    -------
+    ndarray of complex128, shape (num_looks, 2, 2)
+        S [m], receive polarisation (V, H) first, then transmit: the scattered field is S exp(-jkr) / r for a unit wave
+        whose phase is zero at the origin of the mesh's frame; the RCS is 4 pi abs(S)^2.
+
+    Notes
+    -----
+    .. math:: S = -\frac{j k}{4 \pi} \sum_{tubes} \hat p_r \cdot (\eta J - \hat s \times M)
+              e^{-j k L} \int e^{j k (\hat s - \hat k) \cdot r} dA
+
+    The currents of the first bounce radiate in all directions (behind the surface they make the shadow); those of later
+    bounces only in front of their surface. Where something stands between a footprint and the observer, it is left out.
+
+    References
+    ----------
+    .. [1] H. Ling, R.-C. Chou, S.-W. Lee, "Shooting and Bouncing Rays", IEEE Trans. Antennas Propag. 37(2), 1989.
+    .. [2] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., sections 6.8 and 7.10.
+    """
+    result = np.zeros((len(looks), 4), dtype=np.complex128)
+    if len(looks):
+        plan = plan_of(looks)
+        for bounce in bounces(body, surfaces, plan.waves, settings):
+            for seen in footprints_seen(body, bounce, plan, settings):
+                _radiate(result, bounce, plan, *seen)
+    return result.reshape(len(looks), 2, 2)
+
+
+def _expand(first: Index, member: Index) -> tuple[Index, Index]:
+    """Return for each entry of `member` all rows of its group: (position in `member`, row)."""
+    count = first[member + 1] - first[member]
+    position = np.repeat(np.arange(len(member)), count)
+    within = np.arange(len(position)) - np.repeat(np.cumsum(count) - count, count)
+    return position, first[member][position] + within
+
+
+def footprints_seen(
+    body: Body, bounce: Bounce, plan: Plan, settings: SbrSettings
+) -> Iterator[tuple[Index, Index, Array]]:
+    """Yield the parts of a bounce's footprints that their observers see: tubes, views and corners, in bounded batches."""
+    tubes = bounce.tubes
+    looks_of_wave = plan.first_look[plan.first_view[1:]] - plan.first_look[plan.first_view[:-1]]
+    work = np.cumsum(looks_of_wave[tubes.wave])
+    batch = work // max(settings.max_rays // 8, 1)
+    for number in range(int(batch[-1]) + 1):
+        rows = np.flatnonzero(batch == number)
+        if not len(rows):
+            continue
+        position, view = _expand(plan.first_view, tubes.wave[rows])
+        tube = rows[position]
+        front = np.einsum("ij,ij->i", tubes.normal[tube], plan.observer[view]) > 0.0
+        if bounce.depth == 1:
+            seen = plan.backward[view] | ~front | tubes.free[tube]
+        else:
+            seen = front & tubes.free[tube]
+        yield tube[seen], view[seen], tubes.corners[tube[seen]]
+        tested = front & ~seen
+        yield from _not_hidden(body, bounce, plan, tube[tested], view[tested], settings)
+
+
+def _not_hidden(
+    body: Body, bounce: Bounce, plan: Plan, tube: Index, view: Index, settings: SbrSettings
+) -> Iterator[tuple[Index, Index, Array]]:
+    """Yield the parts of footprints that nothing hides from their observers."""
+    if not len(tube):
+        return
+    tubes = bounce.tubes
+    hidden = Rays(body.caster, plan.observer[view], tubes.normal[tube])
+    wavelength = plan.waves.wavelength[tubes.wave[tube]]
+    sizes = (settings.ray_spacing * wavelength, settings.edge_spacing * wavelength)
+    for corners, rows, dark in refine(tubes.corners[tube], np.arange(len(tube)), hidden, *sizes, *settings.limits):
+        seen = dark == 0
+        yield tube[rows[seen]], view[rows[seen]], corners[seen]
+
+
+def phase_weights(bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> tuple[Index, Index, Complex]:
+    """Return what turns the currents of footprints into far fields: looks, positions in `tube`, and -jk/4pi times the phase integral."""
+    tubes = bounce.tubes
+    difference = plan.observer[view] - tubes.direction[tube]
+    pair, entry = _expand(plan.first_look, view)
+    k = plan.wavenumber[entry]
+    integral = triangle_phase_integral(corners[pair], k[:, None] * difference[pair])
+    return plan.look[entry], pair, -0.25j * k / np.pi * integral * np.exp(-1j * k * tubes.path[tube[pair]])
+
+
+def _radiate(result: Complex, bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> None:
+    """Add the field of footprints to the looks of their views."""
+    if not len(tube):
+        return
+    tubes = bounce.tubes
+    vector = radiating_vector(
+        tubes.incident[tube], bounce.reflected[tube], tubes.direction[tube], bounce.onward[tube], tubes.normal[tube],
+        plan.observer[view],
+    )  # fmt: skip
+    amplitude = np.einsum("nri,nit->nrt", plan.receive[view], vector).reshape(-1, 4)
+    look, pair, factor = phase_weights(bounce, plan, tube, view, corners)
+    for column in range(4):
+        part = factor * amplitude[pair, column]
+        result[:, column] += np.bincount(look, part.real, len(result)) + 1j * np.bincount(look, part.imag, len(result))

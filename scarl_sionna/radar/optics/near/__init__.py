@@ -1,0 +1,1 @@
+"""Physical optics in a scene, with spherical waves of every antenna."""

@@ -1,0 +1,93 @@
+"""The scattered part of rough surfaces: one path a patch, with a random phase that belongs to the surface."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .tubes import Tubes
+
+Array = npt.NDArray[np.float64]
+Words = npt.NDArray[np.uint64]
+Columns = dict[str, npt.NDArray[Any]]
+
+
+def scattered_rows(columns: Columns, tubes: Tubes, face_key: npt.NDArray[np.int64], seed: int) -> Columns:
+    """Return the columns of what patches scatter diffusely.
+
+    The pieces into which visibility has cut a patch become one path of their whole area, so that the power does not depend on
+    how it was cut.
+
+    Parameters
+    ----------
+    columns : dict
+        Those of :func:`~.sbr_fields.radiated` for pieces on rough faces, ``scattered`` among them.
+    tubes : Tubes
+        The pieces.
+    face_key : ndarray of int64, shape (num_faces,)
+        Names each face whatever the state of the world.
+    seed : int
+        Of the phases: the same seed gives each patch the same phase in all frames.
+    """
+    keys = np.column_stack([tubes.origin, face_key[tubes.face]])
+    order = np.lexsort(keys.T)
+    keys = keys[order]
+    first = np.flatnonzero(np.concatenate([[True], np.any(keys[1:] != keys[:-1], axis=1)]))
+    side = tubes.corners[order, 1:] - tubes.corners[order, :1]
+    area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) / 2.0
+    total = np.add.reduceat(area, first)
+    share = area / np.repeat(total, np.diff(first, append=len(order)))
+    result = {}
+    for name, column in columns.items():
+        rows = column[order]
+        if name in ("tx_point", "rx_point", "length_rate", "length", "cosine", "scattered"):
+            result[name] = np.add.reduceat(rows * share.reshape(-1, *[1] * (rows.ndim - 1)), first, axis=0)
+        else:
+            result[name] = rows[first]
+    turn = np.exp(2j * np.pi * uniform_hash(keys[first], seed))
+    result["a"] = result.pop("scattered") * (np.sqrt(total) * turn)[:, None, None]
+    result["diffuse"] = np.ones(len(first), dtype=np.int8)  # 2: reversed
+    return result
+
+
+def way_back(columns: Columns, semantic: npt.NDArray[np.uint8]) -> Columns:
+    """Return the reversed paths of a monostatic radar: from the rough patch by the mirrors home.
+
+    Parameters
+    ----------
+    columns : dict
+        Those of :func:`scattered_rows` with a mirror before the patch.
+    semantic : ndarray of uint8
+        Class of the first mirror, which is met last.
+    """
+    return {
+        **columns,
+        "tx_point": columns["rx_point"],
+        "rx_point": columns["tx_point"],
+        "a": columns["a"].transpose(0, 2, 1),
+        "instance": columns["instance"][:, ::-1],
+        "semantic": semantic,
+        "diffuse": np.full(len(semantic), 2, dtype=np.int8),
+    }
+
+
+def uniform_hash(keys: npt.NDArray[np.int64], seed: int) -> Array:
+    """Return numbers that look independent and uniform over [0, 1), one for each row of keys.
+
+    References
+    ----------
+    .. [1] G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014 (the finalizer of
+       SplitMix64).
+    """
+    state = np.full(len(keys), seed, dtype=np.uint64)
+    for column in keys.T:
+        state = _mixed((state ^ column.astype(np.uint64)) + np.uint64(0x9E3779B97F4A7C15))
+    return (state >> np.uint64(11)).astype(np.float64) * 2.0**-53
+
+
+def _mixed(word: Words) -> Words:
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))

@@ -1,0 +1,215 @@
+"""What lit patches radiate to the receiver: physical optics with spherical waves, one kernel for all patches of one depth."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.engine.rays.face_rays import FaceRays
+
+from .phase import phase_integral
+from .surfaces import Surfaces
+from .tubes import Tubes
+
+Array = npt.NDArray[np.float64]
+
+_HEAD_ON = 1e-9
+"""Sine of incidence below which any tangent serves as the axis across the plane of incidence."""
+
+
+def radiated(
+    rays: FaceRays,
+    tubes: Tubes,
+    surfaces: Surfaces,
+    tx: tuple[Pose, Array],
+    rx: tuple[Pose, Array],
+    wavenumber: float,
+    integration_phase: float,
+    diffuse: bool,
+) -> dict[str, npt.NDArray[Any]]:
+    r"""Return the columns of patches at their centres: end points, transfer, lengths, rate and what diffuse scattering needs.
+
+    Parameters
+    ----------
+    rays : FaceRays
+    tubes : Tubes
+        Patches over each of which the phase is all but linear.
+    surfaces : Surfaces
+    tx, rx : tuple
+        world_from_radar and velocity (3,) [m/s] of the two stations.
+    wavenumber : float
+        At which the phase is integrated over a patch [rad/m].
+    integration_phase : float
+        See :func:`~.sbr_phase.phase_integral` [rad].
+    diffuse : bool
+        Whether to return what a rough surface scatters, column ``scattered``: the transfer of a patch of 1 m2.
+
+    Notes
+    -----
+    With the image source at L, the receiver at R from the patch's centre and the directions k, s of arrival and return,
+
+    .. math:: a = -\frac{j}{8 \pi L R}\, \hat p_r \cdot (\eta J - \hat s \times M) \int e^{-j k (l(r) - l(r_0))} dA
+
+    with the length l of the path over r, and the currents of physical optics
+
+    .. math:: J = n \times (H_i + H_r), \quad M = -n \times (E_i + E_r), \quad \eta H = k \times E
+
+    It does not depend on the frequency but through the integral. A rough surface keeps sqrt(1 - S^2) of the reflected field.
+    What it scatters has the power
+
+    .. math:: |a|^2 = \frac{\lambda^2}{(4 \pi)^2 L^2 R^2} S^2 |\Gamma|^2 \cos\theta_i f_s A, \quad f_s = \frac{\cos\theta_s}{\pi}
+
+    for the area A, with Lambert's pattern as in the materials of the solver ``sionna``, and K of it is cross-polar.
+
+    References
+    ----------
+    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical optics).
+    .. [2] V. Degli-Esposti et al., "Measurement and Modelling of Scattering From Buildings", IEEE Trans. Antennas Propag.
+       55(1), 2007, Eqs. (2), (5).
+    """
+    dr, mi, Real, Vector = rays.dr, rays.mi, rays.Real, rays.Vector
+    count, depth = tubes.face.shape
+    tube = dr.arange(mi.UInt32, count)
+    flat = Real(np.ascontiguousarray(tubes.corners).ravel())
+    corner = [dr.gather(Vector, flat, 3 * tube + k) for k in range(3)]
+    center = (corner[0] + corner[1] + corner[2]) / 3.0
+    faces = mi.UInt32(np.ascontiguousarray(tubes.face, dtype=np.uint32).ravel())
+    face = [dr.gather(mi.UInt32, faces, depth * tube + k) for k in range(depth)]
+    images = Real(np.ascontiguousarray(tubes.image).ravel())
+    image = [dr.gather(Vector, images, depth * tube + k) for k in range(depth)]
+    plane = [surfaces.plane(number) for number in face]
+    point = _reflection_points(dr, center, image, plane)
+    (tx_pose, tx_velocity), (rx_pose, rx_velocity) = tx, rx
+    receiver = rays.vector(rx_pose.position)
+    line = [rays.vector(tx_pose.position), *point, receiver]
+    travel = [dr.normalize(stop - start) for start, stop in pairwise(line)]
+    rate = dr.dot(travel[-1], rays.vector(rx_velocity)) - dr.dot(travel[0], rays.vector(tx_velocity))
+    reflected = [(axis, dr.zeros(Vector, count)) for axis in _spherical_basis(rays, tx_pose, travel[0])]
+    onward = travel[0]
+    for k in range(depth):
+        field, arriving = reflected, travel[k]
+        normal = plane[k][0]
+        normal = normal * -dr.sign(dr.dot(normal, arriving))
+        smooth, onward = _reflect(dr, surfaces, face[k], field, arriving, normal)
+        kept, strayed, *turn = surfaces.roughness(face[k])
+        reflected = [(kept * re, kept * im) for re, im in smooth]
+        rate += dr.dot(surfaces.velocity(face[k], point[k]), arriving - travel[k + 1])
+    back = travel[-1]
+    out, home = dr.norm(center - image[-1]), dr.norm(receiver - center)
+    integral = phase_integral(rays, corner, image[-1], receiver, wavenumber, integration_phase)
+    scale = 0.125 / np.pi / (out * home)
+    factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
+    columns: dict[str, Any] = {
+        "tx_point": _unfolded(dr, center, plane[:-1]), "rx_point": center, "length_rate": rate, "length": out + home,
+        "cosine": dr.abs(dr.dot(normal, back)),
+    }  # fmt: skip
+    receive = _spherical_basis(rays, rx_pose, -back)
+    for t in range(2):
+        vector = [_radiating(dr, field[t][c], reflected[t][c], arriving, onward, normal, back) for c in range(2)]
+        for r in range(2):
+            re, im = (dr.dot(receive[r], vector[c]) for c in range(2))
+            columns[f"re{r}{t}"] = re * factor[0] - im * factor[1]
+            columns[f"im{r}{t}"] = re * factor[1] + im * factor[0]
+    if diffuse:
+        cosines = dr.abs(dr.dot(normal, arriving)) * columns["cosine"] / np.pi
+        level = 0.5 / wavenumber / (out * home) * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
+        columns |= _scattered(rays, tx_pose, arriving, field, smooth, level, turn)
+    dr.eval(*columns.values())
+    found = {name: column.numpy() for name, column in columns.items()}
+    found["a"] = _matrices(found, "re", "im")
+    if diffuse:
+        found["scattered"] = _matrices(found, "sre", "sim")
+    for name in ("tx_point", "rx_point"):
+        found[name] = np.ascontiguousarray(found[name].T)
+    return found
+
+
+def _matrices(found: dict[str, npt.NDArray[Any]], real: str, imaginary: str) -> npt.NDArray[np.complex128]:
+    """Take the entries of 2 x 2 matrices out of columns."""
+    parts = [
+        np.stack([found.pop(f"{part}{r}{t}") for r in range(2) for t in range(2)], axis=1) for part in (real, imaginary)
+    ]
+    return (parts[0] + 1j * parts[1]).reshape(-1, 2, 2)
+
+
+def _scattered(
+    rays: FaceRays, pose: Pose, arriving: Any, field: list[Any], smooth: list[Any], level: Any, turn: list[Any]
+) -> dict[str, Any]:
+    """Return the entries of the transfer by diffuse scattering of 1 m2; the polarisation is turned as in Sionna RT."""
+    dr, found = rays.dr, {}
+    basis = _spherical_basis(rays, pose, arriving)
+    for t in range(2):
+        power = dr.squared_norm(field[t][0]) + dr.squared_norm(field[t][1])
+        left = dr.squared_norm(smooth[t][0]) + dr.squared_norm(smooth[t][1])
+        gamma = level * dr.sqrt(left / dr.maximum(power, 1e-300))
+        for name, part in zip(("sre", "sim"), field[t], strict=True):
+            vertical, horizontal = dr.dot(basis[0], part), dr.dot(basis[1], part)
+            found[f"{name}0{t}"] = gamma * (turn[0] * vertical - turn[1] * horizontal)
+            found[f"{name}1{t}"] = gamma * (turn[1] * vertical + turn[0] * horizontal)
+    return found
+
+
+def _reflection_points(dr: Any, center: Any, image: list[Any], plane: list[tuple[Any, Any]]) -> list[Any]:
+    """Return where the rays to the patches' centres meet the faces of their chains."""
+    points = [center]
+    for k in range(len(image) - 2, -1, -1):
+        (normal, offset), source = plane[k], image[k + 1]
+        ray = points[0] - source
+        share = (offset - dr.dot(normal, source)) / dr.dot(normal, ray)
+        points.insert(0, source + share * ray)
+    return points
+
+
+def _unfolded(dr: Any, center: Any, mirrors: list[tuple[Any, Any]]) -> Any:
+    """Return the images of the patches' centres that the transmitter sees."""
+    seen = center
+    for normal, offset in reversed(mirrors):
+        seen = seen - 2.0 * (dr.dot(normal, seen) - offset) * normal
+    return seen
+
+
+def _spherical_basis(rays: FaceRays, pose: Pose, direction: Any) -> tuple[Any, Any]:
+    """Return theta-hat and phi-hat of unit directions in world axes; phi = 0 along the frame's z axis."""
+    dr = rays.dr
+    x, y, z = (rays.vector(axis) for axis in pose.rotation.T)
+    along_x, along_y = dr.dot(x, direction), dr.dot(y, direction)
+    flat = dr.sqrt(along_x**2 + along_y**2)
+    upright = flat <= 1e-12
+    cosine, sine = dr.select(upright, 1.0, along_x / flat), dr.select(upright, 0.0, along_y / flat)
+    outward = cosine * x + sine * y
+    return dr.dot(z, direction) * outward - flat * z, cosine * y - sine * x
+
+
+def _reflect(
+    dr: Any, surfaces: Surfaces, face: Any, field: list[tuple[Any, Any]], direction: Any, normal: Any
+) -> tuple[list[tuple[Any, Any]], Any]:
+    """Return reflected fields (real and imaginary part of each polarisation) and their direction."""
+    cosine = -dr.dot(direction, normal)
+    onward = direction + 2.0 * cosine * normal
+    te_re, te_im, tm_re, tm_im = surfaces.coefficients(face, cosine)
+    across = dr.cross(direction, normal)
+    sine = dr.norm(across)
+    helper = dr.cross(dr.select(dr.abs(normal.x) < 0.8, type(normal)(1, 0, 0), type(normal)(0, 1, 0)), normal)
+    axis = dr.select(sine < _HEAD_ON, dr.normalize(helper), across / sine)
+    tm_in, tm_out = dr.cross(direction, axis), dr.cross(onward, axis)
+    reflected = []
+    for re, im in field:
+        te = dr.dot(axis, re), dr.dot(axis, im)
+        tm = dr.dot(tm_in, re), dr.dot(tm_in, im)
+        reflected.append(
+            (
+                axis * (te_re * te[0] - te_im * te[1]) + tm_out * (tm_re * tm[0] - tm_im * tm[1]),
+                axis * (te_re * te[1] + te_im * te[0]) + tm_out * (tm_re * tm[1] + tm_im * tm[0]),
+            )
+        )
+    return reflected, onward
+
+
+def _radiating(dr: Any, incident: Any, reflected: Any, direction: Any, onward: Any, normal: Any, scattered: Any) -> Any:
+    """Return eta J - s x M of the physical-optics currents, whose part across s is radiated towards s."""
+    magnetic = dr.cross(direction, incident) + dr.cross(onward, reflected)
+    return dr.cross(normal, magnetic) + dr.cross(scattered, dr.cross(normal, incident + reflected))

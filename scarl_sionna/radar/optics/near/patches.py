@@ -1,0 +1,223 @@
+"""How small a patch must be for its phase to be linear over it, for every antenna and over the whole band; cutting to that size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.device import Device, device
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+_FILL = 0.8
+"""Bands are this part of the length allowed, so that the diagonals of their pieces are not too long as well."""
+
+_SPLIT_AGAIN = 1.3
+"""Pieces of pieces that are too long after the second cut; mean over triangles of all shapes."""
+
+
+@dataclass(frozen=True)
+class PatchSize:
+    """Largest patches.
+
+    Attributes
+    ----------
+    wavenumber : float
+        At the middle of the band [rad/m].
+    half_band : float
+        Wavenumber from the middle of the band to its end [rad/m].
+    aperture : float
+        Distance of the outermost antenna from the array's centre [m].
+    max_phase, max_ramp : float
+        [rad].
+    longest : float
+        Side that no patch exceeds [m].
+    """
+
+    wavenumber: float
+    half_band: float
+    aperture: float
+    max_phase: float
+    max_ramp: float
+    longest: float = np.inf
+
+    @classmethod
+    def of(cls, radar: RadarSpec, settings: SbrChannelSettings) -> PatchSize:
+        """Return the limits for a radar."""
+        arms = np.concatenate([radar.tx_array, radar.rx_array])
+        return cls(
+            2.0 * np.pi * radar.center_frequency / SPEED_OF_LIGHT,
+            np.pi * radar.sampled_bandwidth / SPEED_OF_LIGHT,
+            float(np.linalg.norm(arms, axis=1).max()),
+            settings.max_phase,
+            settings.max_ramp,
+        )
+
+    def length(self, distance: Array) -> Array:
+        """Return the side that `max_phase` allows across the line of sight, there and back over a distance [m]."""
+        return np.minimum(np.sqrt(4.0 * self.max_phase * distance / self.wavenumber), self.longest)
+
+    def excess(self, corners: Array, source: Array, rows: Index, receiver: Array) -> Array:
+        """Return by how much each side is too long, shape (num_patches, 3); 1 is as long as allowed.
+
+        With e the part of a side across a leg of length R, the quadratic phase at its half is k e^2 / (8 R); an antenna
+        at a distance D from the centre turns the phase there by k e D / (2 R); at the end of the band it is turned by the
+        difference of wavenumbers times half the difference of path length along the side.
+
+        Parameters
+        ----------
+        corners : ndarray of float64, shape (num_patches, 3, 3)
+        source : ndarray of float64, shape (num_rows, 3)
+        rows : ndarray of int64, shape (num_patches,)
+            Row of `source` of each patch.
+        receiver : ndarray of float64, shape (3,)
+        """
+        if not len(rows):
+            return np.zeros((0, 3))
+        with device() as on:
+            dr, mi, Real, Vector = on.dr, on.mi, on.Real, on.Vector
+            corner = _corners(on, corners)
+            center = (corner[0] + corner[1] + corner[2]) / 3.0
+            row = mi.UInt32(rows.astype(np.uint32))
+            legs = []
+            for end in (
+                dr.gather(Vector, Real(source.ravel()), row),
+                Vector(*(dr.opaque(Real, float(value)) for value in receiver)),
+            ):
+                leg = center - end
+                distance = dr.norm(leg)
+                legs.append((leg / distance, distance))
+            longest = dr.opaque(Real, self.longest)
+            found = [self._excess(dr, corner[(k + 1) % 3] - corner[k], legs, longest) for k in range(3)]
+            dr.eval(*found)
+            return np.stack([side.numpy() for side in found], axis=1)
+
+    def pieces(self, corners: Array, source: Array, receiver: Array) -> Array:
+        """Return about how many patches :func:`split` makes of each triangle: within a factor of 1.5 over many."""
+        excess = self.excess(corners, source[None], np.zeros(len(corners), dtype=np.int64), receiver)
+        longest, least = excess.max(axis=1), np.maximum(np.ceil(excess.min(axis=1) / _FILL), 1.0)
+        return np.where(longest <= 1.0, 1.0, _SPLIT_AGAIN * (2.0 * np.ceil(longest / _FILL) - 1.0) * least)
+
+    def _excess(self, dr: Any, side: Any, legs: list[tuple[Any, Any]], longest: Any) -> Any:
+        curvature, turn, along = 0.0, 0.0, 0.0
+        square = dr.squared_norm(side)
+        for ray, distance in legs:
+            radial = dr.dot(side, ray)
+            across = dr.maximum(square - radial**2, 0.0)
+            curvature += across / distance
+            turn += dr.sqrt(across) / distance
+            along += radial
+        phase = dr.sqrt(self.wavenumber * curvature / 8.0 / self.max_phase)
+        ramp = dr.maximum(self.wavenumber * self.aperture * turn, self.half_band * dr.abs(along)) / 2.0 / self.max_ramp
+        return dr.maximum(dr.maximum(phase, ramp), dr.sqrt(square) / longest)
+
+
+def split(
+    corners: Array,
+    source: Array,
+    receiver: Array,
+    size: PatchSize,
+    max_patches: int,
+    allowed: float = 1.0,
+    *,
+    one_source: bool = False,
+) -> tuple[Array, Index]:
+    """Cut triangles until no side is too long.
+
+    A triangle is sliced into bands parallel to its least side, so a sliver gives about twice as many pieces as its length
+    needs; halving would give that number to the power 1.6.
+
+    Parameters
+    ----------
+    corners : ndarray of float64, shape (num_triangles, 3, 3)
+    source : ndarray of float64, shape (num_triangles, 3)
+        Where the wave comes from (the transmitter or an image of it) [m, world].
+    receiver : ndarray of float64, shape (3,)
+    size : PatchSize
+    max_patches : int
+    allowed : float
+        Pieces may be so many times as long as `size` says.
+    one_source : bool
+        True: `source` holds one row, for all.
+
+    Returns
+    -------
+    corners : ndarray of float64, shape (num_patches, 3, 3)
+    rows : ndarray of int64, shape (num_patches,)
+        The triangle that each patch is part of, rising.
+
+    Raises
+    ------
+    ParameterRangeError
+        If there are more than `max_patches` pieces.
+    """
+    rows = np.arange(len(corners))
+    done: list[tuple[Array, Index]] = [(corners[:0], rows[:0])]
+    count = 0
+    while len(rows):
+        excess = size.excess(corners, source, np.zeros_like(rows) if one_source else rows, receiver) / allowed
+        longest = excess.max(axis=1)
+        small = longest <= 1.0
+        if small.all():
+            done.append((corners, rows))
+            break
+        done.append((corners[small], rows[small]))
+        corners, rows, excess = corners[~small], rows[~small], excess[~small]
+        bands = np.ceil(longest[~small] / _FILL)
+        count += int(small.sum())
+        if count + 2.0 * bands.sum() > max_patches:
+            too_many_patches(max_patches)
+        corners, piece_of = _bands(corners, excess, bands.astype(np.int64))
+        rows = rows[piece_of]
+    corners, rows = (np.concatenate(column) for column in zip(*done, strict=True)) if len(done) > 2 else done[-1]
+    if np.all(rows[1:] >= rows[:-1]):
+        return corners, rows
+    order = np.argsort(rows, kind="stable")
+    return corners[order], rows[order]
+
+
+def too_many_patches(limit: int) -> NoReturn:
+    """Raise the error of a scene that needs more patches than allowed."""
+    raise ParameterRangeError(
+        "number of patches", f"above {limit}", f"<= {limit}",
+        "choose fewer `instances`, a larger `max_phase` or a larger `max_patches`",
+    )  # fmt: skip
+
+
+def _bands(corners: Array, excess: Array, bands: Index) -> tuple[Array, Index]:
+    """Return triangles cut into bands parallel to their least side, and which triangle each piece is of."""
+    apex = (excess.argmin(axis=1) + 2) % 3  # side i runs from corner i to i + 1
+    pieces = 2 * bands - 1
+    owner = np.repeat(np.arange(len(bands)), pieces)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    with device() as on:
+        dr, mi, Real, Vector = on.dr, on.mi, on.Real, on.Vector
+        which, piece = mi.UInt32(owner.astype(np.uint32)), mi.UInt32(number.astype(np.uint32))
+        flat, first = Real(corners.ravel()), dr.gather(mi.UInt32, mi.UInt32(apex.astype(np.uint32)), which)
+        a, b, c = (dr.gather(Vector, flat, 3 * which + (first + k) % 3) for k in range(3))
+        count = dr.gather(Real, Real(bands.astype(np.float64)), which)
+        band = (piece + 1) // 2  # the first band is one triangle, each other one two
+        lower = piece % 2 == 1
+        low, high = Real(band) / count, Real(band + 1) / count
+        b, c = b - a, c - a
+        cut = dr.empty(Real, 9 * len(owner))
+        place = 3 * dr.arange(mi.UInt32, len(owner))
+        for k, point in enumerate(
+            (a + low * b, a + high * dr.select(lower, c, b), a + dr.select(lower, low, high) * c)
+        ):
+            dr.scatter(cut, point, place + k)
+        return cut.numpy().reshape(-1, 3, 3), owner
+
+
+def _corners(on: Device, corners: Array) -> list[Any]:
+    """Return the three corners of triangles on the device."""
+    flat, place = on.Real(np.ascontiguousarray(corners).ravel()), 3 * on.dr.arange(on.mi.UInt32, len(corners))
+    return [on.dr.gather(on.Vector, flat, place + k) for k in range(3)]

@@ -1,0 +1,81 @@
+"""The columns of many patches: joined, sorted, and without what is too weak."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import dbm_to_watt
+from scarl_sionna.signal.antenna import field_gain
+from scarl_sionna.signal.noise import sample_noise_power
+
+Array = npt.NDArray[np.float64]
+Columns = dict[str, npt.NDArray[Any]]
+
+_LARGEST_KEY = 1 << 62
+
+
+def joined(blocks: list[Columns], max_depth: int) -> Columns:
+    """Return the columns of all bounces, instances padded with -1."""
+    columns: Columns = {
+        "tx_point": np.zeros((0, 3)), "rx_point": np.zeros((0, 3)), "a": np.zeros((0, 2, 2), np.complex128),
+        "length_rate": np.zeros(0), "length": np.zeros(0), "cosine": np.zeros(0), "semantic": np.zeros(0, np.uint8),
+        "instance": np.zeros((0, max_depth), np.int32), "depth": np.zeros(0, np.int32), "diffuse": np.zeros(0, np.int8),
+    }  # fmt: skip
+    for block in blocks:
+        depth = block["instance"].shape[1]
+        block["instance"] = np.pad(block["instance"], [(0, 0), (0, max_depth - depth)], constant_values=-1)
+    return {name: np.concatenate([column, *(block[name] for block in blocks)]) for name, column in columns.items()}
+
+
+def in_order(columns: Columns) -> Columns:
+    """Return the rows by kind, depth, instances and length; equal ones stay as they were traced."""
+    key = columns["diffuse"].astype(np.int64)
+    for column in (columns["depth"], *columns["instance"].T):
+        width = int(column.max(initial=0)) + 2
+        if int(key.max(initial=0)) > _LARGEST_KEY // width:
+            key = np.unique(key, return_inverse=True)[1]
+        key = key * width + (column + 1)
+    order = np.lexsort((columns["length"], key))
+    return {name: column[order] for name, column in columns.items()}
+
+
+def received(columns: Columns, radar: RadarSpec, tx: Pose, rx: Pose) -> Array:
+    """Return the amplitude that one antenna pair receives [sqrt(W)]."""
+    entry = "VH".index(radar.polarization)
+    gain = field_gain(radar.pattern, (columns["tx_point"] - tx.position) @ tx.rotation)
+    gain = gain * field_gain(radar.pattern, (columns["rx_point"] - rx.position) @ rx.rotation)
+    return np.abs(columns["a"][:, entry, entry]) * gain * np.sqrt(dbm_to_watt(radar.tx_power_dbm))
+
+
+def above_floor(
+    columns: Columns, amplitude: Array, radar: RadarSpec, floor_db: float | None
+) -> tuple[Columns, dict[str, float | None]]:
+    """Return the rows without the weakest of each range bin, and what was left out."""
+    told: dict[str, float | None] = {
+        "floor_db": floor_db,
+        "num_dropped": 0,
+        "dropped_power": 0.0,
+        "in_phase_to_noise_db": None,
+    }
+    if floor_db is None or not len(columns["length"]):
+        return columns, told
+    cells = radar.num_samples * radar.num_chirps * radar.num_virtual
+    noise = sample_noise_power(radar) / cells
+    bins = np.floor(columns["length"] / (2.0 * radar.range_resolution)).astype(np.int64)
+    order = np.lexsort((amplitude, bins))
+    total = np.cumsum(amplitude[order])
+    first = np.flatnonzero(np.diff(bins[order], prepend=-1))
+    before = np.repeat(total[first] - amplitude[order][first], np.diff(first, append=len(order)))
+    dropped = np.zeros(len(order), dtype=bool)
+    dropped[order] = (total - before) ** 2 <= noise * 10.0 ** (floor_db / 10.0)
+    if dropped.any():
+        told["num_dropped"] = int(dropped.sum())
+        told["dropped_power"] = float(np.sum(amplitude[dropped] ** 2))
+        worst = float(np.bincount(bins[dropped], amplitude[dropped]).max() ** 2 / noise)
+        told["in_phase_to_noise_db"] = 10.0 * float(np.log10(worst)) if worst > 0.0 else None
+    return {name: column[~dropped] for name, column in columns.items()}, told

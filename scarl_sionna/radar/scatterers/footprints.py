@@ -1,0 +1,152 @@
+"""What every footprint of a body sends back to the radar, as triangles with one complex amplitude each.
+
+A chain of bounces is unfolded: a point r of the last footprint and its image r' through the mirrors before have, for a
+monostatic radar in direction u, the phase of a single reflection at (r + r') / 2. So a chain is a triangle at that place, and stays
+one for directions near the one that was traced.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.rays.mesh_caster import MISS, Rays
+from scarl_sionna.radar.optics.far import Body, PartSurfaces, SbrSettings
+from scarl_sionna.radar.optics.far.solve import unit_vectors
+from scarl_sionna.radar.optics.far.surface import radiating_vector
+from scarl_sionna.radar.optics.far.trace import Bounce, Tubes, Waves, bounces
+from scarl_sionna.radar.optics.far.tubes import refine
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+_SAME_DIRECTION = 1e-5
+"""A chain that is followed back leaves the body within this of the radar's direction; grazing ones may miss their mirror."""
+
+
+@dataclass(frozen=True, eq=False)
+class Footprints:
+    """Footprints seen from one direction.
+
+    Attributes
+    ----------
+    corners : ndarray of float64, shape (n, 3, 3)
+        [m].
+    turn, offset : ndarray of float64, shape (n, 3, 3) and (n, 3)
+        The point r of a footprint acts from ``turn @ r + offset``.
+    amplitude : ndarray of complex128, shape (n, 2, 2)
+        Radiated over incident field, receive polarisation first.
+    """
+
+    corners: Array
+    turn: Array
+    offset: Array
+    amplitude: Complex
+
+    def __len__(self) -> int:
+        return len(self.corners)
+
+    def take(self, rows: npt.NDArray[np.int64], corners: Array | None = None) -> Footprints:
+        """Return some rows, with other corners if given."""
+        own = self.corners[rows] if corners is None else corners
+        return Footprints(own, self.turn[rows], self.offset[rows], self.amplitude[rows])
+
+    @classmethod
+    def joined(cls, parts: list[Footprints]) -> Footprints:
+        """Return all rows of several."""
+        if not parts:
+            return cls(np.zeros((0, 3, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 2, 2), np.complex128))
+        return cls(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(cls)))
+
+    def place(self) -> Array:
+        """Return where each footprint acts from, shape (n, 3) [m]."""
+        return np.asarray(np.einsum("nij,nj->ni", self.turn, self.corners.mean(axis=1)) + self.offset)
+
+    def acting(self) -> Array:
+        """Return from where the corners of each footprint act, shape (n, 3, 3) [m]."""
+        return np.asarray(np.einsum("nij,ncj->nci", self.turn, self.corners) + self.offset[:, None])
+
+    def twice_area(self) -> Array:
+        """Return twice the area of each footprint, shape (n,) [m2]."""
+        sides = self.corners[:, 1:] - self.corners[:, :1]
+        return np.asarray(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1))
+
+
+def footprints(
+    body: Body, surfaces: PartSurfaces, toward: Array, frequency: float, settings: SbrSettings
+) -> Footprints:
+    """Return all footprints that a radar far away in direction `toward` lights and sees.
+
+    Parameters
+    ----------
+    body : Body
+    surfaces : PartSurfaces
+    toward : ndarray of float64, shape (3,)
+        Unit vector from the body to the radar.
+    frequency : float
+        [Hz].
+    settings : SbrSettings
+    """
+    theta, phi = np.arccos(np.clip(toward[2:], -1.0, 1.0)), np.arctan2(toward[1:2], toward[:1])
+    r_hat, theta_hat, phi_hat = unit_vectors(theta, phi)
+    waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), np.array([SPEED_OF_LIGHT / frequency]))
+    receive = np.stack([theta_hat[0], phi_hat[0]])
+    parts = [
+        _seen(body, bounce, r_hat[0], receive, waves, settings) for bounce in bounces(body, surfaces, waves, settings)
+    ]
+    return Footprints.joined(parts)
+
+
+def _seen(body: Body, bounce: Bounce, toward: Array, receive: Array, waves: Waves, settings: SbrSettings) -> Footprints:
+    """Return what of one bounce's footprints the radar sees."""
+    tubes = bounce.tubes
+    row, corners = np.arange(len(tubes)), tubes.corners
+    if bounce.depth > 1:  # what the radar lights itself it sees as well
+        front = tubes.normal @ toward > 0.0
+        free, tested = np.flatnonzero(front & tubes.free), np.flatnonzero(front & ~tubes.free)
+        rows, pieces = [free], [corners[free]]
+        hidden = Rays(body.caster, np.broadcast_to(toward, tubes.normal.shape), tubes.normal)
+        size = np.full(len(tested), waves.wavelength[0])
+        for tri, at, dark in refine(
+            corners[tested], tested, hidden, settings.ray_spacing * size, settings.edge_spacing * size, *settings.limits
+        ):
+            rows.append(at[dark == 0])
+            pieces.append(tri[dark == 0])
+        row, corners = np.concatenate(rows), np.concatenate(pieces)
+    vector = radiating_vector(
+        tubes.incident[row], bounce.reflected[row], tubes.direction[row], bounce.onward[row], tubes.normal[row],
+        np.broadcast_to(toward, (len(row), 3)),
+    )  # fmt: skip
+    turn, offset = _unfold(body, tubes, row, corners, bounce.depth, toward)
+    return Footprints(corners, turn, offset, np.einsum("ri,nit->nrt", receive, vector))
+
+
+def _unfold(
+    body: Body, tubes: Tubes, row: npt.NDArray[np.int64], corners: Array, depth: int, toward: Array
+) -> tuple[Array, Array]:
+    """Return `turn` and `offset` of :class:`Footprints`; follows the chains back to the radar through their mirrors."""
+    count = len(row)
+    image = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
+    shift = np.zeros((count, 3))
+    point, direction, lift = corners.mean(axis=1), tubes.direction[row], tubes.normal[row]
+    sound = np.ones(count, dtype=bool)
+    for _ in range(depth - 1):
+        face = body.caster.first_face(point, -direction, lift)
+        sound &= face != MISS
+        normal, height = body.triangles.normal[face], body.triangles.offset[face]
+        cosine = np.einsum("ni,ni->n", normal, direction)
+        step = (np.einsum("ni,ni->n", normal, point) - height) / np.where(np.abs(cosine) > 1e-12, cosine, 1.0)
+        point = point - step[:, None] * direction
+        mirror = np.eye(3) - 2.0 * normal[:, :, None] * normal[:, None, :]
+        image = mirror @ image
+        shift = np.einsum("nij,nj->ni", mirror, shift) + 2.0 * height[:, None] * normal
+        direction = np.einsum("nij,nj->ni", mirror, direction)
+        lift = -normal * np.sign(np.einsum("ni,ni->n", normal, direction))[:, None]
+    sound &= np.linalg.norm(direction + toward, axis=1) < _SAME_DIRECTION
+    image[~sound] = np.eye(3) - np.einsum("i,nj->nij", toward, tubes.direction[row[~sound]] + toward)
+    shift[~sound] = -tubes.path[row[~sound], None] * toward
+    turn, offset = (image + np.eye(3)) / 2.0, shift / 2.0
+    return turn, offset

@@ -1,0 +1,298 @@
+"""Scattering centres: points on a body whose complex amplitudes depend on the aspect, compiled once and reused every frame.
+
+What the model is right for, its measured error and where it breaks stands in docs/scatterers.md.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRangeError, SceneError
+from scarl_sionna.core.settings.scatterers import TR38901
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+
+from .table import AspectTable, direction_of
+from .tr38901 import tr38901_fields
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+FORMAT_VERSION = 2
+"""Version of the saved file; 1 held the amplitudes as one array."""
+_ROUNDING = 1e-9
+"""Aspects this far outside of the table [rad] are still inside."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScattererModel:
+    r"""Scattering centres of one rigid body.
+
+    Attributes
+    ----------
+    centers : ndarray of float64, shape (num_centers, 3)
+        [m, body frame].
+    azimuth : ndarray of float64, shape (num_azimuths,)
+        Rising aspects [rad]: direction from the body to the radar, from +x in the xy plane of the body.
+    elevation : ndarray of float64, shape (num_elevations,)
+        Rising aspects above the body's xy plane [rad]. With one only, the amplitudes are used up to `elevation_reach` from it.
+    amplitude : AspectTable, of shape (num_elevations, num_azimuths, num_centers, 2, 2)
+        Given as such or as an array. Scattering matrix of each centre [m], receive polarisation (theta_hat, phi_hat of the aspect) first; the phase is that at
+        the centre. A centre's RCS is 4 pi abs(amplitude)^2.
+    frequency : float
+        [Hz].
+    cell : float
+        Side of the cube that a centre stands for [m].
+    nearest_distance : float
+        Below this distance a centre's cube is not in its own far field (compiled: 2 cell^2 / wavelength) [m].
+    elevation_reach : float
+        How far outside of `elevation` the table is still used without a warning [rad].
+    error : mapping
+        Against the mesh's own physical optics between compiled aspects: ``median_db`` and ``p95_db`` (absolute value, per range
+        cell within 20 dB of the strongest), ``num_cells``, ``num_aspects``; empty where nothing was measured.
+    provenance : mapping
+        Where the model comes from: hash of the mesh, settings, source.
+
+    Notes
+    -----
+    .. math:: S(u) = \sum_n A_n(u)\, e^{2 j k\, u \cdot c_n}
+
+    with u from the body to the radar. Between aspects the complex amplitudes are interpolated by cubic polynomials (Lagrange, four
+    aspects; linearly where the table has fewer or at its ends). Their phase is that at the centre, so it changes slowly with the
+    aspect: by at most k times the cell's width times the angle.
+    """
+
+    centers: Array
+    azimuth: Array
+    elevation: Array
+    amplitude: AspectTable
+    frequency: float
+    cell: float
+    nearest_distance: float
+    elevation_reach: float = 0.0
+    error: Mapping[str, float] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.amplitude, AspectTable):
+            object.__setattr__(self, "amplitude", AspectTable.dense(self.amplitude))
+        shape = (len(self.elevation), len(self.azimuth), len(self.centers), 2, 2)
+        if self.amplitude.shape != shape:
+            raise ParameterRangeError("amplitude", f"shape {self.amplitude.shape}", f"shape {shape}")
+        for name in ("azimuth", "elevation"):
+            grid = getattr(self, name)
+            if not len(grid) or np.any(np.diff(grid) <= 0.0) or not np.isfinite(grid).all():
+                raise ParameterRangeError(name, grid, "one or more rising angles [rad]")
+
+    @property
+    def num_centers(self) -> int:
+        """Number of scattering centres."""
+        return len(self.centers)
+
+    @property
+    def is_full_turn(self) -> bool:
+        """Whether the azimuths go round the body, so that the last is beside the first."""
+        if len(self.azimuth) < 2:
+            return False
+        gap = self.azimuth[0] + 2.0 * np.pi - self.azimuth[-1]
+        return bool(gap <= 1.5 * np.diff(self.azimuth).max())
+
+    def inside(self, direction: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Return whether directions from the body to the radar, shape (n, 3) in the body frame, are in the table."""
+        azimuth, elevation = _angles(direction)
+        low, high = self.elevation[0] - self.elevation_reach, self.elevation[-1] + self.elevation_reach
+        result = (elevation >= low - _ROUNDING) & (elevation <= high + _ROUNDING)
+        if not self.is_full_turn:
+            span = self.azimuth[-1] - self.azimuth[0]
+            result &= (azimuth - self.azimuth[0] + _ROUNDING) % (2.0 * np.pi) <= span + 2.0 * _ROUNDING
+        return result
+
+    def matrices(self, direction: npt.ArrayLike) -> Complex:
+        """Return the scattering matrix of every centre, each seen from its own direction.
+
+        Parameters
+        ----------
+        direction : array_like of float, shape (num_centers, 3) or (3,)
+            Unit vectors from the centres to the radar [body frame]. Outside of the table its nearest aspect is used.
+
+        Returns
+        -------
+        ndarray of complex128, shape (num_centers, 2, 2)
+            [m], in theta_hat and phi_hat of each direction.
+        """
+        toward = np.broadcast_to(np.asarray(direction, dtype=np.float64), self.centers.shape)
+        azimuth, elevation = _angles(toward)
+        result = np.zeros((self.num_centers, 2, 2), dtype=np.complex128)
+        rows, share_up = _stencil(self.elevation, elevation)
+        columns, share_along = self._columns(azimuth)
+        row = np.take_along_axis(rows, share_up.argmax(axis=1)[:, None], 1)[:, 0]
+        column = np.take_along_axis(columns, share_along.argmax(axis=1)[:, None], 1)[:, 0]
+        centre = np.flatnonzero(self.amplitude.present(row, column, np.arange(self.num_centers)))
+        share = (share_up[centre, :, None] * share_along[centre, None, :]).reshape(len(centre), -1)
+        up, along, who = np.broadcast_arrays(rows[centre, :, None], columns[centre, None, :], centre[:, None, None])
+        values = self.amplitude.at(up.reshape(-1), along.reshape(-1), who.reshape(-1))
+        result[centre] = (share[:, None, :] @ values.reshape(*share.shape, 4))[:, 0].reshape(-1, 2, 2)
+        return result
+
+    def _columns(self, azimuth: Array) -> tuple[npt.NDArray[np.int64], Array]:
+        first = self.azimuth[0]
+        turned = first + (azimuth - first + _ROUNDING) % (2.0 * np.pi) - _ROUNDING
+        if self.is_full_turn:
+            before, after = self.azimuth[-1] - 2.0 * np.pi, self.azimuth[:2] + 2.0 * np.pi
+            column, share = _stencil(np.concatenate([[before], self.azimuth, after]), turned)
+            return (column - 1) % len(self.azimuth), share
+        gap = 2.0 * np.pi - (self.azimuth[-1] - first)  # outside: the nearer end
+        turned = np.where(turned > self.azimuth[-1] + gap / 2.0, first, turned)
+        return _stencil(self.azimuth, turned)
+
+    def scattering_matrix(
+        self, theta: npt.ArrayLike, phi: npt.ArrayLike, frequency: npt.ArrayLike | None = None
+    ) -> Complex:
+        """Return the far-field scattering matrix, to compare with :func:`scarl_sionna.radar.rcs.scattering_matrix`.
+
+        Parameters
+        ----------
+        theta, phi : array_like of float
+            Direction from the body to the radar, from +z and from +x [rad].
+        frequency : array_like of float, optional
+            [Hz]; the model's if left out. The amplitudes are those at the model's frequency.
+
+        Returns
+        -------
+        ndarray of complex128, shape (..., 2, 2)
+            [m].
+
+        Raises
+        ------
+        ParameterRangeError
+            If an aspect is outside of the compiled table.
+        """
+        f = np.asarray(self.frequency if frequency is None else frequency, dtype=np.float64)
+        wide = np.broadcast_arrays(np.asarray(theta, np.float64), np.asarray(phi, np.float64), f)
+        columns = [a.reshape(-1) for a in wide]
+        result = np.zeros((len(columns[0]), 2, 2), dtype=np.complex128)
+        for aspect in np.unique(np.column_stack(columns[:2]), axis=0):
+            direction = direction_of(aspect[1], np.pi / 2.0 - aspect[0])
+            if not self.inside(direction)[0]:
+                raise ParameterRangeError(
+                    "aspect", f"theta {np.degrees(aspect[0]):.4g}, phi {np.degrees(aspect[1]):.4g} deg", self._range_text(),
+                    "compile the model over these aspects",
+                )  # fmt: skip
+            rows = np.flatnonzero((columns[0] == aspect[0]) & (columns[1] == aspect[1]))
+            wavenumber = 2.0 * np.pi * columns[2][rows] / SPEED_OF_LIGHT
+            phase = np.exp(2j * wavenumber[:, None] * (self.centers @ direction)[None])
+            result[rows] = np.einsum("fn,nij->fij", phase, self.matrices(direction))
+        return result.reshape((*wide[0].shape, 2, 2))
+
+    def _range_text(self) -> str:
+        ends = np.degrees([self.azimuth[0], self.azimuth[-1], self.elevation[0], self.elevation[-1]])
+        turn = "all round" if self.is_full_turn else f"{ends[0]:.4g} to {ends[1]:.4g} deg"
+        return f"azimuth {turn}, elevation {ends[2]:.4g} to {ends[3]:.4g} deg"
+
+    def save(self, path: str | Path) -> None:
+        """Write the model to an ``.npz`` file.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        columns: dict[str, Any] = {
+            name: json.dumps(dict(getattr(self, name)), sort_keys=True) for name in ("error", "provenance")
+        }
+        columns.update(self.amplitude.arrays())
+        numbers = (self.frequency, self.cell, self.nearest_distance, self.elevation_reach)
+        try:
+            with Path(path).open("wb") as file:
+                np.savez_compressed(
+                    file, version=FORMAT_VERSION, centers=self.centers, azimuth=self.azimuth, elevation=self.elevation,
+                    numbers=np.array(numbers), **columns,
+                )  # fmt: skip
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error})") from error
+
+    @classmethod
+    def load(cls, path: str | Path) -> ScattererModel:
+        """Read a model that :meth:`save` wrote.
+
+        Raises
+        ------
+        SceneError
+            If the file is missing, no model, or of a newer version.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                version = int(data["version"])
+                if version > FORMAT_VERSION:
+                    raise SceneError(f"is of version {version}, this program reads up to {FORMAT_VERSION}", path)
+                frequency, cell, nearest, reach = (float(value) for value in data["numbers"])
+                error_of, provenance = (json.loads(str(data[name])) for name in ("error", "provenance"))
+                centers, azimuth, elevation = (data[name] for name in ("centers", "azimuth", "elevation"))
+                table = AspectTable.dense(data["amplitude"]) if version == 1 else AspectTable.from_arrays(data)
+        except (OSError, KeyError, ValueError) as error:
+            raise SceneError(f"is no scatterer model ({error})", path, "write one with ScattererModel.save") from error
+        return cls(centers, azimuth, elevation, table, frequency, cell, nearest, reach, error_of, provenance)
+
+    @classmethod
+    def tr38901(cls, object_type: str, frequency: float = 77e9, model_type: int = 2) -> ScattererModel:
+        """Return a sensing target of 3GPP TR 38.901, evaluated by Sionna RT; see :func:`.tr38901.tr38901_fields`."""
+        return cls(**tr38901_fields(object_type, frequency, model_type))
+
+
+def _angles(direction: npt.ArrayLike) -> tuple[Array, Array]:
+    vectors = np.asarray(direction, dtype=np.float64).reshape(-1, 3)
+    return np.arctan2(vectors[:, 1], vectors[:, 0]), np.arctan2(vectors[:, 2], np.hypot(vectors[:, 0], vectors[:, 1]))
+
+
+def _stencil(grid: Array, value: Array) -> tuple[npt.NDArray[np.int64], Array]:
+    """Return the neighbours of values on a rising grid and their shares, each (n, num_neighbours).
+
+    Four neighbours with the weights of the cubic polynomial through them; two where the grid has less than four values, and one
+    where it has one. Beyond the grid its ends hold; in the first and last interval the polynomial is that of the next one.
+    """
+    held = np.clip(value, grid[0], grid[-1])
+    order = 4 if len(grid) >= 4 else min(len(grid), 2)
+    low = np.searchsorted(grid, held, side="right") - order // 2
+    first = np.clip(low, 0, len(grid) - order)
+    number = first[:, None] + np.arange(order)
+    node = grid[number]
+    share = np.ones(node.shape)
+    for i in range(order):
+        for j in range(order):
+            if i != j:
+                share[:, i] *= (held - node[:, j]) / (node[:, i] - node[:, j])
+    return number.astype(np.int64), share
+
+
+def loaded_models(named: Mapping[str, object]) -> dict[str, ScattererModel]:
+    """Return the models of objects: those in memory as they are, those named by a file or as ``"tr38901:<target>"`` loaded.
+
+    Parameters
+    ----------
+    named : mapping of name to ScattererModel, path or text
+        The `models` of :class:`scarl_sionna.core.settings.scatterers.ScattererSettings`.
+
+    Raises
+    ------
+    InputTypeError
+        If a value is none of them.
+    UnknownNameError
+        If TR 38.901 has no such target.
+    """
+    return {name: _loaded(name, model) for name, model in named.items()}
+
+
+def _loaded(name: str, model: object) -> ScattererModel:
+    if isinstance(model, ScattererModel):
+        return model
+    if isinstance(model, str) and model.startswith(TR38901):
+        return ScattererModel.tr38901(model.removeprefix(TR38901))
+    if isinstance(model, (str, Path)):
+        return ScattererModel.load(model)
+    raise InputTypeError(f"model of '{name}'", model, f"a ScattererModel, a file of one, or '{TR38901}<target>'")

@@ -1,0 +1,415 @@
+"""Echoes of what is in the air, rain, snow and spray: a volume full of drops as random point paths of exact mean power."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import expi
+
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY
+from scarl_sionna.core.specs.radar.pattern import AntennaPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.weather import Weather
+from scarl_sionna.core.units import dbm_to_watt
+from scarl_sionna.engine.spray import SprayCloud, spray_clouds
+from scarl_sionna.radar.channel.compose.budget import cell_noise_power
+from scarl_sionna.radar.channel.compose.hybrid import joined
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.scene.materials.dielectrics import CELSIUS
+
+from .attenuation import attenuate, weather_attenuation
+from .hydrometeors import Hydrometeors, rain, snow, spray
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+Array = npt.NDArray[np.float64]
+
+VOLUME_INTERACTION = 16
+"""Kind of interaction written for a scatterer in the air; its instance is 0, since it belongs to no object."""
+NEAREST = 0.25
+"""Drops nearer than this [m] are left out: there the radome's own water counts, which is not modelled."""
+NUM_POINTS = 20_000
+"""Points that stand for the rain; with fewer than about five in a range-Doppler cell its power is no longer exponential, while
+the mean stays exact (docs/weather.md)."""
+LEAST_PER_BIN = 8
+POINTS_PER_CLOUD = 2_000
+"""Points that stand for the spray behind one vehicle."""
+_GRID_DEG = 1.0
+
+
+@dataclass(frozen=True)
+class ClutterBudget:
+    """What the weather sends back at most, against the noise of a range-Doppler-angle cell.
+
+    Attributes
+    ----------
+    reflectivity_db : float
+        eta [dB, 1 m2/m3].
+    reach : float
+        Range up to which a cell may hold more than the tolerance allows to leave out [m]; 0: nothing is computed.
+    snr_db : tuple of float
+        Power of the strongest cell at 5, 10, 20 and 50 m over the noise of one cell [dB].
+    """
+
+    reflectivity_db: float
+    reach: float
+    snr_db: tuple[float, ...]
+
+
+def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
+    """Return what falls in a weather: rain, snow, both or nothing. The droplets of fog send back 50 dB less and are left out."""
+    kelvin = weather.temperature_celsius + CELSIUS
+    found = []
+    if weather.rain_rate > 0.0:
+        found.append(rain(weather.rain_rate, frequency, kelvin, weather.drop_sizes))
+    if weather.snow_rate > 0.0:
+        found.append(snow(weather.snow_rate, frequency, weather.snow, kelvin))
+    return found
+
+
+@lru_cache(maxsize=16)
+def _directions(pattern: AntennaPattern) -> tuple[Array, Array, Array, float]:
+    """Return azimuth and elevation of the cells of the front hemisphere [rad], the cumulated two-way gain and its integral."""
+    angle = np.radians(np.arange(-90.0, 90.0, _GRID_DEG) + _GRID_DEG / 2.0)
+    azimuth, elevation = (values.ravel() for values in np.meshgrid(angle, angle, indexing="ij"))
+    weight = 10.0 ** (pattern.gain_db(azimuth, elevation) / 5.0) * np.cos(elevation) * np.radians(_GRID_DEG) ** 2
+    total = np.cumsum(weight)
+    return azimuth, elevation, total / total[-1], float(total[-1])
+
+
+def two_way_gain_integral(pattern: AntennaPattern) -> float:
+    """Return the integral of the squared power gain over the front hemisphere [sr]."""
+    return _directions(pattern)[3]
+
+
+def beam_share(radar: RadarSpec) -> float:
+    """Return the part of the two-way gain that one beam of the virtual array holds at most, 0 to 1.
+
+    A beam is as wide as the wavelength over the array's extent, in azimuth and in elevation; an array without extent does not tell
+    directions apart.
+    """
+    cumulated = _directions(radar.pattern)[2]
+    density = np.diff(cumulated, prepend=0.0).reshape(180, 180)
+    extent = np.ptp((radar.tx_array[:, None] + radar.rx_array[None]).reshape(-1, 3), axis=0)
+    share = 1.0
+    for axis, marginal in ((1, density.sum(axis=1)), (2, density.sum(axis=0))):
+        if extent[axis] > 0.0:
+            width = math.degrees(radar.wavelength / float(extent[axis]))
+            share *= min(1.0, float(marginal.max()) / _GRID_DEG * width)
+    return share
+
+
+def mean_clutter_power(
+    radar: RadarSpec, reflectivity: float, near: npt.ArrayLike, far: npt.ArrayLike, attenuation_db_per_km: float = 0.0
+) -> Array:
+    r"""Return the mean power that one antenna pair receives from a volume between two ranges [W].
+
+    Parameters
+    ----------
+    radar : RadarSpec
+    reflectivity : float
+        eta [m2/m3].
+    near, far : array_like of float
+        [m], > 0.
+    attenuation_db_per_km : float
+        One way.
+
+    Notes
+    -----
+    .. math:: P = \frac{P_t \lambda^2 \eta}{(4 \pi)^3} \int G^2 d\Omega \int_{R_1}^{R_2} \frac{e^{-2 \alpha R}}{R^2} dR
+
+    the radar equation over the volume in front of the radar; the last integral is that of an exponential integral.
+
+    References
+    ----------
+    .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, section 7.6.
+    """
+    scale = dbm_to_watt(radar.tx_power_dbm) * radar.wavelength**2 * reflectivity / (4.0 * np.pi) ** 3
+    near, far = np.asarray(near, dtype=np.float64), np.asarray(far, dtype=np.float64)
+    rate = 2.0 * attenuation_db_per_km * math.log(10.0) / 1e4
+    integral = 1.0 / near - 1.0 / far
+    if rate > 0.0:
+        integral = (np.exp(-rate * near) / near + rate * expi(-rate * near)) - (
+            np.exp(-rate * far) / far + rate * expi(-rate * far)
+        )
+    return np.asarray(scale * two_way_gain_integral(radar.pattern) * integral)
+
+
+def clutter_budget(weather: Weather, radar: RadarSpec, reach: float | None = None) -> ClutterBudget:
+    """Return how far the weather's own echoes matter.
+
+    Parameters
+    ----------
+    weather : Weather
+    radar : RadarSpec
+    reach : float, optional
+        Longest range looked at [m]; the unambiguous range if left out.
+
+    Notes
+    -----
+    The Doppler of a range bin is taken to be spread by turbulence alone, so a cell holds less than this. Bins that stay below ``Accuracy.channel_floor_db`` against the noise of one cell of the
+    range-Doppler-angle cube are left out.
+    """
+    eta = sum(item.reflectivity for item in falling(weather, radar.center_frequency))
+    if eta == 0.0:
+        return ClutterBudget(-math.inf, 0.0, ())
+    step = radar.range_resolution
+    edges = np.maximum(np.arange(int(min(reach or math.inf, radar.max_range) / step) + 1) * step, NEAREST)
+    spread = math.sqrt(2.0 * math.pi) * max(weather.turbulence, 1e-6)
+    share = min(1.0, radar.velocity_resolution / spread)
+    over_noise = share * beam_share(radar) / cell_noise_power(radar)
+    loss = weather_attenuation(weather, radar.center_frequency, radar.polarization)
+    power = mean_clutter_power(radar, eta, edges[:-1], np.maximum(edges[1:], edges[:-1] + 1e-6), loss) * over_noise
+    heard = np.flatnonzero(power > 10.0 ** (DEFAULT_ACCURACY.channel_floor_db / 10.0))
+    middle = np.array([5.0, 10.0, 20.0, 50.0])
+    at = mean_clutter_power(radar, eta, middle - step / 2.0, middle + step / 2.0, loss) * over_noise
+    return ClutterBudget(
+        10.0 * math.log10(eta),
+        float(edges[heard[-1] + 1]) if heard.size else 0.0,
+        tuple(round(10.0 * math.log10(value), 1) for value in at),
+    )
+
+
+def volume_clutter(
+    weather: Weather,
+    radar: RadarSpec,
+    mount: Mount | Pose,
+    rng: np.random.Generator,
+    state: WorldState | None = None,
+    reach: float | None = None,
+    num_points: int = NUM_POINTS,
+) -> RadarPaths:
+    r"""Return the echoes of rain and snow as paths of random points, without the air's attenuation.
+
+    Parameters
+    ----------
+    weather : Weather
+    radar : RadarSpec
+    mount : Mount or Pose
+        Of the radar; a bare pose (`world_from_radar`) stands still.
+    rng : numpy.random.Generator
+    state : WorldState, optional
+        What hides the points behind it; free space if left out.
+    reach : float, optional
+        Points lie within [m]; that of :func:`clutter_budget` if left out.
+    num_points : int
+        About so many.
+
+    Returns
+    -------
+    RadarPaths
+        Of depth 1, instance 0, class 0 and interaction `VOLUME_INTERACTION`; none where the reach is 0.
+
+    Notes
+    -----
+    Near range bins get more points than far ones. Ranges are even within each bin, directions are drawn in proportion to the two-way gain. Point i has the mean
+    cross-section :math:`\sigma_i = \eta R_i^2 \cos\theta_i / p(R_i, \phi_i, \theta_i)` with p the density that it was drawn
+    from, so that the mean power of any part of the volume is exactly that of :func:`mean_clutter_power`; its amplitude is circular
+    normal (many drops, fully developed speckle). Points move with the wind, its turbulence (normal, each axis) and their fall, whose speed is drawn from
+    the drops' sizes by what they send back.
+
+    *Not modelled*: multipath of the rain's echo over the ground, depolarisation, correlation of turbulence, the second order of a
+    point's range within a frame, which would cost 60 times as much and only change which random numbers a cell gets.
+    """
+    step = radar.range_resolution
+    mount = Mount.of(mount)
+    pose = mount.pose
+    limit = clutter_budget(weather, radar).reach if reach is None else reach
+    num_bins = math.ceil(limit / step - 1e-9)
+    if num_bins == 0 or not (drops := falling(weather, radar.center_frequency)):
+        return _as_clutter(_no_points(radar, pose), np.zeros(0))
+    lower = np.maximum(np.arange(num_bins) * step, NEAREST)
+    width = np.maximum(np.minimum((np.arange(num_bins) + 1) * step, limit) - lower, 0.0)
+    number = _points_per_bin(lower + width / 2.0, num_points)
+    of_bin = np.repeat(np.arange(num_bins), number)
+    place = np.arange(len(of_bin)) - np.repeat(np.cumsum(number) - number, number)
+    distance = lower[of_bin] + width[of_bin] * (place + rng.random(len(of_bin))) / number[of_bin]
+    azimuth, elevation, cumulated, _ = _directions(radar.pattern)
+    cell = np.minimum(np.searchsorted(cumulated, rng.random(distance.size), side="right"), len(azimuth) - 1)
+    jitter = (rng.random((2, distance.size)) - 0.5) * np.radians(_GRID_DEG)
+    phi, theta = azimuth[cell] + jitter[0], elevation[cell] + jitter[1]
+    density = np.diff(cumulated, prepend=0.0)[cell] / np.radians(_GRID_DEG) ** 2
+    eta = sum(item.reflectivity for item in drops)
+    sigma = eta * distance**2 * np.cos(theta) * (width / number)[of_bin] / density
+    fall = _fall_speeds(drops, distance.size, rng)
+    motion = weather.turbulence * rng.standard_normal((distance.size, 3))
+    motion += np.stack([np.full(len(fall), weather.wind[0]), np.full(len(fall), weather.wind[1]), -fall], axis=1)
+    direction = pose.rotate(np.stack([np.cos(phi) * np.cos(theta), np.sin(phi) * np.cos(theta), np.sin(theta)], axis=1))
+    speckle = _speckle(rng, distance.size)
+    kept = sigma > 0.0
+    if state is not None:
+        kept &= _in_sight(state, pose, direction, distance)
+    points = point_targets(
+        pose.position + distance[kept, None] * direction[kept], motion[kept], sigma[kept], radar, mount
+    )
+    return _as_clutter(points, speckle[kept])
+
+
+def spray_clutter(
+    state: WorldState,
+    radar: RadarSpec,
+    mount: Mount | Pose,
+    rng: np.random.Generator,
+    num_points: int = POINTS_PER_CLOUD,
+) -> RadarPaths:
+    """Return the echoes of the spray behind vehicles as paths of random points, see :class:`SprayCloud`.
+
+    Parameters and result are those of :func:`volume_clutter`; `num_points` is that of one cloud. The points of a cloud share its whole
+    cross-section, the integral of its reflectivity.
+    """
+    mount = Mount.of(mount)
+    pose = mount.pose
+    blocks = [_no_points(radar, pose)]
+    speckle = [np.zeros(0, dtype=np.complex128)]
+    for cloud in spray_clouds(state):
+        center = cloud.world_from_cloud.position
+        if np.linalg.norm(center - pose.position) - cloud.length > radar.max_range:
+            continue
+        drops = spray(
+            cloud.water_content,
+            cloud.drop_diameter,
+            radar.center_frequency,
+            state.world.weather.temperature_celsius + CELSIUS,
+        )
+        place, sight, distance = _in_cloud(cloud, pose, num_points, rng)
+        fade = np.exp(place[:, 0] / cloud.decay_length)
+        volume = cloud.decay_length * (1.0 - math.exp(-cloud.length / cloud.decay_length)) * cloud.width * cloud.height
+        sigma = np.full(num_points, drops.reflectivity * volume / num_points)
+        motion = cloud.speed * fade[:, None] * cloud.world_from_cloud.rotation[:, 0]
+        motion = motion + state.world.weather.turbulence * rng.standard_normal(motion.shape)
+        amplitude = _speckle(rng, num_points)
+        kept = (distance > NEAREST) & _in_sight(state, pose, sight, distance)
+        blocks.append(
+            point_targets(pose.position + (distance[:, None] * sight)[kept], motion[kept], sigma[kept], radar, mount)
+        )
+        speckle.append(amplitude[kept])
+    return _as_clutter(joined(blocks, pose, {}), np.concatenate(speckle))
+
+
+def through_weather(
+    paths: RadarPaths,
+    state: WorldState,
+    radar: RadarSpec,
+    rng: np.random.Generator | None,
+    radar_twist: Twist | None = None,
+) -> RadarPaths:
+    """Return the paths of a scene as they are in its weather: attenuated, with the echoes of rain, snow and spray behind them.
+
+    Parameters
+    ----------
+    paths : RadarPaths
+        From :func:`scarl_sionna.solve_paths` for this state.
+    state : WorldState
+        Its ``world.weather`` is taken; in a clear one the paths come back as they are.
+    radar : RadarSpec
+    rng : numpy.random.Generator or None
+        Of the drops' places and speckle; None leaves their echoes out.
+    radar_twist : Twist, optional
+        As given to the solver.
+
+    Returns
+    -------
+    RadarPaths
+        ``diagnostics["weather"]`` says what was done and what was left out, with its power.
+    """
+    weather: Weather = state.world.weather
+    if weather.is_clear:
+        return paths
+    values = tuple(weather_attenuation(weather, radar.center_frequency, name) for name in ("V", "H"))  # type: ignore[arg-type]
+    told: dict[str, Any] = {"attenuation_db_per_km": dict(zip("VH", values, strict=True))}
+    blocks = [paths]
+    if rng is not None:
+        budget = clutter_budget(weather, radar)
+        mount = Mount(paths.world_from_tx, radar_twist or Twist())
+        rained = volume_clutter(weather, radar, mount, rng, state, reach=budget.reach)
+        splashed = spray_clutter(state, radar, mount, rng)
+        blocks += [rained, splashed]
+        told |= _told(budget, rained, splashed)
+    diagnostics = {**paths.diagnostics, "weather": told}
+    whole = joined(blocks, paths.world_from_tx, diagnostics)
+    return attenuate(whole, radar, (values[0], values[1]))
+
+
+def _told(budget: ClutterBudget, rained: RadarPaths, splashed: RadarPaths) -> Mapping[str, Any]:
+    floor = f"at most {DEFAULT_ACCURACY.channel_floor_db:g} dB over the noise of a range-Doppler-angle cell"
+    left = "nothing falls" if math.isinf(budget.reflectivity_db) else f"beyond {budget.reach:.1f} m: {floor}"
+    return {
+        "clutter_points": rained.num_paths,
+        "clutter_reach": budget.reach,
+        "clutter_reflectivity_db": budget.reflectivity_db,
+        "clutter_snr_db_at_5_10_20_50_m": budget.snr_db,
+        "spray_points": splashed.num_paths,
+        "left_out": left,
+    }
+
+
+def _points_per_bin(distance: Array, num_points: int) -> npt.NDArray[np.int64]:
+    """Return how many points each range bin gets: in proportion to 1 / R, at least `LEAST_PER_BIN`."""
+    share = num_points / distance / np.sum(1.0 / distance)
+    return np.maximum(np.rint(share).astype(np.int64), LEAST_PER_BIN)
+
+
+def _in_cloud(cloud: SprayCloud, pose: Pose, number: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Return places in a cloud's frame by its density, and the directions and distances of them from the radar."""
+    draws = rng.random((number, 3))
+    tail = 1.0 - math.exp(-cloud.length / cloud.decay_length)
+    place = np.stack(
+        [
+            cloud.decay_length * np.log1p(-draws[:, 0] * tail),
+            (draws[:, 1] - 0.5) * cloud.width,
+            draws[:, 2] * cloud.height,
+        ],
+        axis=1,
+    )
+    sight = cloud.world_from_cloud.apply(place) - pose.position
+    distance = np.linalg.norm(sight, axis=1)
+    return place, sight / np.maximum(distance, 1e-9)[:, None], distance
+
+
+def _fall_speeds(drops: list[Hydrometeors], number: int, rng: np.random.Generator) -> Array:
+    """Return speeds of fall, drawn from each kind of drops by its part of the reflectivity."""
+    if len(drops) == 1:
+        return drops[0].draw_fall_speeds(number, rng)
+    share = drops[0].reflectivity / sum(item.reflectivity for item in drops)
+    first = rng.random(number) < share
+    return np.where(first, drops[0].draw_fall_speeds(number, rng), drops[1].draw_fall_speeds(number, rng))
+
+
+def _speckle(rng: np.random.Generator, number: int) -> npt.NDArray[np.complex128]:
+    """Return circular normal amplitudes of mean power 1."""
+    parts = rng.standard_normal((2, number)) * math.sqrt(0.5)
+    return np.asarray(parts[0] + 1j * parts[1])
+
+
+def _in_sight(state: WorldState, pose: Pose, direction: Array, distance: Array) -> npt.NDArray[np.bool_]:
+    """Return whether points are nearer than the first surface in their direction."""
+    free = np.full(len(distance), np.inf)
+    if len(distance):
+        hits = state.cast(pose.position, direction, max_distance=float(distance.max()))
+        free[hits.ray] = hits.distance
+    return np.asarray(distance < free)
+
+
+def _no_points(radar: RadarSpec, pose: Pose) -> RadarPaths:
+    return point_targets(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), radar, pose)
+
+
+def _as_clutter(points: RadarPaths, speckle: npt.NDArray[Any]) -> RadarPaths:
+    """Return point targets as scatterers of the air: with random amplitudes, of no instance."""
+    return replace(
+        points,
+        a=points.a * speckle[:, None, None],
+        length_acceleration=np.zeros(points.num_paths),
+        instance=np.zeros_like(points.instance),
+        interaction=np.full_like(points.interaction, VOLUME_INTERACTION),
+    )

@@ -1,0 +1,1 @@
+"""Whether a scenario can be: motions, collisions, and what its file states."""

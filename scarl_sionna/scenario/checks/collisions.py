@@ -1,0 +1,172 @@
+"""Collisions between planned motions: oriented boxes in plan, by separating axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.scenario.motion.bodies import BodyLike
+from scarl_sionna.scenario.motion.paths import sample_motion
+from scarl_sionna.scene.motion.trajectory import Trajectory
+
+Array = npt.NDArray[np.float64]
+Measures = Sequence[float] | BodyLike
+"""(length, width) or (length, width, height) [m], or a body."""
+
+_HEIGHT = 2.0
+"""Height of a body for which only length and width are given [m]."""
+
+
+@dataclass(frozen=True)
+class Collision:
+    """Two bodies whose boxes overlap.
+
+    Attributes
+    ----------
+    first, second : str
+        Names, in the order in which the bodies were given.
+    time : float
+        First of the given times at which they overlap [s].
+    depth : float
+        Largest depth of the overlap over all times: the shortest way that would part them [m].
+    last : float
+        Last of the given times at which they overlap [s].
+    """
+
+    first: str
+    second: str
+    time: float
+    depth: float
+    last: float
+
+
+def find_collisions(
+    actors: Sequence[tuple[str, Trajectory, Measures]], times: npt.ArrayLike, tolerance: float = 0.0
+) -> list[Collision]:
+    """Return the pairs of bodies that overlap at any of the times.
+
+    Parameters
+    ----------
+    actors : sequence of (name, trajectory, measures)
+        `measures`: (length, width) or (length, width, height) [m] of a box round the origin on the ground, or a body with these.
+        Where a trajectory is not known, its body is not there.
+    times : array_like of float, shape (N,)
+        Instants [s]; a gap of 0.1 s misses less than 1 m at a closing speed of 10 m/s.
+    tolerance : float
+        Depth that still counts as apart [m].
+
+    Returns
+    -------
+    list of Collision
+        In the order of their first times.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a name stands twice, or a measure or a time is not allowed.
+
+    Notes
+    -----
+    Pairs nearer than their half diagonals (k-d tree) are compared along the four axes of their boxes; heights must overlap, too.
+    Exact for boxes that stand upright. *Not modelled*: motion between the times, shapes other than boxes.
+    """
+    instants = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    if instants.ndim != 1 or not instants.size or not np.isfinite(instants).all():
+        raise ParameterRangeError("times", times, "one or more finite instants [s]")
+    names = [name for name, _, _ in actors]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ParameterRangeError("actors", twice, "every name once")
+    if len(actors) < 2:
+        return []
+    half, height = _measures(actors)
+    position = np.full((len(actors), len(instants), 3), np.nan)
+    heading = np.zeros((len(actors), len(instants)))
+    for index, (_, trajectory, _) in enumerate(actors):
+        known = (instants >= trajectory.start) & (instants <= trajectory.stop)
+        if known.any():
+            motion = sample_motion(trajectory, instants[known])
+            position[index, known], heading[index, known] = motion.position, motion.heading
+    first, second, moment = _near_pairs(position, half)
+    depth = _overlap(position, heading, half, height, first, second, moment)
+    hit = depth > tolerance
+    return _summary(names, instants, first[hit], second[hit], moment[hit], depth[hit])
+
+
+def _measures(actors: Sequence[tuple[str, Trajectory, Measures]]) -> tuple[Array, Array]:
+    """Return half length and half width (A, 2) and height (A,) [m]."""
+    rows = []
+    for name, _, measures in actors:
+        values = (
+            tuple(measures) if isinstance(measures, Sequence) else (measures.length, measures.width, measures.height)
+        )
+        row = np.array([*values, _HEIGHT][:3], dtype=np.float64)
+        if len(values) not in (2, 3) or not np.isfinite(row).all() or row.min() <= 0.0:
+            raise ParameterRangeError(f"measures of '{name}'", values, "length, width[, height] above 0 m")
+        rows.append(row)
+    table = np.array(rows)
+    return table[:, :2] / 2.0, table[:, 2]
+
+
+def _near_pairs(
+    position: Array, half: Array
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return pairs of bodies and instants at which circles round their boxes may touch."""
+    radius = np.linalg.norm(half, axis=1)
+    found: list[npt.NDArray[np.int64]] = []
+    for moment in range(position.shape[1]):
+        present = np.flatnonzero(np.isfinite(position[:, moment, 0]))
+        if present.size < 2:
+            continue
+        pairs = cKDTree(position[present, moment, :2]).query_pairs(
+            2.0 * float(radius[present].max()), output_type="ndarray"
+        )
+        if pairs.size:
+            pairs = np.sort(present[pairs], axis=1)
+            away = np.linalg.norm(position[pairs[:, 0], moment, :2] - position[pairs[:, 1], moment, :2], axis=1)
+            pairs = pairs[away < radius[pairs].sum(1)]
+            found.append(np.column_stack([pairs, np.full(len(pairs), moment)]))
+    table = np.concatenate(found).astype(np.int64) if found else np.zeros((0, 3), dtype=np.int64)
+    return table[:, 0], table[:, 1], table[:, 2]
+
+
+def _overlap(
+    position: Array, heading: Array, half: Array, height: Array,
+    first: npt.NDArray[np.int64], second: npt.NDArray[np.int64], moment: npt.NDArray[np.int64],
+) -> Array:  # fmt: skip
+    """Return the depth of the overlap of pairs of boxes [m], negative where they are apart."""
+    between = position[second, moment] - position[first, moment]
+    axes = []
+    for index in (first, second):
+        cos, sin = np.cos(heading[index, moment]), np.sin(heading[index, moment])
+        axes.append(np.stack([np.stack([cos, sin], 1), np.stack([-sin, cos], 1)], 1))
+    depth = np.full(len(first), np.inf)
+    for axis in (axes[0][:, 0], axes[0][:, 1], axes[1][:, 0], axes[1][:, 1]):
+        reach = np.zeros(len(first))
+        for index, own in ((first, axes[0]), (second, axes[1])):
+            reach += (half[index] * np.abs(np.einsum("pij,pj->pi", own, axis))).sum(1)
+        depth = np.minimum(depth, reach - np.abs((between[:, :2] * axis).sum(1)))
+    above = np.where(between[:, 2] >= 0.0, height[first], height[second])
+    return np.where(np.abs(between[:, 2]) < above, depth, -np.inf)
+
+
+def _summary(
+    names: Sequence[str], times: Array, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64],
+    moment: npt.NDArray[np.int64], depth: Array,
+) -> list[Collision]:  # fmt: skip
+    """Return one entry a pair."""
+    found: dict[tuple[int, int], tuple[float, float, float]] = {}
+    for one, other, when, deep in zip(
+        first.tolist(), second.tolist(), times[moment].tolist(), depth.tolist(), strict=True
+    ):
+        early, most, late = found.get((one, other), (when, deep, when))
+        found[one, other] = (min(early, when), max(most, deep), max(late, when))
+    hits = [
+        Collision(names[one], names[other], early, most, late) for (one, other), (early, most, late) in found.items()
+    ]
+    return sorted(hits, key=lambda hit: (hit.time, hit.first, hit.second))

@@ -1,0 +1,1 @@
+"""From what a scenario states or a record holds to smooth trajectories."""

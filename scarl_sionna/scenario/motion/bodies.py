@@ -1,0 +1,101 @@
+"""Outer measures of what moves, as far as planning needs them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from scarl_sionna.core.errors import ParameterRangeError
+
+
+class BodyLike(Protocol):
+    """What planning asks of an actor model: measures [m], and how it moves (``vehicle``, ``cycle``, ``walk``, ``stand``)."""
+
+    @property
+    def length(self) -> float:
+        """Along x [m]."""
+
+    @property
+    def width(self) -> float:
+        """Along y [m]."""
+
+    @property
+    def height(self) -> float:
+        """Along z [m]."""
+
+    @property
+    def wheelbase(self) -> float | None:
+        """Distance of the axles [m]; None or 0 where there are none."""
+
+    @property
+    def rear_axle(self) -> float | None:
+        """X of the rear axle in the actor's frame [m]; None or 0 where there is none."""
+
+    @property
+    def motion(self) -> str:
+        """How it moves."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """Measures of a body: origin on the ground below the middle, x forward.
+
+    Attributes
+    ----------
+    length, width, height : float
+        [m]
+    wheelbase : float
+        Distance of the axles, 0 for one that walks [m].
+    rear_axle : float
+        X of the rear axle, <= 0 [m].
+    motion : str
+        ``vehicle``, ``cycle``, ``walk`` or ``stand``.
+    """
+
+    length: float = 4.6
+    width: float = 1.8
+    height: float = 1.45
+    wheelbase: float = 2.7
+    rear_axle: float = -1.35
+    motion: str = "vehicle"
+
+    def __post_init__(self) -> None:
+        for name in ("length", "width", "height"):
+            if not 0.0 < getattr(self, name) < 100.0:
+                raise ParameterRangeError(f"Body.{name}", getattr(self, name), "above 0 to 100 m")
+        if not 0.0 <= self.wheelbase <= self.length:
+            raise ParameterRangeError("Body.wheelbase", self.wheelbase, f"0 to the length of {self.length:g} m")
+        if not -self.length / 2.0 <= self.rear_axle <= 0.0:
+            raise ParameterRangeError("Body.rear_axle", self.rear_axle, f"{-self.length / 2.0:g} to 0 m")
+
+    @classmethod
+    def of(cls, model: BodyLike) -> Body:
+        """Return the measures of an actor model."""
+        return cls(
+            float(model.length), float(model.width), float(model.height), float(model.wheelbase or 0.0),
+            float(model.rear_axle or 0.0), str(model.motion),
+        )  # fmt: skip
+
+
+WALKER = Body(0.55, 0.60, 1.75, 0.0, 0.0, "walk")
+"""An adult on foot: length includes the step."""
+
+
+def body_of(model: BodyLike | str | None, bodies: Mapping[str, BodyLike] | None = None) -> Body:
+    """Return the body of a model: given, by its name (looked up in `bodies`, then among the actor models), or a saloon for None.
+
+    Raises
+    ------
+    UnknownNameError
+        If no model has that name.
+    """
+    if model is None:
+        return Body()
+    if isinstance(model, str):
+        if bodies and model in bodies:
+            return Body.of(bodies[model])
+        from scarl_sionna.scene.actors.model import read_actor_model
+
+        return Body.of(read_actor_model(model))
+    return Body.of(model)

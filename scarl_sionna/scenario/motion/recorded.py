@@ -1,0 +1,206 @@
+"""From recorded positions to smooth motion: lane changes that jump are drawn out, steps become a C2 way along a C2 path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
+
+from .bodies import Body
+from .paths import PathTrajectory, SmoothPath, quintic_step
+from .profiles import smooth_way
+from .routes import smoothing_of
+
+Array = npt.NDArray[np.float64]
+
+KNOT_TIME = 0.5
+"""Least time between the knots of the way [s]: shorter steps of a simulator hold its random acceleration and its rounding."""
+CHANGE_TIME, CHANGE_LENGTH = 3.0, 12.0
+"""Time that a lane change takes [s], and the shortest way [m] that it is drawn out over."""
+CRUISE = 13.9
+"""Speed of vehicles before they enter and after they leave a record [m/s]: one for all, so that they stay apart."""
+_JUMP = 0.8
+"""Sideways step between two samples that no vehicle makes [m]."""
+_FAST, _FAST_SMOOTHING = 12.0, 0.75
+"""Above this speed [m/s] the knots of a path are further apart, by this time [s]: a lane change at 30 m/s begins within some 14 m."""
+_FASTEST = 90.0
+"""Speed between two samples above which a record was carried elsewhere [m/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Samples of one body.
+
+    Attributes
+    ----------
+    name : str
+    times : ndarray of float64, shape (N,)
+        Strictly rising [s].
+    points : ndarray of float64, shape (N, 3)
+        Of the reference point on the ground [m, world].
+    headings : ndarray of float64, shape (N,)
+        [rad]
+    ahead : float
+        How far the reference point lies in front of the origin of the body [m]: half the length for SUMO's vehicles.
+    """
+
+    name: str
+    times: Array
+    points: Array
+    headings: Array
+    ahead: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """Smooth motion of a record; `deviation` [m] and `num_lane_changes` as in :class:`PlannedActor`."""
+
+    trajectory: Trajectory
+    deviation: float
+    num_lane_changes: int
+
+
+def smooth_record(record: Record, body: Body, span: tuple[float, float] | None = None) -> Smoothed:
+    """Return a smooth motion for recorded samples.
+
+    Parameters
+    ----------
+    record : Record
+    body : Body
+        Its rear axle follows the path of the record's reference point.
+    span : (float, float) or None
+        Times [s] at which the motion shall be known at least; outside those of the record, the body goes straight on with
+        the speed that it has; vehicles come to the same speed within 3 s. None: the times of the record.
+
+    Returns
+    -------
+    Smoothed
+        `deviation` compares the path with the reference points and the way with the record's.
+
+    Raises
+    ------
+    ParameterRangeError
+        If shapes disagree, values are not finite, times do not rise, or the record jumps along its way (a teleport).
+
+    Notes
+    -----
+    A sideways step of more than 0.8 m between two samples is a lane change: it is replaced by the quintic step over the way driven in
+    3 s (at least 12 m) round it. The way is a monotone C2 curve (:func:`smooth_way`) through samples at least 0.5 s apart.
+    """
+    times, points = np.asarray(record.times, dtype=np.float64), np.asarray(record.points, dtype=np.float64)
+    headings = np.unwrap(np.asarray(record.headings, dtype=np.float64))
+    if times.ndim != 1 or not times.size or points.shape != (times.size, 3) or headings.shape != times.shape:
+        raise ParameterRangeError(
+            f"samples of '{record.name}'", f"shapes {times.shape}, {points.shape}", "(N,), (N, 3) and (N,)"
+        )
+    if not (np.isfinite(times).all() and np.isfinite(points).all() and np.isfinite(headings).all()):
+        raise ParameterRangeError(f"samples of '{record.name}'", "not finite", "finite numbers")
+    if np.any(np.diff(times) <= 0.0):
+        index = int(np.flatnonzero(np.diff(times) <= 0.0)[0])
+        raise ParameterRangeError(f"times of '{record.name}'", times[index : index + 2].tolist(), "strictly rising [s]")
+    low, high = (min(times[0], span[0]), max(times[-1], span[1])) if span else (times[0], times[-1])
+    way, sideways = _way_and_jumps(record.name, times, points, headings, body.wheelbase > 0.0)
+    if way[-1] - way[0] < 0.25:
+        return _standing(record, points, headings, (low, high) if high > low else (-np.inf, np.inf))
+    shift, num_changes = _drawn_out(times, way, headings, sideways)
+    points = points + shift
+    times, way, points = _continued(times, way, points, headings, low, high, CRUISE if body.length > 2.5 else None)
+
+    kept = _apart(way, 0.3)
+    fastest = float(np.max(np.diff(way) / np.diff(times)))
+    smoothing = (
+        max(smoothing_of(body), _FAST_SMOOTHING * (fastest - _FAST)) if body.wheelbase > 0.0 else smoothing_of(body)
+    )
+    path = SmoothPath(points[kept], smoothing, (2.0 * body.length + 3.0, body.length + 3.0))
+    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points[kept], axis=0), axis=1))])
+    ways = path.way_of(np.interp(way, way[kept], chord))
+    rear = ways - record.ahead + body.rear_axle
+    knots = _apart(times, KNOT_TIME)
+    curve = smooth_way(times[knots], rear[knots])
+    trajectory = PathTrajectory(path, curve, body, name=record.name)
+    off_path = np.linalg.norm(path.at(ways) - points, axis=1)
+    return Smoothed(trajectory, float(np.hypot(off_path, np.abs(curve(times) - rear)).max()), num_changes)
+
+
+def _way_and_jumps(name: str, times: Array, points: Array, headings: Array, on_wheels: bool) -> tuple[Array, Array]:
+    """Return the way along the headings (N,) and the sideways steps (N - 1,) that are jumps [m]."""
+    steps = np.diff(points, axis=0)
+    heading = (headings[:-1] + headings[1:]) / 2.0
+    forward = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    sideways = -steps[:, 0] * forward[:, 1] + steps[:, 1] * forward[:, 0]
+    jumps = np.where(on_wheels & (np.abs(sideways) > _JUMP), sideways, 0.0)
+    along = np.sqrt(np.maximum(np.square(steps).sum(1) - np.square(jumps), 0.0))
+    far = np.maximum(_FASTEST * np.diff(times), 5.0)
+    if np.any((along > far) | (np.abs(jumps) > 8.0)):
+        index = int(np.flatnonzero((along > far) | (np.abs(jumps) > 8.0))[0])
+        raise ParameterRangeError(
+            f"step of '{name}'", f"{np.linalg.norm(steps[index]):.4g} m from {times[index]:g} to {times[index + 1]:g} s",
+            f"at most {_FASTEST:g} m/s and a lane to the side", "it was carried elsewhere; in SUMO set time-to-teleport to -1",
+        )  # fmt: skip
+    along[along < 2e-3 * np.diff(times)] = 0.0
+    return np.concatenate([[0.0], np.cumsum(along)]), jumps
+
+
+def _drawn_out(times: Array, way: Array, headings: Array, sideways: Array) -> tuple[Array, int]:
+    """Return what is added to the points (N, 3) so that lane changes take their time, and the number of these."""
+    shift = np.zeros((len(times), 3))
+    where = np.flatnonzero(sideways)
+    for index in where:
+        speed = (way[index + 1] - way[index]) / (times[index + 1] - times[index])
+        length = max(CHANGE_LENGTH, CHANGE_TIME * speed)
+        middle = (way[index] + way[index + 1]) / 2.0
+        length = min(length, max(2.0 * min(middle - way[0], way[-1] - middle), 3.0))
+        share = quintic_step((way - middle) / length + 0.5) - (np.arange(len(way)) > index)
+        heading = (headings[index] + headings[index + 1]) / 2.0
+        shift[:, :2] += share[:, None] * sideways[index] * np.array([-np.sin(heading), np.cos(heading)])
+    return shift, len(where)
+
+
+def _continued(
+    times: Array, way: Array, points: Array, headings: Array, low: float, high: float, cruise: float | None
+) -> tuple[Array, Array, Array]:
+    """Return the samples with straight ones before and after, at the speed of the ends, or from there to a cruising speed [m/s]."""
+    for index, stop, sign in ((0, low, -1.0), (-1, high, 1.0)):
+        lack = sign * (stop - times[index])
+        if lack < 1e-9:
+            continue
+        near = np.abs(times - times[index]) <= 1.0
+        speed = float(np.ptp(way[near]) / np.ptp(times[near])) if near.sum() > 1 else 0.0
+        away = np.linspace(0.0, lack, max(int(np.ceil(lack / KNOT_TIME)), 1) + 1)[1:]
+        ramp = np.minimum(away, CHANGE_TIME)  # a speed that goes linearly to the cruising speed
+        gone = speed * away + (0.0 if cruise is None else cruise - speed) * (
+            ramp**2 / (2.0 * CHANGE_TIME) + away - ramp
+        )
+        direction = np.array([np.cos(headings[index]), np.sin(headings[index]), 0.0])
+        extra = (times[index] + sign * away, way[index] + sign * gone, points[index] + sign * gone[:, None] * direction)
+        merged = []
+        for own, new in zip((times, way, points), extra, strict=True):
+            merged.append(np.concatenate([new[::-1], own] if index == 0 else [own, new]))
+        times, way, points = merged
+    return times, way, points
+
+
+def _apart(values: Array, least: float) -> npt.NDArray[np.int64]:
+    """Return indices of rising values that are at least some distance apart, the first and last one among them."""
+    kept = [0]
+    for index in range(1, len(values)):
+        if values[index] - values[kept[-1]] >= least - 1e-9:
+            kept.append(index)
+    if kept[-1] != len(values) - 1:
+        if len(kept) > 1:
+            kept[-1] = len(values) - 1
+        else:
+            kept.append(len(values) - 1)
+    return np.array(kept)
+
+
+def _standing(record: Record, points: Array, headings: Array, span: tuple[float, float]) -> Smoothed:
+    """Return the motion of a body that does not move."""
+    direction = np.array([np.cos(headings[0]), np.sin(headings[0]), 0.0])
+    pose = Pose.from_euler(points.mean(0) - record.ahead * direction, yaw=float(headings[0]))
+    return Smoothed(StaticTrajectory(pose, *span), float(np.linalg.norm(points - points.mean(0), axis=1).max()), 0)

@@ -1,0 +1,207 @@
+"""Trajectories along lanes and through waypoints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import PPoly
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.scene.lanes import LaneNetwork
+
+from .bodies import Body, BodyLike, body_of
+from .paths import SMOOTHING, LateralShift, PathTrajectory, SmoothPath
+from .profiles import SpeedProfile, constant_way, smooth_way
+
+Array = npt.NDArray[np.float64]
+
+WALK_SMOOTHING = 1.5
+"""Distance of the knots of a walker's path [m]: about two steps; a corner is taken in three."""
+
+
+def smoothing_of(body: Body) -> float:
+    """Return the distance of the knots of a body's path [m]: longer for what steers than for what walks."""
+    return SMOOTHING if body.wheelbase > 0.8 else WALK_SMOOTHING
+
+
+def route_points(network: LaneNetwork, lanes: Sequence[str]) -> tuple[Array, Array]:
+    """Return the centre line (N, 3) [m] of lanes that continue each other, and the distance along it at which each lane begins.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such lane, or one does not continue the one before it.
+    """
+    route = network.check_route(lanes)
+    parts = [route[0].points]
+    for lane in route[1:]:
+        gap = np.linalg.norm(lane.points[0] - parts[-1][-1])
+        parts[-1] = parts[-1][:-1] if gap < 0.5 and len(parts[-1]) > 1 else parts[-1]
+        parts.append(lane.points)
+    points = np.concatenate(parts)
+    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    firsts = np.cumsum([0, *(len(part) for part in parts[:-1])])
+    return points, chord[firsts]
+
+
+def route_trajectory(
+    network: LaneNetwork,
+    lanes: Sequence[str],
+    start: float = 0.0,
+    speed: float | SpeedProfile = 10.0,
+    *,
+    model: BodyLike | str | None = None,
+    duration: float | None = None,
+    start_time: float = 0.0,
+    offset: float = 0.0,
+    shifts: Sequence[LateralShift] = (),
+    name: str = "actor",
+) -> PathTrajectory:
+    """Return the motion of a vehicle along lanes.
+
+    Parameters
+    ----------
+    network : LaneNetwork
+    lanes : sequence of str
+        Names of lanes, each one a continuation of the one before.
+    start : float
+        Where the actor's origin is at `start_time`: distance along the lanes' centre lines from the start of the first [m].
+    speed : float or SpeedProfile
+        [m/s]
+    model : actor model, str or None
+        Whose axles follow the lanes: an actor model, the name of one, or None for a saloon.
+    duration : float or None
+        How long the motion is known [s]; None: until the front axle reaches the end of the last lane (60 s for one
+        that stops before).
+    start_time : float
+        First time [s].
+    offset : float
+        Constant distance to the left of the centre lines [m].
+    shifts : sequence of LateralShift
+        Lane changes: their `start` counts from the beginning of the first lane.
+    name : str
+        For error messages.
+
+    Returns
+    -------
+    PathTrajectory
+        C2, on the ground of the lanes.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the start does not lie on the lanes, or the lanes end before the motion does.
+    UnknownNameError
+        If a lane or a model is unknown.
+    """
+    points, _ = route_points(network, lanes)
+    body = body_of(model)
+    path = SmoothPath(points, smoothing_of(body), (body.length + 1.0, 0.5), offset, shifts)
+    profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile(float(speed))
+    rear = float(path.way_of(start)) + body.rear_axle
+    room = path.length - body.wheelbase - rear
+    if not start >= 0.0 or room < 0.0:
+        raise ParameterRangeError(
+            f"{name}.start", start, f"0 to {path.length - body.wheelbase - body.rear_axle:.4g} m along the lanes"
+        )
+    if duration is None:
+        duration = _time_to(profile, room)
+    end = float(profile.way(duration, start_time)(start_time + duration))
+    if not duration > 0.0 or end > room + 0.4:
+        raise ParameterRangeError(
+            f"{name}.duration",
+            f"{duration:g} s, {end:.4g} m",
+            f"at most the {room:.4g} m to the end of lane '{lanes[-1]}'",
+            "name more lanes, drive slower or end earlier",
+        )
+    return PathTrajectory(path, profile.way(duration, start_time, rear), body, start_time, start_time + duration, name)
+
+
+def _time_to(profile: SpeedProfile, way: float, longest: float = 60.0) -> float:
+    """Return when a profile has covered a way [s], or `longest` where it stops before."""
+    left = way - profile.final_way
+    if left >= 0.0:
+        return (
+            profile.duration + left / profile.final_speed
+            if profile.final_speed > 0.0
+            else max(longest, profile.duration)
+        )
+    curve = profile.way(profile.duration)
+    roots = curve.solve(way, extrapolate=False)
+    return float(np.real(roots[np.isfinite(roots)][0]))
+
+
+def vehicle_trajectory(
+    waypoints: npt.ArrayLike,
+    times: npt.ArrayLike | None = None,
+    speed: float | SpeedProfile | None = None,
+    *,
+    model: BodyLike | str | None = None,
+    start_time: float = 0.0,
+    smoothing: float | None = None,
+    name: str = "actor",
+) -> PathTrajectory:
+    """Return the motion of a vehicle through waypoints, by the kinematic bicycle: its rear axle follows the curve through them.
+
+    Parameters
+    ----------
+    waypoints : array_like of float, shape (N, 3)
+        Points of the origin on the ground, N >= 2; points that repeat mean a stop [m].
+    times : array_like of float, shape (N,), or None
+        Strictly rising times of the origin at the waypoints [s].
+    speed : float, SpeedProfile or None
+        Instead of times: the speed [m/s] from `start_time` on.
+    model : actor model, str or None
+        Whose axles; None for a saloon.
+    start_time : float
+        First time, where a speed is given [s].
+    smoothing : float or None
+        Distance of the path's knots [m]; None: 3 m, for a walker 1.5 m, and less between waypoints that lie closer.
+    name : str
+        For error messages.
+
+    Notes
+    -----
+    In a bend the origin is some ``rear_axle**2 / (2 R)`` outside the waypoints, as a vehicle's middle is.
+
+    Raises
+    ------
+    ParameterRangeError
+        If shapes disagree, times do not rise, or neither or both of times and speed are given.
+    """
+    points = np.asarray(waypoints, dtype=np.float64)
+    if points.ndim != 2 or len(points) < 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise ParameterRangeError(f"{name}.waypoints", f"shape {points.shape}", "finite, shape (N, 3) with N >= 2 [m]")
+    if (times is None) == (speed is None):
+        raise ParameterRangeError(f"{name}.times", "and speed", "one of the two")
+    body = body_of(model)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    fresh = np.concatenate([[True], steps > 1e-3])
+    if fresh.sum() < 2:
+        raise ParameterRangeError(
+            f"{name}.waypoints", "all at one place", "two distinct points", "use a static trajectory"
+        )
+    kept = points[fresh]
+    if smoothing is None:
+        smoothing = min(smoothing_of(body), float(np.median(np.linalg.norm(np.diff(kept, axis=0), axis=1))))
+    path = SmoothPath(kept, smoothing, (body.length + 1.0, body.length + 1.0), sparse=True)
+    chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(kept, axis=0), axis=1))])[np.cumsum(fresh) - 1]
+    ways = path.way_of(chord) + body.rear_axle
+    if times is None:
+        assert speed is not None
+        profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile(float(speed))
+        duration = _time_to(profile, float(ways[-1] - ways[0]))
+        return PathTrajectory(
+            path, profile.way(duration, start_time, float(ways[0])), body, start_time, start_time + duration, name
+        )
+    time = np.asarray(times, dtype=np.float64)
+    if time.shape != (len(points),) or not np.all(np.diff(time) > 0.0):
+        raise ParameterRangeError(f"{name}.times", f"shape {time.shape}", f"{len(points)} strictly rising times [s]")
+    way: PPoly = (
+        constant_way(float((ways[-1] - ways[0]) / (time[1] - time[0])), float(time[0]), float(time[1]), float(ways[0]))
+        if len(time) == 2
+        else smooth_way(time, ways)
+    )
+    return PathTrajectory(path, way, body, name=name)

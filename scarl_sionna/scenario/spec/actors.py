@@ -1,0 +1,114 @@
+"""Who takes part in a scenario, as plain data: the ego vehicle, actors, traffic, and what is drawn by lot."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from scarl_sionna.core.spec import Spec
+
+from .motion import TrajectorySpec
+
+Color = Annotated[tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...], Field(min_length=3, max_length=3)]
+NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
+
+
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+
+
+class MeshSpec(Spec):
+    """A mesh of your own as an actor; see `scarl_sionna.actor_from_mesh`."""
+
+    file: str = Field(min_length=1, description="glTF, OBJ, PLY or STL, relative to the scenario's file")
+    semantic: str = Field("Car", description="semantic class")
+    materials: dict[str, str] = Field(
+        {"*": "car_paint"}, description='radio materials by part or by material of the file, "*" for the rest'
+    )
+    scale: float = Field(1.0, gt=0.0, description="metres in a unit of the file")
+    up: Axis | None = Field(None, description="axis of the file; default: y for glTF, else z")
+    forward: Axis | None = Field(None, description="axis of the file; default: z for glTF, else x")
+    motion: Literal["vehicle", "cycle", "walk", "stand"] | None = Field(None, description="default: by the class")
+    wheelbase: float | None = Field(None, gt=0.0, description="distance of the axles [m]")
+    rear_axle: float | None = Field(None, le=0.0, description="x of the rear axle from the middle [m]")
+
+
+class _Body(Spec):
+    """What the ego vehicle and other actors share: which body, and how it looks."""
+
+    variant: str | None = Field(None, description="a variant of the model; default: its first")
+    colors: dict[str, Color] = Field({}, description="by BSDF of the model, linear RGB of 0 to 1")
+    detail: Literal["light", "detailed"] | None = Field(None, description="of the mesh; default: that of the scene")
+
+
+class EgoSpec(_Body):
+    """The vehicle that carries the rig."""
+
+    model: str = Field("saloon", min_length=1, description="actor model: a name, or the path of a folder")
+    trajectory: TrajectorySpec | None = Field(None, description="default: the motion of the scene's own ego")
+
+
+class ActorSpec(_Body):
+    """One body that moves or stands."""
+
+    name: str = Field(pattern=NAME)
+    model: str | None = Field(None, min_length=1, description="actor model: a name, or the path of a folder")
+    mesh: MeshSpec | None = Field(None, description="a mesh file instead of a model")
+    trajectory: TrajectorySpec
+
+    @model_validator(mode="after")
+    def _check(self) -> ActorSpec:
+        if (self.model is None) == (self.mesh is None):
+            raise ValueError("either `model` or `mesh`")
+        return self
+
+
+class TrafficSpec(Spec):
+    """Others on the road: simulated here, by SUMO, or read from a file."""
+
+    source: Literal["built_in", "sumo", "fcd", "commonroad"] = "built_in"
+    file: str | None = Field(
+        None, description="FCD, CommonRoad or SUMO's configuration, relative to the scenario's file"
+    )
+    density: float = Field(10.0, ge=0.0, le=150.0, description="vehicles on a kilometre of lane [1/km]")
+    mix: dict[str, Annotated[float, Field(ge=0.0)]] | None = Field(
+        None, description="shares of the models of vehicles; default: that of a town"
+    )
+    pedestrians: int = Field(0, ge=0, le=500)
+    cyclists: int = Field(0, ge=0, le=200)
+    parked: float = Field(0.0, ge=0.0, le=1.0, description="share of the parking places that are taken")
+    seed: int | None = Field(None, ge=0, description="default: the scenario's")
+
+    @model_validator(mode="after")
+    def _check(self) -> TrafficSpec:
+        if self.file is None and self.source in ("fcd", "commonroad"):
+            raise ValueError(f"a `file` with source {self.source}")
+        if self.file is not None and self.source == "built_in":
+            raise ValueError("source sumo, fcd or commonroad with a `file`")
+        if self.mix is not None and not sum(self.mix.values()) > 0.0:
+            raise ValueError("a `mix` with a share above 0")
+        return self
+
+
+class JitterSpec(Spec):
+    """How far placements vary, each evenly between minus and plus."""
+
+    along: float = Field(2.0, ge=0.0, le=50.0, description="along the lane or the heading [m]")
+    lateral: float = Field(0.2, ge=0.0, le=5.0, description="to the side, kept within the lane [m]")
+    yaw_deg: float = Field(2.0, ge=0.0, le=180.0, description="of what stands [deg]")
+
+
+class RandomizationSpec(Spec):
+    """What is drawn by lot from the scenario's seed; each switch leaves the draws of the others as they are."""
+
+    colors: bool = Field(False, description="of actors and traffic, from palettes")
+    materials: bool = Field(False, description="radio and lidar values of all materials within their uncertainty")
+    placements: JitterSpec | None = Field(None, description="of the ego vehicle and the actors; `true`: the defaults")
+    traffic: bool = Field(True, description="whether another seed gives another traffic")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _switch(cls, data: Any) -> Any:
+        if isinstance(data, dict) and isinstance(data.get("placements"), bool):
+            return {**data, "placements": {} if data["placements"] else None}
+        return data

@@ -1,0 +1,1 @@
+"""Traffic: simulated here, by SUMO, or read from records."""

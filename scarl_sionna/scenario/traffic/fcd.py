@@ -1,0 +1,199 @@
+"""Floating car data of SUMO: the XML that ``sumo --fcd-output`` writes, plain or compressed."""
+
+from __future__ import annotations
+
+import gzip
+import warnings
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import BinaryIO, cast
+
+import numpy as np
+
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, TrajectoryFileError
+from scarl_sionna.core.seeds import generator
+from scarl_sionna.scenario.motion.bodies import BodyLike, body_of
+from scarl_sionna.scenario.motion.recorded import Record, smooth_record
+from scarl_sionna.scene.lanes import LaneNetwork
+
+from .planned import Ground, PlannedActor, draw_variant, lane_ground
+
+_WORDS = (
+    ("bus", "bus"), ("coach", "bus"), ("truck", "lorry"), ("lorry", "lorry"), ("trailer", "lorry"), ("delivery", "van"), ("van", "van"),
+    ("emergency", "van"), ("motorcycle", "motorcycle"), ("moped", "scooter"), ("scooter", "scooter"), ("bike", "bicycle"), ("bicycle", "bicycle"),
+    ("suv", "suv"), ("small", "small_car"), ("child", "child"), ("ped", "adult_man"), ("person", "adult_man"), ("woman", "adult_woman"),
+)  # fmt: skip
+MODELS = (
+    "small_car", "saloon", "suv", "van", "lorry", "bus", "motorcycle", "bicycle", "scooter", "adult_man", "adult_woman", "child", "standing_adult",
+)  # fmt: skip
+"""Names of the package's actor models."""
+
+Samples = dict[str, list[tuple[float, float, float, float, float]]]
+"""By name: time [s], x, y, z [m], angle [deg, clockwise from north]."""
+
+
+def model_of_type(kind: str, is_person: bool = False) -> str:
+    """Return the actor model for the name of a type of another program: the model of that name, or what its words say; else a saloon."""
+    name = kind.lower()
+    if name in MODELS:
+        return name
+    for word, model in _WORDS:
+        if word in name:
+            return model
+    return "adult_man" if is_person else "saloon"
+
+
+def heading_of_angle(angle_deg: float) -> float:
+    """Return the heading [rad, counter-clockwise from x] of SUMO's angle [deg, clockwise from north (y)]."""
+    return float(np.radians(90.0 - angle_deg))
+
+
+def read_fcd(
+    path: str | Path,
+    *,
+    span: tuple[float, float] | None = None,
+    ground: LaneNetwork | Ground | None = None,
+    types: Mapping[str, str] | None = None,
+    models: Mapping[str, BodyLike] | None = None,
+    offset: tuple[float, float] = (0.0, 0.0),
+) -> list[PlannedActor]:
+    """Return the vehicles and people of a file of SUMO's floating car data.
+
+    Parameters
+    ----------
+    path : str or Path
+        XML, also compressed (``.gz``).
+    span : (float, float) or None
+        Times [s] at which all actors shall be known: one that is in the file for a part of it goes straight on before and after.
+        None: each for the time that it is in the file.
+    ground : LaneNetwork, callable or None
+        Gives the heights: that of the nearest lane, or a function of points, (N, 3) where the file has heights, else (N, 2). None: the file's, 0 where it has none.
+    types : mapping or None
+        Actor models by SUMO's type names; None, or a type that it lacks: by the words in its name (:func:`model_of_type`).
+    models : mapping or None
+        Bodies by model name; None, or a name that it lacks: the actor model of that name.
+    offset : (float, float)
+        Is added to the positions [m]: scene minus network.
+
+    Returns
+    -------
+    list of PlannedActor
+        In the order of their names. `active` is the time in the file.
+
+    Raises
+    ------
+    TrajectoryFileError
+        If the file is missing, is not XML of floating car data, or a value is missing or not a number.
+
+    Warns
+    -----
+    ScarlWarning
+        If one was carried elsewhere by SUMO (teleport) and is left out, or is there for one instant only.
+
+    Notes
+    -----
+    SUMO's positions are those of the middle of the front bumper; the origin of an actor is half its model's length behind, along the path.
+    """
+    samples, kinds = _read(Path(path))
+    return planned_from_samples(samples, kinds, span=span, ground=ground, types=types, models=models, offset=offset)
+
+
+def planned_from_samples(
+    samples: Samples,
+    kinds: Mapping[str, tuple[str, bool]],
+    *,
+    span: tuple[float, float] | None,
+    ground: LaneNetwork | Ground | None,
+    types: Mapping[str, str] | None,
+    models: Mapping[str, BodyLike] | None,
+    offset: tuple[float, float] = (0.0, 0.0),
+) -> list[PlannedActor]:
+    """Return the actors of samples as SUMO gives them; `kinds` holds each one's type name and whether it is a person."""
+    with_heights = any(row[3] != 0.0 for rows in samples.values() for row in rows)
+    height: Callable[..., np.ndarray] | None = lane_ground(ground) if isinstance(ground, LaneNetwork) else ground
+    actors, left_out = [], []
+    for name in sorted(samples):
+        rows = np.array(samples[name])
+        kind, is_person = kinds[name]
+        if len(rows) < 2:
+            left_out.append(name)
+            continue
+        model = (types or {}).get(kind) or model_of_type(kind, is_person)
+        body = body_of(model, models)
+        points = rows[:, 1:4] + [offset[0], offset[1], 0.0]
+        if height is not None:
+            points[:, 2] = height(points if with_heights else points[:, :2])
+        record = Record(
+            name, rows[:, 0], points, np.radians(90.0 - rows[:, 4]), 0.0 if is_person else body.length / 2.0
+        )
+        try:
+            smoothed = smooth_record(record, body, span)
+        except ParameterRangeError as error:
+            warnings.warn(f"'{name}' is left out: {error}", ScarlWarning, stacklevel=3)
+            continue
+        present = (float(rows[0, 0]), float(rows[-1, 0]))
+        if span is not None:
+            present = (max(present[0], span[0]), min(present[1], span[1]))
+        look = draw_variant(model, models, float(generator(0, "recorded_looks", name=name).uniform()))
+        found = (smoothed.deviation, smoothed.num_lane_changes)
+        actors.append(PlannedActor(name, model, look, smoothed.trajectory, body, 0.0, present, *found))
+    if left_out:
+        warnings.warn(
+            f"{len(left_out)} actors are there at one instant only and are left out: {', '.join(left_out[:5])}",
+            ScarlWarning,
+            stacklevel=3,
+        )
+    return actors
+
+
+def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]]]:
+    samples: Samples = {}
+    kinds: dict[str, tuple[str, bool]] = {}
+    try:
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            time, root = float("nan"), None
+            for event, element in ET.iterparse(cast(BinaryIO, file), ("start", "end")):
+                if root is None:
+                    root = element
+                    if element.tag != "fcd-export":
+                        raise TrajectoryFileError(
+                            f"the root element is <{element.tag}>, not <fcd-export>",
+                            path,
+                            "write it by sumo --fcd-output",
+                        )
+                if event == "start" and element.tag == "timestep":
+                    time = _number(element, "time", path, "timestep")
+                elif event == "end" and element.tag in ("vehicle", "person"):
+                    name = str(element.get("id"))
+                    where = f"{element.tag} '{name}' at {time:g} s"
+                    row = [_number(element, key, path, where) for key in ("x", "y")]
+                    height = _number(element, "z", path, where) if "z" in element.attrib else 0.0
+                    samples.setdefault(name, []).append(
+                        (time, row[0], row[1], height, _number(element, "angle", path, where))
+                    )
+                    kinds[name] = (str(element.get("type", "")), element.tag == "person")
+                elif event == "end" and element.tag == "timestep":
+                    root.clear()
+    except (OSError, EOFError) as error:
+        raise TrajectoryFileError(
+            f"cannot be read ({error})", path, "give a file that sumo --fcd-output wrote"
+        ) from error
+    except ET.ParseError as error:
+        raise TrajectoryFileError(
+            f"is not valid XML ({error})", path, "give a file that sumo --fcd-output wrote"
+        ) from error
+    return samples, kinds
+
+
+def _number(element: ET.Element, key: str, path: Path, where: str) -> float:
+    text = element.get(key)
+    try:
+        value = float(text) if text is not None else float("nan")
+    except ValueError:
+        value = float("nan")
+    if not np.isfinite(value):
+        raise TrajectoryFileError(
+            f"{where}: {key} is {'missing' if text is None else repr(text)}, not a finite number", path
+        )
+    return value

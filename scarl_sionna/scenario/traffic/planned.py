@@ -1,0 +1,141 @@
+"""What a planner or a reader of recorded traffic returns: actors with their motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.scenario.motion.bodies import Body, BodyLike
+from scarl_sionna.scene.lanes import LaneNetwork
+from scarl_sionna.scene.motion.trajectory import Trajectory, forward_speeds
+
+Array = npt.NDArray[np.float64]
+Ground = Callable[[Array], Array]
+"""Returns the heights (N,) [m] of the ground at points (N, 2) [m], or (N, 3) where a source knows about what height they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedActor:
+    """One actor of planned traffic.
+
+    Attributes
+    ----------
+    name : str
+    model : str
+        Name of the actor model.
+    variant : str or None
+        Name of the model's variant; None: its first.
+    trajectory : Trajectory
+        Known for the whole duration.
+    body : Body
+        Measures that it was planned with.
+    phase : float
+        Phase of the gait at the start, 0 to 1.
+    active : (float, float)
+        Times at which its middle is on the lanes [s]; before and after, it is on the straight continuation of a lane beyond
+        the scene. Empty (start = stop) where it never is.
+    deviation : float
+        Of recorded motion: largest distance from the record [m], but for lane changes that the record makes in one step.
+    num_lane_changes : int
+        Of recorded motion: lane changes of the record that jumped and were drawn out.
+    """
+
+    name: str
+    model: str
+    variant: str | None
+    trajectory: Trajectory
+    body: Body
+    phase: float = 0.0
+    active: tuple[float, float] = field(default=(-np.inf, np.inf))
+    deviation: float = 0.0
+    num_lane_changes: int = 0
+
+
+DEPTH, BETWEEN = 500.0, 10.0
+"""How far below the lanes traffic waits that is not on them, and how far below each other [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PresentTrajectory:
+    """A motion that takes place deep below the scene while the actor is not on the lanes: there is no road for it beyond their ends.
+
+    Only the height jumps, and only where the actor comes and goes; velocities are those of the motion at all times, so that Doppler
+    and wheels know nothing of it.
+
+    Attributes
+    ----------
+    motion : Trajectory
+    active : (float, float)
+        Times at which it is where the motion says [s].
+    depth : float
+        How far below it is at other times [m].
+    """
+
+    motion: Trajectory
+    active: tuple[float, float]
+    depth: float = DEPTH
+
+    @property
+    def start(self) -> float:
+        """First time at which the motion is known [s]."""
+        return self.motion.start
+
+    @property
+    def stop(self) -> float:
+        """Last time at which the motion is known [s]."""
+        return self.motion.stop
+
+    def pose(self, time: float) -> Pose:
+        """Return world_from_actor at a time [s]."""
+        pose = self.motion.pose(time)
+        if self.is_present(time):
+            return pose
+        return Pose(pose.position - [0.0, 0.0, self.depth], pose.quaternion)
+
+    def is_present(self, time: float) -> bool:
+        """Return whether the actor is on the lanes at a time [s]; elsewhere it has no box among the labels."""
+        return self.active[0] <= time <= self.active[1]
+
+    def twist(self, time: float) -> Twist:
+        """Return the velocity of the motion at a time [s]."""
+        return self.motion.twist(time)
+
+    def forward_speeds(self, times: Array) -> Array:
+        """Return the speeds of the motion along its heading [m/s] at times (N,) [s]."""
+        return forward_speeds(self.motion, times)
+
+
+def lane_ground(network: LaneNetwork) -> Ground:
+    """Return the ground of a network of lanes: the height of the nearest point of a centre line, these 0.25 m apart.
+
+    Points with two coordinates get that of the lane nearest in plan; with three, a road under a bridge and the one on it are told apart.
+    """
+    if not network.lanes:
+        raise ParameterRangeError("network", "no lanes", "one lane or more")
+    points = np.concatenate(
+        [lane.at(np.linspace(0.0, lane.length, max(int(4.0 * lane.length), 1) + 1)) for lane in network.lanes]
+    )
+    trees = {2: cKDTree(points[:, :2]), 3: cKDTree(points)}
+
+    def ground(spots: Array) -> Array:
+        wanted = np.atleast_2d(spots)
+        return np.asarray(points[trees[wanted.shape[1]].query(wanted)[1], 2])
+
+    return ground
+
+
+def draw_variant(model: str, models: Mapping[str, BodyLike] | None, number: float) -> str | None:
+    """Return one of a model's variants for a random number from 0 to 1; None where it has none."""
+    source: object = models[model] if models and model in models else None
+    if source is None:
+        from scarl_sionna.scene.actors.model import read_actor_model
+
+        source = read_actor_model(model)
+    variants = sorted(getattr(source, "variants", ()))
+    return variants[min(int(number * len(variants)), len(variants) - 1)] if variants else None

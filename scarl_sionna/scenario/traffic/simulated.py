@@ -1,0 +1,360 @@
+"""Traffic without another simulator: vehicles by a car-following model on the lanes of a scene, people on foot, parked cars."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.seeds import generator
+from scarl_sionna.scenario.motion.bodies import Body, BodyLike, body_of
+from scarl_sionna.scenario.motion.paths import PathTrajectory, SmoothPath, sample_motion
+from scarl_sionna.scenario.motion.profiles import way_from_states
+from scarl_sionna.scenario.motion.routes import smoothing_of
+from scarl_sionna.scene.lanes import LaneNetwork
+from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
+
+from .drivers import Crowd, Driver, Obstacle
+from .planned import PlannedActor, draw_variant
+from .separation import without_collisions
+from .tracks import Track, TrackGraph, track_graph
+
+Array = npt.NDArray[np.float64]
+
+DEFAULT_MIX: Mapping[str, float] = {"saloon": 0.4, "small_car": 0.25, "suv": 0.2, "van": 0.1, "lorry": 0.05}
+"""Shares of the models among vehicles."""
+WALKERS = ("adult_man", "adult_woman", "child")
+STEP = 0.1
+"""Step of the car-following model [s]."""
+WARM_UP = 5.0
+"""Time that is simulated before the first instant, so that gaps and speeds fit together [s]."""
+_TOP_SPEED = {"bicycle": 6.0, "scooter": 6.0, "lorry": 25.0, "bus": 27.8}
+
+
+def simulate_traffic(
+    network: LaneNetwork,
+    density: float = 15.0,
+    mix: Mapping[str, float] | None = None,
+    duration: float = 10.0,
+    seed: int = 0,
+    *,
+    pedestrians: int = 0,
+    cyclists: int = 0,
+    parked: float = 0.0,
+    models: Mapping[str, BodyLike] | None = None,
+    others: Sequence[tuple[Trajectory, BodyLike]] = (),
+    start_time: float = 0.0,
+    names: str = "traffic",
+) -> list[PlannedActor]:
+    """Plan traffic on the lanes of a scene.
+
+    Parameters
+    ----------
+    network : LaneNetwork
+    density : float
+        Vehicles for each kilometre of a drive lane [1/km], 0 to 150.
+    mix : mapping or None
+        Shares of actor models among the vehicles, by name; None: `DEFAULT_MIX`.
+    duration : float
+        How long the motion is known [s].
+    seed : int
+        Root of all random numbers; same arguments, same bytes.
+    pedestrians, cyclists : int
+        Number of people on walkways, and of cyclists, on cycle lanes or else on drive lanes.
+    parked : float
+        Share of the parking places that are taken, 0 to 1.
+    models : mapping or None
+        Bodies (actor models) by name; None, or a name that it lacks: the actor model of that name.
+    others : sequence of (Trajectory, body)
+        Actors whose motion is given, such as the ego: traffic follows them and gives way to them.
+    start_time : float
+        First time [s].
+    names : str
+        Beginning of the actors' names.
+
+    Returns
+    -------
+    list of PlannedActor
+        Vehicles, cyclists, people and parked cars, in this order, without a collision among each other and with `others`.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a number is outside its range, or there is no lane for what is asked for.
+    UnknownNameError
+        If a model is unknown.
+
+    Warns
+    -----
+    ScarlWarning
+        If lanes are too short for all that was asked for, or a motion was left out since it would have met another.
+
+    Notes
+    -----
+    Intelligent Driver Model [1]_ with a jerk limit, in steps of 0.1 s after 5 s of warm-up; bends at 2 m/s^2; a critical headway
+    of 4.5 s where lanes yield; signals; stretches that two lanes share are used by one of them at a time. Random routes at
+    forks. At open ends, lanes go on straight and level beyond the scene, so that vehicles come and go. People walk at
+    1.34 +- 0.2 m/s [2]_ on the right of walkways and stand where these end. *Not modelled*: lane changes, overtaking, turning back.
+
+    References
+    ----------
+    .. [1] M. Treiber, A. Hennecke, D. Helbing, Phys. Rev. E 62, 1805, 2000.
+    .. [2] U. Weidmann, Transporttechnik der Fussgaenger, ETH Zuerich, 1993.
+    """
+    shares = dict(DEFAULT_MIX if mix is None else mix)
+    _check(density, shares, duration, pedestrians, cyclists, parked)
+    chosen = {name: body_of(name, models) for name in shares if density > 0.0}
+    width = max([body.width for body in chosen.values()] + [1.8]) / 2.0
+    longest = max([body.length for body in chosen.values()] + [4.6])
+    graph = track_graph(network, duration + WARM_UP, width, longest, on_foot=pedestrians > 0)
+    start, num_steps = start_time - WARM_UP, round((duration + WARM_UP) / STEP + 0.5)
+    instants: Array = start + STEP * np.arange(num_steps + 1, dtype=np.float64)
+    obstacles = [_obstacle(graph, trajectory, Body.of(body), instants) for trajectory, body in others]
+    planner = _Planner(graph, generator(seed, "traffic"), duration + WARM_UP, obstacles)
+
+    wanted = [("drive", shares, round(density * planner.kilometres("drive")), chosen)]
+    wheels = "cycle" if graph.of_kind(["cycle"], inside=True) else "drive"
+    wanted.append((wheels, {"bicycle": 1.0}, cyclists, {"bicycle": body_of("bicycle", models)} if cyclists else {}))
+    walkers = {name: body_of(name, models) for name in WALKERS} if pedestrians else {}
+    wanted.append(("walk", {"adult_man": 0.42, "adult_woman": 0.42, "child": 0.16}, pedestrians, walkers))
+    for kind, kind_shares, count, bodies in wanted:
+        if count and not graph.of_kind([kind], inside=True):
+            raise ParameterRangeError(
+                "lanes", f"none of kind '{kind}'", f"one for the {count} actors", "add lanes to the scene"
+            )
+        missing = count - planner.add(kind, kind_shares, count, bodies)
+        if missing:
+            warnings.warn(
+                f"{missing} of {count} actors found no free place on lanes of kind '{kind}'", ScarlWarning, stacklevel=2
+            )
+    Crowd(graph, [driver for driver, _ in planner.made], network.signals, obstacles).run(start, num_steps, STEP)
+
+    draw = generator(seed, "traffic_looks")
+    actors = []
+    counts: dict[str, int] = {}
+    for driver, model in planner.made:
+        counts[model] = counts.get(model, -1) + 1
+        actors.append(
+            _planned(
+                f"{names}_{model}_{counts[model]}", model, driver, graph, instants, start_time, duration, draw, models
+            )
+        )
+    actors += _parked(network, parked, shares, models, generator(seed, "parked"), names)
+    times = start_time + np.linspace(0.0, duration, max(int(np.ceil(duration / STEP)), 1) + 1)
+    return without_collisions(actors, times, others)
+
+
+def _check(
+    density: float, shares: Mapping[str, float], duration: float, pedestrians: int, cyclists: int, parked: float
+) -> None:
+    if not 0.0 <= density <= 150.0:
+        raise ParameterRangeError("density", density, "0 to 150 vehicles/km of lane")
+    if not 0.0 < duration <= 3600.0:
+        raise ParameterRangeError("duration", duration, "above 0 to 3600 s")
+    if not 0.0 <= parked <= 1.0:
+        raise ParameterRangeError("parked", parked, "0 to 1, a share of the places")
+    for name, count in (("pedestrians", pedestrians), ("cyclists", cyclists)):
+        if isinstance(count, bool) or int(count) != count or not 0 <= count <= 10_000:
+            raise ParameterRangeError(name, count, "an integer from 0 to 10000")
+    if not shares or min(shares.values()) < 0.0 or not 0.0 < sum(shares.values()) < np.inf:
+        raise ParameterRangeError("mix", dict(shares), "shares >= 0, one or more above 0")
+
+
+def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: Body, instants: Array) -> Obstacle:
+    """Return where a given motion is on the tracks at each instant; before and after its time it stands."""
+    motion = sample_motion(trajectory, np.clip(instants, trajectory.start, trajectory.stop))
+    along = np.stack([np.cos(motion.heading), np.sin(motion.heading)], axis=1)
+    speed = (motion.velocity[:, :2] * along).sum(1)
+    places: list[dict[int, tuple[float, float]]] = [{} for _ in instants]
+    for index, track in enumerate(graph.tracks):
+        start, step = track.points[:-1, :2], np.diff(track.points[:, :2], axis=0)
+        for offset in (body.length / 2.0, 0.0, -body.length / 2.0):
+            spot = motion.position[:, :2] + offset * along
+            share = np.clip(((spot[:, None] - start) * step).sum(2) / (step * step).sum(1), 0.0, 1.0)
+            away = np.linalg.norm(start + share[..., None] * step - spot[:, None], axis=2)
+            nearest = away.argmin(1)
+            rows = np.arange(len(instants))
+            way = track.chord[nearest] + share[rows, nearest] * np.diff(track.chord)[nearest]
+            direction = step[nearest] / np.linalg.norm(step[nearest], axis=1, keepdims=True)
+            forward = (direction * along).sum(1)
+            level = (
+                np.abs(np.interp(way, track.chord, track.points[:, 2]) - motion.position[:, 2]) < 2.5
+            )  # not on a bridge above
+            for row in np.flatnonzero(
+                level & (away[rows, nearest] < body.width / 2.0 + (0.4 if track.kind == "walk" else 1.1))
+            ):
+                front = float(
+                    way[row] + (body.length / 2.0 - offset if forward[row] > 0.0 else body.length / 2.0 + offset)
+                )
+                if front > places[row].get(index, (-np.inf, 0.0))[0]:
+                    places[row][index] = (front, float(max(speed[row] * forward[row], 0.0)))
+    return Obstacle(body.length, places)
+
+
+class _Planner:
+    """Places drivers on tracks, apart from each other and outside stretches that tracks share."""
+
+    def __init__(
+        self, graph: TrackGraph, draw: np.random.Generator, duration: float, obstacles: Sequence[Obstacle]
+    ) -> None:
+        self.graph, self.draw, self.duration = graph, draw, duration
+        self.made: list[tuple[Driver, str]] = []
+        self.taken: dict[int, list[tuple[float, float]]] = {}
+        for obstacle in obstacles:
+            for track, (way, _) in obstacle.places[0].items():  # behind and before it stays free
+                self.taken.setdefault(track, []).append((way - obstacle.length - 8.0, way + 15.0))
+
+    def kilometres(self, kind: str) -> float:
+        """Return the length of all tracks of a kind, run-ins included [km]."""
+        entering = [
+            self.graph.tracks[index]
+            for index in self.graph.of_kind([kind])
+            if self.graph.tracks[index].next or self.graph.tracks[index].lane
+        ]
+        return sum(track.length for track in entering) / 1000.0
+
+    def add(self, kind: str, shares: Mapping[str, float], count: int, bodies: Mapping[str, Body]) -> int:
+        """Place up to `count` drivers; return how many found a place."""
+        if not count:
+            return 0
+        indices = [
+            index
+            for index in self.graph.of_kind([kind])
+            if self.graph.tracks[index].next or self.graph.tracks[index].lane
+        ]
+        lengths = np.array([self.graph.tracks[index].length for index in indices])
+        names = sorted(shares)
+        weights = np.array([shares[name] for name in names], dtype=np.float64)
+        placed = 0
+        for _ in range(60 * count):
+            if placed == count:
+                break
+            index = indices[int(self.draw.choice(len(indices), p=lengths / lengths.sum()))]
+            way = float(self.draw.uniform(0.0, self.graph.tracks[index].length))
+            model = names[int(self.draw.choice(len(names), p=weights / weights.sum()))]
+            if self._is_free(index, way, bodies[model]):
+                self.taken.setdefault(index, []).append((way - bodies[model].length, way))
+                self.made.append((self._driver(index, way, bodies[model], model), model))
+                placed += 1
+        return placed
+
+    def _is_free(self, index: int, front: float, body: Body) -> bool:
+        track = self.graph.tracks[index]
+        room = 0.4 if track.kind == "walk" else 2.5
+        rear = front - body.length
+        if rear < 0.5 or front > track.length - 0.5:
+            return False
+        if any(first - 0.3 < front and rear < last + 0.3 for _, first, last, _ in track.zones):
+            return False
+        return all(front + room < low or rear - room > high for low, high in self.taken.get(index, ()))
+
+    def _driver(self, index: int, front: float, body: Body, model: str) -> Driver:
+        track = self.graph.tracks[index]
+        spread = self.draw.normal(size=4).clip(-2.0, 2.0)
+        if track.kind == "walk":
+            pace = float((1.34 + 0.2 * spread[0]) * (0.85 if model == "child" else 1.0))  # Weidmann 1993
+            driver = Driver(body, [index], front, 0.9 * pace, 0.5, 1.0, 1.5, 0.4, 10.0, pace)
+        else:
+            top = _TOP_SPEED.get(model, 60.0) * float(1.0 + 0.1 * spread[1] * (model in ("bicycle", "scooter")))
+            heavy = body.length > 7.0
+            share = float(1.0 + 0.06 * spread[0])
+            driver = Driver(
+                body, [index], front, 0.7 * min(top, track.speed), float(1.5 + 0.2 * spread[2]), 0.8 if heavy else float(1.4 + 0.2 * spread[3]),
+                2.0, 2.0, share, top,
+            )  # fmt: skip
+        needed = (
+            front + self.duration * min(driver.top_speed, max(one.speed for one in self.graph.tracks) * 1.15) + 40.0
+        )
+        length = track.length
+        while length < needed:
+            ways = self.graph.tracks[driver.route[-1]].next
+            if not ways:
+                break
+            driver.route.append(ways[int(self.draw.integers(len(ways)))])
+            length += self.graph.tracks[driver.route[-1]].length
+        driver.blocked_end = length < needed
+        driver.prepare(self.graph.tracks)
+        driver.speed = min(driver.speed, 0.8 * float(driver.limits[int(front)]))
+        return driver
+
+
+def _planned(
+    name: str, model: str, driver: Driver, graph: TrackGraph, instants: Array, start_time: float, duration: float,
+    draw: np.random.Generator, models: Mapping[str, BodyLike] | None,
+) -> PlannedActor:  # fmt: skip
+    """Return a driver's motion as a trajectory on the smooth curve along its route."""
+    states = np.array(driver.history)
+    body = driver.body
+    reference = body.length / 2.0 - body.rear_axle  # from the front to the rear axle
+    chords = states[:, 0] - reference
+    route = [graph.tracks[index] for index in driver.route]
+    points, chord = _line(route)
+    low, high = chords[0] - 12.0, states[-1, 0] + 12.0
+    first, last = np.searchsorted(chord, [low, high])
+    kept = slice(max(int(first) - 1, 0), min(int(last) + 1, len(chord)))
+    path = SmoothPath(points[kept], smoothing_of(body), (body.length + 1.0, body.length + 1.0), offset=-route[0].right)
+    ends = path.way_of(chords[[0, -1]] - chord[kept][0])
+    scale = (ends[1] - ends[0]) / (chords[-1] - chords[0]) if chords[-1] - chords[0] > 5.0 else 1.0
+    way = way_from_states(instants, ends[0] + scale * (chords - chords[0]), scale * states[:, 1], scale * states[:, 2])
+    trajectory = PathTrajectory(path, way, body, start_time, start_time + duration, name)
+    inside = np.array([track.lane is not None for track in route])
+    middle = states[:, 0] - body.length / 2.0
+    place = np.clip(np.searchsorted(driver.starts, middle, side="right") - 1, 0, len(route) - 1)
+    present = instants[inside[place]]
+    active = (
+        (max(float(present[0]), start_time), min(float(present[-1]), start_time + duration))
+        if present.size
+        else (start_time, start_time)
+    )
+    return PlannedActor(
+        name, model, draw_variant(model, models, float(draw.uniform())), trajectory, body, float(draw.uniform()), active
+    )
+
+
+def _line(route: Sequence[Track]) -> tuple[Array, Array]:
+    """Return the points of a route without the doubles at its joints, and the way along the tracks of each."""
+    points, chord, start = [route[0].points], [route[0].chord], route[0].length
+    for track in route[1:]:
+        points.append(track.points[1:])
+        chord.append(track.chord[1:] + start)
+        start += track.length
+    return np.concatenate(points), np.concatenate(chord)
+
+
+def _parked(
+    network: LaneNetwork,
+    share: float,
+    mix: Mapping[str, float],
+    models: Mapping[str, BodyLike] | None,
+    draw: np.random.Generator,
+    names: str,
+) -> list[PlannedActor]:
+    """Return parked cars on a share of the places, each one that fits."""
+    count = round(share * len(network.parking))
+    if not count:
+        return []
+    bodies = {name: body_of(name, models) for name in sorted(mix) if mix[name] > 0.0}
+    actors = []
+    for number in sorted(draw.permutation(len(network.parking))[:count].tolist()):
+        place = network.parking[number]
+        fitting = [name for name, body in bodies.items() if body.length <= place.length and body.motion == "vehicle"]
+        order = float(draw.uniform())
+        slack = draw.uniform(-1.0, 1.0, 2)
+        if not fitting:
+            continue
+        weights = np.cumsum([mix[name] for name in fitting])
+        model = fitting[int(np.searchsorted(weights, order * weights[-1]))]
+        body, yaw = bodies[model], np.radians(place.yaw_deg + 1.0 * slack[1])
+        along = 0.4 * (place.length - body.length) * slack[0]
+        position = place.position + along * np.array([np.cos(yaw), np.sin(yaw), 0.0])
+        trajectory = StaticTrajectory(Pose.from_euler(position, yaw=float(yaw)))
+        actors.append(
+            PlannedActor(
+                f"{names}_parked_{number}", model, draw_variant(model, models, float(draw.uniform())), trajectory, body
+            )
+        )
+    return actors

@@ -1,0 +1,236 @@
+"""Traffic by SUMO, in this process (libsumo): from a configuration of SUMO's, or on the lanes of a scene."""
+
+from __future__ import annotations
+
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scarl_sionna.core.errors import MissingPackageError, ParameterRangeError, SimulatorError
+from scarl_sionna.core.seeds import generator
+from scarl_sionna.scenario.motion.bodies import BodyLike, body_of
+from scarl_sionna.scene.lanes import LaneNetwork
+
+from .fcd import Samples, planned_from_samples
+from .planned import Ground, PlannedActor
+from .separation import without_collisions
+from .simulated import DEFAULT_MIX
+from .sumo_network import SumoNetwork, write_sumo_network
+
+_TOP_SPEED = {"lorry": 25.0, "bus": 27.8, "bicycle": 6.0, "scooter": 6.0}
+_TOUCH = 0.1
+"""Overlap of two boxes that may come from the smoothing of their motion [m]."""
+_LEAD = 3.0
+"""Part of the warm-up that is recorded, too: the rear axle follows the way of before [s]."""
+
+
+def run_sumo(
+    source: str | Path | LaneNetwork,
+    duration: float,
+    step: float = 0.1,
+    seed: int = 0,
+    *,
+    density: float = 15.0,
+    mix: Mapping[str, float] | None = None,
+    warm_up: float | None = None,
+    start_time: float = 0.0,
+    ground: LaneNetwork | Ground | None = None,
+    types: Mapping[str, str] | None = None,
+    models: Mapping[str, BodyLike] | None = None,
+    offset: tuple[float, float] = (0.0, 0.0),
+) -> list[PlannedActor]:
+    """Run SUMO and return the smooth motion of all that took part.
+
+    Parameters
+    ----------
+    source : str, Path or LaneNetwork
+        A ``.sumocfg`` of SUMO, or lanes: these become a network of SUMO (:func:`write_sumo_network`), with random
+        vehicles that enter at its open ends.
+    duration : float
+        Time that is recorded [s].
+    step : float
+        Step of SUMO [s], 0.01 to 1.
+    seed : int
+        Of SUMO and of the random vehicles; same seed, same bytes.
+    density : float
+        Of vehicles that enter, for lanes: vehicles/km at the speed limit [1/km].
+    mix : mapping or None
+        For lanes: shares of actor models by name.
+    warm_up : float or None
+        Time that is simulated before the record [s]; None: 30 s for lanes, 0 for a configuration.
+    start_time : float
+        Time of the first instant of the record [s].
+    ground, types, models, offset
+        As for :func:`read_fcd`; lanes are their own ground.
+
+    Returns
+    -------
+    list of PlannedActor
+        All are known from `start_time` for `duration`: who enters later or leaves earlier goes straight on beyond the
+        scene; `active` is the time in SUMO.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a number is outside its range.
+    MissingPackageError
+        If libsumo is not installed (``pip install 'scarl-sionna[sumo]'``).
+    SimulatorError
+        If SUMO refuses its input or stops.
+
+    Warns
+    -----
+    ScarlWarning
+        If two would touch, the later one is left out: SUMO does not keep all vehicles apart inside junctions.
+
+    Notes
+    -----
+    Krauss's car following and SUMO's lane changes, drawn out over 3 s (``lanechange.duration``), without teleports [1]_.
+
+    References
+    ----------
+    .. [1] P. A. Lopez et al., Microscopic traffic simulation using SUMO, IEEE ITSC 2018.
+    """
+    for name, value, low, high in (
+        ("duration", duration, 1e-3, 86400.0),
+        ("step", step, 0.01, 1.0),
+        ("density", density, 0.0, 150.0),
+    ):
+        if not low <= value <= high:
+            raise ParameterRangeError(name, value, f"{low:g} to {high:g}")
+    if isinstance(seed, bool) or int(seed) != seed or not 0 <= seed < 2**31:
+        raise ParameterRangeError("seed", seed, "an integer from 0 to 2147483647")
+    libsumo = _libsumo()
+    options = [
+        "--step-length",
+        f"{step:g}",
+        "--seed",
+        str(seed),
+        "--lanechange.duration",
+        "3",
+        "--time-to-teleport",
+        "-1",
+    ]
+    options += [
+        "--no-step-log",
+        "true",
+        "--no-warnings",
+        "true",
+        "--duration-log.disable",
+        "true",
+        "--collision.action",
+        "warn",
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        if isinstance(source, LaneNetwork):
+            warm = 30.0 if warm_up is None else warm_up
+            roads = write_sumo_network(source, folder)
+            routes = _write_routes(
+                Path(folder), roads, warm + duration, density, dict(mix or DEFAULT_MIX), models, seed
+            )
+            options = ["--net-file", str(roads.path), "--route-files", str(routes), *options]
+            ground, types = ground or source, None
+        else:
+            warm = 0.0 if warm_up is None else warm_up
+            if not Path(source).is_file():
+                raise SimulatorError(f"configuration {source} is not there; give a .sumocfg or lanes")
+            options = ["--configuration-file", str(source), *options]
+        samples, kinds = _record(libsumo, options, warm, duration, step, start_time)
+    span = (start_time, start_time + duration)
+    actors = planned_from_samples(samples, kinds, span=span, ground=ground, types=types, models=models, offset=offset)
+    return without_collisions(actors, np.arange(start_time, start_time + duration, 0.1), tolerance=_TOUCH)
+
+
+def _libsumo() -> Any:
+    try:
+        import libsumo
+    except ImportError as error:
+        raise MissingPackageError("libsumo", "sumo") from error
+    return libsumo
+
+
+def _record(
+    libsumo: Any, options: list[str], warm_up: float, duration: float, step: float, start_time: float
+) -> tuple[Samples, dict[str, tuple[str, bool]]]:
+    """Run SUMO and return the samples of vehicles and people."""
+    samples: Samples = {}
+    kinds: dict[str, tuple[str, bool]] = {}
+    first, last = round(warm_up / step), round((warm_up + duration) / step)
+    early = max(first - round(_LEAD / step), 0)
+    try:
+        libsumo.start(["sumo", *options])
+        try:
+            for index in range(last + 1):
+                libsumo.simulationStep()
+                if index < early:
+                    continue
+                time = start_time + (index - first) * step
+                for domain, is_person in ((libsumo.vehicle, False), (libsumo.person, True)):
+                    for name in domain.getIDList():
+                        x, y, z = domain.getPosition3D(name)
+                        samples.setdefault(name, []).append(
+                            (time, x, y, z if abs(z) < 1e5 else 0.0, domain.getAngle(name))
+                        )
+                        kinds[name] = (domain.getTypeID(name), is_person)
+        finally:
+            libsumo.close()
+    except (libsumo.TraCIException, libsumo.FatalTraCIError, RuntimeError) as error:
+        raise SimulatorError(f"SUMO stopped: {error}") from error
+    seen = {name: rows for name, rows in samples.items() if len(rows) > 1 and rows[-1][0] > start_time}
+    return seen, kinds
+
+
+def _write_routes(
+    folder: Path,
+    roads: SumoNetwork,
+    duration: float,
+    density: float,
+    mix: dict[str, float],
+    models: Mapping[str, BodyLike] | None,
+    seed: int,
+) -> Path:
+    """Write vehicles that enter at the open ends at random times, each on a random route."""
+    draw = generator(seed, "sumo_routes")
+    root = ET.Element("routes")
+    names = sorted(mix)
+    for model in names:
+        body = body_of(model, models)
+        values = {
+            "id": model, "vClass": "bicycle" if model == "bicycle" else "truck" if model in ("lorry", "bus") else "passenger",
+            "length": f"{body.length:.3f}", "width": f"{body.width:.3f}", "height": f"{body.height:.3f}", "minGap": "2.0",
+            "accel": "1.2" if body.length > 7.0 else "2.0", "decel": "4.0", "emergencyDecel": "8.0", "sigma": "0.4", "tau": "1.2",
+            "maxSpeed": f"{_TOP_SPEED.get(model, 55.0):g}", "speedFactor": "normc(1,0.06,0.85,1.15)",
+        }  # fmt: skip
+        ET.SubElement(root, "vType", values)
+    weights = np.array([mix[name] for name in names], dtype=np.float64)
+    entries = roads.entries or tuple(sorted(roads.length))
+    departures = []
+    for edge in entries:
+        rate = density / 1000.0 * roads.speed[edge] / (1.0 if roads.entries else len(entries))
+        time = 0.0
+        while rate > 0.0 and (time := time + 1.5 + float(draw.exponential(1.0 / rate))) < duration:
+            route, way = [edge], roads.length[edge]
+            while roads.next[route[-1]] and way < 40.0 * (duration - time) + 100.0:
+                ways = roads.next[route[-1]]
+                route.append(ways[int(draw.integers(len(ways)))])
+                way += roads.length[route[-1]]
+            model = names[int(draw.choice(len(names), p=weights / weights.sum()))]
+            departures.append((time, model, route))
+    for number, (time, model, route) in enumerate(sorted(departures, key=lambda row: (row[0], row[2][0]))):
+        values = {
+            "id": f"sumo_{number}",
+            "type": model,
+            "depart": f"{time:.2f}",
+            "departSpeed": "max",
+            "departLane": "best",
+        }
+        vehicle = ET.SubElement(root, "vehicle", values | {"departPos": "base" if roads.entries else "random_free"})
+        ET.SubElement(vehicle, "route", {"edges": " ".join(route)})
+    path = folder / "lanes.rou.xml"
+    ET.indent(root)
+    path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+    return path

@@ -1,0 +1,1 @@
+"""From a scene's name or file to its checked description and the XML of its twins; loads no geometry."""

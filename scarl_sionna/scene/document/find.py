@@ -1,0 +1,70 @@
+"""Finds the XML file of a scene by its name or path: of this package, of Sionna RT, or a user's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import scenes_xml
+from scarl_sionna.core.errors import ParameterRangeError, SceneError, UnknownNameError
+from scarl_sionna.scene.actors.model import DETAILS
+
+
+def scene_names() -> list[str]:
+    """Return the names of the scenes that come with the package."""
+    return list(scenes_xml.scene_names())
+
+
+def _sionna_scenes() -> dict[str, Path]:
+    """Return the scenes that come with Sionna RT, without importing it."""
+    from importlib.util import find_spec
+
+    spec = find_spec("sionna")
+    roots = [Path(place) / "rt" / "scenes" for place in (spec.submodule_search_locations or [])] if spec else []
+    folders = [folder for root in roots if root.is_dir() for folder in root.iterdir()]
+    return {
+        folder.name: folder / f"{folder.name}.xml" for folder in folders if (folder / f"{folder.name}.xml").is_file()
+    }
+
+
+def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detailed") -> Path:
+    """Return the XML file of a scene by its name or path, built where need be; the file itself is not looked at."""
+    if detail not in DETAILS:
+        raise UnknownNameError("detail", str(detail), DETAILS)
+    name = str(name_or_path)
+    if not isinstance(variant, int) or isinstance(variant, bool) or variant < 0:
+        raise ParameterRangeError("variant", repr(variant), "whole numbers from 0")
+    path = _file_of(name_or_path)
+    if path is not None or name not in scene_names():
+        if variant != 0:
+            raise ParameterRangeError(
+                "variant", variant, f"0: '{name}' is no scene of this package and has no variants"
+            )
+        return path if path is not None else _sionna_file(name)
+    try:
+        return scenes_xml.scene_path(name, variant, detail)
+    except ValueError as error:
+        raise ParameterRangeError(
+            "variant, detail", f"{variant}, {detail}", f"a level of '{name}' that exists", str(error)
+        ) from error
+    except OSError as error:
+        raise SceneError(str(error.strerror or error)) from error
+
+
+def _file_of(name_or_path: str | Path) -> Path | None:
+    """Return the XML that a path names, or None for what is the name of a scene."""
+    path = Path(name_or_path)
+    if path.suffix == ".xml":
+        return path
+    if path.is_dir():
+        candidates = sorted(path.glob("*.xml"))
+        if len(candidates) != 1:
+            raise SceneError(f"holds {len(candidates)} XML files", path, "give the path of one XML")
+        return candidates[0]
+    return None
+
+
+def _sionna_file(name: str) -> Path:
+    sionna = _sionna_scenes()
+    if name in sionna:
+        return sionna[name]
+    raise UnknownNameError("scene", name, [*scene_names(), *sionna], "or give the path of a Mitsuba XML")

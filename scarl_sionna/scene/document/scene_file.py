@@ -1,0 +1,172 @@
+"""Reads a Mitsuba XML and its scene.toml into a checked description of instances, actors and materials."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+from scarl_sionna.core.errors import SceneError, UnknownNameError
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.core.toml_file import read_toml
+from scarl_sionna.scene.actors.model import read_actor_model
+from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
+from scarl_sionna.scene.motion.articulation import joints_from_tables
+from scarl_sionna.scene.motion.trajectory import trajectory_from_table
+
+from .material_entries import material_entries
+from .model import InstanceEntry, SceneDocument
+from .staging import StagedActor, stage
+from .xml_file import bsdf_of, check_shapes, parse_xml
+
+_TABLES = {"scene", "lighting", "materials", "instances", "actors", "lanes", "parking", "signals"}
+
+_STAGED_KEYS = {"name", "model", "variant", "detail", "colors", "radio", "phase", "trajectory"}
+
+_CLASS_HINTS = {
+    "building": "Building", "house": "Building", "church": "Building", "roof": "Building", "road": "Roads",
+    "street": "Roads", "sidewalk": "SideWalks", "car": "Car", "truck": "Truck", "bus": "Bus", "tree": "Vegetation",
+    "wall": "Wall", "fence": "Fence", "pole": "Pole", "sign": "TrafficSign", "guard": "GuardRail", "bridge": "Bridge",
+    "water": "Water", "ground": "Ground", "floor": "Ground", "terrain": "Terrain", "plane": "Ground",
+}  # fmt: skip
+"""Word in a shape's id -> class, for scenes without a scene.toml."""
+
+
+def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
+    """Read and check a scene, and put the actors into it that name a model.
+
+    Parameters
+    ----------
+    path : Path
+        The XML file; a ``scene.toml`` beside it is read when there is one.
+    detail : str
+        Level of geometry of the models whose actors state none: ``"detailed"`` or ``"light"``.
+
+    Raises
+    ------
+    SceneError
+        If a file is missing or broken, a shape is not a mesh, or XML and TOML contradict each other.
+    MaterialError
+        If a BSDF has no radio material.
+    """
+    root = parse_xml(path)
+    shapes = check_shapes(root, path)
+    bsdf_of_shape = {shape_id: bsdf_of(shape, path) for shape_id, shape in shapes.items()}
+    toml_path = path.parent / "scene.toml"
+    table: dict[str, Any] = {}
+    if toml_path.is_file():
+        table = read_toml(toml_path)
+        if unknown := set(table) - _TABLES:
+            raise UnknownNameError(f"table of {toml_path.parent.name}/scene.toml", sorted(unknown)[0], _TABLES)
+    info = table.get("scene", {})
+    if table:
+        instances = _instances_from_table(table, tuple(shapes), toml_path)
+    else:
+        instances = tuple(InstanceEntry(name, _guess_class(name), (name,), is_object=True) for name in shapes)
+    ego = info.get("ego")
+    staged = _staged(table, toml_path, detail)
+    actors = [entry.name for entry in instances if entry.trajectory is not None] + [actor.name for actor in staged]
+    if ego is not None and ego not in actors:
+        raise UnknownNameError("actor in scene.ego", str(ego), actors)
+    document = SceneDocument(
+        name=info.get("name", path.stem),
+        path=path,
+        root=root,
+        instances=instances,
+        materials=material_entries(root, table.get("materials", {}), set(bsdf_of_shape.values()), path),
+        bsdf_of_shape=bsdf_of_shape,
+        ego=ego,
+        info=info,
+        is_foreign=not table,
+        lighting=_lighting(table.get("lighting", {})),
+        lanes=_lanes(table),
+    )
+    return stage(document, staged) if staged else document
+
+
+def _staged(table: Mapping[str, Any], path: Path, detail: str) -> tuple[StagedActor, ...]:
+    """Return the actors that name a model instead of shapes."""
+    actors = []
+    for row in table.get("actors", []):
+        if "model" not in row:
+            continue
+        name = str(row.get("name", "?"))
+        if unknown := set(row) - _STAGED_KEYS:
+            raise UnknownNameError(
+                f"key of [[actors]] '{name}', which names a model, in {path.name}", sorted(unknown)[0], _STAGED_KEYS
+            )
+        if "name" not in row:
+            raise SceneError("an [[actors]] entry lacks 'name'", path)
+        given = {key: value for key, value in row.items() if key not in ("name", "model", "trajectory")}
+        model = read_actor_model(row["model"], near=path.parent)
+        trajectory = trajectory_from_table(row.get("trajectory", {}), name)
+        actors.append(StagedActor(name, model, trajectory, **{"detail": detail, **given}))
+    return tuple(actors)
+
+
+def _lanes(table: Mapping[str, Any]) -> LaneNetwork | None:
+    """Return the lanes, parking places and signals of a scene.toml; None where it has none."""
+    if not table.keys() & {"lanes", "parking", "signals"}:
+        return None
+    return lanes_from_tables(table.get("lanes", []), table.get("parking", []), table.get("signals"))
+
+
+def _guess_class(shape_id: str) -> str:
+    lower = shape_id.lower()
+    return next((semantic for word, semantic in _CLASS_HINTS.items() if word in lower), "Other")
+
+
+def _instances_from_table(table: dict[str, Any], shapes: tuple[str, ...], path: Path) -> tuple[InstanceEntry, ...]:
+    owner: dict[str, str] = {}
+    entries = []
+    for kind, own_keys in (("instances", {"object", "room"}), ("actors", set())):
+        for row in table.get(kind, []):
+            if "model" in row and kind == "actors":
+                continue
+            entries.append(_instance(row, kind, own_keys | {"name", "class", "shapes"}, shapes, owner, path))
+    names = [entry.name for entry in entries]
+    if repeated := {name for name in names if names.count(name) > 1}:
+        raise SceneError(f"two instances have the name '{sorted(repeated)[0]}'", path)
+    if missing := [shape for shape in shapes if shape not in owner]:
+        raise SceneError(
+            f"shapes belong to no instance: {', '.join(missing[:5])}{' ...' if len(missing) > 5 else ''}",
+            path,
+            "add them to the `shapes` of an [[instances]] or [[actors]] entry",
+        )
+    return tuple(entries)
+
+
+def _instance(
+    row: dict[str, Any], kind: str, keys: set[str], shapes: tuple[str, ...], owner: dict[str, str], path: Path
+) -> InstanceEntry:
+    allowed = keys | ({"trajectory", "joints"} if kind == "actors" else set())
+    name = str(row.get("name", "?"))
+    if unknown := set(row) - allowed:
+        raise UnknownNameError(f"key of [[{kind}]] '{name}' in {path.name}", sorted(unknown)[0], allowed)
+    if lacking := {"name", "class", "shapes"} - set(row):
+        raise SceneError(f"[[{kind}]] '{name}' lacks '{sorted(lacking)[0]}'", path)
+    if row["class"] not in SEMANTIC_CLASSES:
+        raise UnknownNameError(f"semantic class of '{name}'", str(row["class"]), SEMANTIC_CLASSES)
+    members = [shape for shape in shapes if any(fnmatchcase(shape, pattern) for pattern in row["shapes"])]
+    if not members:
+        raise SceneError(f"[[{kind}]] '{name}': no shape of the XML matches {row['shapes']}", path)
+    for shape in members:
+        if shape in owner:
+            raise SceneError(f"shape '{shape}' belongs to both '{owner[shape]}' and '{name}'", path)
+        owner[shape] = name
+    if kind == "instances":
+        is_room = bool(row.get("room", False))
+        return InstanceEntry(name, row["class"], tuple(members), bool(row.get("object", True)), is_room=is_room)
+    trajectory = trajectory_from_table(row.get("trajectory", {}), name)
+    joints = joints_from_tables(row.get("joints", []), name, members, trajectory)
+    return InstanceEntry(name, row["class"], tuple(members), True, trajectory, joints=joints)
+
+
+def _lighting(table: dict[str, Any]) -> Lighting | None:
+    """Return the lighting of a [lighting] table: a `preset`, and values that differ from it; None where there is no table."""
+    if not table:
+        return None
+    base = Lighting.preset(str(table["preset"])) if "preset" in table else Lighting()
+    return base.with_(**{key: value for key, value in table.items() if key != "preset"})

@@ -1,0 +1,1 @@
+"""Motion over time: trajectories, and the joints whose motion follows from them."""

@@ -1,0 +1,283 @@
+"""Moving parts of an actor: rigid segments whose motion relative to the actor follows from how the actor moves.
+
+A wheel turns by the way that the car has travelled, a walker's limbs by the distance walked: no motion of a part is an input
+of its own, so that ground contact and Doppler always agree with the trajectory.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.pose import Pose, Twist
+
+from .gait import SEGMENTS, WalkingGait, walking_gait
+from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
+from .trajectory import Motion, Trajectory, forward_speeds
+
+PANEL = 0.25
+"""Length of the panels over which a rate is integrated by an 8-point Gauss rule [s]."""
+_SEGMENT = re.compile(rf"(?:^|_)({'|'.join(SEGMENTS)})(?:_[a-z]+)?$")
+_PEDALLING = re.compile(rf"(?:^|_)({'|'.join(PEDALLING_SEGMENTS)})(?:_[a-z]+)?$")
+_legs = lru_cache(maxsize=64)(PedallingLegs)
+"""Riders of the same measures have the same legs: their reach is checked once."""
+_AXLE = np.array([0.0, 1.0, 0.0])
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+def forward_speed(trajectory: Trajectory, time: float) -> float:
+    """Return the speed of an actor's origin along its heading [m/s]; negative when it reverses."""
+    return float(forward_speeds(trajectory, np.array([time]))[0])
+
+
+class Accumulated:
+    """Integral over time of a rate that depends on an actor's forward speed: way travelled, phase of a gait.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    rate : callable
+        Rate [1/s] at a forward speed [m/s].
+
+    Notes
+    -----
+    Counted from the trajectory's start, or from time 0 where it has none. Panels once integrated are kept.
+    """
+
+    def __init__(self, trajectory: Trajectory, rate: Callable[[float], float]) -> None:
+        self._trajectory = trajectory
+        self._rate = rate
+        self._origin = trajectory.start if np.isfinite(trajectory.start) else 0.0
+        self._sums = {0: 0.0}
+        self._last = self._origin, 0.0
+
+    def _integrals(self, starts: list[float], stops: list[float]) -> list[float]:
+        """Return the integrals over some intervals."""
+        start, stop = np.array(starts), np.array(stops)
+        half, middle = (stop - start) / 2.0, (stop + start) / 2.0
+        times = middle[:, None] + half[:, None] * _NODES
+        speeds = forward_speeds(self._trajectory, times.ravel()).tolist()
+        rates = np.array([self._rate(speed) for speed in speeds]).reshape(times.shape)
+        return (half * (rates @ _WEIGHTS)).tolist()  # type: ignore[no-any-return]
+
+    def at(self, time: float) -> float:
+        """Return the integral up to a time [s]."""
+        if time == self._last[0]:
+            return self._last[1]
+        panel = int(np.floor((time - self._origin) / PANEL))
+        step = 1 if panel >= 0 else -1
+        known = panel
+        while known not in self._sums:
+            known -= step
+        new = list(range(known, panel, step))
+        starts = [self._origin + index * PANEL for index in (*new, panel)]
+        *parts, rest = self._integrals(starts, [*(start + step * PANEL for start in starts[:-1]), time])
+        for index, part in zip(new, parts, strict=True):
+            self._sums[index + step] = self._sums[index] + part
+        self._last = time, self._sums[panel] + rest
+        return self._last[1]
+
+
+class Joint(Protocol):
+    """Some shapes of an actor and how they move relative to it."""
+
+    @property
+    def shapes(self) -> Collection[str]:
+        """Ids of the shapes that the joint moves."""
+
+    @property
+    def changes_shape(self) -> bool:
+        """Whether the actor's box changes as the shapes move."""
+
+    def motions(self, time: float) -> Mapping[str, Motion]:
+        """Return the motion of each shape relative to the actor, by shape id."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wheel:
+    """A wheel that rolls without slip about an axle along the actor's y axis.
+
+    Attributes
+    ----------
+    shapes : tuple of str
+        What turns; modelled in the actor's frame, where the wheel stands.
+    center : ndarray of float64, shape (3,)
+        Middle of the axle in the actor's frame [m].
+    radius : float
+        Rolling radius [m].
+    """
+
+    shapes: tuple[str, ...]
+    center: npt.NDArray[np.float64]
+    radius: float
+    trajectory: Trajectory
+    travelled: Accumulated
+    changes_shape: bool = False
+
+    def motions(self, time: float) -> dict[str, Motion]:
+        """Return the turn about the axle: angle = way / radius."""
+        angle = self.travelled.at(time) / self.radius
+        rate = forward_speed(self.trajectory, time) / self.radius
+        turn = Motion.about(_AXLE, angle, rate).pose
+        spin = np.array([0.0, rate, 0.0])
+        origin = self.center - turn.rotate(self.center)
+        motion = Motion(
+            Pose(origin, turn.quaternion), Twist(-Twist(angular=spin).velocity_at(turn.rotate(self.center)), spin)
+        )
+        return dict.fromkeys(self.shapes, motion)
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A walking person: `shapes` holds the segment of each shape, which is modelled in that segment's frame, see `gait.SEGMENTS`."""
+
+    shapes: Mapping[str, str]
+    gait: WalkingGait
+    trajectory: Trajectory
+    phase: Accumulated
+    phase_offset: float = 0.0
+    changes_shape: bool = True
+
+    def motions(self, time: float) -> dict[str, Motion]:
+        """Return the motion of every segment at the phase and the speed that the actor has."""
+        step = 1e-3
+        before = max(time - step, self.trajectory.start)
+        after = min(time + step, self.trajectory.stop)
+        speed, first, last = np.maximum(forward_speeds(self.trajectory, np.array([time, before, after])), 0.0).tolist()
+        rise = (last - first) / max(after - before, step)
+        moved = self.gait.motions(self.phase.at(time) + self.phase_offset, speed, rise)
+        return {shape: moved[segment] for shape, segment in self.shapes.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Pedal:
+    """A pedalling cyclist: `shapes` holds the part of each shape, which is modelled in that part's frame, see `pedalling`."""
+
+    shapes: Mapping[str, str]
+    legs: PedallingLegs
+    cadence: Cadence
+    trajectory: Trajectory
+    turned: Accumulated
+    start_angle: float = 0.0
+    changes_shape: bool = False
+
+    def motions(self, time: float) -> dict[str, Motion]:
+        """Return the motion of every part at the angle that the cranks have after the way so far."""
+        rate = self.cadence.rate(forward_speed(self.trajectory, time))
+        moved = self.legs.motions(self.turned.at(time) + self.start_angle, rate)
+        return {shape: moved[part] for shape, part in self.shapes.items()}
+
+
+def joints_from_tables(
+    tables: Sequence[Mapping[str, Any]], actor: str, shapes: Sequence[str], trajectory: Trajectory
+) -> tuple[Joint, ...]:
+    """Return the joints of an actor.
+
+    Parameters
+    ----------
+    tables : sequence of mapping
+        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius), ``walk`` (height[, phase]) and ``pedal``
+        (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The shapes of the last two are those of the actor
+        whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for instance ``walker_head_hair``.
+    actor : str
+        Whose joints they are, for error messages.
+    shapes : sequence of str
+        The actor's shapes.
+    trajectory : Trajectory
+        The actor's.
+
+    Raises
+    ------
+    ParameterRangeError, UnknownNameError
+        If a key is missing, unknown or not allowed, or a shape has two joints or is not there.
+    """
+    joints: list[Joint] = []
+    taken: set[str] = set()
+    travelled = Accumulated(trajectory, lambda speed: speed)
+    for number, table in enumerate(tables):
+        what = f"{actor}.joints[{number}]"
+        kind = str(table.get("kind", "wheel"))
+        if kind == "wheel":
+            joint: Joint = _wheel(table, what, shapes, trajectory, travelled)
+        elif kind == "walk":
+            joint = _walk(table, what, shapes, trajectory)
+        elif kind == "pedal":
+            joint = _pedal(table, what, shapes, trajectory)
+        else:
+            raise UnknownNameError(f"kind of {what}", kind, ("wheel", "walk", "pedal"))
+        used = set(joint.shapes)
+        if twice := sorted(used & taken):
+            raise ParameterRangeError(f"{what}.shapes", twice[0], "a shape without another joint")
+        taken |= used
+        joints.append(joint)
+    return tuple(joints)
+
+
+def _check_keys(table: Mapping[str, Any], what: str, required: set[str], optional: set[str]) -> None:
+    if missing := required - set(table):
+        raise ParameterRangeError(f"{what}.{sorted(missing)[0]}", "missing", "needed for this kind of joint")
+    if unknown := set(table) - required - optional - {"kind"}:
+        raise UnknownNameError(f"key of {what}", sorted(unknown)[0], required | optional | {"kind"})
+
+
+def _wheel(
+    table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory, travelled: Accumulated
+) -> Wheel:
+    _check_keys(table, what, {"shapes", "center", "radius"}, set())
+    if unknown := [shape for shape in table["shapes"] if shape not in shapes]:
+        raise UnknownNameError(f"shape of {what}", str(unknown[0]), shapes)
+    center, radius = np.asarray(table["center"], dtype=np.float64), float(table["radius"])
+    if center.shape != (3,) or not np.isfinite(center).all():
+        raise ParameterRangeError(f"{what}.center", table["center"], "three finite coordinates [m]")
+    if not (np.isfinite(radius) and radius > 0.0):
+        raise ParameterRangeError(f"{what}.radius", f"{radius} m", "> 0 m")
+    return Wheel(tuple(table["shapes"]), center, radius, trajectory, travelled)
+
+
+def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Walk:
+    _check_keys(table, what, {"height"}, {"phase"})
+    found = _segments(shapes, _SEGMENT, SEGMENTS, what)
+    gait = walking_gait(float(table["height"]))
+    return Walk(
+        found, gait, trajectory,
+        Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))), float(table.get("phase", 0.0)),
+    )  # fmt: skip
+
+
+def _segments(shapes: Sequence[str], pattern: re.Pattern[str], segments: Sequence[str], what: str) -> dict[str, str]:
+    """Return the segment of each shape whose id names one."""
+    found = {shape: match[1] for shape in shapes if (match := pattern.search(shape))}
+    if missing := [segment for segment in segments if segment not in found.values()]:
+        raise ParameterRangeError(
+            f"{what}.shapes", f"no shape ends in '_{missing[0]}'", "at least one shape for each segment of the body"
+        )
+    return found
+
+
+def _pedal(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Pedal:
+    needed = {"axle", "crank", "hip", "foot_y", "upper_leg", "lower_leg", "pedal_from_ankle", "wheel_radius", "gear"}
+    angles = {"foot_pitch_deg", "foot_swing_deg", "foot_lag_deg"}
+    _check_keys(table, what, needed, angles | {"cadence_limit", "coast_above", "phase"})
+    pairs = {}
+    for name in ("axle", "hip", "pedal_from_ankle"):
+        pair = np.asarray(table[name], dtype=np.float64)
+        if pair.shape != (2,) or not np.isfinite(pair).all():
+            raise ParameterRangeError(f"{what}.{name}", table[name], "two finite coordinates x, z [m]")
+        pairs[name] = (float(pair[0]), float(pair[1]))
+    lengths = {name: float(table[name]) for name in ("crank", "foot_y", "upper_leg", "lower_leg")}
+    turns = {name.removesuffix("_deg"): np.radians(float(table[name])) for name in angles & set(table)}
+    cadence = Cadence(
+        float(table["wheel_radius"]), float(table["gear"]), float(table.get("cadence_limit", np.inf)) / 60.0,
+        float(table.get("coast_above", np.inf)),
+    )  # fmt: skip
+    return Pedal(
+        _segments(shapes, _PEDALLING, PEDALLING_SEGMENTS, what), _legs(**pairs, **lengths, **turns), cadence, trajectory,
+        Accumulated(trajectory, cadence.rate), 2.0 * np.pi * float(table.get("phase", 0.0)),
+    )  # fmt: skip

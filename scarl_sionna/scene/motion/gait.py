@@ -1,0 +1,324 @@
+"""How a person walks: the kinematic model of Boulic, Magnenat-Thalmann and Thalmann.
+
+References
+----------
+.. [1] R. Boulic, N. Magnenat-Thalmann, D. Thalmann, "A global human walking model with real-time kinematic personification",
+   The Visual Computer 6, 1990, pp. 344-358: trajectories and their control points.
+.. [2] V. C. Chen, *The Micro-Doppler Effect in Radar*, 2nd ed., Artech House, 2019, section 4.1: the same model for radar, and the
+   segments' lengths as fractions of the body's height.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.pose import Pose, Twist
+
+from .trajectory import Motion
+
+Array = npt.NDArray[np.float64]
+
+SEGMENTS = (
+    "head", "torso", "pelvis", "left_upper_arm", "left_lower_arm", "right_upper_arm", "right_lower_arm", "left_upper_leg",
+    "left_lower_leg", "left_foot", "right_upper_leg", "right_lower_leg", "right_foot",
+)  # fmt: skip
+"""Rigid parts of a body. The frame of each has its origin at the joint nearer to the pelvis (head: neck; torso, pelvis: lower end of
+the spine), x forward, y left, z up, in which a straight limb hangs along -z and a foot points along x."""
+
+FASTEST = 3.0
+"""Largest speed over leg length [1/s] that the model was made for (2.6 m/s for 1.75 m)."""
+
+
+@dataclass(frozen=True)
+class BodyLengths:
+    """Lengths of the segments of a body of some height [m]; Chen's fractions."""
+
+    height: float
+
+    def __getattr__(self, name: str) -> float:
+        """Return a length: head, half_shoulder, torso, half_hip, upper_leg, lower_leg, foot, upper_arm, lower_arm."""
+        if name not in _FRACTIONS:
+            raise AttributeError(name)
+        return _FRACTIONS[name] * self.height
+
+    @property
+    def leg(self) -> float:
+        """Hip to ankle, with the leg straight."""
+        return float(self.upper_leg + self.lower_leg)
+
+
+_FRACTIONS = {
+    "head": 0.130, "half_shoulder": 0.1295, "torso": 0.288, "half_hip": 0.0955, "upper_leg": 0.245, "lower_leg": 0.246,
+    "foot": 0.143, "upper_arm": 0.188, "lower_arm": 0.152,
+}  # fmt: skip
+
+
+class WalkingGait:
+    """Segments of a walking body as functions of the phase of its gait and its speed.
+
+    Parameters
+    ----------
+    height : float
+        Of the body, 0.5 to 2.5 m.
+
+    Notes
+    -----
+    Phase 0 is the right heel's strike; one cycle is two steps. At rest all amplitudes are zero and the body stands. The curves
+    are piecewise cubic (C1) in the phase, so velocities are continuous. The ground is where the lowest sole of the cycle is.
+    """
+
+    def __init__(self, height: float) -> None:
+        if not 0.5 <= height <= 2.5:
+            raise ParameterRangeError("height", f"{height} m", "0.5 to 2.5 m")
+        self.lengths = BodyLengths(height)
+        self._ground: dict[float, float] = {}
+
+    def relative_speed(self, speed: float) -> float:
+        """Return the speed over the leg's length, the model's parameter RV [1/s].
+
+        Raises
+        ------
+        ParameterRangeError
+            If nobody walks that fast.
+        """
+        relative = speed / self.lengths.leg
+        if not 0.0 <= relative <= FASTEST:
+            raise ParameterRangeError(
+                "walking speed", f"{speed:.2f} m/s", f"0 to {FASTEST * self.lengths.leg:.2f} m/s at this height"
+            )
+        return float(relative)
+
+    def cadence(self, speed: float) -> float:
+        """Return the cycles in a second: RV over the relative cycle length 1.346 sqrt(RV) [1/s]."""
+        return float(np.sqrt(self.relative_speed(speed)) / 1.346)
+
+    def motions(self, phase: float, speed: float, acceleration: float = 0.0) -> dict[str, Motion]:
+        """Return the motion of every segment relative to the walker's frame.
+
+        Parameters
+        ----------
+        phase : float
+            [cycles]
+        speed : float
+            Of the walker's frame along its x axis [m/s].
+        acceleration : float
+            [m/s2]
+
+        Returns
+        -------
+        dict
+            Pose of each segment in the walker's frame (on the ground below the pelvis, x forward, z up), and its velocity
+            relative to that frame, in that frame's axes.
+        """
+        relative = self.relative_speed(speed)
+        values, rates = self._curves(phase % 1.0, relative)
+        rate = {name: slope * self.cadence(speed) for name, slope in rates.items()}
+        if acceleration != 0.0:
+            step = 1e-4
+            low, high = max(relative - step, 0.0), min(relative + step, FASTEST)
+            first, second = self._curves(phase % 1.0, low)[0], self._curves(phase % 1.0, high)[0]
+            change = acceleration / self.lengths.leg / (high - low)
+            rate = {name: slope + (second[name] - first[name]) * change for name, slope in rate.items()}
+        return self._chain(values, rate, self.lengths.leg + self._ground_offset(relative))
+
+    def _ground_offset(self, relative: float) -> float:
+        """Return by how much the body is lifted so that the lowest sole of a cycle stands on the ground [m]."""
+        key = round(relative, 3)  # a step of 1 mm/s; the offset changes by micrometres over it
+        if key not in self._ground:
+            self._ground[key] = -self._lowest_sole(key)
+        return self._ground[key]
+
+    def _lowest_sole(self, relative: float) -> float:
+        """Return the height of the lowest point of a sole over a cycle, with the hips at the length of a leg [m]."""
+        lengths = self.lengths
+        phases = np.arange(0.0, 1.0, 1.0 / 64)
+        fall = np.array([_pelvis_fall(phase, 1.66 * relative * RAD)[0] for phase in phases.tolist()])
+        vertical = 0.015 * relative * lengths.leg * (np.sin(2.0 * np.pi * (2.0 * phases - 0.35)) - 1.0)
+        splines = {
+            name: (_periodic(points), sign)
+            for name, (points, sign) in _control_points(relative, _support(relative)).items()
+        }
+        lowest = np.inf
+        for side, shift in ((1.0, 0.5), (-1.0, 0.0)):
+            hip, knee, ankle = (
+                sign * RAD * spline((phases + shift) % 1.0)
+                for spline, sign in (splines[name] for name in ("hip", "knee", "ankle"))
+            )
+            shank, sole = hip + knee, hip + knee + ankle
+            reach = -lengths.upper_leg * np.cos(hip) - lengths.lower_leg * np.cos(shank)
+            points = reach - SOLE[:, :1] * lengths.foot * np.sin(sole) + SOLE[:, 2:] * lengths.foot * np.cos(sole)
+            height = lengths.leg + vertical + side * lengths.half_hip * np.sin(fall) + points * np.cos(fall)
+            lowest = min(lowest, float(height.min()))
+        return lowest
+
+    def _chain(self, value: dict[str, float], rate: dict[str, float], hip_height: float) -> dict[str, Motion]:
+        lengths = self.lengths
+        root = Motion(
+            Pose(np.array([value["forward"], value["lateral"], hip_height + value["vertical"]])),
+            Twist(np.array([rate["forward"], rate["lateral"], rate["vertical"]])),
+        )
+
+        def turn(*names: tuple[str, Array]) -> Motion:
+            motion = Motion()
+            for name, axis in names:
+                motion = motion.then(Motion.about(axis, value[name], rate[name]))
+            return motion
+
+        def at(offset: Sequence[float]) -> Motion:
+            return Motion(Pose(np.array(offset)))
+
+        pelvis = root.then(turn(("pelvis_torsion", Z), ("pelvis_fall", X)))
+        torso = root.then(turn(("thorax_torsion", Z), ("lean", Y)))
+        moved = {"pelvis": pelvis, "torso": torso, "head": torso.then(at([0.0, 0.0, lengths.torso]))}
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            upper = pelvis.then(at([0.0, sign * lengths.half_hip, 0.0])).then(turn((f"{side}_hip", Y)))
+            lower = upper.then(at([0.0, 0.0, -lengths.upper_leg])).then(turn((f"{side}_knee", Y)))
+            foot = lower.then(at([0.0, 0.0, -lengths.lower_leg])).then(turn((f"{side}_ankle", Y)))
+            arm = torso.then(at([0.0, sign * lengths.half_shoulder, lengths.torso])).then(turn((f"{side}_shoulder", Y)))
+            hand = arm.then(at([0.0, 0.0, -lengths.upper_arm])).then(turn((f"{side}_elbow", Y)))
+            moved |= {
+                f"{side}_upper_leg": upper, f"{side}_lower_leg": lower, f"{side}_foot": foot, f"{side}_upper_arm": arm,
+                f"{side}_lower_arm": hand,
+            }  # fmt: skip
+        return moved
+
+    def _curves(self, phase: float, relative: float) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the angles [rad] and translations [m] at a phase, and their derivatives by the phase."""
+        value: dict[str, float] = {}
+        slope: dict[str, float] = {}
+        leg = self.lengths.leg
+        slow = min(relative, 0.5)  # appendix A and B: what grows up to RV = 0.5 and then stays
+
+        def sine(name: str, scale: float, offset: float, amplitude: float, cycles: float, lag: float) -> None:
+            angle = 2.0 * math.pi * (cycles * phase - lag)
+            value[name] = scale * (offset + amplitude * math.sin(angle))
+            slope[name] = scale * amplitude * 2.0 * math.pi * cycles * math.cos(angle)
+
+        bob, sway, surge = 0.015 * relative, -0.128 * (slow - slow**2), -0.084 * (slow - slow**2)
+        sine("vertical", leg, -bob, bob, 2.0, 0.35)
+        sine("lateral", leg, 0.0, sway, 1.0, 0.1)
+        support = _support(relative)
+        sine("forward", leg, 0.0, surge, 2.0, -2.0 * (0.625 - support))
+        lean = 8.0 * (slow - slow**2)
+        sine("lean", -RAD, -lean, lean, 2.0, 0.1)
+        sine("pelvis_torsion", RAD, 0.0, 4.0 * relative, 1.0, -0.25)
+        for name, shift in (("left", 0.5), ("right", 0.0)):
+            swing = 9.88 * relative
+            sine(f"{name}_shoulder", -RAD, 3.0 - swing / 2.0, -swing, 1.0, -0.25 - shift)
+        value["pelvis_fall"], slope["pelvis_fall"] = _pelvis_fall(phase, 1.66 * relative * RAD)
+        curves = _control_points(relative, support)
+        for name, (points, sign) in curves.items():
+            curve = _Periodic(points)
+            sides = {"": 0.0} if name == "thorax_torsion" else {"left_": 0.5, "right_": 0.0}
+            for side, shift in sides.items():
+                angle, change = curve.at((phase + shift) % 1.0)
+                value[side + name] = sign * RAD * angle
+                slope[side + name] = sign * RAD * change
+        return value, slope
+
+
+RAD = np.pi / 180.0
+X, Y, Z = np.eye(3)
+SOLE = np.array([[-0.25, 0.0, -0.25], [0.25, 0.0, -0.25], [0.8, 0.0, -0.25]])
+"""Heel, ball and toe of a sole in the frame of a foot, in lengths of the foot."""
+
+
+@lru_cache(maxsize=64)
+def walking_gait(height: float) -> WalkingGait:
+    """Return the gait of a body's height [m], one for all who are as tall."""
+    return WalkingGait(height)
+
+
+def _support(relative: float) -> float:
+    """Return the relative duration of support at a relative speed [1/s]."""
+    cycle = 1.346 / math.sqrt(max(relative, 1e-3))
+    return (0.752 * cycle - 0.143) / cycle
+
+
+def _pelvis_fall(phase: float, amplitude: float) -> tuple[float, float]:
+    """Return the angle by which the pelvis falls to the side of the swinging leg, appendix B of [1], and its slope."""
+    for start, stop, offset, sign in ((0.0, 0.15, -1, 1), (0.15, 0.5, -1, -1), (0.5, 0.65, 1, -1), (0.65, 1.0, 1, 1)):
+        if phase < stop or stop == 1.0:
+            width = 2.0 * (stop - start)
+            angle = 2.0 * np.pi * (phase - start) / width
+            return (
+                amplitude * float(offset + sign * np.cos(angle)),
+                -amplitude * sign * float(np.sin(angle)) * 2.0 * np.pi / width,
+            )
+    raise AssertionError("a phase lies within 0 to 1")
+
+
+def _control_points(rv: float, support: float) -> dict[str, tuple[list[tuple[float, float]], float]]:
+    """Return the control points (phase, angle [deg]) of appendices C and D of [1], and the sign of the turn about its axis.
+
+    A limb flexes forward by a negative turn about y, a knee backward by a positive one.
+    """
+    slow, middle, fast = min(rv, 0.5), float(np.clip((rv - 0.5) / 0.8, 0.0, 1.0)), max(rv - 1.3, 0.0) / 1.7
+    hip = [(0.2 * fast - 0.1, 50.0 * slow + 5.0 * fast), (0.5, -30.0 * slow), (0.9, 50.0 * slow + 6.0 * fast)]
+    if fast == 0.0:
+        hip = hip[1:]  # the first and the last are the same point, a cycle apart
+    knee = [
+        (0.17 - 0.05 * fast, 3.0 + 22.0 * fast), (0.4, 3.0), (0.75 - 0.05 * fast, 3.0 + 134.0 * slow - 5.0 * fast),
+        (1.0 - 0.03 * fast, 3.0 + 3.0 * fast),
+    ]  # fmt: skip
+    ankle = [
+        (0.0, -3.0 + 5.0 * fast), (0.08, -3.0 - 30.0 * slow + 4.0 * fast), (0.5 - 0.1 * fast, -3.0 + 22.0 * slow - 3.0 * fast),
+        (support, -3.0 - 34.0 * slow - 8.0 * fast), (0.85, -3.0 + 5.0 * fast),
+    ]  # fmt: skip
+    elbow = [
+        (0.05, 3.0 + 6.0 * slow + 8.0 * middle - 6.0 * fast), (0.5 + 0.01 * middle + 0.04 * fast, 3.0 + 34.0 * slow + 24.0 * middle + 26.0 * fast),
+        (0.9 - 0.1 * fast, 3.0 + 10.0 * slow + 9.0 * middle - 6.0 * fast),
+    ]  # fmt: skip
+    thorax = [(0.1, 4.0 / 3.0 * rv), (0.4, -1.5 * rv), (0.6, -4.0 / 3.0 * rv), (0.9, 1.5 * rv)]
+    return {
+        "hip": (hip, -1.0), "knee": (knee, 1.0), "ankle": (ankle, -1.0), "elbow": (elbow, -1.0),
+        "thorax_torsion": (thorax, -1.0),
+    }  # fmt: skip
+
+
+def _periodic(points: list[tuple[float, float]]) -> PchipInterpolator:
+    """Return the monotone cubic through control points that repeat every cycle."""
+    phase, angle = (np.array(column) for column in zip(*sorted(points), strict=True))
+    shifts = (-2.0, -1.0, 0.0, 1.0, 2.0)
+    return PchipInterpolator(np.concatenate([phase + shift for shift in shifts]), np.tile(angle, len(shifts)))
+
+
+class _Periodic:
+    """The same curve as `_periodic`, with its derivative, for one phase: no object of SciPy is made for it."""
+
+    def __init__(self, points: list[tuple[float, float]]) -> None:
+        self._points = sorted(points)
+        first, last = self._points[0], self._points[-1]
+        self._knots = [(last[0] - 1.0, last[1]), *self._points, (first[0] + 1.0, first[1])]
+
+    def at(self, phase: float) -> tuple[float, float]:
+        """Return value and slope at a phase [cycles]."""
+        count, start = len(self._points), self._points[0][0]
+        phase = start + (phase - start) % 1.0
+        number = sum(knot[0] <= phase for knot in self._points) - 1  # of the last knot before
+        (x0, y0), (x1, y1) = self._knots[number + 1], self._knots[number + 2]
+        width = x1 - x0
+        slope = (y1 - y0) / width
+        d0, d1 = self._derivative(number % count), self._derivative((number + 1) % count)
+        c, b = (3.0 * slope - 2.0 * d0 - d1) / width, (d0 + d1 - 2.0 * slope) / width**2
+        step = phase - x0
+        return y0 + step * (d0 + step * (c + step * b)), d0 + step * (2.0 * c + 3.0 * step * b)
+
+    def _derivative(self, number: int) -> float:
+        """Return the derivative at a knot by Fritsch and Butland: the weighted harmonic mean of the slopes on both sides."""
+        (x0, y0), (x1, y1) = self._knots[number], self._knots[number + 1]
+        x2, y2 = self._knots[number + 2]
+        before, after = x1 - x0, x2 - x1
+        first, second = (y1 - y0) / before, (y2 - y1) / after
+        if first * second <= 0.0:
+            return 0.0
+        w1, w2 = 2.0 * after + before, after + 2.0 * before
+        return (w1 + w2) / (w1 / first + w2 / second)

@@ -1,0 +1,248 @@
+"""Trajectories: pose and velocity of an actor as functions of time; velocities are derivatives, never user input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.pose import Pose, Twist
+
+_REST_SPEED = 1e-3
+"""Below this speed [m/s] a heading cannot be read off the velocity."""
+
+
+class Trajectory(Protocol):
+    """Pose and velocity of a rigid body over time; `start` and `stop` bound the times that may be asked for [s].
+
+    A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for many times at once,
+    and a method ``is_present(time)``, which is False while the body is not in the scene: it then has no box.
+    """
+
+    @property
+    def start(self) -> float:
+        """First time at which the motion is known [s]."""
+
+    @property
+    def stop(self) -> float:
+        """Last time at which the motion is known [s]."""
+
+    def pose(self, time: float) -> Pose:
+        """Return world_from_actor at a time [s]."""
+
+    def twist(self, time: float) -> Twist:
+        """Return the velocity at a time [s]."""
+
+
+def is_present(trajectory: Trajectory, time: float) -> bool:
+    """Return whether a body is in the scene at a time [s]; True for a trajectory that does not say."""
+    says = getattr(trajectory, "is_present", None)
+    return True if says is None else bool(says(time))
+
+
+def forward_speeds(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return the speed of an actor's origin along its heading [m/s], negative when it reverses, at times (N,) [s]."""
+    when = np.asarray(times, dtype=np.float64)
+    if own := getattr(trajectory, "forward_speeds", None):  # those that can answer for many times at once
+        return np.asarray(own(when))
+    return np.array([trajectory.twist(time).linear @ trajectory.pose(time).rotation[:, 0] for time in when.tolist()])
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Pose of a frame in its parent's, and its velocity relative to the parent, in the parent's axes."""
+
+    pose: Pose = field(default_factory=Pose)
+    twist: Twist = field(default_factory=Twist)
+
+    @classmethod
+    def about(cls, axis: npt.ArrayLike, angle: float, rate: float) -> Motion:
+        """Return the turn about an axis through the parent's origin by an angle [rad] that grows with a rate [rad/s]."""
+        unit = np.asarray(axis, dtype=np.float64)
+        quaternion = np.concatenate([[np.cos(angle / 2.0)], np.sin(angle / 2.0) * unit])
+        return cls(Pose(np.zeros(3), quaternion), Twist(np.zeros(3), rate * unit))
+
+    def then(self, inner: Motion) -> Motion:
+        """Return the motion, in this one's parent, of a frame that moves like `inner` in this one's frame."""
+        lever = self.pose.rotate(inner.pose.position)
+        linear = self.twist.velocity_at(lever) + self.pose.rotate(inner.twist.linear)
+        angular = self.twist.angular + self.pose.rotate(inner.twist.angular)
+        return Motion(self.pose.compose(inner.pose), Twist(linear, angular))
+
+
+@dataclass(frozen=True, eq=False)
+class StaticTrajectory:
+    """A body that stays where it is."""
+
+    world_from_actor: Pose
+    start: float = -np.inf
+    stop: float = np.inf
+
+    def pose(self, time: float) -> Pose:
+        """Return the constant pose."""
+        return self.world_from_actor
+
+    def twist(self, time: float) -> Twist:
+        """Return zero velocity."""
+        return _REST
+
+    def forward_speeds(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return zeros."""
+        return np.zeros(times.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class ConstantTwistTrajectory:
+    """A body with constant linear velocity of its origin and constant angular velocity; known at all times."""
+
+    pose_at_zero: Pose
+    velocity: Twist
+    start: float = -np.inf
+    stop: float = np.inf
+
+    def pose(self, time: float) -> Pose:
+        """Return the pose at a time [s]."""
+        from scipy.spatial.transform import Rotation
+
+        turn = Rotation.from_rotvec(self.velocity.angular * time).as_matrix()
+        origin = self.pose_at_zero.position + self.velocity.linear * time
+        return Pose.from_rotation(origin, turn @ self.pose_at_zero.rotation)
+
+    def twist(self, time: float) -> Twist:
+        """Return the constant velocity."""
+        return self.velocity
+
+
+_REST = Twist()
+
+
+class WaypointTrajectory:
+    """Cubic spline (C2) through positions at times; the heading follows the velocity unless it is given.
+
+    Parameters
+    ----------
+    times : array_like of float, shape (N,)
+        Strictly rising, N >= 2 [s].
+    positions : array_like of float, shape (N, 3)
+        Origin of the actor [m, world].
+    yaw_deg : array_like of float, shape (N,), or None
+        Heading at the waypoints [deg], splined after unwrapping; None: along the velocity, and along the way to the
+        next distinct waypoint where the body rests.
+    name : str
+        Whose motion it is, for error messages.
+    """
+
+    def __init__(
+        self,
+        times: npt.ArrayLike,
+        positions: npt.ArrayLike,
+        yaw_deg: npt.ArrayLike | None = None,
+        name: str = "actor",
+    ) -> None:
+        self.name = name
+        time_array = np.asarray(times, dtype=np.float64)
+        points = np.asarray(positions, dtype=np.float64)
+        if time_array.ndim != 1 or time_array.size < 2 or not np.all(np.diff(time_array) > 0):
+            raise ParameterRangeError(f"{name}.trajectory.times", times, "two or more strictly rising times [s]")
+        if points.shape != (time_array.size, 3) or not np.isfinite(points).all():
+            raise ParameterRangeError(
+                f"{name}.trajectory.positions", f"shape {points.shape}", f"finite, shape ({time_array.size}, 3) [m]"
+            )
+        self.start, self.stop = float(time_array[0]), float(time_array[-1])
+        self._position = CubicSpline(time_array, points)
+        self._points = points
+        self._times = time_array
+        self._yaw = None
+        if yaw_deg is not None:
+            yaw = np.asarray(yaw_deg, dtype=np.float64)
+            if yaw.shape != time_array.shape or not np.isfinite(yaw).all():
+                raise ParameterRangeError(
+                    f"{name}.trajectory.yaw_deg", yaw_deg, f"finite, shape ({time_array.size},) [deg]"
+                )
+            self._yaw = CubicSpline(time_array, np.unwrap(np.radians(yaw)))
+
+    def _check(self, time: float) -> None:
+        if not self.start <= time <= self.stop:
+            raise TimeRangeError(time, self.start, self.stop, f"'{self.name}'")
+
+    def forward_speeds(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Return the speed along the heading [m/s] at times (N,) [s]."""
+        if times.size:
+            self._check(float(times.min()))
+            self._check(float(times.max()))
+        velocity = self._position(times, 1)
+        if self._yaw is not None:
+            yaw = self._yaw(times)
+            return np.asarray(velocity[:, 0] * np.cos(yaw) + velocity[:, 1] * np.sin(yaw))
+        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        for row in np.flatnonzero(speed < _REST_SPEED):
+            heading = self._heading(float(times[row]))[0]
+            speed[row] = velocity[row, 0] * np.cos(heading) + velocity[row, 1] * np.sin(heading)
+        return np.asarray(speed)
+
+    def _heading(self, time: float) -> tuple[float, float]:
+        """Return heading [rad] and its rate [rad/s]."""
+        if self._yaw is not None:
+            return float(self._yaw(time)), float(self._yaw(time, 1))
+        vx, vy, _ = self._position(time, 1)
+        speed_squared = vx * vx + vy * vy
+        if speed_squared < _REST_SPEED**2:
+            dx, dy = self._chord(time)
+            return float(np.arctan2(dy, dx)), 0.0
+        ax, ay, _ = self._position(time, 2)
+        return float(np.arctan2(vy, vx)), float((vx * ay - vy * ax) / speed_squared)
+
+    def _chord(self, time: float) -> npt.NDArray[np.float64]:
+        """Return a horizontal direction from the last waypoint before `time` to the next one that differs."""
+        index = int(np.clip(np.searchsorted(self._times, time, side="right") - 1, 0, len(self._times) - 2))
+        steps = np.diff(self._points[:, :2], axis=0)
+        moving = np.flatnonzero(np.linalg.norm(steps, axis=1) > 1e-6)
+        if moving.size == 0:
+            return np.array([1.0, 0.0])
+        return steps[moving[np.argmin(np.abs(moving - index))]]
+
+    def pose(self, time: float) -> Pose:
+        """Return world_from_actor at a time [s]; x points along the heading, z up."""
+        self._check(time)
+        return Pose.from_euler(self._position(time), yaw=self._heading(time)[0])
+
+    def twist(self, time: float) -> Twist:
+        """Return the velocity at a time [s]: derivatives of the splines."""
+        self._check(time)
+        return Twist(self._position(time, 1), np.array([0.0, 0.0, self._heading(time)[1]]))
+
+
+def _take(table: Mapping[str, Any], actor: str, kind: str, required: set[str], optional: set[str]) -> dict[str, Any]:
+    """Return the values of a trajectory table, after a check of its keys."""
+    keys = set(table) - {"kind"}
+    if missing := required - keys:
+        raise ParameterRangeError(f"{actor}.trajectory.{sorted(missing)[0]}", "missing", f"needed for kind '{kind}'")
+    if unknown := keys - required - optional:
+        raise UnknownNameError(f"key of {actor}.trajectory", sorted(unknown)[0], required | optional)
+    return {key: table[key] for key in keys}
+
+
+def trajectory_from_table(table: Mapping[str, Any], actor: str) -> Trajectory:
+    """Return the trajectory that a table of a scene.toml describes.
+
+    Kinds: ``waypoints`` (times, positions[, yaw_deg]), ``static`` (position[, yaw_deg]), ``constant_twist``
+    (position, velocity[, yaw_deg, angular_velocity_z]).
+    """
+    kind = table.get("kind", "waypoints")
+    if kind == "waypoints":
+        values = _take(table, actor, kind, {"times", "positions"}, {"yaw_deg"})
+        return WaypointTrajectory(values["times"], values["positions"], values.get("yaw_deg"), name=actor)
+    if kind == "static":
+        values = _take(table, actor, kind, {"position"}, {"yaw_deg"})
+        return StaticTrajectory(Pose.from_euler(values["position"], yaw=np.radians(values.get("yaw_deg", 0.0))))
+    if kind == "constant_twist":
+        values = _take(table, actor, kind, {"position", "velocity"}, {"yaw_deg", "angular_velocity_z"})
+        start = Pose.from_euler(values["position"], yaw=np.radians(values.get("yaw_deg", 0.0)))
+        angular = np.array([0.0, 0.0, float(values.get("angular_velocity_z", 0.0))])
+        return ConstantTwistTrajectory(start, Twist(values["velocity"], angular))
+    raise UnknownNameError(f"trajectory kind of '{actor}'", str(kind), ("waypoints", "static", "constant_twist"))

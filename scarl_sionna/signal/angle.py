@@ -1,0 +1,217 @@
+"""Angle estimation: power over Doppler, range, azimuth and elevation by digital beamforming."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.signal.antenna import virtual_positions
+
+from .processing import RangeDoppler, range_doppler, window_values
+
+Array = npt.NDArray[np.float64]
+
+POSITION_TOLERANCE = 1e-3
+"""Virtual elements nearer than this part of a wavelength count as one place of a uniform line."""
+
+
+@dataclass(frozen=True, eq=False)
+class RangeDopplerAngle:
+    """Power over Doppler, range and angle.
+
+    Attributes
+    ----------
+    data : ndarray of float32, shape (num_doppler_bins, num_range_bins, num_azimuth[, num_elevation])
+        Its peak at a point is the power that one channel receives from it [W].
+    range : ndarray of float64, shape (num_range_bins,)
+        Distance at the start of the first ramp [m].
+    radial_velocity : ndarray of float64, shape (num_doppler_bins,)
+        Rising; positive when the distance opens [m/s].
+    azimuth : ndarray of float64, shape (num_azimuth,)
+        Rising, left positive, uniform in its sine [rad].
+    elevation : ndarray of float64, shape (num_elevation,), or None
+        Rising, up positive, uniform in its sine [rad]; None if the array has no vertical extent.
+    radar : RadarSpec
+    range_doppler : RangeDoppler
+        The channels that the angles were made of.
+    noise_power : float
+        Mean thermal noise power of a cell [W].
+    """
+
+    data: npt.NDArray[np.float32]
+    range: Array
+    radial_velocity: Array
+    azimuth: Array
+    elevation: Array | None
+    radar: RadarSpec
+    range_doppler: RangeDoppler
+    noise_power: float
+
+
+@dataclass(frozen=True, eq=False)
+class UniformLine:
+    """The virtual array as a line along y with one spacing: `order` sorts the channels, `spacing` is in metres."""
+
+    order: npt.NDArray[np.intp]
+    spacing: float
+
+
+def uniform_line(radar: RadarSpec) -> UniformLine | None:
+    """Return the virtual array as a uniform line along y, or None if it is not one."""
+    position = virtual_positions(radar)
+    slack = POSITION_TOLERANCE * radar.wavelength
+    order = np.argsort(position[:, 1], kind="stable")
+    line = position[order]
+    if len(order) < 2 or np.ptp(line[:, 0]) > slack or np.ptp(line[:, 2]) > slack:
+        return None
+    spacing = np.diff(line[:, 1])
+    if spacing.min() < slack or np.ptp(spacing) > slack:
+        return None
+    return UniformLine(order, float(spacing.mean()))
+
+
+def has_elevation(radar: RadarSpec) -> bool:
+    """Return whether the virtual array has a vertical extent."""
+    return bool(np.ptp(virtual_positions(radar)[:, 2]) > POSITION_TOLERANCE * radar.wavelength)
+
+
+def directions(azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
+    """Return unit vectors (..., 3) of the radar frame towards azimuth and elevation [rad], broadcast."""
+    azimuth, elevation = np.broadcast_arrays(np.asarray(azimuth, np.float64), np.asarray(elevation, np.float64))
+    cosine = np.cos(elevation)
+    return np.stack([cosine * np.cos(azimuth), cosine * np.sin(azimuth), np.sin(elevation)], axis=-1)
+
+
+def steering(radar: RadarSpec, unit_vectors: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+    """Return the far-field beat phasors of every channel, shape (..., num_virtual), for unit vectors (..., 3).
+
+    ``exp(-2j pi f_c (tx + rx) @ n / c)`` at the middle of the sampled ramp: the path shortens towards the target.
+    """
+    length = np.asarray(unit_vectors, dtype=np.float64) @ virtual_positions(radar).T
+    return np.exp(-2j * np.pi * radar.center_frequency / SPEED_OF_LIGHT * length)
+
+
+def range_doppler_angle(
+    cube: npt.NDArray[np.complexfloating],
+    radar: RadarSpec,
+    window: str | None = "hann",
+    doppler_window: str | None = None,
+    angle_window: str | None = None,
+    num_range_bins: int | None = None,
+    num_doppler_bins: int | None = None,
+    num_azimuth: int | None = None,
+    num_elevation: int = 11,
+    compensate_motion: bool = True,
+) -> RangeDopplerAngle:
+    """Return power over Doppler, range, azimuth and, where the array has a vertical extent, elevation.
+
+    Parameters
+    ----------
+    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples)
+        From :func:`virtual_cube` [sqrt(W)].
+    radar : RadarSpec
+    window, doppler_window, num_range_bins, num_doppler_bins, compensate_motion
+        As in :func:`range_doppler`.
+    angle_window : str, optional
+        Over the elements of a uniform line; ``"rect"`` if left out. Other arrays are not tapered.
+    num_azimuth : int, optional
+        Directions, uniform in the sine of azimuth; left out: a power of two, at least four a beamwidth.
+    num_elevation : int
+        Directions over twice the radar's elevation field of view, uniform in the sine; used with a vertical extent only.
+
+    Returns
+    -------
+    RangeDopplerAngle
+
+    Raises
+    ------
+    ParameterRangeError
+        If the shape is not the radar's, or a number of directions is too small.
+
+    Notes
+    -----
+    A uniform line along y is transformed by FFT over its elements; any other array by a matrix of steering vectors.
+    Both assume plane waves at the middle of the sampled ramp. With TDM the motion between transmitters is already
+    removed by :func:`range_doppler`. A line cannot tell azimuth from elevation: its azimuth axis is asin of the
+    direction's y component. A spherical wavefront blurs the beam of an array of extent D nearer than 2 D^2 / wavelength
+    (0.27 m for the default array); the peak stays at the direction from the array's centre.
+    """
+    rd = range_doppler(cube, radar, window, doppler_window, num_range_bins, num_doppler_bins, compensate_motion)
+    line = uniform_line(radar)
+    if num_azimuth is None:
+        num_azimuth = _default_azimuths(radar)
+    if num_azimuth < 2:
+        raise ParameterRangeError("num_azimuth", num_azimuth, ">= 2")
+    if line is not None and num_azimuth >= radar.num_virtual:
+        weights = window_values(angle_window, radar.num_virtual)
+        data, azimuth = _line_spectrum(rd, line, weights, num_azimuth)
+        elevation = None
+    else:
+        weights = np.full(radar.num_virtual, 1.0 / radar.num_virtual)
+        azimuth = np.arcsin((2.0 * np.arange(num_azimuth) + 1.0) / num_azimuth - 1.0)
+        elevation = _elevations(radar, num_elevation) if has_elevation(radar) else None
+        data = _beamform(
+            rd, directions(*np.meshgrid(azimuth, [0.0] if elevation is None else elevation, indexing="ij"))
+        )
+        data = data[..., 0] if elevation is None else data
+    return RangeDopplerAngle(
+        data=data,
+        range=rd.range,
+        radial_velocity=rd.radial_velocity,
+        azimuth=azimuth,
+        elevation=elevation,
+        radar=radar,
+        range_doppler=rd,
+        noise_power=rd.noise_power * float(np.sum(weights**2)),
+    )
+
+
+def _default_azimuths(radar: RadarSpec) -> int:
+    """Return a power of two with at least four directions a beamwidth."""
+    extent = np.ptp(virtual_positions(radar)[:, 1]) + radar.wavelength / 2.0
+    beams = max(2.0 * extent / radar.wavelength, 4.0)
+    return int(2 ** np.ceil(np.log2(4.0 * beams)))
+
+
+def _elevations(radar: RadarSpec, count: int) -> Array:
+    """Return elevations over twice the field of view, uniform in their sine [rad]."""
+    if count < 3:
+        raise ParameterRangeError("num_elevation", count, ">= 3")
+    limit = np.sin(np.radians(min(radar.elevation_fov_deg, 89.0)))
+    return np.arcsin(np.linspace(-limit, limit, count))
+
+
+def _line_spectrum(
+    rd: RangeDoppler, line: UniformLine, weights: Array, num_azimuth: int
+) -> tuple[npt.NDArray[np.float32], Array]:
+    """Return power (doppler, range, azimuth) of a uniform line, and its azimuths."""
+    wavelength = SPEED_OF_LIGHT / rd.radar.center_frequency
+    sine = (np.arange(num_azimuth) - num_azimuth // 2) * (wavelength / (num_azimuth * line.spacing))
+    visible = np.abs(sine) <= 1.0
+    _, num_doppler, num_range = rd.data.shape
+    out = np.empty((num_doppler, num_range, int(visible.sum())), dtype=np.float32)
+    taper = (weights * num_azimuth).astype(np.float32)  # the inverse transform divides by num_azimuth
+    for row in range(num_doppler):
+        snapshot = rd.data[line.order, row, :].T * taper
+        spectrum = np.fft.fftshift(scipy.fft.ifft(snapshot, num_azimuth, axis=1), axes=1)[:, visible]
+        out[row] = spectrum.real**2 + spectrum.imag**2
+    return out, np.arcsin(sine[visible])
+
+
+def _beamform(rd: RangeDoppler, unit_vectors: Array) -> npt.NDArray[np.float32]:
+    """Return power (doppler, range, ...) of a matrix of steering vectors towards unit vectors (..., 3)."""
+    shape = unit_vectors.shape[:-1]
+    matrix = np.conj(steering(rd.radar, unit_vectors.reshape(-1, 3))).T / rd.radar.num_virtual
+    matrix = np.ascontiguousarray(matrix, dtype=np.complex64)
+    _, num_doppler, num_range = rd.data.shape
+    out = np.empty((num_doppler, num_range, matrix.shape[1]), dtype=np.float32)
+    for row in range(num_doppler):
+        spectrum = np.ascontiguousarray(rd.data[:, row, :].T) @ matrix
+        out[row] = spectrum.real**2 + spectrum.imag**2
+    return out.reshape(num_doppler, num_range, *shape)

@@ -1,0 +1,31 @@
+"""Antennas of a radar: gains towards directions, and the virtual elements."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.specs.radar.pattern import AntennaPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+
+Array = npt.NDArray[np.float64]
+
+
+def azimuth_elevation(vectors: npt.ArrayLike) -> tuple[Array, Array]:
+    """Return azimuth (left positive) and elevation [rad] of vectors (..., 3) in the radar frame."""
+    x, y, z = np.moveaxis(np.asarray(vectors, dtype=np.float64), -1, 0)
+    return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+
+
+def field_gain(pattern: AntennaPattern, vectors: npt.ArrayLike) -> Array:
+    """Return the square root of the power gain towards vectors (..., 3) in the radar frame."""
+    azimuth, elevation = azimuth_elevation(vectors)
+    return 10.0 ** (pattern.gain_db(azimuth, elevation) / 20.0)
+
+
+def virtual_positions(radar: RadarSpec) -> Array:
+    """Return tx + rx position of every channel ``i * num_rx + j``, shape (num_virtual, 3) [m, radar frame].
+
+    In the far field the length of channel c towards the unit vector n is ``2 R - virtual_positions[c] @ n``.
+    """
+    return (radar.tx_array[:, None, :] + radar.rx_array[None, :, :]).reshape(-1, 3)

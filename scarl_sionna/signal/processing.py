@@ -1,0 +1,233 @@
+"""From raw data to range-Doppler maps: virtual channels, windows, transforms, axes and their normalisation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft
+import scipy.signal
+
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+
+from .noise import sample_noise_power
+
+Array = npt.NDArray[np.float64]
+
+_WINDOWS = {
+    "rect": "boxcar", "hann": "hann", "hamming": "hamming", "blackman": "blackman",
+    "blackmanharris": "blackmanharris", "chebyshev": ("chebwin", 80.0), "taylor": ("taylor", 4, 35),
+}  # fmt: skip
+
+
+def window_values(name: str | None, count: int) -> Array:
+    """Return a window symmetric about its middle whose values sum to 1, shape (count,); None is ``"rect"``.
+
+    Raises
+    ------
+    UnknownNameError
+        If the name is not known.
+    """
+    key = "rect" if name is None else name
+    if key not in _WINDOWS:
+        raise UnknownNameError("window", key, _WINDOWS)
+    if count <= 2:  # hann and others vanish at both ends
+        return np.full(count, 1.0 / count)
+    values = scipy.signal.get_window(_WINDOWS[key], count, fftbins=key == "rect")
+    # symmetric windows that touch zero lose two samples: build them two longer and drop the zeros
+    if values[0] < 1e-9:
+        values = scipy.signal.get_window(_WINDOWS[key], count + 2, fftbins=False)[1:-1]
+    return values / values.sum()
+
+
+def noise_bandwidth(name: str | None, count: int) -> float:
+    """Return the equivalent noise bandwidth of a window in bins: 1 for ``"rect"``, 1.5 for a long ``"hann"``."""
+    values = window_values(name, count)
+    return float(count * np.sum(values**2))
+
+
+def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.NDArray[np.complex64]:
+    """Return the raw data sorted by transmit-receive pair.
+
+    Parameters
+    ----------
+    adc : ndarray of complex, shape (num_rx, num_chirps_total, num_samples)
+        Beat signal [sqrt(W)].
+    radar : RadarSpec
+
+    Returns
+    -------
+    ndarray of complex64, shape (num_virtual, num_chirps, num_samples)
+        Channel ``i * num_rx + j`` is transmitter i, receiver j.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the shape is not the radar's.
+    """
+    expected = (radar.num_rx, radar.num_chirps_total, radar.num_samples)
+    if np.shape(adc) != expected:
+        raise ParameterRangeError(
+            "adc", f"shape {np.shape(adc)}", f"shape {expected} = (num_rx, num_chirps_total, num_samples)"
+        )
+    split = np.asarray(adc).reshape(radar.num_rx, radar.num_chirps, radar.num_tx, radar.num_samples)
+    ordered = split.transpose(2, 0, 1, 3).reshape(radar.num_virtual, radar.num_chirps, radar.num_samples)
+    return np.ascontiguousarray(ordered, dtype=np.complex64)
+
+
+@dataclass(frozen=True, eq=False)
+class RangeDoppler:
+    """Range-Doppler data of every channel.
+
+    Attributes
+    ----------
+    data : ndarray of complex64, shape (num_virtual, num_doppler_bins, num_range_bins)
+        ``abs(data)**2`` at the peak of a point is its received power [W].
+    range : ndarray of float64, shape (num_range_bins,)
+        Distance at the start of the first ramp [m].
+    radial_velocity : ndarray of float64, shape (num_doppler_bins,)
+        Rising; positive when the distance opens [m/s].
+    radar : RadarSpec
+    window : tuple of str
+        Over range and over Doppler.
+    noise_power : float
+        Mean thermal noise power of a cell of one channel [W], from the radar's noise figure.
+    """
+
+    data: npt.NDArray[np.complex64]
+    range: Array
+    radial_velocity: Array
+    radar: RadarSpec
+    window: tuple[str, str]
+    noise_power: float
+
+    @property
+    def power(self) -> npt.NDArray[np.float32]:
+        """Power averaged over the channels [W], shape (num_doppler_bins, num_range_bins)."""
+        total = np.zeros(self.data.shape[1:], dtype=np.float32)
+        for channel in self.data:
+            total += channel.real**2 + channel.imag**2
+        return total / np.float32(len(self.data))
+
+
+def cell_noise_power(radar: RadarSpec, window: str | None = "hann", doppler_window: str | None = None) -> float:
+    """Return the mean thermal noise power of a range-Doppler cell of one channel [W].
+
+    ``k T B F * ENBW_range * ENBW_doppler / (num_samples * num_chirps)``: the processing gain less the windows' loss.
+    `doppler_window` left out is the same as `window`.
+    """
+    doppler_window = window if doppler_window is None else doppler_window
+    gain = radar.num_samples * radar.num_chirps
+    bandwidth = noise_bandwidth(window, radar.num_samples) * noise_bandwidth(doppler_window, radar.num_chirps)
+    return sample_noise_power(radar) * bandwidth / gain
+
+
+def range_axis(radar: RadarSpec, num_range_bins: int | None = None) -> Array:
+    """Return the distances of the range bins [m]."""
+    count = radar.num_samples if num_range_bins is None else num_range_bins
+    return np.arange(count, dtype=np.float64) * (radar.max_range / count)
+
+
+def doppler_axis(radar: RadarSpec, num_doppler_bins: int | None = None) -> Array:
+    """Return the radial velocities of the Doppler bins [m/s], rising, positive when opening."""
+    count = radar.num_chirps if num_doppler_bins is None else num_doppler_bins
+    return np.arange(-(count // 2), count - count // 2, dtype=np.float64) * (2.0 * radar.unambiguous_velocity / count)
+
+
+def range_doppler(
+    cube: npt.NDArray[np.complexfloating],
+    radar: RadarSpec,
+    window: str | None = "hann",
+    doppler_window: str | None = None,
+    num_range_bins: int | None = None,
+    num_doppler_bins: int | None = None,
+    compensate_motion: bool = True,
+) -> RangeDoppler:
+    r"""Return the range-Doppler map of every channel.
+
+    Parameters
+    ----------
+    cube : ndarray of complex, shape (num_virtual, num_chirps, num_samples)
+        From :func:`virtual_cube` [sqrt(W)].
+    radar : RadarSpec
+    window, doppler_window : str, optional
+        ``"rect"`` (or None), ``"hann"``, ``"hamming"``, ``"blackman"``, ``"blackmanharris"``, ``"chebyshev"`` (80 dB),
+        ``"taylor"``; `doppler_window` left out is the same as `window`.
+    num_range_bins, num_doppler_bins : int, optional
+        More bins than samples or chirps interpolate the map (zero padding).
+    compensate_motion : bool
+        Refer range to the start of the first ramp and remove the phase that motion adds between the transmitters of
+        ``"tdm"``. False is the plain transform.
+
+    Returns
+    -------
+    RangeDoppler
+
+    Raises
+    ------
+    ParameterRangeError
+        If the shape is not the radar's, or fewer bins than samples are asked for.
+
+    Notes
+    -----
+    A point of Doppler frequency nu (the slow-time frequency of the beat signal) has, about the middle of the frame, the
+    beat frequency ``S tau(0) + nu + S nu t_mid / f_c``: range-Doppler coupling and migration until the middle. Each
+    Doppler row is multiplied by the opposite tone over fast time before the range transform, and for transmitter i by
+    ``exp(-2j pi nu t_i)``. Both use the row's own velocity, so a target beyond the unambiguous velocity comes out at
+    an aliased velocity **and** a range that is off by the corresponding amount.
+
+    What is left is the smear by migration within the frame, symmetric about the point, and a scale error of the velocity
+    of ``S tau / f_c``, 2e-4 at the largest range of the default radar.
+    """
+    expected = (radar.num_virtual, radar.num_chirps, radar.num_samples)
+    if np.shape(cube) != expected:
+        raise ParameterRangeError(
+            "cube", f"shape {np.shape(cube)}", f"shape {expected} = (num_virtual, num_chirps, num_samples)",
+            "make it with virtual_cube",
+        )  # fmt: skip
+    num_range = _bins("num_range_bins", num_range_bins, radar.num_samples)
+    num_doppler = _bins("num_doppler_bins", num_doppler_bins, radar.num_chirps)
+    doppler_window = window if doppler_window is None else doppler_window
+    fast = window_values(window, radar.num_samples).astype(np.float32)
+    slow = window_values(doppler_window, radar.num_chirps).astype(np.float32)
+    data = np.empty((radar.num_virtual, num_doppler, num_range), dtype=np.complex64)
+    for tx in range(radar.num_tx):
+        factor = _motion_compensation(radar, num_doppler, tx) if compensate_motion else None
+        for channel in range(tx * radar.num_rx, (tx + 1) * radar.num_rx):
+            tapered = np.asarray(cube[channel], dtype=np.complex64) * slow[:, None]
+            rows = scipy.fft.fft(tapered, num_doppler, axis=0, workers=-1, overwrite_x=True)
+            rows = np.fft.fftshift(rows, axes=0)
+            rows *= fast if factor is None else factor * fast
+            data[channel] = scipy.fft.fft(rows, num_range, axis=1, workers=-1, overwrite_x=True)
+    return RangeDoppler(
+        data=data,
+        range=range_axis(radar, num_range),
+        radial_velocity=doppler_axis(radar, num_doppler),
+        radar=radar,
+        window=("rect" if window is None else window, "rect" if doppler_window is None else doppler_window),
+        noise_power=cell_noise_power(radar, window, doppler_window),
+    )
+
+
+def _bins(name: str, asked: int | None, least: int) -> int:
+    """Return a number of bins, or raise if it is below the number of values transformed."""
+    if asked is None:
+        return least
+    if asked < least:
+        raise ParameterRangeError(name, asked, f">= {least}", "fewer bins would fold the data")
+    return int(asked)
+
+
+def _motion_compensation(radar: RadarSpec, num_doppler: int, tx: int) -> npt.NDArray[np.complex64]:
+    """Return the factor over (Doppler row, fast time) that undoes motion until the middle of the frame."""
+    row = np.arange(num_doppler) - num_doppler // 2
+    doppler = row / (num_doppler * radar.doppler_interval)
+    tx_delay = tx * radar.chirp_interval if radar.multiplexing == "tdm" else 0.0
+    sample = np.arange(radar.num_samples)
+    ts_middle = (radar.num_samples - 1) / (2.0 * radar.sample_rate)
+    middle = (radar.num_chirps - 1) / 2.0 * radar.doppler_interval + ts_middle + tx_delay
+    shift = doppler * (1.0 + radar.chirp_slope * middle / radar.center_frequency)
+    cycles = shift[:, None] * (sample / radar.sample_rate - ts_middle)[None, :] + (doppler * tx_delay)[:, None]
+    return np.exp(-2j * np.pi * cycles).astype(np.complex64)

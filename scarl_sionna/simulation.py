@@ -1,0 +1,167 @@
+"""Composition root: a world and a rig give frames; a scenario names both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from .core import seeds
+from .core.errors import PlacementError
+from .core.mount import Mount
+from .core.pose import Pose
+from .core.registry import Sensor, sensor_class
+from .core.results import Frame
+from .core.settings.radar import RadarSettings
+from .fusion.labels import count_labels
+from .fusion.rig import Rig, SensorMount
+from .fusion.visibility import add_visibility
+from .scenario.spec.scenario import ScenarioSpec
+
+if TYPE_CHECKING:
+    from .engine.world import World
+
+OnStage = Callable[[str, float], None]
+"""Called with the name of the stage that begins and how many frames are done, parts of a frame included."""
+
+
+def _ignore(stage: str, num_done: float) -> None:
+    """Report nothing."""
+
+
+def _sensor(mount: SensorMount) -> Sensor:
+    """Return the sensor of a rig."""
+    kind: Any = sensor_class(mount.kind)
+    sensor: Sensor = kind(mount.spec) if mount.settings is None else kind(mount.spec, mount.settings)
+    return sensor
+
+
+def observe(
+    world: World,
+    rig: Rig,
+    time: float = 0.0,
+    seed: int = 0,
+    *,
+    radar: RadarSettings | None = None,
+    vehicle: Mount | Pose | None = None,
+    index: int = 0,
+    on_stage: OnStage = _ignore,
+) -> Frame:
+    """Return what every sensor of a rig sees at one instant.
+
+    Parameters
+    ----------
+    world : World
+    rig : Rig
+    time : float
+        [s]; it is rounded to whole nanoseconds, the frame's `timestamp_ns`.
+    seed : int
+        Root of all random numbers, >= 0. A sensor's numbers depend on seed, timestamp and the sensor's name only: not on
+        the order of the sensors and not on the other sensors of the rig.
+    radar : RadarSettings, optional
+        The fields that are set in it replace those of every radar of the rig: method, tolerance, noise and the like.
+    vehicle : Mount or Pose, optional
+        The vehicle that carries the rig; default: the world's ego actor. A bare pose stands still.
+    index : int
+        Number of the frame in its sequence.
+    on_stage : callable
+        Called with each sensor's name before it works, and the part of the frame that is done.
+
+    Returns
+    -------
+    Frame
+
+    Raises
+    ------
+    PlacementError
+        If the world has no ego actor and no vehicle is given.
+    TimeRangeError
+        If the time lies outside the world's motion.
+    """
+    timestamp_ns = round(time * 1e9)
+    timings: dict[str, float] = {}
+    started = perf_counter()
+    state = world.at(timestamp_ns / 1e9)
+    if radar is not None:
+        rig = rig.with_radar(radar)
+    if vehicle is None:
+        if world.ego is None:
+            raise PlacementError(
+                f"world '{world.name}' has no ego vehicle that carries the rig; give observe(..., vehicle=Pose(...))"
+            )
+        carrier = state.mount(world.ego)
+    else:
+        carrier = Mount.of(vehicle)
+    objects = state.boxes()
+    timings["world"] = perf_counter() - started
+
+    results: dict[str, Any] = {}
+    for position, mount in enumerate(rig.sensors):
+        on_stage(mount.name, position / len(rig.sensors))
+        started = perf_counter()
+        results[mount.name] = _sensor(mount).observe(
+            state,
+            carrier.at(mount.vehicle_from_sensor),
+            seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name),
+        )
+        timings[mount.kind] = timings.get(mount.kind, 0.0) + perf_counter() - started
+    started = perf_counter()
+    results = add_visibility(state, objects, results)
+    timings["labels"] = perf_counter() - started
+    return Frame(
+        index=index,
+        timestamp_ns=timestamp_ns,
+        seed=seed,
+        world_from_vehicle=carrier.pose,
+        vehicle_twist=carrier.twist,
+        results=results,
+        objects=count_labels(objects, results),
+        timings=timings,
+    )
+
+
+def simulate(
+    world: World,
+    rig: Rig,
+    times: Sequence[float],
+    seed: int = 0,
+    *,
+    radar: RadarSettings | None = None,
+    skip: Collection[int] = (),
+    on_stage: OnStage = _ignore,
+) -> Iterator[Frame]:
+    """Yield a frame for each time, one after the other, without those whose index is in `skip`.
+
+    A frame does not depend on the frames before it. `radar` is as in :func:`observe`.
+    """
+    if radar is not None:
+        rig = rig.with_radar(radar)
+    for index, time in enumerate(times):
+        if index not in skip:
+            yield observe(world, rig, time, seed, index=index, on_stage=on_stage)
+
+
+def resolve_rig(scenario: ScenarioSpec) -> Rig:
+    """Return the scenario's rig: a preset or that of a file, in its quality, and with the scenario's radar settings on top.
+
+    In a rig file, the quality stands for what the file does not state of the settings of its radars.
+    """
+    if Path(scenario.rig).suffix in (".yaml", ".yml", ".json"):
+        rig = Rig.load(scenario.find(scenario.rig)).in_quality(scenario.quality)
+    else:
+        rig = Rig.preset(scenario.rig, scenario.quality)
+    return rig if scenario.radar is None else rig.with_radar(scenario.radar)
+
+
+def load_world(scenario: ScenarioSpec) -> World:
+    """Return the world of a scenario, see :func:`scarl_sionna.scenario.compose.build_world`.
+
+    Raises
+    ------
+    ScenarioError
+        If a name is unknown, a motion does not cover all frames, or bodies overlap; it names file and line.
+    """
+    from .scenario.compose import build_world  # here, so that reading a scenario does not start the engine
+
+    return build_world(scenario)
