@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scarl_sionna.radar.channel.mirror_faces import NOBODY, MirrorFaces
 
+from scarl_sionna.radar.channel.compose.mirror_faces import NOBODY, MirrorFaces
 from scarl_sionna.scene.tables import RayHits
 
 OTHER = 4
