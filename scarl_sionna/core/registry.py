@@ -10,7 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from .errors import UnknownNameError
-from .pose import Pose, Twist
+from .mount import Mount
+from .settings.radar import RadarSettings
 from .spec import Spec
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
@@ -23,23 +24,22 @@ SPEC_TYPES: Mapping[str, type[Spec]] = {"camera": CameraSpec, "lidar": LidarSpec
 
 
 class Sensor(Protocol):
-    """A sensor looks at a state of the world from a pose and returns a result; it keeps no state of its own."""
+    """A sensor looks at a state of the world from a mount and returns a result; it keeps no state of its own.
+
+    A kind that can be simulated in several ways takes its settings as second argument of the constructor.
+    """
 
     def __init__(self, spec: Any) -> None: ...
 
-    def observe(
-        self, state: Any, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
-    ) -> Any:
+    def observe(self, state: Any, mount: Mount, rng: np.random.Generator) -> Any:
         """Return the sensor's result at the state's time.
 
         Parameters
         ----------
         state : scarl_sionna.engine.world.WorldState
-        world_from_sensor : Pose
-            Sensor frame: x forward, y left, z up.
-        sensor_twist : Twist
-            Velocity of the sensor itself, world axes.
-        seed_generator : numpy.random.Generator
+        mount : Mount
+            Pose (x forward, y left, z up) and velocity of the sensor.
+        rng : numpy.random.Generator
             The only source of randomness.
         """
 
@@ -67,3 +67,14 @@ def spec_type(kind: str) -> type[Spec]:
         return sensor_class(kind).spec_type  # type: ignore[attr-defined, no-any-return]
     except UnknownNameError as error:
         raise UnknownNameError("sensor kind", kind, {*SPEC_TYPES, *error.known}, error.remedy) from None
+
+
+SETTINGS_TYPES: Mapping[str, type[Spec]] = {"radar": RadarSettings}
+"""Settings of each built-in sensor kind that has some. The class of another kind names its own as ``settings_type``."""
+
+
+def settings_type(kind: str) -> type[Spec] | None:
+    """Return the class of the settings with which a sensor kind is simulated, None for a kind that has none."""
+    if kind in SPEC_TYPES:
+        return SETTINGS_TYPES.get(kind)
+    return getattr(sensor_class(kind), "settings_type", None)

@@ -57,11 +57,9 @@ class RadarSpec(Spec):
     adc_full_scale_dbm: float = Field(-30.0, description="input-referred power of a full-scale tone [dBm]")
     azimuth_fov_deg: float = Field(120.0, gt=0.0, le=180.0, description="full width that rays are sent over [deg]")
     elevation_fov_deg: float = Field(30.0, gt=0.0, le=180.0, description="full height that rays are sent over [deg]")
-    num_rays: int = Field(1_000_000, ge=1, description="rays of the raycast solver (SCaRL: 10^6)")
     max_array_extent: float = Field(
         1.0, gt=0.0, description="an antenna farther than this from the origin is refused [m]"
     )
-    cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
 
     @model_validator(mode="after")
     def _check(self) -> RadarSpec:
