@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -15,6 +12,7 @@ from scarl_sionna.radar.rcs import scattering_matrix
 from scarl_sionna.radar.scatterers.compile import WEAKEST, compile_scatterers, range_profile
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.scatterers.table import direction_of
+from scenes_xml import scene_path
 from tests.scenes import Thing, write_scene
 
 COARSE = SbrSettings(max_depth=3, ray_spacing=2.0, edge_spacing=1.0)
@@ -129,7 +127,7 @@ def test_tr38901_targets_follow_the_standards_formula(target, phi_deg, theta_deg
 
 @pytest.mark.slow
 def test_the_highways_car_agrees_with_the_solver_sbr_and_is_faster(tmp_path):
-    folder = Path(str(files("scenes_xml") / "highway_guardrail" / "meshes"))
+    folder = scene_path("highway_guardrail").parent / "meshes"
     mesh = trimesh.util.concatenate(
         [trimesh.load(path, process=False) for path in sorted(folder.glob("car_ahead_*.ply"))]
     )
