@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +39,7 @@ class SonarPing:
     echo: np.ndarray
 
 
-@cache
+@pytest.fixture(scope="module")
 def session() -> dict[str, Any]:
     """Return the names of a session."""
     world = ss.load_scene("highway_guardrail")
@@ -88,9 +87,9 @@ def case(page: Path) -> object:
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("page", [case(page) for page in PAGES])
-def test_blocks_run(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_run(page: Path, folder: Path, session: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    names = dict(session())
+    names = dict(session)
     for number, block in enumerate(
         re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     ):
