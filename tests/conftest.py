@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from typing import Any
 
 os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
@@ -12,6 +11,7 @@ import pytest
 from hypothesis import settings
 
 from scarl_sionna.engine.memory import release_memory, resident_bytes
+from tests import own_process
 
 settings.register_profile(
     "ci", derandomize=True
@@ -22,8 +22,9 @@ if os.environ.get("CI"):
 MOST_MEMORY = 1.5e9
 """Bytes that a process of the tests may take at most; a session with one above fails. A world that a module keeps too long, or a
 cache without a bound, shows here first."""
-MUCH_MEMORY = 0.6e9
-"""Above, a module gives back what it no longer uses; engine and TensorFlow alone take nearly as much."""
+MUCH_MEMORY, MORE_MEMORY = 0.6e9, 0.1e9
+"""A process with more than the first gives back what it no longer uses whenever it has grown by the second; the engine takes 0.3 GB,
+TensorFlow 0.5 GB more."""
 PEAKS = pytest.StashKey[dict[str, int]]()
 
 
@@ -38,20 +39,31 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--run-slow"):
-        return
+    run_slow = config.getoption("--run-slow")
     skip = pytest.mark.skip(reason="slow: runs with --run-slow")
     for item in items:
-        if "slow" in item.keywords:
+        if "slow" in item.keywords and not run_slow:
             item.add_marker(skip)
+    own_process.send_away(items, ["--run-slow"] if run_slow else [])
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _memory_given_back() -> Iterator[None]:
-    """Set up first and torn down last: the worlds of a module's own fixtures are free by then."""
-    yield
-    if resident_bytes()[0] > MUCH_MEMORY:
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if own_process.RESULTS in os.environ:
+        own_process.write_report(report)
+
+
+def pytest_runtest_logfinish() -> None:
+    """After a test, when its fixtures are gone: give back what nobody uses, once it is more than the last time."""
+    now = resident_bytes()[0]
+    if now > max(MUCH_MEMORY, _Memory.after_release + MORE_MEMORY):
         release_memory()
+        _Memory.after_release = resident_bytes()[0]
+
+
+class _Memory:
+    """What this process had when it last gave memory back [bytes]."""
+
+    after_release = 0
 
 
 class _Workers:
