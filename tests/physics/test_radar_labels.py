@@ -294,3 +294,19 @@ def test_moving_targets_of_one_cell_are_told_apart_by_their_direction_in_tdm(fra
     # 0.002 rad, keeps the other target from vanishing in the beam's zero: 1e-3 of its field, twice that in the power of both.
     assert labels.explained == pytest.approx([1.0, 1.0], abs=4e-3)
     assert labels.share.min() > 1.0 - 4e-6
+
+
+def test_classes_are_found_among_the_paths_without_a_state() -> None:
+    """A path's class is that of its last instance: the target behind a mirror, and the mirror itself where a path ends on it."""
+    paths = point_targets([[10.0, 0.0, 0.0]] * 3, np.zeros((3, 3)), 1.0, SMALL, Pose())
+    labels = label_paths(
+        replace(
+            paths,
+            instance=np.array([[5, 7], [7, -1], [5, -1]], np.int32),
+            interaction=np.array([[SPECULAR, POINT_INTERACTION], [POINT_INTERACTION, -1], [SPECULAR, -1]], np.int32),
+            depth=np.array([2, 1, 1], np.int32),
+            semantic=np.array([14, 14, 3], np.uint8),
+        )
+    )
+    assert labels.instance.tolist() == [7, 7, 5]
+    assert labels.semantic.tolist() == [14, 14, 3]
