@@ -17,15 +17,15 @@ import numpy as np
 import trimesh
 
 import scarl_sionna as ss
-from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.channel.compose.budget import cell_noise_power
 from scarl_sionna.radar.optics.far import SbrSettings
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from tests.oracles import multipath
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
@@ -318,7 +318,7 @@ def two_ray() -> Problem:
     mixed = np.exp(-2j * wave * radius * (1.0 - np.cos(half_bistatic)))
     exact = _ball_amplitude(radius, ranges) * straight**2 * (one**2 + 2.0 * one * other * mixed + other**2)
     one_bounce = SbrChannelSettings(floor_db=None, max_depth=1)
-    through = ChannelPlan((Share("sbr", ("ball",), {"settings": one_bounce}, True),), ("ground",), echoes=False)
+    through = ChannelPlan((Share("sbr", ("ball",), one_bounce, True),), ("ground",), echoes=False)
     point = {"ball": _ball_model(radius, np.array([0.0, 0.0, height]))}
     curves = [
         over("raycast", "rays", [(f"{n:.0e}", {"num_rays": n, "instances": ["ball"]}) for n in (100_000, 1_000_000)],
@@ -377,7 +377,7 @@ def wall() -> Problem:
         *(curve for curve in common(state, poses) if curve.method != "auto"),
         over("hybrid", "sbr's max_phase", through, "0.4 rad", state, poses),
         over(
-            "auto", "tubes a ray", [(f"{x:g}", {"accuracy": Accuracy(sbr_tubes_per_ray=x)}) for x in (0.02, 0.1)], "0.1", state, poses
+            "auto", "tubes", [(f"{n:.0e}", {"accuracy": Accuracy(tube_budget=n)}) for n in (20_000, 100_000)], "1e+05", state, poses
         ),
         Curve("scatterers + mirrors", "one centre", [Point(
             "1 centre", frames(state, poses, method="hybrid", plan=ChannelPlan(

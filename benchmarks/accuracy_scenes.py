@@ -25,14 +25,15 @@ from benchmarks.accuracy_problems import (
     over,
     scatterer_curve,
 )
-from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.channel.compose.budget import cell_noise_power
 from scarl_sionna.radar.optics.far import SbrSettings
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.radar.scatterers.compile import range_profile
 
 SPEED_OF_LIGHT = 299792458.0
@@ -130,7 +131,7 @@ def highway() -> Problem:
     fine = SbrChannelSettings(max_phase=1.0, integration_phase=0.02, max_depth=2)
 
     def plan(settings: SbrChannelSettings, rays: int) -> ChannelPlan:
-        return ChannelPlan((Share("sbr", bodies, {"settings": settings}), Share("raycast", rest, {"num_rays": rays})))
+        return ChannelPlan((Share("sbr", bodies, settings), Share("raycast", rest, {"num_rays": rays})))
 
     short = radar.with_(num_chirps=1)
 
@@ -157,11 +158,11 @@ def highway() -> Problem:
     )  # fmt: skip
     curves[3] = over(
         "auto", "tubes a ray",
-        [(f"{x:g}", {"accuracy": Accuracy(sbr_tubes_per_ray=x)}) for x in (0.0, 0.02, 0.1, 0.3, 2.0)], "0.1", state, [pose], radar,
+        [(f"{n:.0e}", {"accuracy": Accuracy(tube_budget=n)}) for n in (0, 20_000, 100_000, 300_000, 2_000_000)], "1e+05", state, [pose], radar,
     )  # fmt: skip
     curves.append(
         Curve("hybrid", "bounces of all objects", [
-            Point("1", frames(state, [pose], radar, method="hybrid", plan=plan(fine.with_(max_depth=1), 1_000_000), radar_twist=twist), True)
+            Point("1", frames(state, [Mount(pose, twist)], radar, method="hybrid", plan=plan(fine.with_(max_depth=1), 1_000_000)), True)
         ])
     )  # fmt: skip
     level = float(np.sqrt(np.median(truth[strong]) / dbm_to_watt(radar.front_end.tx_power_dbm)))

@@ -83,7 +83,7 @@ class Studio:
             samples_per_pixel=samples,
             denoise=True,
         )
-        frame = Camera(spec).observe(state, state.actor_pose("it").compose(mount), Twist(), np.random.default_rng(0))
+        frame = Camera(spec).observe(state, state.actor_pose("it").compose(mount), np.random.default_rng(0))
         return Image.fromarray(frame.rgb)
 
 

@@ -20,6 +20,7 @@ from harness import Timing, machine, measure
 
 from camera_lidar import Camera
 from camera_lidar.camera import render_rgb
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec, ImageSensor, KannalaBrandt
 from scarl_sionna.engine.world import load_scene
@@ -75,7 +76,7 @@ def time_images(world: Any, state: Any, pose: Pose, repeats: int) -> None:
 
     def run(spec: CameraSpec, where: Any = state, fresh: bool = False) -> Any:
         shown = world.at(state.time) if fresh else where
-        return Camera(spec).observe(shown, pose, moving, np.random.default_rng(0))
+        return Camera(spec).observe(shown, Mount(pose, moving), np.random.default_rng(0))
 
     hd = CameraSpec(width=1280, height=720)
     base = hd.with_(images=("depth", "semantic", "instance"))

@@ -29,6 +29,7 @@ from camera_lidar.lidar import (
 from camera_lidar.lidar.beat import estimate_beats, synthesize_beats
 from camera_lidar.lidar.heterodyne import backscatter_profile, receive_heterodyne
 from camera_lidar.lidar.returns import Echoes
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.atmosphere import Atmosphere
 from scarl_sionna.core.specs.camera import CameraSpec
@@ -58,7 +59,7 @@ class Place:
 
     def scan(self, spec: LidarSpec) -> Any:
         """Return a scan from here; always with the same random numbers."""
-        return Lidar(spec).observe(self.state, self.pose, self.twist, np.random.default_rng(0))
+        return Lidar(spec).observe(self.state, Mount(self.pose, self.twist), np.random.default_rng(0))
 
 
 def table(title: str, head: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:

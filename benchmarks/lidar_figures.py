@@ -12,7 +12,6 @@ import numpy as np
 from camera_lidar import Camera
 from camera_lidar.lidar import camera_maps, detection_probability, range_view, shot_directions, threshold
 from camera_lidar.lidar.heterodyne import backscatter_profile
-from scarl_sionna.core.pose import Twist
 from scarl_sionna.core.specs.atmosphere import Atmosphere
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
@@ -196,7 +195,7 @@ def draw_maps(front: Any, path: Path) -> None:
     """Draw a scan's maps beside the camera's images."""
     scan = front.scan(LidarSpec())
     spec = CameraSpec(width=480, height=270, samples_per_pixel=64, images=("rgb", "depth"))
-    frame = Camera(spec).observe(front.state, front.pose, Twist(), np.random.default_rng(0))
+    frame = Camera(spec).observe(front.state, front.pose, np.random.default_rng(0))
     own, projected = range_view(scan), camera_maps(scan, spec, front.pose, radius_px=1)
     figure, axes = plt.subplots(3, 2, figsize=(11, 8), layout="constrained")
     assert frame.rgb is not None and frame.depth is not None

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from harness import machine, peak_memory
 
 import scarl_sionna as ss
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.sensor import Radar
 
@@ -90,7 +91,7 @@ def main() -> None:
     twist = state.actor_twist(ego) if ego else ss.Twist()
     spec = ss.RadarSpec.preset("awr1843boost")
     finest = ss.solve_paths(
-        state, spec, pose, "raycast", radar_twist=twist, num_rays=4 * max(arguments.rays), hits_per_cell=None
+        state, spec, Mount(pose, twist), "raycast", num_rays=4 * max(arguments.rays), hits_per_cell=None
     )
     reference = expected_map(finest, spec)
     strong = reference > reference.max() * 1e-6
@@ -102,17 +103,16 @@ def main() -> None:
     results: dict[int, list[tuple[int, float, float]]] = {hits: [] for hits in arguments.hits_per_cell}
     for num_rays in arguments.rays:
         for hits in arguments.hits_per_cell:
-            sensor = Radar(
-                spec.with_(num_rays=num_rays), method="raycast", solver_options={"hits_per_cell": hits or None}
-            )
+            settings = ss.RadarSettings.of("raycast", num_rays=num_rays, hits_per_cell=hits or None)
+            sensor = Radar(spec, settings)
             runs = []
             for repeat in range(arguments.repeats + 2):
                 begin = time.perf_counter()
-                frame = sensor.observe(state, pose, twist, np.random.default_rng(repeat))
+                frame = sensor.observe(state, Mount(pose, twist), np.random.default_rng(repeat))
                 runs.append((time.perf_counter() - begin, frame))
             warm, frame = min(runs[2:], key=lambda run: run[0])
             paths = ss.solve_paths(
-                state, spec, pose, "raycast", radar_twist=twist, num_rays=num_rays, hits_per_cell=hits or None
+                state, spec, Mount(pose, twist), "raycast", num_rays=num_rays, hits_per_cell=hits or None
             )
             found = expected_map(paths, spec)[strong]
             errors = 10.0 * np.log10(np.maximum(found / reference[strong], 1e-3))

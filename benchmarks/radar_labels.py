@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import scarl_sionna as ss
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Twist
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS
 from scarl_sionna.fusion import Rig
@@ -21,7 +22,7 @@ from scarl_sionna.fusion import Rig
 def highway(rays: int):
     world = ss.load_scene("highway_guardrail")
     state = world.at(0.5)
-    radar = ss.RadarSpec(num_rays=rays)
+    radar = ss.RadarSpec()
     vehicle = state.actor_pose(world.ego)
     pose = vehicle.compose(Rig.front("draft")["front_center/radar"].vehicle_from_sensor)
     return state, radar, pose, Twist(state.actor_twist(world.ego).velocity_at(pose.position - vehicle.position))
@@ -61,7 +62,7 @@ def draw(path: Path) -> None:
     from matplotlib.patches import Patch
 
     state, radar, pose, twist = highway(200_000)
-    paths = ss.solve_paths(state, radar, pose, "raycast", radar_twist=twist)
+    paths = ss.solve_paths(state, radar, Mount(pose, twist), "raycast", num_rays=200_000)
     adc = ss.synthesize(paths, radar, rng=np.random.default_rng(0))
     rd = ss.range_doppler(ss.virtual_cube(adc, radar), radar, "blackmanharris")
     labels = ss.label_cells(rd, paths, state)
@@ -94,7 +95,7 @@ def main() -> None:
         return
     for method, rays in (("raycast", 200_000), ("auto", 200_000)):
         state, radar, pose, twist = highway(rays)
-        paths = ss.solve_paths(state, radar, pose, method, radar_twist=twist)
+        paths = ss.solve_paths(state, radar, Mount(pose, twist), method)
         cube = ss.virtual_cube(ss.synthesize(paths, radar), radar)
         for window in ("hann", "blackmanharris"):
             print(f"\n{method}, {window}:")

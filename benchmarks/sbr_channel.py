@@ -21,10 +21,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import scarl_sionna as ss
 from benchmarks.harness import machine, measure, peak_memory
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
 from tests.scenes import Thing, plane, write_scene

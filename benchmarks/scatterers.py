@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import scarl_sionna as ss
 from benchmarks.harness import machine, peak_memory
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.radar.optics.body_parts import actor_parts
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.radar.scatterers.compile import COMPILE_SBR, range_profile
 
 SPEED_OF_LIGHT = 299792458.0

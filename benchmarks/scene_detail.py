@@ -27,6 +27,8 @@ import numpy as np
 import numpy.typing as npt
 from harness import machine, peak_memory
 
+from scarl_sionna.core.mount import Mount
+
 Array = npt.NDArray[np.float64]
 FRONT = (2.36, 0.0, 0.6)
 ROOF = (0.0, 0.0, 1.9)
@@ -73,10 +75,10 @@ def radar_power(state: Any, arguments: argparse.Namespace, rays: int) -> tuple[d
 
     radar = ss.RadarSpec.preset("awr1843boost")
     options = {"num_rays": rays} if arguments.method == "raycast" else {}
-    sensor = Radar(radar, method=arguments.method, noise=False, solver_options=options)
+    sensor = Radar(radar, ss.RadarSettings.of(arguments.method, noise=False, **options))
     pose = state.actor_pose("ego").compose(Pose(FRONT))
     with Clock() as clock:
-        frame = sensor.observe(state, pose, state.actor_twist("ego"), np.random.default_rng(0))
+        frame = sensor.observe(state, Mount(pose, state.actor_twist("ego")), np.random.default_rng(0))
     rd = ss.range_doppler(ss.virtual_cube(frame.adc, radar), radar)
     power = np.mean(np.abs(rd.data) ** 2, axis=0)  # (doppler, range)
     rest, result = np.ones(power.shape, bool), {}
@@ -109,18 +111,18 @@ def one_level(arguments: argparse.Namespace) -> None:
     found["radar"], cold = radar_power(state, arguments, arguments.rays)
     found["radar_again"], found["radar_seconds"] = radar_power(state, arguments, round(1.3 * arguments.rays))
     lidar = Lidar(LidarSpec.preset("spinning_64"))
-    lidar.observe(state, ego.compose(Pose(ROOF)), twist, np.random.default_rng(0))
+    lidar.observe(state, Mount(ego.compose(Pose(ROOF)), twist), np.random.default_rng(0))
     with Clock() as clock:
-        scan = lidar.observe(state, ego.compose(Pose(ROOF)), twist, np.random.default_rng(1))
+        scan = lidar.observe(state, Mount(ego.compose(Pose(ROOF)), twist), np.random.default_rng(1))
     found["lidar_seconds"] = clock.seconds
     numbers = {info.name: number for number, info in world.instances.items()}
     found["lidar"] = {name: int(np.sum(scan.instance == numbers[name])) for name in actors_in_view(state, "ego")}
     found["lidar"]["all points"] = len(scan.instance)
     camera = Camera(CameraSpec(width=320, height=180, horizontal_fov_deg=75.0, images=("rgb",), samples_per_pixel=32))
     mount = ego.compose(Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(2.0)))
-    camera.observe(state, mount, twist, np.random.default_rng(0))
+    camera.observe(state, Mount(mount, twist), np.random.default_rng(0))
     with Clock() as clock:
-        rgb = camera.observe(state, mount, twist, np.random.default_rng(1)).rgb
+        rgb = camera.observe(state, Mount(mount, twist), np.random.default_rng(1)).rgb
     found |= {"camera_seconds": clock.seconds, "peak": peak_memory(), "radar_cold": cold}
     arguments.out.write_text(json.dumps(found), encoding="utf-8")
     np.save(arguments.out.with_suffix(".npy"), rgb)

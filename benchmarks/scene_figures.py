@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from camera_lidar import Camera
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.world import load_scene
 
@@ -61,7 +61,7 @@ def picture(scene: str, lighting: str, time: float, camera: Pose) -> Image.Image
         width=640, height=360, horizontal_fov_deg=75.0 if camera is STREET else 66.0, images=("rgb",),
         samples_per_pixel=samples, denoise=True,
     )  # fmt: skip
-    frame = Camera(spec).observe(state, state.actor_pose("ego").compose(camera), Twist(), np.random.default_rng(0))
+    frame = Camera(spec).observe(state, state.actor_pose("ego").compose(camera), np.random.default_rng(0))
     return Image.fromarray(frame.rgb)
 
 

@@ -15,7 +15,8 @@ import numpy as np
 
 import scarl_sionna as ss
 from scarl_sionna.engine import variant
-from scarl_sionna.radar.points import PointScatterers
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import solve_points
 
 
 def main() -> None:
@@ -45,8 +46,8 @@ def main() -> None:
             for count in arguments.samples:
                 for _ in range(2):
                     start, busy = time.perf_counter(), time.process_time()
-                    paths = ss.solve_paths(
-                        state, ss.RadarSpec(), pose, "sionna", num_samples=count, max_depth=depth, scatterers=points,
+                    paths = solve_points(
+                        state, ss.RadarSpec(), pose, points, num_samples=count, max_depth=depth, environment=True,
                         diffraction=arguments.diffraction,
                     )  # fmt: skip
                     taken, spent = time.perf_counter() - start, time.process_time() - busy

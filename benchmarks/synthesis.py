@@ -24,8 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets

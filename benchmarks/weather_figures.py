@@ -13,6 +13,7 @@ import numpy as np
 import scarl_sionna as ss
 from camera_lidar.camera import Camera
 from camera_lidar.lidar import Lidar
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.specs.drop_sizes import RAIN_SIZES
 from scarl_sionna.core.specs.weather import FULL_FILM, Spray
 from scarl_sionna.radar.channel.compose.budget import cell_noise_power
@@ -123,7 +124,7 @@ def draw_looks(world: Any, path: Path, samples: int) -> None:
         pose = state.actor_pose("ego").compose(ss.Pose([1.2, 0.0, 1.5]))
         twist = ss.Twist(state.actor_twist("ego").linear, np.zeros(3))
         start = time.process_time()
-        image = Camera(spec).observe(state, pose, twist, np.random.default_rng(0)).rgb
+        image = Camera(spec).observe(state, Mount(pose, twist), np.random.default_rng(0)).rgb
         print(f"image, {title}: {time.process_time() - start:.1f} s CPU")
         axis.imshow(image)
         axis.set_title(title)
@@ -148,7 +149,7 @@ def draw_lidar(world: Any, path: Path) -> None:
         state = world.with_weather(weather).at(1.0)
         pose = state.actor_pose("ego").compose(ss.Pose([1.8, 0.0, 1.7]))
         twist = ss.Twist(state.actor_twist("ego").linear, np.zeros(3))
-        scan = Lidar(spec).observe(state, pose, twist, np.random.default_rng(0))
+        scan = Lidar(spec).observe(state, Mount(pose, twist), np.random.default_rng(0))
         air = scan.instance == 0
         x, y, _ = scan.position.T
         axis.scatter(-y[~air], x[~air], c="0.85", s=0.3, linewidths=0)

@@ -1,8 +1,15 @@
 # The public names and where they are defined: read by type checkers, and by lazy_loader at run time.
-from .core.accuracy import Accuracy
 from .core.errors import ScarlError, ScarlWarning
+from .core.mount import Mount
 from .core.pose import Pose, Twist
 from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
+from .core.settings.accuracy import Accuracy
+from .core.settings.plan import ChannelPlan, Share
+from .core.settings.radar import RadarSettings
+from .core.settings.raycast import RaycastSettings
+from .core.settings.sbr import SbrChannelSettings
+from .core.settings.scatterers import ScattererSettings
+from .core.settings.sionna import SionnaSettings
 from .core.specs.atmosphere import Atmosphere
 from .core.specs.camera import BrownConrady, CameraSpec, ImageSensor, KannalaBrandt, Pinhole
 from .core.specs.lidar import LidarSpec
@@ -19,7 +26,7 @@ from .core.specs.weather import Weather
 from .dataset.readers.reader import open_dataset
 from .engine.world import World, WorldState, load_scene, stage
 from .fusion import Rig
-from .radar.channel import solve_paths
+from .radar.channel import plan_channel, solve_paths
 from .radar.labels.labels import label_cells, label_paths, label_points
 from .radar.paths import RadarPaths
 from .radar.points import point_targets
@@ -40,6 +47,15 @@ from .simulation import observe, simulate
 
 __all__ = [
     "Accuracy",
+    "ChannelPlan",
+    "Mount",
+    "RadarSettings",
+    "RaycastSettings",
+    "SbrChannelSettings",
+    "ScattererSettings",
+    "Share",
+    "SionnaSettings",
+    "plan_channel",
     "ActorModel",
     "Adc",
     "AntennaArray",

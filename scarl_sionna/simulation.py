@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from .core import seeds
 from .core.errors import PlacementError
-from .core.pose import Pose, Twist
+from .core.mount import Mount
+from .core.pose import Pose
 from .core.registry import Sensor, sensor_class
 from .core.results import Frame
-from .core.spec import Spec
+from .core.settings.radar import RadarSettings
 from .fusion.labels import count_labels
-from .fusion.rig import Rig
+from .fusion.rig import Rig, SensorMount
 from .fusion.visibility import add_visibility
 from .scenario.spec.scenario import ScenarioSpec
 
@@ -30,10 +30,11 @@ def _ignore(stage: str, num_done: float) -> None:
     """Report nothing."""
 
 
-@lru_cache(maxsize=64)
-def _sensor(kind: str, spec: Spec) -> Sensor:
-    """Return the sensor of a specification; a sensor keeps no state, so that equal ones are shared."""
-    return sensor_class(kind)(spec)
+def _sensor(mount: SensorMount) -> Sensor:
+    """Return the sensor of a rig."""
+    kind: Any = sensor_class(mount.kind)
+    sensor: Sensor = kind(mount.spec) if mount.settings is None else kind(mount.spec, mount.settings)
+    return sensor
 
 
 def observe(
@@ -42,9 +43,9 @@ def observe(
     time: float = 0.0,
     seed: int = 0,
     *,
+    radar: RadarSettings | None = None,
+    vehicle: Mount | Pose | None = None,
     index: int = 0,
-    world_from_vehicle: Pose | None = None,
-    vehicle_twist: Twist | None = None,
     on_stage: OnStage = _ignore,
 ) -> Frame:
     """Return what every sensor of a rig sees at one instant.
@@ -58,12 +59,12 @@ def observe(
     seed : int
         Root of all random numbers, >= 0. A sensor's numbers depend on seed, timestamp and the sensor's name only: not on
         the order of the sensors and not on the other sensors of the rig.
+    radar : RadarSettings, optional
+        The fields that are set in it replace those of every radar of the rig: method, tolerance, noise and the like.
+    vehicle : Mount or Pose, optional
+        The vehicle that carries the rig; default: the world's ego actor. A bare pose stands still.
     index : int
         Number of the frame in its sequence.
-    world_from_vehicle : Pose, optional
-        Pose of the vehicle that carries the rig; default: the world's ego actor.
-    vehicle_twist : Twist, optional
-        Its velocity; default: the ego actor's, and standing still where `world_from_vehicle` is given.
     on_stage : callable
         Called with each sensor's name before it works, and the part of the frame that is done.
 
@@ -74,7 +75,7 @@ def observe(
     Raises
     ------
     PlacementError
-        If the world has no ego actor and no pose is given.
+        If the world has no ego actor and no vehicle is given.
     TimeRangeError
         If the time lies outside the world's motion.
     """
@@ -82,14 +83,16 @@ def observe(
     timings: dict[str, float] = {}
     started = perf_counter()
     state = world.at(timestamp_ns / 1e9)
-    if world_from_vehicle is None:
+    if radar is not None:
+        rig = rig.with_radar(radar)
+    if vehicle is None:
         if world.ego is None:
             raise PlacementError(
-                f"world '{world.name}' has no ego vehicle that carries the rig; give observe(..., world_from_vehicle=Pose(...))"
+                f"world '{world.name}' has no ego vehicle that carries the rig; give observe(..., vehicle=Pose(...))"
             )
-        world_from_vehicle = state.actor_pose(world.ego)
-        vehicle_twist = vehicle_twist or state.actor_twist(world.ego)
-    vehicle_twist = vehicle_twist or Twist()
+        carrier = state.mount(world.ego)
+    else:
+        carrier = Mount.of(vehicle)
     objects = state.boxes()
     timings["world"] = perf_counter() - started
 
@@ -97,11 +100,9 @@ def observe(
     for position, mount in enumerate(rig.sensors):
         on_stage(mount.name, position / len(rig.sensors))
         started = perf_counter()
-        lever = world_from_vehicle.rotate(mount.vehicle_from_sensor.position)
-        results[mount.name] = _sensor(mount.kind, mount.spec).observe(
+        results[mount.name] = _sensor(mount).observe(
             state,
-            world_from_vehicle.compose(mount.vehicle_from_sensor),
-            Twist(vehicle_twist.velocity_at(lever), vehicle_twist.angular),
+            carrier.at(mount.vehicle_from_sensor),
             seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name),
         )
         timings[mount.kind] = timings.get(mount.kind, 0.0) + perf_counter() - started
@@ -112,8 +113,8 @@ def observe(
         index=index,
         timestamp_ns=timestamp_ns,
         seed=seed,
-        world_from_vehicle=world_from_vehicle,
-        vehicle_twist=vehicle_twist,
+        world_from_vehicle=carrier.pose,
+        vehicle_twist=carrier.twist,
         results=results,
         objects=count_labels(objects, results),
         timings=timings,
@@ -126,23 +127,31 @@ def simulate(
     times: Sequence[float],
     seed: int = 0,
     *,
+    radar: RadarSettings | None = None,
     skip: Collection[int] = (),
     on_stage: OnStage = _ignore,
 ) -> Iterator[Frame]:
     """Yield a frame for each time, one after the other, without those whose index is in `skip`.
 
-    A frame does not depend on the frames before it.
+    A frame does not depend on the frames before it. `radar` is as in :func:`observe`.
     """
+    if radar is not None:
+        rig = rig.with_radar(radar)
     for index, time in enumerate(times):
         if index not in skip:
             yield observe(world, rig, time, seed, index=index, on_stage=on_stage)
 
 
 def resolve_rig(scenario: ScenarioSpec) -> Rig:
-    """Return the scenario's rig: a preset in its quality, or the rig of a file."""
+    """Return the scenario's rig: a preset or that of a file, in its quality, and with the scenario's radar settings on top.
+
+    In a rig file, the quality stands for what the file does not state of the settings of its radars.
+    """
     if Path(scenario.rig).suffix in (".yaml", ".yml", ".json"):
-        return Rig.load(scenario.find(scenario.rig))
-    return Rig.preset(scenario.rig, scenario.quality)
+        rig = Rig.load(scenario.find(scenario.rig)).in_quality(scenario.quality)
+    else:
+        rig = Rig.preset(scenario.rig, scenario.quality)
+    return rig if scenario.radar is None else rig.with_radar(scenario.radar)
 
 
 def load_world(scenario: ScenarioSpec) -> World:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose, Twist
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_COLORS, semantic_id
@@ -170,6 +171,6 @@ def _radar(
     places = np.array([item.world_from_box.position for item in objects])
     motion = np.array([item.twist.linear for item in objects])
     ahead = pose.inverse().apply(places)[:, 0] > 1.0
-    paths = point_targets(places[ahead], motion[ahead], 10.0, spec, pose, radar_twist=own)
+    paths = point_targets(places[ahead], motion[ahead], 10.0, spec, Mount(pose, own))
     codes, scale, saturated = quantize(synthesize(paths, spec, rng=rng), spec)
     return RadarFrame(spec, pose, codes, scale, saturated, paths.num_paths, {"method": "points"})

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -18,12 +19,13 @@ from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.scenes import Thing, box, plane, write_scene
 
 PLACE = Pose([2.0, 0.0, 1.0])
+FEW_RAYS = RadarSettings(raycast={"num_rays": 500}, accuracy={"tube_budget": 50})
 RIG = Rig(
     "tiny",
     (
         SensorMount("front/camera", "camera", CameraSpec(width=32, height=18, samples_per_pixel=1), PLACE),
         SensorMount("front/lidar", "lidar", LidarSpec(num_azimuth=31, num_elevation=9), PLACE),
-        SensorMount("front/radar", "radar", RadarSpec().with_(num_rays=500, num_chirps=8, num_samples=64), PLACE),
+        SensorMount("front/radar", "radar", RadarSpec().with_(num_chirps=8, num_samples=64), PLACE, FEW_RAYS),
     ),
 )
 SHARD_FRAMES = 4

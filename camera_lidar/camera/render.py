@@ -38,7 +38,7 @@ def render_radiance(
     state: Any,
     spec: CameraSpec,
     world_from_sensor: Pose,
-    seed_generator: np.random.Generator,
+    rng: np.random.Generator,
     sensor_twist: Twist | None = None,
 ) -> npt.NDArray[np.float32]:
     """Path trace the linear RGB radiance of every pixel.
@@ -51,7 +51,7 @@ def render_radiance(
         `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done here.
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).
-    seed_generator : numpy.random.Generator
+    rng : numpy.random.Generator
         Draws the seed of the sampler: the same generator state gives the same bytes.
     sensor_twist : Twist, optional
         Velocity of the sensor, for motion blur; default: at rest.
@@ -66,7 +66,7 @@ def render_radiance(
     Without denoiser the estimate is unbiased but for paths longer than `max_depth`. Its standard deviation falls as n^-1/2 with
     n samples inside smooth areas, and faster at edges (multi-jittered sampling); measured in docs/camera.md.
     """
-    seed = int(seed_generator.integers(2**32))
+    seed = int(rng.integers(2**32))
     moments = _moments(state, spec, world_from_sensor, sensor_twist or Twist())
     count = -(-spec.samples_per_pixel // len(moments))
     radiance = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
@@ -131,16 +131,16 @@ def render_rgb(
     state: Any,
     spec: CameraSpec,
     world_from_sensor: Pose,
-    seed_generator: np.random.Generator,
+    rng: np.random.Generator,
     sensor_twist: Twist | None = None,
 ) -> npt.NDArray[np.uint8]:
     """Return the 8-bit sRGB image, shape (height, width, 3): :func:`render_radiance`, what falls, then :func:`develop`."""
-    radiance = render_radiance(state, spec, world_from_sensor, seed_generator, sensor_twist)
+    radiance = render_radiance(state, spec, world_from_sensor, rng, sensor_twist)
     weather = state.world.weather
     if weather.rain_rate > 0.0 or weather.snow_rate > 0.0:
-        drops = seed_generator.spawn(1)[0]
+        drops = rng.spawn(1)[0]
         radiance = add_falling(radiance, state, spec, world_from_sensor, sensor_twist or Twist(), drops)
     lighting, info = state.world.lighting, state.world.document.info
     # a scene under its own lamps (tunnel, underground car park) states the exposure that suits them, whatever the sky does
     exposure = float(info["exposure"]) if "exposure" in info else (1.0 if lighting is None else lighting.exposure)
-    return develop(radiance, spec, seed_generator, exposure)
+    return develop(radiance, spec, rng, exposure)

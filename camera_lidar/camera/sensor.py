@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import ImageFrame
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.rays.placement import check_placement
+from scarl_sionna.engine.world import WorldState
 
 from .labels import LABEL_NAMES, render_labels
 from .render import render_rgb
@@ -26,19 +28,15 @@ class Camera:
     def __init__(self, spec: CameraSpec) -> None:
         self.spec = spec
 
-    def observe(
-        self, state: Any, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
-    ) -> ImageFrame:
+    def observe(self, state: WorldState, mount: Mount | Pose, rng: np.random.Generator) -> ImageFrame:
         """Return the images named in ``spec.images`` at the state's time; the others stay None and cost nothing.
 
         Parameters
         ----------
-        state : scarl_sionna.engine.world.WorldState
-        world_from_sensor : Pose
-            Sensor frame (x forward = optical axis, y left, z up).
-        sensor_twist : Twist
-            For motion blur and optical flow.
-        seed_generator : numpy.random.Generator
+        state : WorldState
+        mount : Mount or Pose
+            Sensor frame (x forward = optical axis, y left, z up); its velocity is for motion blur and optical flow.
+        rng : numpy.random.Generator
             Seeds the samples and the noise of the RGB image; the label images are not random.
 
         Raises
@@ -48,12 +46,13 @@ class Camera:
         EngineError
             If a denoised image is asked for and Open Image Denoise is missing.
         """
-        check_placement(state, world_from_sensor.position, "camera")
+        place = state.as_mount(mount)
+        check_placement(state, place.pose.position, "camera")
         wanted = set(self.spec.images)
         images: dict[str, Any] = {}
         if "rgb" in wanted:
-            images["rgb"] = render_rgb(state, self.spec, world_from_sensor, seed_generator, sensor_twist)
+            images["rgb"] = render_rgb(state, self.spec, place.pose, rng, place.twist)
         if chosen := [name for name in LABEL_NAMES if name in wanted]:
-            labels = render_labels(state, self.spec, world_from_sensor, sensor_twist, chosen)
+            labels = render_labels(state, self.spec, place.pose, place.twist, chosen)
             images |= {name: getattr(labels, name) for name in chosen}
-        return ImageFrame(spec=self.spec, world_from_sensor=world_from_sensor, **images)
+        return ImageFrame(spec=self.spec, world_from_sensor=place.pose, **images)

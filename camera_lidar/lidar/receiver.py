@@ -38,7 +38,7 @@ def receive(
     distance: Array,
     radial_velocity: Array,
     intensity: Array,
-    seed_generator: np.random.Generator,
+    rng: np.random.Generator,
 ) -> Received:
     r"""Apply drop-out and noise to ideal returns.
 
@@ -52,7 +52,7 @@ def receive(
         Which one each return takes.
     distance, radial_velocity, intensity : ndarray of float64, shape (num_returns,)
         Ideal values [m], [m/s], [relative].
-    seed_generator : numpy.random.Generator
+    rng : numpy.random.Generator
         Gives every effect a stream of its own with one draw a slot, so that neither switching an effect nor a return more or
         less changes the noise of the others.
 
@@ -72,7 +72,7 @@ def receive(
     .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for Autonomous
        Driving", section 2.2: annihilation by intensity, AWGN with variance proportional to distance.
     """
-    seeds = seed_generator.integers(2**63, size=3)  # always drawn: the streams do not depend on what is switched on
+    seeds = rng.integers(2**63, size=3)  # always drawn: the streams do not depend on what is switched on
     drop_out, range_noise, velocity_noise = (np.random.Generator(np.random.PCG64(int(seed))) for seed in seeds)
 
     kept = np.arange(distance.shape[0])

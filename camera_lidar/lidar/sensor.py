@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.core.specs.atmosphere import Atmosphere
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
 from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.engine.spray import SprayCloud, spray_clouds
+from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.tables import PartTable
 
 from .beat import estimate_beats, synthesize_beats
@@ -53,21 +55,18 @@ class Lidar:
     def __init__(self, spec: LidarSpec) -> None:
         self.spec = spec
 
-    def observe(
-        self, state: Any, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
-    ) -> LidarScan:
+    def observe(self, state: WorldState, mount: Mount | Pose, rng: np.random.Generator) -> LidarScan:
         """Return the scan that begins at the state's time: one row a detected return.
 
         The air is that of the spec's own `atmosphere`; where that is left clear, the world's weather.
 
         Parameters
         ----------
-        state : scarl_sionna.engine.world.WorldState
-        world_from_sensor : Pose
-            Sensor frame (x forward, y left, z up) at the state's time.
-        sensor_twist : Twist
-            Velocity of the sensor itself, world axes; enters the radial velocity and the motion during the scan.
-        seed_generator : numpy.random.Generator
+        state : WorldState
+        mount : Mount or Pose
+            Sensor frame (x forward, y left, z up) at the state's time; its velocity enters the radial velocity and the motion
+            during the scan.
+        rng : numpy.random.Generator
             All randomness of the receiver; the moments stand at :func:`camera_lidar.lidar.receiver.receive` and
             :func:`camera_lidar.lidar.heterodyne.receive_heterodyne`.
 
@@ -76,19 +75,18 @@ class Lidar:
         PlacementError
             If the lidar is inside a closed mesh.
         """
-        check_placement(state, world_from_sensor.position, "lidar")
+        place = state.as_mount(mount)
+        check_placement(state, place.pose.position, "lidar")
         weather = state.world.weather
         if not weather.is_clear and self.spec.atmosphere == Atmosphere():
             spec = self.spec.with_(atmosphere=weather.atmosphere)
-            return replace(Lidar(spec)._observe(state, world_from_sensor, sensor_twist, seed_generator), spec=self.spec)
-        return self._observe(state, world_from_sensor, sensor_twist, seed_generator)
+            return replace(Lidar(spec)._observe(state, place, rng), spec=self.spec)
+        return self._observe(state, place, rng)
 
-    def _observe(
-        self, state: Any, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
-    ) -> LidarScan:
+    def _observe(self, state: WorldState, mount: Mount, rng: np.random.Generator) -> LidarScan:
         spec, parts = self.spec, state.world.parts
         times = shot_times(spec)
-        motion = sensor_motion(state, world_from_sensor, sensor_twist, float(times.max()))
+        motion = sensor_motion(state, mount.pose, mount.twist, float(times.max()))
         origins, directions = shot_rays(motion, shot_directions(spec), times)
         still = len(motion.times) == 1 or bool(np.all(motion.linear == motion.linear[0]))
         shots = _Shots(origins, directions, motion.linear[0] if still else motion.linear_at(times), times)
@@ -96,8 +94,8 @@ class Lidar:
         echoes = dim_echoes(self._trace(state, motion, shots), clouds, origins, directions)
         returns = gather(spec, echoes)
         wind = np.array([*state.world.weather.wind, 0.0])
-        found, beats = self._receive(echoes, returns, shots, clouds, wind, seed_generator)
-        return self._scan(world_from_sensor, motion, parts, returns, found, beats)
+        found, beats = self._receive(echoes, returns, shots, clouds, wind, rng)
+        return self._scan(mount.pose, motion, parts, returns, found, beats)
 
     def _trace(self, state: Any, motion: Motion, shots: _Shots) -> Echoes:
         spec = self.spec

@@ -14,6 +14,7 @@ from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
 
 from .common import EXIT_INCOMPLETE, collected_warnings, reported
+from .options import ScenarioOptions, scenario_options
 
 if TYPE_CHECKING:
     from scarl_sionna.batch import ExportReport, ExportSettings
@@ -23,8 +24,10 @@ _FILES = (".yaml", ".yml", ".json")
 
 
 @app.command()
+@scenario_options
 def export(
     context: typer.Context,
+    chosen: ScenarioOptions,
     scenarios: Annotated[
         list[str],
         typer.Argument(
@@ -32,7 +35,6 @@ def export(
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
-    frames: Annotated[int | None, typer.Option(help="Frames of each scenario, instead of those in its file.")] = None,
     workers: Annotated[int, typer.Option(min=0, help="Processes on this machine (0: in this process).")] = 0,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, for instance tcp://host:8786.")
@@ -55,12 +57,12 @@ def export(
     description: Annotated[str, typer.Option(help="For the dataset card.")] = "",
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Remove what is in the folder first.")] = False,
 ) -> None:
-    """Make a dataset of scenarios, or what is missing of it.
+    """Make a dataset of scenarios, or what is missing of it. Options about scenarios hold for each of them.
 
     However it was stopped, the same command goes on where it was; the bytes do not depend on the number of workers.
     """
     with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
-        specs = [load_scenario(text, frames) for text in scenarios]
+        specs = [chosen.apply(load_scenario(text)) for text in scenarios]
         part = None if shard is None else _part(shard)
         from scarl_sionna.batch import ExportSettings
         from scarl_sionna.dataset.encoding import StoreOptions
@@ -114,8 +116,10 @@ def verify(
 
 
 @app.command()
+@scenario_options
 def preview(
     context: typer.Context,
+    chosen: ScenarioOptions,
     target: Annotated[
         str, typer.Argument(help="Folder or address of a dataset; or a scenario: file, ready scenario, or scene name.")
     ],
@@ -127,15 +131,15 @@ def preview(
         Path | None,
         typer.Option(help="File to write (default: preview.png of a dataset, <name>.gif of a scenario; or .mp4)."),
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="Scenario: length [s] (default: the scenario's).")] = None,
-    frame_rate: Annotated[
-        float | None, typer.Option(help="Scenario: pictures a second (default: the scenario's).")
-    ] = None,
     strip: Annotated[bool, typer.Option(help="Scenario: render the ego vehicle's view five times, too.")] = True,
 ) -> None:
     """Draw a dataset's frame as a contact sheet, or a scenario from above as an animation with a strip of renders."""
     with reported(context, "nothing was written"):
         if not _is_scenario(target):
+            if chosen.says_anything:
+                raise ParameterRangeError(
+                    "options about scenarios", target, "a scenario or a scene", "a dataset is shown as it is"
+                )
             if "://" not in target and not Path(target).exists():
                 raise UnknownNameError(
                     "scenario or scene", target, _ready(), "or give a scenario file, or the folder of a dataset"
@@ -148,9 +152,8 @@ def preview(
 
         scenario = load_scenario(target)
         if Path(target).suffix not in _FILES and target not in scenario_names():
-            scenario = scenario.with_(duration=duration or 8.0)  # a scene's own drive
-        elif duration is not None:
-            scenario = scenario.with_(duration=duration)
+            scenario = scenario.with_(duration=8.0)  # a scene's own drive
+        scenario = chosen.apply(scenario)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True)) as progress:
             tasks: dict[str, Any] = {}
@@ -163,7 +166,7 @@ def preview(
             made = write_preview(
                 scenario,
                 out or Path(f"{scenario.scene_name}.gif"),
-                frame_rate=frame_rate,
+                frame_rate=chosen.fields["frame_rate"],
                 strip=strip,
                 on_progress=on_progress,
             )
@@ -205,7 +208,7 @@ def show_dataset(place: str) -> str:
     return "\n".join(lines)
 
 
-def load_scenario(text: str, frames: int | None = None) -> ScenarioSpec:
+def load_scenario(text: str) -> ScenarioSpec:
     """Return the scenario of a file, named after it, a ready one, or that of a scene's name."""
     path = Path(text)
     if path.suffix in _FILES or text in scenario_names():
@@ -214,7 +217,7 @@ def load_scenario(text: str, frames: int | None = None) -> ScenarioSpec:
             scenario = scenario.with_(name=re.sub(r"[^A-Za-z0-9_\-]", "_", path.stem))
     else:
         scenario = ScenarioSpec(scene=text)
-    return scenario if frames is None else scenario.with_(num_frames=frames)
+    return scenario
 
 
 def named_scenario(text: str) -> ScenarioSpec:

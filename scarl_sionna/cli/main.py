@@ -17,6 +17,7 @@ from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
 from . import calibrate, datasets, formats
 from .common import collected_warnings, reported
+from .options import ScenarioOptions, scenario_options
 
 if TYPE_CHECKING:
     from scarl_sionna.app.demo import RunSummary
@@ -55,43 +56,19 @@ def _global_options(
 
 
 @app.command()
+@scenario_options
 def demo(
     context: typer.Context,
+    chosen: ScenarioOptions,
     out: Annotated[Path, typer.Option(help="Folder to write to.")] = Path("demo_out"),
     scenario: Annotated[
         str | None,
         typer.Option(
-            help="Scenario file (.yaml, .json) or the name of a ready scenario; the options below win over it."
+            help="Scenario file (.yaml, .json) or the name of a ready scenario; the other options win over it."
         ),
     ] = None,
-    frames: Annotated[int | None, typer.Option(help=f"Number of frames (default: {_DEFAULTS.num_frames}).")] = None,
-    duration: Annotated[float | None, typer.Option(help="Length instead of a number of frames [s].")] = None,
-    quality: Annotated[str | None, typer.Option(help=f"draft or full (default: {_DEFAULTS.quality}).")] = None,
     scene: Annotated[
         str | None, typer.Option(help=f"Scene name or path of an XML file (default: {_DEFAULTS.scene}).")
-    ] = None,
-    variant: Annotated[
-        int | None, typer.Option(help=f"Variant of the scene, built on first use (default: {_DEFAULTS.variant}).")
-    ] = None,
-    detail: Annotated[
-        str | None, typer.Option(help=f"Level of geometry, light or detailed (default: {_DEFAULTS.detail}).")
-    ] = None,
-    lighting: Annotated[
-        str | None, typer.Option(help="day, dusk, night, overcast or rain (default: that of the scene).")
-    ] = None,
-    weather: Annotated[
-        str | None, typer.Option(help="clear, drizzle, rain, heavy_rain, fog, dense_fog or snow (default: clear).")
-    ] = None,
-    rig: Annotated[
-        str | None,
-        typer.Option(
-            help="front: one suite of five sensors; scarl: six suites all around; or the path of a rig file "
-            f"(default: {_DEFAULTS.rig})."
-        ),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(help=f"Root of all random numbers (default: {_DEFAULTS.seed}).")] = None,
-    frame_rate: Annotated[
-        float | None, typer.Option(help=f"Frames a second [Hz] (default: {_DEFAULTS.frame_rate:g}).")
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Remove the frames in the folder first. Without it they are kept.")
@@ -101,24 +78,11 @@ def demo(
 
     A run that was stopped goes on where it was: frames of the same settings that are complete are kept.
     """
-    given = {
-        "num_frames": frames,
-        "duration": duration,
-        "quality": quality,
-        "scene": scene,
-        "variant": variant,
-        "detail": detail,
-        "lighting": lighting,
-        "weather": weather,
-        "rig": rig,
-        "seed": seed,
-        "frame_rate": frame_rate,
-    }
-    changes = {name: value for name, value in given.items() if value is not None}
     with reported(context, f"finished frames are kept in {out}; the same command goes on from there"):
         base = datasets.named_scenario(scenario) if scenario else _DEFAULTS
         started = perf_counter()
-        summary = _run(base.with_(**changes), out, overwrite)
+        base = base if scene is None else base.with_(scene=scene)
+        summary = _run(chosen.apply(base), out, overwrite)
         _print_summary(summary, perf_counter() - started)
 
 

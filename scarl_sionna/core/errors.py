@@ -37,6 +37,14 @@ class UnknownNameError(ScarlError, KeyError):
         return str(self.args[0])
 
 
+class InputTypeError(ScarlError, TypeError):
+    """A value of another type than the one that is needed."""
+
+    def __init__(self, name: str, value: object, needed: str, remedy: str = "") -> None:
+        self.name, self.value, self.needed, self.remedy = name, value, needed, remedy
+        super().__init__(f"{name} is a {type(value).__name__}, not {needed}" + (f"; {remedy}" if remedy else ""))
+
+
 class SceneError(ScarlError):
     """A scene's files are missing, broken or contradict each other."""
 
@@ -256,3 +264,7 @@ class CollisionError(ScenarioError, PlacementError):
 
 class ScarlWarning(UserWarning):
     """A result is outside the range in which its method is right."""
+
+
+class SmallMirrorWarning(ScarlWarning):
+    """A mirror reflection comes from a surface smaller than its first Fresnel zone."""

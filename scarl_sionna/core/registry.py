@@ -10,12 +10,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from .errors import UnknownNameError
-from .pose import Pose, Twist
+from .mount import Mount
+from .settings.radar import RadarSettings
 from .spec import Spec
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
 from .specs.radar.spec import RadarSpec
-from .specs.radar.version_0_1 import read_radar
+from .specs.radar.version_0_1 import lift_version_0_1
 
 ENTRY_POINT_GROUP = "scarl.sensors"
 
@@ -24,23 +25,22 @@ SPEC_TYPES: Mapping[str, type[Spec]] = {"camera": CameraSpec, "lidar": LidarSpec
 
 
 class Sensor(Protocol):
-    """A sensor looks at a state of the world from a pose and returns a result; it keeps no state of its own."""
+    """A sensor looks at a state of the world from a mount and returns a result; it keeps no state of its own.
+
+    A kind that can be simulated in several ways takes its settings as second argument of the constructor.
+    """
 
     def __init__(self, spec: Any) -> None: ...
 
-    def observe(
-        self, state: Any, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
-    ) -> Any:
+    def observe(self, state: Any, mount: Mount, rng: np.random.Generator) -> Any:
         """Return the sensor's result at the state's time.
 
         Parameters
         ----------
         state : scarl_sionna.engine.world.WorldState
-        world_from_sensor : Pose
-            Sensor frame: x forward, y left, z up.
-        sensor_twist : Twist
-            Velocity of the sensor itself, world axes.
-        seed_generator : numpy.random.Generator
+        mount : Mount
+            Pose (x forward, y left, z up) and velocity of the sensor.
+        rng : numpy.random.Generator
             The only source of randomness.
         """
 
@@ -70,21 +70,32 @@ def spec_type(kind: str) -> type[Spec]:
         raise UnknownNameError("sensor kind", kind, {*SPEC_TYPES, *error.known}, error.remedy) from None
 
 
-def read_spec(kind: str, data: Mapping[str, Any]) -> Spec:
-    """Return the specification that a rig file or a dataset holds, of this version or an earlier one.
+SETTINGS_TYPES: Mapping[str, type[Spec]] = {"radar": RadarSettings}
+"""Settings of each built-in sensor kind that has some. The class of another kind names its own as ``settings_type``."""
+
+
+def settings_type(kind: str) -> type[Spec] | None:
+    """Return the class of the settings with which a sensor kind is simulated, None for a kind that has none."""
+    if kind in SPEC_TYPES:
+        return SETTINGS_TYPES.get(kind)
+    return getattr(sensor_class(kind), "settings_type", None)
+
+
+def lifted(kind: str, spec: Mapping[str, Any], settings: Any = None) -> tuple[Mapping[str, Any], Any]:
+    """Return the fields of a specification and of settings in a rig file or a dataset as this version has them.
 
     Parameters
     ----------
     kind : str
         Sensor kind.
-    data : mapping
-        Fields of the specification; those left out keep their defaults.
+    spec : mapping
+        Fields of the specification, of this version or an earlier one.
+    settings : mapping, optional
+        Fields of the settings.
 
     Raises
     ------
-    UnknownNameError
-        If the kind is not known.
     ParameterRangeError
-        If a key is unknown or a value is not allowed.
+        If fields of different versions stand beside each other.
     """
-    return read_radar(data) if kind == "radar" else spec_type(kind)(**data)
+    return lift_version_0_1(spec, settings) if kind == "radar" else (spec, settings)

@@ -152,7 +152,7 @@ class RadarFrame:
         What the solver chose and left out.
     cell_instance : ndarray of uint16, shape (num_chirps, num_samples), or None
         Ground truth of the range-Doppler map with Hann windows and without zero padding: the instance with most power in the
-        cell; 0 where no path reaches. Only if ``spec.cell_labels``.
+        cell; 0 where no path reaches. Only with ``cell_labels`` of the settings.
     cell_share, cell_ghost_share : ndarray of uint8, same shape, or None
         That instance's share of the cell's power, and the share of all power that came by multipath, times 255.
     cell_power : ndarray of float32, same shape, or None

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from .errors import ParameterRangeError
+from .errors import ParameterRangeError, UnknownNameError
 
 SpecT = TypeVar("SpecT", bound="Spec")
 
@@ -30,9 +30,34 @@ class Spec(BaseModel):
             value, allowed = first.get("input"), first["msg"].removeprefix("Value error, ")
             raise ParameterRangeError(name, repr(value)[:80], allowed) from error
 
+    @classmethod
+    def of(cls: type[SpecT], **fields: Any) -> SpecT:
+        """Return the specification of some fields; a misspelt one is an error that lists the known ones.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such field.
+        ParameterRangeError
+            If a value is not allowed.
+        """
+        for name in fields:
+            if name not in cls.model_fields:
+                raise UnknownNameError(f"field of {cls.__name__}", name, cls.model_fields)
+        return cls(**fields)
+
     def with_(self: SpecT, **changes: Any) -> SpecT:
-        """Return a copy with some fields changed; the copy is validated again."""
-        return type(self)(**{**{name: getattr(self, name) for name in type(self).model_fields}, **changes})
+        """Return a copy with some fields changed; the copy is validated again, and knows which fields were ever set."""
+        kept = {name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set}
+        return type(self)(**{**kept, **changes})
+
+    def merged(self: SpecT, changes: SpecT) -> SpecT:
+        """Return a copy with the fields that were set in `changes`, those of nested specifications one by one."""
+        fields = {}
+        for name in changes.model_fields_set:
+            old, new = getattr(self, name), getattr(changes, name)
+            fields[name] = old.merged(new) if isinstance(new, Spec) and type(old) is type(new) else new
+        return self.with_(**fields) if fields else self
 
     def model_copy(self: SpecT, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> SpecT:
         """Return :meth:`with_` of the fields in `update`: validated again, and without anything computed before.

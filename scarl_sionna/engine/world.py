@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -12,7 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import TimeRangeError, UnknownNameError
+from scarl_sionna.core.errors import InputTypeError, ScarlWarning, TimeRangeError, UnknownNameError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import semantic_id
@@ -39,6 +41,10 @@ SMALLEST_ROOM = 2.0
 """In a scene without scene.toml, a mesh with all sides at least this long [m] that holds everything is taken for a room."""
 _SPHERE = even_directions(256)
 """Rays that look for a way out of an actor."""
+SLOWEST = 0.1
+"""A slower actor [m/s] stands still for a sensor on it: far below a Doppler bin."""
+CARRIED_WITHIN = 0.5
+"""A sensor this near to a moving actor's box [m] is most likely meant to ride on it: depth of a bumper or of a roof rack."""
 RAYS_PER_BATCH = 1 << 20
 """Rays that are worked on at once: about 200 MB of temporary arrays."""
 
@@ -207,6 +213,51 @@ class WorldState:
         """Return the velocity of an actor."""
         self.world.actor(name)
         return self._twists[name]
+
+    def mount(self, actor: str, actor_from_sensor: Pose | None = None) -> Mount:
+        """Return pose and velocity of a sensor that rides on an actor.
+
+        Parameters
+        ----------
+        actor : str
+            Name of the actor, for instance ``world.ego``.
+        actor_from_sensor : Pose, optional
+            Where it sits: x forward, y left, z up from the actor's origin, on the ground below the middle of a car [m].
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such actor.
+        InputTypeError
+            If `actor_from_sensor` is no pose.
+        """
+        place = Pose() if actor_from_sensor is None else actor_from_sensor
+        if not isinstance(place, Pose):
+            raise InputTypeError("actor_from_sensor", place, "a Pose", "write ss.Pose([x, y, z])")
+        return Mount(self.actor_pose(actor), self.actor_twist(actor), actor).at(place)
+
+    def as_mount(self, place: Mount | Pose) -> Mount:
+        """Return a mount as it is, and a pose as one at rest; warn of a pose that stands on or in a moving actor.
+
+        Raises
+        ------
+        InputTypeError
+            If `place` is neither.
+        """
+        mount = Mount.of(place)
+        if mount is place:
+            return mount
+        for box in self.boxes():
+            offset = np.abs(box.world_from_box.inverse().apply(mount.pose.position)) - box.size / 2.0
+            speed = float(np.linalg.norm(box.twist.linear))
+            if speed > SLOWEST and float(offset.max()) <= CARRIED_WITHIN:
+                warnings.warn(
+                    f"a sensor is given by a pose, so it stands still, but that is on or in '{box.name}', which moves at {speed:.1f} m/s; "
+                    f"state.mount('{box.name}', ss.Pose([x, y, z])) rides on it",
+                    ScarlWarning,
+                    stacklevel=3,
+                )
+        return mount
 
     @cached_property
     def _joints(self) -> dict[str, dict[str, Motion]]:

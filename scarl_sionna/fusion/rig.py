@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -13,17 +13,15 @@ from typing import Any
 import numpy as np
 import yaml
 
-from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError, UnknownNameError
+from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRangeError, ScarlError, UnknownNameError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.registry import read_spec, spec_type
+from scarl_sionna.core.registry import lifted, settings_type, spec_type
+from scarl_sionna.core.settings.radar import QUALITIES, RadarSettings
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.lidar_pattern import RasterScan
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-
-QUALITIES = ("draft", "full")
-"""Named levels of effort: ``"full"`` is the default of every specification, ``"draft"`` is for a look at a scene."""
 
 _NAME = re.compile(r"[A-Za-z0-9_\-]+(/[A-Za-z0-9_\-]+)*")
 _FACING_BACK = (0.0, 0.0, 0.0, 1.0)
@@ -45,11 +43,13 @@ class SensorMount:
         What the sensor is.
     vehicle_from_sensor : Pose
         Sensor frame (x forward, y left, z up) in the vehicle frame (origin on the ground below the middle of the car).
+    settings : RadarSettings, optional
+        How the sensor is simulated, for kinds that have settings: their defaults if left out.
 
     Raises
     ------
     ParameterRangeError
-        If the name has other characters, or the specification is not one of this kind.
+        If the name has other characters, or the specification or the settings are not of this kind.
     UnknownNameError
         If the kind is unknown.
     """
@@ -58,6 +58,7 @@ class SensorMount:
     kind: str
     spec: Spec
     vehicle_from_sensor: Pose
+    settings: Spec | None = None
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
@@ -69,25 +70,36 @@ class SensorMount:
             raise ParameterRangeError(
                 "SensorMount.spec", type(self.spec).__name__, f"a {expected.__name__} for the sensor kind '{self.kind}'"
             )
+        kind = settings_type(self.kind)
+        if self.settings is None and kind is not None:
+            object.__setattr__(self, "settings", kind())
+        elif self.settings is not None and (kind is None or not isinstance(self.settings, kind)):
+            allowed = "none" if kind is None else f"a {kind.__name__}"
+            raise ParameterRangeError(
+                "SensorMount.settings", type(self.settings).__name__, f"{allowed} for the sensor kind '{self.kind}'"
+            )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for a file."""
-        return {
+        data = {
             "name": self.name,
             "kind": self.kind,
             "vehicle_from_sensor": self.vehicle_from_sensor.to_dict(),
             "spec": self.spec.model_dump(mode="json"),
         }
+        return data if self.settings is None else {**data, "settings": self.settings.model_dump(mode="json")}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SensorMount:
-        """Return the mount of :meth:`to_dict`; `spec` may leave out what keeps its default."""
+        """Return the mount of :meth:`to_dict`; `spec` and `settings` may leave out what keeps its default."""
         what = f"sensor '{data.get('name', '?')}'"
-        _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec"})
+        _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec", "settings"})
         pose = data["vehicle_from_sensor"]
         _check_keys(f"{what} vehicle_from_sensor", pose, required={"position"}, optional={"quaternion"})
-        spec = read_spec(data["kind"], data.get("spec") or {})
-        return cls(data["name"], data["kind"], spec, Pose(pose["position"], pose.get("quaternion", _FACING_FRONT)))
+        kind = data["kind"]
+        spec, settings = lifted(kind, data.get("spec") or {}, data.get("settings"))
+        where = Pose(pose["position"], pose.get("quaternion", _FACING_FRONT))
+        return cls(data["name"], kind, spec_type(kind)(**spec), where, _settings_of(kind, what, settings))
 
 
 @dataclass(frozen=True)
@@ -149,6 +161,38 @@ class Rig:
         chosen = tuple(m for m in self.sensors if any(fnmatchcase(m.name, pattern) for pattern in patterns))
         return Rig(name or self.name, chosen)
 
+    def with_radar(self, settings: RadarSettings) -> Rig:
+        """Return the rig with the fields that are set in `settings` replaced for every radar; the others stay.
+
+        Raises
+        ------
+        InputTypeError
+            If `settings` is no RadarSettings.
+        """
+        if not isinstance(settings, RadarSettings):
+            raise InputTypeError(
+                "settings", settings, "a RadarSettings", "for instance RadarSettings(method='raycast')"
+            )
+        return self._with_settings(lambda own: own.merged(settings))
+
+    def in_quality(self, quality: str) -> Rig:
+        """Return the rig with the settings of a quality wherever a radar does not state its own.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such quality.
+        """
+        preset = RadarSettings.preset(quality)
+        return self._with_settings(preset.merged)
+
+    def _with_settings(self, change: Callable[[RadarSettings], RadarSettings]) -> Rig:
+        sensors = (
+            replace(mount, settings=change(mount.settings)) if isinstance(mount.settings, RadarSettings) else mount
+            for mount in self.sensors
+        )
+        return replace(self, sensors=tuple(sensors))
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for a file."""
         return {"name": self.name, "sensors": [mount.to_dict() for mount in self.sensors]}
@@ -203,9 +247,9 @@ class Rig:
         ----------
         quality : str
             ``"full"``: the default of every specification. ``"draft"``: smaller images with fewer samples, a coarser
-            lidar raster and fewer radar rays.
+            lidar raster and fewer radar rays and tubes.
         radar : RadarSpec, optional
-            Radar of every suite; default ``RadarSpec.preset("awr1843boost")``, with fewer rays in a draft.
+            Radar of every suite; default ``RadarSpec.preset("awr1843boost")``.
 
         References
         ----------
@@ -218,7 +262,7 @@ class Rig:
             for side, y in (("left", 0.4), ("center", 0.0), ("right", -0.4)):
                 pose = Pose(np.array([x, y, 0.8]), np.array(quaternion))
                 mounts += [SensorMount(f"{end}_{side}/{name}", kind, spec, pose) for name, kind, spec in specs]
-        return cls("scarl", tuple(mounts))
+        return cls("scarl", tuple(mounts)).with_radar(RadarSettings.preset(quality))
 
     @classmethod
     def front(cls, quality: str = "full", radar: RadarSpec | None = None) -> Rig:
@@ -246,7 +290,6 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
     lidar = LidarSpec(scan=RasterScan(num_azimuth=480)) if draft else LidarSpec()
     if radar is None:
         radar = RadarSpec.preset("awr1843boost")
-        radar = radar.with_(num_rays=250_000) if draft else radar
     return [
         ("rgb", "camera", camera.with_(images=("rgb",))),
         ("semantic", "camera", camera.with_(images=("semantic", "instance"))),
@@ -254,6 +297,20 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
         ("lidar", "lidar", lidar),
         ("radar", "radar", radar),
     ]
+
+
+def _settings_of(kind: str, what: str, data: Any) -> Spec | None:
+    """Return the settings of a sensor from plain data."""
+    cls = settings_type(kind)
+    if data is None:
+        return None
+    if cls is None:
+        raise ParameterRangeError(
+            f"{what} settings", repr(data)[:80], f"none: the sensor kind '{kind}' has no settings"
+        )
+    if not isinstance(data, Mapping):
+        raise ParameterRangeError(f"{what} settings", repr(data)[:80], f"a mapping with fields of {cls.__name__}")
+    return cls(**data)
 
 
 def _check_keys(what: str, data: Any, required: set[str], optional: set[str] = frozenset()) -> None:  # type: ignore[assignment]

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.signal.processing import doppler_axis, range_doppler, virtual_cube, window_values
@@ -139,7 +140,7 @@ def part_of_paths(paths: RadarPaths, state: WorldState) -> npt.NDArray[np.int32]
 def spectrograms(
     world: World,
     radar: RadarSpec,
-    pose: Pose | Callable[[float], Pose],
+    mount: Mount | Pose | Callable[[float], Mount | Pose],
     times: npt.ArrayLike,
     groups: Mapping[str, Sequence[int]] | None = None,
     *,
@@ -147,7 +148,7 @@ def spectrograms(
     num_doppler_bins: int | None = None,
     window: str = "hann",
     method: str = "raycast",
-    **options: Any,
+    **fields: Any,
 ) -> dict[str, Spectrogram]:
     """Return the spectrogram of a target and of groups of its parts, each column solved anew.
 
@@ -156,8 +157,8 @@ def spectrograms(
     world : World
     radar : RadarSpec
         One frame of it makes one spectrum: its `frame_time` is the window. Of several channels the powers are averaged.
-    pose : Pose or callable
-        world_from_radar, or that as a function of time [s].
+    mount : Mount, Pose or callable
+        Of the radar, or that as a function of time [s].
     times : array_like of float, shape (num_times,)
         Start of each column [s].
     groups : mapping of str to sequence of int, optional
@@ -169,8 +170,8 @@ def spectrograms(
         More than the chirps interpolates.
     window : str
         Over the chirps and over range.
-    method, options
-        Of :func:`scarl_sionna.radar.solve_paths`.
+    method, **fields
+        Of :func:`scarl_sionna.solve_paths`.
 
     Returns
     -------
@@ -184,8 +185,8 @@ def spectrograms(
     for look in looks:
         for row, time in enumerate(columns + look):
             state = world.at(float(time))
-            place = pose(float(time)) if callable(pose) else pose
-            paths = solve_paths(state, radar, place, method=method, **options)
+            place = mount(float(time)) if callable(mount) else mount
+            paths = solve_paths(state, radar, place, method=method, **fields)
             power[WHOLE][row] += _spectrum(paths, radar, num_doppler_bins, window)
             part = part_of_paths(paths, state) if groups else np.zeros(0, dtype=np.int32)
             for name, parts in groups.items():

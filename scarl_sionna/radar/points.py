@@ -2,84 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError, PlacementError
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
+from .channel.multipath.solve import solve_sionna
 from .paths import RadarPaths
+from .point_scatterers import POINT_INTERACTION, PointScatterers
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
-
-POINT_INTERACTION = 0
-"""Kind of interaction written for a point target."""
-MIN_DISTANCE = 1e-6
-"""A target nearer than this to the radar's origin has no direction [m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class PointScatterers:
-    """Ideal isotropic point scatterers.
-
-    Parameters
-    ----------
-    positions : array_like of float, shape (num_points, 3)
-        At the start of the frame [m, world].
-    velocities : array_like of float, shape (num_points, 3)
-        Constant over the frame [m/s, world].
-    rcs : array_like of float, shape (num_points,)
-        Radar cross-section [m2], >= 0, the same for V and H; nothing is cross-polarised. A scalar holds for all.
-    instance : array_like of int, shape (num_points,), optional
-        Instance ids, for points that belong to an instance of a scene; if left out, the index + 1 in free space and new
-        ids behind the scene's own in a scene.
-
-    Raises
-    ------
-    ParameterRangeError
-        If a shape is wrong, a value is not finite or an RCS is negative.
-    """
-
-    positions: npt.NDArray[np.float64]
-    velocities: npt.NDArray[np.float64]
-    rcs: npt.NDArray[np.float64]
-    instance: npt.NDArray[np.int32] | None = None
-
-    def __post_init__(self) -> None:
-        points, motion = _rows(self.positions, "positions"), _rows(self.velocities, "velocities")
-        if len(points) != len(motion):
-            raise ParameterRangeError("velocities", f"{len(motion)} rows", f"{len(points)} rows, one for each position")
-        try:
-            sigma = np.broadcast_to(np.asarray(self.rcs, dtype=np.float64), (len(points),))
-        except ValueError:
-            shape = f"a scalar or shape ({len(points)},)"
-            raise ParameterRangeError("rcs", f"shape {np.shape(self.rcs)}", shape) from None
-        if not (np.isfinite(sigma).all() and (sigma >= 0).all()):
-            raise ParameterRangeError(
-                "rcs", f"{np.min(sigma)} m2", "finite and >= 0 m2", "give square metres, not dBsm"
-            )
-        if self.instance is not None:
-            label = np.asarray(self.instance)
-            if label.shape != (len(points),):
-                raise ParameterRangeError("instance", f"shape {label.shape}", f"shape ({len(points)},)")
-            object.__setattr__(self, "instance", label.astype(np.int32))
-        for name, value in (("positions", points), ("velocities", motion), ("rcs", sigma)):
-            object.__setattr__(self, name, value)
-
-    def require_apart(self, origin: npt.ArrayLike) -> None:
-        """Raise :class:`PlacementError` if a point stands at a radar's origin [m, world]."""
-        distance = np.linalg.norm(self.positions - np.asarray(origin), axis=1)
-        if len(distance) and distance.min() < MIN_DISTANCE:
-            index = int(distance.argmin())
-            raise PlacementError(
-                f"target {index} stands at the radar's origin ({self.positions[index]} m); "
-                f"move it at least {MIN_DISTANCE} m away"
-            )
 
 
 def point_targets(
@@ -87,10 +26,9 @@ def point_targets(
     velocities: npt.ArrayLike,
     rcs: npt.ArrayLike,
     radar: RadarSpec,
-    pose: Pose,
-    radar_twist: Twist | None = None,
+    mount: Mount | Pose,
     state: WorldState | None = None,
-    **options: Any,
+    **fields: Any,
 ) -> RadarPaths:
     r"""Return the paths of ideal isotropic point targets.
 
@@ -103,15 +41,16 @@ def point_targets(
     rcs : array_like of float, shape (num_targets,)
         Radar cross-section [m2], >= 0, the same for V and H; nothing is cross-polarised. A scalar holds for all.
     radar : RadarSpec
-    pose : Pose
-        `world_from_radar` at the start of the frame.
-    radar_twist : Twist, optional
-        Velocity of the radar; at rest if left out. Its rotation within a frame is not modelled.
+    mount : Mount or Pose
+        Of the radar at the start of the frame; a bare pose (`world_from_radar`) stands still. Rotation within a frame is not
+        modelled.
     state : WorldState, optional
         Surroundings: the paths to the targets are then traced in them, with occlusion and mirror reflections (two-ray
         ground, ghosts); free space if left out.
-    **options
-        Of :func:`scarl_sionna.radar.channel.multipath.solve.solve_sionna`, with a `state` only.
+    **fields
+        With a `state` only: `settings` (a :class:`~scarl_sionna.RadarSettings`) or its fields, as in
+        :func:`scarl_sionna.solve_paths`, for the solver ``"sionna"``; `receiver` (a Mount or Pose) of a bistatic pair; and
+        `environment`, whether paths that touch no target are there, too (False).
 
     Returns
     -------
@@ -138,19 +77,17 @@ def point_targets(
     .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, Eq. (1.6).
     """
     targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
-    targets.require_apart(pose.position)
     if state is not None:
-        from .channel.multipath.solve import solve_sionna
-
-        return solve_sionna(
-            state, radar, pose, radar_twist=radar_twist, scatterers=targets, **{"environment": False, **options}
-        )
-    if options:
-        raise ParameterRangeError("options", ", ".join(sorted(options)), "none in free space", "give a state")
+        return solve_points(state, radar, mount, targets, **fields)
+    if fields:
+        raise ParameterRangeError("options", ", ".join(sorted(fields)), "none in free space", "give a state")
+    place = Mount.of(mount)
+    pose = place.pose
+    targets.require_apart(pose.position)
     points, motion, sigma = targets.positions, targets.velocities, targets.rcs
     offset = points - pose.position
     distance = np.linalg.norm(offset, axis=1)
-    relative = motion - (radar_twist.linear if radar_twist is not None else 0.0)
+    relative = motion - place.twist.linear
     radial = np.einsum("ij,ij->i", offset, relative) / distance
     amplitude = radar.wavelength * np.sqrt(sigma) / ((4.0 * np.pi) ** 1.5 * distance**2)
     count = len(points)
@@ -170,18 +107,34 @@ def point_targets(
     )
 
 
-def _rows(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
-    """Return finite rows of three, or raise."""
-    try:
-        rows = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ParameterRangeError(name, repr(values)[:60], "numbers of shape (num_targets, 3)") from None
-    if rows.size == 0:
-        return np.zeros((0, 3))
-    if rows.ndim != 2 or rows.shape[1] != 3:
-        raise ParameterRangeError(
-            name, f"shape {rows.shape}", "shape (num_targets, 3)", "wrap a single target in a list"
-        )
-    if not np.isfinite(rows).all():
-        raise ParameterRangeError(name, "NaN or infinity", "finite numbers")
-    return rows
+def solve_points(
+    state: WorldState,
+    radar: RadarSpec,
+    mount: Mount | Pose,
+    points: PointScatterers,
+    *,
+    settings: RadarSettings | None = None,
+    receiver: Mount | Pose | None = None,
+    environment: bool = False,
+    **fields: Any,
+) -> RadarPaths:
+    """Return the paths of point targets in surroundings, with occlusion and multipath by the solver ``"sionna"``.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    mount : Mount or Pose
+    points : PointScatterers
+        Their ids follow the scene's own.
+    settings : RadarSettings, optional
+    receiver : Mount or Pose, optional
+        Of a bistatic pair.
+    environment : bool
+        Whether paths that touch no target are there, too.
+    **fields
+        Fields of the settings, as in :func:`scarl_sionna.solve_paths`.
+    """
+    chosen = (settings or RadarSettings()).changed("sionna", **fields)
+    second = None if receiver is None else state.as_mount(receiver)
+    return solve_sionna(state, radar, state.as_mount(mount), chosen, second, scatterers=points, environment=environment)

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.errors import InputTypeError
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import RadarFrame
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.signal.converter import quantize
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
@@ -27,50 +30,45 @@ if TYPE_CHECKING:
 
 
 class Radar:
-    """A MIMO FMCW radar that looks at a state of the world.
+    """A MIMO radar that looks at a state of the world.
 
     Parameters
     ----------
     spec : RadarSpec
-    method : str
-        Channel solver, see :func:`scarl_sionna.radar.channel.solve_paths`.
-    noise : bool
-        False leaves the receiver's thermal noise out: the ideal sensor.
-    solver_options : mapping, optional
-        Options of the solver, for instance ``{"hits_per_cell": None}``.
-    chirps_per_block : int, optional
-        The paths are solved again in the middle of every block of so many chirps, for wheels and limbs, see
-        :func:`scarl_sionna.radar.synthesis.blocks.synthesize_blocks`; once a frame if left out. The trajectories must cover
-        the frame.
+        What the radar is.
+    settings : RadarSettings, optional
+        How its data are computed: channel solver, noise, blocks of chirps (whose trajectories must cover the frame), labels. A
+        solver's own settings may be given, too.
+    method : str, optional
+        Short form of ``settings.method``.
+
+    Raises
+    ------
+    InputTypeError
+        If `spec` or `settings` are of another type.
     """
 
-    def __init__(
-        self,
-        spec: RadarSpec,
-        method: str = "auto",
-        noise: bool = True,
-        solver_options: Mapping[str, Any] | None = None,
-        chirps_per_block: int | None = None,
-    ) -> None:
-        self.spec = spec
-        self.method = method
-        self.noise = noise
-        self.solver_options = dict(solver_options or {})
-        self.chirps_per_block = chirps_per_block
+    settings_type = RadarSettings
 
-    def observe(
-        self, state: WorldState, world_from_sensor: Pose, sensor_twist: Twist, seed_generator: np.random.Generator
-    ) -> RadarFrame:
+    def __init__(self, spec: RadarSpec, settings: RadarSettings | None = None, method: str | None = None) -> None:
+        if not isinstance(spec, RadarSpec):
+            raise InputTypeError("spec", spec, "a RadarSpec", "for instance RadarSpec.preset('awr1843boost')")
+        if settings is not None and not isinstance(settings, RadarSettings):
+            raise InputTypeError(
+                "settings", settings, "a RadarSettings", "for instance RadarSettings(method='raycast')"
+            )
+        self.spec = spec
+        self.settings = (settings or RadarSettings()).changed(method)
+
+    def observe(self, state: WorldState, mount: Mount | Pose, rng: np.random.Generator) -> RadarFrame:
         """Return the raw data of one frame whose first ramp starts at the state's time.
 
         Parameters
         ----------
         state : WorldState
-        world_from_sensor : Pose
-            Radar frame: x boresight, y left, z up.
-        sensor_twist : Twist
-            Velocity of the radar, world axes.
-        seed_generator : numpy.random.Generator
+        mount : Mount or Pose
+            Radar frame: x boresight, y left, z up. A bare pose stands still.
+        rng : numpy.random.Generator
             Source of the receiver noise, and of the drops in the air where the weather is not clear.
 
         Returns
@@ -83,29 +81,31 @@ class Radar:
         PlacementError
             If the radar or one of its antennas is inside a mesh.
         """
-        options = {"radar_twist": sensor_twist, **self.solver_options}
-        paths = solve_paths(state, self.spec, world_from_sensor, self.method, **options)
-        drops = None if state.world.weather.is_clear else seed_generator.spawn(1)[0]
-        alone, paths = paths, through_weather(paths, state, self.spec, drops, sensor_twist)
+        settings, place = self.settings, state.as_mount(mount)
+        paths = solve_paths(state, self.spec, place, settings=settings)
+        drops = None if state.world.weather.is_clear else rng.spawn(1)[0]
+        alone, paths = paths, through_weather(paths, state, self.spec, drops, place.twist)
         start = time.perf_counter()
-        rng = seed_generator if self.noise else None
-        if self.chirps_per_block is None:
-            adc = synthesize(paths, self.spec, rng=rng)
+        noise = rng if settings.noise else None
+        if settings.chirps_per_block is None:
+            adc = synthesize(paths, self.spec, rng=noise, accuracy=settings.accuracy)
         else:
-            paths_at = retraced(state.world, self.spec, world_from_sensor, state.time, self.method, **options)
+            paths_at = retraced(state.world, self.spec, place, state.time, settings=settings)
             adc = synthesize_blocks(
                 lambda time: through_weather(paths_at(time), state, self.spec, None),
                 self.spec,
-                self.chirps_per_block,
-                rng=rng,
+                settings.chirps_per_block,
+                rng=noise,
+                accuracy=settings.accuracy,
             )
             if paths.num_paths > alone.num_paths:  # drops are traced once: they move straight
-                adc += synthesize(paths.select(np.arange(alone.num_paths, paths.num_paths)), self.spec)
+                drops_alone = paths.select(np.arange(alone.num_paths, paths.num_paths))
+                adc += synthesize(drops_alone, self.spec, accuracy=settings.accuracy)
         synthesized = time.perf_counter()
         codes, scale, num_saturated = quantize(adc, self.spec)
         solve = paths.diagnostics.get("seconds", {})
         quantized = time.perf_counter()
-        truth = self._truth(adc, paths, state) if self.spec.cell_labels else {}
+        truth = self._truth(adc, paths, state) if settings.cell_labels else {}
         seconds = {
             **(solve if isinstance(solve, Mapping) else {"solve": solve}),
             "synthesize": synthesized - start,
@@ -114,7 +114,7 @@ class Radar:
         }
         return RadarFrame(
             spec=self.spec,
-            world_from_sensor=world_from_sensor,
+            world_from_sensor=place.pose,
             adc_int=codes,
             adc_scale=scale,
             num_saturated=num_saturated,

@@ -8,7 +8,7 @@ import pytest
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.channel.raycast.solve import solve_raycast
+from scarl_sionna.radar.channel import solve_paths
 from tests.scenes import Thing, ball, plane, write_scene
 
 RADAR = RadarSpec(azimuth_fov_deg=60.0, elevation_fov_deg=30.0)
@@ -31,7 +31,9 @@ def state(tmp_path_factory):
 @pytest.fixture(scope="module")
 def powers(state) -> dict[int, float]:
     pose = Pose([0, 0, 0.75])
-    return {rays: _power(solve_raycast(state, RADAR, pose, num_rays=rays)) for rays in (10_000, 100_000, 1_000_000)}
+    return {
+        rays: _power(solve_paths(state, RADAR, pose, "raycast", num_rays=rays)) for rays in (10_000, 100_000, 1_000_000)
+    }
 
 
 def test_power_does_not_depend_on_the_number_of_rays(powers: dict[int, float]) -> None:
@@ -46,7 +48,8 @@ def test_constant_rcs_per_hit_grows_with_the_number_of_rays(state) -> None:
     # The paper's literal reading: ten times the rays, ten times the power (3 % as above).
     pose = Pose([0, 0, 0.75])
     few, many = (
-        _power(solve_raycast(state, RADAR, pose, num_rays=n, rcs_model="per_hit")) for n in (100_000, 1_000_000)
+        _power(solve_paths(state, RADAR, pose, "raycast", num_rays=n, rcs_model="per_hit"))
+        for n in (100_000, 1_000_000)
     )
     assert many / few == pytest.approx(10.0, rel=0.06)
 
@@ -56,7 +59,7 @@ def test_smooth_scene_converges_with_second_order(tmp_path) -> None:
     wall = Thing("wall", plane(64.0, 64.0, (20.5, 0, 0), (-1, 0, 0)), "Wall", "grey")
     state = load_scene(write_scene(tmp_path, [wall])).at(0.0)
     power = {
-        n: _power(solve_raycast(state, RADAR, Pose(), num_rays=n, hits_per_cell=None, grid="regular"))
+        n: _power(solve_paths(state, RADAR, Pose(), "raycast", num_rays=n, hits_per_cell=None, grid="regular"))
         for n in (400, 6_400, 1_000_000)
     }
     error = {n: abs(power[n] / power[1_000_000] - 1.0) for n in (400, 6_400)}

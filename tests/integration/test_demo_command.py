@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from scarl_sionna.cli import app
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -29,7 +30,13 @@ RIG = Rig(
     (
         SensorMount("front/camera", "camera", CameraSpec(width=32, height=18, samples_per_pixel=1), PLACE),
         SensorMount("front/lidar", "lidar", LidarSpec(num_azimuth=60, num_elevation=8), PLACE),
-        SensorMount("front/radar", "radar", RadarSpec().with_(num_rays=2_000, num_chirps=16, num_samples=128), PLACE),
+        SensorMount(
+            "front/radar",
+            "radar",
+            RadarSpec().with_(num_chirps=16, num_samples=128),
+            PLACE,
+            RadarSettings(raycast={"num_rays": 2_000}, accuracy={"tube_budget": 200}),
+        ),
     ),
 )
 

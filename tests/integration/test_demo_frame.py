@@ -10,8 +10,10 @@ import time
 import numpy as np
 import pytest
 
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Twist
 from scarl_sionna.core.semantics import SKY, semantic_id
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.dataset.contact_sheet import radar_maps
 from scarl_sionna.engine import variant
@@ -34,13 +36,19 @@ def rig():
     """Return the front suite with one camera for all images, few samples, and a fifth of the paper's rays."""
     front = Rig.front("draft")
     place = front["front_center/rgb"].vehicle_from_sensor
-    radar = front["front_center/radar"].spec.with_(num_rays=200_000)
+    radar = front["front_center/radar"].spec
     return Rig(
         "test",
         (
             SensorMount("camera", "camera", CameraSpec(width=480, height=270, samples_per_pixel=1), place),
             front["front_center/lidar"],
-            SensorMount("radar", "radar", radar, place),
+            SensorMount(
+                "radar",
+                "radar",
+                radar,
+                place,
+                RadarSettings(raycast={"num_rays": 200_000}, accuracy={"tube_budget": 20_000}),
+            ),
         ),
     )
 
@@ -120,7 +128,7 @@ def test_the_scene_is_that_of_scarls_figure_2(frame, objects) -> None:
 
 def test_signs_of_the_radial_velocity_in_the_radar_paths(world, rig, frame, objects) -> None:
     sensor = frame.radars["radar"].world_from_sensor
-    paths = solve_paths(world.at(TIME), rig["radar"].spec, sensor, "raycast", radar_twist=Twist(own_velocity(frame)))
+    paths = solve_paths(world.at(TIME), rig["radar"].spec, Mount(sensor, Twist(own_velocity(frame))), "raycast")
     velocity = paths.length_rate / 2.0  # there and back
     for name, sign in (("guardrail_right", -1), ("oncoming", -1), ("car_ahead", 1)):
         mine = velocity[paths.instance[:, 0] == objects[name].instance]

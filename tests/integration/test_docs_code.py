@@ -46,11 +46,11 @@ def session() -> dict[str, Any]:
     world = ss.load_scene("highway_guardrail")
     state = world.at(0.5)
     pose = state.actor_pose("ego").compose(ss.Pose([2.36, 0.0, 0.8]))
-    radar = ss.RadarSpec.preset("awr1843boost").with_(num_rays=2_000)
+    radar = ss.RadarSpec.preset("awr1843boost")
     targets = pose.apply(np.array([[12.0, 0.5, 0.0], [30.0, -2.0, 0.3]]))
     paths = ss.point_targets(targets, np.zeros((2, 3)), np.ones(2), radar, pose)
     return {
-        "__name__": "docs", "np": np, "ss": ss, "world": world, "state": state, "radar": radar, "pose": pose, "paths": paths,
+        "__name__": "docs", "np": np, "ss": ss, "world": world, "state": state, "radar": radar, "pose": pose, "mount": state.mount("ego", ss.Pose([2.36, 0.0, 0.8])), "paths": paths,
         "twist": Twist(), "rng": np.random.default_rng(0), "world_from_camera": pose, "world_from_lidar": pose,
         "camera_spec": ss.CameraSpec(width=64, height=36), "points_camera_optical": np.array([[0.5, 0.2, 10.0]]),
         "positions": targets, "velocities": np.zeros((2, 3)), "rcs": np.ones(2), "mesh": corner(), "SonarSpec": object,

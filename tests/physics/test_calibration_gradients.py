@@ -17,7 +17,7 @@ from scarl_sionna.calibration import (
 )
 from scarl_sionna.calibration.physics import TrialMaterial, derivative
 from scarl_sionna.calibration.scene_model import FixedPaths, pose_of
-from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.points import solve_points
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.scene.materials.table import builtin_materials
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
@@ -123,8 +123,8 @@ def test_fixed_geometry_gives_the_solvers_paths_and_map(model: ForwardModel) -> 
     before = world.materials
     world.materials = {**before, **real}
     try:
-        paths = solve_paths(
-            fixed.state, spec.radar, pose_of(spec), "sionna", scatterers=fixed.points, environment=False,
+        paths = solve_points(
+            fixed.state, spec.radar, pose_of(spec), fixed.points,
             num_samples=spec.num_samples, max_depth=2,
         )  # fmt: skip
     finally:

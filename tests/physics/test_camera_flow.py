@@ -9,6 +9,7 @@ import pytest
 
 from camera_lidar import Camera
 from camera_lidar.camera.projection import pixel_rays
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import BrownConrady, CameraSpec, KannalaBrandt
 from scarl_sionna.engine.world import load_scene
@@ -30,7 +31,7 @@ def grid(spec: CameraSpec) -> np.ndarray:
 
 def observe(folder: Path, spec: CameraSpec, things: list, actors: list, pose: Pose, twist: Twist | None = None):
     state = load_scene(write_scene(folder, things, actors)).at(0.0)
-    return Camera(spec).observe(state, pose, twist or Twist(), np.random.default_rng(0))
+    return Camera(spec).observe(state, Mount(pose, twist or Twist()), np.random.default_rng(0))
 
 
 def test_normals_of_a_tilted_plane_and_of_the_sky(tmp_path: Path) -> None:
@@ -123,7 +124,7 @@ def test_the_ego_vehicle_carries_its_camera_along_its_trajectory(tmp_path: Path)
     state = world.at(0.0)
     mount = Pose([0.2, 0.0, 0.5])
     camera = Camera(SPEC.with_(flow_interval=0.5))
-    frame = camera.observe(state, mount, state.actor_twist("ego"), np.random.default_rng(0))
+    frame = camera.observe(state, Mount(mount, state.actor_twist("ego")), np.random.default_rng(0))
     at = grid(SPEC)
     middle = SPEC.intrinsics[:2, 2]
     # from 19.8 m to 17.8 m: the accelerating ego is at 2 m after 0.5 s, not at 0.5 s times its first velocity

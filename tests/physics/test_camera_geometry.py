@@ -11,7 +11,7 @@ import pytest
 from camera_lidar import Camera
 from camera_lidar.camera import project, render_labels, render_radiance
 from camera_lidar.camera.projection import camera_optical_from_world, unproject
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.world import load_scene
@@ -102,7 +102,7 @@ def test_instance_mask_holds_exactly_what_is_in_view(tmp_path: Path) -> None:
         Thing("outside", box((1.0, 1.0, 1.0), (5.0, 6.0, 0.0)), "Car"),
     ]
     world = load_scene(write_scene(tmp_path, things))
-    frame = Camera(spec).observe(world.at(0.0), Pose(), Twist(), np.random.default_rng(0))
+    frame = Camera(spec).observe(world.at(0.0), Pose(), np.random.default_rng(0))
     names = {world.instances[i].name for i in np.unique(frame.instance) if i > 0}
     assert names == {"front", "right"}
     # the near face of "front", x = 10: pixels whose centre lies within the projected rectangle, none else near it
@@ -122,7 +122,7 @@ def test_an_actor_is_seen_where_its_trajectory_puts_it(tmp_path: Path) -> None:
     ground = Thing("ground", plane(100.0, 100.0, (0.0, 0.0, -1.0)))
     world = load_scene(write_scene(tmp_path, [ground], [car]))
     for time in (0.0, 0.5, 1.0, 0.5):  # back in time too
-        frame = Camera(spec).observe(world.at(time), Pose(), Twist(), np.random.default_rng(0))
+        frame = Camera(spec).observe(world.at(time), Pose(), np.random.default_rng(0))
         assert frame.instance is not None and frame.depth is not None
         mask = frame.instance == 2
         rows, columns = np.nonzero(mask)
@@ -150,7 +150,7 @@ def test_exposure_one_suits_daylight(tmp_path: Path) -> None:
     light = Light("sunsky", properties={"turbidity": 3.0}, vectors={"sun_direction": (1.0, 0.0, 1.0)})
     state = load_scene(write_scene(tmp_path, [ground], materials={"card": grey_card}, light=light)).at(0.0)
     down = Pose.from_euler([0.0, 0.0, 2.0], pitch=np.pi / 2)
-    image = Camera(spec).observe(state, down, Twist(), np.random.default_rng(1)).rgb
+    image = Camera(spec).observe(state, down, np.random.default_rng(1)).rgb
     assert image is not None
     # documented: linear 0.18 * 0.36 * 4 = 0.26 in luminance, sRGB 0.547 * 255 = 139. The sunlight is warm: red above, blue
     # below; +-10 levels hold that (143, 137, 134)

@@ -10,7 +10,7 @@ import pytest
 from camera_lidar import Camera
 from camera_lidar.camera import render_labels, render_radiance
 from camera_lidar.camera.projection import camera_optical_from_world, pixel_rays
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SKY
 from scarl_sionna.core.specs.camera import BrownConrady, CameraSpec, KannalaBrandt
 from scarl_sionna.engine.world import load_scene
@@ -94,7 +94,7 @@ def test_outside_of_the_lens_nothing_is_seen(tmp_path: Path) -> None:
     spec = FISHEYE.with_(lens=KannalaBrandt(max_angle_deg=70.0), horizontal_fov_deg=None, focal_length_px=60.0)
     spec = spec.with_(images=("rgb", "depth", "semantic", "instance", "normal", "flow"), samples_per_pixel=4)
     state = load_scene(write_scene(tmp_path, [Thing("ground", plane(400.0, 400.0), "Roads")])).at(0.0)
-    frame = Camera(spec).observe(state, POSE, Twist(), np.random.default_rng(0))
+    frame = Camera(spec).observe(state, POSE, np.random.default_rng(0))
     outside = np.isnan(pixel_rays(spec)[:, 0]).reshape(spec.height, spec.width)
     assert 0.2 < outside.mean() < 0.8
     assert (frame.rgb[outside] == 0).all() and (frame.rgb[~outside] > 0).all()

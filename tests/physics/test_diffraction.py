@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -16,9 +17,10 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.rays.edges import Wedge, wedge_at
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
-from scarl_sionna.radar.channel.multipath.solve import solve_sionna
+from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.multipath.utd import edge_transfer, transition
-from scarl_sionna.radar.points import PointScatterers
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import solve_points
 from tests.oracles import diffraction as oracle
 from tests.scenes import Thing, box, plane, write_scene
 
@@ -117,11 +119,9 @@ def two_way(state, target) -> tuple[complex, complex]:
     """Return the two-way field of a point over the screen, over that in free space, V and H."""
     points = PointScatterers([target], np.zeros((1, 3)), 1.0)
     pose = Pose([0, 0, 1.0])
-    paths = solve_sionna(state, RADAR, pose, scatterers=points, environment=False, max_depth=1, **FEW)
+    paths = solve_points(state, RADAR, pose, points, max_depth=1, **FEW)
     free = PointScatterers([target], np.zeros((1, 3)), 1.0)
-    alone = (
-        field(solve_sionna(state, RADAR, pose, scatterers=free, environment=False, max_depth=0, num_samples=1)) or None
-    )
+    alone = field(solve_points(state, RADAR, pose, free, max_depth=0, num_samples=1)) or None
     if alone is None:  # in the shadow
         distance = float(np.linalg.norm(np.asarray(target) - pose.position))
         alone = RADAR.wavelength / (4 * np.pi) ** 1.5 / distance**2 * np.exp(-2j * WAVENUMBER * distance)
@@ -154,7 +154,7 @@ def test_field_is_smooth_across_the_shadow_boundary(screen) -> None:
 
 def test_backscatter_of_an_edge_is_kellers(screen) -> None:
     pose = Pose([0.0, 3.0, 7.0])
-    paths = solve_sionna(screen, RADAR, pose, max_depth=1, **FEW)
+    paths = solve_paths(screen, RADAR, pose, "sionna", max_depth=1, **FEW)
     edge = over_top(paths.select(paths.interaction[:, 0] == 8))
     assert edge.num_paths == 1
     distance = np.hypot(AHEAD, 7.0 - TOP)
@@ -178,7 +178,7 @@ def test_over_a_box_by_the_ground(tmp_path) -> None:
     start, target = np.array([0.0, 0.3, 1.0]), np.array([20.0, 1.0, 4.0])
     points = PointScatterers([target], np.zeros((1, 3)), 1.0)
     options = {**FEW, "max_depth": 2}
-    paths = solve_sionna(state, RADAR, Pose(start), scatterers=points, environment=False, **options)
+    paths = solve_points(state, RADAR, Pose(start), points, **options)
     there = paths.select(
         np.all(paths.interaction[:, :4] == [1, 8, 0, -1], axis=1)
     )  # ground, edge, target; straight back
@@ -203,9 +203,8 @@ def test_rate_and_acceleration_over_an_edge(tmp_path, moving: str) -> None:
 
     def solve(time: float):
         points = PointScatterers([target + velocity["target"] * time], [velocity["target"]], 1.0)
-        paths = solve_sionna(
-            world.at(1.0 + time), RADAR, Pose(start + velocity["radar"] * time), radar_twist=Twist(velocity["radar"]),
-            scatterers=points, environment=False, max_depth=1, max_distance=60.0, **FEW,
+        paths = solve_points(
+            world.at(1.0 + time), RADAR, Mount(Pose(start + velocity["radar"] * time), Twist(velocity["radar"])), points, max_depth=1, max_distance=60.0, **FEW,
         )  # fmt: skip
         return over_top(paths)
 
@@ -226,20 +225,20 @@ def test_rate_and_acceleration_over_an_edge(tmp_path, moving: str) -> None:
 def test_antennas_behind_an_edge(screen) -> None:
     """A small array is served by one solve; a wide one is told how far off it is."""
     points = PointScatterers([[25.0, 1.0, 2.5]], np.zeros((1, 3)), 1.0)
-    options = {"scatterers": points, "environment": False, "max_depth": 1, **FEW}
+    options = {"max_depth": 1, **FEW}
     radar = RADAR.with_(tx_positions=((0, 0.1, 0),), rx_positions=((0, -0.1, 0.004),))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        paths = over_top(solve_sionna(screen, radar, Pose([0, 0, 1.0]), **options))
+        paths = over_top(solve_points(screen, radar, Pose([0, 0, 1.0]), points, **options))
     single = RADAR.with_(tx_positions=((0, 0, 0),), rx_positions=((0, 0, 0),))
     ends = [Pose([0, 0.1, 1.0]), Pose([0, -0.1, 1.004])]
-    alone = over_top(solve_sionna(screen, single, ends[0], rx_pose=ends[1], **options))
+    alone = over_top(solve_points(screen, single, ends[0], points, receiver=ends[1], **options))
     found, expected = PathGeometry.of(paths, radar).length(0, 0), PathGeometry.of(alone, single).center_length()
     # The edge lies along y, so along the array the wavefront is the target's: what is left is 0.004 m across it.
     assert np.abs(found - expected).max() < 2.5 * paths.diagnostics["edge_wavefront_error"] < 2e-6
     tall = RADAR.with_(tx_positions=((0, 0.5, 0.5),), rx_positions=((0, 0, 0),))
     with pytest.warns(ScarlWarning, match="wavefront has two radii"):
-        wide = solve_sionna(screen, tall, Pose([0, 0, 1.0]), **options)
+        wide = solve_points(screen, tall, Pose([0, 0, 1.0]), points, **options)
     assert wide.diagnostics["edge_wavefront_error"] > 1e-3
 
 
@@ -248,7 +247,7 @@ def test_antennas_of_an_edges_echo(screen) -> None:
     tx, rx = (0.0, 0.3, 0.0), (0.0, -0.4, 0.0)
     radar = RADAR.with_(tx_positions=(tx,), rx_positions=(rx,))
     pose = Pose([0.0, 3.0, 7.0])
-    paths = over_top(solve_sionna(screen, radar, pose, max_depth=1, **FEW))
+    paths = over_top(solve_paths(screen, radar, pose, "sionna", max_depth=1, **FEW))
     rho = np.hypot(AHEAD, 7.0 - TOP)
     assert paths.num_paths == 1 and np.isfinite(paths.rx_image).all()
     assert PathGeometry.of(paths, radar).length(0, 0)[0] == pytest.approx(np.hypot(2 * rho, 0.7), abs=1e-12)
@@ -259,8 +258,15 @@ def test_short_edges_are_named(tmp_path) -> None:
     state = load_scene(write_scene(tmp_path, [post])).at(0.0)
     points = PointScatterers([[20.0, 0.3, 1.0]], np.zeros((1, 3)), 1.0)
     with pytest.warns(ScarlWarning, match="'post': an edge of 0.2 m"):
-        solve_sionna(
-            state, RADAR, Pose([0, 0, 1.0]), scatterers=points, max_depth=1, num_samples=1_000_000, diffraction=True
+        solve_points(
+            state,
+            RADAR,
+            Pose([0, 0, 1.0]),
+            points,
+            environment=True,
+            max_depth=1,
+            num_samples=1_000_000,
+            diffraction=True,
         )
 
 
@@ -296,7 +302,7 @@ def test_bistatic_link_over_the_screen(screen) -> None:
     """A second radar in the shadow: one path over the edge, with the knife edge's level, for all antennas of both."""
     pose, rx_pose = Pose([0, 0, 1.0]), Pose.from_euler([25.0, 1.5, 2.6], yaw=np.pi)
     radar = RADAR.with_(tx_positions=((0, 0.1, 0),), rx_positions=((0, -0.2, 0),))
-    paths = over_top(solve_sionna(screen, radar, pose, rx_pose=rx_pose, max_depth=1, **FEW))
+    paths = over_top(solve_paths(screen, radar, pose, "sionna", receiver=rx_pose, max_depth=1, **FEW))
     assert paths.num_paths == 1 and paths.interaction[0, 0] == 8 and paths.instance[0, 0] == 1
     # Unfolded: rho of both ends to the edge x = 10, z = 2, and what they are apart along it
     total = np.hypot(10.0, 1.0) + np.hypot(15.0, 0.6)

@@ -8,12 +8,13 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core import units as ss_units
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.channel.compose.hybrid import chains_of
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.radar.rcs import scattering_matrix
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
@@ -81,9 +82,9 @@ def test_wall_and_ground_equal_the_exact_paths_of_a_point(tmp_path) -> None:
     empty = scene(tmp_path / "b", things, [])
     # Turned about z only: "without cross-polarisation" then means the same in the axes of the model and of the radar.
     pose = Pose.from_euler([0.0, 0.0, 0.5], yaw=0.1)
-    found = solve_paths(state, RADAR, pose, "hybrid", plan=plan(("ground", "wall"), 3.0), radar_twist=own)
+    found = solve_paths(state, RADAR, Mount(pose, own), "hybrid", plan=plan(("ground", "wall"), 3.0))
     exact = ss.point_targets(
-        [position], [velocity], 3.0, RADAR, pose, state=empty, radar_twist=own, max_depth=1, num_samples=20_000
+        [position], [velocity], 3.0, RADAR, Mount(pose, own), state=empty, max_depth=1, num_samples=20_000
     )
     assert found.num_paths == exact.num_paths == 9
     order = [sorted(range(9), key=lambda row, p=paths: p.instance[row].tolist()) for paths in (found, exact)]
@@ -128,7 +129,7 @@ def test_a_corner_over_a_mirror_is_its_bistatic_far_field_from_the_images(tmp_pa
     state = scene(tmp_path, things, [])
     pose = Pose([0.0, 0.0, height])
     settings = SbrChannelSettings(floor_db=None)
-    shares = (Share("sbr", ("corner",), {"settings": settings}, through_mirrors=True),)
+    shares = (Share("sbr", ("corner",), settings, through_mirrors=True),)
     paths = solve_paths(state, RADAR, pose, "hybrid", plan=ChannelPlan(shares, ("mirror",), echoes=False))
     field = paths.a[:, 0, 0] * np.exp(-2j * np.pi * RADAR.center_frequency / ss_units.SPEED_OF_LIGHT * lengths(paths))
     # V is TM at the ground and, level with the target, TE at the wall.
@@ -180,10 +181,10 @@ def test_echoes_and_clutter_join_without_a_chain_in_common(tmp_path) -> None:
     state = scene(tmp_path, [GROUND, back, hut], [target((20, 1, 1.0))])
     full = ChannelPlan(
         (
-            Share("raycast", options={"num_rays": 20_000}),
+            Share("raycast", settings={"num_rays": 20_000}),
             Share("scatterers", ("target",), {"models": {"target": isotropic(1.0)}}, through_mirrors=True),
         ),
-        mirrors=("ground", "back"), sionna_options={"num_samples": 20_000},
+        mirrors=("ground", "back"), sionna={"num_samples": 20_000},
     )  # fmt: skip
     pose = Pose([0.0, 0.0, 0.5])
     paths = solve_paths(state, RADAR, pose, "hybrid", plan=full)

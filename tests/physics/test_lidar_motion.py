@@ -13,6 +13,7 @@ from camera_lidar.lidar import deskew, shot_directions, shot_times
 from camera_lidar.lidar.motion import sensor_motion, shot_rays
 from camera_lidar.lidar.rolling import RollingCaster
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.lidar_pattern import SpinningScan
@@ -37,7 +38,7 @@ def test_a_wall_that_comes_nearer_is_skewed_exactly(tmp_path: Path) -> None:
     motion = moving("constant_twist", position=(40.0, 0.0, 0.0), velocity=(-25.0, 6.0, 0.0))
     wall = Thing("wall", plane(150.0, 150.0, normal=(-1.0, 0.0, 0.0)), "Wall", trajectory=motion)
     world = load_scene(write_scene(tmp_path, [Thing("far", plane(1.0, 1.0, (0, 0, -500.0)))], [wall]))
-    scan = Lidar(RASTER).observe(world.at(0.2), Pose(), Twist(), rng())
+    scan = Lidar(RASTER).observe(world.at(0.2), Pose(), rng())
     time, direction = shot_times(RASTER), shot_directions(RASTER)
     assert scan.num_points == RASTER.num_shots and np.ptp(time) > 0.099
     # float64 hit points on a plane of float32 corners within 100 m of its centre: 100 m * 6e-8, over the cosine (> 0.75)
@@ -100,8 +101,8 @@ def test_a_carried_lidar_follows_the_ego_car_and_its_scan_deskews(tmp_path: Path
     pose, twist = trajectory.pose(1.0), trajectory.twist(1.0)
     sensor = pose.compose(mount)
     own = Twist(twist.velocity_at(sensor.position - pose.position), twist.angular)
-    raw = Lidar(SPINNING).observe(world.at(1.0), sensor, own, rng())
-    flat = Lidar(SPINNING.with_(deskew=True)).observe(world.at(1.0), sensor, own, rng())
+    raw = Lidar(SPINNING).observe(world.at(1.0), Mount(sensor, own), rng())
+    flat = Lidar(SPINNING.with_(deskew=True)).observe(world.at(1.0), Mount(sensor, own), rng())
     wall = raw.instance == 2
     assert np.array_equal(raw.distance, flat.distance) and wall.sum() > 200
     for row in np.flatnonzero(wall)[::40]:
@@ -130,7 +131,7 @@ def test_a_lidar_on_a_car_sees_the_car_as_if_no_ray_were_ruled_out(tmp_path: Pat
     sensor = pose.compose(Pose(mount))
     own = Twist(twist.velocity_at(sensor.position - pose.position), twist.angular)
     scan = Lidar(SPINNING.with_(scan=SPINNING.scan.with_(elevation_deg=(-70.0, -40.0, -20.0, 0.0)))).observe(
-        world.at(1.0), sensor, own, rng()
+        world.at(1.0), Mount(sensor, own), rng()
     )
     motion = sensor_motion(world.at(1.0), sensor, own, float(shot_times(scan.spec).max()))
     origins, directions = shot_rays(motion, shot_directions(scan.spec), shot_times(scan.spec))
@@ -153,7 +154,7 @@ def test_radial_velocity_of_a_rolling_wheel(tmp_path: Path) -> None:
     pose = Pose.from_euler([11.0, 6.0, 0.5], yaw=-np.pi / 2)
     fine = dict(azimuth_fov_deg=(-14.0, 14.0), elevation_fov_deg=(-6.0, 4.0), num_azimuth=141, num_elevation=41)
     for spec in (LidarSpec(**fine), LidarSpec(**fine, scan_time=0.1)):
-        scan = Lidar(spec).observe(world.at(0.1), pose, Twist(), rng())
+        scan = Lidar(spec).observe(world.at(0.1), pose, rng())
         on = scan.instance == 2
         assert on.sum() > 30
         time, point = 0.1 + scan.time[on].astype(np.float64), pose.apply(scan.position[on])
@@ -167,7 +168,7 @@ def test_radial_velocity_of_a_rolling_wheel(tmp_path: Path) -> None:
 
 def test_radial_velocity_of_a_turning_car_during_the_scan(tmp_path: Path) -> None:
     world = traffic(tmp_path)
-    scan = Lidar(RASTER).observe(world.at(0.5), Pose([0.0, -3.0, 1.0]), Twist(), rng())
+    scan = Lidar(RASTER).observe(world.at(0.5), Pose([0.0, -3.0, 1.0]), rng())
     turning = world.actor("turning")
     on = scan.instance == turning.instance
     assert on.sum() > 50
@@ -199,5 +200,5 @@ def test_a_lidar_beside_the_road_is_not_carried_by_a_car_at_rest(tmp_path: Path)
 
 def test_past_the_end_of_a_trajectory_the_motion_goes_on(tmp_path: Path) -> None:
     world = traffic(tmp_path)
-    scan = Lidar(RASTER).observe(world.at(3.0), Pose([0.0, -3.0, 1.0]), Twist(), rng())  # the ego's way ends at 3 s
+    scan = Lidar(RASTER).observe(world.at(3.0), Pose([0.0, -3.0, 1.0]), rng())  # the ego's way ends at 3 s
     assert scan.num_points > 1000

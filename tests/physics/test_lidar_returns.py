@@ -10,6 +10,7 @@ import pytest
 from camera_lidar import Camera, Lidar
 from camera_lidar.camera.projection import camera_optical_from_world, project
 from camera_lidar.lidar import camera_maps, range_view, shot_directions
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
@@ -28,7 +29,7 @@ def test_distance_incidence_and_intensity_on_a_tilted_plane(tmp_path: Path) -> N
     state = load_scene(write_scene(tmp_path, [wall], materials=materials)).at(0.0)
     pose = Pose.from_euler([1.0, -2.0, 1.5], yaw=0.2, pitch=0.05)
     spec = SPEC.with_(atmospheric_attenuation=5e-3)
-    scan = Lidar(spec).observe(state, pose, Twist(), RNG(0))
+    scan = Lidar(spec).observe(state, pose, RNG(0))
     direction = pose.rotate(shot_directions(spec))[scan.shot]
     cosine = -direction @ normal
     distance = -((centre - pose.position) @ normal) / cosine
@@ -51,7 +52,7 @@ def test_radial_velocity_of_a_translating_actor_and_a_moving_sensor(tmp_path: Pa
     world = load_scene(write_scene(tmp_path, [ground], [car]))
     pose = Pose([0.0, 0.0, 1.2])
     # the sensor's own rotation must not enter
-    scan = Lidar(SPEC).observe(world.at(0.3), pose, Twist(sensor_velocity, [0.0, 0.5, 2.0]), RNG(0))
+    scan = Lidar(SPEC).observe(world.at(0.3), Mount(pose, Twist(sensor_velocity, [0.0, 0.5, 2.0])), RNG(0))
     direction = shot_directions(SPEC)[scan.shot]
     is_car = scan.instance == 2
     surface = np.where(is_car[:, None], velocity, 0.0)
@@ -69,7 +70,7 @@ def test_radial_velocity_of_a_turning_actor_is_that_of_its_surface_points(tmp_pa
     car = Thing("car", box((6.0, 2.0, 3.0), (1.0, 0.0, 1.5)), "Car", trajectory=motion)
     world = load_scene(write_scene(tmp_path, [Thing("ground", plane(100.0, 100.0))], [car]))
     pose, time, step = Pose([0.0, 0.0, 1.0]), 0.4, 1e-4
-    scan = Lidar(SPEC).observe(world.at(time), pose, Twist(), RNG(0))
+    scan = Lidar(SPEC).observe(world.at(time), pose, RNG(0))
     on_car = scan.instance == 2
     point = pose.apply(scan.position[on_car])
     attached = world.at(time).actor_pose("car").inverse().apply(point)
@@ -94,10 +95,10 @@ def test_lidar_points_meet_the_instance_and_depth_images(tmp_path: Path, offset:
     state = load_scene(write_scene(tmp_path, things)).at(0.0)
     camera_spec = CameraSpec(width=960, height=540, horizontal_fov_deg=70.0, images=("instance", "depth"))
     camera_pose = Pose.from_euler([0.0, 0.0, 1.6], yaw=0.05, pitch=0.03)
-    frame = Camera(camera_spec).observe(state, camera_pose, Twist(), RNG(0))
+    frame = Camera(camera_spec).observe(state, camera_pose, RNG(0))
     lidar_pose = Pose.from_euler(camera_pose.apply(offset), yaw=-0.1, pitch=0.02, roll=0.01)
     spec = LidarSpec(azimuth_fov_deg=(-45, 45), elevation_fov_deg=(-20, 15), num_azimuth=900, num_elevation=300)
-    scan = Lidar(spec).observe(state, lidar_pose, Twist(), RNG(0))
+    scan = Lidar(spec).observe(state, lidar_pose, RNG(0))
     optical = camera_optical_from_world(camera_pose).compose(lidar_pose)
     pixel, depth = project(optical.apply(scan.position), camera_spec.intrinsics)
     with np.errstate(invalid="ignore"):
@@ -126,12 +127,12 @@ def test_camera_map_and_range_view_show_the_scan(tmp_path: Path) -> None:
     things = [Thing("ground", plane(200.0, 200.0), "Roads"), Thing("car", box((4, 2, 1.5), (15, 0, 0.75)), "Car")]
     state = load_scene(write_scene(tmp_path, things)).at(0.0)
     pose = Pose([0.0, 0.0, 1.6])
-    scan = Lidar(SPEC).observe(state, pose, Twist([10.0, 0.0, 0.0]), RNG(0))
+    scan = Lidar(SPEC).observe(state, Mount(pose, Twist([10.0, 0.0, 0.0])), RNG(0))
     maps = range_view(scan)
     assert maps.filled.sum() == scan.num_points
     assert not maps.filled[0].any() and maps.filled[-1].all()  # sky above, road below
     camera = CameraSpec(width=160, height=90, horizontal_fov_deg=80.0, images=("depth",))
-    image = Camera(camera).observe(state, pose, Twist(), RNG(0)).depth
+    image = Camera(camera).observe(state, pose, RNG(0)).depth
     assert image is not None
     projected = camera_maps(scan, camera, pose)
     road = projected.filled & (projected.semantic == 1)

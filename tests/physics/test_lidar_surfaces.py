@@ -11,6 +11,7 @@ from camera_lidar import Lidar
 from camera_lidar.lidar import beam_radius, mean_cnr, pane_transmittance, range_view, shot_directions
 from camera_lidar.lidar.beam import footprint, sub_directions
 from scarl_sionna.core.errors import MaterialError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.core.specs.lidar import LidarSpec
@@ -25,7 +26,7 @@ AT = Pose([0.0, 0.0, 5.0])
 
 
 def observe(world: World, spec: LidarSpec) -> LidarScan:
-    return Lidar(spec).observe(world.at(0.0), AT, Twist([3.0, 0.0, 0.0]), np.random.default_rng(0))
+    return Lidar(spec).observe(world.at(0.0), Mount(AT, Twist([3.0, 0.0, 0.0])), np.random.default_rng(0))
 
 
 def glazed(folder: Path, panes: int = 1) -> World:

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.radar.synthesis import synthesize
@@ -256,7 +258,7 @@ def test_retraced_radar_that_turns(tmp_path) -> None:
     world = load_scene(write_scene(tmp_path, [wall]))
     radar = radar_of(num_chirps=4, rx_positions=((0.0, 0.1, 0.0),))
     twist = Twist([0, 0, 0], [0, 0, 2.0])
-    paths_at = retraced(world, radar, Pose(), 0.0, "sionna", twist, num_samples=20_000, max_depth=1)
+    paths_at = retraced(world, radar, Mount(Pose(), twist), 0.0, "sionna", num_samples=20_000, max_depth=1)
     time = 1.5 * radar.doppler_interval
     assert paths_at(time).world_from_tx.yaw == pytest.approx(2.0 * time)
 
@@ -277,8 +279,8 @@ def test_the_sensor_solves_its_frame_in_blocks(tmp_path) -> None:
     radar = radar_of(ramp_time=8e-6, idle_time=2e-6, num_chirps=32, bandwidth=150e6, num_samples=64, tx_power_dbm=40.0)
     pose = Pose.from_euler([25.0, 0.0, 0.59], yaw=np.pi)
     frames = {
-        chirps: Radar(radar, "sbr", noise=False, chirps_per_block=chirps).observe(
-            world.at(-16e-5), pose, Twist(), np.random.default_rng(0)
+        chirps: Radar(radar, RadarSettings(method="sbr", noise=False, chirps_per_block=chirps)).observe(
+            world.at(-16e-5), pose, np.random.default_rng(0)
         )
         for chirps in (None, 4)
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -12,8 +13,8 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.multipath.solve import solve_sionna
-from scarl_sionna.radar.points import PointScatterers, point_targets
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import point_targets, solve_points
 from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, builtin_materials
 from tests.oracles import multipath as oracle
 from tests.scenes import Material, Thing, plane, write_scene
@@ -58,7 +59,7 @@ def two_ray_db(state, x, height: float) -> dict[str, np.ndarray]:
     count = len(x)
     points = PointScatterers(np.stack([x, np.zeros(count), np.full(count, height)], axis=1), np.zeros((count, 3)), 1.0)
     pose = Pose([0, 0, oracle.RADAR_HEIGHT])
-    paths = solve_sionna(state, RADAR, pose, scatterers=points, environment=False, max_depth=1, **FEW)
+    paths = solve_points(state, RADAR, pose, points, max_depth=1, **FEW)
     assert paths.num_paths == 4 * count  # direct, ground there, ground back, ground both ways
     phase = np.exp(-1j * oracle.WAVENUMBER * lengths(paths))
     out = {}
@@ -197,9 +198,9 @@ def test_ego_double_bounce_of_a_point(tmp_path) -> None:
     front = Thing("ego_front", plane(8.0, 8.0, (-setback, 0, 0), (1, 0, 0)), "Car", "steel")
     state = scene(tmp_path, front).at(0.0)
     points = PointScatterers([[distance, 0, 0]], [[velocity, 0, 0]], rcs)
-    options = {"scatterers": points, "environment": False, "max_depth": 1, **FEW}
-    once = solve_sionna(state, RADAR, Pose(), **options)
-    paths = solve_sionna(state, RADAR, Pose(), double_bounce=True, **options)
+    options = {"max_depth": 1, **FEW}
+    once = solve_points(state, RADAR, Pose(), points, **options)
+    paths = solve_points(state, RADAR, Pose(), points, double_bounce=True, **options)
     assert paths.num_paths == 2 * once.num_paths == 8  # each way there and back, by the front or not
     bounce = paths.select([paths.interaction.tolist().index([0, 1, 0, -1, -1])])
     expected_range, expected_velocity = oracle.ego_double_bounce(distance, velocity, setback)
@@ -217,7 +218,7 @@ def test_bistatic_pair_over_ground(tmp_path) -> None:
     pose, rx_pose = Pose([0, 0, 0.5]), Pose.from_euler([30, 8, 1.25], yaw=np.pi)
     velocity, rx_velocity = np.array([3.0, 1.0, 0.0]), np.array([-7.0, 0.0, 0.5])
     paths = solve_paths(
-        state, RADAR, pose, "sionna", rx_pose=rx_pose, radar_twist=Twist(velocity), rx_twist=Twist(rx_velocity), **FEW
+        state, RADAR, Mount(pose, Twist(velocity)), "sionna", receiver=Mount(rx_pose, Twist(rx_velocity)), **FEW
     )
     assert paths.depth.tolist() == [0, 1]
     offset = np.stack([rx_pose.position, oracle.mirrored(rx_pose.position, (0, 0, 1), 0.0)]) - pose.position
@@ -257,9 +258,9 @@ def test_rate_and_acceleration_are_the_derivatives_of_the_length(tmp_path) -> No
 
     def solve(time: float):
         points = PointScatterers([target + motion * time], [motion], 1.0)
-        return solve_sionna(
-            world.at(1.0 + time), RADAR, Pose(np.array([0, 0, 0.5]) + velocity * time), radar_twist=Twist(velocity),
-            scatterers=points, max_depth=2, **FEW,
+        return solve_points(
+            world.at(1.0 + time), RADAR, Mount(Pose(np.array([0, 0, 0.5]) + velocity * time), Twist(velocity)), points,
+            environment=True, max_depth=2, **FEW,
         )  # fmt: skip
 
     step = 1e-4

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
@@ -18,7 +19,8 @@ from scarl_sionna.engine.world import load_scene
 from scarl_sionna.fusion import Rig
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.labels.labels import label_cells, label_paths, label_points
-from scarl_sionna.radar.points import POINT_INTERACTION, point_targets
+from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
+from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.detection import detect
@@ -219,12 +221,12 @@ def highway():
     """Return state, radar and paths of the highway as SCaRL's ray casting sees it from the ego car's front."""
     world = load_scene("highway_guardrail")
     state = world.at(TIME)
-    radar = RadarSpec(num_rays=100_000)
+    radar = RadarSpec()
     vehicle = state.actor_pose(world.ego)
     mount = Rig.front("draft")["front_center/radar"].vehicle_from_sensor
     pose = vehicle.compose(mount)
     twist = Twist(state.actor_twist(world.ego).velocity_at(pose.position - vehicle.position))
-    return state, radar, pose, twist, solve_paths(state, radar, pose, "raycast", radar_twist=twist)
+    return state, radar, pose, twist, solve_paths(state, radar, Mount(pose, twist), "raycast", num_rays=100_000)
 
 
 def test_highway_cells_where_the_car_ahead_stands_are_the_cars(highway) -> None:

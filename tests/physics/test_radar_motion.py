@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.accuracy import Accuracy
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
@@ -67,7 +68,7 @@ def test_motion_within_a_chirp_is_kept():
 def test_moving_radar_equals_moving_target():
     radar = single_channel(num_chirps=8)
     position = [[40.0, 9.0, 1.0]]
-    still = point_targets(position, [[0.0, 0.0, 0.0]], 1.0, radar, Pose(), radar_twist=Twist([20.0, 1.0, 0.0]))
+    still = point_targets(position, [[0.0, 0.0, 0.0]], 1.0, radar, Mount(Pose(), Twist([20.0, 1.0, 0.0])))
     moving = point_targets(position, [[-20.0, -1.0, 0.0]], 1.0, radar, Pose())
     assert np.array_equal(synthesize(still, radar), synthesize(moving, radar))
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
+from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
 from scarl_sionna.radar.channel.raycast.grid import RayGrid
-from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from tests.oracles import fresnel as oracle
 from tests.scenes import Material, Thing, box, plane, write_scene
 
@@ -25,9 +26,11 @@ MATERIALS = {
 # Coordinates of the planes are sums of few powers of two, so the float32 meshes hold them exactly.
 WALL_X = 20.5
 
+NUM_RAYS = 10_000
+
 
 def _radar(**changes: object) -> RadarSpec:
-    return RadarSpec().with_(**{"azimuth_fov_deg": 20.0, "elevation_fov_deg": 10.0, "num_rays": 10_000, **changes})
+    return RadarSpec().with_(**{"azimuth_fov_deg": 20.0, "elevation_fov_deg": 10.0, **changes})
 
 
 def _world(folder, *things: Thing, actors: tuple[Thing, ...] = ()):
@@ -48,8 +51,8 @@ def _rcs(paths, radar: RadarSpec, column: int = 0):
 def test_hits_lie_on_the_wall_along_the_rays(tmp_path) -> None:
     state, radar = _world(tmp_path, _wall()).at(0.0), _radar()
     pose = Pose.from_euler([0.25, -0.5, 0.125], yaw=0.1, pitch=-0.05)
-    paths = solve_raycast(state, radar, pose, hits_per_cell=None)
-    grid = RayGrid.over(np.radians(20.0), np.radians(10.0), radar.num_rays)
+    paths = solve_paths(state, radar, pose, "raycast", hits_per_cell=None, num_rays=NUM_RAYS)
+    grid = RayGrid.over(np.radians(20.0), np.radians(10.0), NUM_RAYS)
     assert paths.num_paths == grid.num_rays
     # Exact intersection of a line with the plane x = WALL_X, in float64.
     direction = pose.rotate(grid.directions(0, grid.num_rays))
@@ -67,7 +70,7 @@ def test_opening_wall_and_approaching_radar_give_the_exact_length_rate(tmp_path)
         {"kind": "constant_twist", "position": [WALL_X, 0, 0], "velocity": velocity},
     )  # fmt: skip
     state, radar = _world(tmp_path, actors=(actor,)).at(0.0), _radar()
-    paths = solve_raycast(state, radar, Pose(), radar_twist=Twist(linear=radar_velocity))
+    paths = solve_paths(state, radar, Mount(Pose(), Twist(linear=radar_velocity)), "raycast", num_rays=NUM_RAYS)
     unit = paths.tx_point / np.linalg.norm(paths.tx_point, axis=1, keepdims=True)
     exact = 2.0 * unit @ (velocity - radar_velocity)
     # Both are a few float64 operations on velocities of about 12 m/s.
@@ -80,7 +83,7 @@ def test_turning_actor_gives_each_point_its_own_velocity(tmp_path) -> None:
         "truck", box((4, 32, 32), (2, 0, 0)), "Truck", "steel",
         {"kind": "constant_twist", "position": [WALL_X, 0, 0], "velocity": [0, 0, 0], "angular_velocity_z": 0.5},
     )  # fmt: skip
-    paths = solve_raycast(_world(tmp_path, actors=(actor,)).at(0.0), _radar(), Pose())
+    paths = solve_paths(_world(tmp_path, actors=(actor,)).at(0.0), _radar(), Pose(), "raycast", num_rays=NUM_RAYS)
     arm = paths.tx_point - np.array([WALL_X, 0, 0])
     unit = paths.tx_point / np.linalg.norm(paths.tx_point, axis=1, keepdims=True)
     exact = 2.0 * np.einsum("ij,ij->i", unit, np.cross([0, 0, 0.5], arm))
@@ -94,9 +97,15 @@ def test_turning_actor_gives_each_point_its_own_velocity(tmp_path) -> None:
 def test_every_hit_of_a_wall_has_the_reflectance_of_its_angle_and_polarisation(
     tmp_path, material: str, permittivity: complex, thickness: float | None
 ) -> None:
-    radar = _radar(azimuth_fov_deg=120.0, elevation_fov_deg=60.0, num_rays=2_000)
-    paths = solve_raycast(
-        _world(tmp_path, _wall(material)).at(0.0), radar, Pose(), class_rcs={"Wall": 1.0}, hits_per_cell=None
+    radar = _radar(azimuth_fov_deg=120.0, elevation_fov_deg=60.0)
+    paths = solve_paths(
+        _world(tmp_path, _wall(material)).at(0.0),
+        radar,
+        Pose(),
+        "raycast",
+        class_rcs={"Wall": 1.0},
+        hits_per_cell=None,
+        num_rays=2_000,
     )
     unit = paths.tx_point / np.linalg.norm(paths.tx_point, axis=1, keepdims=True)
     perpendicular = np.cross(unit, [-1.0, 0.0, 0.0])
@@ -118,8 +127,10 @@ def test_every_hit_of_a_wall_has_the_reflectance_of_its_angle_and_polarisation(
 
 @pytest.mark.parametrize(("grid", "tolerance"), [("regular", 1e-5), ("staggered", 1e-4)])
 def test_power_of_a_wall_is_the_integral_of_the_radar_equation(tmp_path, grid: str, tolerance: float) -> None:
-    radar = _radar(azimuth_fov_deg=60.0, elevation_fov_deg=30.0, num_rays=40_000)
-    paths = solve_raycast(_world(tmp_path, _wall()).at(0.0), radar, Pose(), hits_per_cell=None, grid=grid)
+    radar = _radar(azimuth_fov_deg=60.0, elevation_fov_deg=30.0)
+    paths = solve_paths(
+        _world(tmp_path, _wall()).at(0.0), radar, Pose(), "raycast", hits_per_cell=None, grid=grid, num_rays=40_000
+    )
     gamma = class_reflectivity()[semantic_id("Wall")]
 
     def density(sine_elevation: float, azimuth: float) -> float:
@@ -143,9 +154,11 @@ def test_ground_clutter_of_a_range_cell_is_gamma_times_its_area(tmp_path) -> Non
     # Constant-gamma clutter: a ring of depth dR has gamma sin(psi) R dphi dR / cos(psi) on its ground area, which is
     # gamma h dphi dR exactly. h = 0.5 m, 3 deg, gamma = -15 dB: -37.9127 dBsm for a cell of 0.1953 m at any range.
     ground = Thing("ground", plane(128.0, 128.0, (0, 0, 0), (0, 0, 1)), "Roads", "steel")
-    radar = RadarSpec(azimuth_fov_deg=3.0, elevation_fov_deg=0.6, num_rays=400_000)
+    radar = RadarSpec(azimuth_fov_deg=3.0, elevation_fov_deg=0.6)
     pose = Pose.from_euler([0, 0, 0.5], pitch=np.radians(1.0))
-    paths = solve_raycast(_world(tmp_path, ground).at(0.0), radar, pose, class_rcs={"Roads": 10**-1.5})
+    paths = solve_paths(
+        _world(tmp_path, ground).at(0.0), radar, pose, "raycast", class_rcs={"Roads": 10**-1.5}, num_rays=400_000
+    )
     rcs, distance = _rcs(paths, radar, column=1)  # horizontal: metal reflects all of it even at grazing incidence
     near, far = 25.0, 35.0
     mean_cell = rcs[(distance > near) & (distance < far)].sum() * 0.1953 / (far - near)
@@ -156,8 +169,8 @@ def test_ground_clutter_of_a_range_cell_is_gamma_times_its_area(tmp_path) -> Non
 def test_a_car_sized_plate_has_the_class_rcs(tmp_path) -> None:
     # gamma of a car times 1.5 x 1.375 m of metal across the rays: 10.9 dBsm.
     plate = Thing("car", plane(1.5, 1.375, (20, 0, 0), (-1, 0, 0)), "Car", "steel")
-    radar = _radar(num_rays=1_000_000, azimuth_fov_deg=10.0, elevation_fov_deg=10.0)
-    rcs, _ = _rcs(solve_raycast(_world(tmp_path, plate).at(0.0), radar, Pose()), radar)
+    radar = _radar(azimuth_fov_deg=10.0, elevation_fov_deg=10.0)
+    rcs, _ = _rcs(solve_paths(_world(tmp_path, plate).at(0.0), radar, Pose(), "raycast", num_rays=1_000_000), radar)
     expected = 6.0 * 1.5 * 1.375
     # Edges: half a cell (3.5 mm of 1.5 m) on each side at most, 0.5 %; loss of metal 0.2 %; obliquity 4e-4.
     assert rcs.sum() == pytest.approx(expected, rel=0.008)
@@ -168,7 +181,9 @@ def test_labels_name_instance_and_class(tmp_path) -> None:
     left = Thing("left", plane(8.0, 8.0, (16, 4, 0), (-1, 0, 0)), "Building", "concrete")
     right = Thing("right", plane(8.0, 8.0, (16, -4, 0), (-1, 0, 0)), "GuardRail", "steel")
     world = _world(tmp_path, left, right)
-    paths = solve_raycast(world.at(0.0), _radar(), Pose.from_euler([0, 0, 0], yaw=0.003))  # no ray on the common edge
+    paths = solve_paths(
+        world.at(0.0), _radar(), Pose.from_euler([0, 0, 0], yaw=0.003), "raycast", num_rays=NUM_RAYS
+    )  # no ray on the common edge
     on_left = paths.tx_point[:, 1] > 0
     names = {number: info.name for number, info in world.instances.items()}
     assert {names[number] for number in paths.instance[on_left, 0]} == {"left"}
@@ -182,14 +197,20 @@ def test_nothing_beyond_the_unambiguous_range_comes_back(tmp_path) -> None:
     # Table 1 reaches 255.82 m; the wall stands at 256 m.
     far = Thing("far", plane(256.0, 256.0, (256.0, 0, 0), (-1, 0, 0)), "Wall", "steel")
     state = _world(tmp_path, far).at(0.0)
-    assert solve_raycast(state, _radar(), Pose()).num_paths == 0
-    assert solve_raycast(state, _radar(), Pose(), max_distance=300.0).num_paths > 0
+    assert solve_paths(state, _radar(), Pose(), "raycast", num_rays=NUM_RAYS).num_paths == 0
+    assert solve_paths(state, _radar(), Pose(), "raycast", max_distance=300.0, num_rays=NUM_RAYS).num_paths > 0
 
 
 def test_constant_rcs_per_hit_does_not_depend_on_distance(tmp_path) -> None:
     radar = _radar()
-    paths = solve_raycast(
-        _world(tmp_path, _wall("steel")).at(0.0), radar, Pose(), rcs_model="per_hit", hits_per_cell=None
+    paths = solve_paths(
+        _world(tmp_path, _wall("steel")).at(0.0),
+        radar,
+        Pose(),
+        "raycast",
+        rcs_model="per_hit",
+        hits_per_cell=None,
+        num_rays=NUM_RAYS,
     )
     rcs, _ = _rcs(paths, radar, column=1)
     # gamma times the reference footprint of 4.34 cm2; metal takes less than 0.3 % at these angles.

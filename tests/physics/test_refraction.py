@@ -10,8 +10,8 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.channel.multipath.solve import solve_sionna
-from scarl_sionna.radar.points import PointScatterers, point_targets
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import point_targets, solve_points
 from scarl_sionna.scene.materials.fresnel import transmission
 from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, builtin_materials
 from tests.oracles import multipath as oracle
@@ -68,7 +68,7 @@ def behind(folder, material: RadioMaterial, incidence_deg: float, panes=(5.0,)):
     state = load_scene(write_scene(folder, things, materials={"pane": Material(radio="sheet")}), table).at(0.0)
     target = [[10.0, 10.0 * np.tan(np.radians(incidence_deg)), 0.0]]
     points = PointScatterers(target, np.zeros((1, 3)), 1.0)
-    paths = solve_sionna(state, RADAR, Pose(), scatterers=points, environment=False, specular=False, **FEW)
+    paths = solve_points(state, RADAR, Pose(), points, specular=False, **FEW)
     return paths, point_targets(target, [[0, 0, 0]], 1.0, RADAR, Pose())
 
 
@@ -107,8 +107,8 @@ def test_antenna_behind_glass(tmp_path) -> None:
     state = load_scene(write_scene(tmp_path, things, materials={"pane": Material(radio="sheet")}), table).at(0.0)
     points = PointScatterers([[30.0, 0.0, 1.0]], np.zeros((1, 3)), 1.0)
     pose = Pose([0, 0, 1.0])
-    paths = solve_sionna(state, RADAR, pose, scatterers=points, environment=False, num_samples=200_000, refraction=True)
-    shut = solve_sionna(state, RADAR, pose, scatterers=points, environment=False, num_samples=200_000)
+    paths = solve_points(state, RADAR, pose, points, num_samples=200_000, refraction=True)
+    shut = solve_points(state, RADAR, pose, points, num_samples=200_000)
     assert shut.num_paths == 0  # without refraction the radar sees the windscreen only
     assert sorted(paths.depth.tolist()) == [3, 4, 4, 5]
     direct = paths.select(paths.depth == 3)

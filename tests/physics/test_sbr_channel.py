@@ -7,12 +7,13 @@ import pytest
 import trimesh
 
 import scarl_sionna as ss
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.scene.materials.fresnel import reflection
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
@@ -147,7 +148,7 @@ def test_rates_are_the_change_of_the_lengths(tmp_path) -> None:
     )  # fmt: skip
     world = load_scene(write_scene(tmp_path, actors=[actor]))
     pose = _looking_back(np.array([1.0, 0.8, 0.1]), 12.0)
-    paths = solve_paths(world.at(0.0), RADAR, pose, method="sbr", settings=ALL, radar_twist=Twist(own))
+    paths = solve_paths(world.at(0.0), RADAR, Mount(pose, Twist(own)), method="sbr", settings=ALL)
     double = np.flatnonzero(paths.depth == 2)[::25]
     assert len(double) > 5
     step = 1e-6

@@ -8,12 +8,13 @@ import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import PlacementError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from tests.oracles import rcs as oracle
 from tests.scenes import Thing, box, plane, write_scene
 
@@ -45,7 +46,7 @@ def _trihedral(leg):
 
 def _solve(folder, mesh, tx, rx, **options):
     state = load_scene(write_scene(folder, [Thing("target", mesh, "Static", "steel")])).at(0.0)
-    return solve_paths(state, RADAR, tx, method="sbr", rx_pose=rx, settings=ALL, **options)
+    return solve_paths(state, RADAR, tx, method="sbr", receiver=rx, settings=ALL, **options)
 
 
 @pytest.mark.parametrize("shape", ["plate", "trihedral"])
@@ -92,15 +93,15 @@ def test_receiver_sees_what_is_in_its_view_and_not_hidden(tmp_path) -> None:
     free = load_scene(write_scene(tmp_path / "free", [plate])).at(0.0)
     hidden = load_scene(write_scene(tmp_path / "hidden", [plate, Thing("wall", box((0.1, 1.5, 3), (5, 2, 0)))])).at(0.0)
     options = {"method": "sbr", "settings": ALL, "instances": ["plate"]}
-    assert solve_paths(free, RADAR, tx, rx_pose=rx, **options).num_paths > 0
-    assert solve_paths(hidden, RADAR, tx, rx_pose=rx, **options).num_paths == 0
+    assert solve_paths(free, RADAR, tx, receiver=rx, **options).num_paths > 0
+    assert solve_paths(hidden, RADAR, tx, receiver=rx, **options).num_paths == 0
     assert solve_paths(hidden, RADAR, tx, **options).num_paths > 0
     away = Pose.from_euler([0, 4.0, 0], yaw=np.pi)
     behind = Pose.from_euler([20.0, 0, 0], yaw=np.pi)
-    assert solve_paths(free, RADAR, tx, rx_pose=away, **options).num_paths == 0
-    assert solve_paths(free, RADAR, tx, rx_pose=behind, **options).num_paths == 0
+    assert solve_paths(free, RADAR, tx, receiver=away, **options).num_paths == 0
+    assert solve_paths(free, RADAR, tx, receiver=behind, **options).num_paths == 0
     with pytest.raises(PlacementError, match="wall"):
-        solve_paths(hidden, RADAR, tx, rx_pose=Pose([5, 2, 0]), **options)
+        solve_paths(hidden, RADAR, tx, receiver=Pose([5, 2, 0]), **options)
 
 
 def test_rate_of_a_bistatic_path(tmp_path) -> None:
@@ -114,7 +115,7 @@ def test_rate_of_a_bistatic_path(tmp_path) -> None:
     tx, rx = Pose.from_euler([20, 1, 0], yaw=np.pi), Pose.from_euler([15, -3, 1], yaw=np.pi)
     own, other = np.array([4.0, 0, 1]), np.array([0, -5.0, 0])
     paths = solve_paths(
-        state, RADAR, tx, method="sbr", rx_pose=rx, radar_twist=Twist(own), rx_twist=Twist(other), settings=ALL
+        state, RADAR, Mount(tx, Twist(own)), method="sbr", receiver=Mount(rx, Twist(other)), settings=ALL
     )
     out, home = paths.rx_point - tx.position, paths.rx_point - rx.position
     expected = out @ (velocity - own) / np.linalg.norm(out, axis=1)

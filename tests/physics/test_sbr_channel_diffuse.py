@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.optics.near.diffuse import uniform_hash
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.scene.materials.fresnel import reflection
 from tests.scenes import Material, Thing, plane, write_scene
 

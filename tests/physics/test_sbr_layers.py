@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from tests.scenes import Thing, plane, write_scene
 
 

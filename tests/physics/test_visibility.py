@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import scarl_sionna as ss
-from scarl_sionna.core.pose import Twist
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -19,13 +19,14 @@ CAMERA = CameraSpec(width=400, height=200, horizontal_fov_deg=90.0, images=("sem
 FOCAL = 200.0
 """[px]"""
 HERE = ss.Pose([0.0, 0.0, 0.0])
-RADAR = RadarSpec().with_(num_rays=40_000, num_chirps=16, num_samples=128)
+RADAR = RadarSpec().with_(num_chirps=16, num_samples=128)
+SETTINGS = RadarSettings(raycast={"num_rays": 40_000}, accuracy={"tube_budget": 4_000})
 RIG = Rig(
     "look",
     (
         SensorMount("camera", "camera", CAMERA, HERE),
         SensorMount("lidar", "lidar", LidarSpec(num_azimuth=301, num_elevation=61), HERE),
-        SensorMount("radar", "radar", RADAR, HERE),
+        SensorMount("radar", "radar", RADAR, HERE, SETTINGS),
     ),
 )
 
@@ -50,7 +51,7 @@ def frame(tmp_path_factory: pytest.TempPathFactory) -> ss.Frame:
             Thing("ground", plane(200.0, 200.0, (0.0, 0.0, -5.0)), "Roads", is_object=False),
         ],
     )
-    return ss.observe(ss.load_scene(str(scene)), RIG, 0.0, world_from_vehicle=HERE)
+    return ss.observe(ss.load_scene(str(scene)), RIG, 0.0, vehicle=HERE)
 
 
 def row(frame: ss.Frame, name: str) -> int:
@@ -118,5 +119,5 @@ def test_labels_of_cells_can_be_left_out(frame: ss.Frame, tmp_path: Path) -> Non
 
     scene = write_scene(tmp_path, instances=[thing("near", 10.0, (-1.0, 1.0))])
     state = ss.load_scene(str(scene)).at(0.0)
-    result = Radar(RADAR.with_(cell_labels=False)).observe(state, HERE, Twist(), np.random.default_rng(0))
+    result = Radar(RADAR, SETTINGS.with_(cell_labels=False)).observe(state, HERE, np.random.default_rng(0))
     assert result.cell_instance is None and result.object_power is None

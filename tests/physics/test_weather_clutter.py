@@ -7,7 +7,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import kstest
 
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.pattern import CosinePattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Spray, Weather
@@ -91,7 +93,7 @@ def test_doppler_is_the_fall_and_the_wind() -> None:
     assert fall.mean() == pytest.approx(expected.mean_fall_speed, abs=5.0 * fall.std() / np.sqrt(straight.sum()) + 0.01)
     windy = quiet.with_(wind=(6.0, 0.0))
     paths = volume_clutter(
-        windy, RADAR, Pose(), np.random.default_rng(0), Twist([20.0, 0.0, 0.0], np.zeros(3)), reach=40.0
+        windy, RADAR, Mount(Pose(), Twist([20.0, 0.0, 0.0], np.zeros(3))), np.random.default_rng(0), reach=40.0
     )
     ahead = paths.tx_point[:, 0] > 0.999 * np.linalg.norm(paths.tx_point, axis=1)
     assert (paths.length_rate[ahead] / 2.0).mean() == pytest.approx(6.0 - 20.0, abs=0.2)
@@ -147,20 +149,18 @@ def test_surfaces_hide_the_rain_behind_them(world) -> None:
 
 
 def test_clear_weather_changes_no_byte_and_rain_does(world) -> None:
-    radar = RADAR.with_(num_rays=2000)
+    radar, settings = RADAR, RadarSettings.of("raycast", num_rays=2000)
     pose = world.at(0.0).actor_pose("ego").compose(Pose([2.4, 0.0, 0.5]))
     frames = {}
     for name in ("clear", "rain"):
         state = world.with_weather(name).at(0.0)
-        sensor = Radar(radar, method="raycast")
-        frames[name] = sensor.observe(state, pose, Twist(), np.random.default_rng(5))
-    own = Radar(radar, method="raycast").observe(world.at(0.0), pose, Twist(), np.random.default_rng(5))
+        sensor = Radar(radar, settings)
+        frames[name] = sensor.observe(state, pose, np.random.default_rng(5))
+    own = Radar(radar, settings).observe(world.at(0.0), pose, np.random.default_rng(5))
     assert np.array_equal(own.adc_int, frames["clear"].adc_int)
     assert "weather" not in frames["clear"].diagnostics
     assert frames["rain"].diagnostics["weather"]["clutter_points"] > 1000
-    again = Radar(radar, method="raycast").observe(
-        world.with_weather("rain").at(0.0), pose, Twist(), np.random.default_rng(5)
-    )
+    again = Radar(radar, settings).observe(world.with_weather("rain").at(0.0), pose, np.random.default_rng(5))
     assert np.array_equal(again.adc_int, frames["rain"].adc_int)
     assert not np.array_equal(own.adc_int, frames["rain"].adc_int)
 

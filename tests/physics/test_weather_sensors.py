@@ -29,7 +29,7 @@ def world(tmp_path_factory):
 def scan(world, weather, spec=HETERODYNE, time=1.0, x=2.4):
     state = world.with_weather(weather).at(time)
     pose = state.actor_pose("ego").compose(Pose([x, 0.0, 1.2]))
-    return Lidar(spec).observe(state, pose, Twist(), np.random.default_rng(3))
+    return Lidar(spec).observe(state, pose, np.random.default_rng(3))
 
 
 def test_presets_and_errors() -> None:
@@ -68,7 +68,7 @@ def test_snow_at_1550_nm_is_p1814s() -> None:
 def test_clear_weather_changes_no_byte_of_a_scan(world) -> None:
     state = world.at(1.0)
     pose = state.actor_pose("ego").compose(Pose([2.4, 0.0, 1.2]))
-    own = Lidar(HETERODYNE).observe(state, pose, Twist(), np.random.default_rng(3))
+    own = Lidar(HETERODYNE).observe(state, pose, np.random.default_rng(3))
     clear = scan(world, "clear")
     assert own.position.tobytes() == clear.position.tobytes()
     assert own.intensity.tobytes() == clear.intensity.tobytes()

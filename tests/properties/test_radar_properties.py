@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize

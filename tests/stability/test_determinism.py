@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from tests.scenes import Thing, ball, box, plane, write_scene
 
-RADAR = RadarSpec(num_rays=50_000)
+RADAR = RadarSpec()
+SETTINGS = RadarSettings(raycast={"num_rays": 50_000}, accuracy={"tube_budget": 5_000})
 METHODS = ("raycast", "sionna", "sbr", "scatterers", "hybrid", "auto")
 
 
@@ -40,11 +42,11 @@ def digests(folder: Path) -> dict[str, str]:
     options = {
         "sionna": {"num_samples": 20_000},
         "scatterers": {"models": {"car": model}},
-        "hybrid": {"plan": ChannelPlan(shares, ("wall",), sionna_options={"num_samples": 20_000})},
+        "hybrid": {"plan": ChannelPlan(shares, ("wall",), sionna={"num_samples": 20_000})},
     }
     result = {}
     for method in METHODS:
-        paths = solve_paths(state, RADAR, Pose([0.0, 0.0, 0.6]), method, **options.get(method, {}))
+        paths = solve_paths(state, RADAR, Pose([0.0, 0.0, 0.6]), method, settings=SETTINGS, **options.get(method, {}))
         assert paths.num_paths, method
         arrays = [value for value in vars(paths).values() if isinstance(value, np.ndarray)]
         result[method] = hashlib.sha256(b"".join(np.ascontiguousarray(value).tobytes() for value in arrays)).hexdigest()

@@ -13,7 +13,8 @@ import pytest
 import trimesh
 
 from scarl_sionna.core.errors import MeshError, ScarlWarning
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
@@ -23,9 +24,13 @@ from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6, num_rays=200_000, elevation_fov_deg=30.0)
+RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6, elevation_fov_deg=30.0)
 WAVENUMBER = 2.0 * np.pi * RADAR.center_frequency / 299_792_458.0
-OPTIONS = {"raycast": {"hits_per_cell": None}, "sionna": {"num_samples": 50_000, "max_depth": 1}, "sbr": {}}
+OPTIONS = {
+    "raycast": {"hits_per_cell": None, "num_rays": 200_000},
+    "sionna": {"num_samples": 50_000, "max_depth": 1},
+    "sbr": {},
+}
 METHODS = tuple(OPTIONS)
 REPO = Path(__file__).resolve().parents[2]
 
@@ -140,9 +145,9 @@ def test_no_target_is_no_path_and_a_silent_frame(tmp_path, method: str) -> None:
     paths = solve_paths(state, RADAR, Pose(), method, **{**OPTIONS[method], "max_distance": 20.0})
     assert paths.num_paths == 0 and paths.a.shape == (0, 2, 2) and paths.tx_point.shape == (0, 3)
     radar = Radar(
-        RADAR.with_(num_chirps=2), method, noise=False, solver_options={**OPTIONS[method], "max_distance": 20.0}
+        RADAR.with_(num_chirps=2), RadarSettings.of(method, noise=False, **OPTIONS[method], max_distance=20.0)
     )
-    frame = radar.observe(state, Pose(), Twist(), np.random.default_rng(0))
+    frame = radar.observe(state, Pose(), np.random.default_rng(0))
     assert frame.num_paths == 0 and not frame.adc_int.any()
 
 

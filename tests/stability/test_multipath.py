@@ -20,9 +20,10 @@ from scarl_sionna.engine.paths.tracing import trace_paths
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import PathBufferOverflowError, solve_paths
-from scarl_sionna.radar.channel.multipath.legs import Station, legs_of
-from scarl_sionna.radar.channel.multipath.solve import solve_sionna
-from scarl_sionna.radar.points import PointScatterers
+from scarl_sionna.radar.channel.multipath.legs import legs_of
+from scarl_sionna.radar.channel.multipath.station import Station
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import solve_points
 from tests.oracles import multipath as oracle
 from tests.scenes import Thing, ball, box, plane, write_scene
 
@@ -65,7 +66,7 @@ def test_path_length_at_200_m_is_exact(tmp_path) -> None:
     normal, offset = np.array([0.6, 0.8, 0.0]), 0.8 * 250.0  # 0.6 x + 0.8 y = 200
     start, target = np.array([0.123, -0.456, 0.789]), np.array([30.321, 1.654, -2.987])
     points = PointScatterers([target], np.zeros((1, 3)), 1.0)
-    paths = solve_sionna(state, RADAR, Pose(start), scatterers=points, max_distance=500.0, **FEW)
+    paths = solve_points(state, RADAR, Pose(start), points, environment=True, max_distance=500.0, **FEW)
     echo = 2.0 * (offset - normal @ start)
     there = [np.linalg.norm(target - start), np.linalg.norm(oracle.mirrored(target, normal, offset) - start)]
     expected = [echo, 2 * there[0], sum(there), sum(there), 2 * there[1]]
@@ -82,7 +83,7 @@ def test_small_motion_turns_the_phase_and_no_path_flickers(tmp_path) -> None:
     diagonal = np.array([64.0, 1.0, 8.0])  # the wall's centre, where its diagonal passes, seen at right angles
     step = RADAR.wavelength / 20.0
     solves = [
-        solve_sionna(state, RADAR, Pose(diagonal + [step * (k - 12.5), 0, 0]), scatterers=points, **FEW)
+        solve_points(state, RADAR, Pose(diagonal + [step * (k - 12.5), 0, 0]), points, environment=True, **FEW)
         for k in range(26)
     ]
     first = solves[0]
@@ -106,11 +107,13 @@ def test_near_field_of_every_antenna(tmp_path) -> None:
     radar = RADAR.with_(tx_positions=tx, rx_positions=rx)
     points = PointScatterers([[3.0, 2.0, 0.5]], np.zeros((1, 3)), 1.0)
     few = {**FEW, "max_depth": 1}
-    geometry = PathGeometry.of(solve_sionna(state, radar, Pose(), scatterers=points, **few), radar)
+    geometry = PathGeometry.of(solve_points(state, radar, Pose(), points, environment=True, **few), radar)
     single = RADAR.with_(tx_positions=((0, 0, 0),), rx_positions=((0, 0, 0),))
     for i, transmitter in enumerate(tx):
         for j, receiver in enumerate(rx):
-            alone = solve_sionna(state, single, Pose(transmitter), rx_pose=Pose(receiver), scatterers=points, **few)
+            alone = solve_points(
+                state, single, Pose(transmitter), points, receiver=Pose(receiver), environment=True, **few
+            )
             direct = alone.depth == 0  # between two antennas there is a line of sight, from one to itself there is none
             expected = lengths(alone.select(~direct), single)
             assert direct.sum() == 1 and len(expected) == 2 + 3 * 3
@@ -143,7 +146,7 @@ def _digest(folder: str) -> str:
     points = PointScatterers([[30, -1, 1.5], [20, 2, 0.5]], np.zeros((2, 3)), 1.0)
     digest = hashlib.sha256()
     for options in ({}, {"diffuse": True}):
-        paths = solve_sionna(state, RADAR, Pose([0, 0, 0.5]), scatterers=points, **FEW, **options)
+        paths = solve_points(state, RADAR, Pose([0, 0, 0.5]), points, environment=True, **FEW, **options)
         for value in vars(paths).values():
             if isinstance(value, np.ndarray):
                 digest.update(np.ascontiguousarray(value).tobytes())
@@ -199,6 +202,6 @@ def test_coincident_surfaces_reflect_once(tmp_path) -> None:
         ]
         state = load_scene(write_scene(tmp_path / name, things)).at(0.0)
         points = PointScatterers([[10, 0, 0.5]], np.zeros((1, 3)), 1.0)
-        paths = solve_sionna(state, RADAR, Pose([0, 0, 0.5]), scatterers=points, environment=False, **FEW)
+        paths = solve_points(state, RADAR, Pose([0, 0, 0.5]), points, **FEW)
         assert paths.depth.tolist() == [1, 2, 2, 3]
         assert abs(lengths(paths)[3] / 2 - np.hypot(10, 1 - 2 * height)) < 1e-9

@@ -9,10 +9,10 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.channel.raycast.solve import solve_raycast
+from scarl_sionna.radar.channel import solve_paths
 from tests.scenes import Thing, box, plane, write_scene
 
-RADAR = RadarSpec(azimuth_fov_deg=10.0, elevation_fov_deg=5.0, num_rays=20_000)
+RADAR = RadarSpec(azimuth_fov_deg=10.0, elevation_fov_deg=5.0)
 WAVENUMBER = 2 * np.pi * RADAR.waveform.start_frequency / SPEED_OF_LIGHT
 
 
@@ -26,7 +26,9 @@ def test_far_oblique_wall_has_distances_in_float64(tmp_path) -> None:
     mesh = plane(1.0, 1.0)
     mesh.vertices = corners
     state = load_scene(write_scene(tmp_path, [Thing("wall", mesh, "Wall", "steel")])).at(0.0)
-    paths = solve_raycast(state, RADAR, Pose([0.1, 0.2, 0.3]), max_distance=400.0, hits_per_cell=None)
+    paths = solve_paths(
+        state, RADAR, Pose([0.1, 0.2, 0.3]), "raycast", max_distance=400.0, hits_per_cell=None, num_rays=20_000
+    )
     assert paths.num_paths > 19_000
     # On the plane to rounding of float64 (250 m * 2.2e-16 * a few operations); float32 alone would give 1.5e-5 m.
     assert np.abs(paths.tx_point[:, 0] + paths.tx_point[:, 1] - 250.0).max() < 1e-11
@@ -42,7 +44,8 @@ def test_steps_of_a_twentieth_wavelength_turn_the_phase_by_as_much(tmp_path) -> 
     world = load_scene(write_scene(tmp_path, actors=[actor]))
     pose = Pose.from_euler([0, 0, 0], yaw=0.02)
     lengths = [
-        _lengths(solve_raycast(world.at(k * step), RADAR, pose, num_rays=400, hits_per_cell=None)) for k in range(21)
+        _lengths(solve_paths(world.at(k * step), RADAR, pose, "raycast", num_rays=400, hits_per_cell=None))
+        for k in range(21)
     ]
     cosine = 200.0 / (lengths[0] / 2.0)
     turned = WAVENUMBER * np.diff(np.stack(lengths), axis=0)
@@ -54,7 +57,7 @@ def test_steps_of_a_twentieth_wavelength_turn_the_phase_by_as_much(tmp_path) -> 
 def test_grazing_ground_stays_on_the_ground(tmp_path) -> None:
     ground = Thing("ground", plane(1024.0, 1024.0, (0, 0, 0), (0, 0, 1)), "Roads", "steel")
     state = load_scene(write_scene(tmp_path, [ground])).at(0.0)
-    paths = solve_raycast(state, RADAR.with_(elevation_fov_deg=1.0), Pose([0, 0, 0.5]))
+    paths = solve_paths(state, RADAR.with_(elevation_fov_deg=1.0), Pose([0, 0, 0.5]), "raycast", num_rays=20_000)
     distance = _lengths(paths) / 2
     assert distance.max() > 200.0  # grazing angle of 0.14 deg
     # z = 0.5 + d * uz: rounding of d (1e-16 / sine of grazing, 2e-3 -> 5e-14 relative) times uz * d = 0.5 m.
@@ -69,8 +72,16 @@ def test_level_radar_over_flat_ground_adds_powers_when_rough_and_amplitudes_when
 
     def gain(hit_phase: str) -> tuple[float, int]:
         """Return coherent over incoherent power of the rows in the mean, and hits in a row."""
-        paths = solve_raycast(
-            state, RADAR, Pose([0, 0, 0.5]), grid="regular", hit_phase=hit_phase, max_distance=100.0, hits_per_cell=None
+        paths = solve_paths(
+            state,
+            RADAR,
+            Pose([0, 0, 0.5]),
+            "raycast",
+            grid="regular",
+            hit_phase=hit_phase,
+            max_distance=100.0,
+            hits_per_cell=None,
+            num_rays=20_000,
         )
         signal = paths.a[:, 0, 0] * np.exp(-1j * WAVENUMBER * _lengths(paths))
         _, row = np.unique(np.round(_lengths(paths), 6), return_inverse=True)
@@ -91,11 +102,11 @@ def test_staggered_rays_hit_a_road_at_all_distances(tmp_path) -> None:
     """Rows of a regular grid are circles on a flat ground, farther apart than a range bin from 16 m on."""
     ground = Thing("ground", plane(256.0, 256.0, (0, 0, 0), (0, 0, 1)), "Roads", "grey")
     state = load_scene(write_scene(tmp_path, [ground])).at(0.0)
-    radar = RadarSpec(num_rays=1_000_000)
+    radar = RadarSpec()
     edges = np.arange(20.0, 60.0, radar.range_resolution)
     empty = {}
     for grid in ("regular", "staggered"):
-        paths = solve_raycast(state, radar, Pose([0, 0, 0.5]), grid=grid)
+        paths = solve_paths(state, radar, Pose([0, 0, 0.5]), "raycast", grid=grid, num_rays=1_000_000)
         empty[grid] = int((np.histogram(_lengths(paths) / 2, edges)[0] == 0).sum())
     # 80 bins; the rows at h / sine of elevation between 20 and 60 m number 0.5 (1/20 - 1/60) / 1.04e-3 = 16.
     assert empty["regular"] >= 80 - 17

@@ -8,9 +8,9 @@ import warnings
 import numpy as np
 import pytest
 
-from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.antenna import PathGeometry

@@ -13,8 +13,9 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.channel.multipath.solve import solve_sionna
-from scarl_sionna.radar.points import PointScatterers
+from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import solve_points
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from tests.scenes import Material, Thing, box, plane, write_scene
@@ -56,11 +57,11 @@ def test_signal_of_every_antenna_at_5_m(tmp_path, mirror: str) -> None:
     points = PointScatterers([[3.0, 4.0, 0.5]], ORIGIN, 10.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        paths = solve_sionna(state, WIDE, Pose(), scatterers=points, environment=False, **FEW)
+        paths = solve_points(state, WIDE, Pose(), points, **FEW)
     together = synthesize(paths, WIDE)[:, 0]
     worst = []
     for antenna, arm in enumerate(ARMS):
-        alone = solve_sionna(state, SINGLE, Pose(), rx_pose=Pose(arm), scatterers=points, environment=False, **FEW)
+        alone = solve_points(state, SINGLE, Pose(), points, receiver=Pose(arm), **FEW)
         expected = synthesize(alone, SINGLE)[0, 0]
         worst.append(20 * np.log10(max(np.abs(together[antenna] - expected).max(), 1e-30) / np.abs(expected).max()))
     assert worst[2] < -100.0  # the antenna at the centre
@@ -78,15 +79,17 @@ def test_antennas_that_do_not_see_the_path_are_told(tmp_path) -> None:
     # Monostatic echo of the wall at right angles, its reflection point 0.2 m from the wall's end, where the array ends at 0.5 m
     pose = Pose([0.0, edge - 0.2, 0.0])
     with pytest.warns(ScarlWarning, match="1 of 1 path.s. are not seen by all antennas"):
-        paths = solve_sionna(state, WIDE, pose, **FEW)
+        paths = solve_paths(state, WIDE, pose, "sionna", **FEW)
     assert paths.num_paths == 1 and paths.diagnostics["num_hidden_from_antennas"] == 1
-    outer = solve_sionna(state, SINGLE, Pose(pose.position + ARMS[-1]), **FEW)
+    outer = solve_paths(state, SINGLE, Pose(pose.position + ARMS[-1]), "sionna", **FEW)
     assert outer.num_paths == 0  # so the warning is right: alone, this antenna has no echo
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        inside = solve_sionna(state, WIDE, Pose([0.0, edge - 1.0, 0.0]), **FEW)
+        inside = solve_paths(state, WIDE, Pose([0.0, edge - 1.0, 0.0]), "sionna", **FEW)
         small = SINGLE.with_(rx_positions=((0, 0.02, 0), (0, -0.02, 0)))
-        solve_sionna(state, small, pose, **FEW)  # smaller than the Fresnel zone: no question of single antennas
+        solve_paths(
+            state, small, pose, "sionna", **FEW
+        )  # smaller than the Fresnel zone: no question of single antennas
     assert inside.num_paths == 1 and inside.diagnostics["num_hidden_from_antennas"] == 0
 
 
@@ -95,7 +98,7 @@ def test_an_obstacle_before_some_antennas_is_told(tmp_path) -> None:
     state = load_scene(write_scene(tmp_path, [post])).at(0.0)
     points = PointScatterers([[30.0, 0.0, 0.0]], ORIGIN, 1.0)
     with pytest.warns(ScarlWarning, match="not seen by all antennas"):
-        paths = solve_sionna(state, WIDE, Pose(), scatterers=points, environment=False, **FEW)
+        paths = solve_points(state, WIDE, Pose(), points, **FEW)
     assert paths.num_paths == 1
-    hidden = solve_sionna(state, SINGLE, Pose(ARMS[0]), scatterers=points, environment=False, **FEW)
+    hidden = solve_points(state, SINGLE, Pose(ARMS[0]), points, **FEW)
     assert hidden.num_paths == 0

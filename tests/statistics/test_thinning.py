@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.channel.raycast.solve import solve_raycast
+from scarl_sionna.radar.channel import solve_paths
 from tests.scenes import Thing, ball, plane, write_scene
 
-RADAR = RadarSpec().with_(num_rays=200_000, num_chirps=64, num_samples=256, sampling_frequency=512 / 30e-6)
+RADAR = RadarSpec().with_(num_chirps=64, num_samples=256, sampling_frequency=512 / 30e-6)
 SPEED = Twist(linear=[11.0, 0.0, 0.0])
 
 
@@ -26,7 +27,9 @@ def state(tmp_path_factory):
 
 
 def _solve(state, hits_per_cell: int | None):
-    return solve_raycast(state, RADAR, Pose([0, 0, 0.75]), radar_twist=SPEED, hits_per_cell=hits_per_cell)
+    return solve_paths(
+        state, RADAR, Mount(Pose([0, 0, 0.75]), SPEED), "raycast", hits_per_cell=hits_per_cell, num_rays=200_000
+    )
 
 
 def _dirichlet_squared(cycles: np.ndarray, count: int) -> np.ndarray:

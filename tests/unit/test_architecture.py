@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -50,15 +52,49 @@ def test_import_contracts_hold() -> None:
     assert "0 broken" in done.stdout
 
 
+def imports_of_files() -> dict[str, set[str]]:
+    """Return which module of the packages imports which, TYPE_CHECKING blocks and imports in functions included."""
+    files = {
+        ".".join(path.relative_to(REPO).with_suffix("").parts): path
+        for package in ("scarl_sionna", "camera_lidar")
+        for path in (REPO / package).rglob("*.py")
+        if path.name != "__init__.py"
+    }
+    found: dict[str, set[str]] = {}
+    for name, path in files.items():
+        asked = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                asked |= {item.name for item in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                above = name.split(".")[: -node.level] if node.level else []
+                base = ".".join([*above, *([node.module] if node.module else [])])
+                asked |= {base} | {f"{base}.{item.name}" for item in node.names}
+        found[name] = asked & files.keys() - {name}
+    return found
+
+
+def test_no_file_imports_another_in_a_circle() -> None:
+    TopologicalSorter(imports_of_files()).prepare()  # raises CycleError, which names the circle
+
+
+def test_folders_hold_at_most_15_modules() -> None:
+    for package in ("scarl_sionna", "camera_lidar"):
+        for folder in [REPO / package, *(path for path in (REPO / package).rglob("*") if path.is_dir())]:
+            assert len(list(folder.glob("*.py"))) <= 15, folder
+
+
 def test_public_names_resolve() -> None:
     for name in scarl_sionna.__all__:
         assert getattr(scarl_sionna, name) is not None, name
     assert set(scarl_sionna.__all__) <= set(dir(scarl_sionna))
 
 
-def test_every_public_name_has_one_home() -> None:
-    homes = [name for names in scarl_sionna._HOME.values() for name in names]
-    assert sorted(homes) == sorted(scarl_sionna.__all__)
+def test_the_list_of_public_names_is_what_the_stub_imports() -> None:
+    stub = ast.parse(Path(scarl_sionna.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imported = [name.name for node in stub.body if isinstance(node, ast.ImportFrom) for name in node.names]
+    listed = next(node.value for node in stub.body if isinstance(node, ast.Assign))
+    assert sorted(imported) == sorted(ast.literal_eval(listed)) == sorted(scarl_sionna.__all__)
 
 
 def test_unknown_public_name() -> None:

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from scarl_sionna.core.accuracy import Accuracy
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
@@ -23,7 +24,8 @@ from scarl_sionna.signal.noise import sample_noise_power
 from tests.oracles.rcs import TRIHEDRAL_MESH
 from tests.scenes import Material, Thing, ball, box, plane, write_scene
 
-RADAR = RadarSpec(num_rays=100_000)
+RADAR = RadarSpec()
+SETTINGS = RadarSettings(raycast={"num_rays": 100_000}, accuracy=Accuracy(tube_budget=10_000))
 POSE = Pose([0.0, 0.0, 0.6])
 MATERIALS = {"asphalt": Material(radio="asphalt"), "leaf": Material(radio="foliage")}
 
@@ -54,7 +56,7 @@ def choices(paths) -> dict[str, dict]:
 
 @pytest.fixture(scope="module")
 def paths(state):
-    return solve_paths(state, RADAR, POSE)
+    return solve_paths(state, RADAR, POSE, settings=SETTINGS)
 
 
 def test_each_object_has_the_method_that_suits_it(state, paths) -> None:
@@ -80,7 +82,7 @@ def test_what_is_left_out_is_below_the_noise_even_at_its_bound(state, paths) -> 
     number = next(key for key, info in state.world.instances.items() if info.name == "leaf")
     power = received_power(near, RADAR)[near.instance[:, 0] == number].sum()
     assert 0.0 < power < cell_noise_power(RADAR) * 10 ** (entry["bound_to_noise_db"] / 10)
-    deeper = solve_paths(state, RADAR, POSE, accuracy=Accuracy(channel_floor_db=-200.0))
+    deeper = solve_paths(state, RADAR, POSE, settings=SETTINGS, channel_floor_db=-200.0)
     assert not [item for item in deeper.diagnostics["left_out"] if item["instance"] == "leaf"]
 
 
@@ -104,10 +106,10 @@ def test_cell_noise_is_what_integration_leaves() -> None:
 
 
 def test_without_a_budget_all_is_raycast(state) -> None:
-    none = solve_paths(state, RADAR, POSE, accuracy=Accuracy(sbr_tubes_per_ray=0.0))
+    none = solve_paths(state, RADAR, POSE, settings=SETTINGS, tube_budget=0)
     assert {entry["method"] for entry in choices(none).values()} == {"raycast", "left out"}
     assert "budget" in choices(none)["car"]["reason"]
-    alone = solve_paths(state, RADAR, POSE, "raycast")
+    alone = solve_paths(state, RADAR, POSE, "raycast", settings=SETTINGS)
     kept = ~np.isin(alone.instance[:, 0], [key for key, info in state.world.instances.items() if info.name == "leaf"])
     assert none.a.tobytes() == alone.select(kept).a.tobytes()
 
@@ -126,26 +128,26 @@ def test_a_model_is_used_where_it_holds(state) -> None:
         model = ScattererModel(
             np.zeros((1, 3)), half_turn, np.zeros(1), amplitude, RADAR.center_frequency, 0.1, nearest, np.pi
         )
-        return choices(solve_paths(state, RADAR, POSE, models={"car": model}))["car"]["method"]
+        return choices(solve_paths(state, RADAR, POSE, settings=SETTINGS, models={"car": model}))["car"]["method"]
 
     assert method(5.0) == "scatterers" and method(50.0) == "sbr"
 
 
 def test_options_of_raycast_reach_it_and_the_plan_can_be_changed(state) -> None:
-    plan = plan_channel(state, RADAR, POSE, num_rays=3_000)
-    assert plan.shares[-1].solver == "raycast" and plan.shares[-1].options == {"num_rays": 3_000}
-    same = solve_paths(state, RADAR, POSE, "hybrid", plan=plan)
-    assert same.a.tobytes() == solve_paths(state, RADAR, POSE, num_rays=3_000).a.tobytes()
+    plan = plan_channel(state, RADAR, POSE, settings=SETTINGS, num_rays=3_000)
+    assert plan.shares[-1].solver == "raycast" and plan.shares[-1].settings is None
+    same = solve_paths(state, RADAR, POSE, "hybrid", settings=SETTINGS, plan=plan, num_rays=3_000)
+    assert same.a.tobytes() == solve_paths(state, RADAR, POSE, settings=SETTINGS, num_rays=3_000).a.tobytes()
     with pytest.raises(ParameterRangeError, match="max_distance"):
         solve_paths(state, RADAR, POSE, max_distance=-1.0)
 
 
 def test_same_bytes_twice_and_plain_diagnostics(state, paths) -> None:
-    again = solve_paths(state, RADAR, POSE)
+    again = solve_paths(state, RADAR, POSE, settings=SETTINGS)
     for name, value in vars(paths).items():
         if isinstance(value, np.ndarray):
             assert value.tobytes() == getattr(again, name).tobytes(), name
-    frame = Radar(RADAR.with_(num_chirps=4), noise=False).observe(state, POSE, Twist(), np.random.default_rng(0))
+    frame = Radar(RADAR.with_(num_chirps=4), SETTINGS.with_(noise=False)).observe(state, POSE, np.random.default_rng(0))
     told = json.loads(json.dumps(frame.diagnostics))
     assert told["method"] == "auto" and told["tolerance_db"] == 1.0
     without = [{key: value for key, value in item.diagnostics.items() if key != "seconds"} for item in (paths, again)]
@@ -154,8 +156,8 @@ def test_same_bytes_twice_and_plain_diagnostics(state, paths) -> None:
 
 @pytest.mark.parametrize("method", ["sbr", "raycast", "auto"])
 def test_the_sensor_takes_any_solver(state, method) -> None:
-    frame = Radar(RADAR.with_(num_chirps=2), method, noise=False).observe(
-        state, POSE, Twist(), np.random.default_rng(0)
+    frame = Radar(RADAR.with_(num_chirps=2), SETTINGS.with_(noise=False), method).observe(
+        state, POSE, np.random.default_rng(0)
     )
     assert frame.num_paths > 0 and all(value >= 0.0 for value in frame.diagnostics["seconds"].values())
 

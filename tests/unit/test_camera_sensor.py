@@ -12,6 +12,7 @@ from camera_lidar.camera.labels import cast_pixels
 from camera_lidar.camera.ray_sensor import LAUNCHES, launch_samples
 from camera_lidar.camera.render import _trace, render_radiance
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import SKY, semantic_id
 from scarl_sionna.core.specs.camera import CameraSpec, ImageSensor
@@ -31,7 +32,7 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> WorldState:
 
 
 def test_all_images_have_the_promised_shape_and_type(state: WorldState) -> None:
-    frame = Camera(SPEC).observe(state, POSE, Twist(), np.random.default_rng(0))
+    frame = Camera(SPEC).observe(state, POSE, np.random.default_rng(0))
     assert frame.spec == SPEC and frame.world_from_sensor is POSE
     for image, dtype, tail in (
         (frame.rgb, np.uint8, (3,)), (frame.depth, np.float32, ()), (frame.semantic, np.uint8, ()),
@@ -41,15 +42,15 @@ def test_all_images_have_the_promised_shape_and_type(state: WorldState) -> None:
 
 
 def test_only_the_images_asked_for_are_made(state: WorldState) -> None:
-    frame = Camera(SPEC.with_(images=("instance",))).observe(state, POSE, Twist(), np.random.default_rng(0))
+    frame = Camera(SPEC.with_(images=("instance",))).observe(state, POSE, np.random.default_rng(0))
     assert frame.instance is not None
     assert frame.rgb is None and frame.depth is None and frame.semantic is None
-    frame = Camera(SPEC.with_(images=("rgb",))).observe(state, POSE, Twist(), np.random.default_rng(0))
+    frame = Camera(SPEC.with_(images=("rgb",))).observe(state, POSE, np.random.default_rng(0))
     assert frame.rgb is not None and frame.depth is None
 
 
 def test_sky_has_its_class_no_instance_and_no_depth(state: WorldState) -> None:
-    frame = Camera(SPEC).observe(state, POSE, Twist(), np.random.default_rng(0))
+    frame = Camera(SPEC).observe(state, POSE, np.random.default_rng(0))
     assert frame.depth is not None and frame.semantic is not None and frame.instance is not None
     sky = frame.semantic == SKY
     assert sky[0].all() and not sky[-1].any()
@@ -57,7 +58,7 @@ def test_sky_has_its_class_no_instance_and_no_depth(state: WorldState) -> None:
 
 
 def test_depth_ends_at_the_maximum_distance_but_labels_do_not(state: WorldState) -> None:
-    frame = Camera(SPEC.with_(max_distance=9.0)).observe(state, POSE, Twist(), np.random.default_rng(0))
+    frame = Camera(SPEC.with_(max_distance=9.0)).observe(state, POSE, np.random.default_rng(0))
     assert frame.depth is not None and frame.semantic is not None
     wall = frame.semantic == semantic_id("Wall")
     assert wall.any() and np.isinf(frame.depth[wall]).all()
@@ -65,7 +66,7 @@ def test_depth_ends_at_the_maximum_distance_but_labels_do_not(state: WorldState)
 
 def test_same_seed_gives_the_same_bytes_and_another_seed_other_ones(state: WorldState) -> None:
     spec = SPEC.with_(images=("rgb",))
-    images = [Camera(spec).observe(state, POSE, Twist(), np.random.default_rng(seed)).rgb for seed in (3, 3, 4)]
+    images = [Camera(spec).observe(state, POSE, np.random.default_rng(seed)).rgb for seed in (3, 3, 4)]
     assert np.array_equal(images[0], images[1])
     assert not np.array_equal(images[0], images[2])
 
@@ -74,7 +75,9 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_other_ones(state: World
 def test_same_seed_same_bytes_whatever_is_switched_on(state: WorldState, change: dict) -> None:
     camera = Camera(SPEC.with_(images=("rgb",), **change))
     twist = Twist([8.0, 0.0, 0.0])
-    first, again, other = (camera.observe(state, POSE, twist, np.random.default_rng(seed)).rgb for seed in (3, 3, 4))
+    first, again, other = (
+        camera.observe(state, Mount(POSE, twist), np.random.default_rng(seed)).rgb for seed in (3, 3, 4)
+    )
     assert np.array_equal(first, again) and not np.array_equal(first, other)
 
 
@@ -97,11 +100,11 @@ def test_cameras_of_a_suite_share_their_rays(state: WorldState, monkeypatch: pyt
     )
     fresh = state.world.at(0.0)
     semantic, depth = (SPEC.with_(images=images) for images in (("semantic", "instance"), ("depth",)))
-    separate = Camera(SPEC).observe(state.world.at(0.0), POSE, Twist(), np.random.default_rng(0))
+    separate = Camera(SPEC).observe(state.world.at(0.0), POSE, np.random.default_rng(0))
     calls.clear()
     first = cast_pixels(fresh, semantic, POSE)
     assert cast_pixels(fresh, depth, POSE) is first and len(calls) == 1
-    shared = Camera(depth).observe(fresh, POSE, Twist(), np.random.default_rng(0))
+    shared = Camera(depth).observe(fresh, POSE, np.random.default_rng(0))
     assert np.array_equal(shared.depth, separate.depth)
     for other in (POSE.compose(Pose([0.0, 0.1, 0.0])), Pose.from_euler(POSE.position, yaw=0.1)):
         assert cast_pixels(fresh, depth, other) is not first
@@ -110,7 +113,7 @@ def test_cameras_of_a_suite_share_their_rays(state: WorldState, monkeypatch: pyt
 
 def test_camera_inside_a_mesh_is_refused(state: WorldState) -> None:
     with pytest.raises(PlacementError, match=r"camera at \(10\.500, 0\.000, 1\.500\) m .*'wall'"):
-        Camera(SPEC).observe(state, Pose([10.5, 0.0, 1.5]), Twist(), np.random.default_rng(0))
+        Camera(SPEC).observe(state, Pose([10.5, 0.0, 1.5]), np.random.default_rng(0))
 
 
 def test_a_camera_high_above_two_layers_of_ground_is_outside(tmp_path: Path) -> None:

@@ -12,8 +12,9 @@ from scarl_sionna.core.errors import (
     ScarlWarning,
     UnknownNameError,
 )
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SKY, semantic_id
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
@@ -22,7 +23,8 @@ from scarl_sionna.radar.channel.raycast.grid import RayGrid
 from scarl_sionna.radar.sensor import Radar
 from tests.scenes import Material, Thing, box, plane, write_scene
 
-RADAR = RadarSpec().with_(num_rays=5_000, num_chirps=8, num_samples=32)
+RADAR = RadarSpec().with_(num_chirps=8, num_samples=32)
+NUM_RAYS = 5_000
 
 
 @pytest.fixture(scope="module")
@@ -49,13 +51,15 @@ def test_an_unknown_solver_is_named(state, method: str) -> None:
 
 
 def test_two_runs_give_the_same_bytes(state) -> None:
-    assert _bytes(solve_paths(state, RADAR, Pose(), "raycast")) == _bytes(solve_paths(state, RADAR, Pose(), "raycast"))
+    assert _bytes(solve_paths(state, RADAR, Pose(), "raycast", num_rays=NUM_RAYS)) == _bytes(
+        solve_paths(state, RADAR, Pose(), "raycast", num_rays=NUM_RAYS)
+    )
 
 
 def test_shapes_types_and_order(state) -> None:
-    paths = solve_paths(state, RADAR, Pose(), "raycast")
+    paths = solve_paths(state, RADAR, Pose(), "raycast", num_rays=NUM_RAYS)
     count = paths.num_paths
-    assert 0 < count <= RADAR.num_rays
+    assert 0 < count <= NUM_RAYS
     assert paths.a.shape == (count, 2, 2) and paths.a.dtype == np.complex128
     assert paths.tx_point.shape == (count, 3) and paths.tx_point.dtype == np.float64
     for name in ("inner_length", "length_rate", "length_acceleration"):
@@ -63,7 +67,7 @@ def test_shapes_types_and_order(state) -> None:
     for name in ("instance", "interaction"):
         assert getattr(paths, name).shape == (count, 1) and getattr(paths, name).dtype == np.int32
     assert paths.depth.dtype == np.int32 and paths.semantic.dtype == np.uint8 and paths.rx_image is None
-    grid = RayGrid.over(np.radians(RADAR.azimuth_fov_deg), np.radians(RADAR.elevation_fov_deg), RADAR.num_rays)
+    grid = RayGrid.over(np.radians(RADAR.azimuth_fov_deg), np.radians(RADAR.elevation_fov_deg), NUM_RAYS)
     sine = paths.tx_point[:, 2] / np.linalg.norm(paths.tx_point, axis=1)
     row = np.floor((sine / (2 * np.sin(np.radians(RADAR.elevation_fov_deg) / 2)) + 0.5) * grid.num_elevation + 1e-9)
     assert (np.diff(row) >= 0).all()  # ray order: rows from the bottom
@@ -71,8 +75,10 @@ def test_shapes_types_and_order(state) -> None:
 
 def test_nothing_in_view_gives_no_paths_and_a_silent_frame(state) -> None:
     behind = Pose.from_euler([0, 0, 50.0], pitch=-1.2)
-    assert solve_paths(state, RADAR, behind, "raycast").num_paths == 0
-    frame = Radar(RADAR, noise=False).observe(state, behind, Twist(), np.random.default_rng(0))
+    assert solve_paths(state, RADAR, behind, "raycast", num_rays=NUM_RAYS).num_paths == 0
+    frame = Radar(RADAR, RadarSettings(noise=False, raycast={"num_rays": NUM_RAYS})).observe(
+        state, behind, np.random.default_rng(0)
+    )
     assert frame.num_paths == 0 and not frame.adc_int.any()
 
 
@@ -81,7 +87,7 @@ def test_inside_a_mesh_is_refused(state, position: tuple[float, float, float], w
     # The second radar stands 10 cm above the hut's roof and its second antenna hangs 20 cm below.
     radar = RADAR.with_(tx_positions=((0, 0, 0), (0, 0, -0.2)))
     with pytest.raises(PlacementError, match=f"{what}.* inside 'hut'.*move it outside"):
-        solve_paths(state, radar, Pose(position), "raycast")
+        solve_paths(state, radar, Pose(position), "raycast", num_rays=NUM_RAYS)
 
 
 def test_an_object_between_the_rays_is_warned_of(tmp_path) -> None:
@@ -95,12 +101,18 @@ def test_an_object_between_the_rays_is_warned_of(tmp_path) -> None:
 
 @pytest.mark.filterwarnings("error")
 def test_no_warning_where_objects_are_large_or_out_of_view(state) -> None:
-    solve_paths(state, RADAR, Pose(), "raycast")
+    solve_paths(state, RADAR, Pose(), "raycast", num_rays=NUM_RAYS)
 
 
 def test_a_radar_outside_the_materials_range_is_refused(state) -> None:
     with pytest.raises(MaterialRangeError, match="'asphalt' has no data at 24 GHz"):
-        solve_paths(state, RADAR.with_(start_frequency=24e9), Pose.from_euler([0, 0, 0], pitch=0.3), "raycast")
+        solve_paths(
+            state,
+            RADAR.with_(start_frequency=24e9),
+            Pose.from_euler([0, 0, 0], pitch=0.3),
+            "raycast",
+            num_rays=NUM_RAYS,
+        )
 
 
 @pytest.mark.parametrize(
@@ -108,13 +120,13 @@ def test_a_radar_outside_the_materials_range_is_refused(state) -> None:
 )
 def test_bad_numbers_are_refused(state, options: dict[str, float]) -> None:
     with pytest.raises(ParameterRangeError, match=next(iter(options))):
-        solve_paths(state, RADAR, Pose(), "raycast", **options)
+        solve_paths(state, RADAR, Pose(), "raycast", **{"num_rays": NUM_RAYS, **options})
 
 
 @pytest.mark.parametrize("options", [{"rcs_model": "lambert"}, {"hit_phase": "smooth"}, {"grid": "random"}])
 def test_unknown_options_are_refused(state, options: dict[str, str]) -> None:
-    with pytest.raises(UnknownNameError, match=next(iter(options))):
-        solve_paths(state, RADAR, Pose(), "raycast", **options)
+    with pytest.raises(ParameterRangeError, match=next(iter(options))):
+        solve_paths(state, RADAR, Pose(), "raycast", **{"num_rays": NUM_RAYS, **options})
 
 
 def test_every_class_has_a_reflectivity() -> None:
@@ -126,10 +138,10 @@ def test_every_class_has_a_reflectivity() -> None:
 def test_class_rcs_can_be_changed_by_mapping_and_file(tmp_path, state) -> None:
     path = tmp_path / "mine.toml"
     path.write_text("[Wall]\ngamma = 1.2\nsource = 'mine'\n")
-    base = solve_paths(state, RADAR, Pose(), "raycast")
+    base = solve_paths(state, RADAR, Pose(), "raycast", num_rays=NUM_RAYS)
     wall = base.semantic == semantic_id("Wall")
     for changes in ({"Wall": 1.2}, path):
-        other = solve_paths(state, RADAR, Pose(), "raycast", class_rcs=changes)
+        other = solve_paths(state, RADAR, Pose(), "raycast", class_rcs=changes, num_rays=NUM_RAYS)
         # Built-in 0.3: four times the RCS is twice the amplitude; elsewhere nothing changes.
         assert np.abs(other.a[wall]) == pytest.approx(2.0 * np.abs(base.a[wall]), rel=1e-12)
         assert np.array_equal(other.a[~wall], base.a[~wall])
@@ -147,7 +159,10 @@ def test_unknown_class_is_refused() -> None:
 
 
 def test_a_class_without_reflectivity_gives_no_paths(state) -> None:
-    assert solve_paths(state, RADAR, Pose(), "raycast", class_rcs={"Wall": 0.0, "Roads": 0.0}).num_paths == 0
+    assert (
+        solve_paths(state, RADAR, Pose(), "raycast", class_rcs={"Wall": 0.0, "Roads": 0.0}, num_rays=NUM_RAYS).num_paths
+        == 0
+    )
 
 
 @pytest.mark.parametrize(
@@ -186,14 +201,14 @@ def test_batches_of_rays_join_to_the_whole_grid() -> None:
 
 
 def test_batches_of_paths_join_to_the_whole(state, monkeypatch) -> None:
-    whole = solve_paths(state, RADAR, Pose(), "raycast")
+    whole = solve_paths(state, RADAR, Pose(), "raycast", num_rays=NUM_RAYS)
     monkeypatch.setattr("scarl_sionna.radar.channel.raycast.solve.RAYS_PER_BATCH", 700)
-    assert _bytes(solve_paths(state, RADAR, Pose(), "raycast")) == _bytes(whole)
+    assert _bytes(solve_paths(state, RADAR, Pose(), "raycast", num_rays=NUM_RAYS)) == _bytes(whole)
 
 
 def test_phase_of_hits_is_random_when_rough_and_zero_when_geometric(state) -> None:
-    rough = solve_paths(state, RADAR, Pose(), "raycast", hits_per_cell=None)
-    geometric = solve_paths(state, RADAR, Pose(), "raycast", hit_phase="geometric")
+    rough = solve_paths(state, RADAR, Pose(), "raycast", hits_per_cell=None, num_rays=NUM_RAYS)
+    geometric = solve_paths(state, RADAR, Pose(), "raycast", hit_phase="geometric", num_rays=NUM_RAYS)
     assert np.array_equal(geometric.a.imag, np.zeros_like(geometric.a.imag)) and (geometric.a.real >= 0).all()
     # A unit phase factor: the magnitude is kept to rounding.
     assert np.abs(rough.a) == pytest.approx(np.abs(geometric.a), rel=1e-14)
@@ -204,7 +219,9 @@ def test_phase_of_hits_is_random_when_rough_and_zero_when_geometric(state) -> No
 
 def test_same_seed_same_frame_and_noise_can_be_left_out(state) -> None:
     def observe(seed: int, noise: bool = True):
-        return Radar(RADAR, "raycast", noise=noise).observe(state, Pose(), Twist(), np.random.default_rng(seed))
+        return Radar(RADAR, RadarSettings.of("raycast", noise=noise, num_rays=NUM_RAYS)).observe(
+            state, Pose(), np.random.default_rng(seed)
+        )
 
     one, two, other, ideal = observe(1), observe(1), observe(2), observe(1, noise=False)
     assert one.adc_int.tobytes() == two.adc_int.tobytes() != other.adc_int.tobytes()

@@ -6,12 +6,13 @@ import json
 
 import pytest
 
-from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, OwnershipError, Share, solve_paths
 from scarl_sionna.radar.channel.compose.hybrid import DoubleCountError, _check_chains
+from scarl_sionna.radar.channel.compose.plan import resolve
 from tests.scenes import Thing, box, plane, write_scene
 
 
@@ -26,9 +27,9 @@ def state(tmp_path_factory):
 
 
 def test_names_ids_classes_and_the_rest_are_resolved(state) -> None:
-    plan = ChannelPlan((Share("sbr", ("Car",)), Share("raycast")), mirrors=(1,)).resolve(state.world)
+    plan = resolve(ChannelPlan((Share("sbr", ("Car",)), Share("raycast")), mirrors=(1,)), state.world)
     assert plan.owned == ((2, 3), (1,)) and plan.mirrors == (1,)
-    assert ChannelPlan((Share("raycast", ("van", 3, "van")),)).resolve(state.world).owned == ((2, 3),)
+    assert resolve(ChannelPlan((Share("raycast", ("van", 3, "van")),)), state.world).owned == ((2, 3),)
 
 
 @pytest.mark.parametrize(
@@ -48,26 +49,28 @@ def test_a_second_owner_is_refused(state, shares, mirrors, name, owners) -> None
 
 
 def test_a_mirror_may_have_a_rough_part(state) -> None:
-    assert ChannelPlan((Share("raycast"),), ("ground",)).resolve(state.world).owned == ((1, 2, 3),)
+    assert resolve(ChannelPlan((Share("raycast"),), ("ground",)), state.world).owned == ((1, 2, 3),)
 
 
 def test_bad_plans_are_refused(state) -> None:
     with pytest.raises(UnknownNameError, match="solver of objects.*mirrors"):
         Share("sionna", ("van",))
     with pytest.raises(UnknownNameError, match="did you mean 'van'"):
-        ChannelPlan((Share("sbr", ("vann",)),)).resolve(state.world)
+        resolve(ChannelPlan((Share("sbr", ("vann",)),)), state.world)
     with pytest.raises(ParameterRangeError, match="write \\('name',\\)"):
         Share("sbr", "van")
     with pytest.raises(ParameterRangeError, match="random phases"):
         Share("raycast", ("van",), through_mirrors=True)
-    with pytest.raises(ParameterRangeError, match="options = instances"):
+    with pytest.raises(UnknownNameError, match="field of SbrChannelSettings 'instances'"):
         Share("sbr", ("van",), {"instances": ["car"]})
     with pytest.raises(ParameterRangeError, match="mirror_depth"):
         ChannelPlan((), mirror_depth=9)
     with pytest.raises(ParameterRangeError, match="'van'.*a ScattererModel for every instance"):
         plan = ChannelPlan((Share("scatterers", ("van",), {"models": {"car": None}}),))
         solve_paths(state, RadarSpec(), Pose([0, 0, 0.5]), "hybrid", plan=plan)
-    with pytest.raises(ParameterRangeError, match="a ChannelPlan"):
+    with pytest.raises(InputTypeError, match="a ChannelPlan"):
+        solve_paths(state, RadarSpec(), Pose([0, 0, 0.5]), "hybrid", plan=["van"])
+    with pytest.raises(UnknownNameError, match="field of a ChannelPlan 'sbr'"):
         solve_paths(state, RadarSpec(), Pose([0, 0, 0.5]), "hybrid", plan={"sbr": ["van"]})
 
 

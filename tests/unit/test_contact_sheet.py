@@ -9,6 +9,7 @@ from PIL import Image
 
 import scarl_sionna.dataset.contact_sheet as sheet
 from scarl_sionna.core.errors import OutputError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import Frame, ImageFrame, ObjectState, RadarFrame
 from scarl_sionna.core.specs.camera import CameraSpec
@@ -35,7 +36,7 @@ def radar_frame(item: ObjectState) -> Frame:
     """Return a frame with the noiseless signal of the object as a point."""
     own = Twist(VEHICLE_TWIST.velocity_at(RADAR_POSE.position), VEHICLE_TWIST.angular)
     position, velocity = item.world_from_box.position[None], item.twist.linear[None]
-    paths = point_targets(position, velocity, np.array([100.0]), RADAR, RADAR_POSE, radar_twist=own)
+    paths = point_targets(position, velocity, np.array([100.0]), RADAR, Mount(RADAR_POSE, own))
     codes, scale, _ = quantize(synthesize(paths, RADAR, rng=None), RADAR)
     result = RadarFrame(RADAR, RADAR_POSE, codes, scale)
     return Frame(0, 0, 0, Pose(), VEHICLE_TWIST, {"front/radar": result}, (item,))

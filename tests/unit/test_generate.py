@@ -9,7 +9,9 @@ import pytest
 
 from scarl_sionna.app.demo import run
 from scarl_sionna.core.errors import OutputError, PlacementError, TimeRangeError, UnknownNameError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -23,7 +25,8 @@ from tests.scenes import Thing, box, plane, write_scene
 
 CAMERA = CameraSpec(width=32, height=18, samples_per_pixel=4)
 LIDAR = LidarSpec(num_azimuth=31, num_elevation=9, range_noise_variance_per_metre=1e-4)
-RADAR = RadarSpec().with_(num_rays=500, num_chirps=8, num_samples=64)
+RADAR = RadarSpec().with_(num_chirps=8, num_samples=64)
+SETTINGS = RadarSettings(raycast={"num_rays": 500}, accuracy={"tube_budget": 50})
 TURN = (np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4))  # +90 deg about z
 
 RIG = Rig(
@@ -31,7 +34,7 @@ RIG = Rig(
     (
         SensorMount("front/camera", "camera", CAMERA, Pose([2.0, 0.0, 1.0])),
         SensorMount("front/lidar", "lidar", LIDAR, Pose([2.0, 0.0, 1.0])),
-        SensorMount("front/radar", "radar", RADAR, Pose([2.0, 0.0, 1.0])),
+        SensorMount("front/radar", "radar", RADAR, Pose([2.0, 0.0, 1.0]), SETTINGS),
         SensorMount(
             "left/lidar", "lidar", LIDAR.with_(range_noise_variance_per_metre=0.0), Pose([1.0, 0.8, 1.0], TURN)
         ),
@@ -152,11 +155,11 @@ def test_stages_are_reported_and_timed(world) -> None:
 def test_a_world_without_ego_needs_a_pose(tmp_path) -> None:
     world = load_scene(write_scene(tmp_path, instances=[Thing("wall", plane(9, 9, (20, 0, 0), (-1, 0, 0)), "Wall")]))
     rig = RIG.subset("front/lidar")
-    with pytest.raises(PlacementError, match="world_from_vehicle"):
+    with pytest.raises(PlacementError, match="vehicle=Pose"):
         observe(world, rig)
     pose, twist = Pose([1.0, 0.0, -1.0]), Twist([4.0, 0.0, 0.0])
-    standing = observe(world, rig, world_from_vehicle=pose).lidars["front/lidar"]
-    driving = observe(world, rig, world_from_vehicle=pose, vehicle_twist=twist).lidars["front/lidar"]
+    standing = observe(world, rig, vehicle=pose).lidars["front/lidar"]
+    driving = observe(world, rig, vehicle=Mount(pose, twist)).lidars["front/lidar"]
     middle = np.argmin(np.abs(standing.position[:, 1:]).sum(axis=1))
     # the middle ray is within 4 deg / 1.9 deg of the axis (raster of 31 x 9): cosine > 0.997
     assert standing.radial_velocity[middle] == 0.0

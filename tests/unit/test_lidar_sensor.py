@@ -11,6 +11,7 @@ import pytest
 from camera_lidar import Lidar
 from camera_lidar.lidar import shot_directions
 from scarl_sionna.core.errors import PlacementError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.core.specs.lidar import LidarSpec
@@ -37,7 +38,7 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> WorldState:
 
 
 def observe(state: WorldState, spec: LidarSpec, seed: int = 0) -> LidarScan:
-    return Lidar(spec).observe(state, POSE, Twist([2.0, 0.0, 0.0]), np.random.default_rng(seed))
+    return Lidar(spec).observe(state, Mount(POSE, Twist([2.0, 0.0, 0.0])), np.random.default_rng(seed))
 
 
 def arrays(scan: LidarScan) -> dict[str, np.ndarray]:
@@ -98,4 +99,4 @@ def test_a_scan_that_hits_nothing_is_empty(state: WorldState) -> None:
 
 def test_lidar_inside_a_mesh_is_refused(state: WorldState) -> None:
     with pytest.raises(PlacementError, match=r"lidar at \(15\.500, 0\.000, 1\.500\) m .*'wall'"):
-        Lidar(CLEAN).observe(state, Pose([15.5, 0.0, 1.5]), Twist(), np.random.default_rng(0))
+        Lidar(CLEAN).observe(state, Pose([15.5, 0.0, 1.5]), np.random.default_rng(0))

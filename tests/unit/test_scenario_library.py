@@ -251,7 +251,7 @@ def test_the_examples_are_those_of_the_package() -> None:
 
 def test_they_are_found_by_name() -> None:
     assert load_scenario("cut_in") == ScenarioSpec.preset("cut_in")
-    assert load_scenario("cut_in", 3).num_frames == 3
+    assert load_scenario("cut_in").with_(num_frames=3).num_frames == 3
     assert load_scenario("urban_crossing") == ScenarioSpec(scene="urban_crossing")
     with pytest.raises(UnknownNameError, match="did you mean 'cut_in'"):
         ScenarioSpec.preset("cutin")

@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import MaterialRangeError, ParameterRangeError, PlacementError, UnknownNameError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import semantic_id
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.multipath.solve import solve_sionna
-from scarl_sionna.radar.points import PointScatterers, point_targets
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import point_targets, solve_points
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.scene.materials.fresnel import transmission
 from scarl_sionna.scene.materials.table import builtin_materials
@@ -46,6 +48,8 @@ def state(tmp_path_factory):
 
 
 def solve(state, **options):
+    if "scatterers" in options:
+        return solve_points(state, RADAR, Pose(), options.pop("scatterers"), environment=True, **{**FEW, **options})
     return solve_paths(state, RADAR, Pose(), "sionna", **{**FEW, **options})
 
 
@@ -69,7 +73,7 @@ def test_shapes_types_and_labels(state) -> None:
 
 def test_points_of_an_instance_carry_its_class(state) -> None:
     points = PointScatterers([[8.0, 1.0, 0.5]] * 2, np.zeros((2, 3)), 1.0, instance=[1, 77])
-    paths = solve_sionna(state, RADAR, Pose(), scatterers=points, environment=False, max_depth=0)
+    paths = solve_points(state, RADAR, Pose(), points, max_depth=0)
     assert paths.semantic.tolist() == [semantic_id("Wall"), 0]
 
 
@@ -79,13 +83,13 @@ def test_nothing_to_reflect_gives_no_paths_and_a_silent_frame(state) -> None:
         paths = solve_paths(state, RADAR, away, "sionna", max_depth=depth, **FEW)
         assert paths.num_paths == 0 and paths.a.shape == (0, 2, 2) and paths.tx_point.shape == (0, 3)
     none = PointScatterers(np.zeros((0, 3)), np.zeros((0, 3)), 1.0)
-    assert solve_sionna(state, RADAR, away, scatterers=none, environment=False, **FEW).num_paths == 0
-    frame = Radar(RADAR, "sionna", noise=False, solver_options=FEW).observe(state, away, Twist(), RNG(0))
+    assert solve_points(state, RADAR, away, none, **FEW).num_paths == 0
+    frame = Radar(RADAR, RadarSettings.of("sionna", noise=False, **FEW)).observe(state, away, RNG(0))
     assert frame.num_paths == 0 and not frame.adc_int.any()
 
 
 def test_the_sensor_sees_the_wall_at_its_range(state) -> None:
-    frame = Radar(RADAR, "sionna", noise=False, solver_options=FEW).observe(state, Pose(), Twist(), RNG(0))
+    frame = Radar(RADAR, RadarSettings.of("sionna", noise=False, **FEW)).observe(state, Pose(), RNG(0))
     assert frame.num_paths == 1 and frame.diagnostics["method"] == "sionna"
     spectrum = np.abs(np.fft.fft(frame.adc[0, 0]))
     assert abs(spectrum.argmax() * RADAR.range_resolution - 10.0) <= RADAR.range_resolution / 2
@@ -94,8 +98,8 @@ def test_the_sensor_sees_the_wall_at_its_range(state) -> None:
 def test_free_space_equals_the_ideal_points(state) -> None:
     points, motion, sigma = [[5.0, -4.0, 1.0], [7.0, 2.0, -1.0]], [[1.0, 2.0, 0.0], [-9.0, 0.0, 0.5]], [1.0, 25.0]
     pose, twist = Pose.from_euler([0.1, 0.2, 0.3], yaw=0.2, pitch=0.1, roll=0.4), Twist([3.0, 0.0, 0.0])
-    ideal = point_targets(points, motion, sigma, RADAR, pose, twist)
-    traced = point_targets(points, motion, sigma, RADAR, pose, twist, state=state, max_depth=0)
+    ideal = point_targets(points, motion, sigma, RADAR, Mount(pose, twist))
+    traced = point_targets(points, motion, sigma, RADAR, Mount(pose, twist), state=state, max_depth=0)
     for name in ("tx_point", "rx_point", "length_rate", "length_acceleration", "depth"):
         assert np.allclose(getattr(traced, name), getattr(ideal, name), rtol=1e-12, atol=1e-12), name
     assert ideal.instance.tolist() == [[1], [2]] and traced.instance.tolist() == [[4], [5]]  # the scene has 1 to 3
@@ -173,13 +177,13 @@ def test_a_radar_inside_a_mesh_is_refused(state) -> None:
     with pytest.raises(PlacementError, match="radar at .* inside 'hut'"):
         solve_paths(state, RADAR, Pose([-20, -30, 0]), "sionna", **FEW)
     with pytest.raises(PlacementError, match="receiving radar at .* inside 'hut'"):
-        solve(state, rx_pose=Pose([-20, -30, 0]))
+        solve(state, receiver=Pose([-20, -30, 0]))
     with pytest.raises(PlacementError, match="target 0 stands at the radar's origin"):
         solve(state, scatterers=PointScatterers([[0, 0, 0]], [[0, 0, 0]], 1.0))
 
 
 def test_bad_options_are_refused(state) -> None:
-    with pytest.raises(UnknownNameError, match="option of the sionna solver 'num_sample'.*did you mean 'num_samples'"):
+    with pytest.raises(UnknownNameError, match="setting of method 'sionna' 'num_sample'.*did you mean 'num_samples'"):
         solve(state, num_sample=3)
     for name, value in (
         ("num_samples", 0), ("max_depth", -1), ("max_num_paths", 0), ("max_distance", 0.0), ("seed", -1),
@@ -187,8 +191,6 @@ def test_bad_options_are_refused(state) -> None:
     ):  # fmt: skip
         with pytest.raises(ParameterRangeError, match=name):
             solve(state, **{name: value})
-    with pytest.raises(ParameterRangeError, match="rx_twist.*rx_pose"):
-        solve(state, rx_twist=Twist())
     with pytest.raises(ParameterRangeError, match="max_depth.*give a state"):
         point_targets([[1, 0, 0]], [[0, 0, 0]], 1.0, RADAR, Pose(), max_depth=1)
     with pytest.raises(ParameterRangeError, match="instance"):

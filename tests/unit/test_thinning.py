@@ -11,7 +11,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import load_scene
-from scarl_sionna.radar.channel.raycast.solve import solve_raycast
+from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.raycast.thinning import ResolutionCells, thin
 from tests.scenes import Thing, plane, write_scene
 
@@ -86,13 +86,13 @@ def test_hits_of_different_cells_and_instances_get_different_numbers() -> None:
 def test_options_of_the_solver(tmp_path) -> None:
     wall = Thing("wall", plane(16.0, 16.0, (10, 0, 0), (-1, 0, 0)), "Wall", "grey")
     state = load_scene(write_scene(tmp_path, [wall])).at(0.0)
-    radar = RadarSpec(num_rays=50_000)
-    every = solve_raycast(state, radar, Pose(), hits_per_cell=None)
-    few = solve_raycast(state, radar, Pose(), hits_per_cell=4)
-    geometric = solve_raycast(state, radar, Pose(), hit_phase="geometric")
+    radar = RadarSpec()
+    every = solve_paths(state, radar, Pose(), "raycast", hits_per_cell=None, num_rays=50_000)
+    few = solve_paths(state, radar, Pose(), "raycast", hits_per_cell=4, num_rays=50_000)
+    geometric = solve_paths(state, radar, Pose(), "raycast", hit_phase="geometric", num_rays=50_000)
     assert every.num_paths == geometric.num_paths == every.diagnostics["num_hits"] == few.diagnostics["num_hits"]
     assert few.num_paths < every.num_paths
     assert geometric.diagnostics["hits_per_cell"] is None and few.diagnostics["hits_per_cell"] == 4
     for bad in (0, -1, True):
         with pytest.raises(ParameterRangeError, match="hits_per_cell"):
-            solve_raycast(state, radar, Pose(), hits_per_cell=bad)
+            solve_paths(state, radar, Pose(), "raycast", hits_per_cell=bad, num_rays=50_000)

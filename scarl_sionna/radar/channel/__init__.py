@@ -1,30 +1,32 @@
-"""Channel solvers: from a state of the world to the paths of a radar. One solver a file."""
+"""Channel solvers: from a state of the world to the paths of a radar. One room a solver."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from scarl_sionna.core.errors import UnknownNameError
+from scarl_sionna.core.errors import InputTypeError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.plan import ChannelPlan, Share
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.world import World, WorldState
 from scarl_sionna.radar.paths import RadarPaths
 
 from .compose.auto import plan_channel, solve_auto
 from .compose.hybrid import solve_hybrid
-from .compose.plan import ChannelPlan, OwnershipError, Share
+from .compose.plan import OwnershipError
 from .multipath.solve import PathBufferOverflowError, solve_sionna
 from .panes import warn_of_panes
 from .raycast.solve import solve_raycast
 from .sbr import solve_sbr
 from .scatterers import solve_scatterers
 
-if TYPE_CHECKING:
-    from scarl_sionna.engine.world import WorldState
-
 __all__ = ["ChannelPlan", "OwnershipError", "PathBufferOverflowError", "Share", "plan_channel", "solve_paths"]
 
-SOLVERS: dict[str, Callable[..., RadarPaths]] = {
+SOLVERS: dict[str, Callable[[WorldState, RadarSpec, Mount, RadarSettings, Mount | None], RadarPaths]] = {
     "raycast": solve_raycast,
     "sionna": solve_sionna,
     "sbr": solve_sbr,
@@ -34,25 +36,37 @@ SOLVERS: dict[str, Callable[..., RadarPaths]] = {
 }
 
 
-def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "auto", **options: Any) -> RadarPaths:
+def solve_paths(
+    state: WorldState,
+    radar: RadarSpec,
+    mount: Mount | Pose,
+    method: str | None = None,
+    *,
+    settings: RadarSettings | Spec | None = None,
+    receiver: Mount | Pose | None = None,
+    **fields: Any,
+) -> RadarPaths:
     """Return the propagation paths of a radar in a state of the world.
 
     Parameters
     ----------
     state : WorldState
+        ``world.at(time)``.
     radar : RadarSpec
-    pose : Pose
-        world_from_radar.
-    method : str
-        ``"auto"``: chooses for each object among the others, by the rules of docs/accuracy.md. ``"raycast"``: SCaRL's own.
-        ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"``: the
-        scattering centres of the objects that have a model. ``"hybrid"``: several of them by a :class:`ChannelPlan`.
-    **options
-        Of the solver; see :func:`scarl_sionna.radar.channel.compose.auto.solve_auto` (`accuracy`, `models`, and what `raycast` takes),
-        :func:`scarl_sionna.radar.channel.raycast.solve.solve_raycast` (`radar_twist`, `num_rays`, ...),
-        :func:`scarl_sionna.radar.channel.multipath.solve.solve_sionna`, :func:`scarl_sionna.radar.channel.sbr.solve_sbr` and
-        :func:`scarl_sionna.radar.channel.scatterers.solve_scatterers` (`models`) and
-        :func:`scarl_sionna.radar.channel.compose.hybrid.solve_hybrid` (`plan`).
+    mount : Mount or Pose
+        ``state.mount("ego", pose)`` for a radar that rides on an actor; a bare pose (world_from_radar) stands still.
+    method : str, optional
+        Short form of ``settings.method``; ``"auto"`` if neither is given. ``"auto"``: chooses for each object among the others, by
+        the rules of docs/accuracy.md. ``"raycast"``: SCaRL's own. ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``:
+        physical optics on the meshes. ``"scatterers"``: the scattering centres of the objects that have a model. ``"hybrid"``:
+        several of them by a :class:`ChannelPlan`.
+    settings : RadarSettings, optional
+        Tolerances, budget, reach and the knobs of each solver; or the settings of `method` alone.
+    receiver : Mount or Pose, optional
+        Of a separate receiver (bistatic), for ``"sbr"`` and ``"sionna"``.
+    **fields
+        Short form: fields of the settings, for instance ``solve_paths(state, radar, mount, "raycast", num_rays=10_000)``; see
+        :meth:`scarl_sionna.RadarSettings.of`.
 
     Returns
     -------
@@ -61,10 +75,35 @@ def solve_paths(state: WorldState, radar: RadarSpec, pose: Pose, method: str = "
     Raises
     ------
     UnknownNameError
-        If there is no such method.
+        If there is no such method or field.
+    InputTypeError
+        If an argument has another type.
+    ParameterRangeError
+        If a value is not allowed.
+
+    Warns
+    -----
+    ScarlWarning
+        If a bare pose stands on or in a moving actor, or the solver is used where it is not right.
     """
-    if method not in SOLVERS:
-        raise UnknownNameError("channel solver", method, SOLVERS)
-    if method in ("raycast", "sbr", "scatterers"):
-        warn_of_panes(state, radar, pose, method)
-    return SOLVERS[method](state, radar, pose, **options)
+    if isinstance(state, World):
+        raise InputTypeError("state", state, "a WorldState", "give world.at(time), for instance world.at(0.0)")
+    if not isinstance(state, WorldState):
+        raise InputTypeError("state", state, "a WorldState", "make one with load_scene(name).at(time)")
+    if not isinstance(radar, RadarSpec):
+        raise InputTypeError("radar", radar, "a RadarSpec", "for instance RadarSpec.preset('awr1843boost')")
+    chosen = _settings(method, settings, fields)
+    place = state.as_mount(mount)
+    if chosen.method in ("raycast", "sbr", "scatterers"):
+        warn_of_panes(state, radar, place.pose, chosen.method)
+    return SOLVERS[chosen.method](state, radar, place, chosen, None if receiver is None else state.as_mount(receiver))
+
+
+def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, Any]) -> RadarSettings:
+    """Return the settings of a solve, from their full form or a short one."""
+    if settings is None or isinstance(settings, RadarSettings):
+        return (settings or RadarSettings()).changed(method, **fields)
+    for name, field in RadarSettings.model_fields.items():
+        if isinstance(settings, Spec) and field.annotation is type(settings):
+            return RadarSettings.of(method or name, **{name: settings}).changed(**fields)
+    raise InputTypeError("settings", settings, "a RadarSettings, or the settings of one solver")

@@ -1,4 +1,4 @@
-"""Refuses a radar with an antenna inside a mesh, for every channel solver."""
+"""What every channel solver refuses: an antenna inside a mesh, a receiver of its own where it is monostatic."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.rays.placement import check_placement
@@ -32,3 +34,11 @@ def check_antennas(state: WorldState, radar: RadarSpec, pose: Pose, twin: str = 
     for antenna in reaching[hits.ray[hits.distance <= length[reaching][hits.ray] * (1.0 + 1e-6)]]:
         kind, index = ("tx", antenna) if antenna < radar.num_tx else ("rx", antenna - radar.num_tx)
         check_placement(state, pose.apply(arms[antenna]), f"{kind} antenna {index}")
+
+
+def refuse_receiver(method: str, receiver: Mount | None) -> None:
+    """Raise :class:`ParameterRangeError` if a monostatic solver is given a receiver of its own."""
+    if receiver is not None:
+        raise ParameterRangeError(
+            "receiver", "given", f"none: method='{method}' is monostatic", "use method='sbr' or method='sionna'"
+        )

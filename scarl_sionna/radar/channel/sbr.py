@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.errors import ScarlWarning, UnknownNameError
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
@@ -25,7 +27,6 @@ from scarl_sionna.radar.optics.near.diffuse import scattered_rows, way_back
 from scarl_sionna.radar.optics.near.fields import radiated
 from scarl_sionna.radar.optics.near.patches import PatchSize
 from scarl_sionna.radar.optics.near.rows import Columns, above_floor, in_order, joined, received
-from scarl_sionna.radar.optics.near.settings import DEFAULT_SBR_CHANNEL, SbrChannelSettings
 from scarl_sionna.radar.optics.near.surfaces import Surfaces
 from scarl_sionna.radar.optics.near.trace import Station, Tracer
 from scarl_sionna.radar.optics.near.tubes import Tubes
@@ -46,16 +47,7 @@ GRAZING_COSINE = 0.1
 
 
 def solve_sbr(
-    state: WorldState,
-    radar: RadarSpec,
-    pose: Pose,
-    *,
-    radar_twist: Twist | None = None,
-    instances: Sequence[str | int] | None = None,
-    max_distance: float | None = None,
-    settings: SbrChannelSettings = DEFAULT_SBR_CHANNEL,
-    rx_pose: Pose | None = None,
-    rx_twist: Twist | None = None,
+    state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings, receiver: Mount | None = None
 ) -> RadarPaths:
     r"""Return the paths of a radar, or of a bistatic pair, by physical optics on the scene's meshes.
 
@@ -64,21 +56,14 @@ def solve_sbr(
     state : WorldState
     radar : RadarSpec
         Field of view, band, array and link budget.
-    pose : Pose
-        world_from_radar.
-    radar_twist : Twist, optional
-        Velocity of the radar, world axes; at rest if not given.
-    instances : sequence of str or int, optional
-        Names or ids of what scatters; by default every actor and every object. The rest (ground, verges, a wood) hides what is
-        behind it and is named in ``diagnostics["left_out"]``.
-    max_distance : float, optional
-        Paths longer than twice this are left out [m]; the unambiguous range if not given.
-    settings : SbrChannelSettings
-        Bounces, size of the patches, rays, and what is too weak to be kept.
-    rx_pose : Pose, optional
-        world_from_radar of a second radar of the same specification that receives in place of the first.
-    rx_twist : Twist, optional
-        Its velocity, world axes; at rest if not given.
+    mount : Mount
+        Pose and velocity of the radar.
+    settings : RadarSettings
+        Its `sbr` (bounces, size of the patches, rays, and what is too weak to be kept), `max_distance` (paths longer than twice
+        this are left out; the unambiguous range if None) and `instances` (what scatters; every actor and every object if None. The
+        rest, ground, verges, a wood, hides what is behind it and is named in ``diagnostics["left_out"]``).
+    receiver : Mount, optional
+        A second radar of the same specification that receives in place of the first.
 
     Returns
     -------
@@ -96,7 +81,7 @@ def solve_sbr(
     UnknownNameError
         If `instances` names something that is not in the scene.
     ParameterRangeError
-        If the scene needs more patches than `settings.max_patches`, or there is an `rx_twist` without `rx_pose`.
+        If the scene needs more patches than `max_patches`.
 
     Warns
     -----
@@ -115,36 +100,34 @@ def solve_sbr(
     ----------
     .. [1] H. Ling, R.-C. Chou, S.-W. Lee, "Shooting and Bouncing Rays", IEEE Trans. Antennas Propag. 37(2), 1989.
     """
-    if rx_twist is not None and rx_pose is None:
-        raise ParameterRangeError("rx_twist", "given without rx_pose", "an rx_pose with it", "monostatic: radar_twist")
-    reach = radar.max_range if max_distance is None else max_distance
-    if not reach > 0.0:
-        raise ParameterRangeError("max_distance", f"{reach} m", "> 0 m")
+    knobs, pose = settings.sbr, mount.pose
+    rx_pose = None if receiver is None else receiver.pose
+    reach = radar.max_range if settings.max_distance is None else settings.max_distance
     for station_pose in [pose] if rx_pose is None else [pose, rx_pose]:
         check_antennas(state, radar, station_pose)
     clock = time.perf_counter()
     faces = face_table(state)
-    chosen_instances, left_out = _chosen(state, instances)
+    chosen_instances, left_out = _chosen(state, settings.instances)
     chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
-    tx = Station.of(radar, pose, (radar_twist or Twist()).linear)
-    rx = tx if rx_pose is None else Station.of(radar, rx_pose, (rx_twist or Twist()).linear)
+    tx = Station.of(radar, pose, mount.twist.linear)
+    rx = tx if receiver is None else Station.of(radar, receiver.pose, receiver.twist.linear)
     start = np.flatnonzero(chosen & ~faces.repeated & tx.may_see(faces, 2.0 * reach if rx_pose else reach))
     used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks: list[Columns] = []
     with variant.optical() as mi:
         rays = FaceRays(mi, state)
         surfaces = Surfaces(rays, state, faces, used, radar.center_frequency)
-        tracer = Tracer(rays, faces, chosen, tx, rx, reach, PatchSize.of(radar, settings), settings)
+        tracer = Tracer(rays, faces, chosen, tx, rx, reach, PatchSize.of(radar, knobs), knobs)
         for tubes in tracer.bounces(start):
             blocks += _rows(state, tracer, tubes, surfaces) if len(tubes) else []
-    columns = joined(blocks, settings.max_depth)
+    columns = joined(blocks, knobs.max_depth)
     amplitude = received(columns, radar, tx.pose, rx.pose)
     diagnostics: dict[str, Any] = {
-        "method": "sbr", "settings": settings.model_dump(), "max_distance": reach, "num_faces": len(start),
+        "method": "sbr", "settings": knobs.model_dump(), "max_distance": reach, "num_faces": len(start),
         "num_tubes": dict(tracer.count), "num_patches": len(columns["length"]), "left_out": left_out,
     }  # fmt: skip
     _warn(state, radar, tx.pose.position, columns, amplitude**2, chosen_instances)
-    columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, settings.floor_db)
+    columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, knobs.floor_db)
     columns = in_order(columns)
     diagnostics["seconds"] = time.perf_counter() - clock
     return _paths(columns, tx.pose, rx.pose, diagnostics)

@@ -14,13 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import MIN_DISTANCE, POINT_INTERACTION
-from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.radar.point_scatterers import MIN_DISTANCE, POINT_INTERACTION
+from scarl_sionna.radar.scatterers.model import ScattererModel, loaded_models
 
-from .antennas import check_antennas
+from .antennas import check_antennas, refuse_receiver
 from .multipath.images import spherical_basis
 
 if TYPE_CHECKING:
@@ -29,22 +31,12 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]
 
-GROUP_SIZE = 0.5
-"""Centres of one cube of this side share one ray of occlusion [m]; a car has some 30 such groups."""
 _NO_DETUNING = 0.01
 """A model is used without a warning within this part of its frequency."""
 
 
 def solve_scatterers(
-    state: WorldState,
-    radar: RadarSpec,
-    pose: Pose,
-    *,
-    models: Mapping[str, ScattererModel] | None = None,
-    radar_twist: Twist | None = None,
-    max_distance: float | None = None,
-    group_size: float = GROUP_SIZE,
-    placements: Mapping[str, Pose] | None = None,
+    state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings, receiver: Mount | None = None
 ) -> RadarPaths:
     r"""Return the paths to the scattering centres of the objects that have a model.
 
@@ -52,21 +44,15 @@ def solve_scatterers(
     ----------
     state : WorldState
     radar : RadarSpec
-    pose : Pose
-        world_from_radar.
-    models : mapping of name to ScattererModel
-        For actors and static objects by their names. The body frame of an actor's model is the actor's frame; that of a static
-        object is the world frame, in which its mesh stands, unless `placements` says otherwise. What has no model gives no
-        path (it still hides what is behind it) and is named in ``diagnostics["left_out"]``.
-    radar_twist : Twist, optional
-        Velocity of the radar; at rest if left out. Its rotation within a frame is not modelled.
-    max_distance : float, optional
-        Centres beyond are left out [m]; the unambiguous range if not given.
-    group_size : float
-        Side of the cubes whose centres share one ray of occlusion [m].
-    placements : mapping of name to Pose, optional
-        Frame of the model in that of the actor, or in the world for a static object: for a model such as
-        ``ScattererModel.tr38901("car")``, whose origin is its centre.
+    mount : Mount
+        Pose and velocity of the radar. Its rotation within a frame is not modelled.
+    settings : RadarSettings
+        Its `scatterers` and `max_distance` (centres beyond are left out; the unambiguous range if None). The body frame of an
+        actor's model is the actor's frame; that of a static object is the world frame, in which its mesh stands, unless
+        `placements` says otherwise: for a model such as ``ScattererModel.tr38901("car")``, whose origin is its centre. What has no
+        model gives no path (it still hides what is behind it) and is named in ``diagnostics["left_out"]``.
+    receiver : Mount, optional
+        Refused: this solver is monostatic.
 
     Returns
     -------
@@ -97,31 +83,30 @@ def solve_scatterers(
     as long as each cell is in its own far field. *Not modelled*: multipath with the surroundings, part-hidden cells.
     """
     start = time.perf_counter()
+    refuse_receiver("scatterers", receiver)
+    knobs, pose = settings.scatterers, mount.pose
+    models = loaded_models(knobs.models)
     if not models:
         raise ParameterRangeError(
-            "models", models, "at least one name with a ScattererModel",
+            "models", knobs.models, "at least one name with a ScattererModel",
             "compile one with compile_scatterers(mesh), or take ScattererModel.tr38901('car')",
         )  # fmt: skip
-    reach = radar.max_range if max_distance is None else max_distance
-    for name, value in (("max_distance", reach), ("group_size", group_size)):
-        if not value > 0.0:
-            raise ParameterRangeError(name, f"{value} m", "> 0 m")
+    reach = radar.max_range if settings.max_distance is None else settings.max_distance
     numbers = _numbers(state, models)
     check_antennas(state, radar, pose)
-    twist = radar_twist or Twist()
     blocks = []
     for name, model in models.items():
-        frame = (placements or {}).get(name, Pose())
-        block = _columns(state, radar, pose, twist, (name, numbers[name]), model, frame)
+        frame = knobs.placements.get(name, Pose())
+        block = _columns(state, radar, mount, (name, numbers[name]), model, frame)
         blocks.append(_in_view(block, radar, pose, reach))
     columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-    hidden = _hidden(state, pose, columns, group_size)
+    hidden = _hidden(state, pose, columns, knobs.group_size)
     columns = {name: column[~hidden] for name, column in columns.items()}
     order = np.lexsort((*columns["point"].T, columns["distance"], columns["instance"]))
     columns = {name: column[order] for name, column in columns.items()}
     left_out = [info.name for info in state.world.instances.values() if info.name not in models]
     return _paths(columns, pose, {
-        "method": "scatterers", "max_distance": reach, "group_size": group_size, "num_hidden": int(hidden.sum()),
+        "method": "scatterers", "max_distance": reach, "group_size": knobs.group_size, "num_hidden": int(hidden.sum()),
         "models": {name: dict(model.error) for name, model in models.items()}, "left_out": left_out,
         "seconds": time.perf_counter() - start,
     })  # fmt: skip
@@ -137,11 +122,11 @@ def _numbers(state: WorldState, models: Mapping[str, ScattererModel]) -> dict[st
 
 
 def _columns(
-    state: WorldState, radar: RadarSpec, pose: Pose, radar_twist: Twist, what: tuple[str, int], model: ScattererModel,
-    frame: Pose,
-) -> Columns:  # fmt: skip
+    state: WorldState, radar: RadarSpec, mount: Mount, what: tuple[str, int], model: ScattererModel, frame: Pose
+) -> Columns:
     """Return the columns of one object's centres."""
     name, number = what
+    pose = mount.pose
     info = state.world.instances[number]
     body, twist = Pose(), Twist()
     if info.actor is not None:
@@ -162,7 +147,7 @@ def _columns(
     turn = radar_basis @ np.swapaxes(body_basis, 1, 2)
     scale = radar.wavelength / (4.0 * np.pi * distance**2)
     arm = point - body.position
-    relative = twist.velocity_at(arm) - radar_twist.linear
+    relative = twist.velocity_at(arm) - mount.twist.linear
     radial = np.einsum("ni,ni->n", direction, relative)
     centripetal = np.cross(twist.angular, np.cross(twist.angular, arm))
     across = np.maximum(np.einsum("ni,ni->n", relative, relative) - radial**2, 0.0)

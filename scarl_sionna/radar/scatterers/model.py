@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import OutputError, ParameterRangeError, SceneError
+from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRangeError, SceneError
+from scarl_sionna.core.settings.scatterers import TR38901
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
-from .table import AspectTable
+from .table import AspectTable, direction_of
+from .tr38901 import tr38901_fields
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -26,12 +28,6 @@ FORMAT_VERSION = 2
 """Version of the saved file; 1 held the amplitudes as one array."""
 _ROUNDING = 1e-9
 """Aspects this far outside of the table [rad] are still inside."""
-
-
-def direction_of(azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
-    """Return unit vectors (..., 3) from azimuth (from +x in the xy plane) and elevation [rad]."""
-    az, el = np.broadcast_arrays(np.asarray(azimuth, dtype=np.float64), np.asarray(elevation, dtype=np.float64))
-    return np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,10 +241,8 @@ class ScattererModel:
 
     @classmethod
     def tr38901(cls, object_type: str, frequency: float = 77e9, model_type: int = 2) -> ScattererModel:
-        """Return a sensing target of 3GPP TR 38.901, evaluated by Sionna RT; see :mod:`.tr38901_target`."""
-        from .tr38901 import tr38901_model
-
-        return tr38901_model(object_type, frequency, model_type)
+        """Return a sensing target of 3GPP TR 38.901, evaluated by Sionna RT; see :func:`.tr38901.tr38901_fields`."""
+        return cls(**tr38901_fields(object_type, frequency, model_type))
 
 
 def _angles(direction: npt.ArrayLike) -> tuple[Array, Array]:
@@ -274,3 +268,31 @@ def _stencil(grid: Array, value: Array) -> tuple[npt.NDArray[np.int64], Array]:
             if i != j:
                 share[:, i] *= (held - node[:, j]) / (node[:, i] - node[:, j])
     return number.astype(np.int64), share
+
+
+def loaded_models(named: Mapping[str, object]) -> dict[str, ScattererModel]:
+    """Return the models of objects: those in memory as they are, those named by a file or as ``"tr38901:<target>"`` loaded.
+
+    Parameters
+    ----------
+    named : mapping of name to ScattererModel, path or text
+        The `models` of :class:`scarl_sionna.core.settings.scatterers.ScattererSettings`.
+
+    Raises
+    ------
+    InputTypeError
+        If a value is none of them.
+    UnknownNameError
+        If TR 38.901 has no such target.
+    """
+    return {name: _loaded(name, model) for name, model in named.items()}
+
+
+def _loaded(name: str, model: object) -> ScattererModel:
+    if isinstance(model, ScattererModel):
+        return model
+    if isinstance(model, str) and model.startswith(TR38901):
+        return ScattererModel.tr38901(model.removeprefix(TR38901))
+    if isinstance(model, (str, Path)):
+        return ScattererModel.load(model)
+    raise InputTypeError(f"model of '{name}'", model, f"a ScattererModel, a file of one, or '{TR38901}<target>'")

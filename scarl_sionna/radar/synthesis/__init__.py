@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths

@@ -11,9 +11,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from scarl_sionna.core.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import add_noise
@@ -132,11 +134,12 @@ def shifted(paths: RadarPaths, time: float) -> RadarPaths:
 def retraced(
     world: World,
     radar: RadarSpec,
-    pose: Pose,
+    mount: Mount | Pose,
     time: float = 0.0,
-    method: str = "auto",
-    radar_twist: Twist | None = None,
-    **options: Any,
+    method: str | None = None,
+    *,
+    settings: RadarSettings | None = None,
+    **fields: Any,
 ) -> PathsAt:
     """Return what solves the paths of a world at any time, for :func:`synthesize_blocks`.
 
@@ -145,25 +148,25 @@ def retraced(
     world : World
         Its trajectories must cover the frame.
     radar : RadarSpec
-    pose : Pose
-        world_from_radar at the frame's start.
+    mount : Mount or Pose
+        At the frame's start. One that rides on an actor follows the actor; another moves straight on and turns about its own
+        origin.
     time : float
         Of the frame's start [s].
-    method : str
-        Of :func:`scarl_sionna.solve_paths`.
-    radar_twist : Twist, optional
-        Velocity of the radar, world axes; it moves straight on, and turns about its own origin.
-    **options
-        Of the solver.
+    method, settings, **fields
+        As of :func:`scarl_sionna.solve_paths`.
     """
     from scarl_sionna.radar.channel import solve_paths
 
-    twist = radar_twist or Twist()
+    start = world.at(time).as_mount(mount)
 
     def paths_at(after: float) -> RadarPaths:
-        return solve_paths(
-            world.at(time + after), radar, _moved(pose, twist, after), method, radar_twist=twist, **options
-        )
+        state = world.at(time + after)
+        if start.actor is None:
+            moved = Mount(_moved(start.pose, start.twist, after), start.twist)
+        else:
+            moved = state.mount(start.actor, start.actor_from_sensor)
+        return solve_paths(state, radar, moved, method, settings=settings, **fields)
 
     return paths_at
 

@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import expi
 
-from scarl_sionna.core.accuracy import DEFAULT_ACCURACY
+from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY
 from scarl_sionna.core.specs.radar.pattern import AntennaPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Weather
@@ -182,9 +183,8 @@ def clutter_budget(weather: Weather, radar: RadarSpec, reach: float | None = Non
 def volume_clutter(
     weather: Weather,
     radar: RadarSpec,
-    pose: Pose,
-    generator: np.random.Generator,
-    radar_twist: Twist | None = None,
+    mount: Mount | Pose,
+    rng: np.random.Generator,
     state: WorldState | None = None,
     reach: float | None = None,
     num_points: int = NUM_POINTS,
@@ -195,11 +195,9 @@ def volume_clutter(
     ----------
     weather : Weather
     radar : RadarSpec
-    pose : Pose
-        `world_from_radar`.
-    generator : numpy.random.Generator
-    radar_twist : Twist, optional
-        Velocity of the radar; at rest if left out.
+    mount : Mount or Pose
+        Of the radar; a bare pose (`world_from_radar`) stands still.
+    rng : numpy.random.Generator
     state : WorldState, optional
         What hides the points behind it; free space if left out.
     reach : float, optional
@@ -224,6 +222,8 @@ def volume_clutter(
     point's range within a frame, which would cost 60 times as much and only change which random numbers a cell gets.
     """
     step = radar.range_resolution
+    mount = Mount.of(mount)
+    pose = mount.pose
     limit = clutter_budget(weather, radar).reach if reach is None else reach
     num_bins = math.ceil(limit / step - 1e-9)
     if num_bins == 0 or not (drops := falling(weather, radar.center_frequency)):
@@ -233,24 +233,24 @@ def volume_clutter(
     number = _points_per_bin(lower + width / 2.0, num_points)
     of_bin = np.repeat(np.arange(num_bins), number)
     place = np.arange(len(of_bin)) - np.repeat(np.cumsum(number) - number, number)
-    distance = lower[of_bin] + width[of_bin] * (place + generator.random(len(of_bin))) / number[of_bin]
+    distance = lower[of_bin] + width[of_bin] * (place + rng.random(len(of_bin))) / number[of_bin]
     azimuth, elevation, cumulated, _ = _directions(radar.array.pattern)
-    cell = np.minimum(np.searchsorted(cumulated, generator.random(distance.size), side="right"), len(azimuth) - 1)
-    jitter = (generator.random((2, distance.size)) - 0.5) * np.radians(_GRID_DEG)
+    cell = np.minimum(np.searchsorted(cumulated, rng.random(distance.size), side="right"), len(azimuth) - 1)
+    jitter = (rng.random((2, distance.size)) - 0.5) * np.radians(_GRID_DEG)
     phi, theta = azimuth[cell] + jitter[0], elevation[cell] + jitter[1]
     density = np.diff(cumulated, prepend=0.0)[cell] / np.radians(_GRID_DEG) ** 2
     eta = sum(item.reflectivity for item in drops)
     sigma = eta * distance**2 * np.cos(theta) * (width / number)[of_bin] / density
-    fall = _fall_speeds(drops, distance.size, generator)
-    motion = weather.turbulence * generator.standard_normal((distance.size, 3))
+    fall = _fall_speeds(drops, distance.size, rng)
+    motion = weather.turbulence * rng.standard_normal((distance.size, 3))
     motion += np.stack([np.full(len(fall), weather.wind[0]), np.full(len(fall), weather.wind[1]), -fall], axis=1)
     direction = pose.rotate(np.stack([np.cos(phi) * np.cos(theta), np.sin(phi) * np.cos(theta), np.sin(theta)], axis=1))
-    speckle = _speckle(generator, distance.size)
+    speckle = _speckle(rng, distance.size)
     kept = sigma > 0.0
     if state is not None:
         kept &= _in_sight(state, pose, direction, distance)
     points = point_targets(
-        pose.position + distance[kept, None] * direction[kept], motion[kept], sigma[kept], radar, pose, radar_twist
+        pose.position + distance[kept, None] * direction[kept], motion[kept], sigma[kept], radar, mount
     )
     return _as_clutter(points, speckle[kept])
 
@@ -258,9 +258,8 @@ def volume_clutter(
 def spray_clutter(
     state: WorldState,
     radar: RadarSpec,
-    pose: Pose,
-    generator: np.random.Generator,
-    radar_twist: Twist | None = None,
+    mount: Mount | Pose,
+    rng: np.random.Generator,
     num_points: int = POINTS_PER_CLOUD,
 ) -> RadarPaths:
     """Return the echoes of the spray behind vehicles as paths of random points, see :class:`SprayCloud`.
@@ -268,6 +267,8 @@ def spray_clutter(
     Parameters and result are those of :func:`volume_clutter`; `num_points` is that of one cloud. The points of a cloud share its whole
     cross-section, the integral of its reflectivity.
     """
+    mount = Mount.of(mount)
+    pose = mount.pose
     blocks = [_no_points(radar, pose)]
     speckle = [np.zeros(0, dtype=np.complex128)]
     for cloud in spray_clouds(state):
@@ -280,18 +281,16 @@ def spray_clutter(
             radar.center_frequency,
             state.world.weather.temperature_celsius + CELSIUS,
         )
-        place, sight, distance = _in_cloud(cloud, pose, num_points, generator)
+        place, sight, distance = _in_cloud(cloud, pose, num_points, rng)
         fade = np.exp(place[:, 0] / cloud.decay_length)
         volume = cloud.decay_length * (1.0 - math.exp(-cloud.length / cloud.decay_length)) * cloud.width * cloud.height
         sigma = np.full(num_points, drops.reflectivity * volume / num_points)
         motion = cloud.speed * fade[:, None] * cloud.world_from_cloud.rotation[:, 0]
-        motion = motion + state.world.weather.turbulence * generator.standard_normal(motion.shape)
-        amplitude = _speckle(generator, num_points)
+        motion = motion + state.world.weather.turbulence * rng.standard_normal(motion.shape)
+        amplitude = _speckle(rng, num_points)
         kept = (distance > NEAREST) & _in_sight(state, pose, sight, distance)
         blocks.append(
-            point_targets(
-                pose.position + (distance[:, None] * sight)[kept], motion[kept], sigma[kept], radar, pose, radar_twist
-            )
+            point_targets(pose.position + (distance[:, None] * sight)[kept], motion[kept], sigma[kept], radar, mount)
         )
         speckle.append(amplitude[kept])
     return _as_clutter(joined(blocks, pose, {}), np.concatenate(speckle))
@@ -301,7 +300,7 @@ def through_weather(
     paths: RadarPaths,
     state: WorldState,
     radar: RadarSpec,
-    generator: np.random.Generator | None,
+    rng: np.random.Generator | None,
     radar_twist: Twist | None = None,
 ) -> RadarPaths:
     """Return the paths of a scene as they are in its weather: attenuated, with the echoes of rain, snow and spray behind them.
@@ -313,7 +312,7 @@ def through_weather(
     state : WorldState
         Its ``world.weather`` is taken; in a clear one the paths come back as they are.
     radar : RadarSpec
-    generator : numpy.random.Generator or None
+    rng : numpy.random.Generator or None
         Of the drops' places and speckle; None leaves their echoes out.
     radar_twist : Twist, optional
         As given to the solver.
@@ -329,10 +328,11 @@ def through_weather(
     values = tuple(weather_attenuation(weather, radar.center_frequency, name) for name in ("V", "H"))  # type: ignore[arg-type]
     told: dict[str, Any] = {"attenuation_db_per_km": dict(zip("VH", values, strict=True))}
     blocks = [paths]
-    if generator is not None:
+    if rng is not None:
         budget = clutter_budget(weather, radar)
-        rained = volume_clutter(weather, radar, paths.world_from_tx, generator, radar_twist, state, reach=budget.reach)
-        splashed = spray_clutter(state, radar, paths.world_from_tx, generator, radar_twist)
+        mount = Mount(paths.world_from_tx, radar_twist or Twist())
+        rained = volume_clutter(weather, radar, mount, rng, state, reach=budget.reach)
+        splashed = spray_clutter(state, radar, mount, rng)
         blocks += [rained, splashed]
         told |= _told(budget, rained, splashed)
     diagnostics = {**paths.diagnostics, "weather": told}
@@ -359,9 +359,9 @@ def _points_per_bin(distance: Array, num_points: int) -> npt.NDArray[np.int64]:
     return np.maximum(np.rint(share).astype(np.int64), LEAST_PER_BIN)
 
 
-def _in_cloud(cloud: SprayCloud, pose: Pose, number: int, generator: np.random.Generator) -> tuple[Array, Array, Array]:
+def _in_cloud(cloud: SprayCloud, pose: Pose, number: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Return places in a cloud's frame by its density, and the directions and distances of them from the radar."""
-    draws = generator.random((number, 3))
+    draws = rng.random((number, 3))
     tail = 1.0 - math.exp(-cloud.length / cloud.decay_length)
     place = np.stack(
         [
@@ -376,18 +376,18 @@ def _in_cloud(cloud: SprayCloud, pose: Pose, number: int, generator: np.random.G
     return place, sight / np.maximum(distance, 1e-9)[:, None], distance
 
 
-def _fall_speeds(drops: list[Hydrometeors], number: int, generator: np.random.Generator) -> Array:
+def _fall_speeds(drops: list[Hydrometeors], number: int, rng: np.random.Generator) -> Array:
     """Return speeds of fall, drawn from each kind of drops by its part of the reflectivity."""
     if len(drops) == 1:
-        return drops[0].draw_fall_speeds(number, generator)
+        return drops[0].draw_fall_speeds(number, rng)
     share = drops[0].reflectivity / sum(item.reflectivity for item in drops)
-    first = generator.random(number) < share
-    return np.where(first, drops[0].draw_fall_speeds(number, generator), drops[1].draw_fall_speeds(number, generator))
+    first = rng.random(number) < share
+    return np.where(first, drops[0].draw_fall_speeds(number, rng), drops[1].draw_fall_speeds(number, rng))
 
 
-def _speckle(generator: np.random.Generator, number: int) -> npt.NDArray[np.complex128]:
+def _speckle(rng: np.random.Generator, number: int) -> npt.NDArray[np.complex128]:
     """Return circular normal amplitudes of mean power 1."""
-    parts = generator.standard_normal((2, number)) * math.sqrt(0.5)
+    parts = rng.standard_normal((2, number)) * math.sqrt(0.5)
     return np.asarray(parts[0] + 1j * parts[1])
 
 

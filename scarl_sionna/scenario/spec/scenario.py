@@ -19,6 +19,7 @@ from scarl_sionna.core.errors import (
     ScenarioValueError,
     UnknownNameError,
 )
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.spec import Spec
 
 from .actors import ActorSpec, EgoSpec, RandomizationSpec, TrafficSpec
@@ -47,6 +48,9 @@ class ScenarioSpec(Spec):
     detail: Literal["light", "detailed"] = Field("detailed", description="level of geometry")
     rig: str = Field("front", min_length=1, description="rig name or path of a rig file (.yaml, .json)")
     quality: Literal["draft", "full"] = Field("draft", description="effort of a named rig")
+    radar: RadarSettings | None = Field(
+        None, description="how every radar of the rig is simulated: the fields that stand here replace those of the rig"
+    )
     num_frames: int = Field(5, ge=1, description="consecutive frames")
     duration: float | None = Field(
         None, gt=0.0, le=1e6, exclude=True, description="instead of num_frames, rounded up to whole frames [s]"
@@ -157,8 +161,11 @@ class ScenarioSpec(Spec):
 
     def with_(self, **changes: Any) -> ScenarioSpec:
         """Return a copy with some fields changed; the copy is validated again. A `duration` replaces the number of frames."""
-        values = {name: getattr(self, name) for name in type(self).model_fields}
-        values.pop("num_frames" if "duration" in changes and "num_frames" not in changes else "duration")
+        values = {name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set}
+        values |= {"num_frames": self.num_frames}
+        values.pop("duration", None)
+        if "duration" in changes and "num_frames" not in changes:
+            values.pop("num_frames")
         other = type(self)(**{**values, **changes})
         if self._origin is not None:
             other._origin = self._origin.without(changes)

@@ -52,8 +52,6 @@ class RadarSpec(Spec):
     adc: Adc = Field(Adc(), description="converter")
     azimuth_fov_deg: float = Field(120.0, gt=0.0, le=180.0, description="full width that rays are sent over [deg]")
     elevation_fov_deg: float = Field(30.0, gt=0.0, le=180.0, description="full height that rays are sent over [deg]")
-    num_rays: int = Field(1_000_000, ge=1, description="rays of the raycast solver (SCaRL: 10^6)")
-    cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
 
     @model_validator(mode="before")
     @classmethod

@@ -23,7 +23,7 @@ _PARTS: Mapping[str, Mapping[str, str]] = {
     "adc": {"adc_bits": "bits", "adc_full_scale_dbm": "full_scale_dbm"},
 }  # fmt: skip
 _LEFT = ("num_rays", "cell_labels")
-"""What is no property of a radar."""
+"""Settings of the simulation that stood among the properties of the radar."""
 
 
 def split_version_0_1(data: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -61,12 +61,29 @@ def split_version_0_1(data: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str
 
 
 def read_radar(data: Mapping[str, Any]) -> RadarSpec:
-    """Return the radar that a file holds, in parts or of version 0.1.
+    """Return the radar that a file holds, in parts or of version 0.1; what that kept of the simulation is left out.
 
     Raises
     ------
     ParameterRangeError
         If a key is unknown or a value is not allowed.
     """
-    spec_data, left = split_version_0_1(data)
-    return RadarSpec(**spec_data, **left)
+    return RadarSpec(**split_version_0_1(data)[0])
+
+
+def lift_version_0_1(spec: Mapping[str, Any], settings: Any = None) -> tuple[dict[str, Any], Any]:
+    """Return the fields of :class:`RadarSpec` and of `RadarSettings` of a radar in a file, in parts or of version 0.1.
+
+    Raises
+    ------
+    ParameterRangeError
+        If settings stand among the properties of the radar and beside them.
+    """
+    spec_data, left = split_version_0_1(spec)
+    if not left:
+        return spec_data, settings
+    if settings is not None:
+        name, value = next(iter(left.items()))
+        raise ParameterRangeError(f"RadarSpec.{name}", value, "in `settings`, which are given, too", "move it there")
+    raycast = {"raycast": {"num_rays": left.pop("num_rays")}} if "num_rays" in left else {}
+    return spec_data, {**raycast, **left}

@@ -9,19 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scarl_sionna.core.accuracy import DEFAULT_ACCURACY, Accuracy
-from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.settings.plan import ChannelPlan, Share
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
+from scarl_sionna.core.settings.scatterers import ScattererSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
+from scarl_sionna.radar.channel.antennas import refuse_receiver
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.radar.scatterers.model import ScattererModel, loaded_models
 
 from .budget import LONG, Estimate, estimate, num_tubes, own_bounces
 from .hybrid import solve_hybrid
 from .mirrors import Mirror, find_mirrors
-from .plan import ChannelPlan, Share
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -53,15 +56,7 @@ class _Choice:
 
 
 def solve_auto(
-    state: WorldState,
-    radar: RadarSpec,
-    pose: Pose,
-    *,
-    radar_twist: Twist | None = None,
-    max_distance: float | None = None,
-    accuracy: Accuracy = DEFAULT_ACCURACY,
-    models: Mapping[str, ScattererModel] | None = None,
-    **raycast_options: Any,
+    state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings, receiver: Mount | None = None
 ) -> RadarPaths:
     """Return the paths by the method that suits each object.
 
@@ -69,18 +64,13 @@ def solve_auto(
     ----------
     state : WorldState
     radar : RadarSpec
-    pose : Pose
-        world_from_radar.
-    radar_twist : Twist, optional
-        Velocity of the radar, world axes; at rest if not given.
-    max_distance : float, optional
-        Half of the longest length of a path [m]; the unambiguous range if not given.
-    accuracy : Accuracy
-        Tolerance, floor and budget.
-    models : mapping of name to ScattererModel, optional
-        Scattering centres of objects that have them.
-    **raycast_options
-        Of :func:`scarl_sionna.radar.channel.raycast.solve.solve_raycast`, for what falls to it.
+    mount : Mount
+        Pose and velocity of the radar.
+    settings : RadarSettings
+        Its `accuracy` (tolerance, floor and budget), `max_distance` (the unambiguous range if None), `scatterers` (models of
+        objects that have them) and `raycast` (for what falls to it).
+    receiver : Mount, optional
+        Refused: this solver is monostatic.
 
     Returns
     -------
@@ -94,40 +84,50 @@ def solve_auto(
         If the radar or one of its antennas is inside a mesh.
     MaterialRangeError
         If a material that is met has no data at the carrier frequency.
+    ParameterRangeError
+        If a receiver is given.
     """
+    refuse_receiver("auto", receiver)
     start = time.perf_counter()
-    reach = radar.max_range if max_distance is None else max_distance
-    if not reach > 0.0:
-        raise ParameterRangeError("max_distance", f"{reach} m", "> 0 m")
-    choices, mirrors, echoes = _choose(state, radar, pose, reach, accuracy, models or {})
-    plan = _plan(choices, mirrors, echoes, models or {}, raycast_options)
+    choices, plan = _planned(state, radar, mount.pose, settings)
     planned = time.perf_counter() - start
-    paths = solve_hybrid(state, radar, pose, plan=plan, radar_twist=radar_twist, max_distance=reach)
-    told = dict(paths.diagnostics)
-    told |= {
+    paths = solve_hybrid(state, radar, mount, settings.with_(plan=plan))
+    diagnostics = dict(paths.diagnostics)
+    diagnostics |= {
         "method": "auto",
-        "tolerance_db": accuracy.channel_tolerance_db,
-        "choices": [_told(choice) for choice in choices if choice.method != "out of view"],
+        "tolerance_db": settings.accuracy.channel_tolerance_db,
+        "choices": [_row(choice) for choice in choices if choice.method != "out of view"],
         "num_out_of_view": sum(choice.method == "out of view" for choice in choices),
-        "seconds": {"plan": planned, **told["seconds"]},
+        "seconds": {"plan": planned, **diagnostics["seconds"]},
     }
-    return replace(paths, diagnostics=told)
+    return replace(paths, diagnostics=diagnostics)
 
 
 def plan_channel(
-    state: WorldState,
-    radar: RadarSpec,
-    pose: Pose,
-    *,
-    max_distance: float | None = None,
-    accuracy: Accuracy = DEFAULT_ACCURACY,
-    models: Mapping[str, ScattererModel] | None = None,
-    **raycast_options: Any,
+    state: WorldState, radar: RadarSpec, mount: Mount | Pose, *, settings: RadarSettings | None = None, **fields: Any
 ) -> ChannelPlan:
-    """Return the plan that ``method="auto"`` follows, to look at or to change before ``method="hybrid"``."""
-    reach = radar.max_range if max_distance is None else max_distance
-    choices, mirrors, echoes = _choose(state, radar, pose, reach, accuracy, models or {})
-    return _plan(choices, mirrors, echoes, models or {}, raycast_options)
+    """Return the plan that ``method="auto"`` follows, to look at or to change before ``method="hybrid"``.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    mount : Mount or Pose
+    settings : RadarSettings, optional
+    **fields
+        Fields of the settings, as in :func:`scarl_sionna.solve_paths`.
+    """
+    return _planned(state, radar, Mount.of(mount).pose, (settings or RadarSettings()).changed("auto", **fields))[1]
+
+
+def _planned(
+    state: WorldState, radar: RadarSpec, pose: Pose, settings: RadarSettings
+) -> tuple[list[_Choice], ChannelPlan]:
+    """Return what becomes of each instance, and the plan of it."""
+    reach = radar.max_range if settings.max_distance is None else settings.max_distance
+    models = loaded_models(settings.scatterers.models)
+    choices, mirrors, echoes = _choose(state, radar, pose, reach, settings.accuracy, models)
+    return choices, _plan(choices, mirrors, echoes, settings.scatterers.with_(models=models))
 
 
 def _choose(
@@ -141,7 +141,7 @@ def _choose(
     """Return what becomes of each instance, the mirrors, and whether one of them faces the radar."""
     items = [estimate(state, radar, pose, number, reach) for number in state.world.instances]
     items.sort(key=lambda item: (item.info.actor is None, -item.expected_db, item.number))
-    budget = int(accuracy.sbr_tubes_per_ray * radar.num_rays)
+    budget = accuracy.tube_budget
     mirrors = _mirrors(state, radar, pose, items)
     flat = {int(state.world.parts.instance[mirror.part]) for mirror in mirrors}
     seen = [item.number for item in items if item.in_view and item.is_coherent and item.info.is_object]
@@ -246,26 +246,21 @@ def _faces_radar(mirrors: list[Mirror], radar: RadarSpec, pose: Pose, reach: flo
     return False
 
 
-def _plan(
-    choices: list[_Choice], mirrors: tuple[int, ...], echoes: bool, models: Mapping[str, ScattererModel],
-    raycast: Mapping[str, Any],
-) -> ChannelPlan:  # fmt: skip
+def _plan(choices: list[_Choice], mirrors: tuple[int, ...], echoes: bool, scatterers: ScattererSettings) -> ChannelPlan:
     shares = []
     groups: dict[tuple[bool, SbrChannelSettings], list[int]] = {}
     for choice in choices:
         if choice.settings is not None:
             groups.setdefault((choice.through_mirrors, choice.settings), []).append(choice.item.number)
     for (through, settings), numbers in sorted(groups.items(), key=lambda group: min(group[1])):
-        shares.append(
-            Share("sbr", tuple(sorted(numbers)), {"settings": settings}, through, "coherent bodies within the budget")
-        )
+        shares.append(Share("sbr", tuple(sorted(numbers)), settings, through, "coherent bodies within the budget"))
     named = [choice.item for choice in choices if choice.method == "scatterers"]
     if named:
-        options = {"models": {item.name: models[item.name] for item in named}}
+        own = scatterers.with_(models={item.name: scatterers.models[item.name] for item in named})
         with_model = tuple(sorted(item.number for item in named))
-        shares.append(Share("scatterers", with_model, options, bool(mirrors), "objects with a model"))
+        shares.append(Share("scatterers", with_model, own, bool(mirrors), "objects with a model"))
     rest = tuple(sorted(choice.item.number for choice in choices if choice.method in ("raycast", "out of view")))
-    shares.append(Share("raycast", rest, dict(raycast), reason="clutter, and what is over the budget"))
+    shares.append(Share("raycast", rest, reason="clutter, and what is over the budget"))
     left_out = tuple(
         {"instance": choice.item.name, "reason": choice.reason, "bound_to_noise_db": round(choice.item.bound_db, 1)}
         for choice in choices
@@ -274,7 +269,7 @@ def _plan(
     return ChannelPlan(tuple(shares), mirrors, echoes, left_out=left_out)
 
 
-def _told(choice: _Choice) -> dict[str, Any]:
+def _row(choice: _Choice) -> dict[str, Any]:
     item = choice.item
     return {
         "instance": item.name, "method": choice.method, "reason": choice.reason, "distance": round(item.distance, 3),

@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
-from scarl_sionna.radar.optics.near.settings import SbrChannelSettings
 from scarl_sionna.signal.antenna import field_gain
 from scarl_sionna.signal.noise import sample_noise_power
 

@@ -14,14 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import SPECULAR
 from scarl_sionna.engine.subset import alone
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
-from scarl_sionna.radar.channel.multipath.legs import Station
+from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import POINT_INTERACTION
+from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.radar.scatterers.model import ScattererModel
 
 from .mirrors import Leg, Mirror, Way, leg, may_reach, mirrored, ways
@@ -37,8 +39,7 @@ FromImages = Callable[[Pose, Pose], RadarPaths]
 def paths_through_mirrors(
     state: WorldState,
     radar: RadarSpec,
-    pose: Pose,
-    twist: Twist,
+    mount: Mount,
     owned: Sequence[int],
     solve: FromImages,
     mirrors: Sequence[Mirror],
@@ -51,9 +52,8 @@ def paths_through_mirrors(
     ----------
     state : WorldState
     radar : RadarSpec
-    pose : Pose
-    twist : Twist
-        Velocity of the radar.
+    mount : Mount
+        Pose and velocity of the radar.
     owned : sequence of int
         Instances of the objects.
     solve : callable
@@ -64,7 +64,8 @@ def paths_through_mirrors(
     reach : float
         Half of the longest length [m].
     """
-    station = Station(pose.position, twist.linear, pose.rotation)
+    pose = mount.pose
+    station = Station(pose.position, mount.twist.linear, pose.rotation)
     middle, corners = _box(state, owned)
     open_ways = [way for way in ways(mirrors, depth) if may_reach(way, pose.position, corners)]
     blocks = []
@@ -245,9 +246,7 @@ def _of_model(
     }
 
 
-def of_meshes(
-    state: WorldState, radar: RadarSpec, owned: Sequence[int], options: dict[str, Any], reach: float
-) -> FromImages:
+def of_meshes(state: WorldState, radar: RadarSpec, owned: Sequence[int], settings: RadarSettings) -> FromImages:
     """Return what makes the paths of meshes alone between two images of the radar, by `sbr`."""
     from scarl_sionna.radar.channel.sbr import solve_sbr
 
@@ -255,11 +254,12 @@ def of_meshes(
     number_of = np.array([-1, *(original[number] for number in sorted(original))], dtype=np.int32)
     wide = radar.with_(azimuth_fov_deg=180.0, elevation_fov_deg=180.0)
 
+    reach = radar.max_range if settings.max_distance is None else settings.max_distance
+    own = settings.with_(instances=tuple(sorted(original)), max_distance=2.0 * reach)
+
     def solve(tx: Pose, rx: Pose) -> RadarPaths:
-        bistatic = {} if np.array_equal(tx.position, rx.position) else {"rx_pose": rx}
-        found = solve_sbr(
-            part, wide, tx, **{**options, **bistatic, "instances": sorted(original), "max_distance": 2.0 * reach}
-        )
+        receiver = None if np.array_equal(tx.position, rx.position) else Mount(rx)
+        found = solve_sbr(part, wide, Mount(tx), own, receiver)
         renamed = np.where(found.instance >= 0, number_of[found.instance], -1).astype(np.int32)
         return RadarPaths(**{**vars(found), "instance": renamed})
 

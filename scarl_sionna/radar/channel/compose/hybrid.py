@@ -13,27 +13,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError, ScarlError, ScarlWarning
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.errors import ParameterRangeError, ScarlError, SmallMirrorWarning
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.plan import OBJECT_SOLVERS, Share
+from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, watt_to_dbm
-from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from scarl_sionna.radar.channel.sbr import solve_sbr
 from scarl_sionna.radar.channel.scatterers import solve_scatterers
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.scatterers.model import loaded_models
 from scarl_sionna.signal.antenna import field_gain
 
 from .ghosts import of_meshes, of_models, paths_through_mirrors
 from .mirrors import Mirror, find_mirrors
-from .plan import OBJECT_SOLVERS, ChannelPlan, ResolvedPlan, Share
+from .plan import ResolvedPlan, resolve
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
-SMALL_MIRRORS = "mirror reflection"
-"""Begin of the warning of `sionna` about small surfaces; whether a mirror is large enough is decided here."""
+SOLVERS_OF_OBJECTS = {"sbr": solve_sbr, "scatterers": solve_scatterers, "raycast": solve_raycast}
 
 
 class DoubleCountError(ScarlError):
@@ -41,13 +44,7 @@ class DoubleCountError(ScarlError):
 
 
 def solve_hybrid(
-    state: WorldState,
-    radar: RadarSpec,
-    pose: Pose,
-    *,
-    plan: ChannelPlan,
-    radar_twist: Twist | None = None,
-    max_distance: float | None = None,
+    state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings, receiver: Mount | None = None
 ) -> RadarPaths:
     """Return the paths of all solvers of a plan.
 
@@ -55,24 +52,24 @@ def solve_hybrid(
     ----------
     state : WorldState
     radar : RadarSpec
-    pose : Pose
-        world_from_radar.
-    plan : ChannelPlan
-        Who computes what.
-    radar_twist : Twist, optional
-        Velocity of the radar, world axes; at rest if not given.
-    max_distance : float, optional
-        Half of the longest length of a path [m]; the unambiguous range if not given.
+    mount : Mount
+        Pose and velocity of the radar.
+    settings : RadarSettings
+        Its `plan`, `max_distance` (the unambiguous range if None), and the settings of each solver where a share has none.
+    receiver : Mount, optional
+        Refused: this solver is monostatic.
 
     Returns
     -------
     RadarPaths
         Objects (`sbr`, `scatterers`, `raycast`), then chains of mirrors, then objects through mirrors, each in the order of its
         solver. ``diagnostics["solvers"]`` has a row for each of them: what it computed, its paths and power, and what it
-        tells itself; ``diagnostics["seconds"]`` the time of each, ``diagnostics["left_out"]`` what nobody computes.
+        reports itself; ``diagnostics["seconds"]`` the time of each, ``diagnostics["left_out"]`` what nobody computes.
 
     Raises
     ------
+    ParameterRangeError
+        If there is no plan, or a receiver is given.
     OwnershipError
         If the plan would count something twice.
     UnknownNameError
@@ -80,15 +77,18 @@ def solve_hybrid(
     PlacementError
         If the radar or one of its antennas is inside a mesh.
     """
-    if not isinstance(plan, ChannelPlan):
-        raise ParameterRangeError("plan", type(plan).__name__, "a ChannelPlan")
-    resolved = plan.resolve(state.world)
-    reach = radar.max_range if max_distance is None else max_distance
-    if not reach > 0.0:
-        raise ParameterRangeError("max_distance", f"{reach} m", "> 0 m")
+    refuse_receiver("hybrid", receiver)
+    plan, pose = settings.plan, mount.pose
+    if plan is None:
+        raise ParameterRangeError(
+            "plan", None, "a ChannelPlan", "plan_channel(state, radar, mount) makes one that fits"
+        )
+    resolved = resolve(plan, state.world)
+    reach = radar.max_range if settings.max_distance is None else settings.max_distance
     check_antennas(state, radar, pose)
-    work = _Work(state, radar, pose, radar_twist or Twist(), resolved, reach)
-    order = sorted(range(len(plan.shares)), key=lambda index: (OBJECT_SOLVERS.index(plan.shares[index].solver), index))
+    work = _Work(state, radar, mount, settings.with_(max_distance=reach, instances=None), resolved)
+    rank = {name: number for number, name in enumerate(OBJECT_SOLVERS)}
+    order = sorted(range(len(plan.shares)), key=lambda index: (rank[plan.shares[index].solver], index))
     for index in order:
         work.objects(plan.shares[index], resolved.owned[index])
     if resolved.mirrors and plan.echoes:
@@ -104,19 +104,20 @@ def solve_hybrid(
 
 
 class _Work:
-    """One solve: blocks of paths, and what each solver has to tell."""
+    """One solve: blocks of paths, and what each solver reports."""
 
     def __init__(
-        self, state: WorldState, radar: RadarSpec, pose: Pose, twist: Twist, plan: ResolvedPlan, reach: float
+        self, state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings, plan: ResolvedPlan
     ) -> None:
-        self.state, self.radar, self.pose, self.twist, self.plan, self.reach = state, radar, pose, twist, plan, reach
+        self.state, self.radar, self.mount, self.settings, self.plan = state, radar, mount, settings, plan
+        self.reach = float(settings.max_distance or radar.max_range)
         self.blocks: list[RadarPaths] = []
         self.rows: list[dict[str, Any]] = []
         self.clock: dict[str, float] = {}
 
     def _add(
         self, solver: str, mechanism: str, instances: Sequence[int], blocks: Sequence[RadarPaths], seconds: float,
-        **told: Any,
+        **row: Any,
     ) -> None:  # fmt: skip
         self.blocks.extend(blocks)
         power = sum(float(received_power(paths, self.radar).sum()) for paths in blocks)
@@ -127,7 +128,7 @@ class _Work:
                 "instances": [self.state.world.instances[number].name for number in instances],
                 "num_paths": sum(paths.num_paths for paths in blocks),
                 "power_dbm": float(watt_to_dbm(power)) if power > 0.0 else None,
-                **told,
+                **row,
             }
         )
         key = f"{solver}: {mechanism}"
@@ -138,25 +139,26 @@ class _Work:
         start = time.perf_counter()
         if not owned:
             return
-        common = {"radar_twist": self.twist, "max_distance": self.reach}
-        at = self.state, self.radar, self.pose
-        options = dict(share.options)
-        if share.solver == "sbr":
-            found = solve_sbr(*at, instances=list(owned), **{**common, **options})
-        elif share.solver == "scatterers":
-            options["models"] = self._models(share, owned)
-            found = solve_scatterers(*at, **{**common, **options})
-        else:
-            found = solve_raycast(*at, instances=list(owned), **{**common, **options})
-        told = {
+        settings = self._settings(share, owned)
+        found = SOLVERS_OF_OBJECTS[share.solver](self.state, self.radar, self.mount, settings)
+        detail = {
             name: value for name, value in found.diagnostics.items() if name not in ("method", "left_out", "seconds")
         }
         self._add(
-            share.solver, "objects", owned, [found], time.perf_counter() - start, reason=share.reason, detail=told
+            share.solver, "objects", owned, [found], time.perf_counter() - start, reason=share.reason, detail=detail
         )
 
-    def _models(self, share: Share, owned: Sequence[int]) -> dict[str, Any]:
-        models = share.options.get("models") or {}
+    def _settings(self, share: Share, owned: Sequence[int]) -> RadarSettings:
+        """Return the settings of a share's solver: its own, or those of the solve, for the instances that it owns."""
+        settings = self.settings.with_(instances=tuple(owned))
+        if share.settings is not None:
+            settings = settings.with_(**{share.solver: share.settings})
+        if share.solver == "scatterers":
+            knobs = settings.scatterers
+            settings = settings.with_(scatterers=knobs.with_(models=self._models(knobs.models, owned)))
+        return settings
+
+    def _models(self, models: Mapping[str, Any], owned: Sequence[int]) -> dict[str, Any]:
         names = [self.state.world.instances[number].name for number in owned]
         if missing := [name for name in names if name not in models]:
             raise ParameterRangeError(
@@ -168,12 +170,11 @@ class _Work:
     def echoes(self) -> None:
         """Compute the chains of mirror reflections from the radar back to itself."""
         start = time.perf_counter()
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", f".*{SMALL_MIRRORS}", ScarlWarning)
-            found = solve_sionna(
-                self.state, self.radar, self.pose, radar_twist=self.twist,
-                **{"max_distance": self.reach, **self.plan.plan.sionna_options},
-            )  # fmt: skip
+        knobs = self.plan.plan.sionna
+        settings = self.settings if knobs is None else self.settings.with_(sionna=knobs)
+        with warnings.catch_warnings():  # whether a mirror is large enough is decided here
+            warnings.simplefilter("ignore", SmallMirrorWarning)
+            found = solve_sionna(self.state, self.radar, self.mount, settings)
         allowed = np.isin(found.instance, [*self.plan.mirrors, -1]).all(axis=1)
         self._add(
             "sionna", "mirror chains", self.plan.mirrors, [found.select(allowed)], time.perf_counter() - start,
@@ -185,20 +186,20 @@ class _Work:
         start = time.perf_counter()
         if not owned:
             return
+        settings = self._settings(share, owned)
         if share.solver == "sbr":
-            solve = of_meshes(self.state, self.radar, owned, dict(share.options), self.reach)
+            solve = of_meshes(self.state, self.radar, owned, settings)
         else:
-            frames = share.options.get("placements") or {}
+            frames, models = settings.scatterers.placements, loaded_models(settings.scatterers.models)
             names = {self.state.world.instances[number].name: number for number in owned}
             solve = of_models(
                 self.state, self.radar,
-                {names[name]: (model, frames.get(name, Pose())) for name, model in self._models(share, owned).items()},
+                {names[name]: (model, frames.get(name, Pose())) for name, model in models.items()},
             )  # fmt: skip
         blocks = paths_through_mirrors(
             self.state,
             self.radar,
-            self.pose,
-            self.twist,
+            self.mount,
             owned,
             solve,
             mirrors,
@@ -225,14 +226,14 @@ class _Work:
         named = {entry.get("instance") for entry in stated}
         diagnostics = {
             "method": "hybrid",
-            "plan": self.plan.plan.to_dict(),
+            "plan": self.plan.plan.to_dict("python"),
             "solvers": self.rows,
             "left_out": stated
             + [{"instance": name, "reason": "in no share of the plan"} for name in silent if name not in named],
             "max_distance": self.reach,
             "seconds": self.clock,
         }
-        return joined(self.blocks, self.pose, diagnostics)
+        return joined(self.blocks, self.mount.pose, diagnostics)
 
 
 def _length(paths: RadarPaths) -> npt.NDArray[np.float64]:

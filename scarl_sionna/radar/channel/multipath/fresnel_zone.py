@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.errors import ScarlWarning, SmallMirrorWarning
 from scarl_sionna.engine.paths.tracing import DIFFRACTION, SPECULAR, mirror_extent
 
-from .legs import Legs, Station
+from .legs import Legs
+from .station import Station
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -61,7 +62,7 @@ def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tu
             f"{num_small} mirror reflection(s) or diffraction(s) at surfaces smaller than the first Fresnel zone, most of all "
             f"'{name}': {what} of {worst[1]:.2g} m where the zone is {worst[2]:.2g} m across. The amplitude ignores the size "
             "and the curvature of a surface, so these echoes are wrong, most often too strong; use method='sbr' for such objects",
-            ScarlWarning,
+            SmallMirrorWarning,
             stacklevel=4,
         )
     return num_small
@@ -74,7 +75,7 @@ def warn_of_edge_wavefronts(wavelength: float, mirrors: list[tuple[Legs, Station
         warnings.warn(
             f"an edge's wavefront has two radii, and over this array it is up to {error * 1e3:.2g} mm "
             f"({360.0 * error / wavelength:.0f} deg of phase) off the one sphere that a path holds; solve for parts of the array "
-            "apart (rx_pose=...), or leave diffraction out",
+            "apart (receiver=...), or leave diffraction out",
             ScarlWarning,
             stacklevel=4,
         )

@@ -8,27 +8,29 @@ from __future__ import annotations
 import time
 import warnings
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
-from scarl_sionna.core.errors import ParameterRangeError, ScarlError, ScarlWarning, UnknownNameError
-from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.errors import ScarlError, ScarlWarning
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import TracedPaths, trace_paths
 from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import PointScatterers
+from scarl_sionna.radar.point_scatterers import PointScatterers
 
 from .diffuse import diffuse_columns
 from .fresnel_zone import warn_of_edge_wavefronts, warn_of_small_mirrors
-from .legs import Legs, Station, joined_legs, legs_of
+from .legs import Legs, joined_legs, legs_of
 from .scattering import scattered_columns
+from .station import Station
 from .visibility import warn_of_hidden_antennas
 
 if TYPE_CHECKING:
@@ -58,43 +60,15 @@ class PathBufferOverflowError(ScarlError):
         )
 
 
-class SionnaSettings(Spec):
-    """Knobs of the solver; docs/sionna_paths.md has the table of paths found against time."""
-
-    max_depth: int = Field(2, ge=0, le=8, description="most interactions of a path, of each leg for scatterers")
-    num_samples: int = Field(
-        200_000, ge=1, le=100_000_000,
-        description="rays over the whole sphere that look for surfaces: one smaller than 3.5 / sqrt(num_samples) rad "
-        "as seen from the radar can be missed",
-    )  # fmt: skip
-    max_num_paths: int = Field(1_000_000, ge=1, le=100_000_000, description="candidates that the solver can hold")
-    on_overflow: Literal["raise", "warn"] = "raise"
-    specular: bool = Field(True, description="mirror reflections")
-    diffuse: bool = Field(False, description="diffuse scattering with Sionna RT's patterns, amplitudes in float32")
-    refraction: bool = Field(False, description="straight passage through layers")
-    diffraction: bool = Field(
-        False, description="over one edge a way, by the uniform theory; also beside the edge, in the light"
-    )
-    double_bounce: bool = Field(
-        False, description="scatterers also with a mirror and themselves again (target - own car - target); a trace for each"
-    )  # fmt: skip
-    max_distance: float | None = Field(
-        None, gt=0.0, description="half of the longest length [m]; None: the unambiguous range"
-    )
-    seed: int = Field(0, ge=0, le=2**32 - 1, description="of the solver's choice between kinds of interaction")
-
-
 def solve_sionna(
     state: WorldState,
     radar: RadarSpec,
-    pose: Pose,
+    mount: Mount,
+    settings: RadarSettings,
+    receiver: Mount | None = None,
     *,
-    radar_twist: Twist | None = None,
-    rx_pose: Pose | None = None,
-    rx_twist: Twist | None = None,
     scatterers: PointScatterers | None = None,
     environment: bool = True,
-    **options: Any,
 ) -> RadarPaths:
     r"""Return the paths that Sionna RT's deterministic PathSolver finds, with float64 geometry and amplitudes.
 
@@ -102,20 +76,16 @@ def solve_sionna(
     ----------
     state : WorldState
     radar : RadarSpec
-    pose : Pose
-        world_from_radar of the transmitter.
-    radar_twist : Twist, optional
-        Its velocity, world axes; at rest if not given. Rotation within a frame is not modelled.
-    rx_pose : Pose, optional
-        world_from_radar of a separate receiver (bistatic); the transmitter's if not given.
-    rx_twist : Twist, optional
-        Velocity of the separate receiver.
+    mount : Mount
+        Pose and velocity of the radar, or of the transmitter. Rotation within a frame is not modelled.
+    settings : RadarSettings
+        Its `sionna` and `max_distance`.
+    receiver : Mount, optional
+        A separate receiver (bistatic); the transmitter if not given.
     scatterers : PointScatterers, optional
         Point targets in the scene: every pair of a way there and a way back is a path (two-ray, ghosts of type 1 and 2).
     environment : bool
-        Also the paths from the radar to itself, or to the other radar, that touch no scatterer.
-    **options
-        Fields of :class:`SionnaSettings`.
+        Also the paths from the radar to itself, or to the receiver, that touch no scatterer.
 
     Returns
     -------
@@ -125,10 +95,6 @@ def solve_sionna(
 
     Raises
     ------
-    UnknownNameError
-        If there is no such option.
-    ParameterRangeError
-        If an option's value is out of its range.
     PathBufferOverflowError
         If the solver's buffer was filled (``on_overflow="raise"``).
     PlacementError
@@ -159,17 +125,13 @@ def solve_sionna(
     ----------
     .. [1] Recommendation ITU-R P.2040-3, section 2.2.
     """
-    if unknown := sorted(set(options) - set(SionnaSettings.model_fields)):
-        raise UnknownNameError("option of the sionna solver", unknown[0], SionnaSettings.model_fields)
-    settings = SionnaSettings(**options)
-    if rx_twist is not None and rx_pose is None:
-        raise ParameterRangeError("rx_twist", "given without rx_pose", "an rx_pose with it", "monostatic: radar_twist")
+    knobs, pose = settings.sionna, mount.pose
     arms = np.concatenate([radar.tx_array, radar.rx_array])
-    tx = _station(pose, radar_twist, arms)
-    rx = tx if rx_pose is None else _station(rx_pose, rx_twist, arms)
-    if rx_pose is not None:
-        check_placement(state, rx_pose.position, "receiving radar")
-    solver = _Solver(state, radar, settings)
+    tx = _station(mount, arms)
+    rx = tx if receiver is None else _station(receiver, arms)
+    if receiver is not None:
+        check_placement(state, receiver.pose.position, "receiving radar")
+    solver = _Solver(state, radar, knobs)
     if scatterers is not None:
         scatterers.require_apart(tx.position)
         scatterers.require_apart(rx.position)
@@ -177,20 +139,20 @@ def solve_sionna(
         check_antennas(state, radar, pose, twin="radio")
         blocks = solver.solve(tx, rx, scatterers, environment)
     if solver.overflow:
-        error = PathBufferOverflowError(settings.max_num_paths)
-        if settings.on_overflow == "raise":
+        error = PathBufferOverflowError(knobs.max_num_paths)
+        if knobs.on_overflow == "raise":
             raise error
         warnings.warn(str(error), ScarlWarning, stacklevel=2)
     num_small = warn_of_small_mirrors(state, radar.wavelength, solver.mirrors)
     spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors)
     num_hidden = warn_of_hidden_antennas(state, solver.mirrors)
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
-    num_missed = _warn_of_small_objects(state, pose, solver.mirrors, settings.num_samples, reach) if environment else 0
+    num_missed = _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if environment else 0
     columns = _joined(blocks)
     keep = columns.pop("total") < 2.0 * reach
     diagnostics = {
         "method": "sionna",
-        **settings.model_dump(),
+        **knobs.model_dump(),
         "max_distance": reach,
         "num_candidates": solver.num_candidates,
         "overflow": solver.overflow,
@@ -200,12 +162,18 @@ def solve_sionna(
         "num_objects_maybe_missed": num_missed,
         "seconds": solver.clock,
     }
-    paths = RadarPaths(**columns, world_from_tx=pose, world_from_rx=rx_pose or pose, diagnostics=diagnostics)
+    paths = RadarPaths(
+        **columns,
+        world_from_tx=pose,
+        world_from_rx=pose if receiver is None else receiver.pose,
+        diagnostics=diagnostics,
+    )
     return paths.select(keep)
 
 
-def _station(pose: Pose, twist: Twist | None, arms: Array) -> Station:
-    return Station(pose.position, (twist or Twist()).linear, pose.rotation, pose.rotate(arms))
+def _station(mount: Mount, arms: Array) -> Station:
+    pose = mount.pose
+    return Station(pose.position, mount.twist.linear, pose.rotation, pose.rotate(arms))
 
 
 def _warn_of_small_objects(

@@ -9,21 +9,24 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core import seeds
-from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownNameError
-from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.raycast import HitPhase, RcsModel
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.compose.plan import ids_of
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.scene.materials.fresnel import power_reflectance, te_fraction_of_h
 
-from .class_rcs import ClassRcs, class_reflectivity
+from .class_rcs import class_reflectivity
 from .grid import RayGrid
 from .thinning import ResolutionCells, thin
 
@@ -32,9 +35,6 @@ if TYPE_CHECKING:
     from scarl_sionna.scene.tables import RayHits
 
 Array = npt.NDArray[np.float64]
-RcsModel = Literal["footprint", "per_hit"]
-HitPhase = Literal["rough", "geometric"]
-GridKind = Literal["staggered", "regular"]
 
 RAYS_PER_BATCH = 1_000_000
 """Rays cast at once: bounds the memory of a batch to about 300 MB."""
@@ -42,8 +42,6 @@ NEAREST_HIT = 1e-3
 """The radar equation is not used closer than this [m]; a housing touches nothing nearer."""
 DIFFUSE = 2
 """Kind of the interaction of a hit, the number of Sionna RT's ``InteractionType.DIFFUSE``."""
-DEFAULT_HITS_PER_CELL = 8
-"""Kept hits of a cell; sixteen cells make a resolution cell of the radar. Chart in docs/raycast.md."""
 REFERENCE_FOOTPRINT = 4.34e-4
 """Area of a ray of the default grid (10^6 rays over 120 x 30 deg) at 20 m [m2]: the unit of ``rcs_model="per_hit"``."""
 
@@ -63,19 +61,7 @@ class _Model:
 
 
 def solve_raycast(
-    state: WorldState,
-    radar: RadarSpec,
-    pose: Pose,
-    *,
-    radar_twist: Twist | None = None,
-    num_rays: int | None = None,
-    max_distance: float | None = None,
-    rcs_model: RcsModel = "footprint",
-    class_rcs: ClassRcs | None = None,
-    hit_phase: HitPhase = "rough",
-    hits_per_cell: int | None = DEFAULT_HITS_PER_CELL,
-    grid: GridKind = "staggered",
-    instances: Sequence[str | int] | None = None,
+    state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings, receiver: Mount | None = None
 ) -> RadarPaths:
     r"""Return the paths to the first surfaces that a fixed grid of rays hits.
 
@@ -83,35 +69,14 @@ def solve_raycast(
     ----------
     state : WorldState
     radar : RadarSpec
-        Field of view, number of rays, carrier and array.
-    pose : Pose
-        world_from_radar.
-    radar_twist : Twist, optional
-        Velocity of the radar, world axes; at rest if not given.
-    num_rays : int, optional
-        Instead of ``radar.num_rays``.
-    max_distance : float, optional
-        Hits beyond are left out [m]; the unambiguous range if not given, since the filter before the converter takes away
-        what lies beyond.
-    rcs_model : {"footprint", "per_hit"}
-        ``"footprint"``: the RCS of a hit is the class reflectivity times the area across its ray, so the power does not
-        depend on the number of rays. ``"per_hit"``: a constant RCS a hit by class, the paper's literal reading; the power
-        grows with the number of rays.
-    class_rcs : mapping of class name to reflectivity, or path of a TOML file, optional
-        Replaces entries of ``rcs_by_class.toml``.
-    hit_phase : {"rough", "geometric"}
-        ``"rough"``: each hit stands for a patch of many unresolved scatterers and gets a fixed random phase, so that
-        powers add in the mean. ``"geometric"``: only the phase of its distance, as in the paper; hits at exactly the same
-        distance (a flat road below a level radar) then add in phase.
-    hits_per_cell : int, optional
-        Of the rough hits of one instance that the radar cannot tell apart (half a bin in range, velocity and direction), at
-        most this many are kept, with the power of all; see :mod:`scarl_sionna.radar.channel.raycast.thinning`. None keeps every
-        hit. Geometric hits are always kept.
-    grid : {"staggered", "regular"}
-        ``"staggered"``: fixed rays at the same azimuths whose elevation is shifted within the cell, column by column, so
-        that a road is hit at all distances. ``"regular"``: through the centres of the cells.
-    instances : sequence of str or int, optional
-        Names, ids or semantic classes of what gives paths; everything if not given. The rest hides what is behind it.
+        Field of view, carrier and array.
+    mount : Mount
+        Pose and velocity of the radar.
+    settings : RadarSettings
+        Its `raycast`, `max_distance` (the unambiguous range if None, since the filter before the converter takes away what lies
+        beyond) and `instances` (what gives paths; the rest hides what is behind it).
+    receiver : Mount, optional
+        Refused: this solver is monostatic.
 
     Returns
     -------
@@ -125,7 +90,9 @@ def solve_raycast(
     MaterialRangeError
         If a material that is hit has no data at the carrier frequency.
     UnknownNameError
-        If an option has no such value, or `instances` names something that is not in the scene.
+        If `instances` names something that is not in the scene.
+    ParameterRangeError
+        If a receiver is given.
 
     Warns
     -----
@@ -149,29 +116,18 @@ def solve_raycast(
     .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for Autonomous
            Driving", section 2.3, Eq. (4).
     """
-    for name, value, known in (
-        ("rcs_model", rcs_model, ("footprint", "per_hit")),
-        ("hit_phase", hit_phase, ("rough", "geometric")),
-        ("grid", grid, ("staggered", "regular")),
-    ):
-        if value not in known:
-            raise UnknownNameError(name, value, known)
-    if hits_per_cell is not None and (isinstance(hits_per_cell, bool) or hits_per_cell < 1):
-        raise ParameterRangeError("hits_per_cell", hits_per_cell, "an integer >= 1, or None for all hits")
-    reach = radar.max_range if max_distance is None else max_distance
-    if not reach > 0.0:
-        raise ParameterRangeError("max_distance", f"{reach} m", "> 0 m")
+    refuse_receiver("raycast", receiver)
+    knobs, pose, instances = settings.raycast, mount.pose, settings.instances
+    reach = radar.max_range if settings.max_distance is None else settings.max_distance
     check_antennas(state, radar, pose)
     fov = np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg)
-    rays_of = RayGrid.over(*fov, radar.num_rays if num_rays is None else num_rays, staggered=grid == "staggered")
+    rays_of = RayGrid.over(*fov, knobs.num_rays, staggered=knobs.grid == "staggered")
     chosen_ids = list(state.world.instances) if instances is None else ids_of(state.world, instances)
     _warn_of_small_objects(state, radar, pose, rays_of, reach, chosen_ids)
-    twist = radar_twist or Twist()
     owned = np.isin(state.world.parts.instance, chosen_ids)
-    model = _Model(
-        radar, pose, class_reflectivity(class_rcs), rcs_model, rays_of.solid_angle, reach, twist.linear, owned
-    )
-    phases = _fixed_phases(hit_phase)
+    gamma = class_reflectivity(knobs.class_rcs)
+    model = _Model(radar, pose, gamma, knobs.rcs_model, rays_of.solid_angle, reach, mount.twist.linear, owned)
+    phases = _fixed_phases(knobs.hit_phase)
     clock = {"cast": 0.0, "amplitude": 0.0, "thin": 0.0}
     batches = []
     for first in range(0, rays_of.num_rays, RAYS_PER_BATCH):
@@ -186,17 +142,17 @@ def solve_raycast(
         clock["amplitude"] += time.perf_counter() - cast
     columns = {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
     chosen = {
-        "rcs_model": rcs_model,
-        "hit_phase": hit_phase,
-        "grid": grid,
+        "rcs_model": knobs.rcs_model,
+        "hit_phase": knobs.hit_phase,
+        "grid": knobs.grid,
         "max_distance": reach,
         "hits_per_cell": None,
     }
     chosen["num_hits"] = len(columns["length_rate"])
-    if hits_per_cell is not None and hit_phase == "rough":
+    if knobs.hits_per_cell is not None and knobs.hit_phase == "rough":
         start = time.perf_counter()
-        columns = _thinned(columns, model, hits_per_cell)
-        chosen["hits_per_cell"] = hits_per_cell
+        columns = _thinned(columns, model, knobs.hits_per_cell)
+        chosen["hits_per_cell"] = knobs.hits_per_cell
         clock["thin"] = time.perf_counter() - start
     return _paths(columns, pose, rays_of, clock, chosen)
 

@@ -9,11 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.device import Device, device
-
-from .settings import SbrChannelSettings
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.sbr import SbrChannelSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
@@ -22,7 +23,6 @@ from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from .patches import PatchSize, split, too_many_patches
 from .rays import PlaneProbe, ScreenedProbe
 from .refine import Pieces, Probe, refine
-from .settings import SbrChannelSettings
 from .tubes import Tubes, middle
 
 Array = npt.NDArray[np.float64]

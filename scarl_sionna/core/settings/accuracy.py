@@ -1,14 +1,14 @@
-"""Every numerical knob that bounds an error, in one place: what it bounds, and the chart that justifies its default."""
+"""Tolerances and budgets: every number that bounds an error names the chart that justifies its default."""
 
 from __future__ import annotations
 
 from pydantic import Field
 
-from .spec import Spec
+from scarl_sionna.core.spec import Spec
 
 
 class Accuracy(Spec):
-    """Tolerances of the radar's signal synthesis and of ``method="auto"`` of its channel."""
+    """Tolerances of the radar's signal synthesis, and tolerance, floor and budget of ``method="auto"`` of its channel."""
 
     synthesis_tolerance: float = Field(
         1e-4, gt=1e-14, lt=1.0,
@@ -23,9 +23,9 @@ class Accuracy(Spec):
         description="objects whose power is at most this far from the noise of one range-Doppler-angle cell [dB] are not "
         "computed by 'auto'; docs/accuracy.md, what is left out",
     )  # fmt: skip
-    sbr_tubes_per_ray: float = Field(
-        0.1, ge=0.0,
-        description="ray tubes that 'auto' may spend on physical optics for each ray of 'raycast'; docs/accuracy.md, highway frame",
+    tube_budget: int = Field(
+        100_000, ge=0,
+        description="ray tubes that 'auto' may spend on physical optics in one solve; docs/accuracy.md, highway frame",
     )  # fmt: skip
 
 

@@ -1,0 +1,185 @@
+"""Options about scenarios and radars that several commands share: the same flags with the same meaning on all."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+import typer
+import yaml
+
+from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.settings.radar import METHODS, QUALITIES, RadarSettings
+from scarl_sionna.core.spec import Spec
+from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+
+_DEFAULTS = ScenarioSpec()
+_RADAR = RadarSettings()
+
+SCENARIO_OPTIONS: Mapping[str, Any] = {
+    "num_frames": Annotated[
+        int | None, typer.Option("--frames", help=f"Number of frames (default: {_DEFAULTS.num_frames}).")
+    ],
+    "duration": Annotated[float | None, typer.Option(help="Length instead of a number of frames [s].")],
+    "frame_rate": Annotated[
+        float | None, typer.Option(help=f"Frames a second [Hz] (default: {_DEFAULTS.frame_rate:g}).")
+    ],
+    "quality": Annotated[
+        str | None,
+        typer.Option(help=f"{' or '.join(QUALITIES)}: effort of all sensors (default: {_DEFAULTS.quality})."),
+    ],
+    "variant": Annotated[
+        int | None, typer.Option(help=f"Variant of the scene, built on first use (default: {_DEFAULTS.variant}).")
+    ],
+    "detail": Annotated[
+        str | None, typer.Option(help=f"Level of geometry, light or detailed (default: {_DEFAULTS.detail}).")
+    ],
+    "lighting": Annotated[
+        str | None, typer.Option(help="day, dusk, night, overcast or rain (default: that of the scene).")
+    ],
+    "weather": Annotated[
+        str | None, typer.Option(help="clear, drizzle, rain, heavy_rain, fog, dense_fog or snow (default: clear).")
+    ],
+    "rig": Annotated[
+        str | None,
+        typer.Option(
+            help="front: one suite of five sensors; scarl: six suites all around; or the path of a rig file "
+            f"(default: {_DEFAULTS.rig})."
+        ),
+    ],
+    "seed": Annotated[int | None, typer.Option(help=f"Root of all random numbers (default: {_DEFAULTS.seed}).")],
+}
+"""Fields of a :class:`ScenarioSpec` by their names."""
+
+RADAR_OPTIONS: Mapping[str, tuple[str, Any]] = {
+    "method": (
+        "method",
+        Annotated[str | None, typer.Option(help=f"Radar channel: {', '.join(METHODS)} (default: that of the rig).")],
+    ),
+    "tolerance_db": (
+        "accuracy.channel_tolerance_db",
+        Annotated[float | None, typer.Option(help="Error of an object's echo that auto aims at [dB].")],
+    ),
+    "tube_budget": (
+        "accuracy.tube_budget",
+        Annotated[int | None, typer.Option(help="Ray tubes that auto may spend on physical optics in one solve.")],
+    ),
+    "max_distance": (
+        "max_distance",
+        Annotated[float | None, typer.Option(help="Farthest radar echo [m] (default: the unambiguous range).")],
+    ),
+    "noise": ("noise", Annotated[bool | None, typer.Option("--noise/--no-noise", help="Thermal noise of the radars.")]),
+    "chirps_per_block": (
+        "chirps_per_block",
+        Annotated[
+            int | None,
+            typer.Option(help="Solve the radar paths again for every block of so many chirps (wheels, limbs)."),
+        ],
+    ),
+}
+"""Fields of :class:`RadarSettings` by their paths."""
+
+_SET = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="FIELD=VALUE",
+        help="Any other field of the scenario, for instance radar.raycast.num_rays=50000 or radar.sbr.max_depth=2. May be repeated.",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class ScenarioOptions:
+    """What a command line says about its scenarios."""
+
+    fields: Mapping[str, Any] = field(default_factory=dict)
+    radar: Mapping[str, Any] = field(default_factory=dict)
+    further: tuple[str, ...] = ()
+
+    def apply(self, scenario: ScenarioSpec) -> ScenarioSpec:
+        """Return a scenario with what the command line says; all of it is checked.
+
+        Raises
+        ------
+        UnknownNameError
+            If ``--set`` names no field.
+        ParameterRangeError
+            If a value is not allowed.
+        """
+        changes = {name: value for name, value in self.fields.items() if value is not None}
+        scenario = scenario.with_(**changes) if changes else scenario
+        for name, value in self.radar.items():
+            if value is not None:
+                scenario = _with_field(scenario, f"radar.{RADAR_OPTIONS[name][0]}", value)
+        for text in self.further:
+            path, equals, value = text.partition("=")
+            if not equals or not path.strip():
+                raise ParameterRangeError("--set", text, "FIELD=VALUE, for instance radar.raycast.num_rays=50000")
+            scenario = _with_field(scenario, path.strip(), _value(text, value))
+        return scenario
+
+    @property
+    def says_anything(self) -> bool:
+        """Whether any option is given."""
+        return bool(self.further) or any(value is not None for value in (*self.fields.values(), *self.radar.values()))
+
+
+def _value(text: str, value: str) -> Any:
+    """Return a value as YAML has it: numbers, true, null, lists, texts."""
+    try:
+        return yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ParameterRangeError("--set", text, "a value as in YAML", str(error).splitlines()[0]) from error
+
+
+def _with_field(spec: Any, path: str, value: Any) -> Any:
+    """Return a specification with the field at a dotted path changed."""
+    name, _, rest = path.partition(".")
+    if name not in type(spec).model_fields:
+        raise UnknownNameError(f"field of {type(spec).__name__}", name, type(spec).model_fields)
+    if not rest:
+        return spec.with_(**{name: value})
+    inner = getattr(spec, name)
+    if inner is None:
+        inner = _empty(type(spec), name)
+    if not isinstance(inner, Spec):
+        raise ParameterRangeError(f"--set {path}", value, f"'{name}' has no fields", f"set {name}=...")
+    return spec.with_(**{name: _with_field(inner, rest, value)})
+
+
+def _empty(kind: type[Spec], name: str) -> Any:
+    """Return the specification of an optional field that is left out, with its defaults."""
+    for option in typing.get_args(kind.model_fields[name].annotation):
+        if isinstance(option, type) and issubclass(option, Spec):
+            return option()
+    return None
+
+
+def scenario_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the shared options; it takes them as one argument, ``chosen``, a :class:`ScenarioOptions`."""
+    hints = typing.get_type_hints(command, include_extras=True)
+    own = [entry for name, entry in inspect.signature(command).parameters.items() if name != "chosen"]
+    shared = {**SCENARIO_OPTIONS, **{name: entry[1] for name, entry in RADAR_OPTIONS.items()}, "further": _SET}
+
+    @functools.wraps(command)
+    def wrapped(**given: Any) -> None:
+        told = {name: given.pop(name) for name in shared}
+        chosen = ScenarioOptions(
+            {name: told[name] for name in SCENARIO_OPTIONS},
+            {name: told[name] for name in RADAR_OPTIONS},
+            tuple(told["further"] or ()),
+        )
+        command(**given, chosen=chosen)
+
+    kinds = {**{entry.name: hints[entry.name] for entry in own}, **shared}
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    parameters = [entry.replace(annotation=hints[entry.name], kind=keyword) for entry in own]
+    parameters += [inspect.Parameter(name, keyword, default=None, annotation=kind) for name, kind in shared.items()]
+    wrapped.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    wrapped.__annotations__ = kinds
+    return wrapped

@@ -1,0 +1,180 @@
+"""Who computes what, as plain data: a plan gives every instance of a scene to one solver, and names the mirrors.
+
+The rule of ownership, and what it does not cover, stands in docs/accuracy.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.spec import Spec
+
+from .raycast import RaycastSettings
+from .sbr import SbrChannelSettings
+from .scatterers import ScattererSettings
+from .sionna import SionnaSettings
+
+REST = "*"
+"""Stands for every instance that no other share of the plan names."""
+OBJECT_SOLVERS: Mapping[str, type[Spec]] = {
+    "sbr": SbrChannelSettings,
+    "scatterers": ScattererSettings,
+    "raycast": RaycastSettings,
+}
+"""Solvers that can own instances, in the order of their paths, with their settings."""
+COHERENT = ("sbr", "scatterers")
+"""Of them, those whose paths have a phase that means something: what a mirror adds to them is coherent, too."""
+
+
+def _settings(kind: type[Spec], value: Spec | Mapping[str, Any] | None, name: str) -> Spec | None:
+    """Return settings of a kind, from a mapping of its fields where one is given."""
+    if value is None or isinstance(value, kind):
+        return value
+    if isinstance(value, Mapping):
+        return kind.of(**value)
+    raise InputTypeError(name, value, f"a {kind.__name__} or a mapping of its fields")
+
+
+def of_mapping(kind: type[Any], data: Mapping[str, Any]) -> Any:
+    """Return a :class:`ChannelPlan` or a :class:`Share` of a mapping of its fields.
+
+    Raises
+    ------
+    UnknownNameError
+        If it has no such field.
+    """
+    known = [item.name for item in fields(kind)]
+    for name in data:
+        if name not in known:
+            raise UnknownNameError(f"field of a {kind.__name__}", str(name), known)
+    return kind(**data)
+
+
+@dataclass(frozen=True)
+class Share:
+    """Instances that one solver computes.
+
+    Attributes
+    ----------
+    solver : {"sbr", "scatterers", "raycast"}
+    instances : sequence of str or int
+        Names, ids, semantic classes (all instances of a class), or ``"*"`` for all that no other share names.
+    settings : SbrChannelSettings, ScattererSettings or RaycastSettings, or a mapping of their fields, optional
+        Of the solver; those of the :class:`~scarl_sionna.RadarSettings` of the solve if left out.
+    through_mirrors : bool
+        Also the echoes by the plan's mirrors; for the coherent solvers only.
+    reason : str
+        Why, for the diagnostics.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such solver of objects, or no such field in its settings.
+    ParameterRangeError
+        If `instances` is a text, or `through_mirrors` is asked of a solver that is not coherent.
+    """
+
+    solver: str
+    instances: tuple[str | int, ...] = (REST,)
+    settings: Any = None
+    through_mirrors: bool = False
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        if self.solver not in OBJECT_SOLVERS:
+            raise UnknownNameError(
+                "solver of objects",
+                self.solver,
+                OBJECT_SOLVERS,
+                "mirror chains ('sionna') belong to `mirrors` of the plan",
+            )
+        if isinstance(self.instances, str):
+            raise ParameterRangeError("instances", repr(self.instances), "a sequence of names", "write ('name',)")
+        object.__setattr__(self, "instances", tuple(self.instances))
+        object.__setattr__(self, "settings", _settings(OBJECT_SOLVERS[self.solver], self.settings, "Share.settings"))
+        if self.through_mirrors and self.solver not in COHERENT:
+            raise ParameterRangeError(
+                "through_mirrors", f"True for '{self.solver}'", f"a coherent solver: {', '.join(COHERENT)}",
+                "its paths have random phases, which mirrors cannot turn into a fixed interference",
+            )  # fmt: skip
+
+    def to_dict(self, mode: str = "json") -> dict[str, Any]:
+        """Return plain data; ``mode="python"`` keeps models that are in memory as their type's name."""
+        return {
+            "solver": self.solver,
+            "instances": list(self.instances),
+            "settings": _plain(self.settings, mode),
+            "through_mirrors": self.through_mirrors,
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True)
+class ChannelPlan:
+    """Which solver computes what of a scene.
+
+    Attributes
+    ----------
+    shares : sequence of Share
+    mirrors : sequence of str or int
+        Instances (names, ids or classes) that act as flat mirrors: `sionna` computes the chains of reflections between them,
+        and the shares that ask for it are seen through them.
+    echoes : bool
+        Whether chains of mirrors only, from the radar back to itself, are computed.
+    mirror_depth : int
+        Most mirrors on one way, there or back, of an echo through mirrors.
+    sionna : SionnaSettings or a mapping of its fields, optional
+        For the chains of mirrors only; those of the solve if left out.
+    left_out : sequence of mapping
+        What is not computed although it is in view, with the bound of its power; for the diagnostics.
+
+    Raises
+    ------
+    ParameterRangeError
+        If `mirror_depth` is not 0 to 4.
+    """
+
+    shares: tuple[Share, ...]
+    mirrors: tuple[str | int, ...] = ()
+    echoes: bool = True
+    mirror_depth: int = 1
+    sionna: Any = None
+    left_out: tuple[Mapping[str, Any], ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        shares = (of_mapping(Share, share) if isinstance(share, Mapping) else share for share in self.shares)
+        object.__setattr__(self, "shares", tuple(shares))
+        object.__setattr__(self, "mirrors", tuple(self.mirrors))
+        object.__setattr__(self, "left_out", tuple(self.left_out))
+        object.__setattr__(self, "sionna", _settings(SionnaSettings, self.sionna, "ChannelPlan.sionna"))
+        for share in self.shares:
+            if not isinstance(share, Share):
+                raise InputTypeError("ChannelPlan.shares", share, "a Share or a mapping of its fields")
+        if not 0 <= self.mirror_depth <= 4:
+            raise ParameterRangeError("mirror_depth", self.mirror_depth, "0 to 4")
+
+    def to_dict(self, mode: str = "json") -> dict[str, Any]:
+        """Return plain data, from which ``ChannelPlan(**data)`` makes the plan again; see :meth:`Share.to_dict`."""
+        return {
+            "shares": [share.to_dict(mode) for share in self.shares],
+            "mirrors": list(self.mirrors),
+            "echoes": self.echoes,
+            "mirror_depth": self.mirror_depth,
+            "sionna": _plain(self.sionna, mode),
+            "left_out": [dict(entry) for entry in self.left_out],
+        }
+
+
+def _plain(settings: Spec | None, mode: str) -> dict[str, Any] | None:
+    """Return the fields that were set, as plain data."""
+    if settings is None:
+        return None
+    data = settings.model_dump(mode=mode, exclude_unset=True)
+    if mode == "python" and "models" in data:
+        data["models"] = {
+            name: model if isinstance(model, str) else type(model).__name__ for name, model in data["models"].items()
+        }
+    return data

@@ -1,0 +1,161 @@
+"""How a radar is simulated: method, tolerance, budget, noise, and the knobs of each channel solver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BeforeValidator, Field, PlainSerializer, SerializationInfo, SkipValidation
+
+from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.spec import Spec
+
+from .accuracy import Accuracy
+from .plan import ChannelPlan, of_mapping
+from .raycast import RaycastSettings
+from .sbr import SbrChannelSettings
+from .scatterers import ScattererSettings
+from .sionna import SionnaSettings
+
+Method = Literal["auto", "raycast", "sionna", "sbr", "scatterers", "hybrid"]
+METHODS: tuple[str, ...] = get_args(Method)
+QUALITIES = ("draft", "full")
+"""Named levels of effort: ``"full"`` is the default of everything, ``"draft"`` is for a look at a scene."""
+
+
+def _plan(value: Any) -> Any:
+    if value is None or isinstance(value, ChannelPlan):
+        return value
+    if isinstance(value, Mapping):
+        return of_mapping(ChannelPlan, value)
+    raise InputTypeError("plan", value, "a ChannelPlan")
+
+
+def _plan_data(value: ChannelPlan | None, info: SerializationInfo) -> Any:
+    return None if value is None else value.to_dict("json" if info.mode == "json" else "python")
+
+
+class RadarSettings(Spec):
+    """How the raw data of a radar are computed. The same fields stand in Python, rig and scenario files and the command line."""
+
+    method: Method = Field(
+        "auto",
+        description="channel solver: 'auto' chooses for each object; 'raycast' is SCaRL's own; 'sionna' multipath; 'sbr' physical "
+        "optics; 'scatterers' objects with a model; 'hybrid' several by `plan`",
+    )
+    accuracy: Accuracy = Field(Accuracy(), description="tolerances, floor and budget")
+    max_distance: float | None = Field(
+        None, gt=0.0, description="half of the longest length of a path [m]; None: the unambiguous range of the radar"
+    )
+    instances: tuple[str | int, ...] | None = Field(
+        None,
+        description="names, ids or semantic classes of what gives paths by 'raycast' and 'sbr', the rest only hides; None: everything "
+        "for 'raycast', actors and objects for 'sbr'",
+    )
+    noise: bool = Field(True, description="thermal noise of the receiver; False: the ideal sensor")
+    chirps_per_block: int | None = Field(
+        None, ge=1,
+        description="paths are solved again in the middle of every block of so many chirps, for wheels and limbs; None: once a frame",
+    )  # fmt: skip
+    cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
+    raycast: RaycastSettings = Field(
+        RaycastSettings(), description="knobs of 'raycast', also for what 'auto' leaves to it"
+    )
+    sionna: SionnaSettings = Field(
+        SionnaSettings(), description="knobs of 'sionna', also for the chains of mirrors of 'hybrid'"
+    )
+    sbr: SbrChannelSettings = Field(
+        SbrChannelSettings(), description="knobs of 'sbr'; 'auto' sets its own from the tolerance"
+    )
+    scatterers: ScattererSettings = Field(
+        ScattererSettings(), description="models of objects, for 'scatterers' and 'auto'"
+    )
+    plan: Annotated[
+        SkipValidation[ChannelPlan | None], BeforeValidator(_plan), PlainSerializer(_plan_data)
+    ] = Field(None, description="who computes what, for 'hybrid'")  # fmt: skip
+
+    @classmethod
+    def preset(cls, quality: str) -> RadarSettings:
+        """Return the settings of a quality: ``"full"`` the defaults, ``"draft"`` a quarter of the rays and of the tubes.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such quality.
+        """
+        if quality not in QUALITIES:
+            raise UnknownNameError("quality", quality, QUALITIES)
+        if quality == "full":
+            return cls()
+        return cls(raycast=RaycastSettings(num_rays=250_000), accuracy=Accuracy(tube_budget=25_000))
+
+    @classmethod
+    def of(cls, method: str | None = None, **fields: Any) -> RadarSettings:
+        """Return settings from fields of any part, the short form of nested settings.
+
+        ``RadarSettings.of("raycast", num_rays=1000)`` is ``RadarSettings(method="raycast", raycast=RaycastSettings(num_rays=1000))``.
+
+        Parameters
+        ----------
+        method : str, optional
+        **fields
+            Fields of these settings, of the settings of `method`, or of one other part where no second part has such a field.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such method or field.
+        ParameterRangeError
+            If several parts have such a field, or a value is not allowed.
+        """
+        if method is not None and method not in METHODS:
+            raise UnknownNameError("channel solver", str(method), METHODS)
+        return cls().changed(method, **fields)
+
+    def changed(self, method: str | None = None, **fields: Any) -> RadarSettings:
+        """Return a copy with fields of any part changed; see :meth:`of`."""
+        if method is not None and method not in METHODS:
+            raise UnknownNameError("channel solver", str(method), METHODS)
+        chosen = method or self.method
+        changes: dict[str, Any] = {} if method is None else {"method": method}
+        for name, value in fields.items():
+            part = self._part_with(name, chosen)
+            if part is None:
+                changes[name] = value
+            else:
+                changes[part] = changes.get(part, getattr(self, part)).with_(**{name: value})
+        return self.with_(**changes) if changes else self
+
+    @classmethod
+    def _part_with(cls, name: str, method: str) -> str | None:
+        """Return which part has a field, None for these settings themselves."""
+        if name in cls.model_fields:
+            return None
+        parts = {part: kind for part, kind in _PARTS.items() if name in kind.model_fields}
+        if method in parts:
+            return method
+        if len(parts) == 1:
+            return next(iter(parts))
+        if parts:
+            raise ParameterRangeError(
+                name, "a field of " + " and of ".join(f"`{part}`" for part in parts), "one field",
+                f"write {next(iter(parts))}={_PARTS[next(iter(parts))].__name__}({name}=...)",
+            )  # fmt: skip
+        known = sorted({*cls.model_fields, *(field for kind in _PARTS.values() for field in kind.model_fields)})
+        raise UnknownNameError(f"setting of method '{method}'", name, _relevant(cls, method, known, name))
+
+
+def _relevant(cls: type[Spec], method: str, known: list[str], name: str) -> list[str]:
+    """Return the names to list in an error: those of the method, and the closest of all."""
+    own = set(cls.model_fields) | (set(_PARTS[method].model_fields) if method in _PARTS else set())
+    return sorted(own | set(get_close_matches(name, known, n=1)))
+
+
+_PARTS: Mapping[str, type[Spec]] = {
+    "accuracy": Accuracy,
+    "raycast": RaycastSettings,
+    "sionna": SionnaSettings,
+    "sbr": SbrChannelSettings,
+    "scatterers": ScattererSettings,
+}

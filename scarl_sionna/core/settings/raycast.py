@@ -1,0 +1,46 @@
+"""The knobs of the channel solver `raycast`; docs/raycast.md has error and time of each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from scarl_sionna.core.spec import Spec
+
+RcsModel = Literal["footprint", "per_hit"]
+HitPhase = Literal["rough", "geometric"]
+GridKind = Literal["staggered", "regular"]
+
+
+class RaycastSettings(Spec):
+    """Knobs of the paper's own method: a fixed grid of rays, each hit one isotropic point target."""
+
+    num_rays: int = Field(
+        1_000_000, ge=1, strict=True,
+        description="rays over the radar's field of view (SCaRL: 10^6); docs/raycast.md, error against rays",
+    )  # fmt: skip
+    rcs_model: RcsModel = Field(
+        "footprint",
+        description="'footprint': class reflectivity times the area across the ray, so the power does not depend on the number of "
+        "rays; 'per_hit': a constant RCS a hit by class, the paper's literal reading, whose power grows with the number of rays",
+    )
+    class_rcs: Path | dict[str, float] | None = Field(
+        None, description="replaces entries of rcs_by_class.toml: reflectivity by class, or the path of a TOML file"
+    )
+    hit_phase: HitPhase = Field(
+        "rough",
+        description="'rough': each hit stands for many unresolved scatterers and gets a fixed random phase; 'geometric': only "
+        "the phase of its distance, as in the paper; hits at exactly the same distance then add in phase",
+    )
+    hits_per_cell: int | None = Field(
+        8, ge=1, strict=True,
+        description="kept hits of one instance that the radar cannot tell apart (half a bin in range, velocity and direction), with "
+        "the power of all; None keeps every hit; docs/raycast.md, kept hits",
+    )  # fmt: skip
+    grid: GridKind = Field(
+        "staggered",
+        description="'staggered': elevation shifted within the cell, column by column, so that a road is hit at all distances; "
+        "'regular': through the centres of the cells",
+    )
