@@ -12,6 +12,9 @@ from scarl_sionna.core.spec import Spec
 RENAMED: Mapping[str, str] = {"adc_bits": "bits", "adc_full_scale_dbm": "full_scale_dbm"}
 """Fields of version 0.1 that have another name in their part."""
 
+SETTINGS = ("num_rays", "cell_labels")
+"""Fields of version 0.1 that are no property of a radar and stand in `RadarSettings` today."""
+
 
 def parts_of(spec: type[Spec]) -> dict[str, Spec]:
     """Return the parts of a specification with their defaults, by the name of their field."""
@@ -54,7 +57,8 @@ def into_parts(spec: Spec, changes: Mapping[str, Any]) -> dict[str, Any]:
         part, field = home
         there = out.get(part, parts[part])
         if isinstance(there, Spec):
-            there = {item: getattr(there, item) for item in type(there).model_fields}
+            kept = {"kind", *there.model_fields_set}
+            there = {item: getattr(there, item) for item in type(there).model_fields if item in kept}
         if isinstance(there, Mapping):  # what is no mapping is refused with the others
             there = {**there, field: value}
         out[part] = there
@@ -64,6 +68,8 @@ def into_parts(spec: Spec, changes: Mapping[str, Any]) -> dict[str, Any]:
 def misplaced(spec: type[Spec], name: str, value: object, parts: Mapping[str, Spec]) -> ParameterRangeError:
     """Return the error about a name that a specification does not have: where it stands, or the name that was meant."""
     where, text = f"{spec.__name__}.{name}", f"{value!r:.80}"
+    if name in SETTINGS:
+        return ParameterRangeError(where, text, "in the settings", f"write RadarSettings.of({name}={text})")
     home = home_of(name, parts)
     if home is None:
         fields = {field for part in parts.values() for field in type(part).model_fields if field != "kind"}
