@@ -68,7 +68,9 @@ class Surface:
         direction, normal : ndarray of float64, shape (num_tubes, 3)
             Direction of travel and unit normal on the lit side.
         """
-        if self.permittivity is None:  # n x E changes its sign, n . E keeps it: the formula without its plane of incidence
+        if (
+            self.permittivity is None
+        ):  # n x E changes its sign, n . E keeps it: the formula without its plane of incidence
             onward = direction - HOST.scaled(2.0 * HOST.dot(direction, normal), normal)
             return self.coherence * (2.0 * HOST.along(normal, HOST.component(normal, field)) - field), onward
         reflected, onward = reflected_field(HOST, self._coherent, field, direction, normal)
