@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, SceneError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import REFRACTION, SPECULAR, TracedPaths, trace_paths
@@ -81,11 +82,11 @@ class FixedPaths:
             np.array([item.position for item in targets]), np.array([item.velocity for item in targets]),
             np.array([item.rcs for item in targets]),
         )  # fmt: skip
+        settings = SionnaSettings(
+            max_depth=measurement.max_depth, num_samples=measurement.num_samples, refraction=measurement.refraction
+        )
         with variant.radio():
-            traced = trace_paths(
-                state, station.position, points.positions, max_depth=measurement.max_depth,
-                num_samples=measurement.num_samples, max_num_paths=1_000_000, refraction=measurement.refraction,
-            )  # fmt: skip
+            traced = trace_paths(state, station.position, points.positions, settings)
         legs = legs_of(state, traced, station, points.positions, points.velocities, pose.rotation, frequency)
         if len(legs.length) == 0:
             raise ParameterRangeError(

@@ -13,6 +13,7 @@ import pytest
 
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
@@ -127,7 +128,8 @@ def test_amplitudes_agree_with_the_engine(tmp_path) -> None:
     ]
     state = load_scene(write_scene(tmp_path, things)).at(0.0)
     start, target = np.array([0.0, 0.0, 1.0]), np.array([12.0, -1.0, 2.5])
-    traced = trace_paths(state, start, [target], max_depth=3, num_samples=50_000, max_num_paths=10_000)
+    settings = SionnaSettings(max_depth=3, num_samples=50_000, max_num_paths=10_000)
+    traced = trace_paths(state, start, [target], settings)
     legs = legs_of(
         state, traced, Station(start, np.zeros(3), np.eye(3)), target[None], np.zeros((1, 3)), np.eye(3), 77e9
     )

@@ -209,13 +209,9 @@ class _Solver:
         self.mirrors: list[tuple[Legs, Station]] = []
 
     def _trace(self, source: Array, targets: Array, diffuse: bool) -> TracedPaths:
-        asked = self.settings
+        asked = self.settings.with_(diffuse=diffuse, diffraction=self.settings.diffraction and not diffuse)
         start = time.perf_counter()
-        traced = trace_paths(
-            self.state, source, targets, max_depth=asked.max_depth, num_samples=asked.num_samples,
-            max_num_paths=asked.max_num_paths, specular=asked.specular, diffuse=diffuse, refraction=asked.refraction,
-            diffraction=asked.diffraction and not diffuse, seed=asked.seed,
-        )  # fmt: skip
+        traced = trace_paths(self.state, source, targets, asked)
         self.clock["trace"] += time.perf_counter() - start
         self.num_candidates = max(self.num_candidates, traced.num_candidates)
         self.overflow |= traced.overflow
