@@ -15,7 +15,8 @@ import numpy as np
 
 import scarl_sionna as ss
 from scarl_sionna.engine import variant
-from scarl_sionna.radar.points import PointScatterers, solve_points
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import solve_points
 
 
 def main() -> None:

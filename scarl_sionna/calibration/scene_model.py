@@ -18,10 +18,11 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import REFRACTION, SPECULAR, TracedPaths, trace_paths
 from scarl_sionna.engine.world import WorldState, load_scene
 from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
-from scarl_sionna.radar.channel.multipath.legs import Legs, Station, legs_of
+from scarl_sionna.radar.channel.multipath.legs import Legs, legs_of
 from scarl_sionna.radar.channel.multipath.scattering import scattered_columns
+from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import PointScatterers
+from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.scene.materials.table import MaterialTable
 from scarl_sionna.signal.processing import range_doppler, virtual_cube

@@ -19,7 +19,8 @@ from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.multipath.utd import edge_transfer, transition
-from scarl_sionna.radar.points import PointScatterers, solve_points
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import solve_points
 from tests.oracles import diffraction as oracle
 from tests.scenes import Thing, box, plane, write_scene
 

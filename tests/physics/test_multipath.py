@@ -13,7 +13,8 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.points import PointScatterers, point_targets, solve_points
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import point_targets, solve_points
 from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, builtin_materials
 from tests.oracles import multipath as oracle
 from tests.scenes import Material, Thing, plane, write_scene

@@ -19,7 +19,8 @@ from scarl_sionna.engine.world import load_scene
 from scarl_sionna.fusion import Rig
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.labels.labels import label_cells, label_paths, label_points
-from scarl_sionna.radar.points import POINT_INTERACTION, point_targets
+from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
+from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.detection import detect

@@ -13,7 +13,8 @@ import scarl_sionna as ss
 from scarl_sionna.radar.optics.far import SbrSettings
 from scarl_sionna.radar.rcs import scattering_matrix
 from scarl_sionna.radar.scatterers.compile import WEAKEST, compile_scatterers, range_profile
-from scarl_sionna.radar.scatterers.model import ScattererModel, direction_of
+from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.radar.scatterers.table import direction_of
 from tests.scenes import Thing, write_scene
 
 COARSE = SbrSettings(max_depth=3, ray_spacing=2.0, edge_spacing=1.0)

@@ -21,8 +21,10 @@ from scarl_sionna.engine.paths.tracing import trace_paths
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import PathBufferOverflowError, solve_paths
-from scarl_sionna.radar.channel.multipath.legs import Station, legs_of
-from scarl_sionna.radar.points import PointScatterers, solve_points
+from scarl_sionna.radar.channel.multipath.legs import legs_of
+from scarl_sionna.radar.channel.multipath.station import Station
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import solve_points
 from tests.oracles import multipath as oracle
 from tests.scenes import Thing, ball, box, plane, write_scene
 

@@ -14,7 +14,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.points import PointScatterers, solve_points
+from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.points import solve_points
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from tests.scenes import Material, Thing, box, plane, write_scene

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,38 @@ def test_import_contracts_hold() -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 broken" in done.stdout
+
+
+def imports_of_files() -> dict[str, set[str]]:
+    """Return which module of the packages imports which, TYPE_CHECKING blocks and imports in functions included."""
+    files = {
+        ".".join(path.relative_to(REPO).with_suffix("").parts): path
+        for package in ("scarl_sionna", "camera_lidar")
+        for path in (REPO / package).rglob("*.py")
+        if path.name != "__init__.py"
+    }
+    found: dict[str, set[str]] = {}
+    for name, path in files.items():
+        asked = set()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                asked |= {item.name for item in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                above = name.split(".")[: -node.level] if node.level else []
+                base = ".".join([*above, *([node.module] if node.module else [])])
+                asked |= {base} | {f"{base}.{item.name}" for item in node.names}
+        found[name] = asked & files.keys() - {name}
+    return found
+
+
+def test_no_file_imports_another_in_a_circle() -> None:
+    TopologicalSorter(imports_of_files()).prepare()  # raises CycleError, which names the circle
+
+
+def test_folders_hold_at_most_15_modules() -> None:
+    for package in ("scarl_sionna", "camera_lidar"):
+        for folder in [REPO / package, *(path for path in (REPO / package).rglob("*") if path.is_dir())]:
+            assert len(list(folder.glob("*.py"))) <= 15, folder
 
 
 def test_public_names_resolve() -> None:

@@ -16,7 +16,8 @@ import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.scatterers.compile import compile_scatterers
-from scarl_sionna.radar.scatterers.model import ScattererModel, direction_of
+from scarl_sionna.radar.scatterers.model import ScattererModel
+from scarl_sionna.radar.scatterers.table import direction_of
 from tests.scenes import Thing, write_scene
 
 REPO = Path(__file__).resolve().parents[2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +19,20 @@ from scarl_sionna.dataset import schema
 from scarl_sionna.dataset.codec import decode_depth
 from scarl_sionna.dataset.encoding import decode_png, foreign_fields
 
-if TYPE_CHECKING:
-    from .reader import StoredFrame
-
 Result = TypeVar("Result")
+
+
+class FrameInDataset(Protocol):
+    """What a stored result asks of its frame; see :class:`scarl_sionna.dataset.readers.reader.StoredFrame`."""
+
+    @property
+    def scene(self) -> Any:
+        """The scene of the dataset that it belongs to."""
+
+    @property
+    def index(self) -> int:
+        """Number of the frame in its scene."""
+        raise NotImplementedError
 
 
 class StoredResult:
@@ -36,7 +46,7 @@ class StoredResult:
 
     table: tuple[schema.Field, ...] = ()
 
-    def __init__(self, frame: StoredFrame, name: str) -> None:
+    def __init__(self, frame: FrameInDataset, name: str) -> None:
         self._frame, self.name = frame, name
         self._by_name = {item.name: item for item in self.table}
 
@@ -171,7 +181,7 @@ class StoredImages:
 class StoredForeign(StoredResult):
     """The result of a sensor kind of another package."""
 
-    def __init__(self, frame: StoredFrame, name: str, kind: str) -> None:
+    def __init__(self, frame: FrameInDataset, name: str, kind: str) -> None:
         declared = foreign_fields(kind)
         self.table = declared or ()
         self._kind = kind
@@ -219,7 +229,7 @@ class SuiteMapping(Mapping[str, Result], Generic[Result]):
 _BUILT_IN: Mapping[str, type[StoredResult]] = {"radar": StoredRadar, "lidar": StoredLidar, "camera": StoredImage}
 
 
-def stored_result(frame: StoredFrame, name: str) -> StoredResult:
+def stored_result(frame: FrameInDataset, name: str) -> StoredResult:
     """Return a sensor of a frame, by the type of its result."""
     kind = frame.scene.meta(frame.index)["sensors"][name]["type"]
     return _BUILT_IN[kind](frame, name) if kind in _BUILT_IN else StoredForeign(frame, name, kind)

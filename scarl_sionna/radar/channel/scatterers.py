@@ -19,7 +19,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import MIN_DISTANCE, POINT_INTERACTION
+from scarl_sionna.radar.point_scatterers import MIN_DISTANCE, POINT_INTERACTION
 from scarl_sionna.radar.scatterers.model import ScattererModel, loaded_models
 
 from .antennas import check_antennas, refuse_receiver

@@ -13,7 +13,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.paths.tracing import DIFFUSE, REFRACTION
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import POINT_INTERACTION
+from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import directions, steering
 from scarl_sionna.signal.detection import RadarPoints

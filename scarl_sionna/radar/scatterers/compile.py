@@ -18,8 +18,8 @@ from scarl_sionna.radar.optics.far import Body, PartSurfaces, SbrSettings
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from .footprints import Footprints, footprints
-from .model import ScattererModel, direction_of
-from .table import AspectTable, TableBuilder
+from .model import ScattererModel
+from .table import AspectTable, TableBuilder, direction_of
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

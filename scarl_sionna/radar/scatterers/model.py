@@ -18,7 +18,8 @@ from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRange
 from scarl_sionna.core.settings.scatterers import TR38901
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
-from .table import AspectTable
+from .table import AspectTable, direction_of
+from .tr38901 import tr38901_fields
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -27,12 +28,6 @@ FORMAT_VERSION = 2
 """Version of the saved file; 1 held the amplitudes as one array."""
 _ROUNDING = 1e-9
 """Aspects this far outside of the table [rad] are still inside."""
-
-
-def direction_of(azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
-    """Return unit vectors (..., 3) from azimuth (from +x in the xy plane) and elevation [rad]."""
-    az, el = np.broadcast_arrays(np.asarray(azimuth, dtype=np.float64), np.asarray(elevation, dtype=np.float64))
-    return np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,10 +241,8 @@ class ScattererModel:
 
     @classmethod
     def tr38901(cls, object_type: str, frequency: float = 77e9, model_type: int = 2) -> ScattererModel:
-        """Return a sensing target of 3GPP TR 38.901, evaluated by Sionna RT; see :mod:`.tr38901_target`."""
-        from .tr38901 import tr38901_model
-
-        return tr38901_model(object_type, frequency, model_type)
+        """Return a sensing target of 3GPP TR 38.901, evaluated by Sionna RT; see :func:`.tr38901.tr38901_fields`."""
+        return cls(**tr38901_fields(object_type, frequency, model_type))
 
 
 def _angles(direction: npt.ArrayLike) -> tuple[Array, Array]:

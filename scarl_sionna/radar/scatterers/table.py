@@ -21,6 +21,12 @@ ABSENT = -1
 """Number of a centre that is not held in a block."""
 
 
+def direction_of(azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return unit vectors (..., 3) from azimuth (from +x in the xy plane) and elevation [rad]."""
+    az, el = np.broadcast_arrays(np.asarray(azimuth, dtype=np.float64), np.asarray(elevation, dtype=np.float64))
+    return np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=-1)
+
+
 @dataclass(frozen=True, eq=False)
 class AspectTable:
     """Scattering matrices over elevation, azimuth and centre.

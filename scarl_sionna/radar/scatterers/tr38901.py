@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.engine.sensing_targets import sensing_target
 
-from .model import ScattererModel, direction_of
-from .table import AspectTable
+from .table import AspectTable, direction_of
 
 ASPECT_STEP_DEG = 2.0
 """Step of the table [deg]: the narrowest lobe is 4.9 deg wide, 12 (x / w)^2 dB; linear interpolation is then within 0.3 dB
@@ -18,7 +19,7 @@ POINT_DISTANCE = 5.0
 ALIASES = {"car": "vehicle-multi-sp", "pedestrian": "human"}
 
 
-def tr38901_model(object_type: str, frequency: float, model_type: int = 2) -> ScattererModel:
+def tr38901_fields(object_type: str, frequency: float, model_type: int = 2) -> dict[str, Any]:
     """Return the mean monostatic model of a target: no random draws, real and positive co-polar amplitudes.
 
     Parameters
@@ -32,8 +33,8 @@ def tr38901_model(object_type: str, frequency: float, model_type: int = 2) -> Sc
 
     Returns
     -------
-    ScattererModel
-        Origin of the body frame: centre of the target, x forward.
+    dict
+        Fields of a :class:`~scarl_sionna.radar.scatterers.model.ScattererModel`. Origin of the body frame: centre of the target, x forward.
 
     Raises
     ------
@@ -57,7 +58,7 @@ def tr38901_model(object_type: str, frequency: float, model_type: int = 2) -> Sc
     cross = 10.0 ** (-target.xpr_mean_db / 20.0)
     pattern = np.array([[1.0, cross], [cross, 1.0]])
     amplitude = np.sqrt(sigma / (4.0 * np.pi))[:, :, None, None] * pattern
-    return ScattererModel(
+    return dict(
         centers=centers,
         azimuth=azimuth,
         elevation=elevation,

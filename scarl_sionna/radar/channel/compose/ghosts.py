@@ -21,9 +21,9 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import SPECULAR
 from scarl_sionna.engine.subset import alone
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
-from scarl_sionna.radar.channel.multipath.legs import Station
+from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import POINT_INTERACTION
+from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.radar.scatterers.model import ScattererModel
 
 from .mirrors import Leg, Mirror, Way, leg, may_reach, mirrored, ways

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scarl_sionna.engine.paths.tracing import mirror_extent
 from scarl_sionna.engine.rays.face_planes import face_table
 from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
-from scarl_sionna.radar.channel.multipath.legs import Station
+from scarl_sionna.radar.channel.multipath.station import Station
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState

@@ -17,12 +17,12 @@ from scarl_sionna.engine.rays.edges import Wedge, wedge_at
 from scarl_sionna.scene.materials.fresnel import reflection
 
 from .images import Chain, material_coefficients, propagated, spherical_basis
+from .station import Station
 from .utd import edge_transfer
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
-    from .legs import Station
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

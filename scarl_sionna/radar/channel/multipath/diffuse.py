@@ -12,7 +12,7 @@ from scarl_sionna.engine.paths.tracing import DIFFUSE, NONE, REFRACTION, SPECULA
 from scarl_sionna.engine.twins import RADIO_FREQUENCY
 
 from .images import Chain, spherical_basis
-from .legs import Station
+from .station import Station
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ScarlWarning, SmallMirrorWarning
 from scarl_sionna.engine.paths.tracing import DIFFRACTION, SPECULAR, mirror_extent
 
-from .legs import Legs, Station
+from .legs import Legs
+from .station import Station
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState

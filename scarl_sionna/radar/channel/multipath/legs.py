@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from scarl_sionna.engine.paths.tracing import DIFFRACTION, DIFFUSE, REFRACTION, 
 
 from .diffraction import EdgeLeg, edge_leg
 from .images import Chain, material_coefficients, spherical_basis, transfer
+from .station import Station
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -21,19 +22,6 @@ Array = npt.NDArray[np.float64]
 
 SAME_POINT = 1e-3
 """Paths whose interaction points agree within this [m] are one path, found on two triangles or two coincident parts."""
-
-
-@dataclass(frozen=True, eq=False)
-class Station:
-    """One end of a radar link: position [m], velocity [m/s], and axes as columns of `rotation`, all in the world.
-
-    `arms`, shape (num_antennas, 3), are the antennas seen from `position` [m].
-    """
-
-    position: Array
-    velocity: Array
-    rotation: Array
-    arms: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)

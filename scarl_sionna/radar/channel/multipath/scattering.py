@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.radar.points import POINT_INTERACTION, PointScatterers
+from scarl_sionna.radar.point_scatterers import POINT_INTERACTION, PointScatterers
 
 from .legs import Legs
 

@@ -24,12 +24,13 @@ from scarl_sionna.engine.paths.tracing import TracedPaths, trace_paths
 from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.paths import RadarPaths
-from scarl_sionna.radar.points import PointScatterers
+from scarl_sionna.radar.point_scatterers import PointScatterers
 
 from .diffuse import diffuse_columns
 from .fresnel_zone import warn_of_edge_wavefronts, warn_of_small_mirrors
-from .legs import Legs, Station, joined_legs, legs_of
+from .legs import Legs, joined_legs, legs_of
 from .scattering import scattered_columns
+from .station import Station
 from .visibility import warn_of_hidden_antennas
 
 if TYPE_CHECKING:

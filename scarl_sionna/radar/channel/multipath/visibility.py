@@ -12,7 +12,8 @@ from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.engine.paths.tracing import DIFFRACTION, REFRACTION, SPECULAR
 
 from .images import Chain
-from .legs import Legs, Station
+from .legs import Legs
+from .station import Station
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
