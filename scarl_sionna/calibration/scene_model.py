@@ -20,7 +20,7 @@ from scarl_sionna.engine.world import WorldState, load_scene
 from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
 from scarl_sionna.radar.channel.multipath.legs import Legs, legs_of
 from scarl_sionna.radar.channel.multipath.scattering import scattered_columns
-from scarl_sionna.radar.channel.multipath.station import Station
+from scarl_sionna.radar.channel.multipath.station import EndPoints, Station
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.synthesis import synthesize
@@ -88,7 +88,8 @@ class FixedPaths:
         )
         with variant.radio():
             traced = trace_paths(state, station.position, points.positions, settings)
-        legs = legs_of(state, traced, station, points.positions, points.velocities, pose.rotation, frequency)
+        ends = EndPoints(points.positions, points.velocities, pose.rotation)
+        legs = legs_of(state, traced, station, ends, frequency)
         if len(legs.length) == 0:
             raise ParameterRangeError(
                 f"{measurement.name}.targets", "out of sight", "at least one target that a path reaches",
