@@ -16,7 +16,8 @@ import numpy as np
 from scarl_sionna.calibration import ForwardModel
 from scarl_sionna.calibration.scene_model import FixedPaths
 from scarl_sionna.core.settings.sbr import SbrSettings
-from scarl_sionna.engine.paths.slopes import path_slopes
+from scarl_sionna.core.settings.sionna import SionnaSettings
+from scarl_sionna.engine.paths.slopes import TrialParameters, path_slopes
 from scarl_sionna.radar.optics.body.parts import load_body
 from scarl_sionna.radar.optics.far_field import scattering_matrices
 from scarl_sionna.radar.optics.replay import FixedTubes
@@ -71,13 +72,14 @@ def of_paths(folder: Path) -> None:
     fixed = FixedPaths.trace(problem.measurements[0], load_materials(), 77e9)
     names = [(m, f) for m in ("asphalt", "concrete", "brick") for f in ("relative_permittivity", "conductivity")]
     values = np.array([3.6, 3.0, 5.6, 3.0, 4.2, 3.0])
-    options = {"num_samples": 20_000}
+    settings = SionnaSettings(num_samples=20_000)
     targets = fixed.points.positions
 
     def gains(point: np.ndarray) -> np.ndarray:
-        return path_slopes(fixed.state, (0, 0, 1), targets, names, values=point, with_slopes=False, **options).a
+        trial = TrialParameters(names, point)
+        return path_slopes(fixed.state, (0, 0, 1), targets, trial, settings, with_slopes=False).a
 
-    found, time = timed(lambda: path_slopes(fixed.state, (0, 0, 1), targets, names, values=values, **options))
+    found, time = timed(lambda: path_slopes(fixed.state, (0, 0, 1), targets, TrialParameters(names, values), settings))
     _, once = timed(lambda: gains(values))
     print("\n| path gains, 6 parameters | largest difference from Dr.Jit's | wall (CPU) [ms] |\n|---|---|---|")
     print(f"| Dr.Jit forward mode through PathSolver, float32, {len(found.a)} paths | | {time} |")

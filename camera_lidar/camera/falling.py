@@ -97,7 +97,7 @@ def add_falling(
     cover = np.zeros(spec.height * spec.width)
     bright = np.zeros_like(cover)
     for kind in _kinds(weather):
-        own = _cover(kind, weather, state, spec, world_from_sensor, sensor_twist, generator)
+        own = _cover(kind, state, spec, world_from_sensor, sensor_twist, generator)
         cover += own
         bright += kind.radiance * own
     if not cover.any():
@@ -111,7 +111,6 @@ def add_falling(
 
 def _cover(
     kind: _Kind,
-    weather: Weather,
     state: Any,
     spec: CameraSpec,
     pose: Pose,
@@ -119,7 +118,7 @@ def _cover(
     generator: np.random.Generator,
 ) -> Array:
     """Return the optical depth of streaks in every pixel, flat."""
-    focal = float(spec.intrinsics[0, 0])
+    weather, focal = state.world.weather, float(spec.intrinsics[0, 0])
     point, diameter = _drops(kind, spec, focal, generator)
     world = pose.apply(point @ CAMERA_OPTICAL_FROM_SENSOR)
     sight = world - pose.position

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -73,9 +74,10 @@ def render_radiance(
     guides = np.zeros((spec.height, spec.width, 6), dtype=np.float64)
     guide_count = -(-min(GUIDE_SAMPLES, spec.samples_per_pixel) // len(moments))
     for number, (moment, pose) in enumerate(moments):
-        radiance += _trace(moment, spec, pose, (seed + 7919 * number) % 2**32, count) / len(moments)
+        view = _View(spec, pose, (seed + 7919 * number) % 2**32, count)
+        radiance += _trace(moment, view) / len(moments)
         if spec.denoise:
-            guides += _guides(moment, spec, pose, seed, guide_count) / len(moments)
+            guides += _guides(moment, _View(spec, pose, seed, guide_count)) / len(moments)
     image = radiance.astype(np.float32)
     return denoise(image, guides.astype(np.float32)) if spec.denoise else image
 
@@ -92,11 +94,21 @@ def _moments(state: Any, spec: CameraSpec, world_from_sensor: Pose, sensor_twist
     return moments
 
 
-def _trace(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) -> npt.NDArray[np.float64]:
-    """Return the mean radiance over `samples` light paths a pixel, float64, shape (height, width, 3)."""
+@dataclass(frozen=True, eq=False)
+class _View:
+    """One image to render: through which camera, from where (world_from_sensor), with which seed and how many samples a pixel."""
+
+    spec: CameraSpec
+    pose: Pose
+    seed: int
+    samples: int
+
+
+def _trace(state: Any, view: _View) -> npt.NDArray[np.float64]:
+    """Return the mean radiance over the view's light paths a pixel, float64, shape (height, width, 3)."""
     scene = state.optical_scene()
     with variant.optical() as mi:
-        integrator = mi.load_dict(integrator_dict(spec))
+        integrator = mi.load_dict(integrator_dict(view.spec))
         lighting = state.world.lighting
         if (
             lighting is not None
@@ -104,27 +116,26 @@ def _trace(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) ->
             and not state.world.document.info.get("enclosed", False)
         ):
             integrator = haze_integrator(mi, integrator, lighting.visibility, state.airlight)
-        return _launched(mi, scene, spec, pose, integrator, seed, samples, 3)
+        return _launched(mi, scene, integrator, view, 3)
 
 
-def _launched(
-    mi: Any, scene: Any, spec: CameraSpec, pose: Pose, integrator: Any, seed: int, samples: int, channels: int
-) -> npt.NDArray[np.float64]:
+def _launched(mi: Any, scene: Any, integrator: Any, view: _View, channels: int) -> npt.NDArray[np.float64]:
     """Return the mean of the last `channels` over several launches."""
+    spec, seed = view.spec, view.seed
     total = np.zeros((spec.height, spec.width, channels), dtype=np.float64)
-    for launch, count in enumerate(launch_samples(samples, MOST_RAYS // (spec.width * spec.height))):
-        sensor = ray_sensor(mi, spec, pose, count)
+    for launch, count in enumerate(launch_samples(view.samples, MOST_RAYS // (spec.width * spec.height))):
+        sensor = ray_sensor(mi, spec, view.pose, count)
         image = mi.render(scene, sensor=sensor, integrator=integrator, seed=(seed + 104729 * launch) % 2**32, spp=count)
-        total += count / samples * np.array(image, dtype=np.float64)[..., -channels:]
+        total += count / view.samples * np.array(image, dtype=np.float64)[..., -channels:]
     return total
 
 
-def _guides(state: Any, spec: CameraSpec, pose: Pose, seed: int, samples: int) -> npt.NDArray[np.float64]:
+def _guides(state: Any, view: _View) -> npt.NDArray[np.float64]:
     """Return albedo and shading normal of what is seen first, shape (height, width, 6)."""
     scene = state.optical_scene()
     with variant.optical() as mi:
         integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
-        return _launched(mi, scene, spec, pose, integrator, seed, samples, 6)
+        return _launched(mi, scene, integrator, view, 6)
 
 
 def render_rgb(

@@ -9,7 +9,25 @@ import numpy.typing as npt
 
 from scarl_sionna.core.specs.lidar_receiver import ScarlReceiver
 
+from .returns import Echoes
+
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Slots:
+    """Places for the returns of a scan.
+
+    Attributes
+    ----------
+    number : int
+        Of all places, taken or not: shots times returns a shot.
+    taken : ndarray of int, shape (num_returns,)
+        Which one each return takes.
+    """
+
+    number: int
+    taken: npt.NDArray[np.integer]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,27 +49,16 @@ class Received:
     radial_velocity: Array
 
 
-def receive(
-    receiver: ScarlReceiver,
-    num_slots: int,
-    slot: npt.NDArray[np.integer],
-    distance: Array,
-    radial_velocity: Array,
-    intensity: Array,
-    rng: np.random.Generator,
-) -> Received:
+def receive(receiver: ScarlReceiver, slots: Slots, returns: Echoes, rng: np.random.Generator) -> Received:
     r"""Apply drop-out and noise to ideal returns.
 
     Parameters
     ----------
     receiver : ScarlReceiver
         A zero in `drop_out_intensity`, `range_noise_variance_per_metre` or `velocity_noise_std` switches that effect off exactly.
-    num_slots : int
-        Places for returns of the scan, taken or not: shots times returns a shot.
-    slot : ndarray of int, shape (num_returns,)
-        Which one each return takes.
-    distance, radial_velocity, intensity : ndarray of float64, shape (num_returns,)
-        Ideal values [m], [m/s], [relative].
+    slots : Slots
+    returns : Echoes
+        Ideal ones; distance [m], radial velocity [m/s] and intensity [relative] are looked at.
     rng : numpy.random.Generator
         Gives every effect a stream of its own with one draw a slot, so that neither switching an effect nor a return more or
         less changes the noise of the others.
@@ -75,17 +82,17 @@ def receive(
     seeds = rng.integers(2**63, size=3)  # always drawn: the streams do not depend on what is switched on
     drop_out, range_noise, velocity_noise = (np.random.Generator(np.random.PCG64(int(seed))) for seed in seeds)
 
-    kept = np.arange(distance.shape[0])
+    kept = np.arange(returns.number)
     if receiver.drop_out_intensity > 0.0:
-        probability = -np.expm1(-intensity / receiver.drop_out_intensity)
-        kept = np.flatnonzero(drop_out.random(num_slots)[slot] < probability)
-    measured_distance = distance[kept]
+        probability = -np.expm1(-returns.intensity / receiver.drop_out_intensity)
+        kept = np.flatnonzero(drop_out.random(slots.number)[slots.taken] < probability)
+    measured_distance = returns.distance[kept]
     if receiver.range_noise_variance_per_metre > 0.0:
         std = np.sqrt(receiver.range_noise_variance_per_metre * measured_distance)
-        measured_distance = measured_distance + std * range_noise.standard_normal(num_slots)[slot[kept]]
+        measured_distance = measured_distance + std * range_noise.standard_normal(slots.number)[slots.taken[kept]]
         measured_distance = np.maximum(measured_distance, 0.0)
-    measured_velocity = radial_velocity[kept]
+    measured_velocity = returns.radial_velocity[kept]
     if receiver.velocity_noise_std > 0.0:
-        noise = velocity_noise.standard_normal(num_slots)[slot[kept]]
+        noise = velocity_noise.standard_normal(slots.number)[slots.taken[kept]]
         measured_velocity = measured_velocity + receiver.velocity_noise_std * noise
     return Received(kept, measured_distance, measured_velocity)

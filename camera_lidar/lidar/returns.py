@@ -28,6 +28,38 @@ Cast = Callable[[Array, Array, Index, float, bool], RayHits]
 
 
 @dataclass(frozen=True, eq=False)
+class Shots:
+    """Shots in world axes, each at its own time.
+
+    Attributes
+    ----------
+    number : ndarray of int64, shape (num_shots,)
+        Of each within the scan, rising.
+    origins, velocity : ndarray of float64, shape (3,) or (num_shots, 3)
+        Of the sensor [m], [m/s].
+    directions : ndarray of float64, shape (num_shots, 3)
+        Unit vectors of the beams' axes.
+    """
+
+    number: Index
+    origins: Array
+    directions: Array
+    velocity: Array
+
+    def select(self, rows: Index) -> Shots:
+        """Return some of the shots."""
+        return Shots(self.number[rows], _rows(self.origins, rows), self.directions[rows], _rows(self.velocity, rows))
+
+    def sub_rays(self, spec: LidarSpec) -> Shots:
+        """Return the rays over each beam's footprint in place of its axis."""
+        if spec.sub_rays == 1:
+            return self
+        shot = np.repeat(np.arange(len(self.number)), spec.sub_rays)
+        directions = sub_directions(spec, self.directions).reshape(-1, 3)
+        return Shots(self.number[shot], _rows(self.origins, shot), directions, _rows(self.velocity, shot))
+
+
+@dataclass(frozen=True, eq=False)
 class Echoes:
     """What comes back to the lidar, one row a ray and surface, or one row a return.
 
@@ -76,15 +108,7 @@ def join(tables: list[T]) -> T:
     return type(tables[0])(*(np.concatenate([getattr(table, name) for table in tables]) for name in names))
 
 
-def trace(
-    spec: LidarSpec,
-    parts: PartTable,
-    cast: Cast,
-    shots: Index,
-    origins: Array,
-    directions: Array,
-    sensor_velocity: Array,
-) -> Echoes:
+def trace(spec: LidarSpec, parts: PartTable, cast: Cast, shots: Shots) -> Echoes:
     """Return the echo of every ray and surface of some shots, by shot and then by ray and surface.
 
     Parameters
@@ -93,37 +117,27 @@ def trace(
     parts : PartTable
     cast : callable
         Intersects rays with the world at the time of their shots.
-    shots : ndarray of int64, shape (num_shots,)
-        Numbers of the shots, rising.
-    origins, sensor_velocity : ndarray, shape (3,) or (num_shots, 3)
-        World axes [m], [m/s].
-    directions : ndarray, shape (num_shots, 3)
-        Unit vectors of the beams' axes, world axes.
+    shots : Shots
     """
-    if spec.sub_rays > 1:
-        directions = sub_directions(spec, directions).reshape(-1, 3)
-        shots = np.repeat(shots, spec.sub_rays)
-        if origins.ndim == 2:
-            origins = np.repeat(origins, spec.sub_rays, axis=0)
-        if sensor_velocity.ndim == 2:
-            sensor_velocity = np.repeat(sensor_velocity, spec.sub_rays, axis=0)
-    rays = np.arange(len(shots))
-    share = np.full(len(shots), 1.0 / spec.sub_rays)
-    start = np.zeros(len(shots))
+    beams = shots.sub_rays(spec)
+    number, directions = beams.number, beams.directions
+    rays = np.arange(len(number))
+    share = np.full(len(number), 1.0 / spec.sub_rays)
+    start = np.zeros(len(number))
     found: list[Echoes] = []
     for surface in range(spec.max_surfaces):
         first = surface == 0
-        place = origins if first else _rows(origins, rays) + start[:, None] * directions[rays]
-        hits = cast(place, directions if first else directions[rays], shots[rays], spec.max_distance, first)
+        place = beams.origins if first else _rows(beams.origins, rays) + start[:, None] * directions[rays]
+        hits = cast(place, directions if first else directions[rays], number[rays], spec.max_distance, first)
         ray = rays[hits.ray]
         distance = start[hits.ray] + hits.distance
-        velocity = radial_velocity(hits.velocity, _rows(sensor_velocity, ray), directions[ray])
+        velocity = radial_velocity(hits.velocity, _rows(beams.velocity, ray), directions[ray])
         intensity = return_intensity(parts.lidar_reflectance[hits.part], hits.cos_incidence, distance, spec.extinction)
         light = share[hits.ray]
         if spec.sub_rays > 1 or not first:
             intensity *= light
         echoes = Echoes(
-            shots[ray], distance, velocity, intensity, hits.cos_incidence, hits.normal, hits.part.astype(np.int64)
+            number[ray], distance, velocity, intensity, hits.cos_incidence, hits.normal, hits.part.astype(np.int64)
         )
         found.append(echoes if first else take(echoes, np.flatnonzero(distance <= spec.max_distance)))
         if surface + 1 == spec.max_surfaces:

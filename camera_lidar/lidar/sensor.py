@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,25 +23,15 @@ from .beat import estimate_beats, synthesize_beats
 from .heterodyne import NO_ECHO, Detections, receive_heterodyne
 from .motion import Motion, sensor_motion, shot_rays, to_timestamp
 from .pattern import shot_directions, shot_times
-from .receiver import receive
-from .returns import Cast, Echoes, gather, join, place_in_group, trace
+from .receiver import Slots, receive
+from .returns import Cast, Echoes, Shots, gather, join, place_in_group, trace
 from .rolling import RollingCaster
-from .spray import add_spray, dim_echoes
+from .spray import FreePaths, add_spray, dim_echoes
 
 Array = npt.NDArray[np.float64]
 
 RAYS_AT_ONCE = 1 << 20
 """Rays that are traced at once: about 300 MB of temporary arrays."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Shots:
-    """Every shot in world axes at its own time."""
-
-    origins: Array
-    directions: Array
-    velocity: Array
-    times: Array
 
 
 class Lidar:
@@ -89,32 +79,29 @@ class Lidar:
         motion = sensor_motion(state, mount.pose, mount.twist, float(times.max()))
         origins, directions = shot_rays(motion, shot_directions(spec), times)
         still = len(motion.times) == 1 or bool(np.all(motion.linear == motion.linear[0]))
-        shots = _Shots(origins, directions, motion.linear[0] if still else motion.linear_at(times), times)
+        velocity = motion.linear[0] if still else motion.linear_at(times)
+        shots = Shots(np.arange(spec.num_shots), origins, directions, velocity)
         clouds = spray_clouds(state)
-        echoes = dim_echoes(self._trace(state, motion, shots), clouds, origins, directions)
+        echoes = dim_echoes(self._trace(state, _caster(state, motion, times), shots), clouds, origins, directions)
         returns = gather(spec, echoes)
         wind = np.array([*state.world.weather.wind, 0.0])
         found, beats = self._receive(echoes, returns, shots, clouds, wind, rng)
         return self._scan(mount.pose, motion, parts, returns, found, beats)
 
-    def _trace(self, state: Any, motion: Motion, shots: _Shots) -> Echoes:
+    def _trace(self, state: Any, cast: Cast, shots: Shots) -> Echoes:
         spec = self.spec
-        cast = _caster(state, motion, shots.times)
         step = max(RAYS_AT_ONCE // spec.sub_rays, 1)
         blocks = []
         for first in range(0, spec.num_shots, step):
-            number = np.arange(first, min(first + step, spec.num_shots))
-            origins, velocity = (
-                values if values.ndim == 1 else values[number] for values in (shots.origins, shots.velocity)
-            )
-            blocks.append(trace(spec, state.world.parts, cast, number, origins, shots.directions[number], velocity))
+            some = shots.select(np.arange(first, min(first + step, spec.num_shots)))
+            blocks.append(trace(spec, state.world.parts, cast, some))
         return join(blocks) if len(blocks) > 1 else blocks[0]
 
     def _receive(
         self,
         echoes: Echoes,
         returns: Echoes,
-        shots: _Shots,
+        shots: Shots,
         clouds: tuple[SprayCloud, ...],
         wind: Array,
         generator: np.random.Generator,
@@ -122,10 +109,8 @@ class Lidar:
         spec, receiver = self.spec, self.spec.receiver
         if isinstance(receiver, ScarlReceiver):
             slot = returns.shot * spec.max_returns + place_in_group(returns.shot)
-            num_slots = spec.num_shots * spec.max_returns
-            measured = receive(
-                receiver, num_slots, slot, returns.distance, returns.radial_velocity, returns.intensity, generator
-            )
+            slots = Slots(spec.num_shots * spec.max_returns, slot)
+            measured = receive(receiver, slots, returns, generator)
             kept = measured.kept
             none = np.full(len(kept), np.nan)
             return Detections(
@@ -142,8 +127,8 @@ class Lidar:
         if clouds:
             nearest = np.full(spec.num_shots, np.inf)
             np.minimum.at(nearest, echoes.shot, echoes.distance)
-            drops = generator.spawn(1)[0]
-            found = add_spray(spec, found, clouds, shots.origins, shots.directions, air_velocity, nearest, drops)
+            paths = FreePaths(shots.origins, shots.directions, air_velocity, nearest)
+            found = add_spray(spec, found, clouds, paths, generator.spawn(1)[0])
         return found, None
 
     def _scan(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -65,14 +65,33 @@ def _optical_depth(clouds: Sequence[SprayCloud], origins: Array, directions: Arr
     return depth
 
 
+@dataclass(frozen=True, eq=False)
+class FreePaths:
+    """The air that each shot passes, up to the first surface.
+
+    Attributes
+    ----------
+    origins : ndarray of float64, shape (3,) or (num_shots, 3)
+        [m, world].
+    directions : ndarray of float64, shape (num_shots, 3)
+        Unit vectors of the beams' axes [world].
+    air_velocity : ndarray of float64, shape (num_shots,)
+        Radial velocity of the air along each shot [m/s].
+    nearest : ndarray of float64, shape (num_shots,)
+        Distance of the first surface [m].
+    """
+
+    origins: Array
+    directions: Array
+    air_velocity: Array
+    nearest: Array
+
+
 def add_spray(
     spec: LidarSpec,
     found: Detections,
     clouds: Sequence[SprayCloud],
-    origins: Array,
-    directions: Array,
-    air_velocity: Array,
-    nearest: Array,
+    paths: FreePaths,
     generator: np.random.Generator,
 ) -> Detections:
     """Return detections with those of spray among them: in each shot and cloud the first range cell that is detected.
@@ -84,34 +103,21 @@ def add_spray(
         ``spec.atmosphere.lidar_ratio``.
     found : Detections
     clouds : sequence of SprayCloud
-    origins, directions : ndarray of float64
-        As in :func:`dim_echoes`.
-    air_velocity : ndarray of float64, shape (num_shots,)
-        Radial velocity of the air along each shot [m/s].
-    nearest : ndarray of float64, shape (num_shots,)
-        Distance of the first surface [m].
+    paths : FreePaths
     generator : numpy.random.Generator
     """
     receiver = spec.receiver
     if not clouds or not isinstance(receiver, HeterodyneReceiver) or not (receiver.backscatter and receiver.noise):
         return found
-    rows = [_of_cloud(spec, cloud, origins, directions, air_velocity, nearest, generator) for cloud in clouds]
+    rows = [_of_cloud(spec, cloud, paths, generator) for cloud in clouds]
     return keep_strongest(join([found, *rows]), spec.max_returns)
 
 
-def _of_cloud(
-    spec: LidarSpec,
-    cloud: SprayCloud,
-    origins: Array,
-    directions: Array,
-    air_velocity: Array,
-    nearest: Array,
-    generator: np.random.Generator,
-) -> Detections:
-    receiver = spec.receiver
+def _of_cloud(spec: LidarSpec, cloud: SprayCloud, paths: FreePaths, generator: np.random.Generator) -> Detections:
+    receiver, origins, directions = spec.receiver, paths.origins, paths.directions
     assert isinstance(receiver, HeterodyneReceiver)
     draws = generator.random((3, len(directions)))
-    enter, leave = cloud.chord(origins, directions, np.minimum(nearest, spec.max_distance))
+    enter, leave = cloud.chord(origins, directions, np.minimum(paths.nearest, spec.max_distance))
     shot = np.flatnonzero(leave - enter > spec.range_resolution)
     start = origins if origins.ndim == 1 else origins[shot]
     direction, enter, leave = directions[shot], enter[shot], leave[shot]
@@ -138,7 +144,7 @@ def _of_cloud(
     peak = strength * gammainccinv(looks, draws[2, shot[hit]] * gammaincc(looks, level / strength))
     own = cloud.speed * fade[hit, cell] * (direction[hit] @ cloud.world_from_cloud.rotation[:, 0])
     errors = np.zeros((chirps, hit.size))
-    measured, velocity, valid = estimate(spec, place, air_velocity[shot[hit]] + own, errors)
+    measured, velocity, valid = estimate(spec, place, paths.air_velocity[shot[hit]] + own, errors)
     unit = mean_cnr(spec, 1.0 / np.maximum(measured, 1e-3) ** 2, measured)
     strong = peak / looks - 1.0
     rows = Detections(

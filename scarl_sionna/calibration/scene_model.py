@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError, SceneError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import REFRACTION, SPECULAR, TracedPaths, trace_paths
@@ -19,7 +20,7 @@ from scarl_sionna.engine.world import WorldState, load_scene
 from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
 from scarl_sionna.radar.channel.multipath.legs import Legs, legs_of
 from scarl_sionna.radar.channel.multipath.scattering import scattered_columns
-from scarl_sionna.radar.channel.multipath.station import Station
+from scarl_sionna.radar.channel.multipath.station import EndPoints, Station
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.synthesis import synthesize
@@ -82,12 +83,13 @@ class FixedPaths:
             np.array([item.position for item in targets]), np.array([item.velocity for item in targets]),
             np.array([item.rcs for item in targets]),
         )  # fmt: skip
+        settings = SionnaSettings(
+            max_depth=measurement.max_depth, num_samples=measurement.num_samples, refraction=measurement.refraction
+        )
         with variant.radio():
-            traced = trace_paths(
-                state, station.position, points.positions, max_depth=measurement.max_depth,
-                num_samples=measurement.num_samples, max_num_paths=1_000_000, refraction=measurement.refraction,
-            )  # fmt: skip
-        legs = legs_of(state, traced, station, points.positions, points.velocities, pose.rotation, frequency)
+            traced = trace_paths(state, station.position, points.positions, settings)
+        ends = EndPoints(points.positions, points.velocities, pose.rotation)
+        legs = legs_of(state, traced, station, ends, frequency)
         if len(legs.length) == 0:
             raise ParameterRangeError(
                 f"{measurement.name}.targets", "out of sight", "at least one target that a path reaches",

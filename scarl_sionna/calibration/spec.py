@@ -192,7 +192,7 @@ class SceneGeometry(MeasurementBase):
     pitch_deg: Degrees = Field(0.0, description="of its boresight, up [deg]")
     targets: tuple[PointTarget, ...] = Field(min_length=1)
     max_depth: int = Field(2, ge=0, le=8)
-    num_samples: int = Field(200_000, ge=1)
+    num_samples: int = Field(200_000, ge=1, le=100_000_000)
     refraction: bool = False
 
 

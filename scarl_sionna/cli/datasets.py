@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -23,7 +24,7 @@ from .common import (
     ready_names,
     reported,
 )
-from .options import ScenarioOptions, scenario_options
+from .options import ScenarioOptions, grouped_options, scenario_options
 
 if TYPE_CHECKING:
     from scarl_sionna.batch import ExportReport, ExportSettings
@@ -31,8 +32,45 @@ if TYPE_CHECKING:
 app = typer.Typer()
 
 
+@dataclass(frozen=True)
+class _Job:
+    """Options of how a dataset is made."""
+
+    workers: Annotated[int, typer.Option(min=0, help="Processes on this machine (0: in this process).")] = 0
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler, for instance tcp://host:8786.")
+    ] = None
+    shard: Annotated[
+        str | None,
+        typer.Option(metavar="i/n", help="Only every n-th shard from the i-th (0-based) on, for jobs of an array."),
+    ] = None
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Measure one frame, show size and time, write nothing.")
+    ] = False
+    on_error: Annotated[
+        str, typer.Option(metavar="record|raise", help="A frame that fails: go on without it, or stop.")
+    ] = "raise"
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """Options of what the folder of a dataset holds."""
+
+    shard_frames: Annotated[int, typer.Option(min=1, max=1024, help="Frames in a shard, the unit of work.")] = 8
+    radar_format: Annotated[
+        str, typer.Option(metavar="int16|complex64", help="I/Q codes with their scale, or the beat signal.")
+    ] = "int16"
+    licence: Annotated[str, typer.Option(help="For the dataset card.")] = "not stated"
+    description: Annotated[str, typer.Option(help="For the dataset card.")] = ""
+    overwrite: Annotated[
+        bool,
+        typer.Option("--overwrite", help="Remove the dataset in the folder first; files that are not its own stay."),
+    ] = False
+
+
 @app.command()
 @scenario_options
+@grouped_options("job", "stored")
 def export(
     context: typer.Context,
     chosen: ScenarioOptions,
@@ -45,30 +83,8 @@ def export(
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
-    workers: Annotated[int, typer.Option(min=0, help="Processes on this machine (0: in this process).")] = 0,
-    scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler, for instance tcp://host:8786.")
-    ] = None,
-    shard: Annotated[
-        str | None,
-        typer.Option(metavar="i/n", help="Only every n-th shard from the i-th (0-based) on, for jobs of an array."),
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Measure one frame, show size and time, write nothing.")
-    ] = False,
-    on_error: Annotated[
-        str, typer.Option(metavar="record|raise", help="A frame that fails: go on without it, or stop.")
-    ] = "raise",
-    shard_frames: Annotated[int, typer.Option(min=1, max=1024, help="Frames in a shard, the unit of work.")] = 8,
-    radar_format: Annotated[
-        str, typer.Option(metavar="int16|complex64", help="I/Q codes with their scale, or the beat signal.")
-    ] = "int16",
-    licence: Annotated[str, typer.Option(help="For the dataset card.")] = "not stated",
-    description: Annotated[str, typer.Option(help="For the dataset card.")] = "",
-    overwrite: Annotated[
-        bool,
-        typer.Option("--overwrite", help="Remove the dataset in the folder first; files that are not its own stay."),
-    ] = False,
+    job: _Job,
+    stored: _Stored,
 ) -> None:
     """Make a dataset of scenarios, or what is missing of it. Options about scenarios hold for each of them.
 
@@ -76,32 +92,36 @@ def export(
     """
     with reported(context, f"go on with the same command; finished frames are kept in {out}"):
         specs = [chosen.apply(scenario_of(text)) for text in scenarios]
-        part = None if shard is None else _part(shard)
-        from scarl_sionna.batch import ExportSettings
-        from scarl_sionna.dataset.encoding import StoreOptions
-
-        options = StoreOptions(shard_frames, _choice("radar-format", radar_format, "int16", "complex64"))
-        settings = ExportSettings(
-            workers,
-            scheduler,
-            part,
-            _choice("on-error", on_error, "record", "raise"),
-            options,
-            overwrite,
-            licence,
-            description,
-        )
-        if dry_run:
+        settings = _settings(job, stored)
+        if job.dry_run:
             from scarl_sionna.batch.estimate import estimate
             from scarl_sionna.batch.plan import plan_export
 
             with collected_warnings():
-                typer.echo(str(estimate(plan_export(specs, options), out, settings)))
+                typer.echo(str(estimate(plan_export(specs, settings.options), out, settings)))
             return
         report = _export(specs, out, settings)
         typer.echo(str(report))
         if report.failed:
             raise typer.Exit(EXIT_INCOMPLETE)
+
+
+def _settings(job: _Job, stored: _Stored) -> ExportSettings:
+    """Return the settings of an export that a command line says."""
+    part = None if job.shard is None else _part(job.shard)
+    from scarl_sionna.batch import ExportSettings
+    from scarl_sionna.dataset.encoding import StoreOptions
+
+    return ExportSettings(
+        job.workers,
+        job.scheduler,
+        part,
+        _choice("on-error", job.on_error, "record", "raise"),
+        StoreOptions(stored.shard_frames, _choice("radar-format", stored.radar_format, "int16", "complex64")),
+        stored.overwrite,
+        stored.licence,
+        stored.description,
+    )
 
 
 @app.command()
@@ -131,8 +151,19 @@ def verify(
             raise typer.Exit(EXIT_UNFINISHED if found.ok else EXIT_DAMAGED)
 
 
+@dataclass(frozen=True)
+class _Sheet:
+    """Options of a dataset's contact sheet."""
+
+    frame: Annotated[int, typer.Option(help="Dataset: position of the frame; negative: from the end.")] = 0
+    suite: Annotated[
+        str | None, typer.Option(help="Dataset: group of sensors (default: front_center, or the first).")
+    ] = None
+
+
 @app.command()
 @scenario_options
+@grouped_options("sheet")
 def preview(
     context: typer.Context,
     chosen: ScenarioOptions,
@@ -143,10 +174,7 @@ def preview(
             autocompletion=completing(ready_names),
         ),
     ],
-    frame: Annotated[int, typer.Option(help="Dataset: position of the frame; negative: from the end.")] = 0,
-    suite: Annotated[
-        str | None, typer.Option(help="Dataset: group of sensors (default: front_center, or the first).")
-    ] = None,
+    sheet: _Sheet,
     out: Annotated[
         Path | None,
         typer.Option(help="File to write (default: preview.png of a dataset, <name>.gif of a scenario; or .mp4)."),
@@ -166,7 +194,8 @@ def preview(
                 )
             from scarl_sionna.app.demo import write_sheet
 
-            typer.echo(f"contact sheet: {write_sheet(target, frame, out or Path('preview.png'), suite)}")
+            path = write_sheet(target, sheet.frame, out or Path("preview.png"), sheet.suite)
+            typer.echo(f"contact sheet: {path}")
             return
         from scarl_sionna.app.preview import write_preview
 

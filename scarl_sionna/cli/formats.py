@@ -5,9 +5,10 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 import yaml
@@ -17,28 +18,44 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 
 from .common import collected_warnings, reported
+from .options import grouped_options
+
+if TYPE_CHECKING:
+    from scarl_sionna.dataset.formats import FrameSource
 
 app = typer.Typer()
 
 _COMMON = ("data", "out", "overwrite", "on_progress")
-_SCENES = Annotated[
-    list[str] | None, typer.Option("--scene", help="Scene to take; several times for several (default: all).")
-]
-_FRAMES = Annotated[int | None, typer.Option(help="Take the first frames of each scene only.")]
 _OVERWRITE = Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier conversion wrote.")]
 
 
+@dataclass(frozen=True)
+class _Frames:
+    """Options of which frames are taken."""
+
+    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")]
+    scene: Annotated[
+        list[str] | None, typer.Option("--scene", help="Scene to take; several times for several (default: all).")
+    ] = None
+    frames: Annotated[int | None, typer.Option(help="Take the first frames of each scene only.")] = None
+
+    def read(self) -> FrameSource:
+        """Return the frames."""
+        from scarl_sionna.dataset.formats import as_source
+
+        return as_source(self.source).subset(self.scene or (), self.frames)
+
+
 @app.command()
+@grouped_options("taken")
 def convert(
     context: typer.Context,
-    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")],
+    taken: _Frames,
     form: Annotated[
         str,
         typer.Argument(metavar="FORMAT", help="nuscenes, tfrecord, hdf5, mcap, dca1000 or rerun.", show_default=False),
     ],
     out: Annotated[Path, typer.Argument(help="Folder or file to write.", show_default=False)],
-    scene: _SCENES = None,
-    frames: _FRAMES = None,
     option: Annotated[
         list[str] | None,
         typer.Option(
@@ -49,7 +66,7 @@ def convert(
 ) -> None:
     """Write a dataset in a format that other tools read."""
     with reported(context, "nothing was written"), collected_warnings():
-        from scarl_sionna.dataset.formats import FORMATS, as_source
+        from scarl_sionna.dataset.formats import FORMATS
         from scarl_sionna.dataset.formats import convert as run
 
         if form not in FORMATS:
@@ -57,19 +74,18 @@ def convert(
         chosen = FORMATS[form]
         module = import_module(f"scarl_sionna.dataset.formats.{chosen.module}")
         options = _options(option or [], getattr(module, chosen.function))
-        data = as_source(source).subset(scene or (), frames)
+        data = taken.read()
         with _progress() as report:
             written = run(data, form, out, overwrite=overwrite, on_progress=report, **options)
         typer.echo(f"{data.num_frames} frames written to {written}")
 
 
 @app.command()
+@grouped_options("taken")
 def view(
     context: typer.Context,
-    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")],
+    taken: _Frames,
     save: Annotated[Path | None, typer.Option(help="Write an .rrd file instead of opening the viewer.")] = None,
-    scene: _SCENES = None,
-    frames: _FRAMES = None,
     overwrite: _OVERWRITE = False,
 ) -> None:
     """Show a dataset in the Rerun viewer: images, lidar, radar points and maps, boxes, over time."""
@@ -77,10 +93,9 @@ def view(
         reported(context, "the viewer keeps what it has" if save is None else "nothing was written"),
         collected_warnings(),
     ):
-        from scarl_sionna.dataset.formats import as_source
         from scarl_sionna.dataset.formats.rerun import export_rerun, view_rerun
 
-        data = as_source(source).subset(scene or (), frames)
+        data = taken.read()
         with _progress() as report:
             if save is None:
                 view_rerun(data, on_progress=report)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +20,7 @@ from scarl_sionna.scene.document.find import scene_names
 
 from . import calibrate, datasets, formats
 from .common import collected_warnings, completing, reported
-from .options import ScenarioOptions, scenario_options
+from .options import ScenarioOptions, grouped_options, scenario_options
 
 if TYPE_CHECKING:
     from scarl_sionna.app.demo import RunSummary
@@ -97,33 +98,41 @@ def demo(
         _print_summary(summary, perf_counter() - started)
 
 
-@app.command()
-def rcs(
-    context: typer.Context,
-    mesh: Annotated[Path, typer.Argument(help="Triangle mesh in metres (PLY, OBJ, STL, glTF).")],
-    freq: Annotated[float, typer.Option(help="Frequency [Hz].")] = 77e9,
+@dataclass(frozen=True)
+class _Cut:
+    """Options of a cut of the radar cross section."""
+
+    freq: Annotated[float, typer.Option(help="Frequency [Hz].")] = 77e9
     cut: Annotated[
         str,
         typer.Option(help="azimuth: phi from -180 to 180 deg at theta 90; elevation: theta from 0 to 180 at phi 0."),
-    ] = "azimuth",
-    fixed: Annotated[float | None, typer.Option(help="The angle that does not turn [deg].")] = None,
-    step: Annotated[float, typer.Option(help="Step of the angle [deg].")] = 1.0,
-    polarization: Annotated[str, typer.Option(help="Receive letter first; several with commas.")] = "VV,HH",
-    material: Annotated[str, typer.Option(help="metal, or another radio material by name.")] = "metal",
+    ] = "azimuth"
+    fixed: Annotated[float | None, typer.Option(help="The angle that does not turn [deg].")] = None
+    step: Annotated[float, typer.Option(help="Step of the angle [deg].")] = 1.0
+    polarization: Annotated[str, typer.Option(help="Receive letter first; several with commas.")] = "VV,HH"
+    material: Annotated[str, typer.Option(help="metal, or another radio material by name.")] = "metal"
+
+
+@app.command()
+@grouped_options("asked")
+def rcs(
+    context: typer.Context,
+    mesh: Annotated[Path, typer.Argument(help="Triangle mesh in metres (PLY, OBJ, STL, glTF).")],
+    asked: _Cut,
     plot: Annotated[Path | None, typer.Option(help="Image file (default: the mesh's name with _rcs.png).")] = None,
 ) -> None:
     """Print the monostatic radar cross section of a mesh over angle [dBsm], and plot it."""
     with reported(context, "nothing was written"):
         from scarl_sionna.radar.rcs import rcs_cut  # takes seconds
 
-        names = [name.strip() for name in polarization.split(",") if name.strip()]
+        names = [name.strip() for name in asked.polarization.split(",") if name.strip()]
         console = Console(stderr=True)
         columns = (TextColumn("angles"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
         with Progress(*columns, TimeRemainingColumn(), console=console) as progress:
             task = progress.add_task("rcs", total=None)
             result = rcs_cut(
-                mesh, freq, cut, names, material, step_deg=step, fixed_angle_deg=fixed,  # type: ignore[arg-type]
-                on_progress=lambda done, total: progress.update(task, completed=done, total=total),
+                mesh, asked.freq, asked.cut, names, asked.material, step_deg=asked.step,  # type: ignore[arg-type]
+                fixed_angle_deg=asked.fixed, on_progress=lambda done, total: progress.update(task, completed=done, total=total),
             )  # fmt: skip
         typer.echo(result.table())
         target = plot or Path(f"{mesh.stem}_rcs.png")

@@ -6,7 +6,7 @@ import functools
 import inspect
 import typing
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Annotated, Any
 
 import typer
@@ -190,24 +190,79 @@ def _empty(kind: type[Spec], name: str) -> Any:
 
 def scenario_options(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the shared options; it takes them as one argument, ``chosen``, a :class:`ScenarioOptions`."""
-    hints = typing.get_type_hints(command, include_extras=True)
-    own = [entry for name, entry in inspect.signature(command).parameters.items() if name != "chosen"]
     shared = {**SCENARIO_OPTIONS, **{name: entry[1] for name, entry in RADAR_OPTIONS.items()}, "further": _SET}
 
-    @functools.wraps(command)
-    def wrapped(**given: Any) -> None:
-        told = {name: given.pop(name) for name in shared}
-        chosen = ScenarioOptions(
+    def build(**told: Any) -> ScenarioOptions:
+        return ScenarioOptions(
             {name: told[name] for name in SCENARIO_OPTIONS},
             {name: told[name] for name in RADAR_OPTIONS},
             tuple(told["further"] or ()),
         )
-        command(**given, chosen=chosen)
 
-    kinds = {**{entry.name: hints[entry.name] for entry in own}, **shared}
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    parameters = [entry.replace(annotation=hints[entry.name], kind=keyword) for entry in own]
-    parameters += [inspect.Parameter(name, keyword, default=None, annotation=kind) for name, kind in shared.items()]
+    parameters, hints = _parameters(command)
+    own = [entry for entry in parameters if entry.name != "chosen"]
+    options = [_parameter(name, kind, None) for name, kind in shared.items()]
+    return _taking(command, [*own, *options], {"chosen": (build, tuple(shared))}, {**hints, **shared})
+
+
+def grouped_options(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options that the fields of dataclasses state; it takes each dataclass as one argument.
+
+    Parameters
+    ----------
+    *names : str
+        Of the command's arguments that are such groups: annotated with a dataclass whose fields are annotated as Typer has it.
+        The options stand where the group stands.
+    """
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        parameters, hints = _parameters(command)
+        groups: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {}
+        taken: list[inspect.Parameter] = []
+        for entry in parameters:
+            if entry.name not in names:
+                taken.append(entry)
+                continue
+            kind = hints[entry.name]
+            inner = typing.get_type_hints(kind, include_extras=True)
+            empty = inspect.Parameter.empty
+            taken += [
+                _parameter(item.name, inner[item.name], empty if item.default is MISSING else item.default)
+                for item in fields(kind)
+            ]
+            groups[entry.name] = (kind, tuple(inner))
+            hints |= inner
+        return _taking(command, taken, groups, hints)
+
+    return decorate
+
+
+def _parameter(name: str, kind: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+
+
+def _parameters(command: Callable[..., None]) -> tuple[list[inspect.Parameter], dict[str, Any]]:
+    """Return what a command takes, and the types of it."""
+    hints = typing.get_type_hints(command, include_extras=True)
+    entries = inspect.signature(command).parameters.values()
+    return [_parameter(entry.name, hints[entry.name], entry.default) for entry in entries], hints
+
+
+def _taking(
+    command: Callable[..., None],
+    parameters: list[inspect.Parameter],
+    groups: Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]],
+    hints: Mapping[str, Any],
+) -> Callable[..., None]:
+    """Return a command that takes some parameters and gathers those of each group into one argument of the command."""
+
+    @functools.wraps(command)
+    def wrapped(**given: Any) -> None:
+        gathered = {
+            argument: build(**{name: given.pop(name) for name in names}) for argument, (build, names) in groups.items()
+        }
+        command(**given, **gathered)
+
     wrapped.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    wrapped.__annotations__ = kinds
+    wrapped.__annotations__ = {entry.name: hints[entry.name] for entry in parameters}
     return wrapped

@@ -15,7 +15,7 @@ from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.signal.link import radar_gain
 
-from .channel.multipath.solve import solve_sionna
+from .channel.multipath.solve import Sought, solve_sionna
 from .paths import RadarPaths
 from .point_scatterers import POINT_INTERACTION, PointScatterers
 
@@ -140,4 +140,4 @@ def solve_points(
     """
     chosen = (settings or RadarSettings()).changed("sionna", **fields)
     second = None if receiver is None else state.as_mount(receiver)
-    return solve_sionna(state, radar, state.as_mount(mount), chosen, second, scatterers=points, environment=environment)
+    return solve_sionna(state, radar, state.as_mount(mount), chosen, second, Sought(points, environment))

@@ -18,7 +18,7 @@ from scarl_sionna.engine.rays.edges import Wedge, wedge_at
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.channel.multipath.utd import edge_transfer, transition
+from scarl_sionna.radar.channel.multipath.utd import EdgeRay, edge_transfer, transition
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.points import solve_points
 from tests.oracles import diffraction as oracle
@@ -47,7 +47,8 @@ def plane_wave_total(exterior: float, rho: float, phi: float, phi0: float, kind:
     edge = Wedge(np.zeros(3), np.array([0, 0, 1.0]), 1.0, np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), exterior)
     incident, out = -np.array([np.cos(phi0), np.sin(phi0), 0.0]), np.array([np.cos(phi), np.sin(phi), 0.0])
     far = 1e9
-    turned = edge_transfer(edge, incident, out, far, rho, WAVENUMBER, conductor) * np.exp(-1j * WAVENUMBER * rho)
+    ray = EdgeRay(incident, out, far, rho)
+    turned = edge_transfer(edge, ray, WAVENUMBER, conductor) * np.exp(-1j * WAVENUMBER * rho)
     z = np.array([0, 0, 1.0])
     ends = (z, z) if kind == "soft" else (np.cross(z, incident), np.cross(z, out))
     total = complex(ends[1] @ turned @ ends[0])

@@ -8,10 +8,12 @@ import pytest
 from scarl_sionna.calibration.physics import TrialMaterial, derivative
 from scarl_sionna.calibration.scene_model import FixedPaths
 from scarl_sionna.core.errors import UnknownNameError
-from scarl_sionna.engine.paths.slopes import path_slopes
+from scarl_sionna.core.settings.sionna import SionnaSettings
+from scarl_sionna.engine.paths.slopes import TrialParameters, path_slopes
 from scarl_sionna.radar.channel.multipath.images import material_coefficients, transfer
 from tests.calibration_street import street, street_problem
 
+SETTINGS = SionnaSettings(num_samples=20_000)
 SOURCE = (0.0, 0.0, 1.0)
 LOSSY = {"relative_permittivity": 5.6, "conductivity": 3.0, "scattering_coefficient": 0.3}
 """Waves do not come back from the far side of Sionna's slab of 10 cm."""
@@ -30,7 +32,7 @@ def test_against_differences_of_the_solver(fixed: FixedPaths, material: str) -> 
     parameters = [(material, field) for field in LOSSY]
     values = np.array(list(LOSSY.values()))
     targets = fixed.points.positions
-    found = path_slopes(fixed.state, SOURCE, targets, parameters, num_samples=20_000, values=values)
+    found = path_slopes(fixed.state, SOURCE, targets, TrialParameters(parameters, values), SETTINGS)
     for index, value in enumerate(values):
         step = np.zeros(3)
         step[index] = 2e-2 * value  # rounding of float32 gains against changes of 1e-4 of them
@@ -39,9 +41,8 @@ def test_against_differences_of_the_solver(fixed: FixedPaths, material: str) -> 
                 fixed.state,
                 SOURCE,
                 targets,
-                parameters,
-                num_samples=20_000,
-                values=values + sign * step,
+                TrialParameters(parameters, values + sign * step),
+                SETTINGS,
                 with_slopes=False,
             ).a
             for sign in (1.0, -1.0)
@@ -56,14 +57,8 @@ def test_against_our_own_in_float64(fixed: FixedPaths) -> None:
     material = "concrete"
     names = ("relative_permittivity", "conductivity")
     values = np.array([LOSSY[name] for name in names])
-    theirs = path_slopes(
-        fixed.state,
-        SOURCE,
-        fixed.points.positions,
-        [(material, name) for name in names],
-        num_samples=20_000,
-        values=values,
-    )
+    parameters = TrialParameters([(material, name) for name in names], values)
+    theirs = path_slopes(fixed.state, SOURCE, fixed.points.positions, parameters, SETTINGS)
     base = fixed.state.world.materials[material].with_(
         reference_frequency=77e9, permittivity_exponent=0.0, conductivity_exponent=0.0
     )
@@ -88,6 +83,6 @@ def test_against_our_own_in_float64(fixed: FixedPaths) -> None:
 
 def test_unknown_names(fixed: FixedPaths) -> None:
     with pytest.raises(UnknownNameError, match="gold"):
-        path_slopes(fixed.state, SOURCE, fixed.points.positions, [("gold", "conductivity")])
+        path_slopes(fixed.state, SOURCE, fixed.points.positions, TrialParameters([("gold", "conductivity")]))
     with pytest.raises(UnknownNameError, match="colour"):
-        path_slopes(fixed.state, SOURCE, fixed.points.positions, [("brick", "colour")])
+        path_slopes(fixed.state, SOURCE, fixed.points.positions, TrialParameters([("brick", "colour")]))

@@ -23,6 +23,7 @@ from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.radar.weather.clutter import (
     NEAREST,
     VOLUME_INTERACTION,
+    VolumeSampling,
     clutter_budget,
     falling,
     mean_clutter_power,
@@ -61,7 +62,7 @@ def test_mean_power_per_range_is_the_radar_equations() -> None:
     edges = np.array([NEAREST, 4.0, 10.0, 20.0, 40.0])
     found = np.zeros((60, 4))
     for seed in range(60):
-        paths = volume_clutter(HEAVY, RADAR, Pose(), np.random.default_rng(seed), reach=40.0, num_points=1500)
+        paths = volume_clutter(HEAVY, RADAR, Pose(), np.random.default_rng(seed), sampling=VolumeSampling(40.0, 1500))
         distance = np.linalg.norm(paths.tx_point, axis=1)
         power = received_power(paths, RADAR)
         found[seed] = np.histogram(distance, edges, weights=power)[0]
@@ -76,7 +77,7 @@ def test_power_of_a_cell_is_exponential() -> None:
     radar = RADAR.with_(num_chirps=1, tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))
     power = []
     for seed in range(300):
-        paths = volume_clutter(HEAVY, radar, Pose(), np.random.default_rng(seed), reach=60.0, num_points=1500)
+        paths = volume_clutter(HEAVY, radar, Pose(), np.random.default_rng(seed), sampling=VolumeSampling(60.0, 1500))
         beat = np.fft.fft(synthesize(paths, radar)[0, 0] * np.hanning(radar.num_samples))
         power.append(np.abs(beat[int(20.0 / radar.range_resolution)]) ** 2)
     assert kstest(np.array(power) / np.mean(power), "expon").pvalue > 1e-3
@@ -86,7 +87,7 @@ def test_doppler_is_the_fall_and_the_wind() -> None:
     """Upwards the drops come down with the mean speed of fall; forwards the wind and the radar's own speed are seen."""
     quiet = HEAVY.with_(turbulence=0.0)
     up = Pose([0.0, 0.0, 0.0], [np.cos(np.pi / 4), 0.0, -np.sin(np.pi / 4), 0.0])  # x of the radar looks up
-    paths = volume_clutter(quiet, RADAR, up, np.random.default_rng(0), reach=40.0)
+    paths = volume_clutter(quiet, RADAR, up, np.random.default_rng(0), sampling=VolumeSampling(40.0))
     along = paths.tx_point / np.linalg.norm(paths.tx_point, axis=1, keepdims=True)
     straight = along[:, 2] > 0.999
     fall = -paths.length_rate[straight] / 2.0
@@ -94,7 +95,11 @@ def test_doppler_is_the_fall_and_the_wind() -> None:
     assert fall.mean() == pytest.approx(expected.mean_fall_speed, abs=5.0 * fall.std() / np.sqrt(straight.sum()) + 0.01)
     windy = quiet.with_(wind=(6.0, 0.0))
     paths = volume_clutter(
-        windy, RADAR, Mount(Pose(), Twist([20.0, 0.0, 0.0], np.zeros(3))), np.random.default_rng(0), reach=40.0
+        windy,
+        RADAR,
+        Mount(Pose(), Twist([20.0, 0.0, 0.0], np.zeros(3))),
+        np.random.default_rng(0),
+        sampling=VolumeSampling(40.0),
     )
     ahead = paths.tx_point[:, 0] > 0.999 * np.linalg.norm(paths.tx_point, axis=1)
     assert (paths.length_rate[ahead] / 2.0).mean() == pytest.approx(6.0 - 20.0, abs=0.2)
@@ -116,7 +121,7 @@ def test_what_is_left_out_is_below_the_noise() -> None:
 def test_labels_of_the_air() -> None:
     """Clutter is instance 0, class 0, direct; a cell with a target says so, and shares sum to 1."""
     target = point_targets([[15.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 10.0, RADAR, Pose())
-    drops = volume_clutter(HEAVY, RADAR, Pose(), np.random.default_rng(2), reach=30.0, num_points=2000)
+    drops = volume_clutter(HEAVY, RADAR, Pose(), np.random.default_rng(2), sampling=VolumeSampling(30.0, 2000))
     paths = RadarPaths.concatenate([target, drops])
     assert set(drops.interaction.ravel()) == {VOLUME_INTERACTION}
     labels = label_paths(paths)
@@ -142,8 +147,10 @@ def world(tmp_path_factory):
 def test_surfaces_hide_the_rain_behind_them(world) -> None:
     state = world.with_weather(HEAVY).at(0.0)
     pose = state.actor_pose("ego").compose(Pose([2.4, 0.0, 0.5]))
-    free = volume_clutter(HEAVY, RADAR, pose, np.random.default_rng(0), reach=40.0, num_points=3000)
-    seen = volume_clutter(HEAVY, RADAR, pose, np.random.default_rng(0), state=state, reach=40.0, num_points=3000)
+    free = volume_clutter(HEAVY, RADAR, pose, np.random.default_rng(0), sampling=VolumeSampling(40.0, 3000))
+    seen = volume_clutter(
+        HEAVY, RADAR, pose, np.random.default_rng(0), state=state, sampling=VolumeSampling(40.0, 3000)
+    )
     assert 0.2 * free.num_paths < seen.num_paths < free.num_paths
     assert free.tx_point[:, 2].min() < -1.0
     assert seen.tx_point[:, 2].min() > -0.3  # the verge lies a little lower than the road

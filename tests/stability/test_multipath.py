@@ -13,6 +13,7 @@ import pytest
 
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
@@ -21,7 +22,7 @@ from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import PathBufferOverflowError, solve_paths
 from scarl_sionna.radar.channel.multipath.legs import legs_of
-from scarl_sionna.radar.channel.multipath.station import Station
+from scarl_sionna.radar.channel.multipath.station import EndPoints, Station
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.points import solve_points
 from tests.oracles import multipath as oracle
@@ -129,10 +130,10 @@ def test_amplitudes_agree_with_the_engine(tmp_path) -> None:
     ]
     state = load_scene(write_scene(tmp_path, things)).at(0.0)
     start, target = np.array([0.0, 0.0, 1.0]), np.array([12.0, -1.0, 2.5])
-    traced = trace_paths(state, start, [target], max_depth=3, num_samples=50_000, max_num_paths=10_000)
-    legs = legs_of(
-        state, traced, Station(start, np.zeros(3), np.eye(3)), target[None], np.zeros((1, 3)), np.eye(3), 77e9
-    )
+    settings = SionnaSettings(max_depth=3, num_samples=50_000, max_num_paths=10_000)
+    traced = trace_paths(state, start, [target], settings)
+    ends = EndPoints(target[None], np.zeros((1, 3)), np.eye(3))
+    legs = legs_of(state, traced, Station(start, np.zeros(3), np.eye(3)), ends, 77e9)
     assert len(legs.length) == len(traced.target) >= 4
     ours = legs.transfer * (RADAR.wavelength / (4 * np.pi * legs.length))[:, None, None]
     scale = np.abs(traced.a).max(axis=(1, 2))

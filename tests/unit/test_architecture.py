@@ -94,6 +94,39 @@ def test_folders_hold_at_most_15_modules() -> None:
             assert len(list(folder.glob("*.py"))) <= 15, folder
 
 
+MOST_ARGUMENTS = 6
+MOST_LONG_FUNCTIONS = 30
+"""Functions with more arguments than that; the number may only fall. What stays are public functions with keyword options."""
+
+
+def long_functions(code: str) -> list[str]:
+    """Return the functions of a module with more than `MOST_ARGUMENTS` arguments, ``*args`` and ``**kwargs`` among them, without self."""
+    found = []
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            taken = node.args
+            entries = [*taken.posonlyargs, *taken.args, *taken.kwonlyargs, taken.vararg, taken.kwarg]
+            names = [entry.arg for entry in entries if entry is not None and entry.arg not in ("self", "cls")]
+            if len(names) > MOST_ARGUMENTS:
+                found.append(f"{node.name} ({len(names)})")
+    return found
+
+
+def test_the_count_sees_all_kinds_of_arguments() -> None:
+    assert long_functions("def f(a, b, /, c, *d, e, f, **g): ...") == ["f (7)"]
+    assert long_functions("class A:\n    async def f(self, a, b, c, d, e, f): ...") == []
+
+
+def test_no_more_functions_with_many_arguments() -> None:
+    found = [
+        f"{path.relative_to(REPO)}: {function}"
+        for package in ("scarl_sionna", "camera_lidar")
+        for path in sorted((REPO / package).rglob("*.py"))
+        for function in long_functions(path.read_text(encoding="utf-8"))
+    ]
+    assert len(found) <= MOST_LONG_FUNCTIONS, "\n".join(found)
+
+
 def test_public_names_resolve() -> None:
     for name in scarl_sionna.__all__:
         assert getattr(scarl_sionna, name) is not None, name

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -84,17 +85,12 @@ def export_nuscenes(
         If the folder is there or cannot be written.
     """
     source = as_source(data)
-    if keyframe_every < 1:
-        raise ParameterRangeError("keyframe_every", keyframe_every, ">= 1")
-    if image_format not in ("jpg", "png"):
-        raise ParameterRangeError("image_format", repr(image_format), "'jpg' or 'png'")
-    if not version or set(version) & set("/\\") or version in (".", "..", "samples", "sweeps", "maps", "lidarseg"):
-        raise ParameterRangeError("version", repr(version), "a plain folder name such as 'v1.0-mini'")
+    options = _Options(version, keyframe_every, image_format, raw_radar, all_objects, pfa)
     if not source.num_frames:
         raise ParameterRangeError("dataset", "no frames", "at least one frame")
     mark = {"format": FORMAT, "version": version, "rig": source.rig["name"], "scenes": [s.name for s in source.scenes]}
     with whole_folder(out, mark, overwrite) as folder:
-        writer = _Writer(folder, source, version, keyframe_every, image_format, raw_radar, all_objects, pfa)
+        writer = _Writer(folder, source, options)
         done = 0
         for scene in source.scenes:
             for position, frame in enumerate(scene):
@@ -106,15 +102,44 @@ def export_nuscenes(
     return Path(out)
 
 
+@dataclass(frozen=True)
+class _Options:
+    """What is written, and how; the parameters of :func:`export_nuscenes`."""
+
+    version: str
+    keyframe_every: int
+    image_format: Literal["jpg", "png"]
+    raw_radar: bool
+    all_objects: bool
+    pfa: float
+
+    def __post_init__(self) -> None:
+        if self.keyframe_every < 1:
+            raise ParameterRangeError("keyframe_every", self.keyframe_every, ">= 1")
+        if self.image_format not in ("jpg", "png"):
+            raise ParameterRangeError("image_format", repr(self.image_format), "'jpg' or 'png'")
+        taken = (".", "..", "samples", "sweeps", "maps", "lidarseg")
+        if not self.version or set(self.version) & set("/\\") or self.version in taken:
+            raise ParameterRangeError("version", repr(self.version), "a plain folder name such as 'v1.0-mini'")
+
+
+@dataclass(frozen=True, eq=False)
+class _Stream:
+    """Where a file belongs: its channel, of which kind, `mount` (vehicle_from_sensor), how its name ends; of a camera also intrinsics and size [px]."""
+
+    channel: str
+    modality: str
+    mount: Pose
+    suffix: str
+    intrinsics: npt.NDArray[np.float64] | None = None
+    size: tuple[int, int] = (0, 0)
+
+
 class _Writer:
     """Gathers records and writes files of one folder."""
 
-    def __init__(
-        self, root: Path, source: FrameSource, version: str, every: int, image_format: str, raw: bool, everything: bool,
-        pfa: float,
-    ) -> None:  # fmt: skip
-        self.root, self.source, self.version, self.every = root, source, version, every
-        self.image_format, self.raw, self.everything, self.pfa = image_format, raw, everything, pfa
+    def __init__(self, root: Path, source: FrameSource, options: _Options) -> None:
+        self.root, self.source, self.options = root, source, options
         self.table: dict[str, list[dict[str, Any]]] = {name: [] for name in tables.TABLES}
         self.lidarseg: list[dict[str, Any]] = []
         self.raw_radar: list[dict[str, Any]] = []
@@ -139,7 +164,7 @@ class _Writer:
 
     def add(self, scene: SceneFrames, position: int, frame: Frame) -> None:
         """Write the files of a frame and gather its records; positions are still those of the world."""
-        is_key = position % self.every == 0
+        is_key = position % self.options.keyframe_every == 0
         pose_token = token("ego_pose", scene.name, frame.index)
         pose = frame.world_from_vehicle
         timestamp = round(frame.timestamp_ns / 1000)
@@ -163,29 +188,29 @@ class _Writer:
         if is_key:
             self._annotate(scene, frame, cloud, echoes)
 
-    def _record(
-        self, scene: SceneFrames, base: dict[str, Any], channel: str, modality: str, mount: Pose, suffix: str,
-        intrinsics: npt.NDArray[np.float64] | None = None, size: tuple[int, int] = (0, 0),
-    ) -> dict[str, Any]:  # fmt: skip
+    def _record(self, scene: SceneFrames, base: dict[str, Any], stream: _Stream) -> dict[str, Any]:
         """Return a new record of a file of a channel; its sample follows in `finish`."""
+        channel, mount = stream.channel, stream.mount
         if channel not in self._sensors:
             self._sensors[channel] = token("sensor", channel)
-            self.table["sensor"].append({"token": self._sensors[channel], "channel": channel, "modality": modality})
+            self.table["sensor"].append(
+                {"token": self._sensors[channel], "channel": channel, "modality": stream.modality}
+            )
             self.table["calibrated_sensor"].append(
                 {"token": token("calibrated_sensor", channel), "sensor_token": self._sensors[channel],
                  "translation": mount.position.tolist(), "rotation": mount.quaternion.tolist(),
-                 "camera_intrinsic": [] if intrinsics is None else intrinsics.tolist()}
+                 "camera_intrinsic": [] if stream.intrinsics is None else stream.intrinsics.tolist()}
             )  # fmt: skip
         kind = "samples" if base["is_key_frame"] else "sweeps"
-        name = f"{kind}/{channel}/{scene.name}__{channel}__{base['timestamp']:016d}.{suffix}"
+        name = f"{kind}/{channel}/{scene.name}__{channel}__{base['timestamp']:016d}.{stream.suffix}"
         (self.root / name).parent.mkdir(parents=True, exist_ok=True)
         record = {
             "token": token("sample_data", scene.name, channel, base["timestamp"]),
             **base,
             "calibrated_sensor_token": token("calibrated_sensor", channel),
-            "fileformat": suffix.rpartition(".")[0] or suffix,
-            "height": size[0],
-            "width": size[1],
+            "fileformat": stream.suffix.rpartition(".")[0] or stream.suffix,
+            "height": stream.size[0],
+            "width": stream.size[1],
             "filename": name,
         }
         self.chains[channel].append(record)
@@ -209,10 +234,10 @@ class _Writer:
         mount = Pose.from_rotation(np.mean(places, axis=0), files.LIDAR_FROM_VEHICLE_AXES.T)
         world_from_lidar = frame.world_from_vehicle.compose(mount)
         rows, semantic, _ = files.lidar_rows(frame, list(scans.values()), world_from_lidar)
-        record = self._record(scene, base, LIDAR_CHANNEL, "lidar", mount, "pcd.bin")
+        record = self._record(scene, base, _Stream(LIDAR_CHANNEL, "lidar", mount, "pcd.bin"))
         rows.tofile(self.root / record["filename"])
         if base["is_key_frame"]:
-            label_file = f"lidarseg/{self.version}/{record['token']}_lidarseg.bin"
+            label_file = f"lidarseg/{self.options.version}/{record['token']}_lidarseg.bin"
             (self.root / label_file).parent.mkdir(parents=True, exist_ok=True)
             tables.LIDARSEG_LABEL[semantic].tofile(self.root / label_file)
             self.lidarseg.append(
@@ -225,14 +250,13 @@ class _Writer:
         places = [np.zeros((0, 3))]
         radar: RadarFrame
         for name, radar in frame.radars.items():
-            sensed = sensed_points(frame, radar, self.pfa)
-            record = self._record(
-                scene, base, self._channel("RADAR", name), "radar", self.source.vehicle_from_sensor(name), "pcd"
-            )
+            sensed = sensed_points(frame, radar, self.options.pfa)
+            stream = _Stream(self._channel("RADAR", name), "radar", self.source.vehicle_from_sensor(name), "pcd")
+            record = self._record(scene, base, stream)
             (self.root / record["filename"]).write_bytes(files.radar_file(sensed, radar.spec))
             record["height"], record["width"] = (1, sensed.points.num_points) if sensed.points.num_points else (0, 0)
             places.append(radar.world_from_sensor.apply(sensed.points.position))
-            if self.raw:
+            if self.options.raw_radar:
                 self._write_raw(record, name, radar)
         return np.concatenate(places)
 
@@ -255,13 +279,10 @@ class _Writer:
             optical = mount.compose(Pose.from_rotation(np.zeros(3), CAMERA_OPTICAL_FROM_SENSOR.T))
             matrix = image.spec.intrinsics.copy()
             matrix[:2, 2] -= 0.5  # nuScenes counts pixels from the centre of the first one
-            record = self._record(
-                scene, base, self._channel("CAM", name), "camera", optical, self.image_format, matrix,
-                size=(image.spec.height, image.spec.width),
-            )  # fmt: skip
-            (self.root / record["filename"]).write_bytes(
-                files.encode_image(files.undistorted(image), self.image_format)
-            )
+            form, size = self.options.image_format, (image.spec.height, image.spec.width)
+            stream = _Stream(self._channel("CAM", name), "camera", optical, form, matrix, size)
+            record = self._record(scene, base, stream)
+            (self.root / record["filename"]).write_bytes(files.encode_image(files.undistorted(image), form))
 
     def _annotate(
         self, scene: SceneFrames, frame: Frame, cloud: npt.NDArray[np.float64], echoes: npt.NDArray[np.float64]
@@ -272,7 +293,7 @@ class _Writer:
         cameras = with_depth or cameras
         for item in other_objects(frame):
             category = tables.CATEGORY_OF_CLASS[SEMANTIC_CLASSES[item.semantic]]
-            if not (self.everything or tables.has_boxes(category)):
+            if not (self.options.all_objects or tables.has_boxes(category)):
                 continue
             num_lidar = int(np.count_nonzero(points_inside(item, cloud)))
             num_radar = int(np.count_nonzero(points_inside(item, echoes)))
@@ -348,7 +369,7 @@ class _Writer:
             raise ParameterRangeError(
                 "dataset", "without RGB camera, lidar and radar", "at least one of them", "choose another export format"
             )
-        place = self.root / self.version
+        place = self.root / self.options.version
         place.mkdir()
         extra: dict[str, Any] = {}
         if self.lidarseg:

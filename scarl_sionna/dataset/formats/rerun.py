@@ -109,7 +109,8 @@ def _log_frame(rr: Any, recording: Any, scene: SceneFrames, frame: Frame, pfa: f
     for name, scan in frame.lidars.items():
         _log_lidar(rr, recording, f"{root}/{name}", frame, scan)
     for name, radar in frame.radars.items():
-        _log_radar(rr, recording, f"{root}/{name}", f"{scene.name}/maps/{name}", frame, radar, pfa)
+        _log_detections(rr, recording, f"{root}/{name}", frame, radar, pfa)
+        _log_map(rr, recording, f"{scene.name}/maps/{name}", radar)
 
 
 def _log_camera(rr: Any, recording: Any, path: str, image: ImageFrame) -> None:
@@ -145,7 +146,7 @@ def _log_lidar(rr: Any, recording: Any, path: str, frame: Frame, scan: LidarScan
     recording.log(f"{path}/points", rr.Points3D(place, class_ids=scan.semantic, radii=0.03))
 
 
-def _log_radar(rr: Any, recording: Any, path: str, map_path: str, frame: Frame, radar: RadarFrame, pfa: float) -> None:
+def _log_detections(rr: Any, recording: Any, path: str, frame: Frame, radar: RadarFrame, pfa: float) -> None:
     sensed = sensed_points(frame, radar, pfa)
     points = sensed.points
     recording.log(f"{path}/detections", rr.Points3D(points.position, colors=(255, 80, 0), radii=0.15))
@@ -153,9 +154,12 @@ def _log_radar(rr: Any, recording: Any, path: str, map_path: str, frame: Frame, 
         f"{path}/velocities",
         rr.Arrows3D(origins=points.position, vectors=sensed.direction * sensed.compensated_velocity[:, None] * 0.2),
     )
+
+
+def _log_map(rr: Any, recording: Any, path: str, radar: RadarFrame) -> None:
     rd = range_doppler(virtual_cube(radar.adc, radar.spec), radar.spec)
     level = power_to_db(rd.power / rd.noise_power).astype(np.float32)
-    recording.log(map_path, rr.Tensor(level.T[::-1], dim_names=("range", "radial_velocity")))
+    recording.log(path, rr.Tensor(level.T[::-1], dim_names=("range", "radial_velocity")))
 
 
 def _log_pose(rr: Any, recording: Any, path: str, pose: Pose, static: bool = False) -> None:

@@ -15,11 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import EngineError, UnknownNameError
+from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.world import WorldState
 
-from .tracing import endpoints
+from .tracing import endpoints, solver_options
 
 Complex = npt.NDArray[np.complex128]
 
@@ -48,16 +49,28 @@ class PathSlopes:
     slopes: Complex
 
 
+@dataclass(frozen=True, eq=False)
+class TrialParameters:
+    """Fields of radio materials, and the values that they take.
+
+    Attributes
+    ----------
+    names : sequence of (material, field)
+        Radio materials of the scene and one of `FIELDS` each.
+    values : array_like of float, shape (num_parameters,), optional
+        Instead of the materials' own.
+    """
+
+    names: Sequence[tuple[str, str]]
+    values: npt.ArrayLike | None = None
+
+
 def path_slopes(
     state: WorldState,
     source: npt.ArrayLike,
     targets: npt.ArrayLike,
-    parameters: Sequence[tuple[str, str]],
-    *,
-    max_depth: int = 2,
-    num_samples: int = 200_000,
-    refraction: bool = False,
-    values: npt.ArrayLike | None = None,
+    parameters: TrialParameters,
+    settings: SionnaSettings | None = None,
     with_slopes: bool = True,
 ) -> PathSlopes:
     """Return path gains and their derivatives to material parameters.
@@ -69,12 +82,10 @@ def path_slopes(
         [m, world].
     targets : array_like of float, shape (num_targets, 3)
         [m, world].
-    parameters : sequence of (material, field)
-        Radio materials of the scene and one of `FIELDS` each.
-    max_depth, num_samples, refraction
-        As of :func:`.path_tracing.trace_paths`.
-    values : array_like of float, shape (num_parameters,), optional
-        Of the parameters instead of the materials' own.
+    parameters : TrialParameters
+        What the derivatives are to, and where they are taken.
+    settings : SionnaSettings, optional
+        As of :func:`.tracing.trace_paths`; the defaults if left out.
     with_slopes : bool
         False solves once, for the gains alone; `slopes` is then empty.
 
@@ -90,34 +101,32 @@ def path_slopes(
     .. [1] J. Hoydis et al., "Learning Radio Environments by Differentiable Ray Tracing", IEEE Trans. Mach. Learn. Commun.
        Netw. 2, 2024.
     """
-    chosen = [_bsdfs(state, material, field) for material, field in parameters]
+    names = parameters.names
+    chosen = [_bsdfs(state, material, field) for material, field in names]
     points = np.asarray(targets, dtype=np.float64).reshape(-1, 3)
     with variant.radio() as mi:
         import drjit as dr
         import sionna.rt as rt
 
         scene = state.radio_scene()
-        objects = [[scene.radio_materials[name] for name in names] for names in chosen]
-        before = [[getattr(one, field) for one in group] for group, (_, field) in zip(objects, parameters, strict=True)]
+        objects = [[scene.radio_materials[name] for name in bsdfs] for bsdfs in chosen]
+        before = [[getattr(one, field) for one in group] for group, (_, field) in zip(objects, names, strict=True)]
         solver = rt.PathSolver(deterministic=True)
         solver.loop_mode = "evaluated"  # symbolic loops carry no derivatives
-        options = {
-            "max_depth": max_depth, "samples_per_src": num_samples, "max_num_paths_per_src": 1_000_000,
-            "refraction": refraction, "diffuse_reflection": False,
-        }  # fmt: skip
+        options = solver_options(settings or SionnaSettings())
         given = (
             [float(group[0][0]) for group in before]
-            if values is None
-            else np.asarray(values, dtype=np.float64).tolist()
+            if parameters.values is None
+            else np.asarray(parameters.values, dtype=np.float64).tolist()
         )
         slopes: list[Complex] = []
         try:
             with endpoints(mi, scene, np.asarray(source, dtype=np.float64), points):
-                for active in range(len(parameters)) if with_slopes and parameters else (None,):
+                for active in range(len(names)) if with_slopes and names else (None,):
                     leaves = [mi.Float(value) for value in given]
                     if active is not None:
                         dr.enable_grad(leaves[active])
-                    for leaf, group, (_, field) in zip(leaves, objects, parameters, strict=True):
+                    for leaf, group, (_, field) in zip(leaves, objects, names, strict=True):
                         for one in group:
                             setattr(one, field, leaf)
                     found = solver(scene, **options)
@@ -128,7 +137,7 @@ def path_slopes(
                 f"Sionna RT's path solver failed ({error}); use fewer num_samples or less max_depth"
             ) from error
         finally:
-            for group, (_, field), old in zip(objects, parameters, before, strict=True):
+            for group, (_, field), old in zip(objects, names, before, strict=True):
                 for one, value in zip(group, old, strict=True):
                     setattr(one, field, value)
         return _rows(found, slopes)

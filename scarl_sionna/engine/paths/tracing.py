@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
 from scarl_sionna.core.errors import EngineError
+from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.engine import variant
 
 if TYPE_CHECKING:
@@ -89,19 +90,23 @@ class _CountingGenerator:
         return buffer
 
 
+def solver_options(settings: SionnaSettings) -> dict[str, Any]:
+    """Return the arguments of a call of ``PathSolver`` for its settings."""
+    return {
+        "max_depth": settings.max_depth,
+        "samples_per_src": settings.num_samples,
+        "max_num_paths_per_src": settings.max_num_paths,
+        "specular_reflection": settings.specular,
+        "diffuse_reflection": settings.diffuse,
+        "refraction": settings.refraction,
+        "diffraction": settings.diffraction,
+        "edge_diffraction": settings.diffraction,
+        "seed": settings.seed,
+    }
+
+
 def trace_paths(
-    state: WorldState,
-    source: npt.ArrayLike,
-    targets: npt.ArrayLike,
-    *,
-    max_depth: int,
-    num_samples: int,
-    max_num_paths: int,
-    specular: bool = True,
-    diffuse: bool = False,
-    refraction: bool = False,
-    diffraction: bool = False,
-    seed: int = 0,
+    state: WorldState, source: npt.ArrayLike, targets: npt.ArrayLike, settings: SionnaSettings
 ) -> TracedPaths:
     """Trace the paths from a source to targets with ``PathSolver(deterministic=True)``.
 
@@ -112,17 +117,10 @@ def trace_paths(
         [m, world].
     targets : array_like of float, shape (num_targets, 3)
         [m, world]. Between a source and a target at the same place there is no line of sight.
-    max_depth : int
-        Most interactions of a path, >= 0.
-    num_samples : int
-        Rays that look for candidates, over the whole sphere.
-    max_num_paths : int
-        Size of the solver's buffer of candidates, for each call of it.
-    specular, diffuse, refraction, diffraction : bool
-        Interactions that are looked for; diffraction at most once in a path, at edges between faces and at ends of sheets,
-        in the light and in the shadow.
-    seed : int
-        Of the choice of interaction where several kinds are on.
+    settings : SionnaSettings
+        Rays that look for candidates, the solver's buffer of them for each call of it, and the interactions that are looked for:
+        diffraction at most once in a path, at edges between faces and at ends of sheets, in the light and in the shadow. Its
+        `on_overflow` and `double_bounce` are the caller's.
 
     Returns
     -------
@@ -135,18 +133,8 @@ def trace_paths(
         If the solver fails.
     """
     points = np.asarray(targets, dtype=np.float64).reshape(-1, 3)
-    per_batch = max(1, LANES_PER_BATCH // max(1, max_depth * num_samples))
-    options = {
-        "max_depth": max_depth,
-        "samples_per_src": num_samples,
-        "max_num_paths_per_src": max_num_paths,
-        "specular_reflection": specular,
-        "diffuse_reflection": diffuse,
-        "refraction": refraction,
-        "diffraction": diffraction,
-        "edge_diffraction": diffraction,
-        "seed": seed,
-    }
+    per_batch = max(1, LANES_PER_BATCH // max(1, settings.max_depth * settings.num_samples))
+    options = solver_options(settings)
     with variant.radio() as mi:
         scene, twin = state.radio_scene(), state.world.twin("radio")
         batches, counts = [], [0]
@@ -158,7 +146,7 @@ def trace_paths(
             batches.append(columns)
             counts.append(count)
     if not batches:
-        batches = [_no_columns(max_depth)]
+        batches = [_no_columns(settings.max_depth)]
     joined = {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
     touched = joined["kind"] != NONE
     joined["part"] = np.where(touched, joined["part"], -1)
@@ -173,7 +161,7 @@ def trace_paths(
         normal=np.where(touched[..., None], triangles.normal[row], 0.0),
         offset=np.where(touched, triangles.offset[row], 0.0),
         num_candidates=max(counts),
-        overflow=max(counts) >= max_num_paths,
+        overflow=max(counts) >= settings.max_num_paths,
     )
 
 

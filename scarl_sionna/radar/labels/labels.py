@@ -239,9 +239,9 @@ def label_cells(
     labels = label_paths(paths, state)
     table = CellSpread.of(rd, paths) if method == "spread" else None
     cells, powers, rows = [], [], []
-    groups, member = _groups(labels)
-    for number in range(len(groups)):
-        index = np.flatnonzero(member == number)
+    groups = _groups(labels)
+    for number in range(len(groups.key)):
+        index = np.flatnonzero(groups.member == number)
         power = _synthesized(rd, paths.select(index)) if table is None else table.power(index)
         filled = np.flatnonzero(power)
         cells.append(filled)
@@ -250,14 +250,31 @@ def label_cells(
     empty = np.zeros(0, dtype=np.int64)
     cell, row = (np.concatenate([empty, *blocks]) for blocks in (cells, rows))
     power = np.concatenate([np.zeros(0), *powers])
-    return _assemble(cell, power, row, groups, labels, member, rd.data.shape[1:])
+    return _assemble(_Entries(cell, power, row), groups, labels.semantic, rd.data.shape[1:])
 
 
-def _groups(labels: PathLabels) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return (instance, multipath) of the groups in rising order, shape (num_groups, 2), and the group of every path."""
+@dataclass(frozen=True, eq=False)
+class _Groups:
+    """Paths by instance and directness: `key` (instance, multipath), rising, shape (num_groups, 2), and `member`, the group of every path."""
+
+    key: npt.NDArray[np.int64]
+    member: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Entries:
+    """Power [W] of groups in cells: flat index of the cell, power, and row of the group, each (num_entries,)."""
+
+    cell: npt.NDArray[np.int64]
+    power: Array
+    group: npt.NDArray[np.int64]
+
+
+def _groups(labels: PathLabels) -> _Groups:
+    """Return the groups of paths."""
     both = np.stack([labels.instance.astype(np.int64), labels.is_ghost.astype(np.int64)], axis=1)
-    groups, member = np.unique(both, axis=0, return_inverse=True)
-    return groups, member.reshape(-1)
+    key, member = np.unique(both, axis=0, return_inverse=True)
+    return _Groups(key, member.reshape(-1))
 
 
 def _synthesized(rd: RangeDoppler, paths: RadarPaths) -> Array:
@@ -269,23 +286,17 @@ def _synthesized(rd: RangeDoppler, paths: RadarPaths) -> Array:
 
 
 def _assemble(
-    cell: npt.NDArray[np.int64],
-    power: Array,
-    row: npt.NDArray[np.int64],
-    groups: npt.NDArray[np.int64],
-    labels: PathLabels,
-    member: npt.NDArray[np.int64],
-    shape: tuple[int, ...],
+    entries: _Entries, groups: _Groups, semantic: npt.NDArray[np.uint8], shape: tuple[int, ...]
 ) -> CellLabels:
-    """Return the maps from the power of groups in cells."""
-    order = np.lexsort((row, cell))
-    cell, power, row = cell[order], power[order], row[order]
+    """Return the maps from the power of groups in cells; `semantic` is the class of every path."""
+    order = np.lexsort((entries.group, entries.cell))
+    cell, power, row = entries.cell[order], entries.power[order], entries.group[order]
     size = int(np.prod(shape))
     total = np.bincount(cell, weights=power, minlength=size)
     share = power / total[cell]
-    semantic_of = np.zeros(len(groups), dtype=np.uint8)
-    semantic_of[member] = labels.semantic
-    instance, ghost = groups[row, 0].astype(np.int32), groups[row, 1].astype(bool)
+    semantic_of = np.zeros(len(groups.key), dtype=np.uint8)
+    semantic_of[groups.member] = semantic
+    instance, ghost = groups.key[row, 0].astype(np.int32), groups.key[row, 1].astype(bool)
     # direct and multipath of one instance are neighbours in the order: sum them for the instance's share
     starts = np.flatnonzero((np.diff(cell, prepend=-1) != 0) | (np.diff(instance, prepend=-1) != 0))
     whole = np.add.reduceat(share, starts) if len(starts) else np.zeros(0)
@@ -345,7 +356,7 @@ def label_points(
     another counts as the virtual array sees it, and paths in another direction count by the beam's sidelobe there.
     """
     labels = label_paths(paths, state)
-    groups, member = _groups(labels)
+    groups = _groups(labels)
     cells = PathCells.of(paths, radar, window, doppler_window)
     beam = np.conj(steering(radar, directions(points.azimuth, points.elevation))) / radar.num_virtual
     count = points.num_points
@@ -357,16 +368,16 @@ def label_points(
         if not len(near):
             continue
         field = weight * (cells.fields(near, _doppler_of(radar, float(points.radial_velocity[row]))) @ beam[row])
-        total = _group_power(field, member[near], len(groups))
+        total = _group_power(field, groups.member[near], len(groups.key))
         if not total.sum() > 0.0:
             continue
         part = total / total.sum()
-        owner, inverse = np.unique(groups[:, 0], return_inverse=True)
+        owner, inverse = np.unique(groups.key[:, 0], return_inverse=True)
         whole = np.bincount(inverse.reshape(-1), weights=part)
         best = int(whole.argmax())
         instance[row], share[row] = owner[best], whole[best]
-        mine = groups[:, 0] == owner[best]
-        ghost = groups[:, 1] == 1
+        mine = groups.key[:, 0] == owner[best]
+        ghost = groups.key[:, 1] == 1
         ghost_share[row] = part[ghost].sum()
         is_ghost[row] = part[mine & ghost].sum() > part[mine & ~ghost].sum()
         explained[row] = abs(field.sum()) ** 2 / points.power[row]

@@ -180,14 +180,29 @@ def clutter_budget(weather: Weather, radar: RadarSpec, reach: float | None = Non
     )
 
 
+@dataclass(frozen=True)
+class VolumeSampling:
+    """Which points stand for the drops of a volume.
+
+    Attributes
+    ----------
+    reach : float or None
+        Points lie within [m]; None: that of :func:`clutter_budget`.
+    num_points : int
+        About so many.
+    """
+
+    reach: float | None = None
+    num_points: int = NUM_POINTS
+
+
 def volume_clutter(
     weather: Weather,
     radar: RadarSpec,
     mount: Mount | Pose,
     rng: np.random.Generator,
     state: WorldState | None = None,
-    reach: float | None = None,
-    num_points: int = NUM_POINTS,
+    sampling: VolumeSampling | None = None,
 ) -> RadarPaths:
     r"""Return the echoes of rain and snow as paths of random points, without the air's attenuation.
 
@@ -200,10 +215,8 @@ def volume_clutter(
     rng : numpy.random.Generator
     state : WorldState, optional
         What hides the points behind it; free space if left out.
-    reach : float, optional
-        Points lie within [m]; that of :func:`clutter_budget` if left out.
-    num_points : int
-        About so many.
+    sampling : VolumeSampling, optional
+        How far, and how many points; the defaults if left out.
 
     Returns
     -------
@@ -224,13 +237,14 @@ def volume_clutter(
     step = radar.range_resolution
     mount = Mount.of(mount)
     pose = mount.pose
-    limit = clutter_budget(weather, radar).reach if reach is None else reach
+    sampling = sampling or VolumeSampling()
+    limit = clutter_budget(weather, radar).reach if sampling.reach is None else sampling.reach
     num_bins = math.ceil(limit / step - 1e-9)
     if num_bins == 0 or not (drops := falling(weather, radar.center_frequency)):
         return RadarPaths.empty(pose)
     lower = np.maximum(np.arange(num_bins) * step, NEAREST)
     width = np.maximum(np.minimum((np.arange(num_bins) + 1) * step, limit) - lower, 0.0)
-    number = _points_per_bin(lower + width / 2.0, num_points)
+    number = _points_per_bin(lower + width / 2.0, sampling.num_points)
     of_bin = np.repeat(np.arange(num_bins), number)
     place = np.arange(len(of_bin)) - np.repeat(np.cumsum(number) - number, number)
     distance = lower[of_bin] + width[of_bin] * (place + rng.random(len(of_bin))) / number[of_bin]
@@ -264,7 +278,7 @@ def spray_clutter(
 ) -> RadarPaths:
     """Return the echoes of the spray behind vehicles as paths of random points, see :class:`SprayCloud`.
 
-    Parameters and result are those of :func:`volume_clutter`; `num_points` is that of one cloud. The points of a cloud share its whole
+    Parameters and result are those of :func:`volume_clutter`; `num_points` is the number of points of one cloud. The points of a cloud share its whole
     cross-section, the integral of its reflectivity.
     """
     mount = Mount.of(mount)
@@ -331,7 +345,7 @@ def through_weather(
     if rng is not None:
         budget = clutter_budget(weather, radar)
         mount = Mount(paths.world_from_tx, radar_twist or Twist())
-        rained = volume_clutter(weather, radar, mount, rng, state, reach=budget.reach)
+        rained = volume_clutter(weather, radar, mount, rng, state, VolumeSampling(reach=budget.reach))
         splashed = spray_clutter(state, radar, mount, rng)
         blocks += [rained, splashed]
         told |= _told(budget, rained, splashed)

@@ -17,8 +17,8 @@ from scarl_sionna.engine.rays.edges import Wedge, wedge_at
 from scarl_sionna.scene.materials.fresnel import reflection
 
 from .images import Chain, material_coefficients, propagated, spherical_basis
-from .station import Station
-from .utd import edge_transfer
+from .station import EndPoints, Station
+from .utd import EdgeRay, edge_transfer
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -50,9 +50,8 @@ class EdgeLeg:
 
 
 def edge_leg(
-    state: WorldState, traced: TracedPaths, row: int, station: Station, end: Array, end_velocity: Array, end_rotation: Array,
-    frequency: float, end_is_station: bool,
-) -> EdgeLeg | None:  # fmt: skip
+    state: WorldState, traced: TracedPaths, row: int, station: Station, ends: EndPoints, frequency: float
+) -> EdgeLeg | None:
     """Return one traced path with a diffraction as a leg, or None where it has no edge or misses it in float64.
 
     Parameters
@@ -62,15 +61,12 @@ def edge_leg(
     row : int
         Of the path.
     station : Station
-    end, end_velocity : ndarray of float64, shape (3,)
-        [m], [m/s], world.
-    end_rotation : ndarray of float64, shape (3, 3)
-        Axes of the polarisation at the end, as columns.
+    ends : EndPoints
+        All that were traced to.
     frequency : float
         [Hz].
-    end_is_station : bool
-        Whether the end carries the antennas of a radar too, not a point target.
     """
+    end, end_velocity = ends.position[traced.target[row]], ends.velocity[traced.target[row]]
     kind, part = traced.kind[row], traced.part[row]
     where = int(np.flatnonzero(kind == DIFFRACTION)[0])
     first, second = _chain(traced, row, slice(0, where)), _chain(traced, row, slice(where + 1, None))
@@ -101,6 +97,7 @@ def edge_leg(
     images = first.images(edge[None]), second.images(end[None])
     travel = first.travel(station.position, images[0]), second.travel(edge, images[1])
     before, behind = float(np.linalg.norm(edge - source)), float(np.linalg.norm(target - edge))
+    ray = EdgeRay(travel[0][0, -1], travel[1][0, 0], before, behind)
     known = [state.world.materials[state.world.parts.material[index]] if index >= 0 else None for index in part]
     own = known[where]
     assert own is not None  # the row of a diffraction is a part
@@ -115,10 +112,10 @@ def edge_leg(
     field = spherical_basis(station.rotation, travel[0][:, 0]).astype(np.complex128)
     field = propagated(first, travel[0], field, material_coefficients(materials, index[:, :where], frequency))
     wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
-    turned = edge_transfer(wedge, travel[0][0, -1], travel[1][0, 0], before, behind, wavenumber, faces)
+    turned = edge_transfer(wedge, ray, wavenumber, faces)
     field = np.einsum("ij,pqj->pqi", turned, field)
     field = propagated(second, travel[1], field, material_coefficients(materials, index[:, where + 1 :], frequency))
-    basis = spherical_basis(end_rotation, -travel[1][:, -1])
+    basis = spherical_basis(ends.rotation, -travel[1][:, -1])
     velocity = state.point_velocity(part, points)
     rate, acceleration = _motion(
         wedge, source, target, _seen_velocity(backward, station.velocity, velocity[:where][::-1]) - velocity[where],
@@ -126,7 +123,8 @@ def edge_leg(
     )  # fmt: skip
     isometry = _joined_isometry(first, _unfolding(wedge, source, target), second)
     image = isometry[:, :3] @ end + isometry[:, 3]
-    near, far = _wavefront_errors(station, first, wedge, edge, travel[0][0, 0], before, behind, end_is_station)
+    along = np.asarray(first.images((edge + wedge.direction)[None])[0, 0] - images[0][0, 0])
+    near, far = _wavefront_errors(station.arms, along, travel[0][0, 0], ray, ends.is_station)
     front = station.position + before * travel[0][0, 0]
     if near <= far:
         image, isometry = front, np.full((3, 4), np.nan)
@@ -188,17 +186,15 @@ def _joined_isometry(first: Chain, middle: Array, second: Chain) -> Array:
 
 
 def _wavefront_errors(
-    station: Station, chain: Chain, wedge: Wedge, edge: Array, ahead: Array, before: float, behind: float,
-    end_is_station: bool,
-) -> tuple[float, float]:  # fmt: skip
+    arms: Array, edge: Array, ahead: Array, ray: EdgeRay, end_is_station: bool
+) -> tuple[float, float]:
     """Return the largest error of a length to an antenna [m] with the edge's point, and with the unfolded end, as the centre.
 
-    An edge's wavefront has two radii: to the edge across it, to the source behind along it. One sphere has one.
+    `edge` and `ahead` are the directions of the edge and of travel as the station sees them, `arms` its antennas [m]. An edge's wavefront has two radii: to the edge across it, to the source behind along it. One sphere has one.
     """
-    along = np.asarray(chain.images((edge + wedge.direction)[None])[0, 0] - chain.images(edge[None])[0, 0])
-    across = np.cross(ahead, along)
+    across = np.cross(ahead, edge)
     across /= np.linalg.norm(across)
     along = np.cross(across, ahead)
-    bend = 0.5 * (1.0 / before + (1.0 / behind if end_is_station else -1.0 / (before + behind)))
-    near, far = (bend * float(np.max((station.arms @ axis) ** 2, initial=0.0)) for axis in (along, across))
+    bend = 0.5 * (1.0 / ray.before + (1.0 / ray.behind if end_is_station else -1.0 / (ray.before + ray.behind)))
+    near, far = (bend * float(np.max((arms @ axis) ** 2, initial=0.0)) for axis in (along, across))
     return near, far

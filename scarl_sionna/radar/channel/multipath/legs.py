@@ -13,7 +13,7 @@ from scarl_sionna.engine.paths.tracing import DIFFRACTION, DIFFUSE, REFRACTION, 
 
 from .diffraction import EdgeLeg, edge_leg
 from .images import Chain, material_coefficients, spherical_basis, transfer
-from .station import Station
+from .station import EndPoints, Station
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -87,10 +87,7 @@ def chain_of(traced: TracedPaths, rows: npt.NDArray[np.bool_] | slice = slice(No
     return Chain(kind == SPECULAR, kind == REFRACTION, traced.normal[rows], traced.offset[rows])
 
 
-def legs_of(
-    state: WorldState, traced: TracedPaths, station: Station, ends: Array, end_velocity: Array, end_rotation: Array,
-    frequency: float, end_is_station: bool = False,
-) -> Legs:  # fmt: skip
+def legs_of(state: WorldState, traced: TracedPaths, station: Station, ends: EndPoints, frequency: float) -> Legs:
     """Return the coherent ones of traced paths with their geometry in float64.
 
     Parameters
@@ -99,14 +96,9 @@ def legs_of(
     traced : TracedPaths
         From `station` to `ends`.
     station : Station
-    ends, end_velocity : ndarray of float64, shape (num_targets, 3)
-        [m], [m/s], world.
-    end_rotation : ndarray of float64, shape (3, 3)
-        Axes of the frame in which the polarisation at the end points is given, as columns.
+    ends : EndPoints
     frequency : float
         [Hz].
-    end_is_station : bool
-        Whether the end points carry a radar's antennas, not point targets.
 
     Returns
     -------
@@ -120,23 +112,10 @@ def legs_of(
         If a material that is met has no data at this frequency.
     """
     scattered, bent = ((traced.kind == kind).any(axis=1) for kind in (DIFFUSE, DIFFRACTION))
-    legs = _straight(state, traced, ~scattered & ~bent, station, ends, end_velocity, end_rotation, frequency)
+    legs = _straight(state, traced, ~scattered & ~bent, station, ends, frequency)
     rows = np.flatnonzero(bent & ~scattered)
     if len(rows):
-        over = [
-            edge_leg(
-                state,
-                traced,
-                int(row),
-                station,
-                ends[target],
-                end_velocity[target],
-                end_rotation,
-                frequency,
-                end_is_station,
-            )
-            for row, target in zip(rows, traced.target[rows], strict=True)
-        ]
+        over = [edge_leg(state, traced, int(row), station, ends, frequency) for row in rows]
         kept = [(row, leg) for row, leg in zip(rows, over, strict=True) if leg is not None]
         legs = joined_legs(
             [legs, _over_edges(traced, np.array([row for row, _ in kept], int), [leg for _, leg in kept])]
@@ -147,13 +126,16 @@ def legs_of(
 
 
 def _straight(
-    state: WorldState, traced: TracedPaths, rows: npt.NDArray[np.bool_], station: Station, ends: Array, end_velocity: Array,
-    end_rotation: Array, frequency: float,
-) -> Legs:  # fmt: skip
+    state: WorldState,
+    traced: TracedPaths,
+    rows: npt.NDArray[np.bool_],
+    station: Station,
+    ends: EndPoints,
+    frequency: float,
+) -> Legs:
     """Return the legs of mirrors and panes only."""
     chain, target, part = chain_of(traced, rows), traced.target[rows], traced.part[rows]
-    end = ends[target]
-    images = chain.images(end)
+    images = chain.images(ends.position[target])
     point, right = chain.vertices(station.position, images)
     travel = chain.travel(station.position, images)
     known = sorted(set(state.world.parts.material))
@@ -162,13 +144,13 @@ def _straight(
         chain,
         travel,
         spherical_basis(station.rotation, travel[:, 0]),
-        spherical_basis(end_rotation, -travel[:, -1]),
+        spherical_basis(ends.rotation, -travel[:, -1]),
         material_coefficients(
             [state.world.materials[name] for name in known], np.where(part >= 0, material[part], -1), frequency
         ),
     )
     surfaces = state.point_velocity(part.ravel(), point.reshape(-1, 3)).reshape(point.shape)
-    relative = chain.image_velocity(end_velocity[target], surfaces) - station.velocity
+    relative = chain.image_velocity(ends.velocity[target], surfaces) - station.velocity
     ahead = images[:, 0] - station.position
     length = np.linalg.norm(ahead, axis=1)
     rate = np.einsum("pi,pi->p", ahead, relative) / length

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,7 +31,7 @@ from .diffuse import diffuse_columns
 from .fresnel_zone import warn_of_edge_wavefronts, warn_of_small_mirrors
 from .legs import Legs, joined_legs, legs_of
 from .scattering import scattered_columns
-from .station import Station
+from .station import EndPoints, Station
 from .visibility import warn_of_hidden_antennas
 
 if TYPE_CHECKING:
@@ -61,15 +61,29 @@ class PathBufferOverflowError(ScarlError):
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """Which paths are looked for.
+
+    Attributes
+    ----------
+    scatterers : PointScatterers, optional
+        Point targets in the scene: every pair of a way there and a way back is a path (two-ray, ghosts of type 1 and 2).
+    environment : bool
+        Also the paths from the radar to itself, or to the receiver, that touch no scatterer.
+    """
+
+    scatterers: PointScatterers | None = None
+    environment: bool = True
+
+
 def solve_sionna(
     state: WorldState,
     radar: RadarSpec,
     mount: Mount,
     settings: RadarSettings,
     receiver: Mount | None = None,
-    *,
-    scatterers: PointScatterers | None = None,
-    environment: bool = True,
+    sought: Sought | None = None,
 ) -> RadarPaths:
     r"""Return the paths that Sionna RT's deterministic PathSolver finds, with float64 geometry and amplitudes.
 
@@ -83,10 +97,8 @@ def solve_sionna(
         Its `sionna` and `max_distance`.
     receiver : Mount, optional
         A separate receiver (bistatic); the transmitter if not given.
-    scatterers : PointScatterers, optional
-        Point targets in the scene: every pair of a way there and a way back is a path (two-ray, ghosts of type 1 and 2).
-    environment : bool
-        Also the paths from the radar to itself, or to the receiver, that touch no scatterer.
+    sought : Sought, optional
+        The environment alone if left out.
 
     Returns
     -------
@@ -126,7 +138,8 @@ def solve_sionna(
     ----------
     .. [1] Recommendation ITU-R P.2040-3, section 2.2.
     """
-    knobs, pose = settings.sionna, mount.pose
+    knobs, pose, sought = settings.sionna, mount.pose, sought or Sought()
+    scatterers = sought.scatterers
     arms = np.concatenate([radar.tx_array, radar.rx_array])
     tx = _station(mount, arms)
     rx = tx if receiver is None else _station(receiver, arms)
@@ -138,7 +151,7 @@ def solve_sionna(
         scatterers.require_apart(rx.position)
     with variant.radio():
         check_antennas(state, radar, pose, twin="radio")
-        blocks = solver.solve(tx, rx, scatterers, environment)
+        blocks = solver.solve(tx, rx, scatterers, sought.environment)
     if solver.overflow:
         error = PathBufferOverflowError(knobs.max_num_paths)
         if knobs.on_overflow == "raise":
@@ -148,7 +161,9 @@ def solve_sionna(
     spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors)
     num_hidden = warn_of_hidden_antennas(state, solver.mirrors)
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
-    num_missed = _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if environment else 0
+    num_missed = (
+        _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if sought.environment else 0
+    )
     columns = _joined(blocks)
     keep = columns.pop("total") < 2.0 * reach
     diagnostics = {
@@ -211,29 +226,17 @@ class _Solver:
         self.mirrors: list[tuple[Legs, Station]] = []
 
     def _trace(self, source: Array, targets: Array, diffuse: bool) -> TracedPaths:
-        asked = self.settings
+        asked = self.settings.with_(diffuse=diffuse, diffraction=self.settings.diffraction and not diffuse)
         start = time.perf_counter()
-        traced = trace_paths(
-            self.state, source, targets, max_depth=asked.max_depth, num_samples=asked.num_samples,
-            max_num_paths=asked.max_num_paths, specular=asked.specular, diffuse=diffuse, refraction=asked.refraction,
-            diffraction=asked.diffraction and not diffuse, seed=asked.seed,
-        )  # fmt: skip
+        traced = trace_paths(self.state, source, targets, asked)
         self.clock["trace"] += time.perf_counter() - start
         self.num_candidates = max(self.num_candidates, traced.num_candidates)
         self.overflow |= traced.overflow
         return traced
 
-    def _legs(
-        self,
-        traced: TracedPaths,
-        station: Station,
-        ends: Array,
-        velocity: Array,
-        rotation: Array,
-        to_radar: bool = False,
-    ) -> Legs:
+    def _legs(self, traced: TracedPaths, station: Station, ends: EndPoints) -> Legs:
         start = time.perf_counter()
-        legs = legs_of(self.state, traced, station, ends, velocity, rotation, self.radar.carrier_frequency, to_radar)
+        legs = legs_of(self.state, traced, station, ends, self.radar.carrier_frequency)
         self.mirrors.append((legs, station))
         self.clock["geometry"] += time.perf_counter() - start
         return legs
@@ -251,9 +254,8 @@ class _Solver:
             return blocks
         traced = self._trace(tx.position, targets, False)
         if environment:
-            legs = self._legs(
-                _at_one_target(traced.of_targets(0, len(own))), tx, own[:1], rx.velocity[None], rx.rotation, True
-            )
+            back = EndPoints(own[:1], rx.velocity[None], rx.rotation, is_station=True)
+            legs = self._legs(_at_one_target(traced.of_targets(0, len(own))), tx, back)
             blocks.insert(0, self._mirror_columns(legs, tx, rx))
         if points is not None:
             blocks.extend(self._scattered(traced.of_targets(len(targets) - len(ends)), tx, rx, points))
@@ -306,14 +308,14 @@ class _Solver:
 
     def _scattered(self, traced: TracedPaths, tx: Station, rx: Station, points: PointScatterers) -> list[Columns]:
         """Return the paths through scatterers: all pairs of a way there and a way back."""
-        ends, velocity = points.positions, points.velocities
-        there = self._legs(traced, tx, ends, velocity, tx.rotation)
+        ends = EndPoints(points.positions, points.velocities, tx.rotation)
+        there = self._legs(traced, tx, ends)
         back = there
         if rx is not tx:
-            back = self._legs(self._trace(rx.position, ends, False), rx, ends, velocity, tx.rotation)
+            back = self._legs(self._trace(rx.position, ends.position, False), rx, ends)
         blocks = [scattered_columns(self.state, self.radar.wavelength, points, there, back)]
-        if self.settings.double_bounce and len(ends):
-            between = joined_legs([self._to_itself(index, points, tx.rotation) for index in range(len(ends))])
+        if self.settings.double_bounce and len(ends.position):
+            between = joined_legs([self._to_itself(index, points, tx.rotation) for index in range(len(ends.position))])
             blocks.append(scattered_columns(self.state, self.radar.wavelength, points, there, back, between))
         return blocks
 
@@ -322,7 +324,8 @@ class _Solver:
         position, velocity = points.positions[index], points.velocities[index]
         targets = self._own_targets(position, position)
         traced = _at_one_target(self._trace(position, targets, False))
-        legs = self._legs(traced, Station(position, velocity, rotation), targets[:1], velocity[None], rotation)
+        itself = EndPoints(targets[:1], velocity[None], rotation)
+        legs = self._legs(traced, Station(position, velocity, rotation), itself)
         return replace(legs, target=np.full(len(legs.target), index, dtype=np.int64))
 
 

@@ -1,4 +1,4 @@
-"""One end of a radar link in a scene."""
+"""The ends of a radar link in a scene: a radar, and the points that its waves reach."""
 
 from __future__ import annotations
 
@@ -21,3 +21,23 @@ class Station:
     velocity: Array
     rotation: Array
     arms: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class EndPoints:
+    """Points that legs from a station end at.
+
+    Attributes
+    ----------
+    position, velocity : ndarray of float64, shape (num_targets, 3)
+        [m], [m/s], world.
+    rotation : ndarray of float64, shape (3, 3)
+        Axes of the frame in which the polarisation at the points is given, as columns.
+    is_station : bool
+        Whether the points carry a radar's antennas, not point targets.
+    """
+
+    position: Array
+    velocity: Array
+    rotation: Array
+    is_station: bool = False

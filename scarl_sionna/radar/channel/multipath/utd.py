@@ -6,6 +6,7 @@ Time dependence e^{+j 2 pi f t}.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -55,25 +56,32 @@ def _cotangent_times_transition(angle: float, n: float, distance: float) -> comp
     return complex(sign * np.cos(delta) * ratio * root * _transition_over_root(root * away))
 
 
-def edge_transfer(
-    wedge: Wedge,
-    incident: Array,
-    diffracted: Array,
-    before: float,
-    behind: float,
-    wavenumber: float,
-    reflection: Reflection,
-) -> Complex:
+@dataclass(frozen=True, eq=False)
+class EdgeRay:
+    """A ray that an edge bends.
+
+    Attributes
+    ----------
+    incident, diffracted : ndarray of float64, shape (3,)
+        Unit directions of travel; both make the same angle with the edge.
+    before, behind : float
+        Lengths from the source to the edge and from there on [m].
+    """
+
+    incident: Array
+    diffracted: Array
+    before: float
+    behind: float
+
+
+def edge_transfer(wedge: Wedge, ray: EdgeRay, wavenumber: float, reflection: Reflection) -> Complex:
     r"""Return what turns the field of the incident ray into that of the diffracted ray, shape (3, 3), world axes.
 
     Parameters
     ----------
     wedge : Wedge
         With its 0-face lit.
-    incident, diffracted : ndarray of float64, shape (3,)
-        Unit directions of travel; both make the same angle with the edge.
-    before, behind : float
-        Lengths from the source to the edge and from there on [m].
+    ray : EdgeRay
     wavenumber : float
         [1/m].
     reflection : callable
@@ -102,7 +110,7 @@ def edge_transfer(
     .. [2] R. Luebbers, *Finite conductivity uniform GTD versus knife edge diffraction in prediction of propagation path loss*,
        IEEE Trans. Antennas Propag. 32(1), 1984.
     """
-    edge = wedge.direction
+    edge, incident, diffracted, before, behind = wedge.direction, ray.incident, ray.diffracted, ray.before, ray.behind
     n = wedge.exterior / np.pi
     sine = float(np.linalg.norm(np.cross(edge, incident)))
     source, end = _angle(wedge, -incident), _angle(wedge, diffracted)
