@@ -102,7 +102,12 @@ class SensorMount(Described):
         kind, stated = data["kind"], data.get("spec") or {}
         spec = read_spec(kind, stated)
         settings = _settings_of(kind, what, data.get("settings"), stated)
-        return cls(data["name"], kind, spec, Pose(pose["position"], pose.get("quaternion", _FACING_FRONT)), settings)
+        try:
+            place = Pose(pose["position"], pose.get("quaternion", _FACING_FRONT))
+        except ParameterRangeError as error:
+            where = f"{what} vehicle_from_sensor.{error.name}"
+            raise ParameterRangeError(where, error.value, error.allowed, "keep to the form of Rig.to_dict()") from error
+        return cls(data["name"], kind, spec, place, settings)
 
 
 @dataclass(frozen=True, repr=False)
