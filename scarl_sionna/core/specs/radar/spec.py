@@ -110,7 +110,7 @@ class RadarSpec(Spec):
             raise AttributeError(f"{type(self).__name__} has no '{name}'; read {place}", name=name, obj=self)
 
     def _facts(self) -> Iterable[Row]:
-        """The fields of the waveform have a row each, those of another part one row."""
+        """Return a row for every field of the waveform, and one for each other part."""
         for name, text in super()._facts():
             part = getattr(self, name)
             if not isinstance(part, Spec):
