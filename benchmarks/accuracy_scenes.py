@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,6 +32,7 @@ from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.scatterers.compile import range_profile
 from scarl_sionna.signal.noise import angle_cell_noise_power
+from scenes_xml import scene_path
 
 SPEED_OF_LIGHT = 299792458.0
 
@@ -41,7 +40,7 @@ SPEED_OF_LIGHT = 299792458.0
 def car_alone() -> tuple[Any, trimesh.Trimesh]:
     """Return the state of a world with the highway's car ahead alone as one metal mesh, and that mesh."""
     where = folder()
-    parts = sorted(Path(str(files("scenes_xml") / "highway_guardrail" / "meshes")).glob("car_ahead_*.ply"))
+    parts = sorted((scene_path("highway_guardrail").parent / "meshes").glob("car_ahead_*.ply"))
     mesh = trimesh.util.concatenate([trimesh.load(path, process=False) for path in parts])
     mesh.export(where / "car.ply")
     root = ET.Element("scene", version="3.0.0")

@@ -3,20 +3,23 @@
 python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people colours]
 python benchmarks/actor_figures.py --only saloon bus [--views front rear] [--width 560] [--samples 12]
 
-With --only, one sheet of those models is written (actors_chosen.png), for a look while a model is made.
+With --only, one sheet of those models is written (actors_chosen.jpg), for a look while a model is made.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import scarl_sionna as ss
+from benchmarks.photo import save_photo
 from camera_lidar import Camera
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
@@ -26,7 +29,6 @@ from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, Static
 
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
 COLORFUL = ("saloon", "van", "lorry", "bus")
-LARGEST_FILE = 300_000
 VIEWS = {
     "front": (33.0, 11.0),
     "rear": (147.0, 14.0),
@@ -101,21 +103,6 @@ def sheet(tiles: list[tuple[str, Image.Image]], columns: int) -> Image.Image:
     return image
 
 
-def save(image: Image.Image, path: Path) -> None:
-    """Write a PNG below `LARGEST_FILE`: with coarser steps of brightness where it is larger."""
-    values = np.asarray(image).astype(int)
-    for step in (1, 2, 3, 4, 5, 6, 8):
-        buffer = BytesIO()
-        Image.fromarray(np.minimum(np.rint(values / step) * step, 255).astype(np.uint8)).save(
-            buffer, "PNG", optimize=True
-        )
-        if buffer.tell() <= LARGEST_FILE:
-            path.write_bytes(buffer.getvalue())
-            print(f"{path}: {buffer.tell() // 1000} kB, steps of {step}", flush=True)
-            return
-    raise SystemExit(f"{path.name} has {buffer.tell()} bytes")
-
-
 def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> None:
     if "vehicles" in wanted:
         size = (360, 202)
@@ -123,12 +110,12 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
             (f"{name}, {level}", studio.picture(name, level, "front", size, samples))
             for level in ("detailed", "light") for name in VEHICLES
         ]  # fmt: skip
-        save(sheet(tiles, 3), folder / "actors_vehicles.png")
+        save_photo(sheet(tiles, 3), folder / "actors_vehicles.jpg")
         tiles = [
             (name, studio.picture(name, "detailed", "right" if name == "bus" else "rear", size, samples))
             for name in VEHICLES
         ]
-        save(sheet(tiles, 3), folder / "actors_rear.png")
+        save_photo(sheet(tiles, 3), folder / "actors_rear.jpg")
     if "people" in wanted:
         size = (230, 300)
         names = [name for name in actor_names() if name not in VEHICLES]
@@ -136,7 +123,7 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
             (f"{name}{', light' if level == 'light' else ''}", studio.picture(name, level, "front", size, samples))
             for level in ("detailed", "light") for name in names
         ]  # fmt: skip
-        save(sheet(tiles, len(names)), folder / "actors_people.png")
+        save_photo(sheet(tiles, len(names)), folder / "actors_people.jpg")
     if "colours" in wanted:
         tiles = []
         for name in COLORFUL:
@@ -144,7 +131,7 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
                 tiles.append(
                     (f"{name}: {variant}", studio.picture(name, "detailed", "front", (256, 144), samples, variant))
                 )
-        save(sheet(tiles, 5), folder / "actors_colours.png")
+        save_photo(sheet(tiles, 5), folder / "actors_colours.jpg")
 
 
 def main() -> None:
@@ -167,7 +154,7 @@ def main() -> None:
             (f"{name}, {level}", studio.picture(name, level, view, size, arguments.samples))
             for name in arguments.only for level in arguments.levels for view in arguments.views
         ]  # fmt: skip
-        save(sheet(tiles, len(arguments.views)), arguments.figures / "actors_chosen.png")
+        save_photo(sheet(tiles, len(arguments.views)), arguments.figures / "actors_chosen.jpg")
 
 
 if __name__ == "__main__":

@@ -2,27 +2,29 @@
 
     python benchmarks/camera_figures.py [--figures docs/figures] [--only camera_dusk camera_rain]
 
-Each is 960 x 540, denoised, and written below 400 kB: colours in 7 bits, smaller where that is not enough.
+Each is 960 x 540 and denoised.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.photo import save_photo
 from camera_lidar import Camera
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec, ImageSensor
 from scarl_sionna.engine.world import load_scene
 
 TIME = 0.9
-LARGEST_FILE = 400_000
 NIGHT_SENSOR = ImageSensor(veiling_glare=0.06, full_well=20_000, saturation=4.0, read_noise=1.5)
 """Light scattered in the optics shows what a picture cannot: how bright lamps are."""
 
@@ -53,18 +55,6 @@ PICTURES: dict[str, tuple[str, View, float, int, ImageSensor | None]] = {
 """Name -> lighting, view, field of view [deg], samples, image sensor."""
 
 
-def save(image: Image.Image, path: Path) -> None:
-    """Write a PNG that is small enough."""
-    for width in (960, 880, 800, 720, 640):
-        pixels = np.asarray(image.resize((width, width * 9 // 16), Image.Resampling.LANCZOS), dtype=np.float64)
-        rounded = np.rint(np.rint(pixels / 255.0 * 127.0) / 127.0 * 255.0).astype(np.uint8)
-        stream = BytesIO()
-        Image.fromarray(rounded).save(stream, "png", optimize=True)
-        if stream.tell() <= LARGEST_FILE:
-            break
-    path.write_bytes(stream.getvalue())
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--figures", type=Path, default=Path("docs/figures"))
@@ -78,7 +68,7 @@ def main() -> None:
         spec = CameraSpec(images=("rgb",), horizontal_fov_deg=field, samples_per_pixel=samples, sensor=sensor)
         frame = Camera(spec).observe(state, *view(state), np.random.default_rng(1))
         assert frame.rgb is not None
-        save(Image.fromarray(frame.rgb), options.figures / f"{name}.png")
+        save_photo(Image.fromarray(frame.rgb), options.figures / f"{name}.jpg")
         print(name, flush=True)
 
 

@@ -6,18 +6,20 @@ python benchmarks/scene_figures.py [--figures docs/figures] [--only scene_urban_
 from __future__ import annotations
 
 import argparse
-from io import BytesIO
+import sys
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.photo import save_photo
 from camera_lidar import Camera
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.world import load_scene
 
-LARGEST_FILE = 340_000
 STREET = Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(2.0))
 """A camera on the ego's roof."""
 ABOVE = Pose.from_euler([-12.0, -2.0, 13.0], yaw=np.radians(5.0), pitch=np.radians(27.0))
@@ -65,18 +67,6 @@ def picture(scene: str, lighting: str, time: float, camera: Pose) -> Image.Image
     return Image.fromarray(frame.rgb)
 
 
-def save(image: Image.Image, path: Path) -> None:
-    """Write a PNG below `LARGEST_FILE`: fewer colours where it is larger."""
-    buffer = BytesIO()
-    image.save(buffer, "PNG", optimize=True)
-    if buffer.tell() > LARGEST_FILE:
-        buffer = BytesIO()
-        image.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(buffer, "PNG", optimize=True)
-    if buffer.tell() > LARGEST_FILE:
-        raise SystemExit(f"{path.name} has {buffer.tell()} bytes")
-    path.write_bytes(buffer.getvalue())
-
-
 def gallery(figures: Path) -> Path:
     """Write the street views of eight scenes as one picture."""
     names = (
@@ -84,7 +74,7 @@ def gallery(figures: Path) -> Path:
     )  # fmt: skip
     width, columns, gap = 420, 4, 6
     views = [
-        Image.open(figures / f"scene_{n}_{'day' if n == 'urban_crossing' else 'street'}.png").convert("RGB")
+        Image.open(figures / f"scene_{n}_{'day' if n == 'urban_crossing' else 'street'}.jpg").convert("RGB")
         for n in names
     ]
     tiles = [view.resize((width, round(width * 9 / 16)), Image.Resampling.LANCZOS) for view in views]
@@ -94,7 +84,7 @@ def gallery(figures: Path) -> Path:
     for number, tile in enumerate(tiles):
         sheet.paste(tile, (number % columns * (width + gap), number // columns * (height + gap)))
     path = figures / "scenes_gallery.jpg"
-    sheet.save(path, quality=88)
+    save_photo(sheet, path)
     return path
 
 
@@ -104,8 +94,8 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", choices=PICTURES, default=list(PICTURES))
     arguments = parser.parse_args()
     for name in arguments.only:
-        save(picture(*PICTURES[name]), arguments.figures / f"{name}.png")
-        print(f"{name}: {(arguments.figures / f'{name}.png').stat().st_size // 1000} kB")
+        save_photo(picture(*PICTURES[name]), arguments.figures / f"{name}.jpg")
+        print(f"{name}: {(arguments.figures / f'{name}.jpg').stat().st_size // 1000} kB")
     print(gallery(arguments.figures))
 
 

@@ -1,22 +1,24 @@
-"""Mitsuba scenes of the project: data files, and the scripts that build them.
+"""Mitsuba scenes and actor models of the project: descriptions, packed meshes and textures, and the scripts that build them.
 
-Each folder that holds ``<name>/<name>.xml`` and ``<name>/scene.toml`` is a scene.  Reading a scene needs nothing of this
-package but the path.  Variants and light levels are built on first use into a cache folder.
+Each folder that holds ``<name>/<name>.xml`` and ``<name>/scene.toml`` is a scene, each ``actors/<name>/actor.toml`` an actor model.
+Their meshes and textures lie beside them in one packed file, and are unpacked into a cache folder on first use; variants and light
+levels of scenes are built there. Nothing is fetched, and this package needs nothing of the simulator.
 """
 
 from __future__ import annotations
 
 import hashlib
 import importlib
-import os
-import shutil
-import tempfile
+from functools import lru_cache
 from pathlib import Path
+
+from . import packing
+from .cache import cache_folder, kept_folder
 
 _ROOT = Path(__file__).resolve().parent
 _DETAILS = ("detailed", "light")
 
-__all__ = ["actor_names", "cache_folder", "scene_names", "scene_path"]
+__all__ = ["actor_names", "actor_path", "cache_folder", "scene_names", "scene_path"]
 
 
 def scene_names() -> tuple[str, ...]:
@@ -32,7 +34,7 @@ def actor_names() -> tuple[str, ...]:
 
 
 def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:
-    """Return the path of a scene's Mitsuba XML; what does not come with the package is built first.
+    """Return the path of a scene's Mitsuba XML, in a cache folder into which it is unpacked or built first.
 
     Parameters
     ----------
@@ -46,7 +48,7 @@ def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:
     Returns
     -------
     pathlib.Path
-        ``<name>.xml``; ``scene.toml`` lies beside it.
+        ``<name>.xml``; ``scene.toml``, ``meshes`` and ``textures`` lie beside it.
 
     Raises
     ------
@@ -55,7 +57,12 @@ def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:
     ValueError
         If `variant` is no whole number from 0, or `detail` is unknown.
     OSError
-        If the cache folder cannot be written; the message says how to choose another.
+        If no cache folder can be written; the message says how to choose another. Or if a file of the package is damaged.
+
+    Warns
+    -----
+    UserWarning
+        If the user's cache folder cannot be written and one for temporary files is used instead.
     """
     if name not in scene_names():
         raise KeyError(f"no scene {name!r} in scenes_xml; choose one of {', '.join(scene_names())}")
@@ -63,50 +70,68 @@ def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:
         raise ValueError(f"variant of scene {name!r} is {variant!r}; allowed are whole numbers from 0")
     if detail not in _DETAILS:
         raise ValueError(f"detail of scene {name!r} is {detail!r}; allowed are {' and '.join(_DETAILS)}")
-    if variant == 0 and detail == "detailed":
-        return _ROOT / name / f"{name}.xml"
-    folder = cache_folder() / "scenes" / f"{name}-v{variant}-{detail}-{_source_hash()}"
-    if not (folder / f"{name}.xml").is_file():
-        _build(name, variant, detail, folder)
+    is_packed = variant == 0 and detail == "detailed"
+    stem = f"{name}-v{variant}-{detail}"
+    main = [f"{name}.xml", "scene.toml"]
+    if is_packed:
+        source = _ROOT / name
+        files = [*main, *_packed_files(source)]
+        folder = kept_folder(
+            "scenes", f"{stem}-{packing.content_key(source)}", files, lambda place: packing.unpack_into(source, place)
+        )
+    else:
+        folder = kept_folder(
+            "scenes", f"{stem}-{_source_hash()}", main, lambda place: _build(name, variant, detail, place)
+        )
     return folder / f"{name}.xml"
 
 
-def cache_folder() -> Path:
-    """Return where built scenes are kept: ``SCARL_CACHE_DIR``, else ``scarl-sionna`` in the user's cache folder."""
-    if chosen := os.environ.get("SCARL_CACHE_DIR"):
-        return Path(chosen).expanduser().absolute()
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "scarl-sionna"
+def actor_path(name: str) -> Path:
+    """Return the path of an actor model's ``actor.toml``, in a cache folder into which the model is unpacked first.
+
+    Parameters
+    ----------
+    name : str
+        One of `actor_names`.
+
+    Returns
+    -------
+    pathlib.Path
+        ``actor.toml``; ``<name>.xml``, ``<name>_light.xml`` and ``meshes`` lie beside it.
+
+    Raises
+    ------
+    KeyError
+        If there is no such model; the message lists those that exist.
+    OSError, UserWarning
+        As `scene_path`.
+    """
+    if name not in actor_names():
+        raise KeyError(f"no actor model {name!r} in scenes_xml; choose one of {', '.join(actor_names())}")
+    source = _ROOT / "actors" / name
+    files = [f"{name}/{file}" for file in ("actor.toml", f"{name}.xml", f"{name}_light.xml", *_packed_files(source))]
+
+    def fill(place: Path) -> None:
+        (place / name).mkdir()
+        packing.unpack_into(source, place / name)
+
+    return kept_folder("models", f"{name}-{packing.content_key(source)}", files, fill) / name / "actor.toml"
 
 
+def _packed_files(source: Path) -> tuple[str, ...]:
+    return tuple(file for file in packing.checksums(source) if not file.endswith((".xml", ".toml")))
+
+
+@lru_cache(maxsize=1)
 def _source_hash() -> str:
     """Return a hash of all sources that may shape a scene, so that a changed builder never meets an old cache."""
     digest = hashlib.sha256()
-    for file in sorted(file for file in _ROOT.glob("*/*.py") if file.parent.name != "actors"):
-        digest.update(file.relative_to(_ROOT).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
+    for file in sorted(_ROOT.glob("*/**/*.py"), key=lambda file: file.relative_to(_ROOT).as_posix()):
+        place = file.relative_to(_ROOT)
+        if place.parts[0] != "actors":
+            digest.update(place.as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()[:12]
 
 
 def _build(name: str, variant: int, detail: str, folder: Path) -> None:
-    """Build beside the target and rename: another process sees all of a scene or nothing, and the first to finish wins."""
-    builder = importlib.import_module(f"scenes_xml.{name}.build")
-    temporary = None
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-        temporary.chmod(0o755)
-        builder.build(temporary, variant, detail)
-        try:
-            temporary.rename(folder)
-        except OSError:
-            if not (folder / f"{name}.xml").is_file():  # else another process was first, with the same bytes
-                raise
-    except OSError as error:
-        raise OSError(
-            error.errno,
-            f"cannot build variant {variant} ({detail}) of scene {name!r} in {folder.parent}: {error.strerror or error}; "
-            "free space there, or set SCARL_CACHE_DIR to a folder that can be written",
-        ) from error
-    finally:
-        if temporary is not None:
-            shutil.rmtree(temporary, ignore_errors=True)
+    importlib.import_module(f"scenes_xml.{name}.build").build(folder, variant, detail)

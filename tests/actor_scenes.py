@@ -5,20 +5,19 @@ from __future__ import annotations
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.engine.world import World, load_scene
+from scenes_xml import actor_path
 
-ACTORS = Path(str(files("scenes_xml"))) / "actors"
 NAMES = ("adult_man", "adult_woman", "child", "standing_adult", "bicycle", "scooter", "motorcycle")
 
 
 def actor_table(model: str) -> dict[str, Any]:
     """Return the actor.toml of a model."""
-    return read_toml(ACTORS / model / "actor.toml")
+    return read_toml(actor_path(model).parent / "actor.toml")
 
 
 def actor_world(
@@ -34,11 +33,11 @@ def actor_world(
     `radio` replaces all radio materials, `joint` sets keys of the walk or pedal joint (``phase=0.3``).
     """
     table = actor_table(model)
-    root = ET.parse(ACTORS / model / f"{model}{'' if detail == 'detailed' else '_light'}.xml").getroot()
+    root = ET.parse(actor_path(model).parent / f"{model}{'' if detail == 'detailed' else '_light'}.xml").getroot()
     for shape in root.findall("shape"):
         shape.set("id", f"it_{shape.get('id')}")
     for name in root.iter("string"):
-        name.set("value", str(ACTORS / model / str(name.get("value"))))
+        name.set("value", str(actor_path(model).parent / str(name.get("value"))))
     shapes = {str(shape.get("id")) for shape in root.findall("shape")}
     folder.mkdir(parents=True, exist_ok=True)
     ET.ElementTree(root).write(folder / f"{model}.xml")

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
 
 import pytest
 from hypothesis import settings
+
+from scarl_sionna.engine.memory import release_memory, resident_bytes
+from tests import own_process
 
 settings.register_profile(
     "ci", derandomize=True
@@ -15,15 +19,86 @@ settings.register_profile(
 if os.environ.get("CI"):
     settings.load_profile("ci")
 
+MOST_MEMORY = 1.5e9
+"""Bytes that a process of the tests may take at most; a session with one above fails. A world that a module keeps too long, or a
+cache without a bound, shows here first."""
+MUCH_MEMORY, MORE_MEMORY = 0.6e9, 0.1e9
+"""A process with more than the first gives back what it no longer uses whenever it has grown by the second; the engine takes 0.3 GB,
+TensorFlow 0.5 GB more."""
+PEAKS = pytest.StashKey[dict[str, int]]()
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--run-slow", action="store_true", help="also run the tests that are marked slow")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[PEAKS] = {}
+    if config.pluginmanager.hasplugin("xdist"):
+        config.pluginmanager.register(_Workers(config.stash[PEAKS]))
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if config.getoption("--run-slow"):
-        return
+    run_slow = config.getoption("--run-slow")
     skip = pytest.mark.skip(reason="slow: runs with --run-slow")
     for item in items:
-        if "slow" in item.keywords:
+        if "slow" in item.keywords and not run_slow:
             item.add_marker(skip)
+    own_process.send_away(items, ["--run-slow"] if run_slow else [])
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if own_process.RESULTS in os.environ:
+        own_process.write_report(report)
+
+
+def pytest_runtest_logfinish() -> None:
+    """After a test, when its fixtures are gone: give back what nobody uses, once it is more than the last time."""
+    now = resident_bytes()[0]
+    if now > max(MUCH_MEMORY, _Memory.after_release + MORE_MEMORY):
+        release_memory()
+        _Memory.after_release = resident_bytes()[0]
+
+
+class _Memory:
+    """What this process had when it last gave memory back [bytes]."""
+
+    after_release = 0
+
+
+class _Workers:
+    """Collects the peaks of the workers in the process that started them."""
+
+    def __init__(self, peaks: dict[str, int]) -> None:
+        self.peaks = peaks
+
+    def pytest_testnodedown(self, node: Any) -> None:
+        output = getattr(node, "workeroutput", {})
+        if "peak_memory" in output:
+            self.peaks[node.gateway.id] = output["peak_memory"]
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    output = getattr(session.config, "workeroutput", None)
+    peak = resident_bytes()[1]
+    if output is not None:  # a worker of xdist: the controller judges
+        output["peak_memory"] = peak
+        return
+    peaks = session.config.stash[PEAKS]
+    peaks["this process"] = peak
+    if max(peaks.values()) > MOST_MEMORY and not session.config.getoption("--run-slow"):
+        session.exitstatus = max(session.exitstatus, pytest.ExitCode.TESTS_FAILED)
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    peaks = config.stash[PEAKS]
+    worst = max(peaks, key=lambda name: peaks[name], default=None)
+    if worst is None:
+        return
+    terminalreporter.write_line(f"peak memory: {peaks[worst] / 1e9:.2f} GB ({worst})")
+    if peaks[worst] > MOST_MEMORY:
+        terminalreporter.write_line(
+            f"a process of the tests took more than {MOST_MEMORY / 1e9:g} GB: find what keeps it (fixtures of a session or a module, "
+            "caches), or split the module",
+            red=True,
+        )

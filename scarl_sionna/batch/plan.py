@@ -103,8 +103,15 @@ def _checksum(document: SceneDocument) -> str:
     path = document.path
     named = {Path(item.get("value", "")) for item in document.root.iter("string") if item.get("name") == "filename"}
     files = {path, path.parent / "scene.toml", *document.files, *named}
-    digests = sorted(hashlib.sha256(file.read_bytes()).digest() for file in files if file.is_file())
+    digests = sorted(bytes.fromhex(_recorded(file)) for file in files if file.is_file())
     return hashlib.sha256(b"".join(digests)).hexdigest()
+
+
+def _recorded(file: Path) -> str:
+    """Return the SHA-256 of a file; of a texture of the package, the one that does not depend on this machine's Pillow."""
+    from scenes_xml.packing import recorded_digest
+
+    return recorded_digest(file, hashlib.sha256(file.read_bytes()).hexdigest())
 
 
 def check_storable(name: str, kind: str) -> None:

@@ -16,7 +16,7 @@ from .spec import Spec
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
 from .specs.radar.spec import RadarSpec
-from .specs.radar.version_0_1 import read_radar, settings_of_version_0_1
+from .specs.radar.version_0_1 import lift_version_0_1
 
 ENTRY_POINT_GROUP = "scarl.sensors"
 
@@ -81,43 +81,21 @@ def settings_type(kind: str) -> type[Spec] | None:
     return getattr(sensor_class(kind), "settings_type", None)
 
 
-def read_spec(kind: str, data: Mapping[str, Any]) -> Spec:
-    """Return the specification that a rig file or a dataset holds, of this version or an earlier one.
+def lifted(kind: str, spec: Mapping[str, Any], settings: Any = None) -> tuple[Mapping[str, Any], Any]:
+    """Return the fields of a specification and of settings in a rig file or a dataset as this version has them.
 
     Parameters
     ----------
     kind : str
         Sensor kind.
-    data : mapping
-        Fields of the specification; those left out keep their defaults.
-
-    Raises
-    ------
-    UnknownNameError
-        If the kind is not known.
-    ParameterRangeError
-        If a key is unknown or a value is not allowed.
-    """
-    return read_radar(data) if kind == "radar" else spec_type(kind)(**data)
-
-
-def read_settings(kind: str, data: Mapping[str, Any] | None, spec: Mapping[str, Any]) -> Spec | None:
-    """Return the settings that a rig file or a dataset holds, of this version or an earlier one; None if it states none.
-
-    Parameters
-    ----------
-    kind : str
-        Sensor kind; one that has settings.
-    data : mapping, optional
-        Fields of the settings.
     spec : mapping
-        Fields of the specification beside them, in which version 0.1 kept some.
+        Fields of the specification, of this version or an earlier one.
+    settings : mapping, optional
+        Fields of the settings.
 
     Raises
     ------
     ParameterRangeError
-        If a key is unknown or a value is not allowed.
+        If fields of different versions stand beside each other.
     """
-    cls = settings_type(kind)
-    fields = {**(settings_of_version_0_1(spec) if kind == "radar" else {}), **(data or {})}
-    return cls(**fields) if cls is not None and fields else None
+    return lift_version_0_1(spec, settings) if kind == "radar" else (spec, settings)

@@ -18,7 +18,7 @@ from PIL import Image
 
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.registry import read_spec, sensor_class
+from scarl_sionna.core.registry import SETTINGS_TYPES, SPEC_TYPES, lifted, sensor_class, spec_type
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_COLORS
 from scarl_sionna.core.spec import Spec
@@ -259,4 +259,17 @@ def decode_png(kind: str, data: bytes) -> npt.NDArray[Any]:
 
 def spec_of(mount: Mapping[str, Any]) -> Spec:
     """Return the specification in a rig's entry of a sensor."""
-    return read_spec(mount["kind"], mount["spec"])
+    return spec_type(mount["kind"])(**lifted(mount["kind"], mount["spec"])[0])
+
+
+def mount_today(mount: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a rig's entry of a sensor, of this schema version or an earlier one, as `SensorMount.to_dict` writes it."""
+    kind = mount["kind"]
+    if kind not in SETTINGS_TYPES:
+        return dict(mount)
+    spec, settings = lifted(kind, mount["spec"], mount.get("settings"))
+    return {
+        **mount,
+        "spec": SPEC_TYPES[kind](**spec).model_dump(mode="json"),
+        "settings": SETTINGS_TYPES[kind](**(settings or {})).model_dump(mode="json"),
+    }

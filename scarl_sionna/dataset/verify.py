@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ from .encoding import decode_png
 from .readers.reader import Dataset, Scene, open_dataset
 from .schema import OBJECT, POINT
 from .store.card import dataset_card, is_card, unmarked_card
-from .store.files import LocalFiles, output_error
+from .store.files import output_error
 from .store.layout import (
     CARD,
     DATA_FOLDERS,
@@ -456,10 +457,9 @@ def _metadata_of_nothing(folder: DatasetFolder, scene: str) -> list[str]:
 
 
 def _remove(root: Path, name: str, found: Verification) -> None:
-    """Remove a file of the dataset; a link is removed itself, and nothing outside of the dataset."""
-    try:
-        path = LocalFiles(root).path(name) if not (root / name).is_symlink() else root / name
-    except DatasetError:
+    """Remove a file of the dataset; a link is removed itself, and nothing that is reached by one."""
+    path = root / name
+    if os.path.realpath(path.parent) != os.path.join(os.path.realpath(root), os.path.dirname(name)).rstrip("/"):
         return
     if not remove_file(path):
         found.foreign.append(f"{name}/ (a folder where a file belongs)")

@@ -41,6 +41,11 @@ _WRITTEN = re.compile(r".*\.(vertex_positions|vertex_normals|faces|emitter\.radi
 """Parameters of the engine's scene that are read or written."""
 
 
+_PARALLEL = False
+"""Mitsuba 3.9 with several loader threads loses the memory of a texture at each load (12 MB for one of 1024 x 1024), which
+Dr.Jit counts as allocated and never frees; with one thread it does not, and a scene loads as fast."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class MeshData(Described, units={"vertices": "m"}):
     """Vertices as the engine holds them (float32 values as float64) and faces of one part."""
@@ -105,7 +110,8 @@ class Twin:
     def _load_optical(self, mi: Any, document: SceneDocument, lighting: Lighting | None) -> None:
         self.airlight = np.zeros(3)
         with temporary_folder() as folder:
-            self.mi_scene = mi.load_string(optical_xml(document, lighting, folder, mi), optimize=False)
+            xml = optical_xml(document, lighting, folder, mi)
+            self.mi_scene = mi.load_string(xml, optimize=False, parallel=_PARALLEL)
         if lighting is not None and lighting.visibility is not None:
             self.airlight = airlight(mi, self.mi_scene)
 

@@ -17,7 +17,7 @@ from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRange
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.prompt.arguments import HOW_TO_POSE, expect
 from scarl_sionna.core.prompt.describe import Described, Row, vector
-from scarl_sionna.core.registry import read_settings, read_spec, settings_type, spec_type
+from scarl_sionna.core.registry import lifted, settings_type, spec_type
 from scarl_sionna.core.settings.radar import QUALITIES, RadarSettings
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
@@ -99,15 +99,14 @@ class SensorMount(Described):
         _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec", "settings"})
         pose = data["vehicle_from_sensor"]
         _check_keys(f"{what} vehicle_from_sensor", pose, required={"position"}, optional={"quaternion"})
-        kind, stated = data["kind"], data.get("spec") or {}
-        spec = read_spec(kind, stated)
-        settings = _settings_of(kind, what, data.get("settings"), stated)
+        kind = data["kind"]
+        spec, settings = lifted(kind, data.get("spec") or {}, data.get("settings"))
         try:
             place = Pose(pose["position"], pose.get("quaternion", _FACING_FRONT))
         except ParameterRangeError as error:
             where = f"{what} vehicle_from_sensor.{error.name}"
             raise ParameterRangeError(where, error.value, error.allowed, "keep to the form of Rig.to_dict()") from error
-        return cls(data["name"], kind, spec, place, settings)
+        return cls(data["name"], kind, spec_type(kind)(**spec), place, _settings_of(kind, what, settings))
 
 
 @dataclass(frozen=True, repr=False)
@@ -316,18 +315,17 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
     ]
 
 
-def _settings_of(kind: str, what: str, data: Any, spec: Mapping[str, Any]) -> Spec | None:
+def _settings_of(kind: str, what: str, data: Any) -> Spec | None:
     """Return the settings of a sensor from plain data."""
-    if data is not None:
-        cls = settings_type(kind)
-        allowed = (
-            f"none: the sensor kind '{kind}' has no settings"
-            if cls is None
-            else f"a mapping with fields of {cls.__name__}"
-        )
-        if cls is None or not isinstance(data, Mapping):
-            raise ParameterRangeError(f"{what} settings", repr(data)[:80], allowed)
-    return read_settings(kind, data, spec)
+    if data is None:
+        return None
+    cls = settings_type(kind)
+    allowed = (
+        f"none: the sensor kind '{kind}' has no settings" if cls is None else f"a mapping with fields of {cls.__name__}"
+    )
+    if cls is None or not isinstance(data, Mapping):
+        raise ParameterRangeError(f"{what} settings", repr(data)[:80], allowed)
+    return cls(**data)
 
 
 def _check_keys(what: str, data: Any, required: set[str], optional: set[str] = frozenset()) -> None:  # type: ignore[assignment]

@@ -1,4 +1,4 @@
-"""Build the actor models: ``python -m scenes_xml.actors.build [model ...]`` writes XML, meshes and actor.toml of each.
+"""Build the actor models: ``python -m scenes_xml.actors.build [model ...]`` writes XML, actor.toml and packed meshes of each.
 
 Everything follows from the numbers in this package; a second run gives the same bytes.
 """
@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from ..packing import write_packed
 from . import cars, cycles, heavy, people
 from .model import Model, write_model
 
@@ -24,11 +25,9 @@ MODELS: dict[str, Callable[[], Model]] = {
 """Name of each model -> the function that makes it."""
 
 
-def build(name: str, folder: Path | None = None) -> Path:
-    """Write a model into `folder` (left out: its place in this package) and return the folder."""
-    target = folder or Path(__file__).resolve().parent / name
-    write_model(MODELS[name](), target)
-    return target
+def build(name: str, folder: Path) -> None:
+    """Write a model into `folder`."""
+    write_model(MODELS[name](), folder)
 
 
 if __name__ == "__main__":
@@ -37,4 +36,4 @@ if __name__ == "__main__":
     if unknown:
         raise SystemExit(f"no actor model {', '.join(unknown)}; choose from {', '.join(MODELS)}")
     for model in chosen:
-        print(build(model))
+        write_packed(Path(__file__).resolve().parent / model, partial(build, model))

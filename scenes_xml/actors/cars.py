@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ..generators import car, car_light
-from ..generators.car import CarShape
-from ..generators.mesh import Mesh, box, merge
-from ..generators.vehicle_parts import bar, car_underbody, plate_text
+from ..generators.geometry.mesh import Mesh, box, merge
+from ..generators.vehicles import car, car_light
+from ..generators.vehicles.car import CarShape
+from ..generators.vehicles.vehicle_parts import bar, car_underbody, plate_text
 from . import materials
 from .materials import ROLES, VEHICLE, Color
 from .model import Model, Part

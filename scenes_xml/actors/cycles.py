@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from ..generators import bicycle, clothing, kick_scooter, motorcycle, pedestrian
-from ..generators.bicycle import BicycleShape
-from ..generators.kick_scooter import KickScooterShape
-from ..generators.mesh import Mesh
-from ..generators.motorcycle import MotorcycleShape
-from ..generators.pedestrian import FOOT, LOWER_LEG, UPPER_LEG, BodyShape
-from ..generators.posture import Posture, head_frame, posed, set_at, torso_frame
+from ..generators.geometry.mesh import Mesh
+from ..generators.people import clothing, pedestrian
+from ..generators.people.pedestrian import FOOT, LOWER_LEG, UPPER_LEG, BodyShape
+from ..generators.people.posture import Posture, head_frame, posed, set_at, torso_frame
+from ..generators.vehicles import bicycle, kick_scooter, motorcycle
+from ..generators.vehicles.bicycle import BicycleShape
+from ..generators.vehicles.kick_scooter import KickScooterShape
+from ..generators.vehicles.motorcycle import MotorcycleShape
 from ..generators.xml import Bsdf
 from .materials import ROLES, VEHICLE, paint
 from .model import Color, Model, Part, bounds

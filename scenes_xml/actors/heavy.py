@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ..generators import bus, lorry, van
-from ..generators.mesh import Mesh
+from ..generators.geometry.mesh import Mesh
+from ..generators.vehicles import bus, lorry, van
 from . import materials
 from .cars import joints
 from .materials import ROLES, VEHICLE, Color

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..generators import mesh
-from ..generators.mesh import Mesh
+from ..generators.geometry import mesh
+from ..generators.geometry.mesh import Mesh
 from ..generators.scene_toml import toml_value
 from ..generators.xml import Bsdf, Placement, scene_xml
 

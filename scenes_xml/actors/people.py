@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..generators import clothing, pedestrian
-from ..generators.mesh import Mesh, merge
-from ..generators.pedestrian import BodyShape
-from ..generators.posture import Posture, posed
+from ..generators.geometry.mesh import Mesh, merge
+from ..generators.people import clothing, pedestrian
+from ..generators.people.pedestrian import BodyShape
+from ..generators.people.posture import Posture, posed
 from ..generators.xml import Bsdf
 from .model import Color, Model, Part
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..generators.mesh import Array
-from ..generators.road import smooth_noise
+from ..generators.geometry.mesh import Array
+from ..generators.roads.road import smooth_noise
+from ..generators.roads.way import Way
 from ..generators.scene_toml import Lane
-from ..generators.way import Way
 
 START, STOP = -140.0, 260.0
 HALF = 3.05

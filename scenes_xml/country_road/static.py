@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators import guardrail, road
-from ..generators.ground import Ground, far_field
+from ..generators.geometry.mesh import Array, levelled, merge
 from ..generators.kit import SceneKit
-from ..generators.mesh import Array, levelled, merge
-from ..generators.rural import cells
+from ..generators.roads import guardrail, road
+from ..generators.roads.ground import Ground, far_field
+from ..generators.roadside.rural import cells
 from . import layout as at
 from .layout import Plan
 

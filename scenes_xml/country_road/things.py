@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators import building, furniture, garden, planting, rural, vegetation
-from ..generators.ground import Ground
-from ..generators.houses import HousePlan, family_house, house_parts
+from ..generators.buildings import building
+from ..generators.buildings.houses import HousePlan, family_house, house_parts
+from ..generators.geometry.mesh import Array, merge
 from ..generators.kit import SceneKit
-from ..generators.mesh import Array, merge
+from ..generators.plants import planting, vegetation
+from ..generators.roads.ground import Ground
+from ..generators.roadside import furniture, garden, rural
 from ..generators.scene_toml import Parking
 from . import layout as at
 from .layout import Plan

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from . import images, mesh
-from .mesh import Array, Mesh
-from .palette import PALETTE
+from .geometry import mesh
+from .geometry.mesh import Array, Mesh
 from .scene_toml import ActorEntry, Instance, Lane, Parking, scene_toml
+from .surfaces import images
+from .surfaces.palette import PALETTE
 from .xml import Bsdf, Placement, scene_xml
 
 Vector = tuple[float, float, float]

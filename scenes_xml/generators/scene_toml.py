@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .mesh import Array
+from .geometry.mesh import Array
 from .xml import Bsdf
 
 

@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.highway_guardrail.build`` writes the XML, meshes, textures and scene.toml.
+"""Build the scene: ``python -m scenes_xml.highway_guardrail.build`` writes the XML, scene.toml, and packed meshes and textures.
 
 Everything follows from the numbers in this package and `SEED`; a second run gives the same bytes.
 """
@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators import car, kit
-from ..generators.car_shapes import CARS, ROLES
+from ..generators import kit
 from ..generators.kit import Writer
-from ..generators.palette import PALETTE
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
+from ..generators.surfaces.palette import PALETTE
+from ..generators.vehicles import car
+from ..generators.vehicles.car_shapes import CARS, ROLES
 from ..generators.xml import Placement, scene_xml
+from ..packing import write_packed
 from . import images, roadside, static
 from .layout import ACTORS, CURVE, SEED, TIMES, lanes
 
@@ -78,4 +80,4 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
 
 
 if __name__ == "__main__":
-    build(Path(__file__).resolve().parent)
+    write_packed(Path(__file__).resolve().parent, build)

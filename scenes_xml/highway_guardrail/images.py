@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators import textures
+from ..generators.surfaces import textures
 from . import layout as at
 from .layout import LANE_LEFT, PAVEMENT_LEFT, PAVEMENT_RIGHT
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..generators.road import RoadCurve
+from ..generators.roads.road import RoadCurve
 from ..generators.scene_toml import Lane
 
 SEED = 0

@@ -6,8 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from ..generators import building, furniture, road, vegetation
-from ..generators.mesh import Array, Mesh
+from ..generators.buildings import building
+from ..generators.geometry.mesh import Array, Mesh
+from ..generators.plants import vegetation
+from ..generators.roads import road
+from ..generators.roadside import furniture
 from ..generators.scene_toml import Instance
 from ..generators.xml import Placement
 from . import layout as at

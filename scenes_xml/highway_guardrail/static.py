@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..generators import guardrail, road
-from ..generators.mesh import Mesh, levelled, merge
+from ..generators.geometry.mesh import Mesh, levelled, merge
+from ..generators.roads import guardrail, road
 from . import layout as at
 from .layout import CURVE, SEED
 

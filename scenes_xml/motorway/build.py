@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.motorway.build`` writes the XML, meshes, textures and scene.toml of variant 0.
+"""Build the scene: ``python -m scenes_xml.motorway.build`` writes the XML, scene.toml, and packed meshes and textures of variant 0.
 
 Everything follows from the numbers in this package and the variant's number; a second run gives the same bytes.
 """
@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators import interior, urban
-from ..generators.bridge import surface
+from ..generators.geometry.mesh import Array
 from ..generators.kit import SceneKit
-from ..generators.mesh import Array
+from ..generators.roads.bridge import surface
+from ..generators.roads.sweep import lane_line
 from ..generators.scene_toml import Lane
-from ..generators.sweep import lane_line
+from ..generators.surfaces import interior, urban
+from ..packing import write_packed
 from . import layout as at
 from . import static
 
@@ -90,4 +91,4 @@ def _lane(name: str, points: Array, speed: float, left: str | None) -> Lane:
 
 
 if __name__ == "__main__":
-    build(Path(__file__).resolve().parent)
+    write_packed(Path(__file__).resolve().parent, build)

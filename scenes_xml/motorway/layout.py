@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..generators.road import RoadCurve
+from ..generators.roads.road import RoadCurve
 
 SEED = 600
 START, STOP = -170.0, 350.0

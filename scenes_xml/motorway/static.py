@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators import bridge, furniture, gantry, motorway, road, traffic_light, vegetation
+from ..generators.geometry.mesh import merge
 from ..generators.kit import SceneKit
-from ..generators.mesh import merge
-from ..generators.planting import street_tree
-from ..generators.sweep import row, stations, sweep
+from ..generators.plants import vegetation
+from ..generators.plants.planting import street_tree
+from ..generators.roads import bridge, motorway, road
+from ..generators.roads.sweep import row, stations, sweep
+from ..generators.roadside import furniture, gantry, traffic_light
 from . import layout as at
 
 MARK = 0.004

@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.parking_garage.build`` writes the XML, meshes, textures and scene.toml of variant 0.
+"""Build the scene: ``python -m scenes_xml.parking_garage.build`` writes the XML, scene.toml, and packed meshes and textures of variant 0.
 
 Everything follows from the numbers in this package and the variant's number; a second run gives the same bytes.
 """
@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators import interior
+from ..generators.geometry.mesh import Array
 from ..generators.kit import SceneKit
-from ..generators.mesh import Array
 from ..generators.scene_toml import Lane, Parking
+from ..generators.surfaces import interior
+from ..packing import write_packed
 from . import layout as at
 from . import static
 
@@ -139,4 +140,4 @@ def _moving(kit: SceneKit, plan: at.Layout) -> None:
 
 
 if __name__ == "__main__":
-    build(Path(__file__).resolve().parent)
+    write_packed(Path(__file__).resolve().parent, build)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators import tunnel
+from ..generators.geometry.mesh import Mesh, box, extrude, grid, merge, tube
 from ..generators.kit import SceneKit
-from ..generators.mesh import Mesh, box, extrude, grid, merge, tube
-from ..generators.sweep import STRAIGHT, row
+from ..generators.roads import tunnel
+from ..generators.roads.sweep import STRAIGHT, row
 from . import layout as at
 
 MARK = 0.004

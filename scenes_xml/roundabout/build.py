@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.roundabout.build`` writes the XML, meshes, textures and scene.toml.
+"""Build the scene: ``python -m scenes_xml.roundabout.build`` writes the XML, scene.toml, and packed meshes and textures.
 
 Everything follows from the numbers in this package and the variant; a second run gives the same bytes.
 """
@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators.drive import drive, joined
-from ..generators.ground import Ground
 from ..generators.kit import SceneKit
-from ..generators.walkways import walk_lanes
+from ..generators.roads.drive import drive, joined
+from ..generators.roads.ground import Ground
+from ..generators.roads.walkways import walk_lanes
+from ..packing import write_packed
 from . import layout as at
 from . import static, things
 
@@ -98,4 +99,4 @@ def _actors(kit: SceneKit, p: at.Plan, ground: Ground) -> None:
 
 
 if __name__ == "__main__":
-    build(Path(__file__).resolve().parent)
+    write_packed(Path(__file__).resolve().parent, build)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..generators.mesh import Array
-from ..generators.polygon import resample
+from ..generators.geometry.mesh import Array
+from ..generators.geometry.polygon import resample
 from ..generators.scene_toml import Lane
 
 ARMS = ("east", "north", "west", "south")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators import polygon
-from ..generators.ground import Ground, far_field
+from ..generators.geometry import polygon
+from ..generators.geometry.mesh import Array, Mesh, box, grid, merge
 from ..generators.kit import SceneKit
-from ..generators.mesh import Array, Mesh, box, grid, merge
-from ..generators.walkways import split_near
+from ..generators.roads.ground import Ground, far_field
+from ..generators.roads.walkways import split_near
 from . import layout as at
 from .layout import ARMS, Plan, turned
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators import furniture, garden, planting, polygon, vegetation
-from ..generators.furniture import sign_stack
-from ..generators.ground import Ground
-from ..generators.houses import build_house, family_house, house_parts
+from ..generators.buildings.houses import build_house, family_house, house_parts
+from ..generators.geometry import polygon
+from ..generators.geometry.mesh import Array, Mesh, grid, merge, outward, tube
 from ..generators.kit import SceneKit
-from ..generators.mesh import Array, Mesh, grid, merge, outward, tube
+from ..generators.plants import planting, vegetation
+from ..generators.roads.ground import Ground
+from ..generators.roadside import furniture, garden
+from ..generators.roadside.furniture import sign_stack
 from ..generators.scene_toml import Parking
 from . import layout as at
 from .layout import ARMS, Plan, turned

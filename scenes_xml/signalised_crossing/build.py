@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.signalised_crossing.build`` writes the XML, meshes, textures and scene.toml of variant 0.
+"""Build the scene: ``python -m scenes_xml.signalised_crossing.build`` writes the XML, scene.toml, and packed meshes and textures of variant 0.
 
 Everything follows from the numbers in this package and the variant's number; a second run gives the same bytes.
 """
@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators import interior, urban
+from ..generators.geometry.mesh import Array
 from ..generators.kit import SceneKit
-from ..generators.mesh import Array
+from ..generators.surfaces import interior, urban
+from ..packing import write_packed
 from . import layout as at
 from . import static
 from .lanes import lanes
@@ -92,4 +93,4 @@ def _traffic(kit: SceneKit, plan: at.Layout) -> None:
 
 
 if __name__ == "__main__":
-    build(Path(__file__).resolve().parent)
+    write_packed(Path(__file__).resolve().parent, build)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators.mesh import Array
+from ..generators.geometry.mesh import Array
 from ..generators.scene_toml import Lane
 from . import layout as at
 

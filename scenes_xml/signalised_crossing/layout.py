@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..generators.mesh import Array
+from ..generators.geometry.mesh import Array
 
 SEED = 500
 LANE = 3.5

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators import bus_stop, cityblock, furniture, polygon, traffic_light, vegetation
-from ..generators.garden import gully_grate, manhole_cover
+from ..generators.buildings import cityblock
+from ..generators.geometry import polygon
+from ..generators.geometry.mesh import Mesh, box, grid, merge
 from ..generators.kit import SceneKit
-from ..generators.mesh import Mesh, box, grid, merge
-from ..generators.planting import street_tree
+from ..generators.plants import vegetation
+from ..generators.plants.planting import street_tree
+from ..generators.roadside import bus_stop, furniture, traffic_light
+from ..generators.roadside.garden import gully_grate, manhole_cover
 from . import layout as at
 
 MARK = 0.004

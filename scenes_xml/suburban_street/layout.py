@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..generators.houses import HousePlan, family_house
-from ..generators.mesh import Array
+from ..generators.buildings.houses import HousePlan, family_house
+from ..generators.geometry.mesh import Array
+from ..generators.roads.way import Way
 from ..generators.scene_toml import Lane, Parking
-from ..generators.way import Way
 
 START, STOP = -75.0, 155.0
 LANE = 1.4

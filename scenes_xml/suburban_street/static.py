@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..generators import garden, polygon
-from ..generators.ground import Ground, far_field
+from ..generators.geometry import polygon
+from ..generators.geometry.mesh import Array, Mesh, merge
 from ..generators.kit import SceneKit
-from ..generators.mesh import Array, Mesh, merge
-from ..generators.walkways import split_near
+from ..generators.roads.ground import Ground, far_field
+from ..generators.roads.walkways import split_near
+from ..generators.roadside import garden
 from . import layout as at
 from .layout import Plan
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..generators import furniture, garden, planting, vegetation
-from ..generators.ground import Ground
-from ..generators.houses import house_parts
+from ..generators.buildings.houses import house_parts
+from ..generators.geometry.mesh import Array, Mesh, merge
 from ..generators.kit import Prefab, SceneKit
-from ..generators.mesh import Array, Mesh, merge
+from ..generators.plants import planting, vegetation
+from ..generators.roads.ground import Ground
+from ..generators.roadside import furniture, garden
 from . import layout as at
 from .layout import Lot, Plan
 

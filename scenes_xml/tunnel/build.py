@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.tunnel.build`` writes the XML, meshes, textures and scene.toml of variant 0.
+"""Build the scene: ``python -m scenes_xml.tunnel.build`` writes the XML, scene.toml, and packed meshes and textures of variant 0.
 
 Everything follows from the numbers in this package and the variant's number; a second run gives the same bytes.
 """
@@ -10,11 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators import furniture, interior, road, textures, tunnel
+from ..generators.geometry.mesh import box, merge
 from ..generators.kit import SceneKit
-from ..generators.mesh import box, merge
+from ..generators.roads import road, tunnel
+from ..generators.roads.sweep import bar, lane_line, row, stations, sweep
+from ..generators.roadside import furniture
 from ..generators.scene_toml import Lane
-from ..generators.sweep import bar, lane_line, row, stations, sweep
+from ..generators.surfaces import interior, textures
+from ..packing import write_packed
 from . import layout as at
 
 NAME = "tunnel"
@@ -285,4 +288,4 @@ def _colour(t: at.Traffic) -> str | None:
 
 
 if __name__ == "__main__":
-    build(Path(__file__).resolve().parent)
+    write_packed(Path(__file__).resolve().parent, build)

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..generators.road import RoadCurve
-from ..generators.sweep import STRAIGHT
-from ..generators.tunnel import Bore, Opening
+from ..generators.roads.road import RoadCurve
+from ..generators.roads.sweep import STRAIGHT
+from ..generators.roads.tunnel import Bore, Opening
 
 SEED = 300
 ROAD = (-115.0, 205.0)

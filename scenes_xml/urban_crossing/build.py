@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.urban_crossing.build`` writes the XML, meshes, textures and scene.toml.
+"""Build the scene: ``python -m scenes_xml.urban_crossing.build`` writes the XML, scene.toml, and packed meshes and textures.
 
 Everything follows from the numbers in this package and `SEED`; a second run gives the same bytes.
 """
@@ -10,14 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
-from ..generators import car, furniture, kit, pedestrian, vegetation
-from ..generators.car_shapes import CARS as SHAPES
-from ..generators.car_shapes import ROLES
+from ..generators import kit
+from ..generators.geometry.mesh import Mesh
 from ..generators.kit import Writer
-from ..generators.mesh import Mesh
-from ..generators.palette import PALETTE
+from ..generators.people import pedestrian
+from ..generators.plants import vegetation
+from ..generators.roadside import furniture
 from ..generators.scene_toml import ActorEntry, Instance, scene_toml
+from ..generators.surfaces.palette import PALETTE
+from ..generators.vehicles import car
+from ..generators.vehicles.car_shapes import CARS as SHAPES
+from ..generators.vehicles.car_shapes import ROLES
 from ..generators.xml import Placement, scene_xml
+from ..packing import write_packed
 from . import images, static
 from . import layout as at
 
@@ -169,4 +174,4 @@ def _walkers(writer: Writer) -> Iterator[ActorEntry]:
 
 
 if __name__ == "__main__":
-    build(Path(__file__).resolve().parent)
+    write_packed(Path(__file__).resolve().parent, build)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from ..generators import textures
-from ..generators.mesh import Array
+from ..generators.geometry.mesh import Array
+from ..generators.surfaces import textures
 from ..highway_guardrail import images as shared
 from .layout import KERB_LEFT, KERB_RIGHT, LANE_LEFT
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..generators.mesh import Array
-from ..generators.pedestrian import BodyShape
-from ..generators.road import RoadCurve
+from ..generators.geometry.mesh import Array
+from ..generators.people.pedestrian import BodyShape
+from ..generators.roads.road import RoadCurve
 from ..generators.scene_toml import Lane
 
 SEED = 100

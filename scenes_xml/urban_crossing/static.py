@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..generators import building, road
-from ..generators.mesh import Mesh, box, grid, merge
+from ..generators.buildings import building
+from ..generators.geometry.mesh import Mesh, box, grid, merge
+from ..generators.roads import road
 from . import layout as at
 from .layout import STREET
 

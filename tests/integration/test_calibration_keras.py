@@ -10,7 +10,10 @@ import pytest
 from scarl_sionna.calibration import CalibrationProblem, ForwardModel, FreeParameter, SlabMeasurement
 from scarl_sionna.calibration.keras_layer import simulation_layer, whitened_data
 
-pytestmark = pytest.mark.skipif(importlib.util.find_spec("tensorflow") is None, reason="needs the extra [tensorflow]")
+pytestmark = [
+    pytest.mark.own_process,
+    pytest.mark.skipif(importlib.util.find_spec("tensorflow") is None, reason="needs the extra [tensorflow]"),
+]
 ANGLES = tuple(np.linspace(0.0, 75.0, 8))
 
 

@@ -6,8 +6,8 @@ Pages that begin in the middle of a session find the names that a session has: a
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ REPO = Path(__file__).resolve().parents[2]
 OWN_TESTS = ("getting_started.md", "reading.md", "formats.md")
 """Pages whose results are looked at by tests of their own."""
 SLOW = ("scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md", "materials.md", "micro_doppler.md")
+WITH_TENSORFLOW = ("calibration.md",)
 PAGES = sorted(
     path
     for path in (REPO / "README.md", *(REPO / "docs").glob("*.md"))
@@ -40,8 +41,8 @@ class SonarPing:
     echo: np.ndarray
 
 
-@cache
-def session() -> dict[str, Any]:
+@pytest.fixture(scope="module")
+def session() -> Iterator[dict[str, Any]]:
     """Return the names of a session."""
     world = ss.load_scene("highway_guardrail")
     state = world.at(0.5)
@@ -49,13 +50,15 @@ def session() -> dict[str, Any]:
     radar = ss.RadarSpec.preset("awr1843boost")
     targets = pose.apply(np.array([[12.0, 0.5, 0.0], [30.0, -2.0, 0.3]]))
     paths = ss.point_targets(targets, np.zeros((2, 3)), np.ones(2), radar, pose)
-    return {
+    names = {
         "__name__": "docs", "np": np, "ss": ss, "world": world, "state": state, "radar": radar, "pose": pose, "mount": state.mount("ego", ss.Pose([2.36, 0.0, 0.8])), "paths": paths,
         "twist": Twist(), "rng": np.random.default_rng(0), "world_from_camera": pose, "world_from_lidar": pose,
         "camera_spec": ss.CameraSpec(width=64, height=36), "points_camera_optical": np.array([[0.5, 0.2, 10.0]]),
         "positions": targets, "velocities": np.zeros((2, 3)), "rcs": np.ones(2), "mesh": corner(), "SonarSpec": object,
         "SonarPing": SonarPing,
     }  # fmt: skip
+    yield names
+    names.clear()
 
 
 def corner() -> trimesh.Trimesh:
@@ -83,15 +86,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def case(page: Path) -> object:
-    return pytest.param(page, id=page.name, marks=pytest.mark.slow if page.name in SLOW else ())
+    marks = [pytest.mark.slow] * (page.name in SLOW) + [pytest.mark.own_process] * (page.name in WITH_TENSORFLOW)
+    return pytest.param(page, id=page.name, marks=marks)
 
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("page", [case(page) for page in PAGES])
-def test_blocks_run(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_run(page: Path, folder: Path, session: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    names = dict(session())
-    for number, block in enumerate(
-        re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    ):
-        exec(compile(block, f"{page.name}, block {number}", "exec"), names)
+    names = dict(session)
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    try:
+        for number, block in enumerate(blocks):
+            exec(compile(block, f"{page.name}, block {number}", "exec"), names)
+    finally:
+        names.clear()  # what a page registers or traces keeps its names alive, and with them its worlds

@@ -141,6 +141,7 @@ def test_samples_travel_to_another_process(place) -> None:
 # -- TensorFlow ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.own_process
 def test_tf_data_gives_frames_in_order_and_ragged_batches(place) -> None:
     from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset
 
@@ -168,6 +169,7 @@ def test_tf_data_gives_frames_in_order_and_ragged_batches(place) -> None:
     np.testing.assert_array_equal(first["points"][2].numpy()[:, :3], FRAMES[2].results[LIDAR].position)
 
 
+@pytest.mark.own_process
 @pytest.mark.slow  # 12 frames of 6.3 MB are simulated
 def test_tf_data_delivers_more_than_200_megabytes_a_cpu_second(tmp_path) -> None:
     """Of raw radar data of SCaRL's size, read from files; CPU time of all threads, since the wall clock depends on the load."""
@@ -194,6 +196,7 @@ def test_tf_data_delivers_more_than_200_megabytes_a_cpu_second(tmp_path) -> None
     assert size / (process_time() - start) > 200e6
 
 
+@pytest.mark.own_process
 def test_tf_data_shuffles_by_seed_anew_in_each_epoch(place) -> None:
     from scarl_sionna.dataset.readers.tf_data import tf_dataset
 
@@ -209,6 +212,7 @@ def test_tf_data_shuffles_by_seed_anew_in_each_epoch(place) -> None:
         tf_dataset(place, ["boxes"], batch_size=0)
 
 
+@pytest.mark.own_process
 def test_a_keras_network_learns_near_and_far_from_range_doppler_maps_in_one_epoch(tmp_path) -> None:
     """160 frames of one target each; the label comes from the boxes. A constant answer is right in half of them."""
     from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset

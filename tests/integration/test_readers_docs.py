@@ -15,6 +15,7 @@ from scarl_sionna.dataset.formats import convert
 from scarl_sionna.dataset.readers.tf_data import tensorflow
 from tests.drive import drive
 
+pytestmark = pytest.mark.own_process
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SOURCE = drive(num_frames=4, ends=("front",), scenes=("highway",))
 

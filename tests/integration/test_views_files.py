@@ -104,6 +104,7 @@ def test_hdf5_says_what_a_frame_lacks_and_leaves_nothing(tmp_path) -> None:
 # -- TFRecord --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.own_process
 @pytest.mark.parametrize("compression", ["", "GZIP"])
 def test_tfrecord_comes_back_as_it_was(tmp_path, compression) -> None:
     items = {
@@ -129,6 +130,7 @@ def test_tfrecord_comes_back_as_it_was(tmp_path, compression) -> None:
     assert batch["points"].row_lengths().numpy().tolist() == [f.results[LIDAR].num_points for f in FRAMES[3:]]
 
 
+@pytest.mark.own_process
 def test_tfrecord_bad_input(tmp_path) -> None:
     with pytest.raises(ParameterRangeError, match="frames_per_file"):
         export_tfrecord(SOURCE, tmp_path / "out", frames_per_file=0)

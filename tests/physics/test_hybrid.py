@@ -216,3 +216,24 @@ def test_the_same_input_gives_the_same_bytes(tmp_path) -> None:
     for name, value in vars(both[0]).items():
         if isinstance(value, np.ndarray):
             assert value.tobytes() == getattr(both[1], name).tobytes(), name
+
+
+def test_only_mirrors_are_in_the_mirror_chains(tmp_path) -> None:
+    """A plate that faces the radar is no mirror of the plan: its own reflection belongs to its owner, not to the chains."""
+    back = Thing("back", plane(64.0, 64.0, (40, 0, 0), (-1, 0, 0)), "Wall", "steel")
+    plate = Thing("plate", plane(4.0, 4.0, (20, 0, 0), (-1, 0, 0)), "Static", "steel")
+    state = scene(tmp_path, [back, plate], [])
+    number = {info.name: key for key, info in state.world.instances.items()}
+
+    def chains(mirrors, pose):
+        given = ChannelPlan((Share("raycast", settings={"num_rays": 5_000}),), mirrors, sionna={"num_samples": 20_000})
+        found = solve_paths(state, RADAR, pose, "hybrid", plan=given)
+        row = next(row for row in found.diagnostics["solvers"] if row["solver"] == "sionna")
+        specular = found.select((found.interaction == 1).any(axis=1))
+        assert specular.num_paths == row["num_paths"]
+        return {tuple(path[path >= 0].tolist()) for path in specular.instance}, row["num_foreign_chains"]
+
+    # In front of the plate all that comes straight back is the plate's; beside it, the wall's.
+    assert chains(("plate",), Pose()) == ({(number["plate"],)}, 0)
+    assert chains(("back",), Pose()) == (set(), 1)
+    assert chains(("back",), Pose([0.0, 3.0, 0.0])) == ({(number["back"],)}, 0)

@@ -244,6 +244,16 @@ def test_mirrors_are_planes_of_their_own(tmp_path) -> None:
         assert sorted(np.concatenate([mirror.faces for mirror in mirrors]).tolist()) == [0, 1, 2, 3]
 
 
+@pytest.mark.parametrize(("step", "count"), [(2.0**-13, 1), (2.0**-7, 2)])
+def test_faces_that_differ_by_less_than_a_wave_can_tell_are_one_mirror(tmp_path, step, count) -> None:
+    """A step of 0.1 mm in a road does not make two mirrors, one of 8 mm does."""
+    higher = slope(-1, 0.0)
+    higher.apply_translation([0.0, 0.0, step])
+    state = scene(tmp_path, [slope(1, 0.0), higher], ["road"], small_target())
+    assert len(find_mirrors(state, [1], POSE.position, RADAR.wavelength)) == count
+    assert solve(state, points(ACROSS), ["road"]).num_paths == 4 * len(ACROSS)
+
+
 def test_a_mirror_that_is_there_twice_counts_once(tmp_path, monkeypatch) -> None:
     state = scene(tmp_path, [slope(1, 1.0), slope(-1, 1.0)], ["road"], small_target())
     share = points(ACROSS)

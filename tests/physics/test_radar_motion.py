@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.radar.synthesis.blocks import shifted
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import virtual_cube
 from tests.oracles import fmcw
@@ -166,3 +169,19 @@ def test_phase_between_transmitters_of_tdm():
 
     # bias asin(lambda dphi / (2 pi d_tx)) = 5.858 deg; a bin of sin(azimuth) is 1 / 512, 0.11 deg, half of it each side
     assert abs(azimuth(False)) == pytest.approx(5.858418101816, abs=0.06)
+
+
+@pytest.mark.parametrize("time", [0.4, -0.3])
+def test_paths_moved_on_follow_the_uniformly_accelerated_length(time):
+    """L(t) = L + L' t + L'' t^2 / 2 and L'(t) = L' + L'' t; a mirror path's image moves along the line of sight by as much."""
+    paths = point_targets([[30.0, 0.0, 0.0]], [[-5.0, 0.0, 0.0]], 1.0, single_channel(), Pose())
+    paths = replace(paths, length_acceleration=np.array([6.0]))
+    moved = shifted(paths, time)
+    change = -10.0 * time + 3.0 * time**2
+    assert moved.inner_length - paths.inner_length == pytest.approx([change], abs=1e-12)
+    assert moved.length_rate == pytest.approx([-10.0 + 6.0 * time], abs=1e-12)
+    assert moved.rx_image is None
+    image = np.array([[[-1.0, 0.0, 0.0, 60.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]])  # of a wall at x = 30 m
+    mirrored = shifted(replace(paths, rx_image=image), time)
+    assert mirrored.rx_image[0, :, 3] == pytest.approx([60.0 + change, 0.0, 0.0], abs=1e-12)
+    assert np.array_equal(mirrored.rx_image[0, :, :3], image[0, :, :3])

@@ -14,7 +14,9 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.link import received_power
 from scarl_sionna.scene.materials.fresnel import reflection
+from tests.oracles import link
 from tests.oracles import rcs as oracle
 from tests.oracles.near_field_po import rectangle_transfer
 from tests.scenes import Material, Thing, plane, write_scene
@@ -168,3 +170,32 @@ def test_rates_are_the_change_of_the_lengths(tmp_path) -> None:
         change = (length(path, step) - length(path, -step)) / (2 * step)
         # Central difference: rounding 1e-15 * 24 m / 2e-6 s = 1e-8 m/s, third derivative below 1e-10 m/s.
         assert paths.length_rate[path] == pytest.approx(change, abs=1e-7)
+
+
+def test_what_the_floor_drops_is_below_the_noise_even_in_phase(tmp_path) -> None:
+    """Of each range bin the weakest patches go, as many as their fields in phase stay under the floor; one more would pass it."""
+    radar = RADAR.with_(tx_power_dbm=-30.0)
+    ball = trimesh.creation.icosphere(3, radius=0.4)
+    state = _state(tmp_path, ball)
+    pose = _looking_back(np.array([1.0, 0.0, 0.0]), 10.0)
+    whole = solve_paths(state, radar, pose, method="sbr", settings=ALL)
+    bins = np.floor(np.linalg.norm(whole.tx_point - pose.position, axis=1) / radar.range_resolution)
+    amplitude = np.sqrt(received_power(whole, radar))
+    noise = link.noise_power(radar.sample_rate, 10 ** (radar.front_end.noise_figure_db / 10))
+    noise /= radar.num_samples * radar.num_chirps * radar.num_virtual
+    for floor_db in (-10.0, 10.0):
+        found = solve_paths(state, radar, pose, method="sbr", settings=SbrSettings(floor_db=floor_db))
+        told = found.diagnostics["floor"]
+        kept = {row.tobytes() for row in found.tx_point}
+        gone = np.array([row.tobytes() not in kept for row in whole.tx_point])
+        assert gone.sum() == told["num_dropped"] == whole.num_paths - found.num_paths
+        assert 0 < gone.sum() < whole.num_paths
+        assert told["dropped_power"] == pytest.approx(np.sum(amplitude[gone] ** 2), rel=1e-9)
+        limit = noise * 10 ** (floor_db / 10)
+        for number in np.unique(bins):
+            here = bins == number
+            assert amplitude[here & gone].sum() ** 2 <= limit * (1 + 1e-9)
+            if (here & ~gone).any():
+                weakest = amplitude[here & ~gone].min()
+                assert weakest >= amplitude[here & gone].max(initial=0.0)
+                assert (amplitude[here & gone].sum() + weakest) ** 2 > limit * (1 - 1e-9)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -15,6 +12,7 @@ from scarl_sionna.radar.rcs import scattering_matrix
 from scarl_sionna.radar.scatterers.compile import WEAKEST, compile_scatterers, range_profile
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.scatterers.table import direction_of
+from scenes_xml import scene_path
 from tests.scenes import Thing, write_scene
 
 COARSE = SbrSettings(max_depth=3, ray_spacing=2.0, edge_spacing=1.0)
@@ -129,7 +127,7 @@ def test_tr38901_targets_follow_the_standards_formula(target, phi_deg, theta_deg
 
 @pytest.mark.slow
 def test_the_highways_car_agrees_with_the_solver_sbr_and_is_faster(tmp_path):
-    folder = Path(str(files("scenes_xml") / "highway_guardrail" / "meshes"))
+    folder = scene_path("highway_guardrail").parent / "meshes"
     mesh = trimesh.util.concatenate(
         [trimesh.load(path, process=False) for path in sorted(folder.glob("car_ahead_*.ply"))]
     )
@@ -160,3 +158,24 @@ def test_the_highways_car_agrees_with_the_solver_sbr_and_is_faster(tmp_path):
         strong = profiles[0] > 0.01 * profiles[0].max()
         errors.append(np.abs(10.0 * np.log10(profiles[1][strong] / profiles[0][strong])))
     assert np.median(np.concatenate(errors)) < 2.0  # the bar of the design: median within 2 dB a range cell
+
+
+@pytest.mark.parametrize("along", [1.2, -1.2])
+def test_a_spinning_body_bends_the_range_of_its_centres(tmp_path, along):
+    """L(t) = 2 sqrt(D^2 + r^2 + 2 D r cos(w t)) of a centre at r on the line of sight: L' = 0, L'' = -2 D r w^2 / (D + r)."""
+    distance, spin = 15.0, 4.0
+    motion = {
+        "kind": "constant_twist",
+        "position": [distance, 0.0, 0.0],
+        "velocity": [0.0, 0.0, 0.0],
+        "angular_velocity_z": spin,
+    }
+    body = Thing("turntable", trimesh.creation.box((3.0, 0.4, 0.4)), "Car", "steel", trajectory=motion)
+    state = ss.load_scene(write_scene(tmp_path, actors=[body])).at(0.0)
+    half_turn = np.array([0.0, np.pi])
+    amplitude = np.broadcast_to(np.eye(2, dtype=np.complex64), (1, 2, 1, 2, 2))
+    model = ScattererModel(np.array([[along, 0.0, 0.0]]), half_turn, np.zeros(1), amplitude, FREQUENCY, 0.1, 0.0, np.pi)
+    paths = ss.solve_paths(state, ss.RadarSpec(), ss.Pose(), method="scatterers", models={"turntable": model})
+    assert paths.length_rate == pytest.approx([0.0], abs=1e-12)
+    # rounding of float64: the speed across, r w, and the acceleration to the centre, r w^2, are summed
+    assert paths.length_acceleration == pytest.approx([-2 * distance * along * spin**2 / (distance + along)], rel=1e-12)

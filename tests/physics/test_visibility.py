@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import scarl_sionna as ss
 from scarl_sionna.core.settings.radar import RadarSettings
@@ -121,3 +122,18 @@ def test_labels_of_cells_can_be_left_out(frame: ss.Frame, tmp_path: Path) -> Non
     state = ss.load_scene(str(scene)).at(0.0)
     result = Radar(RADAR, SETTINGS.with_(cell_labels=False)).observe(state, HERE, np.random.default_rng(0))
     assert result.cell_instance is None and result.object_power is None
+
+
+def test_what_stands_inside_an_objects_box_hides_a_part_of_it(tmp_path: Path) -> None:
+    """A shelf is a back wall and a rail before it; a board between the two covers the half of the wall with y > 0."""
+    back, rail = box((0.02, 4.0, 2.0), (14.0, 0.0, 0.0)), box((0.02, 4.0, 0.01), (10.0, 0.0, 0.9))
+    shelf = Thing("shelf", trimesh.util.concatenate([back, rail]), "Static", "steel")
+    scene = write_scene(tmp_path, instances=[shelf, thing("board", 12.0, (0.0, 4.0), (-2.0, 2.0))])
+    frame = ss.observe(
+        ss.load_scene(str(scene)),
+        Rig("eye", (SensorMount("camera", "camera", CAMERA, HERE),)),
+        0.0,
+        vehicle=HERE,
+    )
+    image, index = frame.results["camera"], row(frame, "shelf")
+    assert image.object_occlusion[index] == pytest.approx(0.5, abs=0.04)  # a column of rays of 32

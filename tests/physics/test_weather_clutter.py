@@ -10,7 +10,7 @@ from scipy.stats import kstest
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.specs.radar.pattern import CosinePattern
+from scarl_sionna.core.specs.radar.pattern import CosinePattern, IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Spray, Weather
 from scarl_sionna.engine.spray import spray_clouds
@@ -217,3 +217,21 @@ def test_paths_are_attenuated_and_told(world) -> None:
     assert loss == pytest.approx(0.2 * told["V"], rel=1e-9)
     assert told["V"] == pytest.approx(10.99, abs=0.1)  # P.838-3 at 77 GHz
     assert through_weather(far, world.at(0.0), RADAR, None) is far
+
+
+def test_rain_fills_the_sphere_evenly() -> None:
+    """An isotropic antenna: the echo of a band of elevation is its part of the sphere, and the sum is the radar equation's integral."""
+    radar = RADAR.with_(pattern=IsotropicPattern())
+    assert two_way_gain_integral(radar.array.pattern) == pytest.approx(
+        2.0 * np.pi, rel=1e-4
+    )  # the front half; 1 deg cells
+    paths = volume_clutter(HEAVY, radar, Pose(), np.random.default_rng(3), reach=40.0, num_points=40_000)
+    power = received_power(paths, radar)
+    exact = float(mean_clutter_power(radar, ETA, NEAREST, 40.0))
+    # Exponential powers of unequal means: the sum's variance is that of the squares, which are twice the squared means.
+    error = np.sqrt(np.sum(power**2) / 2.0)
+    assert error < 0.02 * exact
+    assert abs(power.sum() - exact) < 5.0 * error
+    sine = np.abs(paths.tx_point[:, 2]) / np.linalg.norm(paths.tx_point, axis=1)
+    # Half of the sphere is below 30 deg, and half of the power; a third of it would be without the cosine of the solid angle
+    assert power[sine < 0.5].sum() / power.sum() == pytest.approx(0.5, abs=5.0 * error / exact)

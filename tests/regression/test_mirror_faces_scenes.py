@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import scarl_sionna as ss
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.compose import hybrid
 from scarl_sionna.radar.channel.compose.ghosts import STRAIGHT, Faces
 from scarl_sionna.radar.channel.compose.hybrid import chains_of
@@ -74,7 +75,14 @@ def test_a_lorry_in_a_tunnel(monkeypatch) -> None:
 
 @pytest.mark.slow
 def test_a_garage(monkeypatch) -> None:
-    """Walls, pillars and ceilings of one building on all sides."""
+    """A parked car over several flat pieces of the ceiling, as `auto` plans it with a large budget."""
     state = ss.load_scene("parking_garage", variant=2, detail="light").at(1.0)
-    budget = Accuracy(tube_budget=400_000, channel_tolerance_db=3.0)
-    check(monkeypatch, state, [4.0, 0.0, 0.7], RadarSpec(), num_rays=20_000, max_distance=8.0, accuracy=budget)
+    options = {"num_rays": 20_000, "max_distance": 15.0}
+    budget = Accuracy(tube_budget=1_200_000, channel_tolerance_db=3.0)
+    mount = [4.0, 0.0, 0.7]
+    plan = plan_channel(state, RadarSpec(), state.mount("ego", Pose(mount)), accuracy=budget, **options)
+    car = next(number for number, info in state.world.instances.items() if info.name == "parked_06")
+    (share,) = (share for share in plan.shares if car in share.instances)
+    assert share.through_mirrors and "ceiling" in [state.world.instances[number].name for number in plan.mirrors]
+    plan = replace(plan, shares=(replace(share, instances=(car,)),), mirrors=("ceiling",), echoes=False)
+    assert check(monkeypatch, state, mount, RadarSpec(), method="hybrid", plan=plan, **options) > 0

@@ -14,11 +14,11 @@ import trimesh
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.scene.actors.model import ActorModel, actor_names, read_actor_model
 from scarl_sionna.scene.materials.table import load_materials
+from scenes_xml import actor_path
 from scenes_xml.actors.build import MODELS, build
 from scenes_xml.actors.cars import SHAPES
-from scenes_xml.generators import car
+from scenes_xml.generators.vehicles import car
 
-FOLDER = Path(__file__).resolve().parents[2] / "scenes_xml" / "actors"
 NAMES = actor_names()
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
 LEVELS = ("", "_light")
@@ -29,16 +29,16 @@ BESIDE = ("mirrors", "mirror_glass")
 @functools.cache
 def meshes(name: str, level: str) -> dict[str, trimesh.Trimesh]:
     """Return the meshes of a level by shape id, as they lie on disk."""
-    root = ET.parse(FOLDER / name / f"{name}{level}.xml").getroot()
+    root = ET.parse(actor_path(name).parent / f"{name}{level}.xml").getroot()
     found = {}
     for shape in root.iter("shape"):
         file = next(e.get("value") for e in shape.iter("string") if e.get("name") == "filename")
-        found[str(shape.get("id"))] = trimesh.load(FOLDER / name / str(file), process=False)
+        found[str(shape.get("id"))] = trimesh.load(actor_path(name).parent / str(file), process=False)
     return found
 
 
 def bsdfs(name: str, level: str) -> tuple[set[str], set[str]]:
-    root = ET.parse(FOLDER / name / f"{name}{level}.xml").getroot()
+    root = ET.parse(actor_path(name).parent / f"{name}{level}.xml").getroot()
     return {str(e.get("id")) for e in root.findall("bsdf")}, {str(e.get("id")) for e in root.iter("ref")}
 
 
@@ -82,7 +82,7 @@ def test_meshes_are_sound_and_small(name):
             assert np.isfinite(mesh.vertices).all()
             assert mesh.area_faces.min() > 1e-9, f"{shape}{level}: a triangle without area"
             assert np.abs(np.linalg.norm(mesh.vertex_normals, axis=1) - 1.0).max() < 1e-2
-    assert sum(file.stat().st_size for file in (FOLDER / name).rglob("*") if file.is_file()) < 700_000
+    assert sum(file.stat().st_size for file in actor_path(name).parent.rglob("*") if file.is_file()) < 700_000
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -181,7 +181,8 @@ def test_bodies_look_outward(name):
 def test_files_are_what_the_script_writes(name, tmp_path):
     build(name, tmp_path)
     here = {p.relative_to(tmp_path): p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
-    there = {p.relative_to(FOLDER / name): p.read_bytes() for p in (FOLDER / name).rglob("*") if p.is_file()}
+    folder = actor_path(name).parent
+    there = {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     assert here == there
 
 
@@ -193,7 +194,7 @@ def test_mirrors_apart_leaves_the_rest_of_a_car_as_it_is():
 
 
 def test_the_page_has_the_vehicles_as_they_are():
-    repo = FOLDER.parents[1]
+    repo = Path(__file__).resolve().parents[2]
     script = runpy.run_path(str(repo / "scripts" / "actors_table.py"))
     page = (repo / "docs" / "actors.md").read_text(encoding="utf-8")
     assert script["updated"](page, ("vehicles",)) == page, "run: python scripts/actors_table.py"

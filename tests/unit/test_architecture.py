@@ -78,8 +78,18 @@ def test_no_file_imports_another_in_a_circle() -> None:
     TopologicalSorter(imports_of_files()).prepare()  # raises CycleError, which names the circle
 
 
+def test_the_checkout_weighs_at_most_25_mb() -> None:
+    listed = subprocess.run(["git", "ls-files", "-z"], capture_output=True, text=True, cwd=REPO, check=False)
+    if listed.returncode != 0:
+        pytest.skip("no checkout of git")
+    files = [REPO / name for name in listed.stdout.split("\0") if name]
+    assert len(files) > 500
+    weight = sum(file.lstat().st_size for file in files if file.exists())
+    assert weight <= 25e6, "shrink figures (scripts/shrink_figures.py) or pack what scripts build"
+
+
 def test_folders_hold_at_most_15_modules() -> None:
-    for package in ("scarl_sionna", "camera_lidar"):
+    for package in ("scarl_sionna", "camera_lidar", "scenes_xml"):
         for folder in [REPO / package, *(path for path in (REPO / package).rglob("*") if path.is_dir())]:
             assert len(list(folder.glob("*.py"))) <= 15, folder
 

@@ -202,3 +202,64 @@ def _boresight() -> np.ndarray:
     """Rotation that turns the axis (1, 1, 1) of the corner towards -x."""
     axis = np.ones(3) / np.sqrt(3.0)
     return trimesh.geometry.align_vectors(axis, [-1.0, 0.0, 0.0])[:3, :3]
+
+
+@pytest.fixture(scope="module")
+def platoon(tmp_path_factory):
+    """Return three equal cars one behind the other, the nearest the strongest."""
+    cars = [
+        Thing(name, box((4, 2, 1.25)), "Car", "steel", {"kind": "static", "position": [distance, side, 0.75]})
+        for name, distance, side in (("near", 15.0, 0.0), ("middle", 30.0, 5.0), ("far", 45.0, -5.0))
+    ]
+    return load_scene(write_scene(tmp_path_factory.mktemp("platoon"), actors=cars)).at(0.0)
+
+
+def test_what_one_object_spends_of_the_budget_the_next_lacks(platoon) -> None:
+    def found(budget: float) -> dict[str, dict]:
+        accuracy = Accuracy(tube_budget=int(budget))
+        return choices(solve_paths(platoon, RADAR, POSE, accuracy=accuracy))
+
+    alone = {name: entry["tubes"] for name, entry in found(1e9).items()}
+    assert sorted(alone) == ["far", "middle", "near"] and min(alone.values()) > 1000
+    order = ("near", "middle", "far")  # the strongest first
+    # Each limit pays for all three one by one, but for the first `number` only together; one tube for rounding of the product.
+    for number in (1, 2, 3):
+        budget = sum(alone[name] for name in order[:number]) + 1.0
+        assert budget > max(alone.values())
+        told = found(budget)
+        assert [told[name]["method"] for name in order] == ["sbr"] * number + ["raycast"] * (3 - number)
+        assert sum(entry["tubes"] for entry in told.values()) <= budget
+
+
+def test_echoes_through_mirrors_are_paid_from_what_is_left(tmp_path) -> None:
+    """Two bodies over a mirror: there and back, each by the mirror or not, are two more tracings of each (way back: reciprocity)."""
+    cars = [
+        Thing(name, box((4, 2, 1.25)), "Car", "steel", {"kind": "static", "position": [distance, side, 0.75]})
+        for name, distance, side in (("near", 15.0, 0.0), ("far", 30.0, 5.0))
+    ]
+    wall = Thing("wall", plane(64.0, 16.0, (30, 10, 0), (0, -1, 0)), "Wall", "steel")
+    state = load_scene(write_scene(tmp_path, [wall], cars)).at(0.0)
+    number = {info.name: key for key, info in state.world.instances.items()}
+
+    def through(budget: float) -> dict[str, bool]:
+        accuracy = Accuracy(tube_budget=int(budget))
+        plan = plan_channel(state, RADAR, POSE, accuracy=accuracy)
+        owner = {name: [share for share in plan.shares if number[name] in share.instances] for name in ("near", "far")}
+        assert all(len(shares) == 1 and shares[0].solver == "sbr" for shares in owner.values())
+        return {name: shares[0].through_mirrors for name, shares in owner.items()}
+
+    tubes = {name: entry["tubes"] for name, entry in choices(solve_paths(state, RADAR, POSE)).items()}
+    direct = tubes["near"] + tubes["far"]
+    assert through(direct + 1) == {"near": False, "far": False}
+    assert through(direct + 2 * tubes["near"] + 1) == {"near": True, "far": False}
+    assert through(direct + 2 * direct + 1) == {"near": True, "far": True}
+
+
+def test_a_weak_class_with_a_strong_flash_is_kept_by_its_bound(state) -> None:
+    """A metal plate that looks at the radar reflects its flash, 4 pi A^2 / lambda^2, whatever its class does on the average."""
+    item = estimate(state, RADAR, POSE, next(k for k, i in state.world.instances.items() if i.name == "sign"), 250.0)
+    assert item.bound_db > item.expected_db + 10.0
+    for floor, method in (((item.bound_db + item.expected_db) / 2.0, "sbr"), (item.bound_db + 1.0, "left out")):
+        plan = plan_channel(state, RADAR, POSE, accuracy=Accuracy(channel_floor_db=floor))
+        kept = [share.solver for share in plan.shares if item.number in share.instances]
+        assert (kept or ["left out"]) == [method]

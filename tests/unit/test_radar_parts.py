@@ -65,14 +65,20 @@ def test_no_two_fields_have_one_name_so_that_the_short_form_is_clear() -> None:
 
 def test_the_short_form_of_a_copy_is_the_long_one() -> None:
     short = ss.RadarSpec().with_(
-        num_chirps=64, bandwidth=1e9, tx_positions=ONE, pattern=IsotropicPattern(), tx_power_dbm=10, bits=12, azimuth_fov_deg=7
-    )  # fmt: skip
+        num_chirps=64,
+        bandwidth=1e9,
+        tx_positions=ONE,
+        pattern=IsotropicPattern(),
+        tx_power_dbm=10,
+        bits=12,
+        azimuth_fov_deg=90,
+    )
     assert short == ss.RadarSpec(
         waveform=ss.Fmcw(num_chirps=64, bandwidth=1e9),
         array=ss.AntennaArray(tx_positions=ONE, pattern=IsotropicPattern()),
         front_end=ss.FrontEnd(tx_power_dbm=10),
         adc=ss.Adc(bits=12),
-        azimuth_fov_deg=7,
+        azimuth_fov_deg=90,
     )
     assert short != ss.RadarSpec() and short.with_() == short
 
@@ -100,6 +106,7 @@ def test_other_parts_stay_as_they_are() -> None:
         ("adc_bits", 8, r"RadarSpec\(adc=Adc\(bits=8\)\) or RadarSpec\(\)\.with_\(bits=8\)"),
         ("bandwith", 1e9, r"did you mean 'bandwidth'\? write RadarSpec\(waveform=Fmcw\(bandwidth=1000000000.0\)\)"),
         ("num_sample", 3, "a field of RadarSpec or of one of its parts waveform, multiplexing, array, front_end, adc"),
+        ("num_rays", 3, r"in the settings.*RadarSettings\.of\(num_rays=3\)"),
     ],
 )  # fmt: skip
 def test_a_name_that_stands_elsewhere_or_nowhere_is_refused_with_its_place(name, value, message) -> None:

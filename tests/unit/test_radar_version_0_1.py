@@ -10,9 +10,8 @@ import yaml
 import scarl_sionna as ss
 from scarl_sionna.calibration.spec import RadarMap
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.registry import read_spec
 from scarl_sionna.core.specs.radar.pattern import Tr38901Pattern
-from scarl_sionna.core.specs.radar.version_0_1 import split_version_0_1
+from scarl_sionna.core.specs.radar.version_0_1 import lift_version_0_1, read_radar, split_version_0_1
 
 FIXTURE = Path(__file__).parents[1] / "regression" / "schema" / "rig_0_1.yaml"
 """Written by `Rig.save` of version 0.1; `other` differs from the defaults in every field."""
@@ -44,8 +43,7 @@ def test_a_rig_file_of_version_0_1_holds_the_same_radars(tmp_path) -> None:
     assert rig["board"].spec == ss.RadarSpec.preset("awr1843boost_3d")
     # rays and labels are settings today; the budget of `auto` was a tenth of the rays
     assert rig["default"].settings == ss.RadarSettings()
-    other = rig["other"].settings
-    assert (other.raycast.num_rays, other.accuracy.tube_budget, other.cell_labels) == (20_000, 2_000, False)
+    assert rig["other"].settings == ss.RadarSettings.of(num_rays=20_000, tube_budget=2_000, cell_labels=False)
     rig.save(tmp_path / "today.yaml")
     assert ss.Rig.load(tmp_path / "today.yaml").to_dict() == rig.to_dict()
 
@@ -77,7 +75,14 @@ def test_what_is_no_property_of_a_radar_is_split_off() -> None:
 )  # fmt: skip
 def test_a_bad_file_is_refused(data, message) -> None:
     with pytest.raises(ParameterRangeError, match=message):
-        read_spec("radar", data)
+        read_radar(data)
+
+
+def test_settings_stand_at_one_place_only() -> None:
+    with pytest.raises(ParameterRangeError, match=r"RadarSpec\.num_rays = 5 .*in `settings`.*move it there"):
+        lift_version_0_1({"num_rays": 5, "bandwidth": 1e9}, {"method": "raycast"})
+    assert lift_version_0_1({"bandwidth": 1e9}, {"noise": False})[1] == {"noise": False}
+    assert lift_version_0_1({"bandwidth": 1e9}) == ({"waveform": {"kind": "fmcw", "bandwidth": 1e9}}, None)
 
 
 def test_the_radar_of_a_calibration_may_be_of_version_0_1() -> None:

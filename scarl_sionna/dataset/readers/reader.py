@@ -19,7 +19,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity
 from scarl_sionna.core.results import Frame, ObjectState, SensorResult
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.dataset.encoding import spec_of
+from scarl_sionna.dataset.encoding import mount_today, spec_of
 from scarl_sionna.dataset.store.files import Files, open_files
 from scarl_sionna.dataset.store.manifest import (
     ARRAYS,
@@ -93,10 +93,7 @@ class Dataset(Described, Sequence["StoredFrame"]):
     @property
     def rig(self) -> dict[str, Any]:
         """The rig, as `Rig.to_dict()` gives it, also of a dataset of an earlier schema version."""
-        sensors = [
-            {**mount, "spec": spec_of(mount).model_dump(mode="json")} if mount["kind"] == "radar" else mount
-            for mount in self.plan.rig["sensors"]
-        ]
+        sensors = [mount_today(mount) for mount in self.plan.rig["sensors"]]
         return {**self.plan.rig, "sensors": sensors}
 
     @property

@@ -185,6 +185,8 @@ def clear_work(folder: Path, keep: Iterable[str] = ()) -> None:
 
     The caller holds the shard's lock.
     """
+    if folder.is_symlink() or folder.parent.is_symlink():
+        return
     kept = set(keep)
     for path in sorted(folder.glob("*")) if folder.is_dir() else ():
         if path.name not in kept and _WORK.fullmatch(path.name):

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import shutil
-import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -339,39 +337,29 @@ class _Written:
     def into(self, folder: Path) -> Path:
         """Write the files into a folder, and return it."""
         try:
-            (folder / "meshes").mkdir(parents=True, exist_ok=True)
-            for name, content in self._files.items():
-                (folder / name).write_bytes(content)
+            self._into(folder)
         except OSError as error:
             raise MeshError(
                 f"the model cannot be written ({error.strerror})", folder, "choose a folder that can be written"
             ) from error
         return folder
 
+    def _into(self, folder: Path) -> None:
+        (folder / "meshes").mkdir(parents=True, exist_ok=True)
+        for name, content in self._files.items():
+            (folder / name).write_bytes(content)
+
     def cached(self) -> Path:
         """Write the files into the cache folder, unless they lie there: all or nothing, so that several processes may do it at once."""
-        from scenes_xml import cache_folder
+        from scenes_xml.cache import kept_folder
 
         digest = hashlib.sha256(str(_VERSION).encode())
         for name, content in self._files.items():
             digest.update(name.encode() + b"\0" + content)
-        folder = cache_folder() / "actors" / f"{self._name}-{digest.hexdigest()[:16]}"
-        if not (folder / "actor.toml").is_file():
-            try:
-                folder.parent.mkdir(parents=True, exist_ok=True)
-                temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-            except OSError as error:
-                remedy = "set SCARL_CACHE_DIR to a folder that can be written, or give `folder`"
-                raise MeshError(f"the model cannot be written ({error.strerror})", folder, remedy) from error
-            try:
-                self.into(temporary)
-                temporary.rename(folder)
-            except OSError:
-                if not (folder / "actor.toml").is_file():  # else another process was first, with the same bytes
-                    raise
-            finally:
-                shutil.rmtree(temporary, ignore_errors=True)
-        return folder
+        try:
+            return kept_folder("actors", f"{self._name}-{digest.hexdigest()[:16]}", tuple(self._files), self._into)
+        except OSError as error:
+            raise MeshError(f"the model of '{self._name}': {error.strerror or error}, or give `folder`") from error
 
 
 def _ply(body: trimesh.Trimesh) -> bytes:

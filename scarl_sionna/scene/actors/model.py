@@ -6,7 +6,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -128,7 +127,7 @@ def read_actor_model(name_or_path: str | Path, near: str | Path | None = None) -
     UnknownNameError
         If there is no such model, or a key, class, variant or BSDF in its files is unknown.
     SceneError, MeshError, MaterialError, ParameterRangeError
-        If its files are missing, broken or contradict each other.
+        If its files are missing, broken or contradict each other, or no cache folder can be written.
     """
     file = _find(name_or_path, near)
     return _read(file, file.stat().st_mtime_ns)
@@ -137,7 +136,7 @@ def read_actor_model(name_or_path: str | Path, near: str | Path | None = None) -
 def _find(name_or_path: str | Path, near: str | Path | None) -> Path:
     path, name = Path(name_or_path), str(name_or_path)
     if name in actor_names():
-        return Path(str(files("scenes_xml") / "actors" / name / "actor.toml"))
+        return _unpacked(name)
     for folder in (*(() if near is None else (Path(near) / path,)), path):
         file = folder if folder.suffix == ".toml" else folder / "actor.toml"
         if file.is_file():
@@ -145,6 +144,15 @@ def _find(name_or_path: str | Path, near: str | Path | None) -> Path:
     if path.is_dir() or len(path.parts) > 1 or path.suffix:
         raise SceneError("no actor model lies here", path, "give the path of a folder with an actor.toml")
     raise UnknownNameError("actor model", name, actor_names(), "or give the path of a folder with an actor.toml")
+
+
+def _unpacked(name: str) -> Path:
+    import scenes_xml
+
+    try:
+        return scenes_xml.actor_path(name)
+    except OSError as error:
+        raise SceneError(str(error.strerror or error)) from error
 
 
 @lru_cache(maxsize=256)

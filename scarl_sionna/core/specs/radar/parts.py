@@ -12,6 +12,9 @@ from scarl_sionna.core.spec import Spec
 RENAMED: Mapping[str, str] = {"adc_bits": "bits", "adc_full_scale_dbm": "full_scale_dbm"}
 """Fields of version 0.1 that have another name in their part."""
 
+SETTINGS = ("num_rays", "cell_labels")
+"""Fields of version 0.1 that are no property of a radar and stand in `RadarSettings` today."""
+
 
 def into_parts(spec: Spec, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return changes of a specification's own fields, with those of fields inside its parts put into the parts.
@@ -41,7 +44,8 @@ def into_parts(spec: Spec, changes: Mapping[str, Any]) -> dict[str, Any]:
         part, _ = home
         there = out.get(part, parts[part])
         if isinstance(there, Spec):
-            there = {item: getattr(there, item) for item in type(there).model_fields}
+            kept = {"kind", *there.model_fields_set}
+            there = {item: getattr(there, item) for item in type(there).model_fields if item in kept}
         if isinstance(there, Mapping):  # what is no mapping is refused with the others
             there = {**there, name: value}
         out[part] = there
@@ -50,6 +54,9 @@ def into_parts(spec: Spec, changes: Mapping[str, Any]) -> dict[str, Any]:
 
 def misplaced(spec: type[Spec], name: str, value: object, parts: Parts | None = None) -> SpecError:
     """Return the error about a name that a specification does not have itself; see :func:`unknown_field`."""
+    if name in SETTINGS:
+        shown = f"{value!r:.80}"
+        return SpecError(spec, (name,), shown, "in the settings", f"write RadarSettings.of({name}={shown})")
     return unknown_field(spec, (name,), value, parts, RENAMED)
 
 

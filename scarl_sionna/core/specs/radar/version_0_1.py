@@ -23,7 +23,7 @@ _PARTS: Mapping[str, Mapping[str, str]] = {
     "adc": {"adc_bits": "bits", "adc_full_scale_dbm": "full_scale_dbm"},
 }  # fmt: skip
 _LEFT = ("num_rays", "cell_labels")
-"""What is no property of a radar."""
+"""Settings of the simulation that stood among the properties of the radar."""
 
 
 def split_version_0_1(data: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -61,7 +61,7 @@ def split_version_0_1(data: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str
 
 
 def read_radar(data: Mapping[str, Any]) -> RadarSpec:
-    """Return the radar that a file holds, in parts or of version 0.1.
+    """Return the radar that a file holds, in parts or of version 0.1; what that kept of the simulation is left out.
 
     Raises
     ------
@@ -71,17 +71,24 @@ def read_radar(data: Mapping[str, Any]) -> RadarSpec:
     return RadarSpec(**split_version_0_1(data)[0])
 
 
-def settings_of_version_0_1(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of :class:`RadarSettings` that a radar of version 0.1 states: its rays and labels.
+def lift_version_0_1(spec: Mapping[str, Any], settings: Any = None) -> tuple[dict[str, Any], Any]:
+    """Return the fields of :class:`RadarSpec` and of `RadarSettings` of a radar in a file, in parts or of version 0.1.
 
-    The budget of tubes of ``method="auto"`` was a tenth of the rays.
+    Raises
+    ------
+    ParameterRangeError
+        If settings stand among the properties of the radar and beside them.
     """
-    left = split_version_0_1(data)[1]
-    settings: dict[str, Any] = {}
-    if "num_rays" in left:
-        rays = left["num_rays"]
-        settings["raycast"] = {"num_rays": rays}
-        settings["accuracy"] = {"tube_budget": int(rays * 0.1) if isinstance(rays, int) else rays}
-    if "cell_labels" in left:
-        settings["cell_labels"] = left["cell_labels"]
-    return settings
+    spec_data, left = split_version_0_1(spec)
+    if not left:
+        return spec_data, settings
+    if settings is not None:
+        name, value = next(iter(left.items()))
+        raise ParameterRangeError(f"RadarSpec.{name}", value, "in `settings`, which are given, too", "move it there")
+    if "num_rays" not in left:
+        return spec_data, left
+    rays = left.pop("num_rays")
+    effort = {"raycast": {"num_rays": rays}}
+    if isinstance(rays, int):  # the budget of tubes of `auto` was a tenth of the rays; another type is refused as such
+        effort["accuracy"] = {"tube_budget": rays // 10}
+    return spec_data, {**effort, **left}

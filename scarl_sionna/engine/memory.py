@@ -1,0 +1,36 @@
+"""Memory that a process holds though nothing uses it, and how it is given back to the system."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import sys
+
+
+def resident_bytes() -> tuple[int, int]:
+    """Return how much memory this process has now and had at most [bytes]; zeros where the system does not tell (not Linux)."""
+    try:
+        with open("/proc/self/status", encoding="ascii", errors="replace") as file:
+            lines = dict(line.split(":", 1) for line in file if line.startswith(("VmRSS", "VmHWM")))
+    except OSError:
+        return 0, 0
+    now, most = (1024 * int(lines.get(name, "0").split()[0]) for name in ("VmRSS", "VmHWM"))
+    return now, most
+
+
+def release_memory() -> None:
+    """Give memory that nothing uses back to the system.
+
+    Worlds hang in cycles until Python's collector runs, Dr.Jit keeps freed arrays for the next ones of their size, and the C
+    library keeps freed pages of its threads. Call it between unrelated worlds in a process that loads many. It takes some
+    0.3 s, changes no result, and does nothing to what is still referred to.
+    """
+    gc.collect()
+    drjit = sys.modules.get("drjit")
+    if drjit is not None:
+        drjit.sync_thread()
+        drjit.flush_malloc_cache()
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:  # glibc; musl has none
+            trim(0)

@@ -1,0 +1,1 @@
+"""Triangle meshes, plane outlines, and parts that follow a surface."""

@@ -1,0 +1,1 @@
+"""Bodies, postures and clothes."""

@@ -1,0 +1,1 @@
+"""Trees, hedges, shrubs and grass."""

@@ -1,0 +1,1 @@
+"""Roads, the ground, tunnels and bridges, and what drives or walks along them."""

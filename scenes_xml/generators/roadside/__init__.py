@@ -1,0 +1,1 @@
+"""Things that stand beside roads: signs, lamps, traffic lights, fences, poles."""

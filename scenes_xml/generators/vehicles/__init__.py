@@ -1,0 +1,1 @@
+"""Cars, vans, lorries, buses and two-wheelers, and their parts."""

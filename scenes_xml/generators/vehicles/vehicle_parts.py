@@ -1,0 +1,84 @@
+"""Parts that vehicles of all kinds share: number plates, underbodies, lamps, and prisms to make them of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..geometry.mesh import Array, Mesh, box, merge, outward, revolve, tube
+
+Point = tuple[float, float, float]
+
+
+def plate_text(x: float, z: float, forward: bool, seed: int, size: tuple[float, float] = (0.52, 0.11)) -> Mesh:
+    """Return seven block letters, 2 mm thick, on a number plate whose outer face is at `x`, about the height `z` [m]."""
+    generator = np.random.default_rng(seed)
+    width, height = size
+    sign = 1.0 if forward else -1.0
+    parts = []
+    for k in range(7):
+        if k == 2:
+            continue
+        y = (-0.36 + 0.12 * k) * width
+        for level, there in zip((0.29, 0.0, -0.29), generator.uniform(size=3) < 0.8, strict=True):
+            if there:
+                parts.append(box((0.002, 0.075 * width, 0.1 * height), (x + sign * 0.001, y, z + level * height)))
+        left = -0.031 if generator.uniform() < 0.5 else 0.031
+        parts.append(box((0.003, 0.02 * width, 0.68 * height), (x + sign * 0.0015, y + left * width, z)))
+    return merge(parts)
+
+
+def bar(start: Point, stop: Point, radius: float, segments: int = 6) -> Mesh:
+    """Return a round bar between two points [m]."""
+    return tube(np.array([start, stop], float), radius, segments)
+
+
+def lens(
+    radius: float, centre: Point, depth: float = 0.02, segments: int = 16, axis: str = "x", forward: bool = True
+) -> Mesh:
+    """Return a flat round lamp: a disk of `depth` [m] along `axis`, its outer face at `centre`, rounded at the edge."""
+    profile = np.array([(0.0, -depth), (radius, -depth), (radius, -0.3 * depth), (0.86 * radius, 0.0), (0.0, 0.0)])
+    if not forward:
+        profile = profile * [1.0, -1.0]
+    return outward(revolve(profile, segments, axis)).moved(centre)
+
+
+def prism(outline: Sequence[tuple[float, float]], low: float, high: float) -> Mesh:
+    """Return the prism of an x-z `outline` [m] between y = `low` and `high`; the outline is star-shaped about its mean."""
+    points = np.array(outline, float)
+    n = len(points)
+    k = np.arange(n)
+    rings = [np.column_stack([points[:, 0], np.full(n, y), points[:, 1]]) for y in (low, high)]
+    sides = np.concatenate([np.stack([k, n + k, n + (k + 1) % n], 1), np.stack([k, n + (k + 1) % n, (k + 1) % n], 1)])
+    parts = [Mesh(np.concatenate(rings), sides.astype(np.int64))]
+    for ring, order in zip(rings, (1, -1), strict=True):
+        fan = np.stack([k, (k + 1) % n, np.full(n, n)], 1)[:, ::order]
+        parts.append(Mesh(np.concatenate([ring, ring.mean(0)[None]]), fan.astype(np.int64)))
+    return outward(merge(parts))
+
+
+def car_underbody(
+    front_axle: float, rear_axle: float, width: float, length: float, floor: float, radius: float
+) -> dict[str, Mesh]:
+    """Return the floor plate, subframes, axles, silencer and exhaust of a car; floor = height of the bodywork's lower edge [m]."""
+    low, half = floor - 0.008, 0.42 * width
+    parts = {
+        "floor": box((front_axle - rear_axle - 2 * radius - 0.24, 2 * half, 0.012), (0.5 * (front_axle + rear_axle), 0.0, low - 0.006)),
+        "tunnel": box((front_axle - rear_axle + 0.1, 0.20, 0.03), (0.5 * (front_axle + rear_axle), 0.0, low - 0.03)),
+        "subframe": box((0.62, 0.82, 0.05), (front_axle, 0.0, low - 0.026)),
+        "silencer": outward(revolve(np.array([(0.0, -0.26), (0.07, -0.26), (0.08, -0.23), (0.08, 0.23), (0.07, 0.26), (0.0, 0.26)]), 10, "y")).moved((-length / 2 + 0.42, 0.1, floor + 0.01)),
+        "exhaust": bar((front_axle - 0.1, 0.16, low - 0.03), (-length / 2 + 0.42, 0.16, low - 0.02), 0.025),
+        "tail_pipe": bar((-length / 2 + 0.40, 0.34, floor + 0.01), (-length / 2 + 0.035, 0.52, floor + 0.035), 0.028, 8),
+        "beam": bar((rear_axle, -width / 2 + 0.24, radius - 0.06), (rear_axle, width / 2 - 0.24, radius - 0.06), 0.035),
+    }  # fmt: skip
+    for side in (1.0, -1.0):
+        inner, outer = 0.30 * side, (width / 2 - 0.20) * side
+        parts[f"arm_{side:+.0f}"] = bar((front_axle + 0.03, inner, floor), (front_axle, outer, radius - 0.10), 0.022)
+        parts[f"shaft_{side:+.0f}"] = bar((front_axle, inner, radius - 0.04), (front_axle, outer, radius), 0.018)
+    return parts
+
+
+def silhouette(points: Array) -> list[tuple[float, float]]:
+    """Return an array of (x, z) as the list that `prism` takes."""
+    return [(float(x), float(z)) for x, z in points]

@@ -1,0 +1,72 @@
+"""Tests marked `own_process` run in a process of their own, one for all of them in a file, and are reported where they stand.
+
+TensorFlow stays in a process for ever and takes 0.5 GB; with it and a detailed scene a worker would pass the bar of 1.5 GB.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+REPO = Path(__file__).resolve().parents[1]
+RESULTS = "SCARL_TEST_RESULTS"
+"""Environment variable of such a process: the file to which it writes a line for each finished part of a test."""
+
+_outcomes: dict[str, dict[str, tuple[str, str]]] = {}
+
+
+def send_away(items: list[pytest.Item], options: list[str]) -> None:
+    """Let marked tests take their outcome from the other process, which starts with the first of a file."""
+    marked = [item for item in items if "own_process" in item.keywords and not any(item.iter_markers("skip"))]
+    for item in marked if RESULTS not in os.environ else ():
+        together = [other.nodeid for other in marked if other.path == item.path]
+        item.fixturenames.clear()  # type: ignore[attr-defined]
+        item.runtest = partial(_take_outcome, item.nodeid, together, options)  # type: ignore[method-assign]
+
+
+def write_report(report: pytest.TestReport) -> None:
+    """Write the outcome of a part of a test, in the process that runs it."""
+    if report.when == "call" or report.outcome != "passed":
+        text = str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else report.longreprtext
+        with open(os.environ[RESULTS], "a", encoding="utf-8") as file:
+            file.write(json.dumps([report.nodeid, report.outcome, text]) + "\n")
+
+
+def _take_outcome(nodeid: str, together: list[str], options: list[str]) -> None:
+    file = nodeid.partition("::")[0]
+    if file not in _outcomes:
+        _outcomes[file] = _run(together, options)
+    outcome, text = _outcomes[file].get(nodeid, ("failed", _outcomes[file][""][1]))
+    if outcome == "skipped":
+        pytest.skip(text)
+    if outcome != "passed":
+        pytest.fail(text, pytrace=False)
+
+
+def _run(nodeids: list[str], options: list[str]) -> dict[str, tuple[str, str]]:
+    """Return outcome and text of each test; under the empty name the end of what the process printed."""
+    with tempfile.TemporaryDirectory() as folder:
+        results = Path(folder) / "results"
+        results.touch()
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options, *nodeids],
+            cwd=REPO, env={**os.environ, RESULTS: str(results)}, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        found = {
+            "": (
+                "failed",
+                f"the test's own process ended with {done.returncode}:\n{(done.stdout + done.stderr)[-2000:]}",
+            )
+        }
+        for line in results.read_text(encoding="utf-8").splitlines():
+            nodeid, outcome, text = json.loads(line)
+            if found.get(nodeid, ("passed",))[0] == "passed":  # a failed teardown counts, too
+                found[nodeid] = outcome, text
+    return found

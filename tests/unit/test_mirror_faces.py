@@ -1,0 +1,51 @@
+"""Who owns a hit, among mirrors that are near to each other: exactly one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scarl_sionna.radar.channel.compose.mirror_faces import NOBODY, MirrorFaces
+from scarl_sionna.scene.tables import RayHits
+
+OTHER = 4
+"""A face of no mirror."""
+
+
+def level(number: int, x: tuple[float, float], z: float):
+    """Return faces, normal, offset and corners of a level mirror of two triangles, 4 m wide."""
+    corners = np.array([(x[0], -2, z), (x[1], -2, z), (x[1], 2, z), (x[0], 2, z)])
+    return np.array([2 * number, 2 * number + 1]), [0.0, 0.0, 1.0], z, corners[[(0, 1, 2), (0, 2, 3)]]
+
+
+def owner(mirrors, face, hit, aim=None) -> int:
+    faces, normal, offset, corners = zip(*mirrors, strict=True)
+    point, empty = np.array([hit]), np.zeros((1, 3))
+    hits = RayHits(
+        np.zeros(1, np.int64), np.ones(1), point, empty, np.ones(1), np.zeros(1, np.int32), empty, np.array([face])
+    )
+    known = MirrorFaces(OTHER + 1, faces, np.array(normal), np.array(offset), corners)
+    return int(known.owner(hits, point if aim is None else np.array([aim]))[0])
+
+
+@pytest.mark.parametrize(
+    ("second", "face", "hit", "aim", "expected"),
+    [
+        (((0, 4), 0.004), 0, (1, 1, 0.0), None, 0),  # each mirror's own faces
+        (((0, 4), 0.004), 2, (1, 1, 0.004), None, 1),
+        (((0, 4), 0.00002), 2, (1, 1, 0.00002), None, 0),  # as good as one plane: the first
+        (((4, 8), 0.00002), 2, (5, 1, 0.00002), None, 1),  # but not where it has ended
+        (((0, 4), 0.004), OTHER, (1, 1, 0.006), None, 1),  # a marking: the nearer of the two under it
+        (((0, 4), 0.00002), OTHER, (1, 1, 0.006), None, 0),
+        (((4, 8), 0.004), OTHER, (1, 1, 0.004), None, 0),  # the one that goes on there, not the nearest
+        (((4, 8), 0.004), OTHER, (3.9, 1, 0.004), (4.1, 1, 0.004), 1),  # where the ray was aimed
+        (((6, 8), 0.004), OTHER, (5, 1, 0.006), None, 1),  # in a gap: the nearest
+        (((6, 8), 0.00002), OTHER, (5, 1, 0.006), None, 0),
+        (((6, 8), 0.004), OTHER, (5, 1, 0.009), None, 1),
+        (((6, 8), 0.004), OTHER, (5, 1, 0.012), None, 1),  # 8 mm over the second, 12 over the first
+        (((0, 4), 0.004), OTHER, (1, 1, 0.02), None, NOBODY),
+    ],
+)  # fmt: skip
+def test_a_hit_has_one_owner(second, face, hit, aim, expected) -> None:
+    mirrors = [level(0, (0.0, 4.0), 0.0), level(1, *second)]
+    assert owner(mirrors, face, hit, aim) == expected
