@@ -144,6 +144,12 @@ def bench_knobs() -> None:
             print(
                 f"    ray_spacing {ray:5g}  edge_spacing {edge:6g}  error {error:.1e}  cpu {timing.cpu / 2:.3f} s{mark}"
             )
+        for share in (1.0, 0.5, 0.25, 0.125, 0.0625):
+            settings = SbrSettings(corner_share=share)
+            timing = measure(lambda s=settings, b=body: scattering_matrix(b, 77e9, *angles, settings=s), 1, 0)
+            found = scattering_matrix(body, 77e9, *angles, settings=settings)
+            error = np.abs(found - reference).max() / np.abs(reference).max()
+            print(f"    corner_share {share:6g}  error {error:.1e}  cpu {timing.cpu / 2:.3f} s")
 
 
 def bench_car(phi_deg: float = 150.0, count: int = 3) -> None:

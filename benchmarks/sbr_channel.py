@@ -118,6 +118,9 @@ def car() -> None:
         ("num_tubes 10^6", {"num_tubes": 1_000_000}), ("edge_share 0.25", {"edge_share": 0.25}),
         ("edge_share 1, ray_share 1", {"edge_share": 1.0, "ray_share": 1.0}),
         ("max_depth 2", {"max_depth": 2}), ("max_depth 1", {"max_depth": 1}),
+        ("corner_share 0.5", {"corner_share": 0.5}), ("corner_share 0.0625", {"corner_share": 0.0625}),
+        ("bisections 5", {"bisections": 5}), ("bisections 12", {"bisections": 12}),
+        ("grazing_cosine 0.1", {"grazing_cosine": 0.1}), ("grazing_cosine 0.005", {"grazing_cosine": 0.005}),
     ]  # fmt: skip
     for name in ("car_ahead", "oncoming"):
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Decibels, Unit
 
@@ -164,7 +165,12 @@ class SbrSettings(Spec):
         found = []
         for spacing, share in ((self.ray_spacing, self.ray_share), (self.edge_spacing, self.edge_share)):
             if spacing is None and side is None:
-                raise ValueError("settings of a body come from for_size()")
+                raise ParameterRangeError(
+                    "ray_spacing, edge_spacing",
+                    "None without a side",
+                    "numbers [wavelengths]",
+                    "settings of a body come from for_size()",
+                )
             found.append(np.asarray(share * side if spacing is None else spacing * wavelength))  # type: ignore[operator]
         return found[0], found[1]
 

@@ -33,6 +33,8 @@ Mask = npt.NDArray[np.bool_]
 
 _COARSE = 16.0
 """Faces are first cut into pieces so many times as long as patches, so that a batch of them is no more than some patches."""
+_BEHIND = 1e-6
+"""A tube may land this part of its length before its footprint: the rounding of faces that touch."""
 WIDE_FACE = 0.5
 """Faces that look wider than this [rad] are never sorted out before they are cut into patches."""
 
@@ -273,7 +275,9 @@ class Tracer:
         share, slope = landing(corners, ray, normal, offset)
         length = np.sqrt(np.einsum("nij,nij->ni", ray, ray))
         with np.errstate(invalid="ignore"):
-            ahead = (share >= -1e-6) & (length * (1.0 + share) < 2.0 * self.reach) & (np.abs(slope) > GRAZING * length)
+            ahead = (
+                (share >= -_BEHIND) & (length * (1.0 + share) < 2.0 * self.reach) & (np.abs(slope) > GRAZING * length)
+            )
         kept = ahead.all(axis=1)
         landed = corners[kept] + share[kept, :, None] * ray[kept]
         chain = np.concatenate([tubes.face[rows[kept]], face[kept, None]], axis=1)
