@@ -185,6 +185,10 @@ class World(Described):
         """Return the mesh of a part: of a static one in the world's frame, else in the part's own, see `WorldState.part_pose`."""
         return self._meshes[self.parts.name[part]]
 
+    def part_bounds(self) -> tuple[Array, Array]:
+        """Return the lower and the upper corner of every part's box in the frame of its mesh, each of shape (num_parts, 3) [m]."""
+        return self._triangles.bounds()
+
     def actor(self, name: str) -> Actor:
         """Return an actor by name."""
         if name not in self._actor_of_name:
@@ -221,6 +225,10 @@ class World(Described):
         poses = {actor.name: actor.trajectory.pose(time) for actor in self.actors}
         twists = {actor.name: actor.trajectory.twist(time) for actor in self.actors}
         return WorldState(self, time, poses, twists)
+
+    def with_parts_at(self, places: Mapping[int, Pose]) -> WorldState:
+        """Return a state at rest in which the parts of actors have given places, world_from_part by the row of the part."""
+        return _PlacedState(self, places)
 
     def plot(
         self,
@@ -562,6 +570,19 @@ class WorldState(Described):
     def _is_walled_in(self, point: Array) -> bool:
         """Return whether three quarters of the rays from a point hit something: not so above layers of open ground."""
         return self.cast(point, _SPHERE).num_hits >= 0.75 * len(_SPHERE)
+
+
+class _PlacedState(WorldState):
+    """A state in which every part of an actor has a given place."""
+
+    def __init__(self, world: World, places: Mapping[int, Pose]) -> None:
+        poses = {actor.name: Pose() for actor in world.actors}
+        super().__init__(world, 0.0, poses, {name: Twist() for name in poses})
+        self._places = places
+
+    @cached_property
+    def _part_motion(self) -> dict[int, Motion]:
+        return {part: Motion(pose) for part, pose in self._places.items()}
 
 
 def load_scene(

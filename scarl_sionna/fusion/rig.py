@@ -101,8 +101,12 @@ class SensorMount(Described):
         _check_keys(f"{what} vehicle_from_sensor", pose, required={"position"}, optional={"quaternion"})
         kind = data["kind"]
         spec, settings = lifted(kind, data.get("spec") or {}, data.get("settings"))
-        where = Pose(pose["position"], pose.get("quaternion", _FACING_FRONT))
-        return cls(data["name"], kind, spec_type(kind)(**spec), where, _settings_of(kind, what, settings))
+        try:
+            place = Pose(pose["position"], pose.get("quaternion", _FACING_FRONT))
+        except ParameterRangeError as error:
+            where = f"{what} vehicle_from_sensor.{error.name}"
+            raise ParameterRangeError(where, error.value, error.allowed, "keep to the form of Rig.to_dict()") from error
+        return cls(data["name"], kind, spec_type(kind)(**spec), place, _settings_of(kind, what, settings))
 
 
 @dataclass(frozen=True, repr=False)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from scarl_sionna.core.errors import UnknownNameError
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.prompt.axes import (
     DARK,
     POWER_MAP,
@@ -22,15 +24,42 @@ from scarl_sionna.core.units import power_to_db
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .paths import RadarPaths
-
+Array = npt.NDArray[np.float64]
 VIEWS = ("range", "map")
 _FEW = 500
 """Paths up to this number have an outline."""
 _GAIN = "received / transmitted power, isotropic antennas [dB]"
 
 
-def plot_paths(paths: RadarPaths, view: str, dynamic_range_db: float, ax: Axes | None) -> Axes:
+class PathsView(Protocol):
+    """What is drawn of :class:`scarl_sionna.radar.paths.RadarPaths`."""
+
+    @property
+    def num_paths(self) -> int:
+        """Number of paths."""
+
+    @property
+    def a(self) -> npt.NDArray[np.complex128]:
+        """Polarimetric transfer, (num_paths, 2, 2)."""
+
+    @property
+    def length(self) -> Array:
+        """Lengths between the array centres [m]."""
+
+    @property
+    def length_rate(self) -> Array:
+        """Their change over time [m/s]."""
+
+    @property
+    def world_from_rx(self) -> Pose:
+        """Frame of the receiver."""
+
+    @property
+    def apparent_points(self) -> Array:
+        """Where the receiver sees the paths, (num_paths, 3) [m, world]."""
+
+
+def plot_paths(paths: PathsView, view: str, dynamic_range_db: float, ax: Axes | None) -> Axes:
     """Draw paths, see `RadarPaths.plot`."""
     if view not in VIEWS:
         raise UnknownNameError("view", view, VIEWS)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.prompt.axes import (
@@ -16,19 +17,78 @@ from scarl_sionna.core.prompt.axes import (
     power_limits,
     sensor_map,
 )
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .angle import RangeDopplerAngle
-    from .detection import RadarPoints
-    from .processing import RangeDoppler
-
+Array = npt.NDArray[np.float64]
+Powers = npt.NDArray[np.float32]
 VIEWS = ("map", "range_azimuth", "range_doppler")
 
 
-def plot_range_doppler(rd: RangeDoppler, max_range: float | None, dynamic_range_db: float, ax: Axes | None) -> Axes:
+class Map(Protocol):
+    """Axes of a radar map."""
+
+    @property
+    def range(self) -> Array:
+        """Ranges [m]."""
+
+    @property
+    def radial_velocity(self) -> Array:
+        """Radial velocities [m/s]."""
+
+
+class RangeDopplerView(Map, Protocol):
+    """What is drawn of :class:`scarl_sionna.signal.processing.RangeDoppler`."""
+
+    @property
+    def power(self) -> Powers:
+        """Mean power of the channels, (velocities, ranges) [W]."""
+
+
+class RangeDopplerAngleView(Map, Protocol):
+    """What is drawn of :class:`scarl_sionna.signal.angle.RangeDopplerAngle`."""
+
+    @property
+    def data(self) -> Powers:
+        """Power, (velocities, ranges, azimuths) or with elevations last [W]."""
+
+    @property
+    def azimuth(self) -> Array:
+        """Azimuths [rad]."""
+
+    @property
+    def elevation(self) -> Array | None:
+        """Elevations [rad]; None without."""
+
+    @property
+    def radar(self) -> RadarSpec:
+        """The radar."""
+
+
+class PointsView(Protocol):
+    """What is drawn of :class:`scarl_sionna.signal.detection.RadarPoints`."""
+
+    @property
+    def num_points(self) -> int:
+        """Number of detections."""
+
+    @property
+    def position(self) -> Array:
+        """Positions, (num_points, 3) [m, radar frame]."""
+
+    @property
+    def radial_velocity(self) -> Array:
+        """Radial velocities [m/s]."""
+
+    @property
+    def snr_db(self) -> Array:
+        """Signal over noise [dB]."""
+
+
+def plot_range_doppler(rd: RangeDopplerView, max_range: float | None, dynamic_range_db: float, ax: Axes | None) -> Axes:
     """Draw the mean power of the channels, see `RangeDoppler.plot`."""
     axis = axes_or_new(ax)
     near = slice(None) if max_range is None else rd.range <= max_range
@@ -39,7 +99,7 @@ def plot_range_doppler(rd: RangeDoppler, max_range: float | None, dynamic_range_
 
 
 def plot_range_doppler_angle(
-    rda: RangeDopplerAngle, view: str, max_range: float | None, dynamic_range_db: float, ax: Axes | None
+    rda: RangeDopplerAngleView, view: str, max_range: float | None, dynamic_range_db: float, ax: Axes | None
 ) -> Axes:
     """Draw the strongest power over what is not shown, see `RangeDopplerAngle.plot`."""
     if view not in VIEWS:
@@ -72,7 +132,7 @@ def plot_range_doppler_angle(
     return axis
 
 
-def plot_points(points: RadarPoints, ax: Axes | None) -> Axes:
+def plot_points(points: PointsView, ax: Axes | None) -> Axes:
     """Draw detections from above, see `RadarPoints.plot`."""
     axis = axes_or_new(ax, 7.0, 6.0)
     low, high = centred(points.radial_velocity)

@@ -11,7 +11,7 @@ import pytest
 import scarl_sionna as ss
 from scarl_sionna.core.errors import InputTypeError, ScarlError, SpecError, UnknownFieldError
 from scarl_sionna.core.prompt.arguments import check_radians
-from scarl_sionna.core.prompt.refusals import in_our_unit, part_with, scaled
+from scarl_sionna.core.prompt.refusals import home_of, in_our_unit, parts_of, scaled
 from scarl_sionna.core.specs.camera import CameraSpec
 from tests.lane_scene import lane_scene
 
@@ -124,4 +124,7 @@ def test_units_that_people_write() -> None:
 
 
 def test_a_field_of_no_part_has_no_hint() -> None:
-    assert part_with(CameraSpec, "zzzzzz") == ""
+    assert home_of("zzzzzz", parts_of(CameraSpec)) is None and home_of("k1", parts_of(CameraSpec)) is not None
+    with pytest.raises(UnknownFieldError) as unknown:
+        CameraSpec(zzzzzz=3)
+    assert unknown.value.remedy == "" and str(unknown.value).endswith(")")

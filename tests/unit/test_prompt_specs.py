@@ -75,3 +75,6 @@ def test_specifications_show_units_and_stay_short() -> None:
     assert lines[0] == "RadarSpec" and len(lines) <= 20 and max(map(len, lines)) <= 110
     assert "range_resolution" in lines[1] and "0.499654 m" in lines[1]  # c / (2 * 300 MHz)
     assert any(line.split() == ["start_frequency", "77", "GHz"] for line in lines)
+    assert any(line.endswith("tx_power_dbm 12 dBm, noise_figure_db 12 dB, source_temperature 290 K") for line in lines)
+    every = repr(ss.RadarSpec().with_(sampling_frequency=20e6)).splitlines()  # a field more than the default shows
+    assert len(every) == 20 and every[-1].split() == ["elevation_fov_deg", "30", "deg"]

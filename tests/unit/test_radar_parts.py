@@ -10,10 +10,10 @@ import pytest
 from pydantic import Field
 
 import scarl_sionna as ss
-from scarl_sionna.core.errors import ParameterRangeError, ScarlError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlError, UnknownFieldError
+from scarl_sionna.core.prompt.refusals import parts_of
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.multiplexing import KINDS, Multiplexing
-from scarl_sionna.core.specs.radar.parts import parts_of
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.waveform import Waveform
 from scarl_sionna.core.units import SPEED_OF_LIGHT
@@ -56,9 +56,8 @@ class OtherRadar(ss.RadarSpec):
 def test_no_two_fields_have_one_name_so_that_the_short_form_is_clear() -> None:
     names = [
         field
-        for part in parts_of(ss.RadarSpec).values()
-        for field in type(part).model_fields
-        if field != "kind" or type(part) in (ss.Fmcw, ss.IdealMimo)
+        for kinds in parts_of(ss.RadarSpec).values()
+        for field in {name for kind in kinds for name in kind.model_fields}
     ]
     names = [name for name in names if name != "kind"] + list(ss.RadarSpec.model_fields)
     assert len(names) == len(set(names))
@@ -106,16 +105,25 @@ def test_other_parts_stay_as_they_are() -> None:
         ("tx_positions", ONE, r"RadarSpec\(array=AntennaArray\(tx_positions=\(\(0.0, 0.0, 0.0\),\)\)\)"),
         ("adc_bits", 8, r"RadarSpec\(adc=Adc\(bits=8\)\) or RadarSpec\(\)\.with_\(bits=8\)"),
         ("bandwith", 1e9, r"did you mean 'bandwidth'\? write RadarSpec\(waveform=Fmcw\(bandwidth=1000000000.0\)\)"),
-        ("azimuth_fov", 3, "did you mean 'azimuth_fov_deg'"),
+        ("num_sample", 3, "a field of RadarSpec or of one of its parts waveform, multiplexing, array, front_end, adc"),
         ("num_rays", 3, r"in the settings.*RadarSettings\.of\(num_rays=3\)"),
-        ("zzz", 3, "a field of RadarSpec or of one of its parts waveform, multiplexing, array, front_end, adc"),
-        ("kind", "fmcw", "a field of RadarSpec"),
     ],
 )  # fmt: skip
 def test_a_name_that_stands_elsewhere_or_nowhere_is_refused_with_its_place(name, value, message) -> None:
     with pytest.raises(ParameterRangeError, match=rf"RadarSpec\.{name} = .*{message}") as caught:
         ss.RadarSpec(**{name: value})
     assert isinstance(caught.value, ScarlError) and caught.value.name == f"RadarSpec.{name}"
+    assert (caught.value.model, caught.value.path) == (ss.RadarSpec, (name,))
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"), [("azimuth_fov", "; did you mean 'azimuth_fov_deg'?"), ("zzz", ""), ("kind", "")]
+)
+def test_a_name_of_no_part_is_an_unknown_field(name, hint) -> None:
+    for make in (ss.RadarSpec, ss.RadarSpec().with_):
+        with pytest.raises(UnknownFieldError) as caught:
+            make(**{name: 3})
+        assert caught.value.path == (name,) and str(caught.value).endswith(f"waveform){hint}")
 
 
 @pytest.mark.parametrize(
@@ -123,7 +131,7 @@ def test_a_name_that_stands_elsewhere_or_nowhere_is_refused_with_its_place(name,
     [
         ({"num_chirp": 3}, r"RadarSpec\.num_chirp = 3 .*did you mean 'num_chirps'\? write RadarSpec\(waveform=Fmcw"),
         ({"adc_bits": 3}, r"in its part `adc`.*with_\(bits=3\)"),
-        ({"kind": "pmcw"}, "a field of RadarSpec"),
+        ({"kind": "pmcw"}, r"RadarSpec\.kind is an unknown field of RadarSpec"),
         ({"noise_figure_db": -1.0}, r"RadarSpec\.front_end\.noise_figure_db = -1\.0"),
         ({"num_samples": 0}, r"RadarSpec\.waveform\.num_samples = 0"),
         ({"sampling_frequency": 1e6}, r"RadarSpec\.waveform = .*512 samples at 1 MHz take 512 us, the ramp 30 us"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from .axes import DARK, DEPTH_MAP, NOTHING, VELOCITY_MAP, axes_or_new, centred, 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from scarl_sionna.core.results import ImageFrame, LidarScan
+    from scarl_sionna.core.specs.camera import CameraSpec
 
 NEAREST_DEPTH = 1.0
 """First colour of the depth maps [m]."""
@@ -25,6 +25,58 @@ LIDAR_COLORS: Mapping[str, str] = {
     "reflectance": "reflectance", "height": "z, up [m]", "time": "time of the shot [s]",
 }  # fmt: skip
 """What a point's colour can stand for, and the label of its bar."""
+
+
+class Images(Protocol):
+    """What is drawn of :class:`scarl_sionna.core.results.ImageFrame`; an image that is not there is None."""
+
+    @property
+    def spec(self) -> CameraSpec:
+        """The camera."""
+
+    @property
+    def rgb(self) -> npt.NDArray[np.uint8] | None:
+        """Colours, (height, width, 3), sRGB."""
+
+    @property
+    def depth(self) -> npt.NDArray[np.float32] | None:
+        """Depth [m]."""
+
+    @property
+    def semantic(self) -> npt.NDArray[np.uint8] | None:
+        """Classes."""
+
+    @property
+    def instance(self) -> npt.NDArray[np.uint16] | None:
+        """Instances."""
+
+    @property
+    def normal(self) -> npt.NDArray[np.float32] | None:
+        """Normals, (height, width, 3)."""
+
+    @property
+    def flow(self) -> npt.NDArray[np.float32] | None:
+        """Flow, (height, width, 2) [px]."""
+
+
+class Returns(Protocol):
+    """What is drawn of :class:`scarl_sionna.core.results.LidarScan`; the fields in `LIDAR_COLORS` are read by name."""
+
+    @property
+    def num_points(self) -> int:
+        """Number of returns."""
+
+    @property
+    def position(self) -> npt.NDArray[np.float32]:
+        """Positions, (num_points, 3) [m, sensor frame]."""
+
+    @property
+    def radial_velocity(self) -> npt.NDArray[np.float32]:
+        """Radial velocities [m/s]; NaN where a receiver tells none."""
+
+    @property
+    def intensity(self) -> npt.NDArray[np.float32]:
+        """Received power, relative."""
 
 
 def draw_rgb(axis: Axes, rgb: npt.NDArray[np.uint8]) -> None:
@@ -108,7 +160,7 @@ def _draw_flow(axis: Axes, flow: npt.NDArray[np.float32]) -> None:
     )  # fmt: skip
 
 
-def plot_image(frame: ImageFrame, image: str | None = None, ax: Axes | None = None) -> Axes:
+def plot_image(frame: Images, image: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw one of the images of a camera, see `ImageFrame.plot`."""
     draw: Mapping[str, Callable[[Axes], None]] = {
         "rgb": lambda axis: draw_rgb(axis, frame.rgb),  # type: ignore[arg-type]
@@ -137,7 +189,7 @@ def _farthest(depth: npt.NDArray[np.floating]) -> float:
     return float(np.quantile(known, 0.99)) if known.size else 100.0
 
 
-def plot_lidar(scan: LidarScan, color: str | None = None, ax: Axes | None = None) -> Axes:
+def plot_lidar(scan: Returns, color: str | None = None, ax: Axes | None = None) -> Axes:
     """Draw the returns of a lidar from above, see `LidarScan.plot`."""
     has_velocity = bool(np.isfinite(scan.radial_velocity).any())
     chosen = color or ("radial_velocity" if has_velocity else "height")

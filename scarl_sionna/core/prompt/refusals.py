@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -12,6 +13,11 @@ from pydantic.fields import FieldInfo
 
 from scarl_sionna.core.errors import ParameterRangeError, SpecError, UnknownFieldError, did_you_mean
 from scarl_sionna.core.units import Unit
+
+Path = tuple[str | int, ...]
+Names = Mapping[str, str]
+Parts = Mapping[str, tuple[type[BaseModel], ...]]
+"""Specifications that stand, or may stand, in a field, by its name."""
 
 _UNITS: Mapping[str, tuple[str, float]] = {
     "km/h": ("m/s", 1.0 / 3.6), "kmh": ("m/s", 1.0 / 3.6), "kph": ("m/s", 1.0 / 3.6), "mph": ("m/s", 0.44704),
@@ -54,9 +60,7 @@ def refusal(model: type[BaseModel], error: ValidationError) -> SpecError:
         inside = inner.path if isinstance(inner, SpecError) else ()
         return SpecError(model, (*path, *inside), inner.value, inner.allowed, inner.remedy)
     if item["type"] == "extra_forbidden":
-        name = str(path[-1])
-        known = model.model_fields
-        return UnknownFieldError(model, path, known, "" if did_you_mean(name, known) else part_with(model, name))
+        return unknown_field(model, path, item["input"])
     info = model.model_fields.get(str(path[0])) if path else None
     unit = unit_of(info)
     shown = repr(item.get("input")) if item["type"] != "missing" else "nothing"
@@ -66,15 +70,54 @@ def refusal(model: type[BaseModel], error: ValidationError) -> SpecError:
     return SpecError(model, path, shown[:80], allowed, remedy_of(item, info))
 
 
-def part_with(model: type[BaseModel], name: str) -> str:
-    """Return where a field stands that is not of a specification itself but of one of its parts, or nothing."""
-    for field, info in model.model_fields.items():
-        for part in _models_in(info.annotation):
-            if name in part.model_fields:
-                return f"it is a field of {part.__name__}: write {field}={part.__name__}({name}=...)"
-            if close := did_you_mean(name, part.model_fields):
-                return f"{close} It is a field of {part.__name__}, which stands in `{field}`"
-    return ""
+def parts_of(model: type[BaseModel]) -> dict[str, tuple[type[BaseModel], ...]]:
+    """Return the specifications that may stand in the fields of a specification, by the name of the field."""
+    found = {name: tuple(_models_in(info.annotation)) for name, info in model.model_fields.items()}
+    return {name: kinds for name, kinds in found.items() if kinds}
+
+
+def home_of(name: str, parts: Parts) -> tuple[str, type[BaseModel]] | None:
+    """Return the part that has a field of a name, and what it is; None if no part has it. Every part may have a `kind`."""
+    homes = ((part, kind) for part, kinds in parts.items() for kind in kinds if name in kind.model_fields)
+    return next(homes, None) if name != "kind" else None
+
+
+def unknown_field(
+    model: type[BaseModel], path: Path, value: object, parts: Parts | None = None, short_form: Names | None = None
+) -> SpecError:
+    """Return the error about a name that a specification does not have: the part where it stands, or the name that was meant.
+
+    Parameters
+    ----------
+    model : type
+        The specification's class.
+    path : tuple of str or int
+        The way to the name, and the name.
+    value : object
+        What the name was given.
+    parts : mapping, optional
+        Those that are there; default: all that the class allows, see :func:`parts_of`.
+    short_form : mapping, optional
+        For a specification whose `with_` takes the fields of its parts: other names of such fields, and their names there.
+    """
+    parts, name, shown = parts_of(model) if parts is None else parts, str(path[-1]), f"{value!r:.80}"
+    field = (short_form or {}).get(name, name)
+    allowed, meant, home = "", "", home_of(field, parts)
+    if home is not None:
+        allowed = f"in its part `{home[0]}`"
+    else:
+        inside = {field for kinds in parts.values() for kind in kinds for field in kind.model_fields} - {"kind"}
+        field = next(iter(get_close_matches(name, sorted(inside.union(model.model_fields)), n=1)), "")
+        home = home_of(field, parts) if field not in model.model_fields else None
+        if home is None:
+            return UnknownFieldError(model, path, model.model_fields)
+        allowed = f"a field of {model.__name__} or of one of its parts {', '.join(parts)}"
+        meant = f"did you mean '{field}'? "
+    part, kind = home
+    remedy = f"{meant}write {model.__name__}({part}={kind.__name__}({field}={shown}))"
+    if short_form is not None and isinstance(model.model_fields[part].default, kind):
+        remedy += f" or {model.__name__}().with_({field}={shown})"
+    return SpecError(model, path, shown, allowed, remedy)
 
 
 def unit_of(info: FieldInfo | None) -> str:

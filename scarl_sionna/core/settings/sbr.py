@@ -18,6 +18,7 @@ from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Decibels, Unit
 
 Array = npt.NDArray[np.float64]
+Wavelengths = Annotated[float, Unit("wavelengths")]
 
 SMALLEST_SIZE = 3.0
 """Largest extent [wavelengths] below which physical optics is more than some 0.2 dB off even for a plate head-on."""
@@ -44,12 +45,12 @@ class SbrSettings(Spec):
         le=32,
         description="largest number of bounces; 3 covers every corner reflector (docs/rcs.md, docs/sbr.md)",
     )
-    ray_spacing: float | None = Field(
+    ray_spacing: Wavelengths | None = Field(
         None, gt=0.0, le=64.0,
         description="largest distance between the rays that probe a tube [wavelengths]: what is smaller can be missed as an "
         "obstacle or as the next thing hit. None: 1 to 16 by the size of a body (docs/rcs.md), ray_share in a scene",
     )  # fmt: skip
-    edge_spacing: float | None = Field(
+    edge_spacing: Wavelengths | None = Field(
         None, gt=0.0, le=16.0,
         description="tubes that straddle an edge are halved down to this size [wavelengths] and then cut along it. None: 0.25 to 8 "
         "by the size of a body (docs/rcs.md), edge_share in a scene",

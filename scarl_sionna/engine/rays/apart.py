@@ -7,15 +7,14 @@ the scene, so that such a ray meets nothing else, and rays above meet the static
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.engine.world import World, WorldState
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.engine.show.view import StateView, WorldView
 from scarl_sionna.scene.motion.trajectory import Motion
 from scarl_sionna.scene.tables import Actor
 
@@ -60,14 +59,14 @@ class Apart:
         Index into `bodies`; -1 for a static part.
     centre : ndarray of float64, shape (num_bodies, 3)
         Where the centre of each body's sphere stands in `state` [m]; its axes are the world's.
-    state : WorldState
+    state : StateView
         Static parts in their places, bodies apart.
     """
 
     bodies: tuple[Body, ...]
     body_of_part: npt.NDArray[np.int32]
     centre: Array
-    state: WorldState
+    state: StateView
 
     def motions(self, time: float) -> list[Motion]:
         """Return the motion in the world of every body: that of the centre of its sphere, with the axes of its parts.
@@ -96,27 +95,14 @@ def _kept_moving(moved: Motion, time: float) -> Motion:
     return Motion(Pose.from_rotation(place, turn @ moved.pose.rotation), moved.twist)
 
 
-class _ApartState(WorldState):
-    """A state in which every part of a body has a given place."""
-
-    def __init__(self, world: World, place_of_part: dict[int, Pose]) -> None:
-        poses = {actor.name: Pose() for actor in world.actors}
-        super().__init__(world, 0.0, poses, {name: Twist() for name in poses})
-        self._place_of_part = place_of_part
-
-    @cached_property
-    def _part_motion(self) -> dict[int, Motion]:
-        return {part: Motion(pose) for part, pose in self._place_of_part.items()}
+_kept: WeakKeyDictionary[WorldView, Apart] = WeakKeyDictionary()
 
 
-_kept: WeakKeyDictionary[World, Apart] = WeakKeyDictionary()
-
-
-def stand_apart(world: World) -> Apart:
+def stand_apart(world: WorldView) -> Apart:
     """Return the bodies of a world and the state in which they stand apart; made once for each world."""
     if world not in _kept:
         bodies, body_of_part = _bodies(world)
-        lower, _ = world._triangles.bounds()
+        lower, _ = world.part_bounds()
         static = lower[body_of_part < 0]
         lowest = float(static[:, 2].min()) if len(static) else 0.0
         largest = max((body.radius for body in bodies), default=0.0)
@@ -130,11 +116,11 @@ def stand_apart(world: World) -> Apart:
             for part, body in enumerate(body_of_part.tolist())
             if body >= 0
         }
-        _kept[world] = Apart(bodies, body_of_part, centre, _ApartState(world, places))
+        _kept[world] = Apart(bodies, body_of_part, centre, world.with_parts_at(places))
     return _kept[world]
 
 
-def _bodies(world: World) -> tuple[tuple[Body, ...], npt.NDArray[np.int32]]:
+def _bodies(world: WorldView) -> tuple[tuple[Body, ...], npt.NDArray[np.int32]]:
     bodies: list[Body] = []
     body_of_part = np.full(len(world.parts.name), -1, dtype=np.int32)
     for index, actor in enumerate(world.actors):
@@ -145,7 +131,7 @@ def _bodies(world: World) -> tuple[tuple[Body, ...], npt.NDArray[np.int32]]:
             motion = jointed.get(world.parts.name[part])
             groups.setdefault(0 if motion is None else id(motion), []).append(part)
         for key, parts in groups.items():
-            vertices = np.concatenate([world._meshes[world.parts.name[part]].vertices for part in parts])
+            vertices = np.concatenate([world.mesh(part).vertices for part in parts])
             lower, upper = vertices.min(axis=0), vertices.max(axis=0)
             centre = (lower + upper) / 2.0
             radius = float(np.linalg.norm(vertices - centre, axis=1).max()) * (1.0 + 1e-6) + 1e-5

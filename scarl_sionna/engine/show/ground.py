@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, semantic_id
+from scarl_sionna.engine.rays.apart import stand_apart
 
-if TYPE_CHECKING:
-    from scarl_sionna.engine.world import World, WorldState
+from .view import StateView, WorldView
 
 Picture = npt.NDArray[np.uint8]
 
@@ -55,17 +54,15 @@ class View:
         return width, height
 
 
-def actor_color(item: ObjectState, world: World) -> tuple[int, int, int]:
+def actor_color(item: ObjectState, world: WorldView) -> tuple[int, int, int]:
     """Return the colour of an actor in plans, sRGB of 0 to 255."""
     if item.name == world.ego:
         return EGO_COLOR
     return ACTOR_COLORS.get(SEMANTIC_CLASSES[item.semantic], (210, 210, 210))
 
 
-def ground_picture(state: WorldState, view: View) -> Picture:
+def ground_picture(state: StateView, view: View) -> Picture:
     """Return the static scene from above, in colours of the classes, shaded by height and slope."""
-    from scarl_sionna.engine.rays.apart import stand_apart
-
     width, height = view.size
     column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     x = view.centre[0] + (column.ravel() - width / 2.0) / view.scale
@@ -73,7 +70,7 @@ def ground_picture(state: WorldState, view: View) -> Picture:
     ego = state.world.ego
     floor = float(state.actor_pose(ego).position[2]) if ego is not None else 0.0
     static = stand_apart(state.world).state
-    _, upper = state.world._triangles.bounds()
+    _, upper = state.world.part_bounds()
     classes, level, slope = _looked_down(static, x, y, float(upper[:, 2].max()) + 1.0)
     cut, covered = floor + HEAD_ROOM, False
     if ego is not None:
@@ -93,7 +90,7 @@ def ground_picture(state: WorldState, view: View) -> Picture:
 
 
 def _looked_down(
-    state: WorldState, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], top: float
+    state: StateView, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64], top: float
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return class (one past the last for nothing), height and cosine of the slope of what stands below points."""
     count = len(x)

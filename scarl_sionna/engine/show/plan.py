@@ -17,11 +17,10 @@ from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .ground import View, actor_color, ground_picture
+from .view import StateView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from scarl_sionna.engine.world import WorldState
 
 AROUND = 25.0
 """Margin around the actors [m]."""
@@ -67,7 +66,7 @@ class Sensors(Protocol):
 
 
 def plot_state(
-    state: WorldState, rig: Sensors | None, extent: tuple[float, float, float, float] | None, ax: Axes | None
+    state: StateView, rig: Sensors | None, extent: tuple[float, float, float, float] | None, ax: Axes | None
 ) -> Axes:
     """Draw a state from above, see `World.plot`."""
     actors = [item for item in state.boxes() if item.is_actor]
@@ -87,7 +86,7 @@ def plot_state(
     return axis
 
 
-def _view(state: WorldState, actors: Iterable[ObjectState], extent: tuple[float, float, float, float] | None) -> View:
+def _view(state: StateView, actors: Iterable[ObjectState], extent: tuple[float, float, float, float] | None) -> View:
     """Return what is shown: as asked for, else around the actors, else the whole scene."""
     if extent is not None:
         west, east, south, north = extent
@@ -99,13 +98,13 @@ def _view(state: WorldState, actors: Iterable[ObjectState], extent: tuple[float,
         if len(places):
             low, high = places.min(axis=0) - AROUND, places.max(axis=0) + AROUND
         else:
-            corners = state.world._triangles.corners.reshape(-1, 3)[:, :2]
-            low, high = np.asarray(corners.min(axis=0)), np.asarray(corners.max(axis=0))
+            lower, upper = state.world.part_bounds()
+            low, high = lower[:, :2].min(axis=0), upper[:, :2].max(axis=0)
     half = (high - low) / 2.0 if extent is not None else np.maximum((high - low) / 2.0, LEAST_SIDE / 2.0)
     return View((low + high) / 2.0, half, PIXELS / (2.0 * float(half.max())))
 
 
-def _draw_lanes(axis: Axes, state: WorldState) -> None:
+def _draw_lanes(axis: Axes, state: StateView) -> None:
     """Draw the centre lines of the lanes, with an arrow in the direction of travel, and parking places."""
     network = state.world.document.lanes
     if network is None:
@@ -145,7 +144,7 @@ def _draw_actor(axis: Axes, item: ObjectState, color: tuple[float, ...]) -> None
     )  # fmt: skip
 
 
-def sensor_poses(state: WorldState, rig: Sensors) -> list[tuple[Mounted, Pose]]:
+def sensor_poses(state: StateView, rig: Sensors) -> list[tuple[Mounted, Pose]]:
     """Return the sensors of a rig on the ego vehicle, and where they stand in the world.
 
     Raises
@@ -159,7 +158,7 @@ def sensor_poses(state: WorldState, rig: Sensors) -> list[tuple[Mounted, Pose]]:
     return [(mount, vehicle.compose(mount.vehicle_from_sensor)) for mount in rig.sensors]
 
 
-def _draw_sensors(axis: Axes, state: WorldState, rig: Sensors) -> None:
+def _draw_sensors(axis: Axes, state: StateView, rig: Sensors) -> None:
     """Draw where sensors stand and the width of their fields of view, one of each kind and place."""
     from matplotlib.patches import Patch, Wedge
 

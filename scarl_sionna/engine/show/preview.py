@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +16,7 @@ from scarl_sionna.engine import variant
 from scarl_sionna.signal.detection import RadarPoints
 
 from .plan import OTHER_SENSOR, SENSOR_COLORS, Sensors, sensor_poses
-
-if TYPE_CHECKING:
-    from scarl_sionna.engine.world import WorldState
+from .view import StateView
 
 Array = npt.NDArray[np.float64]
 
@@ -53,7 +51,7 @@ class Drawn(Protocol):
 Points = RadarPoints | LidarScan | npt.NDArray[np.floating]
 
 
-def preview_state(state: WorldState, rig: Sensors | None, paths: Drawn | None, points: Points | None) -> Any:
+def preview_state(state: StateView, rig: Sensors | None, paths: Drawn | None, points: Points | None) -> Any:
     """Return the previewer of a state, see `World.preview`."""
     with variant.radio():
         from sionna.rt.preview import Previewer
@@ -71,7 +69,7 @@ def preview_state(state: WorldState, rig: Sensors | None, paths: Drawn | None, p
     return view
 
 
-def _add_sensors(view: Any, state: WorldState, rig: Sensors) -> None:
+def _add_sensors(view: Any, state: StateView, rig: Sensors) -> None:
     """Draw a ball and the boresight of every sensor, and what the colours mean."""
     from matplotlib.colors import to_rgb
 
@@ -101,7 +99,7 @@ def _add_paths(view: Any, paths: Drawn) -> None:
 
 
 def _placed(
-    state: WorldState, rig: Sensors | None, paths: Drawn | None, points: Points
+    state: StateView, rig: Sensors | None, paths: Drawn | None, points: Points
 ) -> tuple[Array, npt.NDArray[np.floating]]:
     """Return points in the world [m], (num_points, 3), and their colours: by radial velocity where they have one."""
     import matplotlib as mpl
@@ -123,7 +121,7 @@ def _placed(
     return frame.apply(points.position), mpl.colormaps[VELOCITY_MAP](share)[:, :3]
 
 
-def _radar_pose(state: WorldState, rig: Sensors | None, paths: Drawn | None) -> Pose:
+def _radar_pose(state: StateView, rig: Sensors | None, paths: Drawn | None) -> Pose:
     """Return the pose of the radar whose detections are drawn: that of the paths, else the first of the rig."""
     if paths is not None:
         return paths.world_from_rx

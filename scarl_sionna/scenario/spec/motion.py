@@ -87,7 +87,9 @@ class WaypointsSpec(Spec):
     kind: Literal["waypoints"] = "waypoints"
     positions: tuple[Point, ...] = Field(min_length=2, description="[x, y] on the ground, or [x, y, z] [m, world]")
     times: tuple[Seconds, ...] | None = Field(None, description="one for each position [s]")
-    speed: Annotated[float, Field(gt=0.0, le=70.0)] | None = Field(None, description="instead of `times` [m/s]")
+    speed: Annotated[MetresPerSecond, Field(gt=0.0, le=70.0)] | None = Field(
+        None, description="instead of `times` [m/s]"
+    )
     depart: Seconds = Field(0.0, description="when it sets off, with `speed`; before, it waits [s]")
     yaw_deg: tuple[float, ...] | None = Field(
         None, description="headings, one for each position; default: along the way"

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import BeforeValidator, Field
 
+from scarl_sionna.core.errors import ParameterRangeError, did_you_mean
 from scarl_sionna.core.spec import Spec
 
 
@@ -75,7 +76,9 @@ def _by_name(value: Any) -> Any:
     if not isinstance(value, str):
         return value
     if value not in KINDS:
-        raise ValueError(" or ".join(map(repr, KINDS)))
+        raise ParameterRangeError(
+            "multiplexing", repr(value), " or ".join(map(repr, KINDS)), did_you_mean(value, KINDS)
+        )
     return {"kind": value}
 
 

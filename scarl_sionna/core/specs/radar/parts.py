@@ -1,12 +1,12 @@
-"""Names of fields inside the parts of a specification: as a short form of a copy, and in errors about a misplaced name."""
+"""Names of fields inside the parts of a specification, as a short form of a copy."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Any
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import SpecError
+from scarl_sionna.core.prompt.refusals import Parts, home_of, parts_of, unknown_field
 from scarl_sionna.core.spec import Spec
 
 RENAMED: Mapping[str, str] = {"adc_bits": "bits", "adc_full_scale_dbm": "full_scale_dbm"}
@@ -14,20 +14,6 @@ RENAMED: Mapping[str, str] = {"adc_bits": "bits", "adc_full_scale_dbm": "full_sc
 
 SETTINGS = ("num_rays", "cell_labels")
 """Fields of version 0.1 that are no property of a radar and stand in `RadarSettings` today."""
-
-
-def parts_of(spec: type[Spec]) -> dict[str, Spec]:
-    """Return the parts of a specification with their defaults, by the name of their field."""
-    defaults = {name: field.default for name, field in spec.model_fields.items()}
-    return {name: value for name, value in defaults.items() if isinstance(value, Spec)}
-
-
-def home_of(name: str, parts: Mapping[str, Spec]) -> tuple[str, str] | None:
-    """Return the part that has a field of a name, and the field's name there; None if no part has it."""
-    field = RENAMED.get(name, name)
-    homes = (part for part, value in parts.items() if field in type(value).model_fields and field != "kind")
-    found = next(homes, None)
-    return None if found is None else (found, field)
 
 
 def into_parts(spec: Spec, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -41,51 +27,41 @@ def into_parts(spec: Spec, changes: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises
     ------
-    ParameterRangeError
+    SpecError
         If no field has a name. The error suggests one, and says where it stands.
     """
     own = type(spec).model_fields
     out = {name: value for name, value in changes.items() if name in own}
     parts = {name: getattr(spec, name) for name in parts_of(type(spec))}
     parts.update({name: value for name, value in out.items() if isinstance(value, Spec)})
+    kinds = {name: (type(value),) for name, value in parts.items()}
     for name, value in changes.items():
         if name in own:
             continue
-        home = home_of(name, parts)
-        if home is None or name in RENAMED:
-            raise misplaced(type(spec), name, value, parts)
-        part, field = home
+        home = home_of(name, kinds)
+        if home is None:
+            raise misplaced(type(spec), name, value, kinds)
+        part, _ = home
         there = out.get(part, parts[part])
         if isinstance(there, Spec):
             kept = {"kind", *there.model_fields_set}
             there = {item: getattr(there, item) for item in type(there).model_fields if item in kept}
         if isinstance(there, Mapping):  # what is no mapping is refused with the others
-            there = {**there, field: value}
+            there = {**there, name: value}
         out[part] = there
     return out
 
 
-def misplaced(spec: type[Spec], name: str, value: object, parts: Mapping[str, Spec]) -> ParameterRangeError:
-    """Return the error about a name that a specification does not have: where it stands, or the name that was meant."""
-    where, text = f"{spec.__name__}.{name}", f"{value!r:.80}"
+def misplaced(spec: type[Spec], name: str, value: object, parts: Parts | None = None) -> SpecError:
+    """Return the error about a name that a specification does not have itself; see :func:`unknown_field`."""
     if name in SETTINGS:
-        return ParameterRangeError(where, text, "in the settings", f"write RadarSettings.of({name}={text})")
-    home = home_of(name, parts)
-    if home is None:
-        fields = {field for part in parts.values() for field in type(part).model_fields if field != "kind"}
-        close = get_close_matches(name, sorted({*spec.model_fields, *fields}), n=1)
-        known = f"a field of {spec.__name__} or of one of its parts {', '.join(parts)}"
-        if not close:
-            return ParameterRangeError(where, text, known)
-        home = home_of(close[0], parts)
-        if home is None:
-            return ParameterRangeError(where, text, known, f"did you mean '{close[0]}'?")
-        return ParameterRangeError(where, text, known, f"did you mean '{close[0]}'? {_remedy(spec, home, text, parts)}")
-    return ParameterRangeError(where, text, f"in its part `{home[0]}`", _remedy(spec, home, text, parts))
+        shown = f"{value!r:.80}"
+        return SpecError(spec, (name,), shown, "in the settings", f"write RadarSettings.of({name}={shown})")
+    return unknown_field(spec, (name,), value, parts, RENAMED)
 
 
-def _remedy(spec: type[Spec], home: tuple[str, str], value: str, parts: Mapping[str, Spec]) -> str:
-    """Return how to write a field of a part."""
-    part, field = home
-    kind = type(parts[part]).__name__
-    return f"write {spec.__name__}({part}={kind}({field}={value})) or {spec.__name__}().with_({field}={value})"
+def place_of(spec: type[Spec], name: str) -> str | None:
+    """Return where to read a field that stands in a part, ``"adc.bits"``; None if no part has it."""
+    field = RENAMED.get(name, name)
+    home = home_of(field, parts_of(spec))
+    return None if home is None else f"{home[0]}.{field}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import UnknownNameError
+from scarl_sionna.core.prompt.describe import Row
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import SPEED_OF_LIGHT, Degrees
 
@@ -17,7 +18,7 @@ from .array import AntennaArray
 from .converter import Adc
 from .front_end import FrontEnd
 from .multiplexing import AnyMultiplexing, IdealMimo
-from .parts import home_of, into_parts, misplaced, parts_of
+from .parts import into_parts, misplaced, place_of
 from .presets import PRESETS
 from .waveform import AnyWaveform, Fmcw
 
@@ -64,7 +65,7 @@ class RadarSpec(Spec):
         if isinstance(data, Mapping):
             for name, value in data.items():
                 if name not in cls.model_fields:
-                    raise misplaced(cls, str(name), value, parts_of(cls))
+                    raise misplaced(cls, str(name), value)
         return data
 
     @classmethod
@@ -103,11 +104,22 @@ class RadarSpec(Spec):
 
         def __getattr__(self, name: str) -> Any:
             """Say where a field is that stands in a part."""
-            home = home_of(name, parts_of(type(self)))
-            if home is None:
+            place = place_of(type(self), name)
+            if place is None:
                 return super().__getattr__(name)
-            part, field = home
-            raise AttributeError(f"{type(self).__name__} has no '{name}'; read {part}.{field}", name=name, obj=self)
+            raise AttributeError(f"{type(self).__name__} has no '{name}'; read {place}", name=name, obj=self)
+
+    def _facts(self) -> Iterable[Row]:
+        """Return a row for every field of the waveform, and one for each other part."""
+        for name, text in super()._facts():
+            part = getattr(self, name)
+            if not isinstance(part, Spec):
+                yield name, text
+            elif name == "waveform":
+                yield name, type(part).__name__
+                yield from (row for row in part._facts() if row[0] != "kind")
+            else:
+                yield name, ", ".join(item if label == "kind" else f"{label} {item}" for label, item in part._facts())
 
     @property
     def num_tx(self) -> int:
