@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
+import stat
 import tempfile
 import time
 import warnings
@@ -23,7 +25,9 @@ SUPERSEDED = 14.0 * DAY
 UNUSED = 60.0 * DAY
 """Time without use after which any folder is removed [s]."""
 _CLEANED = ("scenes", "models")
-"""Kinds of folders that can be made again at any time; what users made of their meshes (``actors``) stays."""
+"""Kinds of folders that can be made again at any time."""
+_USERS = "actors"
+"""Kind of folders that users made of their meshes, and may name in scenarios: they stay."""
 _STAMP = 3600.0
 """Use is noted at most this often [s]."""
 _PATIENCE = 600.0
@@ -95,13 +99,15 @@ def kept_folder(kind: str, name: str, files: Sequence[str], fill: Callable[[Path
     """
     roots = _roots()
     for root in roots:
-        if _is_whole(root / kind / name, files):
+        if _is_own(root) and _is_whole(root / kind / name, files):
             return _used(root / kind / name)
     problem: OSError | None = None
     for root in roots:
         try:
             if root == fallback_folder():
-                _own(root)
+                root.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if not _is_own(root):
+                raise PermissionError(errno.EACCES, f"{root} belongs to another user")
             folder = _filled(root, kind, name, files, fill)
         except DamagedError:
             raise
@@ -124,11 +130,14 @@ def _explained(error: OSError, folder: Path) -> OSError:
     )
 
 
-def _own(root: Path) -> None:
-    """Make a folder that only this user can write; raises OSError where another user was there first."""
-    root.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if root.is_symlink() or (hasattr(os, "getuid") and root.stat().st_uid != os.getuid()):
-        raise PermissionError(13, "the folder for temporary files belongs to another user")
+def _is_own(root: Path) -> bool:
+    """Return whether a folder may be trusted: that among the temporary files must be this user's, since anybody can make one there."""
+    if root != fallback_folder():
+        return True
+    with suppress(OSError):
+        found = root.lstat()
+        return stat.S_ISDIR(found.st_mode) and (not hasattr(os, "getuid") or found.st_uid == os.getuid())
+    return False
 
 
 def _is_whole(folder: Path, files: Sequence[str]) -> bool:
@@ -201,7 +210,7 @@ def clean(root: Path, now: float | None = None) -> list[Path]:
     """
     now = time.time() if now is None else now
     gone: list[Path] = []
-    for kind in _CLEANED:
+    for kind in (*_CLEANED, _USERS):
         latest: dict[str, float] = {}
         ages: dict[Path, float] = {}
         with suppress(OSError):
@@ -212,6 +221,8 @@ def clean(root: Path, now: float | None = None) -> list[Path]:
         for folder, used in ages.items():
             if folder.name.startswith("."):
                 limit = UNFINISHED
+            elif kind == _USERS:
+                continue
             else:
                 limit = SUPERSEDED if used < latest[folder.name.rpartition("-")[0]] else UNUSED
             if now - used > limit:

@@ -11,8 +11,9 @@ from scarl_sionna.engine.world import World
 from scarl_sionna.scene.materials.table import load_materials
 from scarl_sionna.scene.motion.gait import SEGMENTS
 from scarl_sionna.scene.motion.pedalling import PEDALLING_SEGMENTS
+from scenes_xml import actor_path
 from scenes_xml.actors.build import MODELS, build
-from tests.actor_scenes import ACTORS, NAMES, actor_table, actor_world
+from tests.actor_scenes import NAMES, actor_table, actor_world
 
 SPEED = {
     "adult_man": 1.4,
@@ -53,7 +54,7 @@ def corners(world: World, time: float) -> np.ndarray:
 
 @pytest.mark.parametrize("model", NAMES)
 def test_files_are_small_and_name_known_materials(model):
-    folder = ACTORS / model
+    folder = actor_path(model).parent
     assert sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) < 700_000
     table, radio = actor_table(model), load_materials()
     for name, material in table["materials"].items():
@@ -115,5 +116,7 @@ def test_a_second_run_gives_the_same_bytes(tmp_path):
     for model in ("adult_woman", "bicycle"):
         build(model, tmp_path / model)
         for file in sorted((tmp_path / model).rglob("*.*")):
-            assert file.read_bytes() == (ACTORS / model / file.relative_to(tmp_path / model)).read_bytes(), file.name
+            assert file.read_bytes() == (actor_path(model).parent / file.relative_to(tmp_path / model)).read_bytes(), (
+                file.name
+            )
     assert set(NAMES) <= set(MODELS)

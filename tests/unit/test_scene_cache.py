@@ -103,14 +103,23 @@ def test_a_chosen_folder_that_cannot_be_written_is_an_error(chosen, load):
         load()
 
 
-def test_folders_for_temporary_files_of_others_are_not_trusted(homes, tmp_path):
+def test_folders_for_temporary_files_of_others_are_not_trusted(homes, tmp_path, monkeypatch):
     homes[0].parent.mkdir()
     homes[0].write_text("a file")
-    (tmp_path / "elsewhere").mkdir()
-    homes[1].symlink_to(tmp_path / "elsewhere")
+    theirs = tmp_path / "elsewhere"
+    (theirs / "scenes" / "x-1").mkdir(parents=True)
+    _fill(theirs / "scenes" / "x-1")  # whole, and perhaps evil
+    homes[1].symlink_to(theirs)
     with pytest.raises(OSError, match="SCARL_CACHE_DIR"):
         kept_folder("scenes", "x-1", FILES, _fill)
-    assert not list((tmp_path / "elsewhere").iterdir())
+    homes[1].unlink()
+    theirs.rename(homes[1])
+    mine = os.getuid()
+    assert kept_folder("scenes", "x-1", FILES, _fill).is_relative_to(homes[1])
+    monkeypatch.setattr(cache, "fallback_folder", lambda: homes[1])
+    monkeypatch.setattr(os, "getuid", lambda: mine + 1)
+    with pytest.raises(OSError, match="SCARL_CACHE_DIR"):
+        kept_folder("scenes", "x-1", FILES, _fill)
 
 
 def test_a_full_disk_leaves_nothing_behind(chosen, monkeypatch):
@@ -217,9 +226,11 @@ def test_what_was_not_used_for_weeks_is_removed(chosen):
         _aged(scenes / "tunnel-v1-light-bbb", 13),  # another process with an older package may still use it
         _aged(scenes / "tunnel-v2-light-aaa", 50),  # the only one of its name
         _aged(chosen / "actors" / "mine-aaa", 500),  # made from a user's mesh
+        _aged(chosen / "actors" / "mine-bbb", 600),
         _aged(scenes / ".tunnel-v1-light-ccc-x1y2", 0.5),  # perhaps being filled
     ]
     unused = [_aged(scenes / "tunnel-v3-light-aaa", 61), _aged(scenes / ".tunnel-v1-light-ccc-q3r4", 1.5)]
+    unused.append(_aged(chosen / "actors" / ".mine-ccc-x5y6", 1.5))
     kept.append(kept_folder("scenes", "tunnel-v1-light-ddd", FILES, _fill))
     assert not [folder for folder in (superseded, *unused) if folder.exists()]
     assert [folder for folder in kept if folder.exists()] == kept
