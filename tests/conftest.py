@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from typing import Any
 
 os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
@@ -52,17 +53,32 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
         own_process.write_report(report)
 
 
+def pytest_runtest_logstart(nodeid: str) -> None:
+    """Before the first test of a file, when the fixtures of the last one are gone: give back what nobody uses."""
+    file = nodeid.partition("::")[0]
+    if file != _Memory.file and resident_bytes()[0] > MUCH_MEMORY:
+        job = sys.modules.get("scarl_sionna.batch.job")
+        if job is not None:
+            job._world.cache_clear()  # an export keeps two worlds for its next shard
+        _give_back()
+    _Memory.file = file
+
+
 def pytest_runtest_logfinish() -> None:
-    """After a test, when its fixtures are gone: give back what nobody uses, once it is more than the last time."""
-    now = resident_bytes()[0]
-    if now > max(MUCH_MEMORY, _Memory.after_release + MORE_MEMORY):
-        release_memory()
-        _Memory.after_release = resident_bytes()[0]
+    """After a test: the same, once there is more than the last time."""
+    if resident_bytes()[0] > max(MUCH_MEMORY, _Memory.after_release + MORE_MEMORY):
+        _give_back()
+
+
+def _give_back() -> None:
+    release_memory()
+    _Memory.after_release = resident_bytes()[0]
 
 
 class _Memory:
-    """What this process had when it last gave memory back [bytes]."""
+    """The file whose tests run, and what this process had when it last gave memory back [bytes]."""
 
+    file = ""
     after_release = 0
 
 
