@@ -10,7 +10,7 @@ import pytest
 from camera_lidar import Camera
 from camera_lidar.camera.labels import cast_pixels
 from camera_lidar.camera.ray_sensor import LAUNCHES, launch_samples
-from camera_lidar.camera.render import _trace, render_radiance
+from camera_lidar.camera.render import _trace, _View, render_radiance
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
@@ -143,5 +143,5 @@ def test_samples_are_taken_in_launches_of_full_grids() -> None:
 @pytest.mark.parametrize("samples", [6, 9, 12])
 def test_same_bytes_where_a_pixel_would_lie_on_a_seam_of_two_threads(state: WorldState, samples: int) -> None:
     spec = CameraSpec(width=322, height=181, samples_per_pixel=samples, denoise=False, images=("rgb",))
-    first = _trace(state, spec, POSE, 7, samples)
-    assert all(_trace(state, spec, POSE, 7, samples).tobytes() == first.tobytes() for _ in range(6))
+    first = _trace(state, _View(spec, POSE, 7, samples))
+    assert all(_trace(state, _View(spec, POSE, 7, samples)).tobytes() == first.tobytes() for _ in range(6))
