@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from scarl_sionna.cli import app
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.dataset import write_dataset
+from scarl_sionna.dataset.schema import SCHEMA_VERSION
 from tests.exports import scenario_files
 from tests.frames import RIG, make_frame
 from tests.scenes import box
@@ -154,7 +155,7 @@ def test_verify_preview_and_info_of_a_dataset(dataset: Path, tmp_path: Path) -> 
     assert shown.exit_code == 0
     for word in (
         "2 frames in 1 scenes",
-        "schema version 1",
+        f"schema version {SCHEMA_VERSION}",
         "scene street: 2 of 2 frames, train",
         "sensor radar: radar",
     ):
