@@ -1,6 +1,6 @@
 """Tests marked `own_process` run in a process of their own, one for all of them in a file, and are reported where they stand.
 
-TensorFlow stays in a process for ever and takes 0.5 GB; with it and a detailed scene a worker would pass the bar of 1.5 GB.
+TensorFlow stays in a process for ever and takes 0.5 GB; with it and a detailed scene a worker would pass the goal of 1.5 GB.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def send_away(items: list[pytest.Item], options: list[str]) -> None:
     marked = [item for item in items if "own_process" in item.keywords and not any(item.iter_markers("skip"))]
     for item in marked if RESULTS not in os.environ else ():
         together = [other.nodeid for other in marked if other.path == item.path]
-        item.fixturenames.clear()  # type: ignore[attr-defined]
+        item.fixturenames = []  # type: ignore[attr-defined]  # a new list: other cases of the function share the old one
         item.runtest = partial(_take_outcome, item.nodeid, together, options)  # type: ignore[method-assign]
 
 

@@ -94,7 +94,7 @@ like a built-in one. One with a result of its own says on its class what is to b
 anything is simulated:
 
 ```python
-from .schema import Field
+from scarl_sionna.dataset.schema import Field
 
 
 class Sonar:

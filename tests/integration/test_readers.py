@@ -22,6 +22,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.derived.radar_points import sensed_points
+from scarl_sionna.dataset.readers import reader
 from scarl_sionna.dataset.readers.samples import FrameSamples
 from scarl_sionna.dataset.readers.tables import BOX_UNITS, DETECTION_UNITS, box_table, detection_table
 from scarl_sionna.dataset.readers.torch_data import TorchFrames
@@ -97,13 +98,13 @@ def test_signature_tells_what_varies(place) -> None:
 def test_only_what_is_asked_for_is_read(place, monkeypatch) -> None:
     read: list[str] = []
     for kind in ("read_array", "read_file"):
-        original = getattr(ss.export.reader.Scene, kind)
+        original = getattr(reader.Scene, kind)
 
         def spy(self, *args, _original=original):
             read.append(str(args[-1]))
             return _original(self, *args)
 
-        monkeypatch.setattr(ss.export.reader.Scene, kind, spy)
+        monkeypatch.setattr(reader.Scene, kind, spy)
     FrameSamples(place, [f"{LIDAR}:points"])[3]
     assert read and not [name for name in read if "radar" in name or name.endswith(".png")]
 
@@ -333,7 +334,7 @@ def test_box_table_reads_no_sensor_data(place, monkeypatch) -> None:
     def refuse(*args: object) -> None:
         raise AssertionError("read a PNG")
 
-    monkeypatch.setattr(ss.export.reader.StoredFrame, "to_frame", refuse)
+    monkeypatch.setattr(reader.StoredFrame, "to_frame", refuse)
     assert len(box_table(place))
 
 

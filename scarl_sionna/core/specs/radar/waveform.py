@@ -68,7 +68,7 @@ class Fmcw(Spec):
 
     kind: Literal["fmcw"] = "fmcw"
     start_frequency: Hertz = Field(77e9, ge=1e6, description="carrier frequency at the start of the ramp [Hz]")
-    bandwidth: Hertz = Field(300e6, ge=1e3, description="swept over ramp_time [Hz]")
+    bandwidth: Hertz = Field(300e6, gt=0.0, description="swept over ramp_time [Hz]")
     ramp_time: Seconds = Field(30e-6, gt=0.0, le=1.0, description="duration of a ramp [s]")
     idle_time: Seconds = Field(8e-6, ge=0.0, description="pause between ramps [s]")
     num_chirps: int = Field(256, ge=1, description="chirps of each transmitter in a frame")
