@@ -232,7 +232,7 @@ def test_rain_fills_the_sphere_evenly() -> None:
     assert two_way_gain_integral(radar.array.pattern) == pytest.approx(
         2.0 * np.pi, rel=1e-4
     )  # the front half; 1 deg cells
-    paths = volume_clutter(HEAVY, radar, Pose(), np.random.default_rng(3), reach=40.0, num_points=40_000)
+    paths = volume_clutter(HEAVY, radar, Pose(), np.random.default_rng(3), sampling=VolumeSampling(40.0, 40_000))
     power = received_power(paths, radar)
     exact = float(mean_clutter_power(radar, ETA, NEAREST, 40.0))
     # Exponential powers of unequal means: the sum's variance is that of the squares, which are twice the squared means.
