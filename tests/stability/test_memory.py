@@ -25,6 +25,7 @@ def test_loaded_and_dropped_worlds_leave_nothing() -> None:
     assert taken[-1] - taken[1] < 20e6
 
 
+@pytest.mark.own_process
 def test_release_gives_back_what_the_engine_keeps_for_later() -> None:
     size = 30_000_000
     with variant.optical() as mi:
