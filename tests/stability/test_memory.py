@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 
-import numpy as np
 import pytest
 
 from scarl_sionna.engine import variant
@@ -29,7 +28,11 @@ def test_loaded_and_dropped_worlds_leave_nothing() -> None:
 def test_release_gives_back_what_the_engine_keeps_for_later() -> None:
     size = 30_000_000
     with variant.optical() as mi:
-        array = mi.Float(np.ones(size, np.float32))
+        import drjit as dr
+
+        array = dr.arange(mi.Float, size) + 1.0  # computed: an array of NumPy's may be wrapped, and is NumPy's to free
+        dr.eval(array)
+        dr.sync_thread()
         del array
     before = resident_bytes()[0]
     release_memory()
