@@ -90,7 +90,7 @@ def scene(things: Sequence[Thing], actors: Sequence[Thing] = (), materials: Any 
 
 def load_with(path: Path, table: Any) -> Any:
     """Load a scene with a table of materials of one's own."""
-    from scarl_sionna.engine.world import load_scene
+    from scarl_sionna.engine.load import load_scene
 
     return load_scene(path, table)
 

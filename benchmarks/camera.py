@@ -23,7 +23,7 @@ from camera_lidar.camera import render_rgb
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec, ImageSensor, KannalaBrandt
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 
 FRONT = Pose([2.45, 0.0, 0.7])
 """vehicle_from_sensor: in the middle of the front bumper."""

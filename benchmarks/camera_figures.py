@@ -22,7 +22,7 @@ from benchmarks.photo import save_photo
 from camera_lidar import Camera
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec, ImageSensor
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 
 TIME = 0.9
 NIGHT_SENSOR = ImageSensor(veiling_glare=0.06, full_well=20_000, saturation=4.0, read_noise=1.5)

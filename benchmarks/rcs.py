@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.harness import machine, measure, peak_memory
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.optics.body.mesh import Body
 from scarl_sionna.radar.rcs import actor_parts, load_body, rcs, scattering_matrix
 

@@ -18,7 +18,7 @@ from benchmarks.photo import save_photo
 from camera_lidar import Camera
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 
 STREET = Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(2.0))
 """A camera on the ego's roof."""

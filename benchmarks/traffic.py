@@ -17,12 +17,12 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Polygon
 
-from scarl_sionna.engine.world import find_scene
 from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.motion.paths import sample_motion
 from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scenario.traffic.planned import PlannedActor
 from scarl_sionna.scenario.traffic.simulated import simulate_traffic
+from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 

@@ -25,7 +25,8 @@ from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
 from .core.specs.weather import Weather
 from .dataset.readers.reader import Dataset, open_dataset
-from .engine.world import World, WorldState, load_scene, stage
+from .engine.load import load_scene, stage
+from .engine.world import World, WorldState
 from .fusion import Rig
 from .radar.channel import plan_channel, solve_paths
 from .radar.labels.labels import label_cells, label_paths, label_points

@@ -172,7 +172,8 @@ def radar_cube(
     TimeRangeError
         If the time lies outside the world's motion.
     """
-    from .engine.world import World, load_scene
+    from .engine.load import load_scene
+    from .engine.world import World
 
     world = scene if isinstance(scene, World) else load_scene(scene)
     spec = RadarSpec.preset(radar) if isinstance(radar, str) else radar

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from scarl_sionna.core.toml_file import read_toml
-from scarl_sionna.engine.world import World, load_scene
+from scarl_sionna.engine.load import load_scene
+from scarl_sionna.engine.world import World
 from scenes_xml import actor_path
 
 NAMES = ("adult_man", "adult_woman", "child", "standing_adult", "bicycle", "scooter", "motorcycle")

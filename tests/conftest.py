@@ -118,5 +118,7 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     peaks = sorted(config.stash[PEAKS].items(), key=lambda item: -item[1])
     if not peaks:
         return
-    most = ", ".join(f"{peak / 1e9:.2f} GB {name}" for name, peak in peaks if peak in (peaks[0][1],) or peak > GOAL_MEMORY)
+    most = ", ".join(
+        f"{peak / 1e9:.2f} GB {name}" for name, peak in peaks if peak in (peaks[0][1],) or peak > GOAL_MEMORY
+    )
     terminalreporter.write_line(f"peak memory: {most}", red=peaks[0][1] > GOAL_MEMORY)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scarl_sionna.engine.world import World, load_scene
+from scarl_sionna.engine.load import load_scene
+from scarl_sionna.engine.world import World
 from tests.scenes import Thing, box, plane, write_scene
 
 SPEED = 18.0

@@ -15,8 +15,9 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.paths.tracing import REFRACTION, SPECULAR, TracedPaths, trace_paths
-from scarl_sionna.engine.world import WorldState, load_scene
+from scarl_sionna.engine.world import WorldState
 from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
 from scarl_sionna.radar.channel.multipath.legs import Legs, legs_of
 from scarl_sionna.radar.channel.multipath.scattering import scattered_columns

@@ -1,5 +1,6 @@
 """The only part that touches Mitsuba, Sionna RT and Dr.Jit: bootstrap, variants, worlds, light, rays, paths."""
 
-from .world import World, WorldState, load_scene, stage
+from .load import load_scene, stage
+from .world import World, WorldState
 
 __all__ = ["World", "WorldState", "load_scene", "stage"]

@@ -222,7 +222,7 @@ def _sensor_findings() -> list[Finding]:
 
 def _scene_findings() -> list[Finding]:
     """Look for the scenes that come with the package."""
-    from .world import scene_names
+    from scarl_sionna.scene.document.find import scene_names
 
     names = scene_names()
     if not names:

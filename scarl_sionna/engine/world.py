@@ -1,4 +1,4 @@
-"""A driving scene: parts, instances and actors, and its immutable states over time."""
+"""A driving scene: parts, instances and actors, and its immutable states over time. The two know each other, so they share a file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,23 +15,23 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import InputTypeError, ScarlWarning, TimeRangeError, UnknownNameError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.prompt.arguments import expect, number
+from scarl_sionna.core.prompt.arguments import number
 from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity, short, span, vector
 from scarl_sionna.core.results import ObjectState
-from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.core.specs.weather import Weather
-from scarl_sionna.scene.document.find import find_scene, scene_names
-from scarl_sionna.scene.document.model import InstanceEntry, SceneDocument
-from scarl_sionna.scene.document.scene_file import read_document
+from scarl_sionna.scene.document.model import SceneDocument
 from scarl_sionna.scene.document.staging import StagedActor
 from scarl_sionna.scene.document.staging import stage as stage_document
-from scarl_sionna.scene.materials.table import MaterialTable, load_materials
+from scarl_sionna.scene.materials.table import MaterialTable
 from scarl_sionna.scene.materials.wet import wet_surfaces
 from scarl_sionna.scene.motion.trajectory import Motion, is_present
 from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
 
-from .rays.geometry import Triangles, encloses, even_directions, refine_distance, upright_box
+from .instances import Shapes, describe_instance
+from .rays.cast import Target, cast_rays
+from .rays.enclosure import is_enclosed, is_left_behind
+from .rays.geometry import Triangles, upright_box
 from .twins import MeshData, Twin
 
 if TYPE_CHECKING:
@@ -41,20 +40,9 @@ if TYPE_CHECKING:
     from .show.plan import Sensors
     from .show.preview import Drawn, Points
 
-__all__ = ["World", "WorldState", "find_scene", "load_scene", "scene_names", "stage"]
+__all__ = ["World", "WorldState"]
 
 Array = npt.NDArray[np.float64]
-
-SMALLEST_ROOM = 2.0
-"""In a scene without scene.toml, a mesh with all sides at least this long [m] that holds everything is taken for a room."""
-_SPHERE = even_directions(256)
-"""Rays that look for a way out of an actor."""
-SLOWEST = 0.1
-"""A slower actor [m/s] stands still for a sensor on it: far below a Doppler bin."""
-CARRIED_WITHIN = 0.5
-"""A sensor this near to a moving actor's box [m] is most likely meant to ride on it: depth of a bumper or of a roof rack."""
-RAYS_PER_BATCH = 1 << 20
-"""Rays that are worked on at once: about 200 MB of temporary arrays."""
 
 
 class World(Described):
@@ -79,7 +67,12 @@ class World(Described):
             for number, entry in enumerate(self._entries, start=1)
             if entry.trajectory is not None
         )
-        self.instances = {number: self._info(number, entry) for number, entry in enumerate(self._entries, start=1)}
+        self._shapes = Shapes(self.parts, self._meshes)
+        corners = self._triangles.corners.reshape(-1, 3) if document.is_foreign else None
+        self.instances = {
+            number: describe_instance(self._shapes, number, entry, corners)
+            for number, entry in enumerate(self._entries, start=1)
+        }
 
     def _facts(self) -> Iterable[Row]:
         static = [info.name for info in self.instances.values() if info.actor is None]
@@ -105,36 +98,6 @@ class World(Described):
     @cached_property
     def _actor_of_name(self) -> dict[str, Actor]:
         return {actor.name: actor for actor in self.actors}
-
-    def _info(self, number: int, entry: InstanceEntry) -> InstanceInfo:
-        parts = tuple(int(part) for part in np.flatnonzero(self.parts.instance == number))
-        is_actor = entry.trajectory is not None
-        moved: dict[str, Motion] = {}
-        if entry.trajectory is not None:
-            start = entry.trajectory.start
-            moved = self.actor(entry.name).motions(start if np.isfinite(start) else 0.0)
-        vertices = self._vertices(parts, moved)
-        frame_from_box, size = upright_box(vertices, fixed_axes=is_actor or not entry.is_object)
-        name = entry.name if is_actor else None
-        is_room = entry.is_room or (self.document.is_foreign and self._holds_all(vertices))
-        return InstanceInfo(
-            entry.name, number, semantic_id(entry.semantic), parts, entry.is_object, is_room, name, frame_from_box, size
-        )
-
-    def _vertices(self, parts: Iterable[int], moved: Mapping[str, Motion]) -> Array:
-        """Return the vertices of parts in the frame of their instance, those with a joint in the place where that has them."""
-        vertices = []
-        for part in parts:
-            name, own = self.parts.name[part], self.mesh(part).vertices
-            vertices.append(moved[name].pose.apply(own) if name in moved else own)
-        return np.concatenate(vertices)
-
-    def _holds_all(self, vertices: Array) -> bool:
-        """Return whether the bounding box of an instance is room-sized and holds the whole scene."""
-        lower, upper = vertices.min(axis=0), vertices.max(axis=0)
-        corners = self._triangles.corners.reshape(-1, 3)
-        whole = np.all(corners.min(axis=0) >= lower) and np.all(corners.max(axis=0) <= upper)
-        return bool(whole and np.all(upper - lower >= SMALLEST_ROOM))
 
     def twin(self, kind: str) -> Twin:
         """Return a twin of the scene, ``"optical"`` or ``"radio"``, loaded on first use."""
@@ -180,6 +143,12 @@ class World(Described):
         if other.lighting != self.lighting:
             other._twins = {kind: twin for kind, twin in self._twins.items() if kind != "optical"}
         return other
+
+    def with_actors(self, actors: Sequence[StagedActor], ego: str | None = None) -> World:
+        """Return a world of its own in which this one's scene has more actors; see :func:`scarl_sionna.stage`."""
+        document, materials, lighting = self._dry
+        staged = World(stage_document(replace(document, lighting=lighting), actors, ego), materials)
+        return staged if self.weather == Weather() else staged.with_weather(self.weather)
 
     def mesh(self, part: int) -> MeshData:
         """Return the mesh of a part: of a static one in the world's frame, else in the part's own, see `WorldState.part_pose`."""
@@ -377,12 +346,10 @@ class WorldState(Described):
         if mount is place:
             return mount
         for box in self.boxes():
-            offset = np.abs(box.world_from_box.inverse().apply(mount.pose.position)) - box.size / 2.0
-            speed = float(np.linalg.norm(box.twist.linear))
-            if speed > SLOWEST and float(offset.max()) <= CARRIED_WITHIN:
+            if is_left_behind(mount.pose, box):
                 warnings.warn(
-                    f"a sensor is given by a pose, so it stands still, but that is on or in '{box.name}', which moves at {speed:.1f} m/s; "
-                    f"state.mount('{box.name}', ss.Pose([x, y, z])) rides on it",
+                    f"a sensor is given by a pose, so it stands still, but that is on or in '{box.name}', which moves at "
+                    f"{np.linalg.norm(box.twist.linear):.1f} m/s; state.mount('{box.name}', ss.Pose([x, y, z])) rides on it",
                     ScarlWarning,
                     stacklevel=3,
                 )
@@ -495,7 +462,7 @@ class WorldState(Described):
         actor = self.world.actor(str(info.actor))
         if not any(joint.changes_shape for joint in actor.joints):
             return info.frame_from_box, info.size
-        return upright_box(self.world._vertices(info.parts, self._joints[actor.name]), fixed_axes=True)
+        return upright_box(self.world._shapes.vertices(info.parts, self._joints[actor.name]), fixed_axes=True)
 
     def cast(
         self, origins: npt.ArrayLike, directions: npt.ArrayLike, max_distance: float = np.inf, twin: str = "optical"
@@ -520,33 +487,9 @@ class WorldState(Described):
         """
         origin = np.asarray(origins, dtype=np.float64)
         direction = np.asarray(directions, dtype=np.float64).reshape(-1, 3)
-        engine = self._applied(twin)
-        triangles = self._triangles
-        batches = []
-        for first in range(0, max(len(direction), 1), RAYS_PER_BATCH):
-            rows = slice(first, min(first + RAYS_PER_BATCH, len(direction)))
-            some_origins = origin if origin.ndim == 1 else origin[rows]
-            batches.append(self._cast_batch(engine, triangles, some_origins, direction[rows], first, max_distance))
-        if len(batches) == 1:
-            return batches[0]
-        joined = (np.concatenate(column) for column in zip(*(vars(batch).values() for batch in batches), strict=True))
-        return RayHits(*joined)
-
-    def _cast_batch(
-        self, engine: Twin, triangles: Triangles, origins: Array, directions: Array, first: int, max_distance: float
-    ) -> RayHits:
-        if len(directions) == 0:
-            return RayHits.none()
-        ray, part, face, rough = engine.intersect(origins, directions, max_distance)
-        row = triangles.first[part] + face
-        start = origins if origins.ndim == 1 else origins[ray]
-        direction = directions[ray]
-        normal = triangles.normal[row]
-        distance, cosine = refine_distance(start, direction, normal, triangles.offset[row], rough)
-        normal *= -np.sign(cosine)[:, None]
-        point = start + distance[:, None] * direction
-        velocity = self.point_velocity(part, point)
-        return RayHits(ray + first, distance, point, normal, np.minimum(np.abs(cosine), 1.0), part, velocity, row)
+        return cast_rays(
+            Target(self._applied(twin), self._triangles, self.point_velocity), origin, direction, max_distance
+        )
 
     def inside(self, point: npt.ArrayLike) -> str | None:
         """Return the name of the instance whose mesh encloses a point [m, world], or None.
@@ -559,17 +502,9 @@ class WorldState(Described):
         for info in self.world.instances.values():
             parts = list(info.parts)
             near = np.all(where >= lower[parts].min(axis=0)) and np.all(where <= upper[parts].max(axis=0))
-            if not near or info.is_room:
-                continue
-            if encloses(where, self._triangles.of_parts(info.parts)) and self._is_walled_in(where):
-                return info.name
-            if info.actor is not None and np.isin(self.cast(where, _SPHERE).part, parts).sum() == len(_SPHERE):
+            if near and not info.is_room and is_enclosed(where, info, self._triangles, self.cast):
                 return info.name
         return None
-
-    def _is_walled_in(self, point: Array) -> bool:
-        """Return whether three quarters of the rays from a point hit something: not so above layers of open ground."""
-        return self.cast(point, _SPHERE).num_hits >= 0.75 * len(_SPHERE)
 
 
 class _PlacedState(WorldState):
@@ -583,73 +518,3 @@ class _PlacedState(WorldState):
     @cached_property
     def _part_motion(self) -> dict[int, Motion]:
         return {part: Motion(pose) for part, pose in self._places.items()}
-
-
-def load_scene(
-    name_or_path: str | Path, materials: MaterialTable | None = None, *, variant: int = 0, detail: str = "detailed"
-) -> World:
-    """Load a scene.
-
-    Parameters
-    ----------
-    name_or_path : str or Path
-        A scene of ``scenes_xml`` (``"highway_guardrail"``), a scene of Sionna RT (``"simple_street_canyon_with_cars"``),
-        or the path of a Mitsuba or Sionna XML; a ``scene.toml`` beside it states classes, materials and actors.
-    materials : MaterialTable, optional
-        Radio materials; default: the built-in table. See :func:`scarl_sionna.scene.materials.table.load_materials`.
-    variant : int
-        Of a scene of ``scenes_xml``: 0 is the one of the package, any other number the seed of another place of its kind,
-        which is built on first use into a cache folder.
-    detail : str
-        Level of geometry: ``"detailed"`` or ``"light"`` (few shapes and triangles). It goes for actors that name a model, too;
-        of a scene given by its path only for those.
-
-    Returns
-    -------
-    World
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such scene or level.
-    SceneError, MeshError, MaterialError
-        If its files are missing or broken, or a material is unknown.
-    ParameterRangeError
-        If the variant is not allowed, or not 0 for a scene that has none.
-    """
-    expect("name_or_path", name_or_path, (str, Path), "give the name of a scene or the path of an XML file")
-    document = read_document(find_scene(name_or_path, variant, detail), detail)
-    return World(document, materials or load_materials())
-
-
-def stage(
-    world: World | str | Path,
-    actors: Sequence[StagedActor],
-    ego: str | None = None,
-    *,
-    variant: int = 0,
-    detail: str = "detailed",
-) -> World:
-    """Return a scene with actors put into it.
-
-    Parameters
-    ----------
-    world : World, str or Path
-        A loaded scene, which stays as it is, or what `load_scene` takes; with a name the scene is loaded once only.
-    actors : sequence of StagedActor
-    ego : str, optional
-        The actor that carries the rig from now on; None: that of the scene.
-    variant, detail
-        As in `load_scene`; used where `world` is a name or a path.
-
-    Raises
-    ------
-    SceneError, UnknownNameError
-        If a name stands twice, or `ego` is no actor of the scene.
-    """
-    if isinstance(world, World):
-        document, materials, lighting = world._dry
-        staged = World(stage_document(replace(document, lighting=lighting), actors, ego), materials)
-        return staged if world.weather == Weather() else staged.with_weather(world.weather)
-    document = read_document(find_scene(world, variant, detail), detail)
-    return World(stage_document(document, actors, ego), load_materials())

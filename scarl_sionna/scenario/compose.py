@@ -132,7 +132,7 @@ def build_world(spec: ScenarioSpec) -> World:
 
 def scene_of(spec: ScenarioSpec) -> SceneDocument:
     """Return the scene that a scenario names, as its files have it."""
-    from scarl_sionna.engine.world import find_scene
+    from scarl_sionna.scene.document.find import find_scene
 
     text = spec.scene
     if text in scenes_xml.scene_names():

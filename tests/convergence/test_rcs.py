@@ -9,7 +9,7 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
 from tests.oracles import rcs as oracle
 

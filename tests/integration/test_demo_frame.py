@@ -17,7 +17,7 @@ from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.dataset.contact_sheet import radar_maps
 from scarl_sionna.engine import variant
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.simulation import observe

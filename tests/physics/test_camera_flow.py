@@ -12,7 +12,7 @@ from camera_lidar.camera.projection import pixel_rays
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import BrownConrady, CameraSpec, KannalaBrandt
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from tests.scenes import Thing, ball, plane, write_scene
 
 SPEC = CameraSpec(

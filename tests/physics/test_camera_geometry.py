@@ -14,7 +14,7 @@ from camera_lidar.camera.projection import camera_optical_from_world, unproject
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from tests.mitsuba_camera import perspective_dict
 from tests.scenes import Light, Material, Thing, ball, box, plane, write_scene
 

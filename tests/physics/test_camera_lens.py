@@ -13,7 +13,7 @@ from camera_lidar.camera.projection import camera_optical_from_world, pixel_rays
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SKY
 from scarl_sionna.core.specs.camera import BrownConrady, CameraSpec, KannalaBrandt
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from tests.scenes import Light, Thing, ball, box, plane, write_scene
 
 POSE = Pose.from_euler([2.0, -1.0, 1.7], yaw=0.4, pitch=0.1, roll=-0.15)

@@ -15,7 +15,7 @@ from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine.light.lamps import low_beam
 from scarl_sionna.engine.light.sky import UNIT_LUMINANCE, sky_directions, sky_image
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from tests.scenes import Light, Material, Thing, ball, box, plane, write_scene
 
 SPEC = CameraSpec(width=48, height=27, horizontal_fov_deg=60.0, samples_per_pixel=64, denoise=False, images=("rgb",))

@@ -14,7 +14,7 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from tests.scenes import Material, Thing, ball, box, plane, write_scene
 
 SPEC = LidarSpec(azimuth_fov_deg=(-40, 40), elevation_fov_deg=(-15, 15), num_azimuth=161, num_elevation=61)

@@ -16,7 +16,8 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
-from scarl_sionna.engine.world import World, load_scene
+from scarl_sionna.engine.load import load_scene
+from scarl_sionna.engine.world import World
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 SMALL = LidarSpec(

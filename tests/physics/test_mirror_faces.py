@@ -12,7 +12,7 @@ import trimesh
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
 from scarl_sionna.radar.channel.compose import hybrid
 from scarl_sionna.radar.channel.compose.hybrid import DoubleCountError, received_power

@@ -14,8 +14,8 @@ from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.paths.tracing import DIFFUSE, REFRACTION, SPECULAR
-from scarl_sionna.engine.world import load_scene
 from scarl_sionna.fusion import Rig
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.labels.labels import label_cells, label_paths, label_points

@@ -9,7 +9,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.points import point_targets, solve_points
 from scarl_sionna.scene.materials.fresnel import transmission

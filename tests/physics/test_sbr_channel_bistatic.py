@@ -13,7 +13,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from tests.oracles import rcs as oracle
 from tests.scenes import Thing, box, plane, write_scene

@@ -10,7 +10,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.sbr.diffuse import uniform_hash
 from scarl_sionna.scene.materials.fresnel import reflection

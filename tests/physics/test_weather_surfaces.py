@@ -7,7 +7,7 @@ import pytest
 
 from scarl_sionna.core.specs.weather import FULL_FILM, Weather
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.scene.materials.dielectrics import water_permittivity
 from scarl_sionna.scene.materials.fresnel import (
     film_coefficients,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.rays.geometry import encloses, refine_distance, winding_number
-from scarl_sionna.engine.world import load_scene
 from tests.scenes import Thing, ball, box, plane, write_scene
 
 WAVELENGTH = 299_792_458.0 / 77e9

@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.memory import release_memory, resident_bytes
-from scarl_sionna.engine.world import load_scene
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 

@@ -17,8 +17,8 @@ from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.paths.tracing import trace_paths
-from scarl_sionna.engine.world import load_scene
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.channel import PathBufferOverflowError, solve_paths
 from scarl_sionna.radar.channel.multipath.legs import legs_of

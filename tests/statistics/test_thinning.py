@@ -8,7 +8,7 @@ import pytest
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from tests.scenes import Thing, ball, plane, write_scene
 

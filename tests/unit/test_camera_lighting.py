@@ -14,7 +14,7 @@ from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lighting import LIGHTING_PRESETS, Lighting
 from scarl_sionna.engine.light.lamps import low_beam
 from scarl_sionna.engine.light.sky import twilight_factor
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from tests.scenes import Thing, box, plane, write_scene
 
 SPEC = CameraSpec(width=32, height=18, horizontal_fov_deg=60.0, samples_per_pixel=64, denoise=False)

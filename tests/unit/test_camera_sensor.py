@@ -16,7 +16,8 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import SKY, semantic_id
 from scarl_sionna.core.specs.camera import CameraSpec, ImageSensor
-from scarl_sionna.engine.world import WorldState, load_scene
+from scarl_sionna.engine.load import load_scene
+from scarl_sionna.engine.world import WorldState
 from tests.scenes import Thing, box, plane, write_scene
 
 SPEC = CameraSpec(width=48, height=32, samples_per_pixel=4, horizontal_fov_deg=60.0)

@@ -9,7 +9,7 @@ import pytest
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import ChannelPlan, OwnershipError, Share, solve_paths
 from scarl_sionna.radar.channel.compose.hybrid import DoubleCountError, _check_chains
 from scarl_sionna.radar.channel.compose.plan import resolve

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.checks.motion import (
     check_extent,

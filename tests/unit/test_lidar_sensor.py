@@ -15,7 +15,8 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.engine.world import WorldState, load_scene
+from scarl_sionna.engine.load import load_scene
+from scarl_sionna.engine.world import WorldState
 from tests.scenes import Thing, box, plane, write_scene
 
 NOISY = LidarSpec(

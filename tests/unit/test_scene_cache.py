@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from scarl_sionna.core.errors import SceneError
-from scarl_sionna.engine.world import find_scene
 from scarl_sionna.scene.actors.model import read_actor_model
+from scarl_sionna.scene.document.find import find_scene
 from scenes_xml import actor_path, cache, cache_folder, scene_path
 from scenes_xml.cache import DAY, clean, kept_folder
 

@@ -19,8 +19,8 @@ from PIL import Image
 import scenes_xml
 from scarl_sionna.batch.plan import _checksum
 from scarl_sionna.core.errors import SceneError
-from scarl_sionna.engine.world import find_scene
 from scarl_sionna.scene.actors.model import read_actor_model
+from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
 from scenes_xml import actor_names, actor_path, packing, scene_names, scene_path
 from scenes_xml.actors.build import MODELS

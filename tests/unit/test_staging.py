@@ -12,8 +12,8 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
-from scarl_sionna.engine.world import find_scene
 from scarl_sionna.scene.actors.model import actor_names, read_actor_model
+from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.document.staging import StagedActor, stage
 from scarl_sionna.scene.motion.trajectory import Trajectory, trajectory_from_table

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from scarl_sionna.core.errors import ScarlWarning, SimulatorError, TrajectoryFileError
-from scarl_sionna.engine.world import find_scene, load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.checks.motion import check_ground, check_motion
 from scarl_sionna.scenario.motion.bodies import Body
@@ -19,6 +19,7 @@ from scarl_sionna.scenario.motion.tables import read_table
 from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scenario.traffic.fcd import heading_of_angle, model_of_type, read_fcd
 from scarl_sionna.scenario.traffic.planned import Conversion, PlannedActor, lane_ground
+from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.engine.world import load_scene
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.raycast.thinning import ResolutionCells, thin
 from tests.scenes import Thing, plane, write_scene

@@ -10,8 +10,9 @@ import trimesh
 
 from scarl_sionna.core.errors import MaterialError, MeshError, SceneError, TimeRangeError, UnknownNameError
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.variant import mitsuba, optical, radio
-from scarl_sionna.engine.world import World, load_scene
+from scarl_sionna.engine.world import World
 from tests.scenes import Thing, box, plane, write_scene
 
 WAY = {"kind": "waypoints", "times": [0.0, 1.0, 2.0], "positions": [[10, 0, 0], [12, 0, 0], [14, 0, 0]]}
@@ -171,7 +172,7 @@ def test_batches_join(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     directions = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
     state = world.at(0.0)
     whole = state.cast([0, 0, 1.0], directions)
-    monkeypatch.setattr("scarl_sionna.engine.world.RAYS_PER_BATCH", 99)
+    monkeypatch.setattr("scarl_sionna.engine.rays.cast.RAYS_PER_BATCH", 99)
     pieces = state.cast([0, 0, 1.0], directions)
     for name in vars(whole):
         np.testing.assert_array_equal(getattr(whole, name), getattr(pieces, name))

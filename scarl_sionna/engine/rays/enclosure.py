@@ -1,0 +1,57 @@
+"""Whether a point stands inside an instance, or so near to a moving one that a sensor there is most likely meant to ride on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.results import ObjectState
+from scarl_sionna.scene.tables import InstanceInfo, RayHits
+
+from .geometry import Triangles, encloses, even_directions
+
+Array = npt.NDArray[np.float64]
+
+_SPHERE = even_directions(256)
+"""Rays that look for a way out of an actor."""
+_WALLED_IN = 0.75
+"""Share of them that hit something from within a closed mesh; not so above layers of open ground."""
+SLOWEST = 0.1
+"""A slower actor [m/s] stands still for a sensor on it: far below a Doppler bin."""
+CARRIED_WITHIN = 0.5
+"""A sensor this near to a moving actor's box [m] is most likely meant to ride on it: depth of a bumper or of a roof rack."""
+
+
+def is_enclosed(
+    point: Array, instance: InstanceInfo, triangles: Triangles, cast: Callable[[Array, Array], RayHits]
+) -> bool:
+    """Return whether the mesh of an instance encloses a point.
+
+    An actor made of several shells (a cabin behind separate panes) encloses a point from which no ray gets out.
+
+    Parameters
+    ----------
+    point : ndarray of float64, shape (3,)
+        [m, world].
+    instance : InstanceInfo
+    triangles : Triangles
+        Of all parts [m, world].
+    cast : callable
+        Of an origin and directions, as :meth:`scarl_sionna.WorldState.cast`.
+    """
+    if encloses(point, triangles.of_parts(instance.parts)) and cast(point, _SPHERE).num_hits >= _WALLED_IN * len(
+        _SPHERE
+    ):
+        return True
+    if instance.actor is None:
+        return False
+    return bool(np.isin(cast(point, _SPHERE).part, list(instance.parts)).sum() == len(_SPHERE))
+
+
+def is_left_behind(pose: Pose, box: ObjectState) -> bool:
+    """Return whether a sensor that stands still at a pose [world] is on or in an object that moves, or within `CARRIED_WITHIN` of it."""
+    offset = np.abs(box.world_from_box.inverse().apply(pose.position)) - box.size / 2.0
+    return float(np.linalg.norm(box.twist.linear)) > SLOWEST and float(offset.max()) <= CARRIED_WITHIN
