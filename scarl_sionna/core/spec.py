@@ -51,7 +51,7 @@ class Spec(Described, BaseModel):
                     inspect.Parameter.KEYWORD_ONLY,
                     default=inspect.Parameter.empty
                     if info.is_required()
-                    else info.get_default(call_default_factory=True),
+                    else _as_written(info.get_default(call_default_factory=True)),
                     annotation=_plain(info.annotation),
                 )
                 for name, info in cls.model_fields.items()
@@ -131,6 +131,29 @@ class Spec(Described, BaseModel):
 
     def __str__(self) -> str:
         return repr(self)
+
+
+class _Written:
+    """Stands in a signature for a specification that is a default, and shows as one would write it."""
+
+    def __init__(self, value: Spec) -> None:
+        self.value = value
+
+    def __eq__(self, other: object) -> bool:
+        return bool(self.value == (other.value if isinstance(other, _Written) else other))
+
+    def __hash__(self) -> int:
+        return hash(repr(self))
+
+    def __repr__(self) -> str:
+        fields = ", ".join(
+            f"{name}={_as_written(getattr(self.value, name))!r}" for name in sorted(self.value.model_fields_set)
+        )
+        return f"{type(self.value).__name__}({fields})"
+
+
+def _as_written(value: object) -> object:
+    return _Written(value) if isinstance(value, Spec) else value
 
 
 def _plain(annotation: Any) -> Any:

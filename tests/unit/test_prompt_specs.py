@@ -68,6 +68,15 @@ def test_a_signature_reads_like_a_constructor() -> None:
     assert text.startswith("(*, rain_rate: float = 0.0, ") and "visibility: float | None = None" in text
 
 
+@pytest.mark.parametrize("kind", SPECS, ids=lambda kind: kind.__name__)
+def test_a_signature_is_one_line(kind: type[Spec]) -> None:
+    assert "\n" not in str(inspect.signature(kind))
+
+
+def test_a_default_in_a_signature_shows_as_it_is_written() -> None:
+    assert "waveform: scarl_sionna.core.specs.radar.waveform.Fmcw = Fmcw(), " in str(inspect.signature(ss.RadarSpec))
+
+
 def test_specifications_show_units_and_stay_short() -> None:
     assert repr(ss.Pinhole()) == "Pinhole(model='pinhole')"
     assert repr(ss.Pinhole()) == str(ss.Pinhole())
