@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -109,6 +110,8 @@ def wait_until(condition: Callable[[], bool], process: subprocess.Popen, seconds
     raise AssertionError(f"nothing happened in {seconds:g} s")
 
 
-def kept_frames(out: Path) -> list[str]:
-    """Return the frames that are finished: kept ones and those of finished shards."""
-    return sorted(str(path) for path in [*out.glob(".work/*/*/*.pack"), *out.glob("shards/*/*.json")])
+def kept_frames(out: Path) -> set[tuple[str, int]]:
+    """Return scene and index of the frames that are finished: kept alone, or in a finished shard."""
+    alone = {(path.parts[-3], int(path.stem)) for path in out.glob(".work/*/*/*.pack")}
+    shards = ((path.parent.name, json.loads(path.read_text())) for path in out.glob("shards/*/??????.json"))
+    return alone.union((scene, index) for scene, shard in shards for index in shard["frames"])
