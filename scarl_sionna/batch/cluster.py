@@ -22,6 +22,9 @@ from .job import OnEvent, ShardJob, ShardReport, make_shard
 TOPIC = "scarl-export"
 CONNECT_SECONDS = 10.0
 _AHEAD, _LEAST_AHEAD = 3, 256  # shards that are handed out at once: for each worker, and in all
+_SILENT = logging.CRITICAL + 1
+"""Level of a local cluster's own log. It writes tracebacks of its connections, at the highest level, when it is stopped in the middle of
+their work; what concerns the export comes as an exception."""
 _KEPT = "finished frames are kept; the same command goes on from there"
 
 
@@ -143,7 +146,7 @@ def _local_client(distributed: Any, count: int) -> Iterator[Any]:
     }
     with dask.config.set(settings), distributed.LocalCluster(
         n_workers=count, threads_per_worker=1, processes=True, memory_limit=None, dashboard_address=None,
-        silence_logs=logging.CRITICAL,
+        silence_logs=_SILENT,
     ) as cluster, distributed.Client(cluster) as client:  # fmt: skip
         yield client
 
