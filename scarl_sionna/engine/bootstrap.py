@@ -3,6 +3,7 @@
 Dr.Jit 1.5 accepts LLVM 15 and 16 and then aborts the whole process at its first kernel. So the library is chosen here:
 each candidate is asked for its version in a process of its own, the first one that is new enough is handed to Dr.Jit by
 ``DRJIT_LIBLLVM_PATH``, and where there is none an :class:`~scarl_sionna.core.errors.EngineError` names the remedy.
+What is asked of a CUDA device stands in :mod:`.cuda`.
 
 Environment: ``SCARL_BACKEND`` (``llvm`` or ``cuda``) overrides the choice of the backend, ``DRJIT_LIBLLVM_PATH`` names a
 library, ``SCARL_LLVM_DIRS`` (folders, separated like PATH) replaces the folders that are searched.
@@ -14,7 +15,6 @@ import ctypes
 import os
 import re
 import site
-import subprocess
 import sys
 import sysconfig
 import warnings
@@ -24,6 +24,9 @@ from functools import cache
 from pathlib import Path
 
 from scarl_sionna.core.errors import EngineError, ScarlWarning
+
+from .cuda import activate_cuda, cuda_device, find_cuda
+from .probing import run_probe
 
 MIN_LLVM = 17
 """Oldest LLVM that Dr.Jit 1.5 compiles correctly with (17, 19 and 22 were tried; 15 and 16 abort the process)."""
@@ -35,9 +38,6 @@ _SYSTEM_DIRS = (
     "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib",
     "/opt/homebrew/opt/llvm/lib", "/usr/local/opt/llvm/lib",
 )  # fmt: skip
-_PROBE_TIMEOUT = 60.0
-"""Longest time that a probing process may take [s]; a cold disk needs about one."""
-
 _LLVM_PROBE = """
 import ctypes, sys
 for name in sys.argv[2:]:
@@ -47,16 +47,6 @@ parts = [ctypes.c_uint() for _ in range(3)]
 if function is not None:
     function(*[ctypes.byref(part) for part in parts])
 print("LLVM", *[part.value for part in parts])
-"""
-
-_CUDA_PROBE = """
-import ctypes
-cuda = ctypes.CDLL("libcuda.so.1")
-ctypes.CDLL("libnvoptix.so.1")
-count, name, device = ctypes.c_int(), ctypes.create_string_buffer(256), ctypes.c_int()
-assert cuda.cuInit(0) == 0 and cuda.cuDeviceGetCount(ctypes.byref(count)) == 0 and count.value > 0
-assert cuda.cuDeviceGet(ctypes.byref(device), 0) == 0 and cuda.cuDeviceGetName(name, 256, device) == 0
-print("CUDA", name.value.decode())
 """
 
 
@@ -87,18 +77,6 @@ class Llvm:
         return f"{self.path} (version {version})"
 
 
-def _run_probe(code: str, *arguments: str) -> list[str]:
-    """Run code in a process of its own, so that a crash in a foreign library cannot end ours; return the words it printed."""
-    try:
-        done = subprocess.run(
-            [sys.executable, "-I", "-S", "-c", code, *arguments],
-            capture_output=True, text=True, timeout=_PROBE_TIMEOUT, stdin=subprocess.DEVNULL, check=False,
-        )  # fmt: skip
-    except (OSError, subprocess.TimeoutExpired):
-        return []
-    return done.stdout.split() if done.returncode == 0 else []
-
-
 def _companions(path: str) -> tuple[str, ...]:
     """Return what a library bundled in a wheel needs: libffi and libtinfo of the same ``*.libs`` folder."""
     folder = Path(path).parent
@@ -121,7 +99,7 @@ def probe_llvm(path: str) -> Llvm | None:
         None if it cannot be loaded.
     """
     companions = _companions(path)
-    words = _run_probe(_LLVM_PROBE, path, *companions)
+    words = run_probe(_LLVM_PROBE, path, *companions)
     if len(words) != 4 or words[0] != "LLVM":
         return None
     major, minor, patch = (int(word) for word in words[1:])
@@ -183,17 +161,6 @@ def find_llvm() -> tuple[Llvm | None, list[str]]:
             return library, refused
         refused.append(f"{path} (cannot be loaded)" if library is None else str(library))
     return None, refused
-
-
-@cache
-def cuda_device() -> str | None:
-    """Return the name of the first CUDA device that can trace rays (driver and OptiX present), or None."""
-    try:
-        ctypes.CDLL("libcuda.so.1")  # cheap look before a process is started
-    except OSError:
-        return None
-    words = _run_probe(_CUDA_PROBE)
-    return " ".join(words[1:]) if words[:1] == ["CUDA"] else None
 
 
 def available_backends() -> tuple[str, ...]:
@@ -263,11 +230,18 @@ def _complete_typing() -> None:
             typing.Self = typing_extensions.Self
 
 
+def _drjit_has(backend: str) -> bool:
+    """Return whether Dr.Jit, now imported, has started a backend."""
+    import drjit as dr
+
+    return bool(dr.has_backend(dr.JitBackend.LLVM if backend == "llvm" else dr.JitBackend.CUDA))
+
+
 def _check_loaded(backend: str) -> None:
     """Raise if Dr.Jit, now imported, cannot run a backend."""
     import drjit as dr
 
-    if not dr.has_backend(dr.JitBackend.LLVM if backend == "llvm" else dr.JitBackend.CUDA):
+    if not _drjit_has(backend):
         remedy = llvm_remedy() if backend == "llvm" else "check the NVIDIA driver, or set SCARL_BACKEND=llvm"
         raise EngineError(f"Dr.Jit has no {backend} backend in this process; {remedy}")
     if backend == "llvm" and dr.detail.llvm_version()[0] < MIN_LLVM:
@@ -276,6 +250,12 @@ def _check_loaded(backend: str) -> None:
             f"Dr.Jit runs on LLVM {version} (allowed: >= {MIN_LLVM}), with which it aborts the process; drjit was imported "
             f"before scarl_sionna could choose: call scarl_sionna.engine.bootstrap.ensure_engine() first, or {llvm_remedy()}"
         )
+
+
+def _no_cuda() -> str:
+    """Return why there is no CUDA device to trace rays on, and what to do."""
+    found = find_cuda()
+    return f"{found} cannot be used: {found.refusal}" if found else "there is no CUDA device; install the NVIDIA driver"
 
 
 @cache
@@ -296,13 +276,12 @@ def ensure_engine() -> str:
     Warns
     -----
     ScarlWarning
-        If ``DRJIT_LIBLLVM_PATH`` names a library that is too old and another one is taken.
+        If ``DRJIT_LIBLLVM_PATH`` names a library that is too old and another one is taken, or if Dr.Jit cannot start on a CUDA
+        device that nobody asked for and LLVM is taken.
     """
     wanted = _wanted_backend()
     if wanted == "cuda" and cuda_device() is None:
-        raise EngineError(
-            "SCARL_BACKEND = 'cuda', but there is no CUDA device with OptiX; install the NVIDIA driver or set it to 'llvm'"
-        )
+        raise EngineError(f"SCARL_BACKEND = 'cuda', but {_no_cuda()}, or set SCARL_BACKEND=llvm")
     backend = wanted or ("cuda" if cuda_device() is not None else "llvm")
     if "drjit" not in sys.modules:
         library, refused = find_llvm()
@@ -311,6 +290,11 @@ def ensure_engine() -> str:
         elif backend == "llvm":
             found = f" (found: {'; '.join(refused)})" if refused else ""
             raise EngineError(f"no LLVM >= {MIN_LLVM} on this machine{found}; {llvm_remedy()}")
+        if backend == "cuda":
+            activate_cuda()
+    if backend == "cuda" and wanted is None and not _drjit_has("cuda"):
+        warnings.warn(f"Dr.Jit does not start on {find_cuda()}; LLVM is taken instead", ScarlWarning, stacklevel=2)
+        backend = "llvm"
     _check_loaded(backend)
     _complete_typing()
     return backend

@@ -17,6 +17,7 @@ from typing import Literal, NamedTuple
 from scarl_sionna.core.registry import ENTRY_POINT_GROUP
 
 from . import bootstrap as engine
+from .cuda import find_cuda
 
 Status = Literal["ok", "warn", "missing"]
 
@@ -119,18 +120,18 @@ def _package_findings() -> list[Finding]:
 def _engine_findings() -> list[Finding]:
     """Look for LLVM and CUDA."""
     library, refused = engine.find_llvm()
-    device = engine.cuda_device()
+    device = find_cuda()
+    usable = device is not None and not device.refusal
     if library is not None:
         llvm = Finding("LLVM", str(library))
     else:
         found = "; ".join(refused) if refused else "none"
-        llvm = Finding("LLVM", found, "warn" if device else "missing", engine.llvm_remedy())
-    findings = [llvm]
-    if device is not None:
-        findings.append(Finding("CUDA device", device))
-    else:
-        findings.append(Finding("CUDA device", "none (optional; LLVM runs on the processor)"))
-    return findings
+        llvm = Finding("LLVM", found, "warn" if usable else "missing", engine.llvm_remedy())
+    if device is None:
+        return [llvm, Finding("CUDA device", "none (optional; LLVM runs on the processor)")]
+    if device.refusal:
+        return [llvm, Finding("CUDA device", f"{device}, not used", "warn", device.refusal)]
+    return [llvm, Finding("CUDA device", str(device))]
 
 
 def check_variant(twin: str) -> Finding:
@@ -155,7 +156,7 @@ def check_variant(twin: str) -> Finding:
         suffix = {"optical": "ad_rgb", "radio": "ad_mono_polarized"}[twin]
         return Finding(name, f"{words[-1]}_{suffix} traces rays")
     reason = (done.stderr.strip().splitlines() or [f"the process ended with status {done.returncode}"])[-1]
-    return Finding(name, reason[:300], "missing", "see the row LLVM, and docs/install.md")
+    return Finding(name, reason[:300], "missing", "see the rows LLVM and CUDA device, and docs/install.md")
 
 
 def _memory() -> tuple[int, int] | None:
