@@ -26,6 +26,10 @@ from pathlib import Path
 REPO = Path(__file__).resolve().parents[1]
 
 TESTS: dict[str, str] = {
+    "signal/plots": "unit/test_prompt_plots",
+    "signal/detection": "unit/test_detection unit/test_radar_chain physics/test_radar_recovery statistics/test_radar_noise",
+    "radar/path_plot": "unit/test_prompt_plots",
+    "radar/synthesis/blocks": "stability/test_methods physics/test_micro_doppler",
     "signal/": "unit/test_radar_chain physics/test_radar_recovery statistics/test_radar_noise physics/test_radar_link "
     "stability/test_wide_array",
     "radar/labels/": "physics/test_radar_labels",
@@ -38,7 +42,7 @@ TESTS: dict[str, str] = {
     "radar/channel/scatterers": "unit/test_scatterers physics/test_scatterers",
     "radar/channel/sbr/": "physics/test_sbr_channel stability/test_sbr_channel physics/test_sbr_channel_bistatic unit/test_channel "
     "physics/test_sbr_channel_diffuse physics/test_sbr_layers",
-    "radar/optics/": "unit/test_optics unit/test_rcs physics/test_rcs_shapes physics/test_rcs_parts physics/test_rcs_fields "
+    "radar/optics/": "unit/test_tube_shape unit/test_optics unit/test_rcs physics/test_rcs_shapes physics/test_rcs_parts physics/test_rcs_fields "
     "physics/test_sbr_channel physics/test_radar_near_field",
     "radar/channel/": "unit/test_channel stability/test_sbr_channel physics/test_sbr_channel physics/test_refraction unit/test_sionna_paths",
     "radar/scatterers/": "unit/test_scatterers physics/test_scatterers",

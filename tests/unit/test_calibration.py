@@ -25,8 +25,10 @@ from scarl_sionna.calibration import (
     save_materials,
     write_report,
 )
+from scarl_sionna.calibration.spec import SceneGeometry
 from scarl_sionna.cli import app
 from scarl_sionna.core.errors import MaterialRangeError, ParameterRangeError, SceneError, UnknownNameError
+from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.scene.materials.table import UnknownMaterialError, load_materials
 from tests.calibration_street import RADAR, TARGETS, noisy, street
 
@@ -65,6 +67,12 @@ def simulated(problem: CalibrationProblem, truth: list[float], seed: int = 0) ->
 def test_bad_measurements(changes: dict, message: str) -> None:
     with pytest.raises(ParameterRangeError, match=message):
         bench(**changes)
+
+
+def test_the_solver_of_a_scene_looks_for_what_that_of_frames_does() -> None:
+    frames = SionnaSettings()
+    for name in ("max_depth", "num_samples", "refraction"):
+        assert SceneGeometry.model_fields[name].default == getattr(frames, name), name
 
 
 def test_reversed_bounds_and_half_a_prior() -> None:

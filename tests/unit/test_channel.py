@@ -182,6 +182,21 @@ def test_grid_covers_the_field_of_view_with_equal_cells(fov_deg: tuple[int, int]
         assert 0.8 < (azimuth_fov / grid.num_azimuth) / (2 * np.sin(elevation_fov / 2) / grid.num_elevation) < 1.25
 
 
+@pytest.mark.parametrize(
+    ("azimuth_fov", "elevation_fov", "num_rays", "message"),
+    [
+        (0.0, 0.5, 10, "azimuth_fov = 0.0 rad"),
+        (4.0, 0.5, 10, "azimuth_fov = 4.0 rad"),
+        (1.0, -0.5, 10, "elevation_fov = -0.5 rad"),
+        (1.0, 0.5, 0, "num_rays = 0"),
+        (1.0, 0.5, 2.5, "num_rays = 2.5"),
+    ],
+)
+def test_a_grid_of_no_rays_or_no_field_of_view(azimuth_fov, elevation_fov, num_rays, message) -> None:
+    with pytest.raises(ParameterRangeError, match=message):
+        RayGrid.over(azimuth_fov, elevation_fov, num_rays)
+
+
 @pytest.mark.parametrize("staggered", [True, False])
 def test_each_cell_has_one_ray(staggered: bool) -> None:
     grid = RayGrid.over(2.0, 0.5, 5_000, staggered)
