@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
 
 import lazy_loader
 
@@ -20,7 +19,7 @@ except PackageNotFoundError:  # used from a checkout that is not installed
     __version__ = "0+unknown"
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import a public name on first use (PEP 562)."""
     try:
         return _attribute(name)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +18,7 @@ from scarl_sionna.core.specs.drop_sizes import (
     terminal_speed,
 )
 from scarl_sionna.core.specs.weather import Weather
+from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def _kinds(weather: Weather) -> list[_Kind]:
 
 def add_falling(
     radiance: npt.NDArray[np.float32],
-    state: Any,
+    state: WorldState,
     spec: CameraSpec,
     world_from_sensor: Pose,
     sensor_twist: Twist,
@@ -111,7 +111,7 @@ def add_falling(
 
 def _cover(
     kind: _Kind,
-    state: Any,
+    state: WorldState,
     spec: CameraSpec,
     pose: Pose,
     twist: Twist,

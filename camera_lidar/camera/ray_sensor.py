@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.light.ray_table import RayTable, ray_table_sensor
+from scarl_sionna.engine.types import MitsubaObject
 
 from .projection import pixel_rays, projection_key
 
@@ -52,7 +54,7 @@ def _table_of(key: tuple[Any, ...]) -> tuple[npt.NDArray[np.float64], npt.NDArra
     return table, seen
 
 
-def ray_sensor(mi: Any, spec: CameraSpec, world_from_sensor: Pose, samples_per_pixel: int) -> Any:
+def ray_sensor(mi: ModuleType, spec: CameraSpec, world_from_sensor: Pose, samples_per_pixel: int) -> MitsubaObject:
     """Return the Mitsuba sensor of a camera at a pose; inside ``variant.optical()``.
 
     With a number of samples of `LAUNCHES` the sum over the samples of a pixel does not depend on the threads: same seed, same bytes.

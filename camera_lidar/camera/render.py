@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.haze import haze_integrator
+from scarl_sionna.engine.types import MitsubaObject
+from scarl_sionna.engine.world import WorldState
 
 from .denoise import denoise
 from .develop import develop
@@ -36,7 +39,7 @@ def integrator_dict(spec: CameraSpec) -> dict[str, Any]:
 
 
 def render_radiance(
-    state: Any,
+    state: WorldState,
     spec: CameraSpec,
     world_from_sensor: Pose,
     rng: np.random.Generator,
@@ -82,7 +85,9 @@ def render_radiance(
     return denoise(image, guides.astype(np.float32)) if spec.denoise else image
 
 
-def _moments(state: Any, spec: CameraSpec, world_from_sensor: Pose, sensor_twist: Twist) -> list[tuple[Any, Pose]]:
+def _moments(
+    state: WorldState, spec: CameraSpec, world_from_sensor: Pose, sensor_twist: Twist
+) -> list[tuple[WorldState, Pose]]:
     """Return the states and sensor poses at the instants of the exposure, evenly about the frame's time."""
     if spec.exposure_time == 0.0 or spec.num_shutter_times == 1:
         return [(state, world_from_sensor)]
@@ -104,7 +109,7 @@ class _View:
     samples: int
 
 
-def _trace(state: Any, view: _View) -> npt.NDArray[np.float64]:
+def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     """Return the mean radiance over the view's light paths a pixel, float64, shape (height, width, 3)."""
     scene = state.optical_scene()
     with variant.optical() as mi:
@@ -119,7 +124,9 @@ def _trace(state: Any, view: _View) -> npt.NDArray[np.float64]:
         return _launched(mi, scene, integrator, view, 3)
 
 
-def _launched(mi: Any, scene: Any, integrator: Any, view: _View, channels: int) -> npt.NDArray[np.float64]:
+def _launched(
+    mi: ModuleType, scene: MitsubaObject, integrator: MitsubaObject, view: _View, channels: int
+) -> npt.NDArray[np.float64]:
     """Return the mean of the last `channels` over several launches."""
     spec, seed = view.spec, view.seed
     total = np.zeros((spec.height, spec.width, channels), dtype=np.float64)
@@ -130,7 +137,7 @@ def _launched(mi: Any, scene: Any, integrator: Any, view: _View, channels: int) 
     return total
 
 
-def _guides(state: Any, view: _View) -> npt.NDArray[np.float64]:
+def _guides(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     """Return albedo and shading normal of what is seen first, shape (height, width, 6)."""
     scene = state.optical_scene()
     with variant.optical() as mi:
@@ -139,7 +146,7 @@ def _guides(state: Any, view: _View) -> npt.NDArray[np.float64]:
 
 
 def render_rgb(
-    state: Any,
+    state: WorldState,
     spec: CameraSpec,
     world_from_sensor: Pose,
     rng: np.random.Generator,

@@ -88,7 +88,7 @@ class Lidar:
         found, beats = self._receive(echoes, returns, shots, clouds, wind, rng)
         return self._scan(mount.pose, motion, parts, returns, found, beats)
 
-    def _trace(self, state: Any, cast: Cast, shots: Shots) -> Echoes:
+    def _trace(self, state: WorldState, cast: Cast, shots: Shots) -> Echoes:
         spec = self.spec
         step = max(RAYS_AT_ONCE // spec.sub_rays, 1)
         blocks = []
@@ -178,7 +178,7 @@ class Lidar:
         )
 
 
-def _caster(state: Any, motion: Motion, times: Array) -> Cast:
+def _caster(state: WorldState, motion: Motion, times: Array) -> Cast:
     """Return what intersects rays with the world, each at the time of its shot."""
     duration = float(times.max())
     if duration == 0.0:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -202,7 +203,7 @@ def _drawn(
     return picture
 
 
-def _annotate(pen: Any, view: _View, world: World, actors: Sequence[ObjectState], time: float) -> None:
+def _annotate(pen: ImageDraw.ImageDraw, view: _View, world: World, actors: Sequence[ObjectState], time: float) -> None:
     """Write the time and the ego vehicle's speed, and draw a scale."""
     font = ImageFont.load_default(15)
     ego = next((item for item in actors if item.name == world.ego), None)
@@ -281,7 +282,7 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
             writer.close()
 
 
-def _ffmpeg() -> Any:
+def _ffmpeg() -> ModuleType:
     try:
         import imageio_ffmpeg
     except ImportError as error:

@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from time import perf_counter, thread_time
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 from scarl_sionna.core.errors import ExportError, OutputError, ScarlError
 from scarl_sionna.core.results import Frame
@@ -205,6 +205,10 @@ class FrameSink:
         self._last = now
 
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
 class TimedPool(ThreadPoolExecutor):
     """Threads that add up the CPU time of their work."""
 
@@ -217,10 +221,10 @@ class TimedPool(ThreadPoolExecutor):
         """CPU time of all work that is done [s]."""
         return sum(self._taken)
 
-    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+    def submit(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Run a function in a thread."""
 
-        def timed() -> Any:
+        def timed() -> T:
             started = thread_time()
             try:
                 return function(*args, **kwargs)

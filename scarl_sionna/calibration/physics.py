@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -120,10 +120,10 @@ def target_field(target: LobedTarget, changes: dict[str, complex], aspect_deg: n
     """Return the root of the RCS [m] at some aspects; `changes` are ``floor_dbsm`` and ``<lobe>.<field>``."""
     aspect = np.asarray(aspect_deg, dtype=np.float64)
 
-    def linear(level: Any) -> Any:
-        return np.exp(np.log(10.0) / 10.0 * level)
+    def linear(level: npt.NDArray[np.complexfloating] | complex) -> Complex:
+        return np.asarray(np.exp(np.log(10.0) / 10.0 * level), dtype=np.complex128)
 
-    rcs: Any = linear(changes.get("floor_dbsm", complex(target.floor_dbsm))) * np.ones(
+    rcs: Complex = linear(changes.get("floor_dbsm", complex(target.floor_dbsm))) * np.ones(
         aspect.shape, dtype=np.complex128
     )
     for name, lobe in target.lobes.items():

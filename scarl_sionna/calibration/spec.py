@@ -233,7 +233,7 @@ class RadarMap(SceneGeometry):
 
     @field_validator("radar", mode="before")
     @classmethod
-    def _read_radar(cls, value: Any) -> Any:
+    def _read_radar(cls, value: object) -> object:
         return read_radar(value) if isinstance(value, Mapping) else value
 
 
@@ -309,7 +309,7 @@ class CalibrationProblem(Spec):
         return cls(**content)
 
 
-def _read_measurement(item: Any, folder: Path) -> Any:
+def _read_measurement(item: object, folder: Path) -> object:
     """Return a measurement with its table's columns in place and paths relative to the problem's folder."""
     if not isinstance(item, dict):
         return item

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -123,7 +123,7 @@ def contact_sheet(
     return figure
 
 
-def write_contact_sheet(frame: Frame, path: str | Path, *, dpi: int = 150, **options: Any) -> None:
+def write_contact_sheet(frame: Frame, path: str | Path, *, dpi: int = 150, **options: object) -> None:
     """Write the :func:`contact_sheet` of a frame to a PNG file.
 
     Parameters
@@ -140,7 +140,7 @@ def write_contact_sheet(frame: Frame, path: str | Path, *, dpi: int = 150, **opt
     OutputError
         If the file cannot be written.
     """
-    figure = contact_sheet(frame, **options)
+    figure = contact_sheet(frame, **cast("dict[str, Any]", options))
     try:
         with mpl.rc_context(STYLE), whole_file(Path(path)) as partial:
             figure.savefig(partial, format="png", dpi=dpi, metadata={"Software": SHEET_MARK})

@@ -323,7 +323,7 @@ def _lost(dataset: Dataset, root: Path) -> Kind:
     return "unfinished" if begins else "damage"
 
 
-def _without_length(text: str) -> Any:
+def _without_length(text: str) -> object:
     """Return the metadata of an array without the number of frames, which an export that adds frames changes first."""
     try:
         data = json.loads(text)

@@ -315,7 +315,7 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
     ]
 
 
-def _settings_of(kind: str, what: str, data: Any) -> Spec | None:
+def _settings_of(kind: str, what: str, data: object) -> Spec | None:
     """Return the settings of a sensor from plain data."""
     if data is None:
         return None
@@ -328,7 +328,7 @@ def _settings_of(kind: str, what: str, data: Any) -> Spec | None:
     return cls(**data)
 
 
-def _check_keys(what: str, data: Any, required: set[str], optional: set[str] = frozenset()) -> None:  # type: ignore[assignment]
+def _check_keys(what: str, data: object, required: set[str], optional: set[str] = frozenset()) -> None:  # type: ignore[assignment]
     """Raise if `data` is not a mapping with the required and no other than the optional keys."""
     if not isinstance(data, Mapping):
         raise ParameterRangeError(what, repr(data)[:80], "a mapping with the keys " + ", ".join(sorted(required)))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -150,7 +150,7 @@ def spectrograms(
     num_doppler_bins: int | None = None,
     window: str = "hann",
     method: str = "raycast",
-    **fields: Any,
+    **fields: object,
 ) -> dict[str, Spectrogram]:
     """Return the spectrogram of a target and of groups of its parts, each column solved anew.
 
@@ -188,7 +188,7 @@ def spectrograms(
         for row, time in enumerate(columns + look):
             state = world.at(float(time))
             place = mount(float(time)) if callable(mount) else mount
-            paths = solve_paths(state, radar, place, method=method, **fields)
+            paths = solve_paths(state, radar, place, method=method, **cast("dict[str, Any]", fields))
             power[WHOLE][row] += _spectrum(paths, radar, num_doppler_bins, window)
             part = part_of_paths(paths, state) if groups else np.zeros(0, dtype=np.int32)
             for name, parts in groups.items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ def point_targets(
     radar: RadarSpec,
     mount: Mount | Pose,
     state: WorldState | None = None,
-    **fields: Any,
+    **fields: object,
 ) -> RadarPaths:
     r"""Return the paths of ideal isotropic point targets.
 
@@ -81,7 +81,7 @@ def point_targets(
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
     if state is not None:
-        return solve_points(state, radar, mount, targets, **fields)
+        return solve_points(state, radar, mount, targets, **cast("dict[str, Any]", fields))
     if fields:
         raise ParameterRangeError("options", ", ".join(sorted(fields)), "none in free space", "give a state")
     place = Mount.of(mount)
@@ -119,7 +119,7 @@ def solve_points(
     settings: RadarSettings | None = None,
     receiver: Mount | Pose | None = None,
     environment: bool = False,
-    **fields: Any,
+    **fields: object,
 ) -> RadarPaths:
     """Return the paths of point targets in surroundings, with occlusion and multipath by the solver ``"sionna"``.
 

@@ -141,7 +141,7 @@ def _rows(points: Array, digits: int) -> list[str]:
     ]
 
 
-def toml_value(value: Any) -> str:
+def toml_value(value: object) -> str:
     """Return a value as TOML; floats with six digits."""
     if isinstance(value, bool | str):
         return json.dumps(value)

@@ -11,6 +11,8 @@ from scarl_sionna.core.errors import ParameterRangeError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colorbar import Colorbar
 
 DYNAMIC_RANGE_DB = 60.0
 """Powers farther below the peak have the darkest colour [dB]."""
@@ -33,7 +35,7 @@ def axes_or_new(ax: Axes | None, width: float = 7.0, height: float = 4.6) -> Axe
     return made
 
 
-def colour_bar(axis: Axes, image: Any, label: str, extend: str = "neither") -> Any:
+def colour_bar(axis: Axes, image: ScalarMappable, label: str, extend: str = "neither") -> Colorbar:
     """Return a colour bar to the right of axes, as high as they are."""
     bar = axis.figure.colorbar(image, cax=axis.inset_axes((1.02, 0.0, 0.028, 1.0)), extend=extend)
     bar.set_label(label)

@@ -15,6 +15,8 @@ from .axes import DARK, DEPTH_MAP, NOTHING, VELOCITY_MAP, axes_or_new, centred, 
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Colormap, Normalize
 
     from scarl_sionna.core.specs.camera import CameraSpec
 
@@ -120,14 +122,14 @@ def outlines(instance: npt.NDArray[np.uint16]) -> npt.NDArray[np.bool_]:
     return out
 
 
-def depth_colors() -> Any:
+def depth_colors() -> Colormap:
     """Return the colours of depths, with one for what is not there."""
     import matplotlib as mpl
 
     return mpl.colormaps[DEPTH_MAP].with_extremes(bad=NOTHING)
 
 
-def depth_bar(axis: Axes, image: Any, norm: Any) -> None:
+def depth_bar(axis: Axes, image: ScalarMappable, norm: Normalize) -> None:
     """Draw the bar of a depth map."""
     bar = colour_bar(axis, image, "depth [m]", extend="both")
     ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if norm.vmin <= tick <= norm.vmax]

@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
 from scarl_sionna.core.errors import ParameterRangeError, SpecError, UnknownFieldError, did_you_mean
 from scarl_sionna.core.units import Unit
@@ -136,14 +137,14 @@ def _units_in(parts: tuple[Any, ...]) -> Iterator[Unit]:
             yield from _units_in(get_args(part))
 
 
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def _models_in(annotation: object) -> Iterator[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
         yield from _models_in(part)
 
 
-def choices_of(annotation: Any) -> tuple[str, ...]:
+def choices_of(annotation: object) -> tuple[str, ...]:
     """Return the texts that a field takes, if it takes only some."""
     if get_origin(annotation) is Literal:
         return tuple(value for value in get_args(annotation) if isinstance(value, str))
@@ -160,7 +161,7 @@ def tags_of(info: FieldInfo | None) -> tuple[str, tuple[str, ...]]:
     return "", ()
 
 
-def allowed_text(item: Any, info: FieldInfo | None) -> str:
+def allowed_text(item: ErrorDetails, info: FieldInfo | None) -> str:
     """Return what a value should have been, without its unit."""
     kind, context = item["type"], item.get("ctx", {})
     if kind == "value_error":
@@ -178,7 +179,7 @@ def allowed_text(item: Any, info: FieldInfo | None) -> str:
         return str(item["msg"])  # pydantic's own words, for people only
 
 
-def remedy_of(item: Any, info: FieldInfo | None) -> str:
+def remedy_of(item: ErrorDetails, info: FieldInfo | None) -> str:
     """Return what was probably meant, or nothing."""
     value, unit = item.get("input"), unit_of(info)
     if isinstance(value, str):

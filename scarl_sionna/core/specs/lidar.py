@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -56,7 +56,7 @@ class LidarSpec(Spec):
 
     @model_validator(mode="before")
     @classmethod
-    def _take_direct(cls, data: Any) -> Any:
+    def _take_direct(cls, data: object) -> object:
         """Move parameters of a raster and of SCaRL's receiver that were given directly to where they belong."""
         if not isinstance(data, Mapping):
             return data

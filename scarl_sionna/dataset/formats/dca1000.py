@@ -12,7 +12,7 @@ import json
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.dataset.store.manifest import hash_of
 
 from .output import whole_folder
-from .source import FrameSource, OnProgress, as_source, no_progress
+from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
 
 FORMAT = "dca1000"
 CAPTURE, DESCRIPTION = "adc_data.bin", "adc_data.json"
@@ -97,7 +97,7 @@ def read_dca1000(folder: str | Path, frame: int = 0) -> npt.NDArray[np.int16]:
 
 
 def export_dca1000(
-    data: Any,
+    data: Convertible,
     out: str | Path,
     *,
     radars: Sequence[str] = (),

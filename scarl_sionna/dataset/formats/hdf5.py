@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,10 @@ from scarl_sionna.dataset.readers.samples import kind_of
 from scarl_sionna.dataset.schema import Field
 
 from .output import whole_output_file
-from .source import FrameSource, OnProgress, as_source, no_progress
+from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
+
+if TYPE_CHECKING:
+    import h5py
 
 FORMAT, FORMAT_VERSION = "scarl-hdf5", 1
 _RAGGED_AXES = (schema.POINT, schema.OBJECT)
@@ -28,7 +32,7 @@ _COUNTS = ("num_points", "num_objects")
 
 
 def export_hdf5(
-    data: Any,
+    data: Convertible,
     out: str | Path,
     *,
     compression: Literal["gzip", "lzf"] | None = "gzip",
@@ -117,7 +121,7 @@ class _Sink:
         if self.error is not None:
             raise self.error
 
-    def write(self, data: Any) -> int:
+    def write(self, data: bytes | memoryview) -> int:
         """Write all bytes."""
         view = memoryview(data).cast("B")
         done = 0
@@ -136,7 +140,7 @@ class _Sink:
             self.error = self.error or error
             return size or 0
 
-    def readinto(self, buffer: Any) -> int:
+    def readinto(self, buffer: bytearray | memoryview) -> int:
         """Read into a buffer."""
         return self.file.readinto(buffer) or 0
 
@@ -156,7 +160,7 @@ class _Sink:
         """Do nothing: there is no buffer."""
 
 
-def _describe(file: Any, source: FrameSource) -> None:
+def _describe(file: h5py.File, source: FrameSource) -> None:
     file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
     file.attrs["schema_version"] = schema.SCHEMA_VERSION
     file.attrs["rig"] = json.dumps(plain(source.rig))
@@ -166,7 +170,7 @@ def _describe(file: Any, source: FrameSource) -> None:
 class _SceneWriter:
     """Appends frames to the arrays of one scene."""
 
-    def __init__(self, h5py: Any, group: Any, compression: str | None) -> None:
+    def __init__(self, h5py: ModuleType, group: h5py.Group, compression: str | None) -> None:
         self.h5py, self.group, self.compression = h5py, group, compression
         self.length = 0
         self.fields: set[str] | None = None
@@ -236,7 +240,7 @@ class _SceneWriter:
             offsets.attrs["long_name"] = "rows of frame k: offsets[k] to offsets[k + 1]"
 
 
-def _is_ragged_path(path: str, group: Any) -> bool:
+def _is_ragged_path(path: str, group: h5py.Group) -> bool:
     return f"{path.rpartition('/')[0]}/offsets" in group and path.rpartition("/")[2] != "world_from_sensor"
 
 
@@ -261,7 +265,7 @@ def _frame_rows(frame: Frame) -> Iterable[tuple[str, tuple[Field, npt.NDArray[An
                 yield f"{name}/{item.name}", (item, value)
 
 
-def _value(holder: Any, item: Field) -> npt.NDArray[Any]:
+def _value(holder: object, item: Field) -> npt.NDArray[Any]:
     """Return a field as an array; an object array of None where it was not made."""
     value = getattr(holder, "adc_int" if item.name == "adc" else item.name)
     if item.axes == schema.POSE_AXES:
@@ -281,7 +285,7 @@ def _object_column(objects: tuple[ObjectState, ...], item: Field) -> npt.NDArray
     return np.array(rows, dtype=item.dtype).reshape((-1, width) if width else (-1,))
 
 
-def _object_value(entry: ObjectState, name: str) -> Any:
+def _object_value(entry: ObjectState, name: str) -> object:
     value = getattr(entry, name)
     if name == "world_from_box":
         return [*value.position, *value.quaternion]

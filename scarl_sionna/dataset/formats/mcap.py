@@ -11,7 +11,7 @@ import base64
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +29,10 @@ from . import pictures
 from .mcap_schemas import NUMBER_TYPES, SCHEMAS
 from .nuscenes_files import encode_image
 from .output import whole_output_file
-from .source import FrameSource, OnProgress, as_source, no_progress
+from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
 
 Message = tuple[str, str, dict[str, Any]]
 """Topic, schema name and content."""
@@ -51,7 +54,7 @@ def is_ours(path: Path) -> bool:
 
 
 def export_mcap(
-    data: Any,
+    data: Convertible,
     out: str | Path,
     *,
     raw_radar: bool = False,
@@ -109,7 +112,7 @@ def export_mcap(
 class _Channels:
     """Registers schemas and channels when they are first used."""
 
-    def __init__(self, writer: Any) -> None:
+    def __init__(self, writer: Writer) -> None:
         self.writer = writer
         self.schemas: dict[str, int] = {}
         self.channels: dict[str, int] = {}

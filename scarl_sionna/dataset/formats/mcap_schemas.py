@@ -11,7 +11,7 @@ _NUMBER, _INTEGER, _TEXT, _FLAG = {"type": "number"}, {"type": "integer"}, {"typ
 _BYTES = {"type": "string", "contentEncoding": "base64"}
 
 
-def _object(**properties: Any) -> dict[str, Any]:
+def _object(**properties: object) -> dict[str, Any]:
     return {"type": "object", "properties": properties}
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -28,7 +28,7 @@ from . import nuscenes_files as files
 from . import nuscenes_tables as tables
 from .nuscenes_tables import token
 from .output import whole_folder
-from .source import FrameSource, OnProgress, SceneFrames, as_source, no_progress
+from .source import Convertible, FrameSource, OnProgress, SceneFrames, as_source, no_progress
 
 LIDAR_CHANNEL = "LIDAR_TOP"
 FORMAT = "nuscenes"
@@ -37,7 +37,7 @@ SCENE_GAP_US = 1_000_000
 
 
 def export_nuscenes(
-    data: Any,
+    data: Convertible,
     out: str | Path,
     *,
     version: str = "v1.0-mini",
@@ -363,7 +363,7 @@ class _Writer:
         )  # fmt: skip
         return self._begin_scene()
 
-    def save(self, splits: Any) -> None:
+    def save(self, splits: Mapping[str, Sequence[str]]) -> None:
         """Write all tables."""
         if not self.table["sample_data"]:
             raise ParameterRangeError(

@@ -18,7 +18,7 @@ from scarl_sionna.core.errors import DatasetError, ScarlWarning, UnknownNameErro
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity
 from scarl_sionna.core.results import Frame, ObjectState, SensorResult
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.dataset.encoding import mount_today, spec_of
 from scarl_sionna.dataset.store.files import Files, open_files
 from scarl_sionna.dataset.store.manifest import (
@@ -402,7 +402,7 @@ class StoredFrame(Described):
         return values
 
 
-def _object_value(name: str, value: Any) -> Any:
+def _object_value(name: str, value: FieldValue) -> FieldValue:
     if name == "world_from_box":
         return Pose(value[:3], value[3:])
     if name == "twist":

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,10 @@ from scarl_sionna.core.results import Frame, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.dataset.derived.boxes import is_ego, points_inside
 from scarl_sionna.dataset.derived.radar_points import sensed_points
-from scarl_sionna.dataset.formats.source import as_source
+from scarl_sionna.dataset.formats.source import Convertible, as_source
+
+if TYPE_CHECKING:
+    import pandas
 
 BOX_UNITS = {
     "timestamp_ns": "ns", "x": "m", "y": "m", "z": "m", "length": "m", "width": "m", "height": "m", "qw": "1", "qx": "1",
@@ -31,7 +35,7 @@ DETECTION_UNITS = {
 """Unit of each column of :func:`detection_table` that has one; also in the table's ``attrs["units"]``."""
 
 
-def box_table(data: Any) -> Any:
+def box_table(data: Convertible) -> pandas.DataFrame:
     """Return the true boxes of all frames.
 
     Parameters
@@ -96,7 +100,7 @@ def box_table(data: Any) -> Any:
     return _table(pandas, rows, names, BOX_UNITS)
 
 
-def detection_table(data: Any, radars: Sequence[str] = (), pfa: float = 1e-6) -> Any:
+def detection_table(data: Convertible, radars: Sequence[str] = (), pfa: float = 1e-6) -> pandas.DataFrame:
     """Return the radar detections of all frames.
 
     Parameters
@@ -175,7 +179,9 @@ def _detections(scene: str, frame: Frame, name: str, radar: RadarFrame, pfa: flo
         )  # fmt: skip
 
 
-def _table(pandas: Any, rows: list[tuple[Any, ...]], names: Sequence[str], units: dict[str, str]) -> Any:
+def _table(
+    pandas: ModuleType, rows: list[tuple[Any, ...]], names: Sequence[str], units: dict[str, str]
+) -> pandas.DataFrame:
     table = pandas.DataFrame(rows, columns=list(names))
     table.attrs["units"] = dict(units)
     return table

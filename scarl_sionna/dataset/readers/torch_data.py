@@ -12,7 +12,7 @@ import numpy as np
 
 from scarl_sionna.core.packages import require
 
-from .samples import FrameSamples
+from .samples import FrameData, FrameSamples
 
 _AS = {np.dtype(np.uint16): np.int32, np.dtype(np.uint32): np.int64, np.dtype(np.uint64): np.int64}
 """Types that PyTorch computes little with."""
@@ -32,7 +32,7 @@ class TorchFrames:
         If PyTorch is not installed.
     """
 
-    def __init__(self, data: Any, items: Sequence[str] | Mapping[str, str] | None = None) -> None:
+    def __init__(self, data: FrameData, items: Sequence[str] | Mapping[str, str] | None = None) -> None:
         require("torch", "torch")
         self.samples = FrameSamples(data, items)
         self._ragged = {key for key, spec in self.samples.signature().items() if None in spec.shape}

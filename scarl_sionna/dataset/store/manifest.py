@@ -298,12 +298,12 @@ def plan_of(data: Mapping[str, Any]) -> DatasetPlan:
     )  # fmt: skip
 
 
-def hash_of(data: Any) -> str:
+def hash_of(data: object) -> str:
     """Return the SHA-256 of plain data, whatever the order of its keys."""
     return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def differences(old: Any, new: Any, name: str = "") -> list[str]:
+def differences(old: object, new: object, name: str = "") -> list[str]:
     """Return the entries in which two plain values differ, as texts."""
     if isinstance(old, dict) and isinstance(new, dict):
         keys = [*old, *(key for key in new if key not in old)]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.scene.document.model import SceneDocument
 
 from .sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
@@ -77,7 +79,7 @@ def low_beam(azimuth_deg: Array, elevation_deg: Array) -> Array:
     return (spot + wide) * below + 250.0 * np.exp(-((azimuth_deg / 30.0) ** 2 + (elevation_deg / 12.0) ** 2))
 
 
-def _beam_texture(path: Path, mi: Any) -> None:
+def _beam_texture(path: Path, mi: ModuleType) -> None:
     """Write the irradiance of the beam on the plane at 1 m, in the scenes' units."""
     rows, columns = _BEAM_SIZE
     half = np.tan(np.radians(BEAM_FOV_DEG / 2.0))
@@ -97,7 +99,7 @@ def _unit_color(lamp: str) -> Array:
 
 
 def lamp_elements(
-    document: SceneDocument, lighting: Lighting | None, folder: Path, mi: Any
+    document: SceneDocument, lighting: Lighting | None, folder: Path, mi: ModuleType
 ) -> tuple[dict[str, ET.Element], list[ET.Element]]:
     """Return the emitters of glowing shapes by shape id, and the beams; their strength and place are set after loading.
 
@@ -142,7 +144,7 @@ class Lamps:
     """
 
     def __init__(
-        self, params: Any, document: SceneDocument, lighting: Lighting | None, meshes: Mapping[str, Any]
+        self, params: MitsubaObject, document: SceneDocument, lighting: Lighting | None, meshes: Mapping[str, Any]
     ) -> None:
         self._mounts: dict[str, dict[str, Pose]] = {}
         for shape, bsdf in document.bsdf_of_shape.items():
@@ -161,7 +163,7 @@ class Lamps:
         """Shapes that carry beams."""
         return tuple(self._mounts)
 
-    def move(self, params: Any, shape: str, world_from_part: Pose) -> None:
+    def move(self, params: MitsubaObject, shape: str, world_from_part: Pose) -> None:
         """Put the beams of a shape where it is now."""
         for side, mount in self._mounts[shape].items():
             pose = world_from_part.compose(mount)

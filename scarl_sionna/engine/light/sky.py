@@ -13,12 +13,13 @@ References
 
 from __future__ import annotations
 
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.engine.types import MitsubaObject
 
 Array = npt.NDArray[np.float64]
 
@@ -148,7 +149,7 @@ def _clouds(directions: Array, cover: float) -> tuple[Array, Array]:
     return opacity * fade, shade
 
 
-def clear_sky(mi: Any, lighting: Lighting) -> tuple[Array, Array]:
+def clear_sky(mi: ModuleType, lighting: Lighting) -> tuple[Array, Array]:
     """Return the clear sky's radiance without the sun, shape (rows, columns, 3), and the sun's irradiance, shape (3,).
 
     Zero below the horizon. Evaluated with Mitsuba's `sunsky` emitter; run it inside ``variant.optical()``.
@@ -175,7 +176,7 @@ def clear_sky(mi: Any, lighting: Lighting) -> tuple[Array, Array]:
     return sky, sun.mean(axis=0) * np.pi * half**2
 
 
-def _evaluate(mi: Any, emitter: Any, directions: Array) -> Array:
+def _evaluate(mi: ModuleType, emitter: MitsubaObject, directions: Array) -> Array:
     """Return the radiance that an environment emitter sends from directions, shape (n, 3)."""
     interaction = mi.SurfaceInteraction3f()
     interaction.wi = mi.Vector3f(-directions.T.astype(np.float32))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from scarl_sionna.core.errors import EngineError, UnknownNameError
 from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 from scarl_sionna.engine.world import WorldState
 
 from .tracing import endpoints, solver_options
@@ -156,14 +157,14 @@ def _bsdfs(state: WorldState, material: str, field: str) -> list[str]:
     return found
 
 
-def _forward(dr: Any, seed: Any, gains: tuple[Any, Any]) -> Complex:
+def _forward(dr: ModuleType, seed: DeviceArray, gains: tuple[DeviceArray, DeviceArray]) -> Complex:
     """Return the derivative of both parts to a seed."""
     dr.set_grad(seed, 1.0)
     dr.forward_to(*gains)
     return np.array(dr.grad(gains[0])).astype(np.complex128) + 1j * np.array(dr.grad(gains[1]))
 
 
-def _rows(found: Any, slopes: list[Complex]) -> PathSlopes:
+def _rows(found: MitsubaObject, slopes: list[Complex]) -> PathSlopes:
     """Return one row a path."""
     valid = np.array(found.valid, dtype=bool)
     rx, tx, path = np.nonzero(valid)

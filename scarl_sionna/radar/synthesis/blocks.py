@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -139,7 +139,7 @@ def retraced(
     method: str | None = None,
     *,
     settings: RadarSettings | None = None,
-    **fields: Any,
+    **fields: object,
 ) -> PathsAt:
     """Return what solves the paths of a world at any time, for :func:`synthesize_blocks`.
 
@@ -166,7 +166,7 @@ def retraced(
             moved = Mount(_moved(start.pose, start.twist, after), start.twist)
         else:
             moved = state.mount(start.actor, start.actor_from_sensor)
-        return solve_paths(state, radar, moved, method, settings=settings, **fields)
+        return solve_paths(state, radar, moved, method, settings=settings, **cast("dict[str, Any]", fields))
 
     return paths_at
 

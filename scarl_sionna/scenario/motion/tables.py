@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
@@ -163,7 +163,7 @@ def _root_tag(path: Path) -> str:
         raise TrajectoryFileError(f"cannot be read as XML ({error})", path) from error
 
 
-def _pandas() -> Any:
+def _pandas() -> ModuleType:
     try:
         import pandas
         import pyarrow  # noqa: F401

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -111,7 +111,7 @@ class RandomizationSpec(Spec):
 
     @model_validator(mode="before")
     @classmethod
-    def _switch(cls, data: Any) -> Any:
+    def _switch(cls, data: object) -> object:
         if isinstance(data, dict) and isinstance(data.get("placements"), bool):
             return {**data, "placements": {} if data["placements"] else None}
         return data

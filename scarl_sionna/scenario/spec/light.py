@@ -54,7 +54,7 @@ def sun_at(hour: float, day_of_year: int = 80, latitude_deg: float = 50.0) -> tu
 
 
 def lighting_at(
-    hour: float, day_of_year: int = 80, latitude_deg: float = 50.0, north_deg: float = 90.0, **changes: Any
+    hour: float, day_of_year: int = 80, latitude_deg: float = 50.0, north_deg: float = 90.0, **changes: object
 ) -> Lighting:
     """Return the lighting at a time of day: the sun's place, lamps when it is low, and an exposure that suits.
 
@@ -82,7 +82,7 @@ def lighting_at(
     return Lighting(**{**values, **changes})
 
 
-def _lighting(value: Any) -> Any:
+def _lighting(value: object) -> object:
     """Return the lighting of a preset's name or of a mapping; anything else is left to the model."""
     if isinstance(value, str):
         return _preset(Lighting, value, ())
@@ -108,7 +108,7 @@ def _lighting(value: Any) -> Any:
     return {**lighting_at(_hour(value["time_of_day"]), **numbers).model_dump(), **changes}
 
 
-def _weather(value: Any) -> Any:
+def _weather(value: object) -> object:
     """Return the weather of a preset's name or of a mapping that begins with one; anything else is left to the model."""
     if isinstance(value, str):
         return _preset(Weather, value, ())

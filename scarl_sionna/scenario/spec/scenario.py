@@ -20,7 +20,7 @@ from scarl_sionna.core.errors import (
     UnknownNameError,
 )
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.core.units import Hertz, Seconds
 
 from .actors import ActorSpec, EgoSpec, RandomizationSpec, TrafficSpec
@@ -77,7 +77,7 @@ class ScenarioSpec(Spec):
 
     _origin: Origin | None = PrivateAttr(None)
 
-    def __init__(self, **data: Any) -> None:
+    def __init__(self, **data: object) -> None:
         try:
             super().__init__(**data)
         except ParameterRangeError as error:
@@ -146,7 +146,7 @@ class ScenarioSpec(Spec):
     def resolved(self) -> ScenarioSpec:
         """Return the scenario with absolute paths of all files, so that it means the same in another process and folder."""
 
-        def walk(value: Any, key: str = "") -> Any:
+        def walk(value: FieldValue, key: str = "") -> FieldValue:
             if isinstance(value, dict):
                 return {name: walk(item, name) for name, item in value.items()}
             if isinstance(value, list):
@@ -160,7 +160,7 @@ class ScenarioSpec(Spec):
         other._origin = self._origin
         return other
 
-    def with_(self, **changes: Any) -> ScenarioSpec:
+    def with_(self, **changes: object) -> ScenarioSpec:
         """Return a copy with some fields changed; the copy is validated again. A `duration` replaces the number of frames."""
         values = {name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set}
         values |= {"num_frames": self.num_frames}

@@ -6,7 +6,7 @@ import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 
 from .planned import Conversion, Ground, PlannedActor
+
+if TYPE_CHECKING:
+    from commonroad.scenario.obstacle import Obstacle
 
 MODELS: Mapping[str, str] = {
     "car": "saloon", "truck": "lorry", "bus": "bus", "bicycle": "bicycle", "pedestrian": "adult_man", "priorityVehicle": "van",
@@ -98,7 +101,7 @@ def read_commonroad(
 
 
 def _actor(
-    obstacle: Any, step: float, span: tuple[float, float] | None, height: Ground | None, conversion: Conversion
+    obstacle: Obstacle, step: float, span: tuple[float, float] | None, height: Ground | None, conversion: Conversion
 ) -> PlannedActor:
     name, kind = f"obstacle_{obstacle.obstacle_id}", str(obstacle.obstacle_type.value)
     model = (conversion.types or {}).get(kind) or MODELS.get(kind)

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -133,7 +133,7 @@ def run_sumo(
     return without_collisions(actors, np.arange(start_time, start_time + duration, 0.1), tolerance=_TOUCH)
 
 
-def _libsumo() -> Any:
+def _libsumo() -> ModuleType:
     try:
         import libsumo
     except ImportError as error:
@@ -142,7 +142,7 @@ def _libsumo() -> Any:
 
 
 def _record(
-    libsumo: Any, options: list[str], warm_up: float, duration: float, step: float, start_time: float
+    libsumo: ModuleType, options: list[str], warm_up: float, duration: float, step: float, start_time: float
 ) -> tuple[Samples, dict[str, tuple[str, bool]]]:
     """Run SUMO and return the samples of vehicles and people."""
     samples: Samples = {}

@@ -182,7 +182,7 @@ def _parts(mesh: str | Path | trimesh.Trimesh | trimesh.Scene, model: str) -> di
     return found
 
 
-def _loaded(path: Path) -> Any:
+def _loaded(path: Path) -> trimesh.Scene:
     """Return the `trimesh.Scene` of a file; raises `MeshError` where it cannot be read."""
     if path.suffix.lower() not in FORMATS:
         raise MeshError(f"a '{path.suffix}' file cannot be read", path, f"give one of {', '.join(FORMATS)}")
@@ -190,8 +190,9 @@ def _loaded(path: Path) -> Any:
         raise MeshError("mesh file not found", path, "check the path")
     try:
         if path.suffix.lower() == ".obj":  # its objects and materials are its parts
-            return trimesh.load(path, force="scene", split_object=True, group_material=True)
-        scene: Any = trimesh.load(path, force="scene")
+            scene: Any = trimesh.load(path, force="scene", split_object=True, group_material=True)
+            return scene
+        scene = trimesh.load(path, force="scene")
     except Exception as error:  # trimesh raises what its parsers do
         raise MeshError(f"cannot be read ({type(error).__name__}: {error})", path, "export it again") from error
     if path.suffix.lower() in (".ply", ".stl"):  # one surface without a name
@@ -382,7 +383,7 @@ def _bsdf(name: str, table: Mapping[str, Any]) -> str:
     )
 
 
-def _toml(value: Any) -> str:
+def _toml(value: object) -> str:
     if isinstance(value, list | tuple | np.ndarray):
         return "[" + ", ".join(_toml(one) for one in value) + "]"
     return json.dumps(value)

@@ -215,7 +215,9 @@ def sign_chevron(seed: int) -> Image.Image:
     return textures.chevrons(256, 64)
 
 
-def _surface(function: Callable[[int, int], Any], shift: int, size: int, seed: int) -> Any:
+def _surface(
+    function: Callable[[int, int], Image.Image | Array], shift: int, size: int, seed: int
+) -> Image.Image | Array:
     return function(size, seed + shift)
 
 

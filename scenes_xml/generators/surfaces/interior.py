@@ -101,7 +101,7 @@ def garage_floor(seed: int, size: int = 512) -> Array:
     return textures.tinted(tone, (0.16, 0.17, 0.175), (0.80, 0.81, 0.81))
 
 
-def font(size: float) -> Any:
+def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Return the type of signs."""
     return ImageFont.load_default(size)
 

@@ -6,7 +6,7 @@ one kind from another; the others ask :class:`Multiplexing` when a transmitter s
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Literal, Protocol
 
 from pydantic import BeforeValidator, Field
 
@@ -71,7 +71,7 @@ KINDS: tuple[str, ...] = tuple(item.model_fields["kind"].default for item in (Id
 """Names of all kinds."""
 
 
-def _by_name(value: Any) -> Any:
+def _by_name(value: object) -> object:
     """Return the fields of a multiplexing that was given by its name alone."""
     if not isinstance(value, str):
         return value

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.spec import FieldValue
 
 from .spec import RadarSpec
 
@@ -71,7 +72,7 @@ def read_radar(data: Mapping[str, Any]) -> RadarSpec:
     return RadarSpec(**split_version_0_1(data)[0])
 
 
-def lift_version_0_1(spec: Mapping[str, Any], settings: Any = None) -> tuple[dict[str, Any], Any]:
+def lift_version_0_1(spec: Mapping[str, Any], settings: FieldValue = None) -> tuple[dict[str, Any], FieldValue]:
     """Return the fields of :class:`RadarSpec` and of `RadarSettings` of a radar in a file, in parts or of version 0.1.
 
     Raises
