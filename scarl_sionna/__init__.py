@@ -1,7 +1,7 @@
 """Synchronized camera, lidar and MIMO radar data of driving scenes, from Mitsuba and Sionna RT.
 
-Public names are imported when they are first used, so ``import scarl_sionna`` is fast and starts no engine; the stub beside
-this file lists them.
+Public names are imported when they are first used, so ``import scarl_sionna`` is fast and starts no engine; the stub
+beside this file lists them.
 """
 
 from __future__ import annotations

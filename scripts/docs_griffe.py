@@ -1,4 +1,7 @@
-"""Docstrings for the documentation site: reStructuredText as Markdown, and fields of specifications with their descriptions."""
+"""Docstrings for the documentation site.
+
+ReStructuredText as Markdown, and fields of specifications with their descriptions.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ def markdown(text: str) -> str:
 
 
 class MarkdownDocstrings(Extension):
-    """Griffe extension: rewrites every docstring before it is parsed, and gives pydantic fields one from their description."""
+    """Griffe extension: docstrings are rewritten before they are parsed, pydantic fields get their description."""
 
     def on_instance(self, *, obj: Object, **others: object) -> None:
         """Rewrite the docstring of an object."""

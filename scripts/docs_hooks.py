@@ -1,4 +1,6 @@
-"""Hooks of the documentation site: notebooks as pages, CONTRIBUTING.md, links that leave docs/, and equations as MathML.
+"""Hooks of the documentation site.
+
+Notebooks as pages, CONTRIBUTING.md, links that leave docs/, and equations as MathML.
 
 Notebooks are taken with their figures from `build/notebooks`, where `make notebooks` puts them, else without outputs.
 """
@@ -76,8 +78,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Make of GitHub's Markdown what the site needs.
 
-    Links to notebooks lead to their pages, other files of the repository are named by their path, since the site has none of
-    them, and blocks of code in lists are indented by four.
+    Links to notebooks lead to their pages, other files of the repository are named by their path, since the site has
+    none of them, and blocks of code in lists are indented by four.
     """
 
     def inside(match: re.Match[str]) -> str:

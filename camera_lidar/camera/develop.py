@@ -73,7 +73,10 @@ def expose(linear: Array, sensor: ImageSensor, seed_generator: np.random.Generat
 
 
 def veil(linear: Array, share: float) -> Array:
-    """Return an image of which a share of the light is spread widely by the optics; the mean stays (but at the border)."""
+    """Return an image of which a share of the light is spread widely by the optics.
+
+    The mean stays (but at the border).
+    """
     if share == 0.0:
         return linear
     from scipy.ndimage import gaussian_filter

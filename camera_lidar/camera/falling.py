@@ -32,14 +32,19 @@ MOST_DROPS = 400_000
 STEPS = 32
 """Places along a streak."""
 DROP_RADIANCE = 0.94
-"""Of a drop over that of the sky behind its wide view: K. Garg, S. K. Nayar, "Vision and rain", Int. J. Comput. Vis. 75(1), 2007."""
+"""Of a drop over that of the sky behind its wide view: K. Garg, S. K. Nayar, "Vision and rain", Int. J. Comput. Vis.
+75(1), 2007."""
 FLAKE_RADIANCE = 0.85
 """Of a flake over that of the sky: a white diffuser that is lit from all sides (engineering estimate)."""
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """Exponential distribution N0 exp(-slope D) of diameters [m] above the smallest, speed of fall, and radiance over the sky's."""
+    """One kind of drop or flake.
+
+    Exponential distribution N0 exp(-slope D) of diameters [m] above the smallest, speed of fall, and radiance over the
+    sky's.
+    """
 
     number: float
     slope: float
@@ -49,7 +54,10 @@ class _Kind:
 
 
 def _kinds(weather: Weather) -> list[_Kind]:
-    """Return what falls: sizes as for the radar (Marshall and Palmer 1948; Sekhon and Srivastava 1970, over melted diameters)."""
+    """Return what falls, with sizes as for the radar.
+
+    Marshall and Palmer 1948 for rain; Sekhon and Srivastava 1970, over melted diameters, for snow.
+    """
     kinds = []
     if weather.rain_rate > 0.0:
         number, slope = RAIN_SIZES["marshall_palmer"]
@@ -86,12 +94,13 @@ def add_falling(
 
     Notes
     -----
-    A drop of the diameter D at the depth z is :math:`f D / z` pixels wide; its image, spread over the streak, is blended as
+    A drop of the diameter D at the depth z is :math:`f D / z` pixels wide; its image, spread over the streak, is
+    blended as
 
     .. math:: L' = (1 - A) L + A \, c L_\text{sky}, \quad A = \frac{\pi}{4} (f D / z)^2 / n_\text{streak}
 
-    with c of Garg and Nayar for drops. Drops behind a surface are hidden. Those that cover less than `LEAST_COVER` of a pixel
-    are part of the haze. *Not modelled*: lamps at night in drops, drops on the lens, defocus.
+    with c of Garg and Nayar for drops. Drops behind a surface are hidden. Those that cover less than `LEAST_COVER` of a
+    pixel are part of the haze. *Not modelled*: lamps at night in drops, drops on the lens, defocus.
     """
     weather = state.world.weather
     cover = np.zeros(spec.height * spec.width)

@@ -109,8 +109,8 @@ def render_labels(
 
     Notes
     -----
-    One ray a pixel: a pixel belongs wholly to what its centre sees, without blending at edges. *Error* of the depth: that of
-    the float32 it is stored in (6e-8 relative), since the hit point is a float64 one.
+    One ray a pixel: a pixel belongs wholly to what its centre sees, without blending at edges. *Error* of the depth:
+    that of the float32 it is stored in (6e-8 relative), since the hit point is a float64 one.
     """
     hits = cast_pixels(state, spec, world_from_sensor)
     depth_of_hit = (hits.point - world_from_sensor.position) @ world_from_sensor.rotation[:, 0]

@@ -13,7 +13,7 @@ _SAME_MOTION = 1e-9
 
 
 def extrapolate(pose: Pose, twist: Twist, interval: float) -> Pose:
-    """Return a pose after `interval` seconds of constant linear velocity of its origin and constant angular velocity."""
+    """Return a pose after `interval` seconds of constant linear velocity of its origin and angular velocity."""
     turn = Rotation.from_rotvec(twist.angular * interval).as_matrix()
     return Pose.from_rotation(pose.position + twist.linear * interval, turn @ pose.rotation)
 
@@ -40,7 +40,8 @@ def shifted_state(state: WorldState, interval: float) -> WorldState:
 def shifted_sensor(state: WorldState, later: WorldState, world_from_sensor: Pose, sensor_twist: Twist) -> Pose:
     """Return the sensor's pose in another state of the same world.
 
-    A sensor that moves like a part of the ego vehicle is carried along its trajectory; any other one goes on with its twist.
+    A sensor that moves like a part of the ego vehicle is carried along its trajectory; any other one goes on with its
+    twist.
     """
     ego = state.world.ego
     if ego is not None:

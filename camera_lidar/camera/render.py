@@ -23,8 +23,8 @@ from .motion import shifted_sensor, shifted_state
 from .ray_sensor import launch_samples, ray_sensor
 
 ROULETTE_DEPTH = 3
-"""Segments after which a light path ends at random (unbiased Russian roulette). 3 takes a quarter less time than Mitsuba's 5 for
-2 % more noise; 2 gains nothing more (docs/camera.md)."""
+"""Segments after which a light path ends at random (unbiased Russian roulette). 3 takes a quarter less time than
+Mitsuba's 5 for 2 % more noise; 2 gains nothing more (docs/camera.md)."""
 
 GUIDE_SAMPLES = 8
 """Samples of the albedo and normal images that lead the denoiser."""
@@ -51,8 +51,9 @@ def render_radiance(
     ----------
     state : scarl_sionna.engine.world.WorldState
     spec : CameraSpec
-        `samples_per_pixel` are taken in launches of full grids (:func:`launch_samples`); `max_depth` bounds the light path. With an
-        `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done here.
+        `samples_per_pixel` are taken in launches of full grids (:func:`launch_samples`); `max_depth` bounds the light
+        path. With an `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done
+        here.
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).
     rng : numpy.random.Generator
@@ -67,8 +68,9 @@ def render_radiance(
 
     Notes
     -----
-    Without denoiser the estimate is unbiased but for paths longer than `max_depth`. Its standard deviation falls as n^-1/2 with
-    n samples inside smooth areas, and faster at edges (multi-jittered sampling); measured in docs/camera.md.
+    Without denoiser the estimate is unbiased but for paths longer than `max_depth`. Its standard deviation falls as
+    n^-1/2 with n samples inside smooth areas, and faster at edges (multi-jittered sampling); measured in
+    docs/camera.md.
     """
     seed = int(rng.integers(2**32))
     moments = _moments(state, spec, world_from_sensor, sensor_twist or Twist())
@@ -101,7 +103,10 @@ def _moments(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """One image to render: through which camera, from where (world_from_sensor), with which seed and how many samples a pixel."""
+    """One image to render.
+
+    Through which camera, from where (world_from_sensor), with which seed and how many samples a pixel.
+    """
 
     spec: CameraSpec
     pose: Pose
@@ -152,13 +157,17 @@ def render_rgb(
     rng: np.random.Generator,
     sensor_twist: Twist | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """Return the 8-bit sRGB image, shape (height, width, 3): :func:`render_radiance`, what falls, then :func:`develop`."""
+    """Return the 8-bit sRGB image, shape (height, width, 3).
+
+    :func:`render_radiance`, what falls, then :func:`develop`.
+    """
     radiance = render_radiance(state, spec, world_from_sensor, rng, sensor_twist)
     weather = state.world.weather
     if weather.rain_rate > 0.0 or weather.snow_rate > 0.0:
         drops = rng.spawn(1)[0]
         radiance = add_falling(radiance, state, spec, world_from_sensor, sensor_twist or Twist(), drops)
     lighting, info = state.world.lighting, state.world.document.info
-    # a scene under its own lamps (tunnel, underground car park) states the exposure that suits them, whatever the sky does
+    # a scene under its own lamps (tunnel, underground car park) states the exposure that suits them, whatever the sky
+    # does
     exposure = float(info["exposure"]) if "exposure" in info else (1.0 if lighting is None else lighting.exposure)
     return develop(radiance, spec, rng, exposure)

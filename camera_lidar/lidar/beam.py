@@ -31,8 +31,9 @@ def beam_radius(spec: LidarSpec, distance: npt.ArrayLike) -> Array:
 def footprint(sub_rays: int) -> Array:
     """Return where rays of equal power cross a Gaussian beam, in units of its 1/e2 radius, shape (sub_rays, 2).
 
-    A sunflower: radius by the inverse of the enclosed power ``1 - exp(-2 r^2)`` at the middle of each share, angle by golden steps;
-    then centred and, from 3 rays on, stretched so that the second moments are those of the beam, 1/4. One ray is the axis.
+    A sunflower: radius by the inverse of the enclosed power ``1 - exp(-2 r^2)`` at the middle of each share, angle by
+    golden steps; then centred and, from 3 rays on, stretched so that the second moments are those of the beam, 1/4. One
+    ray is the axis.
     """
     index = np.arange(sub_rays)
     radius = np.sqrt(-0.5 * np.log(1.0 - (index + 0.5) / sub_rays))
@@ -57,7 +58,7 @@ def widest_gap(sub_rays: int) -> float:
 
 
 def sub_directions(spec: LidarSpec, directions: Array) -> Array:
-    """Return the directions of all rays of each shot, shape (num_shots, sub_rays, 3), from those of the axes (num_shots, 3).
+    """Return the directions of all rays of each shot, shape (num_shots, sub_rays, 3), from those of the axes.
 
     *Error*: rays leave from one point, so the footprint is short of the aperture's radius at the sensor itself.
     """

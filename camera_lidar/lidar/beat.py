@@ -23,9 +23,11 @@ Signal = npt.NDArray[np.complex64]
 _SAMPLES_AT_ONCE = 1 << 21
 """Samples that are worked on at once: 32 MB each temporary array."""
 _PADDING = 2
-"""Length of the transform over that of the signal: a tone is at most a quarter of a line off, 0.9 dB down, when it is looked for."""
+"""Length of the transform over that of the signal: a tone is at most a quarter of a line off, 0.9 dB down, when it is
+looked for."""
 _REFINEMENTS = 4
-"""Steps of the interpolation between Fourier coefficients; each divides what is left of the bias by far more than 10."""
+"""Steps of the interpolation between Fourier coefficients; each divides what is left of the bias by far more than
+10."""
 _MATCH_CELLS = 2.0
 """A detection belongs to the return that lies within so many resolution cells of it in both beats."""
 
@@ -51,14 +53,16 @@ def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, gener
 
     Notes
     -----
-    Transmitted times the conjugate of received, as for the radar. With the local time t of a chirp of slope +-S, the carrier f_0, and a
-    delay :math:`\tau(t) = 2 (R + v (t - t_0)) / c`, where t_0 is the shot's time between the two chirps:
+    Transmitted times the conjugate of received, as for the radar. With the local time t of a chirp of slope +-S, the
+    carrier f_0, and a delay :math:`\tau(t) = 2 (R + v (t - t_0)) / c`, where t_0 is the shot's time between the two
+    chirps:
 
     .. math:: \phi(t) = 2 \pi \left( \frac{2 v}{\lambda} t \pm S \tau(t) t \mp \tfrac12 S \tau(t)^2 \right) + \phi_0
 
-    Echoes have circular normal amplitudes (fully developed speckle; without speckle: random phases), the same in both chirps. Fog and
-    rain fill the cells of the range resolution up to the first surface. I and Q are clipped at full scale. The samples are those in
-    which the return overlaps the chirp: the sweep runs on for the longest delay before they begin.
+    Echoes have circular normal amplitudes (fully developed speckle; without speckle: random phases), the same in both
+    chirps. Fog and rain fill the cells of the range resolution up to the first surface. I and Q are clipped at full
+    scale. The samples are those in which the return overlaps the chirp: the sweep runs on for the longest delay before
+    they begin.
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
@@ -146,9 +150,9 @@ def estimate_beats(spec: LidarSpec, signal: Signal, returns: Echoes) -> Detectio
 
     Notes
     -----
-    Of each chirp the strongest line of the transform within the band of beats is taken, refined between the lines, and subtracted,
-    up to `max_returns` times. Tones above the threshold count; the first of the up and the first of the down chirp are one return,
-    and so on: returns of equal strength can be paired wrongly.
+    Of each chirp the strongest line of the transform within the band of beats is taken, refined between the lines, and
+    subtracted, up to `max_returns` times. Tones above the threshold count; the first of the up and the first of the
+    down chirp are one return, and so on: returns of equal strength can be paired wrongly.
     """
     rows: list[Detections] = []
     step = max(_SAMPLES_AT_ONCE // (2 * spec.num_samples), 1)
@@ -178,8 +182,8 @@ def strongest_tones(spec: LidarSpec, signal: npt.NDArray[np.complex128], sign: i
 
     References
     ----------
-    .. [1] E. Aboutanios, B. Mulgrew, "Iterative frequency estimation by interpolation on Fourier coefficients", IEEE Trans. Signal
-       Process. 53(4), 2005.
+    .. [1] E. Aboutanios, B. Mulgrew, "Iterative frequency estimation by interpolation on Fourier coefficients", IEEE
+       Trans. Signal Process. 53(4), 2005.
     """
     length = signal.shape[1]
     level, highest = threshold(spec), beat_limits(spec)[1]

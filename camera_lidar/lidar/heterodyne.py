@@ -1,4 +1,7 @@
-"""The heterodyne receiver by its statistics: speckle, detection, false alarms, estimates. One row a return, no signal is made."""
+"""The heterodyne receiver by its statistics: speckle, detection, false alarms, estimates.
+
+One row a return, no signal is made.
+"""
 
 from __future__ import annotations
 
@@ -74,16 +77,16 @@ def receive_heterodyne(
     air_velocity : ndarray of float64, shape (num_shots,)
         Radial velocity of still air along each shot [m/s].
     generator : numpy.random.Generator
-        Every effect has a stream of its own with a fixed number of draws a place for a return, so that what one shot meets does not
-        change the noise of another.
+        Every effect has a stream of its own with a fixed number of draws a place for a return, so that what one shot
+        meets does not change the noise of another.
 
     Notes
     -----
     For looks m with speckle e_m (exponential of mean 1, or 1) and circular noise n of unit power, each chirp's peak is
-    ``sum_m abs(sqrt(C e_m) + n_m)^2``; it depends on the speckle through its sum alone. Peaks above the threshold in all chirps are
-    detections. The measured carrier-to-noise ratio is the mean peak over looks and chirps, less the noise's 1: mean C, and with
-    many looks or a high ratio the contrast 1 / sqrt(num_looks) of speckle. Beat frequencies have normal errors at the
-    Cramer-Rao bound of the look's own ratio, at most uniform in the resolution cell.
+    ``sum_m abs(sqrt(C e_m) + n_m)^2``; it depends on the speckle through its sum alone. Peaks above the threshold in
+    all chirps are detections. The measured carrier-to-noise ratio is the mean peak over looks and chirps, less the
+    noise's 1: mean C, and with many looks or a high ratio the contrast 1 / sqrt(num_looks) of speckle. Beat frequencies
+    have normal errors at the Cramer-Rao bound of the look's own ratio, at most uniform in the resolution cell.
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
@@ -138,7 +141,7 @@ def _draw_peak(generator: np.random.Generator, carrier: Array, looks: float, num
 def estimate(
     spec: LidarSpec, distance: Array, velocity: Array, errors: Array
 ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    r"""Return distance and radial velocity from the beat frequencies of returns, and whether they are among those searched.
+    r"""Return distance and radial velocity from beat frequencies, and whether they are among those searched.
 
     Parameters
     ----------
@@ -152,17 +155,19 @@ def estimate(
     -----
     With I/Q detection a beat has a sign (transmitted times the conjugate of received, as for the radar):
 
-    .. math:: f_\uparrow = \frac{2 S R}{c} + \frac{2 v}{\lambda}, \quad f_\downarrow = -\frac{2 S R}{c} + \frac{2 v}{\lambda}
+    .. math::
+        f_\uparrow = \frac{2 S R}{c} + \frac{2 v}{\lambda}, \quad
+        f_\downarrow = -\frac{2 S R}{c} + \frac{2 v}{\lambda}
 
     .. math:: R = \frac{c}{4 S} (f_\uparrow - f_\downarrow), \quad v = \frac{\lambda}{4} (f_\uparrow + f_\downarrow)
 
-    A single chirp gives :math:`R + c v / (\lambda S)`: range and velocity are coupled. Frequencies are known up to multiples of the
-    sampling frequency and are taken within one from the lowest that is searched.
+    A single chirp gives :math:`R + c v / (\lambda S)`: range and velocity are coupled. Frequencies are known up to
+    multiples of the sampling frequency and are taken within one from the lowest that is searched.
 
     References
     ----------
-    .. [1] D. G. Pierrottet et al., "Linear FMCW laser radar for precision range and vector velocity measurements", MRS Proc.
-       1076, 2008.
+    .. [1] D. G. Pierrottet et al., "Linear FMCW laser radar for precision range and vector velocity measurements", MRS
+       Proc. 1076, 2008.
     """
     slope = 2.0 * spec.chirp_slope / SPEED_OF_LIGHT
     shift = 2.0 * velocity / spec.wavelength
@@ -183,7 +188,7 @@ def fold(spec: LidarSpec, frequency: Array) -> Array:
 
 
 def from_beats(spec: LidarSpec, up: Array, down: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Return distance [m] and radial velocity [m/s] of pairs of beats [Hz], and whether they are among those searched."""
+    """Return distance [m] and radial velocity [m/s] of pairs of beats [Hz], and whether they are searched."""
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     distance = SPEED_OF_LIGHT / (4.0 * spec.chirp_slope) * (up - down)
@@ -256,9 +261,9 @@ def backscatter_profile(spec: LidarSpec) -> BackscatterProfile:
 
     Notes
     -----
-    A cell of length :math:`\Delta R = c / 2B` is a volume target: :math:`\rho \cos\theta / \pi` of the lidar equation becomes
-    :math:`\beta \Delta R` with the backscatter coefficient of :class:`Atmosphere`. Its droplets are many: fully developed speckle,
-    independent from cell to cell.
+    A cell of length :math:`\Delta R = c / 2B` is a volume target: :math:`\rho \cos\theta / \pi` of the lidar equation
+    becomes :math:`\beta \Delta R` with the backscatter coefficient of :class:`Atmosphere`. Its droplets are many: fully
+    developed speckle, independent from cell to cell.
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)

@@ -1,4 +1,4 @@
-"""Ideal returns: what rays over a beam's footprint hit, through panes, gathered into returns that the lidar can tell apart."""
+"""Ideal returns: what rays over a beam's footprint hit, also through panes, gathered into separable returns."""
 
 from __future__ import annotations
 
@@ -161,8 +161,9 @@ def gather(spec: LidarSpec, echoes: Echoes) -> Echoes:
     """Return the returns that echoes make: by shot and distance, the strongest `spec.max_returns` of each shot.
 
     Echoes of a shot whose distances follow each other within the range resolution and the depth of surface between
-    neighbouring rays, and their radial velocities within the velocity resolution, are one return: its intensity is their sum, distance and radial velocity are their means weighted with the
-    intensity, all else is that of the strongest.
+    neighbouring rays, and their radial velocities within the velocity resolution, are one return: its intensity is
+    their sum, distance and radial velocity are their means weighted with the intensity, all else is that of the
+    strongest.
     """
     if spec.sub_rays > 1 or spec.max_surfaces > 1:
         echoes = _merged(spec, echoes)

@@ -54,8 +54,8 @@ class Lidar:
         ----------
         state : WorldState
         mount : Mount or Pose
-            Sensor frame (x forward, y left, z up) at the state's time; its velocity enters the radial velocity and the motion
-            during the scan.
+            Sensor frame (x forward, y left, z up) at the state's time; its velocity enters the radial velocity and the
+            motion during the scan.
         rng : numpy.random.Generator
             All randomness of the receiver; the moments stand at :func:`camera_lidar.lidar.receiver.receive` and
             :func:`camera_lidar.lidar.heterodyne.receive_heterodyne`.

@@ -31,8 +31,8 @@ def extinction_of(cloud: SprayCloud) -> float:
 
     .. math:: \alpha = 3.67 \, M / (\rho_w D_0)
 
-    Drops far larger than the wavelength take twice their own area; of an exponential distribution with the median volume diameter
-    :math:`D_0` and the water content M that is the above.
+    Drops far larger than the wavelength take twice their own area; of an exponential distribution with the median
+    volume diameter :math:`D_0` and the water content M that is the above.
     """
     return 3.67 * cloud.water_content / (WATER_DENSITY * cloud.drop_diameter)
 
@@ -99,8 +99,8 @@ def add_spray(
     Parameters
     ----------
     spec : LidarSpec
-        With a heterodyne receiver; the cells are of its range resolution, the spray's backscatter is its extinction over
-        ``spec.atmosphere.lidar_ratio``.
+        With a heterodyne receiver; the cells are of its range resolution, the spray's backscatter is its extinction
+        over ``spec.atmosphere.lidar_ratio``.
     found : Detections
     clouds : sequence of SprayCloud
     paths : FreePaths

@@ -34,7 +34,8 @@ SMOOTH = 2
 MARGIN, NARROWEST = 14.0, 40.0
 """Around everything that moves, and least side of the plan [m]."""
 WIDEST, AROUND_EGO = 260.0, 55.0
-"""A longer plan shows the ego vehicle's way with so much around it, or follows it where that is too long as well [m]."""
+"""A longer plan shows the ego vehicle's way with so much around it, or follows it where that is too long as well
+[m]."""
 LARGEST_GROUND = 2200
 """Longer side of the ground that a plan which follows is cut out of [px]."""
 TRAIL = 2.0
@@ -175,9 +176,13 @@ def _view_of(points: npt.NDArray[np.float64], margin: float = MARGIN) -> _View:
 
 
 def _drawn(
-    ground: Image.Image, view: _View, world: World, actors: Sequence[ObjectState],
-    trail: Sequence[dict[str, npt.NDArray[np.float64]]], time: float,
-) -> Image.Image:  # fmt: skip
+    ground: Image.Image,
+    view: _View,
+    world: World,
+    actors: Sequence[ObjectState],
+    trail: Sequence[dict[str, npt.NDArray[np.float64]]],
+    time: float,
+) -> Image.Image:
     """Draw actors with their trails, a scale and the time."""
     width, height = view.size
     large = ground.resize((width * SMOOTH, height * SMOOTH), Image.Resampling.NEAREST)
@@ -252,8 +257,13 @@ def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
     # hundredths of a second are all that a GIF knows: their sum keeps the time
     marks = np.rint(np.arange(len(frames) + 1) * 100.0 / rate).astype(int)
     frames[0].save(
-        path, save_all=True, append_images=frames[1:], duration=[10 * int(step) for step in np.diff(marks)], loop=0, optimize=False,
-    )  # fmt: skip
+        path,
+        save_all=True,
+        append_images=frames[1:],
+        duration=[10 * int(step) for step in np.diff(marks)],
+        loop=0,
+        optimize=False,
+    )
 
 
 def _palette(picture: Image.Image) -> Image.Image:

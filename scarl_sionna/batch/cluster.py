@@ -133,7 +133,10 @@ def portable(error: ScarlError) -> ScarlError:
 
 
 def dask_setup(worker: Worker) -> None:
-    """Let a worker of this machine ignore Ctrl-C, which a terminal sends to all processes: the one that started it stops it."""
+    """Let a worker of this machine ignore Ctrl-C, which a terminal sends to all processes.
+
+    The one that started it stops it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -147,10 +150,18 @@ def _local_client(distributed: ModuleType, count: int) -> Iterator[Client]:
         "distributed.worker.preload": [__name__],  # calls `dask_setup`
         "distributed.comm.timeouts.connect": "30s",
     }
-    with dask.config.set(settings), distributed.LocalCluster(
-        n_workers=count, threads_per_worker=1, processes=True, memory_limit=None, dashboard_address=None,
-        silence_logs=logging.CRITICAL,
-    ) as cluster, distributed.Client(cluster) as client:  # fmt: skip
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=None,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
         yield client
 
 

@@ -1,4 +1,7 @@
-"""The work on one shard, in whatever process: simulate what is missing, compress and keep it meanwhile, put it in place."""
+"""The work on one shard, in whatever process.
+
+Simulate what is missing, compress and keep it meanwhile, put it in place.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,8 @@ if TYPE_CHECKING:
 
 OnError = Literal["record", "raise"]
 OnEvent = Callable[[str, dict[str, Any]], None]
-"""Called with ``"stage"`` (scene, frame, stage, part of the frame) and ``"frame"`` (scene, frame, seconds, bytes or failed)."""
+"""Called with ``"stage"`` (scene, frame, stage, part of the frame) and ``"frame"`` (scene, frame, seconds, bytes or
+failed)."""
 
 _AHEAD = 2  # frames that wait to be compressed: more would only take memory
 _log = logging.getLogger("scarl_sionna.batch")
@@ -114,9 +118,13 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
             for index in missing:
                 try:
                     frame = observe(
-                        world, rig, scenario.start_time + index / scenario.frame_rate, scenario.seed, index=index,
+                        world,
+                        rig,
+                        scenario.start_time + index / scenario.frame_rate,
+                        scenario.seed,
+                        index=index,
                         on_stage=_stages(job.scene.name, index, on_event),
-                    )  # fmt: skip
+                    )
                 except Exception as error:
                     check(error)
                     _fail(job, shard, index, error, on_event)
@@ -137,8 +145,8 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
 class FrameSink:
     """Compresses and keeps frames in threads of its own while the next one is simulated; use it as a context.
 
-    Leaving it waits until all frames are kept. A frame that the schema does not take is listed in `failed`; a disk that does
-    not take it raises :class:`OutputError`.
+    Leaving it waits until all frames are kept. A frame that the schema does not take is listed in `failed`; a disk that
+    does not take it raises :class:`OutputError`.
     """
 
     def __init__(
@@ -251,7 +259,8 @@ def _fail(job: ShardJob, shard: ShardWriter, index: int, error: Exception, on_ev
         if isinstance(error, ScarlError):
             raise error
         raise ExportError(
-            f"frame {index} of {job.scene.name} failed ({reason}); the frames before it are kept, and --on-error record goes on "
+            f"frame {index} of {job.scene.name} failed ({reason}); the frames before it are kept, "
+            "and --on-error record goes on "
             "without it"
         ) from error
     _log.warning("frame %d of %s failed: %s", index, job.scene.name, reason, exc_info=error)

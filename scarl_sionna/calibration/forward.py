@@ -32,9 +32,13 @@ Complex = npt.NDArray[np.complex128]
 TINY = 1e-300
 """Keeps the logarithm of a field that vanishes finite."""
 FIELD_RANGES = {
-    "relative_permittivity": (1.0, np.inf), "conductivity": (0.0, np.inf), "thickness": (0.0, np.inf),
-    "roughness_rms": (0.0, np.inf), "scattering_coefficient": (0.0, 1.0), "xpd_coefficient": (0.0, 1.0),
-}  # fmt: skip
+    "relative_permittivity": (1.0, np.inf),
+    "conductivity": (0.0, np.inf),
+    "thickness": (0.0, np.inf),
+    "roughness_rms": (0.0, np.inf),
+    "scattering_coefficient": (0.0, 1.0),
+    "xpd_coefficient": (0.0, 1.0),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,9 +118,11 @@ class ForwardModel:
         least, most = FIELD_RANGES.get(item.field, (-np.inf, np.inf))
         if item.lower < least or item.upper > most:
             raise ParameterRangeError(
-                f"bounds of {item.name}", f"{item.lower:g} to {item.upper:g}", f"within {least:g} to {most:g}",
+                f"bounds of {item.name}",
+                f"{item.lower:g} to {item.upper:g}",
+                f"within {least:g} to {most:g}",
                 "no material is outside",
-            )  # fmt: skip
+            )
 
     def _start(self, item: FreeParameter) -> float:
         """Return where the search begins."""

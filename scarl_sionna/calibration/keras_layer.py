@@ -32,8 +32,9 @@ def simulation_layer(model: ForwardModel, name: str = "simulation") -> keras.lay
     Returns
     -------
     keras.layers.Layer
-        Maps (batch, num_parameters) between 0 and 1, from lower to upper bound, to (batch, num_values): predictions of the
-        measurements that are used, over their noise. Values and gradients are exact in float64 inside, float32 outside.
+        Maps (batch, num_parameters) between 0 and 1, from lower to upper bound, to (batch, num_values): predictions of
+        the measurements that are used, over their noise. Values and gradients are exact in float64 inside, float32
+        outside.
 
     Raises
     ------

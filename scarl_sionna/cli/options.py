@@ -116,7 +116,8 @@ _SET = Annotated[
     typer.Option(
         "--set",
         metavar="FIELD=VALUE",
-        help="Any other field of the scenario, for instance radar.raycast.num_rays=50000 or radar.sbr.max_depth=2. May be repeated.",
+        help="Any other field of the scenario, for instance radar.raycast.num_rays=50000 or radar.sbr.max_depth=2. "
+        "May be repeated.",
     ),
 ]
 
@@ -211,8 +212,8 @@ def grouped_options(*names: str) -> Callable[[Callable[..., None]], Callable[...
     Parameters
     ----------
     *names : str
-        Of the command's arguments that are such groups: annotated with a dataclass whose fields are annotated as Typer has it.
-        The options stand where the group stands.
+        Of the command's arguments that are such groups: annotated with a dataclass whose fields are annotated as Typer
+        has it. The options stand where the group stands.
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:

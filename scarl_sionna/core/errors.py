@@ -1,7 +1,7 @@
 """Typed errors: what is wrong, the value with its unit, what is allowed, and the remedy.
 
-Every error raised on bad input derives from :class:`ScarlError`, so that a program can tell a user's mistake from a bug.
-Each one keeps its data as attributes.
+Every error raised on bad input derives from :class:`ScarlError`, so that a program can tell a user's mistake from a
+bug. Each one keeps its data as attributes.
 """
 
 from __future__ import annotations
@@ -158,7 +158,10 @@ class DatasetError(ScarlError):
 
 
 class TrajectoryFileError(ScarlError):
-    """A file of recorded motion is not there, or what stands in it is not usable; `row` (from 1, without the header), `column`: where."""
+    """A file of recorded motion is not there, or what stands in it is not usable.
+
+    `row` (from 1, without the header), `column`: where.
+    """
 
     def __init__(
         self, message: str, path: object = None, remedy: str = "", row: int | None = None, column: str | None = None

@@ -1,8 +1,9 @@
 """Rigid poses and the frames of the project.
 
-A pose named `world_from_radar` maps points of the radar's frame into the world: ``p_world = world_from_radar @ p_radar``.
-Frames: `vehicle`, `radar`, `lidar`, `sensor` have x forward, y left, z up; `camera_optical` has x right, y down, z forward.
-Quaternions are [w, x, y, z]; lengths are metres; everything is float64.
+A pose named `world_from_radar` maps points of the radar's frame into the world:
+``p_world = world_from_radar @ p_radar``. Frames: `vehicle`, `radar`, `lidar`, `sensor` have x forward, y left, z up;
+`camera_optical` has x right, y down, z forward. Quaternions are [w, x, y, z]; lengths are metres; everything is
+float64.
 """
 
 from __future__ import annotations
@@ -86,8 +87,11 @@ class Pose(Described):
         cy, cp, cr = (math.cos(angle / 2.0) for angle in (yaw, pitch, roll))
         sy, sp, sr = (math.sin(angle / 2.0) for angle in (yaw, pitch, roll))
         quaternion = [
-            cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr, cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr,
-        ]  # fmt: skip
+            cy * cp * cr + sy * sp * sr,
+            cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr,
+        ]
         return cls(np.asarray(position, dtype=np.float64), np.array(quaternion))
 
     @cached_property
@@ -178,7 +182,10 @@ def _product(first: Array, second: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Twist(Described):
-    """Velocity of a rigid body: linear velocity of its origin [m/s] and angular velocity [rad/s], both in the world frame."""
+    """Velocity of a rigid body.
+
+    Linear velocity of its origin [m/s] and angular velocity [rad/s], both in the world frame.
+    """
 
     linear: Array = field(default_factory=lambda: np.zeros(3))
     angular: Array = field(default_factory=lambda: np.zeros(3))

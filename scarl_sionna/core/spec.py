@@ -17,8 +17,8 @@ from .prompt.refusals import refusal, unit_of
 
 SpecT = TypeVar("SpecT", bound="Spec")
 FieldValue: TypeAlias = Any
-"""The value of a field by its name. `Any`, since the type follows from the name: pydantic checks it in a specification, the schema
-states it for a dataset."""
+"""The value of a field by its name. `Any`, since the type follows from the name: pydantic checks it in a specification,
+the schema states it for a dataset."""
 _ONE_LINE = 100
 """A specification whose fields take at most so many characters shows itself in one line."""
 
@@ -69,7 +69,9 @@ class Spec(Described, BaseModel):
 
     @classmethod
     def of(cls: type[SpecT], **fields: FieldValue) -> SpecT:
-        """Return the specification of some fields, as the constructor does; subclasses take names of their parts' fields, too.
+        """Return the specification of some fields, as the constructor does.
+
+        Subclasses take names of their parts' fields, too.
 
         Raises
         ------

@@ -31,7 +31,8 @@ from .store.shards import ArrayInfo, encode_chunk
 NOT_DATA = frozenset({"seconds"})
 """Diagnostics that are left out, so that the same seed gives the same bytes."""
 PNG_LEVEL = {"semantic": 6, "instance": 6}
-"""zlib level of the PNG files, 3 where not named: level 6 takes twice the time for 0 to 12 % of the bytes of a picture."""
+"""zlib level of the PNG files, 3 where not named: level 6 takes twice the time for 0 to 12 % of the bytes of a
+picture."""
 
 
 @dataclass(frozen=True)
@@ -212,8 +213,10 @@ def _foreign_columns(name: str, result: SensorResult) -> tuple[str, list[tuple[F
     table = foreign_fields(kind) if isinstance(kind, str) else None
     if table is None:
         raise OutputError(
-            f"cannot store the result of sensor '{name}' of type {type(result).__name__}; return an ImageFrame, LidarScan or "
-            "RadarFrame, or a dataclass with `kind`, and declare `stored_fields` and `result_type` on the sensor's class "
+            f"cannot store the result of sensor '{name}' of type {type(result).__name__}; "
+            "return an ImageFrame, LidarScan or "
+            "RadarFrame, or a dataclass with `kind`, "
+            "and declare `stored_fields` and `result_type` on the sensor's class "
             "(see docs/dataset.md)"
         )
     assert isinstance(kind, str)
@@ -263,7 +266,7 @@ def spec_of(mount: Mapping[str, Any]) -> Spec:
 
 
 def mount_today(mount: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a rig's entry of a sensor, of this schema version or an earlier one, as `SensorMount.to_dict` writes it."""
+    """Return a rig's entry of a sensor, of any schema version, as `SensorMount.to_dict` writes it today."""
     kind = mount["kind"]
     if kind not in SETTINGS_TYPES:
         return dict(mount)

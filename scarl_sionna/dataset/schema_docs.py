@@ -1,4 +1,7 @@
-"""The page of the dataset's schema, made from the schema's code: ``python -m scarl_sionna.dataset.schema_docs > docs/dataset.md``."""
+"""The page of the dataset's schema, made from the schema's code.
+
+``python -m scarl_sionna.dataset.schema_docs > docs/dataset.md``.
+"""
 
 from __future__ import annotations
 

@@ -4,8 +4,8 @@ Dr.Jit 1.5 accepts LLVM 15 and 16 and then aborts the whole process at its first
 each candidate is asked for its version in a process of its own, the first one that is new enough is handed to Dr.Jit by
 ``DRJIT_LIBLLVM_PATH``, and where there is none an :class:`~scarl_sionna.core.errors.EngineError` names the remedy.
 
-Environment: ``SCARL_BACKEND`` (``llvm`` or ``cuda``) overrides the choice of the backend, ``DRJIT_LIBLLVM_PATH`` names a
-library, ``SCARL_LLVM_DIRS`` (folders, separated like PATH) replaces the folders that are searched.
+Environment: ``SCARL_BACKEND`` (``llvm`` or ``cuda``) overrides the choice of the backend, ``DRJIT_LIBLLVM_PATH`` names
+a library, ``SCARL_LLVM_DIRS`` (folders, separated like PATH) replaces the folders that are searched.
 """
 
 from __future__ import annotations
@@ -32,9 +32,14 @@ BACKENDS = ("cuda", "llvm")
 _LIBLLVM_VARIABLE = "DRJIT_LIBLLVM_PATH"
 _PATTERNS = ("libLLVM.so*", "libLLVM-[0-9]*.so*", "libLLVM.dylib")
 _SYSTEM_DIRS = (
-    "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib",
-    "/opt/homebrew/opt/llvm/lib", "/usr/local/opt/llvm/lib",
-)  # fmt: skip
+    "/usr/lib/x86_64-linux-gnu",
+    "/usr/lib/aarch64-linux-gnu",
+    "/usr/lib64",
+    "/usr/lib",
+    "/usr/local/lib",
+    "/opt/homebrew/opt/llvm/lib",
+    "/usr/local/opt/llvm/lib",
+)
 _PROBE_TIMEOUT = 60.0
 """Longest time that a probing process may take [s]; a cold disk needs about one."""
 
@@ -88,12 +93,19 @@ class Llvm:
 
 
 def _run_probe(code: str, *arguments: str) -> list[str]:
-    """Run code in a process of its own, so that a crash in a foreign library cannot end ours; return the words it printed."""
+    """Run code in a process of its own, so that a crash in a foreign library cannot end ours.
+
+    Return the words it printed.
+    """
     try:
         done = subprocess.run(
             [sys.executable, "-I", "-S", "-c", code, *arguments],
-            capture_output=True, text=True, timeout=_PROBE_TIMEOUT, stdin=subprocess.DEVNULL, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=_PROBE_TIMEOUT,
+            stdin=subprocess.DEVNULL,
+            check=False,
+        )
     except (OSError, subprocess.TimeoutExpired):
         return []
     return done.stdout.split() if done.returncode == 0 else []
@@ -151,7 +163,7 @@ def _major_in_name(path: str) -> int | None:
 
 
 def llvm_candidates(dirs: Iterable[Path]) -> list[str]:
-    """Return the LLVM libraries in some folders, each file once, those that may be new enough first and newest first."""
+    """Return the LLVM libraries in some folders, each once: the new enough ones first, newest first."""
     paths: dict[Path, str] = {}
     for folder in dirs:
         for pattern in _PATTERNS:
@@ -220,7 +232,8 @@ def imported_too_early(modules: Container[str]) -> str | None:
 def llvm_remedy() -> str:
     """Return what to do on a machine without a usable LLVM."""
     return (
-        "install one: 'apt-get install libllvm19' (as root), or 'pip install \"scarl-sionna[llvm]\"' (x86-64 Linux, without "
+        "install one: 'apt-get install libllvm19' (as root), "
+        "or 'pip install \"scarl-sionna[llvm]\"' (x86-64 Linux, without "
         f"root), or set {_LIBLLVM_VARIABLE} to the shared library of an LLVM >= {MIN_LLVM}"
     )
 
@@ -273,8 +286,10 @@ def _check_loaded(backend: str) -> None:
     if backend == "llvm" and dr.detail.llvm_version()[0] < MIN_LLVM:
         version = ".".join(map(str, dr.detail.llvm_version()))
         raise EngineError(
-            f"Dr.Jit runs on LLVM {version} (allowed: >= {MIN_LLVM}), with which it aborts the process; drjit was imported "
-            f"before scarl_sionna could choose: call scarl_sionna.engine.bootstrap.ensure_engine() first, or {llvm_remedy()}"
+            f"Dr.Jit runs on LLVM {version} (allowed: >= {MIN_LLVM}), with which it aborts the process; "
+            "drjit was imported "
+            "before scarl_sionna could choose: call scarl_sionna.engine.bootstrap.ensure_engine() first, "
+            f"or {llvm_remedy()}"
         )
 
 
@@ -301,7 +316,8 @@ def ensure_engine() -> str:
     wanted = _wanted_backend()
     if wanted == "cuda" and cuda_device() is None:
         raise EngineError(
-            "SCARL_BACKEND = 'cuda', but there is no CUDA device with OptiX; install the NVIDIA driver or set it to 'llvm'"
+            "SCARL_BACKEND = 'cuda', but there is no CUDA device with OptiX; "
+            "install the NVIDIA driver or set it to 'llvm'"
         )
     backend = wanted or ("cuda" if cuda_device() is not None else "llvm")
     if "drjit" not in sys.modules:

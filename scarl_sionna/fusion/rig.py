@@ -147,7 +147,8 @@ class Rig(Described):
         for mount in self.sensors:
             yield (
                 mount.name,
-                f"{mount.kind} at {vector(mount.vehicle_from_sensor.position, 'm')}, yaw {np.degrees(mount.vehicle_from_sensor.yaw):.4g} deg",
+                f"{mount.kind} at {vector(mount.vehicle_from_sensor.position, 'm')}, yaw "
+                f"{np.degrees(mount.vehicle_from_sensor.yaw):.4g} deg",
             )
 
     @property
@@ -269,8 +270,8 @@ class Rig(Described):
 
         References
         ----------
-        .. [1] Nittur Ramesh et al., *SCaRL*, 2024, section 2.4 and Fig. 1: suites 0.4 m apart along a horizontal, in the
-           front and back. The paper prints no heights or distances along the car; those are this project's.
+        .. [1] Nittur Ramesh et al., *SCaRL*, 2024, section 2.4 and Fig. 1: suites 0.4 m apart along a horizontal, in
+           the front and back. The paper prints no heights or distances along the car; those are this project's.
         """
         specs = _suite_specs(quality, radar)
         mounts = []

@@ -80,7 +80,7 @@ class PathGeometry:
         return length
 
     def pair_amplitude(self, tx: int, rx: int) -> npt.NDArray[np.complex128]:
-        """Return the beat amplitude of every path for one pair [sqrt(W)], its spreading scaled to the pair's distances."""
+        """Return every path's beat amplitude for one pair [sqrt(W)], its spreading scaled to the pair's distances."""
         tx_center, rx_center, mirror_center = self.center_distance
         with np.errstate(divide="ignore", invalid="ignore"):
             spreading = (tx_center / self.tx_distance[tx]) * (rx_center / self.rx_distance[rx])

@@ -23,7 +23,8 @@ def received_amplitude(a: Complex, tx_vector: Array, rx_vector: Array, radar: Ra
     a : ndarray of complex128, shape (num_paths, 2, 2)
         Polarimetric transfer, as in :class:`RadarPaths`.
     tx_vector, rx_vector : ndarray of float64, shape (num_paths, 3)
-        Where each path leaves and from where it arrives, any length, in the frames of the transmitter and of the receiver.
+        Where each path leaves and from where it arrives, any length, in the frames of the transmitter and of the
+        receiver.
     radar : RadarSpec
         Its polarisation, pattern and transmitted power.
 
@@ -38,7 +39,7 @@ def received_amplitude(a: Complex, tx_vector: Array, rx_vector: Array, radar: Ra
 
 
 def path_amplitude(paths: RadarPaths, radar: RadarSpec) -> Complex:
-    """Return the amplitude that one antenna pair at the array centres receives by each path [sqrt(W)], shape (num_paths,)."""
+    """Return the amplitude of each path for an antenna pair at the array centres [sqrt(W)], shape (num_paths,)."""
     tx_vector, rx_vector = paths.end_vectors()
     local = tx_vector @ paths.world_from_tx.rotation, rx_vector @ paths.world_from_rx.rotation
     return received_amplitude(paths.a, *local, radar)

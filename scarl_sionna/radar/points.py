@@ -44,21 +44,21 @@ def point_targets(
         Radar cross-section [m2], >= 0, the same for V and H; nothing is cross-polarised. A scalar holds for all.
     radar : RadarSpec
     mount : Mount or Pose
-        Of the radar at the start of the frame; a bare pose (`world_from_radar`) stands still. Rotation within a frame is not
-        modelled.
+        Of the radar at the start of the frame; a bare pose (`world_from_radar`) stands still. Rotation within a frame
+        is not modelled.
     state : WorldState, optional
         Surroundings: the paths to the targets are then traced in them, with occlusion and mirror reflections (two-ray
         ground, ghosts); free space if left out.
     **fields
         With a `state` only: `settings` (a :class:`~scarl_sionna.RadarSettings`) or its fields, as in
-        :func:`scarl_sionna.solve_paths`, for the solver ``"sionna"``; `receiver` (a Mount or Pose) of a bistatic pair; and
-        `environment`, whether paths that touch no target are there, too (False).
+        :func:`scarl_sionna.solve_paths`, for the solver ``"sionna"``; `receiver` (a Mount or Pose) of a bistatic pair;
+        and `environment`, whether paths that touch no target are there, too (False).
 
     Returns
     -------
     RadarPaths
-        In free space one path a target, in the order given, of depth 1; `instance` is the target's index + 1. In a scene
-        see :func:`solve_sionna`; the targets' ids follow the scene's own.
+        In free space one path a target, in the order given, of depth 1; `instance` is the target's index + 1. In a
+        scene see :func:`solve_sionna`; the targets' ids follow the scene's own.
 
     Raises
     ------

@@ -116,12 +116,23 @@ def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> Actor
 
 @lru_cache(maxsize=64)
 def _mesh_model(file: Path, changed: int, name: str, text: str) -> ActorModel:
-    """Return the model of a mesh; `changed` tells when the file was, so that a new one is read, `text` holds the `MeshSpec`."""
+    """Return the model of a mesh.
+
+    `changed` tells when the file was, so that a new one is read, `text` holds the `MeshSpec`.
+    """
     mesh = MeshSpec(**json.loads(text))
     return actor_from_mesh(
-        file, name, mesh.semantic, mesh.materials, scale=mesh.scale, up=mesh.up, forward=mesh.forward, motion=mesh.motion,
-        wheelbase=mesh.wheelbase, rear_axle=mesh.rear_axle,
-    )  # fmt: skip
+        file,
+        name,
+        mesh.semantic,
+        mesh.materials,
+        scale=mesh.scale,
+        up=mesh.up,
+        forward=mesh.forward,
+        motion=mesh.motion,
+        wheelbase=mesh.wheelbase,
+        rear_axle=mesh.rear_axle,
+    )
 
 
 def cast_of(
@@ -153,8 +164,9 @@ def _motion(spec: ScenarioSpec, scene: SceneDocument, role: Role, setting: Setti
         if entry is None or entry.trajectory is None:
             raise ScenarioValueError(
                 f"states no motion, and scene '{spec.scene}' has no ego vehicle whose motion it could take",
-                spec.place(*role.path), "give it a `trajectory`",
-            )  # fmt: skip
+                spec.place(*role.path),
+                "give it a `trajectory`",
+            )
         return entry.trajectory
     place = functools.partial(spec.place, *role.path, "trajectory")
     return trajectory_of(stated, role.name, Body.of(role.model), setting, place, jitter)
@@ -162,5 +174,10 @@ def _motion(spec: ScenarioSpec, scene: SceneDocument, role: Role, setting: Setti
 
 def _staged(spec: ScenarioSpec, role: Role, trajectory: Trajectory) -> StagedActor:
     return StagedActor(
-        role.name, role.model, trajectory, detail=role.spec.detail or spec.detail, variant=role.variant, colors=role.colors or None
-    )  # fmt: skip
+        role.name,
+        role.model,
+        trajectory,
+        detail=role.spec.detail or spec.detail,
+        variant=role.variant,
+        colors=role.colors or None,
+    )

@@ -1,7 +1,7 @@
 """What is drawn by lot for a scenario: colours, material values, placements.
 
-Each draw has a generator of its own, named after what it is for, so that one switch does not change what another draws, nor one actor
-what another gets.
+Each draw has a generator of its own, named after what it is for, so that one switch does not change what another draws,
+nor one actor what another gets.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ PAINTS: tuple[tuple[float, Color], ...] = (
     (0.30, (0.70, 0.70, 0.68)), (0.20, (0.012, 0.012, 0.014)), (0.18, (0.16, 0.165, 0.17)), (0.12, (0.50, 0.51, 0.52)),
     (0.09, (0.012, 0.045, 0.16)), (0.06, (0.36, 0.012, 0.014)), (0.02, (0.02, 0.09, 0.04)), (0.02, (0.28, 0.20, 0.11)),
     (0.01, (0.55, 0.36, 0.02)),
-)  # fmt: skip
-"""Share and linear RGB of car paints: white, black, grey, silver, blue, red, green, brown, yellow. Shares are rounded from the order in
-which makers of paint report the colours of new cars."""
+)  # fmt: skip # a table
+"""Share and linear RGB of car paints: white, black, grey, silver, blue, red, green, brown, yellow. Shares are rounded
+from the order in which makers of paint report the colours of new cars."""
 CLOTHES: tuple[tuple[float, Color], ...] = (
     (0.2, (0.02, 0.02, 0.023)), (0.2, (0.03, 0.05, 0.12)), (0.15, (0.16, 0.165, 0.175)), (0.1, (0.6, 0.6, 0.58)),
     (0.1, (0.22, 0.17, 0.10)), (0.1, (0.36, 0.03, 0.035)), (0.05, (0.10, 0.11, 0.045)), (0.05, (0.05, 0.2, 0.1)),
     (0.05, (0.6, 0.45, 0.03)),
-)  # fmt: skip
+)  # fmt: skip # a table
 """Share and linear RGB of garments and of bicycles."""
 
 
@@ -99,7 +99,10 @@ def material_ranges() -> dict[str, dict[str, Any]]:
 
 
 def draw_materials(seed: int, table: MaterialTable) -> MaterialTable:
-    """Return a table of radio materials with values drawn within their uncertainty; materials without a range stay as they are."""
+    """Return a table of radio materials with values drawn within their uncertainty.
+
+    Materials without a range stay as they are.
+    """
     ranges = material_ranges()
     return MaterialTable(_drawn(material, seed, ranges.get(name)) for name, material in table.items())
 

@@ -129,10 +129,11 @@ def _apart(
     }
     if met:
         warnings.warn(
-            f"{len(met)} of {len(planned)} vehicles of SUMO meet an actor of the scenario and are left out: "
-            f"{', '.join(sorted(met)[:5])}",
-            ScarlWarning, stacklevel=2,
-        )  # fmt: skip
+            f"{len(met)} of {len(planned)} vehicles of SUMO meet an actor of the "
+            f"scenario and are left out: {', '.join(sorted(met)[:5])}",
+            ScarlWarning,
+            stacklevel=2,
+        )
     return [one for one in planned if one.name not in met]
 
 

@@ -87,7 +87,8 @@ class RangeDopplerAngle(Described):
         Parameters
         ----------
         view : {"map", "range_azimuth", "range_doppler"}
-            ``"map"``: from above, in metres, within the radar's field of view; or over range and azimuth, or range and velocity.
+            ``"map"``: from above, in metres, within the radar's field of view; or over range and azimuth, or range and
+            velocity.
         max_range : float, optional
             Last range shown [m]; default: all.
         dynamic_range_db : float
@@ -179,7 +180,8 @@ def range_doppler_angle(
     num_azimuth : int, optional
         Directions, uniform in the sine of azimuth; left out: a power of two, at least four a beamwidth.
     num_elevation : int
-        Directions over twice the radar's elevation field of view, uniform in the sine; used with a vertical extent only.
+        Directions over twice the radar's elevation field of view, uniform in the sine; used with a vertical extent
+        only.
 
     Returns
     -------

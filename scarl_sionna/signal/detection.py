@@ -191,7 +191,10 @@ def _threshold_factor(
 
 
 def _correlation_loss(rd: RangeDoppler, outer: tuple[int, ...], inner: tuple[int, ...]) -> float:
-    """Return independent training cells over training cells: N / (mean over cells of the sum of squared correlations)."""
+    """Return independent training cells over training cells.
+
+    N / (mean over cells of the sum of squared correlations).
+    """
     radar = rd.radar
     doppler = _power_correlation(rd.window[1], radar.num_chirps, rd.data.shape[1], outer[0])
     distance = _power_correlation(rd.window[0], radar.num_samples, rd.data.shape[2], outer[1])
@@ -257,8 +260,10 @@ def _points(
 def _straddle_gain(rd: RangeDoppler, range_offset: Array, doppler_offset: Array, radar: RadarSpec) -> Array:
     """Return the power of a tone at an offset from its bin over that on the bin."""
     gain = np.ones_like(range_offset)
-    axes = ((rd.window[0], radar.num_samples, rd.data.shape[2], range_offset),
-            (rd.window[1], radar.num_chirps, rd.data.shape[1], doppler_offset))  # fmt: skip
+    axes = (
+        (rd.window[0], radar.num_samples, rd.data.shape[2], range_offset),
+        (rd.window[1], radar.num_chirps, rd.data.shape[1], doppler_offset),
+    )
     for window, count, num_bins, offset in axes:
         position = np.arange(count) - (count - 1) / 2.0
         response = np.cos(2.0 * np.pi * np.outer(offset, position) / num_bins) @ window_values(window, count)

@@ -21,7 +21,8 @@ def spreading(wavelength: float, *distances: npt.ArrayLike) -> Array:
     Returns
     -------
     ndarray of float64
-        Received over incident amplitude, for scattering matrices S [m] with :math:`\sigma = 4 \pi |S|^2` at every scatterer.
+        Received over incident amplitude, for scattering matrices S [m] with :math:`\sigma = 4 \pi |S|^2` at every
+        scatterer.
 
     Notes
     -----
@@ -38,7 +39,7 @@ def spreading(wavelength: float, *distances: npt.ArrayLike) -> Array:
 
 
 def radar_gain(wavelength: float, distance: npt.ArrayLike) -> Array:
-    r"""Return received over transmitted power of a monostatic radar with isotropic antennas for 1 m2 at a distance [1/m2].
+    r"""Return received over transmitted power of a monostatic radar with isotropic antennas for 1 m2 [1/m2].
 
     Parameters
     ----------

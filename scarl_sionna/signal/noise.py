@@ -1,4 +1,7 @@
-"""Thermal noise of the receiver, of a sample and of a cell; added to a beat signal [sqrt(W)]. Left out (`rng=None`) it changes nothing."""
+"""Thermal noise of the receiver, of a sample and of a cell; added to a beat signal [sqrt(W)].
+
+Left out (`rng=None`) it changes nothing.
+"""
 
 from __future__ import annotations
 
@@ -25,15 +28,17 @@ def cell_noise_power(
     ----------
     radar : RadarSpec
     window, doppler_window : str or None
-        Of the range and of the Doppler transform; None is ``"rect"`` for the first, and the same as the first for the second.
+        Of the range and of the Doppler transform; None is ``"rect"`` for the first, and the same as the first for the
+        second.
     num_channels : int
-        Channels whose mean a cell is: 1 in a map of one channel, ``radar.num_virtual`` in a beam of the whole array without taper.
+        Channels whose mean a cell is: 1 in a map of one channel, ``radar.num_virtual`` in a beam of the whole array
+        without taper.
 
     Returns
     -------
     float
-        ``k T B F * ENBW_range * ENBW_doppler / (num_samples * num_chirps * num_channels)``: the processing gain less the
-        windows' loss [W].
+        ``k T B F * ENBW_range * ENBW_doppler / (num_samples * num_chirps * num_channels)``: the processing gain less
+        the windows' loss [W].
     """
     doppler_window = window if doppler_window is None else doppler_window
     gain = radar.num_samples * radar.num_chirps * num_channels
@@ -42,7 +47,10 @@ def cell_noise_power(
 
 
 def angle_cell_noise_power(radar: RadarSpec) -> float:
-    """Return the mean thermal noise power of a cell of the range-Doppler-angle cube, without windows [W]: the lowest there is."""
+    """Return the mean thermal noise power of a cell of the range-Doppler-angle cube, without windows [W].
+
+    The lowest there is.
+    """
     return cell_noise_power(radar, "rect", num_channels=radar.num_virtual)
 
 

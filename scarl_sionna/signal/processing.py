@@ -199,16 +199,18 @@ def range_doppler(
     ``exp(-2j pi nu t_i)``. Both use the row's own velocity, so a target beyond the unambiguous velocity comes out at
     an aliased velocity **and** a range that is off by the corresponding amount.
 
-    What is left is the smear by migration within the frame, symmetric about the point, and a scale error of the velocity
-    of ``S tau / f_c``, 2e-4 at the largest range of the default radar.
+    What is left is the smear by migration within the frame, symmetric about the point, and a scale error of the
+    velocity of ``S tau / f_c``, 2e-4 at the largest range of the default radar.
     """
     cube, radar = cube_of(cube, radar)
     expected = (radar.num_virtual, radar.num_chirps, radar.num_samples)
     if np.shape(cube) != expected:
         raise ParameterRangeError(
-            "cube", f"shape {np.shape(cube)}", f"shape {expected} = (num_virtual, num_chirps, num_samples)",
+            "cube",
+            f"shape {np.shape(cube)}",
+            f"shape {expected} = (num_virtual, num_chirps, num_samples)",
             "make it with virtual_cube",
-        )  # fmt: skip
+        )
     num_range = _bins("num_range_bins", num_range_bins, radar.num_samples)
     num_doppler = _bins("num_doppler_bins", num_doppler_bins, radar.num_chirps)
     doppler_window = window if doppler_window is None else doppler_window

@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 _WINDOWS = {
     "rect": "boxcar", "hann": "hann", "hamming": "hamming", "blackman": "blackman",
     "blackmanharris": "blackmanharris", "chebyshev": ("chebwin", 80.0), "taylor": ("taylor", 4, 35),
-}  # fmt: skip
+}  # fmt: skip # a table
 
 
 def window_values(name: str | None, count: int) -> Array:

@@ -41,7 +41,7 @@ def test_names_ids_classes_and_the_rest_are_resolved(state) -> None:
         ((Share("sbr", ("ground",)),), ("ground",), "ground", ("'sbr'", "the mirrors ('sionna')")),
         ((Share("sbr"),), ("ground",), "ground", ("'sbr'", "the mirrors ('sionna')")),
     ],
-)  # fmt: skip
+)
 def test_a_second_owner_is_refused(state, shares, mirrors, name, owners) -> None:
     with pytest.raises(OwnershipError, match=f"'{name}' is given to") as caught:
         solve_paths(state, RadarSpec(), Pose([0, 0, 0.5]), "hybrid", plan=ChannelPlan(shares, mirrors))

@@ -67,9 +67,13 @@ def test_export_takes_scenarios_files_and_names(monkeypatch: pytest.MonkeyPatch,
     own = ss.ScenarioSpec(seed=7)
     told: list[tuple[int, int]] = []
     report = ss.export(
-        [own, file, "cut_in", "urban_crossing"], tmp_path / "out", 2, on_progress=lambda done, total: told.append((done, total)),
-        overwrite=True, licence="CC0",
-    )  # fmt: skip
+        [own, file, "cut_in", "urban_crossing"],
+        tmp_path / "out",
+        2,
+        on_progress=lambda done, total: told.append((done, total)),
+        overwrite=True,
+        licence="CC0",
+    )
     ((scenarios, out, settings),) = calls
     assert report == "report" and out == tmp_path / "out"
     assert scenarios == [

@@ -22,10 +22,16 @@ from scarl_sionna.scenario.traffic.simulated import simulate_traffic
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
 BODIES = {
-    "saloon": Body(), "small_car": Body(3.9, 1.7, 1.5, 2.5, -1.25), "suv": Body(4.7, 1.9, 1.7, 2.8, -1.4),
-    "van": Body(5.6, 2.0, 2.4, 3.4, -1.6), "lorry": Body(9.0, 2.5, 3.6, 5.2, -2.6), "bicycle": Body(1.8, 0.6, 1.75, 1.1, -0.55, "cycle"),
-    "adult_man": WALKER, "adult_woman": WALKER, "child": WALKER,
-}  # fmt: skip
+    "saloon": Body(),
+    "small_car": Body(3.9, 1.7, 1.5, 2.5, -1.25),
+    "suv": Body(4.7, 1.9, 1.7, 2.8, -1.4),
+    "van": Body(5.6, 2.0, 2.4, 3.4, -1.6),
+    "lorry": Body(9.0, 2.5, 3.6, 5.2, -2.6),
+    "bicycle": Body(1.8, 0.6, 1.75, 1.1, -0.55, "cycle"),
+    "adult_man": WALKER,
+    "adult_woman": WALKER,
+    "child": WALKER,
+}
 Table = dict[str, object]
 
 
@@ -54,8 +60,10 @@ def crossing(signals: bool = True) -> LaneNetwork:
         ]
         ways = {"straight": (arm + 2) % 4, "right": (arm + 3) % 4, "left": (arm + 1) % 4}
         inbound: Table = {
-            "name": f"in_{arm}", "points": [[*pose[1], 0.0], [*pose[0], 0.0]], "next": [f"{way}_{arm}" for way in ways],
-        }  # fmt: skip
+            "name": f"in_{arm}",
+            "points": [[*pose[1], 0.0], [*pose[0], 0.0]],
+            "next": [f"{way}_{arm}" for way in ways],
+        }
         if signals:
             inbound["signal"] = "main" if arm % 2 == 0 else "side"
         elif arm % 2 == 1:
@@ -134,7 +142,7 @@ def test_who_is_there(busy: list[PlannedActor]) -> None:
 
 
 def test_nobody_passes_a_red_signal(busy: list[PlannedActor]) -> None:
-    """Whoever crosses a stop line does so by green, or within the time in which a driver could not have stopped any more."""
+    """A stop line is crossed by green, or within the time in which a driver could not have stopped any more."""
     network = crossing()
     assert network.signals is not None
     crossed = 0
@@ -179,7 +187,7 @@ def test_right_of_way_without_signals() -> None:
 
 
 def test_idm_equilibrium() -> None:
-    """In equilibrium behind a leader of the same speed, the gap is (s0 + v T) / sqrt(1 - (v / v0)^4) (Treiber 2000, Eq. 4)."""
+    """In equilibrium behind a leader the gap is (s0 + v T) / sqrt(1 - (v / v0)^4) (Treiber 2000, Eq. 4)."""
     driver = Driver(Body(), [0], 0.0, 10.0, 1.5, 1.4, 2.0, 2.0, 1.0, 60.0)
     gap = (2.0 + 10.0 * 1.5) / np.sqrt(1.0 - (10.0 / 15.0) ** 4)
     assert driver.follow(gap, 0.0, 15.0) == pytest.approx(0.0, abs=1e-12)

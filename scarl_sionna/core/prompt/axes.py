@@ -1,4 +1,7 @@
-"""Axes of plots: made where none are given, with units, colour bars and the same look everywhere. Matplotlib is imported here, late."""
+"""Axes of plots: made where none are given, with units, colour bars and the same look everywhere.
+
+Matplotlib is imported here, late.
+"""
 
 from __future__ import annotations
 
@@ -62,9 +65,16 @@ def draw_power(
 ) -> None:
     """Draw a power map [dBm] with its colour bar; `x` and `y` are lines of cell centres, or grids of them."""
     image = axis.pcolormesh(
-        x, y, power_dbm, cmap=POWER_MAP, vmin=limits[0], vmax=limits[1], shading="nearest" if x.ndim == 1 else "gouraud",
-        rasterized=True, antialiased=False,
-    )  # fmt: skip
+        x,
+        y,
+        power_dbm,
+        cmap=POWER_MAP,
+        vmin=limits[0],
+        vmax=limits[1],
+        shading="nearest" if x.ndim == 1 else "gouraud",
+        rasterized=True,
+        antialiased=False,
+    )
     axis.set_facecolor(image.get_cmap()(0.0))
     colour_bar(axis, image, "power [dBm]", extend="min")
 

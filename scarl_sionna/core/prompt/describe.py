@@ -28,8 +28,8 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, 
 class Described:
     """An object that shows itself as a table; a dataclass gives its fields.
 
-    ``class Echo(Described, units={"range": "m"})`` states the units of fields. A dataclass needs ``repr=False``, since it would
-    write a ``__repr__`` of its own.
+    ``class Echo(Described, units={"range": "m"})`` states the units of fields. A dataclass needs ``repr=False``, since
+    it would write a ``__repr__`` of its own.
     """
 
     _units: ClassVar[Mapping[str, str]] = {}
@@ -105,7 +105,10 @@ def value_text(value: object, unit: str = "") -> str:
 
 
 def array_text(values: np.ndarray, unit: str = "") -> str:
-    """Return type and shape of an array, and the ends of a line of numbers: ``float64 (512,), 0 to 255.5 m``; up to four as such."""
+    """Return type and shape of an array, and the ends of a line of numbers: ``float64 (512,), 0 to 255.5 m``.
+
+    Up to four as such.
+    """
     after = f" [{unit}]" if unit else ""
     text = f"{values.dtype} {values.shape}"
     if values.ndim != 1 or not len(values) or values.dtype.kind not in "fiu":

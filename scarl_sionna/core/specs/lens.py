@@ -1,7 +1,7 @@
-"""Lens models: from a direction to the image plane at focal length 1 and back, and the field in which that can be undone.
+"""Lens models: from a direction to the image plane at focal length 1 and back, and the field where that is possible.
 
-A direction is a vector in `camera_optical` (x right, y down, z forward) of any length. The image plane is in units of the
-focal length, its origin is the principal point. Pure numpy, float64.
+A direction is a vector in `camera_optical` (x right, y down, z forward) of any length. The image plane is in units of
+the focal length, its origin is the principal point. Pure numpy, float64.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class BrownConrady(Spec):
         d(r) = \frac{1 + k_1 r^2 + k_2 r^4 + k_3 r^6}{1 + k_4 r^2 + k_5 r^4 + k_6 r^6} \\
         x' = x\,d + 2 p_1 x y + p_2 (r^2 + 2 x^2), \quad y' = y\,d + p_1 (r^2 + 2 y^2) + 2 p_2 x y
 
-    *Validity*: up to the radius where :math:`r\,d(r)` stops to grow: beyond it the image folds back and a pixel would show
-    two directions. There, and where the Jacobian with the tangential terms is not positive, nothing is imaged.
+    *Validity*: up to the radius where :math:`r\,d(r)` stops to grow: beyond it the image folds back and a pixel would
+    show two directions. There, and where the Jacobian with the tangential terms is not positive, nothing is imaged.
 
     References
     ----------
@@ -119,7 +119,10 @@ class BrownConrady(Spec):
         return float(r * self._radial(np.asarray(r * r))[0])
 
     def image_radius(self, angle: float) -> float:
-        """Return the distance from the principal point of a direction at an angle [rad]; infinite outside of the field."""
+        """Return the distance from the principal point of a direction at an angle [rad].
+
+        Infinite outside of the field.
+        """
         r = np.tan(angle) if angle < np.pi / 2 else np.inf
         return self._image_radius_of(r) if r < self._limit else np.inf
 
@@ -207,8 +210,8 @@ class KannalaBrandt(Spec):
 
     References
     ----------
-    .. [1] J. Kannala, S. Brandt, "A Generic Camera Model and Calibration Method for Conventional, Wide-Angle, and Fish-Eye
-       Lenses", IEEE Trans. PAMI 28(8), 2006, Eq. (6).
+    .. [1] J. Kannala, S. Brandt, "A Generic Camera Model and Calibration Method for Conventional, Wide-Angle, and
+       Fish-Eye Lenses", IEEE Trans. PAMI 28(8), 2006, Eq. (6).
     """
 
     model: Literal["kannala_brandt"] = "kannala_brandt"
@@ -248,7 +251,10 @@ class KannalaBrandt(Spec):
         return float(self._radius(self._fold)) if self._fold < np.radians(self.max_angle_deg) else np.inf
 
     def image_radius(self, angle: float) -> float:
-        """Return the distance from the principal point of a direction at an angle [rad]; infinite outside of the field."""
+        """Return the distance from the principal point of a direction at an angle [rad].
+
+        Infinite outside of the field.
+        """
         return float(self._radius(angle)) if angle <= self._limit else np.inf
 
     def distort(self, directions: npt.ArrayLike) -> Array:

@@ -2,8 +2,8 @@
 
 References
 ----------
-.. [1] Texas Instruments, *Mmwave Radar Device ADC Raw Data Capture*, SWRA581B, 2018: xWR16xx, xWR18xx and xWR68xx, complex,
-   2 LVDS lanes, receivers not interleaved.
+.. [1] Texas Instruments, *Mmwave Radar Device ADC Raw Data Capture*, SWRA581B, 2018: xWR16xx, xWR18xx and xWR68xx,
+   complex, 2 LVDS lanes, receivers not interleaved.
 """
 
 from __future__ import annotations
@@ -182,12 +182,25 @@ class _Capture:
         """Write what a reader has to know."""
         spec = self.first.spec
         data = {
-            "format": FORMAT, "layout": LAYOUT, "sensor": self.name, "num_frames": len(self.times), "num_rx": spec.num_rx,
-            "num_tx": spec.num_tx, "num_chirps": spec.num_chirps, "num_chirps_total": spec.num_chirps_total,
-            "num_samples": spec.num_samples, "bytes_per_frame": int(self.first.adc_int.nbytes),
-            "scale": float(self.first.adc_scale), "scale_unit": "sqrt(W)", "timestamp_ns": self.times,
-            "start_frequency": spec.waveform.start_frequency, "chirp_slope": spec.waveform.chirp_slope, "sample_rate": spec.sample_rate,
-            "doppler_interval": spec.doppler_interval, "range_resolution": spec.range_resolution,
-            "velocity_resolution": spec.velocity_resolution, "spec": spec.model_dump(mode="json"),
-        }  # fmt: skip
+            "format": FORMAT,
+            "layout": LAYOUT,
+            "sensor": self.name,
+            "num_frames": len(self.times),
+            "num_rx": spec.num_rx,
+            "num_tx": spec.num_tx,
+            "num_chirps": spec.num_chirps,
+            "num_chirps_total": spec.num_chirps_total,
+            "num_samples": spec.num_samples,
+            "bytes_per_frame": int(self.first.adc_int.nbytes),
+            "scale": float(self.first.adc_scale),
+            "scale_unit": "sqrt(W)",
+            "timestamp_ns": self.times,
+            "start_frequency": spec.waveform.start_frequency,
+            "chirp_slope": spec.waveform.chirp_slope,
+            "sample_rate": spec.sample_rate,
+            "doppler_interval": spec.doppler_interval,
+            "range_resolution": spec.range_resolution,
+            "velocity_resolution": spec.velocity_resolution,
+            "spec": spec.model_dump(mode="json"),
+        }
         (self.folder / DESCRIPTION).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

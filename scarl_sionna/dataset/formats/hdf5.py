@@ -55,8 +55,9 @@ def export_hdf5(
     Returns
     -------
     Path
-        `out`: ``/scene/sensor/field`` with the frame as first axis. Fields of different length in each frame (lidar returns,
-        objects) are written one frame after the other, those of frame k are rows ``offsets[k]`` to ``offsets[k + 1]``.
+        `out`: ``/scene/sensor/field`` with the frame as first axis. Fields of different length in each frame (lidar
+        returns, objects) are written one frame after the other, those of frame k are rows ``offsets[k]`` to
+        ``offsets[k + 1]``.
 
     Raises
     ------
@@ -101,8 +102,8 @@ def is_ours(path: Path) -> bool:
 class _Sink:
     """A file for the HDF5 library that keeps a failed write to itself until `check`.
 
-    The library cannot close a file whose last writes failed (full disk): it leaves it open and crashes at the end of the
-    process. So it is told that they worked, and the export ends with the first error after the frame.
+    The library cannot close a file whose last writes failed (full disk): it leaves it open and crashes at the end of
+    the process. So it is told that they worked, and the export ends with the first error after the frame.
     """
 
     def __init__(self, path: Path) -> None:
@@ -227,9 +228,15 @@ class _SceneWriter:
         pack = self.compression if value.nbytes > 1024 and not is_text else None
         options = {"compression_opts": 1} if pack == "gzip" else {}
         array = self.group.create_dataset(
-            path, (0, *shape), self.h5py.string_dtype() if is_text else value.dtype, maxshape=(None, *shape), chunks=chunk,
-            compression=pack, shuffle=pack is not None, **options,
-        )  # fmt: skip
+            path,
+            (0, *shape),
+            self.h5py.string_dtype() if is_text else value.dtype,
+            maxshape=(None, *shape),
+            chunks=chunk,
+            compression=pack,
+            shuffle=pack is not None,
+            **options,
+        )
         axes = item.axes if ragged else ("frame", *item.axes)
         for dimension, name in zip(array.dims, axes, strict=False):
             dimension.label = name

@@ -42,7 +42,8 @@ def export_tfrecord(
     data : FrameSource, dataset or path
         See `as_source`.
     out : path
-        Folder to make: ``scene-00000-of-00002.tfrecord`` and so on, and `dataset_info.json` with the type of every item.
+        Folder to make: ``scene-00000-of-00002.tfrecord`` and so on, and `dataset_info.json` with the type of every
+        item.
     items : sequence or mapping of str, optional
         See `FrameSamples`; left out: all that is there.
     frames_per_file : int
@@ -86,10 +87,15 @@ def export_tfrecord(
                         done += 1
                         on_progress(done, source.num_frames)
         info = {
-            "format": FORMAT, "format_version": FORMAT_VERSION, "compression": compression, "items": signature, "files": files,
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "compression": compression,
+            "items": signature,
+            "files": files,
             "encoding": "each item is a bytes feature: tf.io.serialize_tensor of an array of this type and shape",
-            "rig": source.rig, "splits": {name: list(scenes) for name, scenes in source.splits.items()},
-        }  # fmt: skip
+            "rig": source.rig,
+            "splits": {name: list(scenes) for name, scenes in source.splits.items()},
+        }
         (folder / INFO).write_text(json.dumps(info, indent=1) + "\n", encoding="utf-8")
     return Path(out)
 

@@ -177,14 +177,17 @@ class Scene(Described, Sequence["StoredFrame"]):
 
     @cached_property
     def group(self) -> zarr.Group:
-        """The scene's Zarr group: lazy arrays over all frames, for slices; ``group["front_left/radar/adc"][3, :, :16]``."""
+        """The scene's Zarr group: lazy arrays over all frames, for slices.
+
+        ``group["front_left/radar/adc"][3, :, :16]``.
+        """
         import zarr
 
         place = self.dataset.place.rstrip("/")
         return zarr.open_group(f"{place}/{ARRAYS}/{self.name}", mode="r")
 
     def array(self, name: str) -> npt.NDArray[Any]:
-        """Return a small array for all frames that are there, shape (num_frames, ...), for instance ``"timestamp_ns"``."""
+        """Return a small array, for instance ``"timestamp_ns"``, over all frames, shape (num_frames, ...)."""
         rows = [self.read_array(index, name) for index in self.frames]
         if any(row is None for row in rows):
             raise UnknownNameError("array", name, self.arrays(self.frames[0]) if self.frames else ())
@@ -364,7 +367,10 @@ class StoredFrame(Described):
 
     @cached_property
     def label_arrays(self) -> dict[str, Any]:
-        """Columns of the objects: instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6), counts, name."""
+        """Columns of the objects.
+
+        Instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6), counts, name.
+        """
         from scarl_sionna.dataset.schema import OBJECTS
 
         count = int(self._array("objects/num_objects"))
@@ -377,7 +383,10 @@ class StoredFrame(Described):
 
     @cached_property
     def labels(self) -> tuple[ObjectState, ...]:
-        """Ground truth of every object of the scene: oriented box, velocity, class, instance, what the sensors see of it."""
+        """Ground truth of every object of the scene.
+
+        Oriented box, velocity, class, instance, what the sensors see of it.
+        """
         columns = self.label_arrays
         return tuple(
             ObjectState(**{name: _object_value(name, column[row]) for name, column in columns.items()})

@@ -57,22 +57,25 @@ class FrameSamples:
     ----------
     data : dataset of `open_dataset`, scene of it, path or URL of a dataset, or sequence of Frame
     items : sequence of str, or mapping of str to str, optional
-        What to read: ``"sensor:field"`` (``"front_left/radar:range_doppler"``), or a field of the frame (``"boxes"``). A mapping
-        gives keys of its own: ``{"map": "front_left/radar:range_doppler", "boxes": "boxes"}``. Left out: all that is stored.
+        What to read: ``"sensor:field"`` (``"front_left/radar:range_doppler"``), or a field of the frame (``"boxes"``).
+        A mapping gives keys of its own: ``{"map": "front_left/radar:range_doppler", "boxes": "boxes"}``. Left out: all
+        that is stored.
 
-        =============  ==================================================================================================
+        =============  =================================================================================================
         radar          ``adc`` complex64 (num_rx, num_chirps_total, num_samples) [sqrt(W)]; ``adc_int`` int16 (..., 2);
                        ``cube`` complex64 (num_virtual, num_chirps, num_samples) [sqrt(W)];
                        ``range_doppler`` float32 (num_doppler, num_range) [dBm]; ``range_azimuth`` float32
                        (num_range, num_azimuth) [dBm]
         camera         ``rgb`` uint8 (height, width, 3); ``depth`` float32 [m]; ``semantic`` uint8; ``instance`` uint16;
                        ``normal``, ``flow`` float32
-        lidar          ``points`` float32 (N, 5): x, y, z [m, sensor frame], intensity, radial velocity [m/s]; or a field of
+        lidar          ``points`` float32 (N, 5): x, y, z [m, sensor frame], intensity, radial velocity [m/s]; or a
+        field of
                        `LidarScan`, one row a return
-        frame          ``boxes`` float32 (M, 10): x, y, z, length, width, height [m], yaw [rad], velocity over ground [m/s], along the
-                       axes of the vehicle frame, without the vehicle itself; ``box_semantic`` uint8; ``box_instance`` int32;
-                       ``timestamp_ns`` int64; ``world_from_vehicle`` float64 (7,)
-        =============  ==================================================================================================
+        frame          ``boxes`` float32 (M, 10): x, y, z, length, width, height [m], yaw [rad], velocity over ground
+        [m/s], along the
+                       axes of the vehicle frame, without the vehicle itself; ``box_semantic`` uint8; ``box_instance``
+                       int32; ``timestamp_ns`` int64; ``world_from_vehicle`` float64 (7,)
+        =============  =================================================================================================
 
     Raises
     ------
@@ -113,7 +116,10 @@ class FrameSamples:
 
 
 def frame_objects(frame: AnyFrame) -> dict[str, Array]:
-    """Return the objects of a frame as columns: instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6)."""
+    """Return the objects of a frame as columns.
+
+    Instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6).
+    """
     if not isinstance(frame, Frame):
         columns = frame.label_arrays
         return {

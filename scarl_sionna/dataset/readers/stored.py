@@ -121,7 +121,10 @@ class StoredResult:
 
 
 class StoredRadar(StoredResult):
-    """A radar: `adc` complex64 [sqrt(W)], `adc_int` the converter's codes, `adc_scale`, `num_saturated`, `num_paths`."""
+    """A stored radar frame.
+
+    `adc` complex64 [sqrt(W)], `adc_int` the converter's codes, `adc_scale`, `num_saturated`, `num_paths`.
+    """
 
     table = schema.RADAR
 
@@ -172,7 +175,10 @@ class StoredLidar(StoredResult):
 
 
 class StoredImage(StoredResult):
-    """A camera: `rgb`, `depth` [m], `semantic`, `instance`, `normal`, `flow`; None where the camera does not make it."""
+    """A camera: `rgb`, `depth` [m], `semantic`, `instance`, `normal`, `flow`.
+
+    None where the camera does not make it.
+    """
 
     table = schema.CAMERA
 
@@ -223,7 +229,10 @@ class StoredForeign(StoredResult):
 
 
 class SuiteMapping(Mapping[str, Result], Generic[Result]):
-    """Sensors of one kind by name; the name of a suite (the part before the last ``/``) stands for its sensor of this kind."""
+    """Sensors of one kind by name.
+
+    The name of a suite (the part before the last ``/``) stands for its sensor of this kind.
+    """
 
     def __init__(
         self, kind: str, sensors: Mapping[str, Any], merge: Callable[[Mapping[str, Any]], Any] | None = None

@@ -56,8 +56,8 @@ def tf_dataset(
     data, items
         See `FrameSamples`.
     batch_size : int, optional
-        Frames a batch; items whose length differs from frame to frame (lidar, boxes) become ragged tensors then. Left out: one
-        frame an element.
+        Frames a batch; items whose length differs from frame to frame (lidar, boxes) become ragged tensors then. Left
+        out: one frame an element.
     shuffle_seed : int, optional
         Read the frames in random order, another one in every epoch; left out: in their order.
     repeat : bool

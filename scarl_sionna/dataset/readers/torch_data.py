@@ -53,7 +53,8 @@ class TorchFrames:
     def collate(self, batch: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         """Return a batch for ``DataLoader(frames, collate_fn=frames.collate)``.
 
-        Items of one shape are stacked; those whose length differs from frame to frame (lidar, boxes) are lists of tensors.
+        Items of one shape are stacked; those whose length differs from frame to frame (lidar, boxes) are lists of
+        tensors.
         """
         torch = require("torch", "torch")
         values = {key: [sample[key] for sample in batch] for key in self.samples.items}

@@ -42,9 +42,10 @@ def open_xarray(data: Dataset | Scene | str | Path, scene: str | None = None) ->
     Returns
     -------
     xarray.DataTree
-        Axes are named as in ``docs/dataset.md``; coordinates are ``time`` [s] along ``frame``, ``fast_time`` [s], ``slow_time`` [s] and
-        ``transmitter`` along a radar's ``sample`` and ``chirp``, and the names of components. Units are in ``attrs["units"]``; a sensor's
-        node has its specification in ``attrs``. The axis of linear and angular velocity is named ``velocity``.
+        Axes are named as in ``docs/dataset.md``; coordinates are ``time`` [s] along ``frame``, ``fast_time`` [s],
+        ``slow_time`` [s] and ``transmitter`` along a radar's ``sample`` and ``chirp``, and the names of components.
+        Units are in ``attrs["units"]``; a sensor's node has its specification in ``attrs``. The axis of linear and
+        angular velocity is named ``velocity``.
 
     Raises
     ------
@@ -92,8 +93,9 @@ def radar_maps_xarray(radar: RadarFrame | StoredRadar) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        ``range_doppler`` (radial_velocity, range): mean power of the channels [W]; ``range_azimuth`` (range, azimuth): power of the
-        strongest Doppler bin and elevation [W]; ``channels`` complex (channel, radial_velocity, range) [sqrt(W)].
+        ``range_doppler`` (radial_velocity, range): mean power of the channels [W]; ``range_azimuth`` (range, azimuth):
+        power of the strongest Doppler bin and elevation [W]; ``channels`` complex (channel, radial_velocity, range)
+        [sqrt(W)].
 
     Raises
     ------

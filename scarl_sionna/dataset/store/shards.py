@@ -1,12 +1,12 @@
 """The bytes of Zarr v3 arrays: one chunk a frame, several chunks a shard file.
 
-Written here and not by the library so that a frame can be compressed alone, in any process and any order, and a shard is
-put together from finished chunks; any Zarr v3 reader opens the result.
+Written here and not by the library so that a frame can be compressed alone, in any process and any order, and a shard
+is put together from finished chunks; any Zarr v3 reader opens the result.
 
 References
 ----------
-.. [1] Zarr core specification version 3.0; codec ``sharding_indexed`` 1.0: the chunks one after the other, then an index of
-   (offset, length) as little-endian uint64 and its CRC-32C; a missing chunk is (2**64 - 1, 2**64 - 1).
+.. [1] Zarr core specification version 3.0; codec ``sharding_indexed`` 1.0: the chunks one after the other, then an
+   index of (offset, length) as little-endian uint64 and its CRC-32C; a missing chunk is (2**64 - 1, 2**64 - 1).
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class ArrayInfo:
 def encode_chunk(values: npt.NDArray[Any], info: ArrayInfo) -> bytes:
     """Return the chunk of one frame: little-endian values, compressed, with a CRC-32C at the end.
 
-    Outside of the main thread the same values give the same bytes. In it, Blosc uses threads of its own and orders its blocks by
-    which is ready first.
+    Outside of the main thread the same values give the same bytes. In it, Blosc uses threads of its own and orders its
+    blocks by which is ready first.
     """
     raw = np.asarray(values, dtype=np.dtype(info.dtype).newbyteorder("<"), order="C")
     if raw.shape != info.shape:

@@ -13,7 +13,8 @@ from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 PLUGIN = "scarl_haze"
 
 CONTRAST_AT_VISIBILITY = 3.0
-"""Extinction coefficient times meteorological range: exp(-3) = 5 % of the contrast is left (WMO-No. 8, vol. I, chapter 9)."""
+"""Extinction coefficient times meteorological range: exp(-3) = 5 % of the contrast is left (WMO-No. 8, vol. I, chapter
+9)."""
 LAYER_HEIGHT = 400.0
 """Thickness of the haze [m]: a ray into the sky leaves it there."""
 
@@ -27,7 +28,7 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
         """L = T L0 + (1 - T) A along the camera's ray, T = exp(-extinction * distance)."""
 
         def place(self, inner: MitsubaObject, extinction: float, airlight: npt.ArrayLike) -> None:
-            """Take the integrator for what is behind the haze, the extinction coefficient [1/m] and the haze's radiance."""
+            """Take the integrator behind the haze, the extinction coefficient [1/m] and the haze's radiance."""
             self._inner = inner
             self._extinction = dr.opaque(mi.Float, float(extinction))
             self._airlight = mi.Color3f(*(dr.opaque(mi.Float, float(value)) for value in np.asarray(airlight)))
@@ -66,8 +67,8 @@ def haze_integrator(mi: ModuleType, inner: MitsubaObject, visibility: float, air
 
     Notes
     -----
-    H. Koschmieder, "Theorie der horizontalen Sichtweite", 1924: homogeneous haze of the brightness of the horizon. Light is
-    attenuated between camera and surface only; glows around lamps are not modelled.
+    H. Koschmieder, "Theorie der horizontalen Sichtweite", 1924: homogeneous haze of the brightness of the horizon.
+    Light is attenuated between camera and surface only; glows around lamps are not modelled.
     """
     _plugin(mi, mi.variant())
     integrator = mi.load_dict({"type": PLUGIN})

@@ -66,8 +66,8 @@ def wet_bsdfs(
 ) -> dict[str, ET.Element]:
     """Return the BSDFs with a film of water on those that take it; textures are written into `folder`.
 
-    A principled BSDF gets darker, smoother and the reflectance of water; where its material names a map of puddles, smooth water
-    stands there. Other BSDFs stay dry.
+    A principled BSDF gets darker, smoother and the reflectance of water; where its material names a map of puddles,
+    smooth water stands there. Other BSDFs stay dry.
     """
     wet = {}
     for bsdf_id, element in bsdfs.items():

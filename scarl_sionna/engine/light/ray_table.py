@@ -99,14 +99,19 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
 def ray_table_sensor(mi: ModuleType, table: RayTable, samples_per_pixel: int) -> MitsubaObject:
     """Return the Mitsuba sensor of a table of rays; inside ``variant.optical()``.
 
-    The box filter keeps every sample in its own pixel, so that a pixel of the image and of the labels mean the same square.
+    The box filter keeps every sample in its own pixel, so that a pixel of the image and of the labels mean the same
+    square.
     """
     _plugin(mi, mi.variant())
     height, width = table.seen.shape
     film = {
-        "type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgb", "component_format": "float32",
+        "type": "hdrfilm",
+        "width": width,
+        "height": height,
+        "pixel_format": "rgb",
+        "component_format": "float32",
         "rfilter": {"type": "box"},
-    }  # fmt: skip
+    }
     sensor = mi.load_dict(
         {"type": PLUGIN, "film": film, "sampler": {"type": "multijitter", "sample_count": samples_per_pixel}}
     )

@@ -1,12 +1,13 @@
 """Radiance of the sky with clouds, at twilight and at night, for an environment map.
 
-One unit of radiance of the scenes is `UNIT_LUMINANCE` cd/m2: under Mitsuba's `sunsky` (turbidity 3, sun 45 deg high) a white
-horizontal diffuser has the radiance 0.36, and in nature 80.8 klx [1]_ fall on it.
+One unit of radiance of the scenes is `UNIT_LUMINANCE` cd/m2: under Mitsuba's `sunsky` (turbidity 3, sun 45 deg high) a
+white horizontal diffuser has the radiance 0.36, and in nature 80.8 klx [1]_ fall on it.
 
 References
 ----------
-.. [1] Illuminating Engineering Society, *Recommended Practice for the Calculation of Daylight Availability*, RP-21, 1984: clear
-   sky 127.5 exp(-0.21 m) klx (normal) from the sun and 0.8 + 15.5 sqrt(sin h) from the sky, overcast 0.3 + 21 sin h klx.
+.. [1] Illuminating Engineering Society, *Recommended Practice for the Calculation of Daylight Availability*, RP-21,
+   1984: clear sky 127.5 exp(-0.21 m) klx (normal) from the sun and 0.8 + 15.5 sqrt(sin h) from the sky, overcast 0.3 +
+   21 sin h klx.
 .. [2] CIE S 011, *Spatial Distribution of Daylight - CIE Standard General Sky*, 2003: overcast (1 + 2 sin g) / 3.
 .. [3] *Explanatory Supplement to the Astronomical Almanac*, 1992, section 9.3: illuminance at twilight.
 """

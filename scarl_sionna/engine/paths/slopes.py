@@ -1,8 +1,8 @@
 """Derivatives of Sionna RT's own path gains by Dr.Jit's automatic differentiation through ``PathSolver``.
 
-The solver runs with evaluated loops, materials carry a gradient in forward mode, and geometry does not depend on them. What
-comes out is float32 and of Sionna's model, in which every material is a slab: a check of, and an alternative to, the derivatives
-in float64 of :mod:`scarl_sionna.calibration`.
+The solver runs with evaluated loops, materials carry a gradient in forward mode, and geometry does not depend on them.
+What comes out is float32 and of Sionna's model, in which every material is a slab: a check of, and an alternative to,
+the derivatives in float64 of :mod:`scarl_sionna.calibration`.
 """
 
 from __future__ import annotations
@@ -99,8 +99,8 @@ def path_slopes(
 
     References
     ----------
-    .. [1] J. Hoydis et al., "Learning Radio Environments by Differentiable Ray Tracing", IEEE Trans. Mach. Learn. Commun.
-       Netw. 2, 2024.
+    .. [1] J. Hoydis et al., "Learning Radio Environments by Differentiable Ray Tracing", IEEE Trans. Mach. Learn.
+       Commun. Netw. 2, 2024.
     """
     names = parameters.names
     chosen = [_bsdfs(state, material, field) for material, field in names]
@@ -174,6 +174,8 @@ def _rows(found: MitsubaObject, slopes: list[Complex]) -> PathSlopes:
     pick = (rx[order], slice(None), tx[order], slice(None), path[order])
     stacked = [slope[pick].reshape(-1, 2, 2) for slope in slopes]
     return PathSlopes(
-        rx[order].astype(np.int64), length[order], gains[pick].reshape(-1, 2, 2),
+        rx[order].astype(np.int64),
+        length[order],
+        gains[pick].reshape(-1, 2, 2),
         np.stack(stacked, axis=-1) if stacked else np.zeros((len(order), 2, 2, 0), np.complex128),
-    )  # fmt: skip
+    )

@@ -1,7 +1,10 @@
-"""Which surfaces propagation paths touch, from Sionna RT's PathSolver; their planes in float64 for whoever needs a phase.
+"""Which surfaces propagation paths touch, from Sionna RT's PathSolver.
 
-The solver works in float32: the surfaces, their order and the kinds of interaction are right, lengths are not good enough
-at 77 GHz (2.6 deg rms at 200 m). So only the former are taken from it, with the float64 planes of the triangles that it met.
+Their planes in float64 for whoever needs a phase.
+
+The solver works in float32: the surfaces, their order and the kinds of interaction are right, lengths are not good
+enough at 77 GHz (2.6 deg rms at 200 m). So only the former are taken from it, with the float64 planes of the triangles
+that it met.
 """
 
 from __future__ import annotations
@@ -120,9 +123,9 @@ def trace_paths(
     targets : array_like of float, shape (num_targets, 3)
         [m, world]. Between a source and a target at the same place there is no line of sight.
     settings : SionnaSettings
-        Rays that look for candidates, the solver's buffer of them for each call of it, and the interactions that are looked for:
-        diffraction at most once in a path, at edges between faces and at ends of sheets, in the light and in the shadow. Its
-        `on_overflow` and `double_bounce` are the caller's.
+        Rays that look for candidates, the solver's buffer of them for each call of it, and the interactions that are
+        looked for: diffraction at most once in a path, at edges between faces and at ends of sheets, in the light and
+        in the shadow. Its `on_overflow` and `double_bounce` are the caller's.
 
     Returns
     -------

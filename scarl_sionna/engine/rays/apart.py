@@ -1,7 +1,7 @@
 """All moving bodies of a scene apart from each other, for rays that each have a time of their own.
 
-A ray that is carried into a body's frame at its own time meets the body where it stands still. Here every body stands alone, below
-the scene, so that such a ray meets nothing else, and rays above meet the static scene only.
+A ray that is carried into a body's frame at its own time meets the body where it stands still. Here every body stands
+alone, below the scene, so that such a ray meets nothing else, and rays above meet the static scene only.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Rays against triangles inside Dr.Jit kernels: which face is met first, and whether anything is met.
 
-The triangles are those of a state of the world, or of one mesh. Geometry is float64 up to the ray itself, which the engine takes in
-float32: the face that it finds is right, its distance is not used.
+The triangles are those of a state of the world, or of one mesh. Geometry is float64 up to the ray itself, which the
+engine takes in float32: the face that it finds is right, its distance is not used.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ STATE_LIFT = 4e-7
 SMALLEST_LIFT = 1e-6
 """[m]."""
 MESH_LIFT = 2e-5
-"""The same for one mesh, in radii of it: some hundred float32 steps of a coordinate, so that a ray does not meet its own surface
-again."""
+"""The same for one mesh, in radii of it: some hundred float32 steps of a coordinate, so that a ray does not meet its
+own surface again."""
 
 
 class FaceRays(Device, ABC):

@@ -1,4 +1,4 @@
-"""What is read of a world and its states where they are drawn or taken apart, so that these modules do not import the world."""
+"""What is read of a world and its states to draw them: protocols, so that these modules do not import the world."""
 
 from __future__ import annotations
 

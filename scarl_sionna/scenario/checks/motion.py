@@ -29,7 +29,10 @@ _GUST = 2e-3
 
 @dataclass(frozen=True)
 class GroundFault:
-    """An actor that does not stand on the ground at a time [s]: `height` of its contact above it [m], negative below; infinite: no ground."""
+    """An actor that does not stand on the ground at a time [s]: `height` of its contact above it [m], negative below.
+
+    Infinite: no ground.
+    """
 
     name: str
     time: float
@@ -38,7 +41,10 @@ class GroundFault:
 
 @dataclass(frozen=True)
 class MotionFault:
-    """A motion that is not possible: `what` (``speed``, ``acceleration`` or ``jump``), its `value` [m/s, m/s^2 or m], the `limit` and the time [s]."""
+    """A motion that is not possible.
+
+    `what` (``speed``, ``acceleration`` or ``jump``), its `value` [m/s, m/s^2 or m], the `limit` and the time [s].
+    """
 
     name: str
     time: float
@@ -58,7 +64,9 @@ def contacts(body: BodyLike) -> Array:
 
 
 def ground_heights(world: World, points: npt.ArrayLike, time: float | None = None) -> Array:
-    """Return the heights (N,) [m] of what stands still below points (N, 3) [m, world]; minus infinity where there is nothing.
+    """Return the heights (N,) [m] of what stands still below points (N, 3) [m, world].
+
+    Minus infinity where there is nothing.
 
     Parameters
     ----------

@@ -10,7 +10,10 @@ from scarl_sionna.core.errors import ParameterRangeError
 
 
 class BodyLike(Protocol):
-    """What planning asks of an actor model: measures [m], and how it moves (``vehicle``, ``cycle``, ``walk``, ``stand``)."""
+    """What planning asks of an actor model.
+
+    Measures [m], and how it moves (``vehicle``, ``cycle``, ``walk``, ``stand``).
+    """
 
     @property
     def length(self) -> float:
@@ -73,9 +76,13 @@ class Body:
     def of(cls, model: BodyLike) -> Body:
         """Return the measures of an actor model."""
         return cls(
-            float(model.length), float(model.width), float(model.height), float(model.wheelbase or 0.0),
-            float(model.rear_axle or 0.0), str(model.motion),
-        )  # fmt: skip
+            float(model.length),
+            float(model.width),
+            float(model.height),
+            float(model.wheelbase or 0.0),
+            float(model.rear_axle or 0.0),
+            str(model.motion),
+        )
 
 
 WALKER = Body(0.55, 0.60, 1.75, 0.0, 0.0, "walk")
@@ -83,7 +90,9 @@ WALKER = Body(0.55, 0.60, 1.75, 0.0, 0.0, "walk")
 
 
 def body_of(model: BodyLike | str | None, bodies: Mapping[str, BodyLike] | None = None) -> Body:
-    """Return the body of a model: given, by its name (looked up in `bodies`, then among the actor models), or a saloon for None.
+    """Return the body of a model.
+
+    Given, by its name (looked up in `bodies`, then among the actor models), or a saloon for None.
 
     Raises
     ------

@@ -54,7 +54,8 @@ PlaceOf = Callable[..., ScenarioPlace]
 """Returns the place of a key of the trajectory: ``place("lanes", 0)``."""
 
 MARGIN = 0.5
-"""How long a motion goes on after the last frame where its path allows it [s]: sensors look at instants within a frame."""
+"""How long a motion goes on after the last frame where its path allows it [s]: sensors look at instants within a
+frame."""
 _GAIT = (1.5, 4.0)
 """Acceleration [m/s2] and jerk [m/s3] with which one who walks sets off and stops."""
 _PACE = 0.2
@@ -151,8 +152,11 @@ def _route(spec: RouteSpec, name: str, body: Body, setting: Setting, place: Plac
             raise ScenarioNameError(
                 f"lane '{lanes[index].name}' does not continue '{lanes[index - 1].name}' (that is continued by: "
                 f"{', '.join(known) or 'none'})",
-                place("lanes", index), value=lanes[index].name, kind="lane", known=known,
-            )  # fmt: skip
+                place("lanes", index),
+                value=lanes[index].name,
+                kind="lane",
+                known=known,
+            )
     whole = sum(lane.length for lane in lanes)
     start = min(max(spec.start + jitter.along, body.length / 2.0), whole)
     if spec.start > whole:
@@ -203,22 +207,27 @@ def _profile(spec: RouteSpec, speed: float, start: float, begin: float, place: P
         if wait < -1e-9:
             raise ScenarioValueError(
                 f"= {event.time:g} s is before the event before it ends, at {begin + profile.duration:.4g} s",
-                place("events", index, "time"), value=event.time,
-            )  # fmt: skip
+                place("events", index, "time"),
+                value=event.time,
+            )
         profile = profile.hold(max(wait, 0.0))
         if isinstance(event, BrakeSpec):
             if event.speed > profile.final_speed:
                 raise ScenarioValueError(
                     f"= {event.speed:g} m/s is faster than the {profile.final_speed:.4g} m/s before it",
-                    place("events", index, "speed"), "use an event of kind accelerate", value=event.speed,
-                )  # fmt: skip
+                    place("events", index, "speed"),
+                    "use an event of kind accelerate",
+                    value=event.speed,
+                )
             profile = profile.reach(event.speed, event.deceleration, event.jerk)
         elif isinstance(event, AccelerateSpec):
             if event.speed < profile.final_speed:
                 raise ScenarioValueError(
                     f"= {event.speed:g} m/s is slower than the {profile.final_speed:.4g} m/s before it",
-                    place("events", index, "speed"), "use an event of kind brake", value=event.speed,
-                )  # fmt: skip
+                    place("events", index, "speed"),
+                    "use an event of kind brake",
+                    value=event.speed,
+                )
             profile = profile.reach(event.speed, event.acceleration, event.jerk)
     return profile
 
@@ -297,9 +306,12 @@ def _static(spec: StaticSpec, setting: Setting, place: PlaceOf, jitter: Jitter) 
         if spec.parking >= len(places):
             has = f"has {len(places)}, from 0 to {len(places) - 1}" if places else "has none"
             raise ScenarioNameError(
-                f"no parking place {spec.parking}: scene '{setting.scene}' {has}", place("parking"), value=spec.parking,
-                kind="parking place", known=[str(number) for number in range(len(places))],
-            )  # fmt: skip
+                f"no parking place {spec.parking}: scene '{setting.scene}' {has}",
+                place("parking"),
+                value=spec.parking,
+                kind="parking place",
+                known=[str(number) for number in range(len(places))],
+            )
         chosen = places[spec.parking]
         position, yaw = np.array(chosen.position), yaw + float(np.radians(chosen.yaw_deg))
     else:

@@ -51,9 +51,9 @@ def read_table(
     Parameters
     ----------
     path : str or Path
-        ``.csv`` or ``.parquet`` with the columns ``time`` [s], ``id``, ``x``, ``y`` [m], and, where wanted, ``z`` [m], ``yaw_deg`` [deg], ``speed``
-        [m/s] (not used: speeds are derivatives) and ``model``; floating car data of SUMO (``.xml``, ``.xml.gz``); or a scenario of
-        CommonRoad (``.xml``).
+        ``.csv`` or ``.parquet`` with the columns ``time`` [s], ``id``, ``x``, ``y`` [m], and, where wanted, ``z`` [m],
+        ``yaw_deg`` [deg], ``speed`` [m/s] (not used: speeds are derivatives) and ``model``; floating car data of SUMO
+        (``.xml``, ``.xml.gz``); or a scenario of CommonRoad (``.xml``).
     ground, models
         Heights where a table has none, and bodies by model name, as for :func:`read_fcd`.
 
@@ -83,9 +83,9 @@ def read_table_actors(
 
     Notes
     -----
-    With ``yaw_deg`` the motion is the cubic spline (C2) through positions and headings; without, the rear axle of the model
-    (a saloon where none is named) follows the smooth curve through the positions (:func:`vehicle_trajectory`). An actor
-    that never moves more than 1 cm stands.
+    With ``yaw_deg`` the motion is the cubic spline (C2) through positions and headings; without, the rear axle of the
+    model (a saloon where none is named) follows the smooth curve through the positions (:func:`vehicle_trajectory`). An
+    actor that never moves more than 1 cm stands.
     """
     path = Path(path)
     suffixes = "".join(path.suffixes[-2:]).lower()
@@ -110,7 +110,9 @@ def read_table_actors(
 def write_table(
     path: str | Path, actors: Sequence[tuple[str, Trajectory] | PlannedActor], times: npt.ArrayLike
 ) -> None:
-    """Write the motion of actors at times (N,) [s] as a table (``.csv`` or ``.parquet``), with headings, speeds and, if known, models.
+    """Write the motion of actors at times (N,) [s] as a table (``.csv`` or ``.parquet``).
+
+    With headings, speeds and, if known, models.
 
     Raises
     ------

@@ -41,7 +41,8 @@ class ScenarioSpec(Spec):
 
     Notes
     -----
-    Give `num_frames` or `duration`; frames stand at ``start_time + k / frame_rate``. `duration` is kept as whole frames.
+    Give `num_frames` or `duration`; frames stand at ``start_time + k / frame_rate``. `duration` is kept as whole
+    frames.
     """
 
     scene: str = Field("highway_guardrail", min_length=1, description="scene name or path of an XML file")
@@ -69,7 +70,8 @@ class ScenarioSpec(Spec):
     actors: tuple[ActorSpec, ...] = Field((), description="with names of their own")
     keep_default_actors: bool | None = Field(
         None,
-        description="whether the scene's own actors stay; default: if there are no others. Its ego leaves only for another",
+        description="whether the scene's own actors stay; default: if there are no others. Its ego leaves only for "
+        "another",
     )
     traffic: TrafficSpec | None = None
     randomization: RandomizationSpec = Field(RandomizationSpec(), description="what is drawn by lot")
@@ -134,17 +136,23 @@ class ScenarioSpec(Spec):
         return self.ego is None and not self.actors and self.traffic is None
 
     def place(self, *path: str | int) -> ScenarioPlace:
-        """Return where a key of this scenario stands, for an error about it; without a line if it was made in Python."""
+        """Return where a key of this scenario stands, for an error about it.
+
+        Without a line if it was made in Python.
+        """
         return place_of(path, self._origin)
 
     def find(self, path: str) -> Path:
-        """Return a file that the scenario names: relative to the folder of the scenario's own file, else to the working one."""
+        """Return a file that the scenario names.
+
+        Relative to the folder of the scenario's own file, else to the working one.
+        """
         if self._origin is not None and (beside := self._origin.folder / path).exists():
             return beside
         return Path(path)
 
     def resolved(self) -> ScenarioSpec:
-        """Return the scenario with absolute paths of all files, so that it means the same in another process and folder."""
+        """Return the scenario with absolute paths of files, the same in another process and folder."""
 
         def walk(value: FieldValue, key: str = "") -> FieldValue:
             if isinstance(value, dict):
@@ -161,7 +169,10 @@ class ScenarioSpec(Spec):
         return other
 
     def with_(self, **changes: object) -> ScenarioSpec:
-        """Return a copy with some fields changed; the copy is validated again. A `duration` replaces the number of frames."""
+        """Return a copy with some fields changed; the copy is validated again.
+
+        A `duration` replaces the number of frames.
+        """
         values = {name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set}
         values |= {"num_frames": self.num_frames}
         values.pop("duration", None)
@@ -179,7 +190,8 @@ class ScenarioSpec(Spec):
         Raises
         ------
         ScenarioError
-            If the file is not readable, or a key or value is not allowed. It names file, line and key, and all that was found.
+            If the file is not readable, or a key or value is not allowed. It names file, line and key, and all that was
+            found.
         """
         data, origin = read_marked(Path(path))
         if not isinstance(data, dict):

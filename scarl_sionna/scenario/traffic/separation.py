@@ -54,7 +54,9 @@ def without_collisions(
             dropped.add(later)
     if dropped:
         warnings.warn(
-            f"{len(dropped)} of {len(actors)} planned actors would have touched another one and are left out: {', '.join(sorted(dropped)[:5])}",
-            ScarlWarning, stacklevel=3,
-        )  # fmt: skip
+            f"{len(dropped)} of {len(actors)} planned actors would have touched another one and are left out: "
+            f"{', '.join(sorted(dropped)[:5])}",
+            ScarlWarning,
+            stacklevel=3,
+        )
     return [actor for actor in actors if actor.name not in dropped]

@@ -1,4 +1,4 @@
-"""Actor models: a vehicle or a person as a folder of Mitsuba files and an ``actor.toml``, to be put into scenes any number of times."""
+"""Actor models: folders of Mitsuba files and an ``actor.toml`` each, put into scenes any number of times."""
 
 from __future__ import annotations
 
@@ -232,7 +232,10 @@ def _level(path: Path) -> ModelLevel:
 
 
 def check_colors(colors: Mapping[str, Any], known: Mapping[str, Any], where: str) -> dict[str, Color]:
-    """Return colours of BSDFs as tuples of three floats, linear RGB within 0 to 1; raises where a BSDF or a value is not allowed."""
+    """Return colours of BSDFs as tuples of three floats, linear RGB within 0 to 1.
+
+    Raises where a BSDF or a value is not allowed.
+    """
     checked = {}
     for bsdf, color in colors.items():
         if bsdf not in known:

@@ -104,8 +104,8 @@ def stage(document: SceneDocument, actors: Sequence[StagedActor], ego: str | Non
 
     Notes
     -----
-    BSDFs that look alike and have the same radio and lidar properties are one, whichever model they come from: the engine's
-    cost of a ray grows with their number.
+    BSDFs that look alike and have the same radio and lidar properties are one, whichever model they come from: the
+    engine's cost of a ray grows with their number.
     """
     root = ET.Element(document.root.tag, dict(document.root.attrib))
     root.extend(document.root)
@@ -214,7 +214,8 @@ def _recolored(element: ET.Element, color: Color, actor: StagedActor) -> ET.Elem
                     )
                     return own
     raise MaterialError(
-        f"BSDF '{element.get('id')}' of model '{actor.model.name}' has no colour to set; leave it out of the colours of '{actor.name}'"
+        f"BSDF '{element.get('id')}' of model '{actor.model.name}' has no colour to set; "
+        f"leave it out of the colours of '{actor.name}'"
     )
 
 

@@ -163,7 +163,10 @@ def _interface(first: Complex, second: Complex) -> Complex:
 
 
 def film_of(material: RadioMaterial, frequency: float) -> tuple[complex, float] | None:
-    """Return relative permittivity and depth [m] of the water on the face of a material at a frequency [Hz]; None where it is dry."""
+    """Return relative permittivity and depth [m] of the water on the face of a material at a frequency [Hz].
+
+    None where it is dry.
+    """
     if material.water_film == 0.0:
         return None
     return water_permittivity(frequency, material.water_temperature), material.water_film
@@ -176,7 +179,7 @@ def stack_reflection(
     cos_incidence: npt.ArrayLike,
     frequency: float,
 ) -> tuple[Complex, Complex]:
-    """Return the reflection coefficients, TE and TM, of a half space or a layer in air, with or without a film on its face.
+    """Return the TE and TM reflection coefficients of a half space or layer in air, dry or with a film of water.
 
     Parameters
     ----------
@@ -199,7 +202,9 @@ def stack_reflection(
 
 
 def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
-    """Return the reflection coefficients of a material, TE and TM: of one layer if it has a thickness, else a half space.
+    """Return the reflection coefficients of a material, TE and TM.
+
+    Of one layer if it has a thickness, else a half space.
 
     A film of water lies on its face where the material has one, see :func:`film_coefficients`.
 
@@ -223,7 +228,8 @@ def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.Arr
 def transmission(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
     r"""Return the transmission coefficients of a material, TE and TM; zero for a half space.
 
-    They stand for the layer in place of the same thickness of air along the straight ray, so 1 is a layer that is not there.
+    They stand for the layer in place of the same thickness of air along the straight ray, so 1 is a layer that is not
+    there.
 
     Parameters
     ----------
@@ -242,8 +248,8 @@ def transmission(material: RadioMaterial, frequency: float, cos_incidence: npt.A
     -----
     .. math:: T = \frac{(1 - \Gamma^2) e^{-jq}}{1 - \Gamma^2 e^{-2jq}} e^{j k d \cos\theta}
 
-    with Gamma of the half space and q as in :func:`layer_reflection`. The last factor takes away the phase of the air that
-    the layer replaces. *Not modelled*: the sideways shift of the ray.
+    with Gamma of the half space and q as in :func:`layer_reflection`. The last factor takes away the phase of the air
+    that the layer replaces. *Not modelled*: the sideways shift of the ray.
 
     References
     ----------
@@ -307,7 +313,8 @@ def te_fraction_of_h(sine_elevation: Real, cos_incidence: Real, normal_up: Real)
     Returns
     -------
     ndarray of float64, shape (num_hits,)
-        0 to 1; 1 where the incidence is normal or the ray runs along z, since there the two do not differ or have no meaning.
+        0 to 1; 1 where the incidence is normal or the ray runs along z, since there the two do not differ or have no
+        meaning.
 
     Notes
     -----

@@ -21,8 +21,9 @@ _REST_SPEED = 1e-3
 class Trajectory(Protocol):
     """Pose and velocity of a rigid body over time; `start` and `stop` bound the times that may be asked for [s].
 
-    A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for many times at once,
-    and a method ``is_present(time)``, which is False while the body is not in the scene: it then has no box.
+    A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for
+    many times at once, and a method ``is_present(time)``, which is False while the body is not in the scene: it then
+    has no box.
     """
 
     @property
@@ -63,7 +64,7 @@ class Motion(Described):
 
     @classmethod
     def about(cls, axis: npt.ArrayLike, angle: float, rate: float) -> Motion:
-        """Return the turn about an axis through the parent's origin by an angle [rad] that grows with a rate [rad/s]."""
+        """Return the turn about an axis through the parent's origin, of an angle [rad] and its rate [rad/s]."""
         unit = np.asarray(axis, dtype=np.float64)
         quaternion = np.concatenate([[np.cos(angle / 2.0)], np.sin(angle / 2.0) * unit])
         return cls(Pose(np.zeros(3), quaternion), Twist(np.zeros(3), rate * unit))

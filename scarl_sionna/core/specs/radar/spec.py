@@ -55,9 +55,12 @@ class RadarSpec(Spec):
     elevation_fov_deg: Degrees = Field(30.0, gt=0.0, le=180.0, description="full height that rays are sent over [deg]")
 
     _derived = (
-        ("range_resolution", "m"), ("max_range", "m"), ("velocity_resolution", "m/s"), ("unambiguous_velocity", "m/s"),
+        ("range_resolution", "m"),
+        ("max_range", "m"),
+        ("velocity_resolution", "m/s"),
+        ("unambiguous_velocity", "m/s"),
         ("num_virtual", ""),
-    )  # fmt: skip
+    )
 
     @model_validator(mode="before")
     @classmethod

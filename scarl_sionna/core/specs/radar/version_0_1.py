@@ -14,15 +14,19 @@ _PARTS: Mapping[str, Mapping[str, str]] = {
     "waveform": {
         name: name
         for name in (
-            "start_frequency", "bandwidth", "ramp_time", "idle_time", "num_chirps", "num_samples", "sampling_frequency",
+            "start_frequency",
+            "bandwidth",
+            "ramp_time",
+            "idle_time",
+            "num_chirps",
+            "num_samples",
+            "sampling_frequency",
         )
     },
-    "array": {
-        name: name for name in ("tx_positions", "rx_positions", "pattern", "polarization", "max_array_extent")
-    },
+    "array": {name: name for name in ("tx_positions", "rx_positions", "pattern", "polarization", "max_array_extent")},
     "front_end": {name: name for name in ("tx_power_dbm", "noise_figure_db", "source_temperature")},
     "adc": {"adc_bits": "bits", "adc_full_scale_dbm": "full_scale_dbm"},
-}  # fmt: skip
+}
 _LEFT = ("num_rays", "cell_labels")
 """Settings of the simulation that stood among the properties of the radar."""
 
