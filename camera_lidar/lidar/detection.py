@@ -35,6 +35,8 @@ def beat_limits(spec: LidarSpec) -> tuple[float, float]:
 
     From ``-2 max_velocity / wavelength`` to ``2 chirp_slope max_distance / c + 2 max_velocity / wavelength``; of a down
     chirp the negative.
+
+    By definition of the beat, see :func:`~camera_lidar.lidar.heterodyne.from_beats`.
     """
     assert isinstance(spec.receiver, HeterodyneReceiver)
     shift = 2.0 * spec.receiver.max_velocity / spec.wavelength
@@ -42,13 +44,19 @@ def beat_limits(spec: LidarSpec) -> tuple[float, float]:
 
 
 def num_cells(spec: LidarSpec) -> float:
-    """Return the width of the band of beats that is searched, in resolution cells of a chirp's spectrum."""
+    """Return the width of the band of beats that is searched, in resolution cells of a chirp's spectrum.
+
+    Dimensionless. By definition: bandwidth times the duration of a chirp, at most the number of samples.
+    """
     low, high = beat_limits(spec)
     return min((high - low) * spec.chirp_time, float(spec.num_samples))
 
 
 def unambiguous_distance(spec: LidarSpec) -> float:
-    """Return the distance up to which no beat is folded by the sampling, at any velocity that is searched [m]."""
+    """Return the distance up to which no beat is folded by the sampling, at any velocity that is searched [m].
+
+    By definition: where the beat of a target at the largest velocity reaches the edge of the sampled band.
+    """
     assert isinstance(spec.receiver, HeterodyneReceiver)
     left = spec.receiver.sampling_frequency - 4.0 * spec.receiver.max_velocity / spec.wavelength
     return max(left, 0.0) * SPEED_OF_LIGHT / (2.0 * spec.chirp_slope)
@@ -109,7 +117,7 @@ def detection_probability(
 
     Parameters
     ----------
-    cnr : array_like of float
+    cnr : array_like of float, any shape
         Carrier-to-noise ratio of one look, in the mean over speckle, linear.
     level : float
         Threshold on the sum of the looks in units of the mean noise.
@@ -119,6 +127,11 @@ def detection_probability(
         Fully developed speckle, the same in the up and the down chirp of a look.
     num_chirps : int
         1 or 2 chirps that must pass, with independent noise.
+
+    Returns
+    -------
+    ndarray of float64, shape of `cnr`
+        Probability, 0 to 1.
 
     Notes
     -----
@@ -168,12 +181,17 @@ def frequency_deviation(cnr: npt.ArrayLike, chirp_time: float, num_samples: int)
 
     Parameters
     ----------
-    cnr : array_like of float
+    cnr : array_like of float, any shape
         Carrier-to-noise ratio after the transform: number of samples times that of a sample.
     chirp_time : float
         Duration of the samples [s].
     num_samples : int
         Complex samples.
+
+    Returns
+    -------
+    ndarray of float64, shape of `cnr`
+        [Hz].
 
     Notes
     -----
@@ -189,7 +207,24 @@ def frequency_deviation(cnr: npt.ArrayLike, chirp_time: float, num_samples: int)
 
 
 def range_deviation(spec: LidarSpec, cnr: npt.ArrayLike) -> Array:
-    """Return the Cramer-Rao bound of the distance from an up and a down chirp [m]: c / (4 slope) sqrt(2) sigma_f."""
+    """Return the Cramer-Rao bound of the distance from an up and a down chirp [m]: c / (4 slope) sqrt(2) sigma_f.
+
+    Parameters
+    ----------
+    spec : LidarSpec
+    cnr : array_like of float, any shape
+        Carrier-to-noise ratio after the transform, linear.
+
+    Returns
+    -------
+    ndarray of float64, shape of `cnr`
+        [m].
+
+    References
+    ----------
+    .. [1] D. C. Rife, R. R. Boorstyn, "Single-tone parameter estimation from discrete-time observations", IEEE
+       Trans. Inf. Theory 20(5), 1974.
+    """
     bound = frequency_deviation(cnr, spec.chirp_time, spec.num_samples)
     return SPEED_OF_LIGHT / (4.0 * spec.chirp_slope) * math.sqrt(2.0) * bound
 
@@ -198,5 +233,21 @@ def velocity_deviation(spec: LidarSpec, cnr: npt.ArrayLike) -> Array:
     """Return the Cramer-Rao bound of the radial velocity from an up and a down chirp [m/s].
 
     Wavelength / 4 sqrt(2) sigma_f.
+
+    Parameters
+    ----------
+    spec : LidarSpec
+    cnr : array_like of float, any shape
+        Carrier-to-noise ratio after the transform, linear.
+
+    Returns
+    -------
+    ndarray of float64, shape of `cnr`
+        [m/s].
+
+    References
+    ----------
+    .. [1] D. C. Rife, R. R. Boorstyn, "Single-tone parameter estimation from discrete-time observations", IEEE
+       Trans. Inf. Theory 20(5), 1974.
     """
     return spec.wavelength / 4.0 * math.sqrt(2.0) * frequency_deviation(cnr, spec.chirp_time, spec.num_samples)

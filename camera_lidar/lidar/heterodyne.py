@@ -87,6 +87,11 @@ def receive_heterodyne(
     all chirps are detections. The measured carrier-to-noise ratio is the mean peak over looks and chirps, less the
     noise's 1: mean C, and with many looks or a high ratio the contrast 1 / sqrt(num_looks) of speckle. Beat frequencies
     have normal errors at the Cramer-Rao bound of the look's own ratio, at most uniform in the resolution cell.
+
+    References
+    ----------
+    .. [1] J. W. Goodman, "Some effects of target-induced scintillation on optical radar performance", Proc. IEEE
+       53(11), 1965.
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
@@ -180,7 +185,10 @@ def estimate(
 
 
 def fold(spec: LidarSpec, frequency: Array) -> Array:
-    """Return the beats of an up chirp (or the negative ones of a down chirp) as the sampling shows them [Hz]."""
+    """Return the beats of an up chirp (or the negative ones of a down chirp) as the sampling shows them [Hz].
+
+    Any shape, kept. By definition of sampling: frequencies modulo the sampling frequency.
+    """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     low, rate = beat_limits(spec)[0], receiver.sampling_frequency
@@ -188,7 +196,10 @@ def fold(spec: LidarSpec, frequency: Array) -> Array:
 
 
 def from_beats(spec: LidarSpec, up: Array, down: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Return distance [m] and radial velocity [m/s] of pairs of beats [Hz], and whether they are searched."""
+    """Return distance [m] and radial velocity [m/s] of pairs of beats [Hz], and whether they are searched.
+
+    Arrays of any one shape. By definition of the chirps: the exact inverse of the two beat frequencies.
+    """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     distance = SPEED_OF_LIGHT / (4.0 * spec.chirp_slope) * (up - down)

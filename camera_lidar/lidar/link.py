@@ -29,7 +29,10 @@ SUN_TEMPERATURE = 5772.0
 
 
 def photon_energy(wavelength: float) -> float:
-    """Return the energy of a photon [J] at a wavelength [m]."""
+    """Return the energy of a photon [J] at a wavelength [m].
+
+    By definition, h c / wavelength (SI 2019, exact constants).
+    """
     return PLANCK * SPEED_OF_LIGHT / wavelength
 
 
@@ -40,11 +43,16 @@ def received_power(spec: LidarSpec, intensity: npt.ArrayLike, distance: npt.Arra
     ----------
     spec : LidarSpec
         With a heterodyne receiver.
-    intensity : array_like of float
+    intensity : array_like of float, any shape
         Relative to a white diffuser at 1 m without air: reflectance cos(theta) exp(-2 alpha R) / (R / 1 m)^2, times the
         share of the beam.
-    distance : array_like of float
+    distance : array_like of float, of a shape that broadcasts
         R [m].
+
+    Returns
+    -------
+    ndarray of float64, of the broadcast shape
+        [W].
 
     Notes
     -----
@@ -108,12 +116,17 @@ def mean_cnr(spec: LidarSpec, intensity: npt.ArrayLike, distance: npt.ArrayLike)
     r"""Return the carrier-to-noise ratio of a return after the transform of one chirp: linear, mean over speckle.
 
     .. math:: C = \frac{\eta_q P T}{h \nu F}
+
+    Arguments and shape as of :func:`received_power`.
     """
     return power_to_cnr(spec, received_power(spec, intensity, distance))
 
 
 def power_to_cnr(spec: LidarSpec, power: npt.ArrayLike) -> Array:
-    """Return the carrier-to-noise ratio of a received power [W], without saturation."""
+    """Return the carrier-to-noise ratio of a received power [W], without saturation.
+
+    Any shape, kept. By definition, see :func:`mean_cnr`.
+    """
     scale = (
         _heterodyne(spec).quantum_efficiency * spec.chirp_time / (photon_energy(spec.wavelength) * noise_factor(spec))
     )
@@ -122,6 +135,16 @@ def power_to_cnr(spec: LidarSpec, power: npt.ArrayLike) -> Array:
 
 def saturated(spec: LidarSpec, cnr: npt.ArrayLike) -> Array:
     r"""Return what is left of a carrier-to-noise ratio where I and Q are clipped at full scale.
+
+    Parameters
+    ----------
+    spec : LidarSpec
+    cnr : array_like of float, any shape
+        Linear.
+
+    Returns
+    -------
+    ndarray of float64, shape of `cnr`
 
     Notes
     -----
@@ -143,6 +166,8 @@ def full_scale_cnr(spec: LidarSpec) -> float:
     """Return the carrier-to-noise ratio of a tone that just reaches full scale.
 
     Inf for a receiver without saturation.
+
+    By definition of full scale.
     """
     power = _heterodyne(spec).saturation_power
     return math.inf if power is None else float(power_to_cnr(spec, power))

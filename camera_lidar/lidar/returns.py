@@ -47,7 +47,7 @@ class Shots:
     velocity: Array
 
     def select(self, rows: Index) -> Shots:
-        """Return some of the shots."""
+        """Return some of the shots, by index, shape (num_selected,)."""
         return Shots(self.number[rows], _rows(self.origins, rows), self.directions[rows], _rows(self.velocity, rows))
 
     def sub_rays(self, spec: LidarSpec) -> Shots:
@@ -98,7 +98,7 @@ T = TypeVar("T")
 
 
 def take(table: T, rows: npt.NDArray[Any]) -> T:
-    """Return some rows of a table of arrays."""
+    """Return some rows of a table of arrays, by index or mask, shape (num_rows,)."""
     return type(table)(*(getattr(table, item.name)[rows] for item in fields(table)))  # type: ignore[arg-type]
 
 

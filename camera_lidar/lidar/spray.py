@@ -48,6 +48,11 @@ def dim_echoes(echoes: Echoes, clouds: Sequence[SprayCloud], origins: Array, dir
         [m, world].
     directions : ndarray of float64, shape (num_shots, 3)
         Unit vectors of the beams' axes [world].
+
+    Notes
+    -----
+    Beer and Lambert's law over the way through each cloud, there and back, by definition of the extinction
+    coefficient.
     """
     if not clouds or echoes.number == 0:
         return echoes

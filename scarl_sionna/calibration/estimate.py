@@ -66,7 +66,7 @@ class CalibrationResult:
         In the order of ``problem.parameters``; `std` is from the Fisher information with the stated noise and priors.
     covariance : ndarray of float64, shape (num_parameters, num_parameters)
     chi_square, degrees_of_freedom : float, int
-        Of the measurements that were used.
+        Of the measurements that were used; dimensionless.
     converged : bool
     reason : str
         Why it converged, or why not.
@@ -74,11 +74,11 @@ class CalibrationResult:
         Parameters that ended on a bound; their interval is not valid.
     weak : list of WeakDirection
     correlated : list of (str, str, float)
-        Pairs whose correlation is above 0.95.
-    other_minima : list of ndarray
-        Equally good minima somewhere else.
+        Pairs whose correlation, dimensionless, is above 0.95.
+    other_minima : list of ndarray of float64, shape (num_parameters,)
+        Equally good minima somewhere else, in the units of the parameters.
     starts : list of (ndarray, float)
-        Start and sum of squares of each search.
+        Start, in the units of the parameters, and dimensionless sum of squares of each search.
     num_evaluations : int
     """
 
@@ -118,12 +118,18 @@ class CalibrationResult:
 
     @property
     def interval(self) -> Array:
-        """95 % intervals by the stated noise, shape (num_parameters, 2)."""
+        """95 % intervals by the stated noise, shape (num_parameters, 2).
+
+        In the units of the parameters.
+        """
         return np.stack([self.values - INTERVAL * self.std, self.values + INTERVAL * self.std], axis=1)
 
     @property
     def correlation(self) -> Array:
-        """Correlation of the estimates; NaN where a parameter is not determined."""
+        """Correlation of the estimates, dimensionless; NaN where a parameter is not determined.
+
+        Shape (num_parameters, num_parameters).
+        """
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(self.covariance / np.outer(self.std, self.std))
 
@@ -138,7 +144,10 @@ class CalibrationResult:
         return self
 
     def rms(self, channel: Channel, parameters: Array | None = None) -> float:
-        """Return the rms of prediction minus data of a measurement, in the unit of its values."""
+        """Return the rms of prediction minus data of a measurement, in the unit of its values.
+
+        `parameters` have the shape (num_parameters,) and their own units; left out: the estimate.
+        """
         point = self.values if parameters is None else parameters
         return float(np.sqrt(np.mean((self.model.predict(channel, point) - channel.data) ** 2)))
 

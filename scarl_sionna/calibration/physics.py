@@ -123,7 +123,11 @@ def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex
 
 
 def target_field(target: LobedTarget, changes: dict[str, complex], aspect_deg: npt.ArrayLike) -> Complex:
-    """Return the root of the RCS [m] at some aspects; `changes` are ``floor_dbsm`` and ``<lobe>.<field>``."""
+    """Return the root of the RCS [m] at some aspects; `changes` are ``floor_dbsm`` and ``<lobe>.<field>``.
+
+    Lobes have the shape of an antenna element of 3GPP TR 38.901, Table 7.3-1: 12 dB times the square of the angle
+    over the width at half power.
+    """
     aspect = np.asarray(aspect_deg, dtype=np.float64)
 
     def linear(level: npt.NDArray[np.complexfloating] | complex) -> Complex:
@@ -150,12 +154,14 @@ def derivative(function: Callable[[Complex], Complex], point: Array, scale: Arra
     function : callable
         From complex parameters, shape (num_parameters,), to complex values, shape (num_values,).
     point : ndarray of float64, shape (num_parameters,)
+        In the units of the parameters.
     scale : ndarray of float64, shape (num_parameters,)
         Of each parameter; the circle has the radius ``RADIUS * scale``.
 
     Returns
     -------
     value, jacobian : ndarray of complex128, shape (num_values,) and (num_values, num_parameters)
+        In the unit of the values, and that over the units of the parameters.
 
     Notes
     -----

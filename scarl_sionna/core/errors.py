@@ -103,7 +103,10 @@ class MaterialError(ScarlError):
 
 
 class MaterialRangeError(MaterialError):
-    """A material has no data at the frequency asked for."""
+    """A material has no data at the frequency asked for.
+
+    `frequency` [Hz] lies outside of the interval `valid` [Hz].
+    """
 
     def __init__(
         self, material: str, frequency: float, valid: tuple[float, float], alternatives: Iterable[str]
@@ -118,7 +121,10 @@ class MaterialRangeError(MaterialError):
 
 
 class TimeRangeError(ScarlError, ValueError):
-    """A time lies outside the interval in which the scene's motion is known."""
+    """A time lies outside the interval in which the scene's motion is known.
+
+    `time` [s] lies outside of `start` to `stop` [s].
+    """
 
     def __init__(self, time: float, start: float, stop: float, what: str) -> None:
         self.time, self.start, self.stop, self.what = time, start, stop, what

@@ -39,6 +39,11 @@ class Pose(Described):
         Origin of the source frame in the target frame [m].
     quaternion : array_like of float, shape (4,)
         Rotation [w, x, y, z]; normalised on construction.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the position is not three finite numbers, or the quaternion not four with a length above zero.
     """
 
     position: Array = field(default_factory=lambda: np.zeros(3))
@@ -60,13 +65,28 @@ class Pose(Described):
 
     @classmethod
     def from_rotation(cls, position: npt.ArrayLike, rotation: npt.ArrayLike) -> Pose:
-        """Return the pose with a 3 x 3 rotation matrix."""
+        """Return the pose with a 3 x 3 rotation matrix.
+
+        Parameters
+        ----------
+        position : array_like of float, shape (3,)
+            Origin of the source frame in the target frame [m].
+        rotation : array_like of float, shape (3, 3)
+            Rotation matrix: its columns are the axes of the source frame in the target frame.
+        """
         quaternion = Rotation.from_matrix(np.asarray(rotation, dtype=np.float64)).as_quat()  # x, y, z, w
         return cls(np.asarray(position, dtype=np.float64), np.roll(quaternion, 1))
 
     @classmethod
     def from_euler(cls, position: npt.ArrayLike, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Pose:
         """Return the pose with intrinsic yaw (about z), pitch (about y, positive = nose down) and roll (about x) [rad].
+
+        Parameters
+        ----------
+        position : array_like of float, shape (3,)
+            Origin of the source frame in the target frame [m].
+        yaw, pitch, roll : float
+            [rad].
 
         Raises
         ------
@@ -79,7 +99,15 @@ class Pose(Described):
 
     @classmethod
     def from_heading(cls, position: npt.ArrayLike, heading: float) -> Pose:
-        """Return an upright pose whose x axis points along a heading [rad], after any number of turns."""
+        """Return an upright pose whose x axis points along a heading [rad], after any number of turns.
+
+        Parameters
+        ----------
+        position : array_like of float, shape (3,)
+            Origin of the source frame in the target frame [m].
+        heading : float
+            From +x towards +y [rad].
+        """
         return cls._of_angles(position, heading, 0.0, 0.0)
 
     @classmethod
@@ -127,11 +155,11 @@ class Pose(Described):
         return Pose(-(self.rotation.T @ self.position), self.quaternion * [1.0, -1.0, -1.0, -1.0])
 
     def apply(self, points: npt.ArrayLike) -> Array:
-        """Map points of shape (..., 3) from the source to the target frame."""
+        """Map points of shape (..., 3) [m] from the source to the target frame."""
         return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position
 
     def rotate(self, vectors: npt.ArrayLike) -> Array:
-        """Map directions of shape (..., 3) from the source to the target frame."""
+        """Map vectors of shape (..., 3) from the source to the target frame; their unit stays."""
         return np.asarray(vectors, dtype=np.float64) @ self.rotation.T
 
     def __matmul__(self, other: Pose | npt.ArrayLike) -> Pose | Array:
@@ -184,7 +212,7 @@ def _product(first: Array, second: Array) -> Array:
 class Twist(Described):
     """Velocity of a rigid body.
 
-    Linear velocity of its origin [m/s] and angular velocity [rad/s], both in the world frame.
+    Linear velocity of its origin [m/s] and angular velocity [rad/s], shape (3,) each, both in the world frame.
     """
 
     linear: Array = field(default_factory=lambda: np.zeros(3))

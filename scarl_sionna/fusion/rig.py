@@ -94,7 +94,15 @@ class SensorMount(Described):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SensorMount:
-        """Return the mount of :meth:`to_dict`; `spec` and `settings` may leave out what keeps its default."""
+        """Return the mount of :meth:`to_dict`; `spec` and `settings` may leave out what keeps its default.
+
+        Raises
+        ------
+        ParameterRangeError
+            If a key is missing or unknown, or a value is not allowed.
+        UnknownNameError
+            If there is no such kind of sensor.
+        """
         what = f"sensor '{data.get('name', '?')}'"
         _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec", "settings"})
         pose = data["vehicle_from_sensor"]
@@ -232,7 +240,13 @@ class Rig(Described):
             raise ParameterRangeError("rig", repr(dict(data))[:80], "the form of Rig.to_dict()", str(error)) from error
 
     def save(self, path: str | Path) -> None:
-        """Write the rig to a YAML file (``.yaml``, ``.yml``) or a JSON file."""
+        """Write the rig to a YAML file (``.yaml``, ``.yml``) or a JSON file.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        """
         path = Path(path)
         is_yaml = path.suffix in (".yaml", ".yml")
         text = yaml.safe_dump(self.to_dict(), sort_keys=False) if is_yaml else json.dumps(self.to_dict(), indent=2)
@@ -243,7 +257,13 @@ class Rig(Described):
 
     @classmethod
     def load(cls, path: str | Path) -> Rig:
-        """Return the rig of a YAML or JSON file."""
+        """Return the rig of a YAML or JSON file.
+
+        Raises
+        ------
+        ParameterRangeError
+            If the file cannot be read, or holds no rig.
+        """
         path = Path(path)
         try:
             data = yaml.safe_load(path.read_text(encoding="utf-8"))  # JSON is a subset of YAML
@@ -288,7 +308,13 @@ class Rig(Described):
 
     @classmethod
     def preset(cls, name: str, quality: str = "full") -> Rig:
-        """Return a named rig: one of `RIG_PRESETS`."""
+        """Return a named rig: one of `RIG_PRESETS`.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such rig.
+        """
         if name not in RIG_PRESETS:
             raise UnknownNameError("rig", name, RIG_PRESETS, "or give the path of a rig file (.yaml or .json)")
         return RIG_PRESETS[name](quality)

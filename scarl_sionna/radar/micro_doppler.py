@@ -78,6 +78,11 @@ class Spectrogram(Described):
         -------
         ndarray of float64, shape (num_times, 2)
             [m/s]; between bins, interpolated on the decibel scale. nan without power.
+
+        Raises
+        ------
+        ParameterRangeError
+            If `below_db` is not positive.
         """
         if not below_db > 0.0:
             raise ParameterRangeError("below_db", f"{below_db} dB", "> 0 dB")
@@ -103,6 +108,8 @@ def window_half_width(radar: RadarSpec, below_db: float, window: str = "hann") -
     """Return half the width of a single Doppler line at some decibels below its peak [m/s].
 
     By how much a window widens edges.
+
+    By definition of the line: found on the transform of the window itself.
 
     Raises
     ------
@@ -189,6 +196,11 @@ def spectrograms(
     -------
     dict of str to Spectrogram
         ``"whole"`` and one for each group.
+
+    References
+    ----------
+    .. [1] V. C. Chen, F. Li, S.-S. Ho, H. Wechsler, "Micro-Doppler effect in radar: phenomenon, model, and
+       simulation study", IEEE Trans. Aerosp. Electron. Syst. 42(1), 2006.
     """
     columns = np.asarray(times, dtype=np.float64)
     groups = groups or {}

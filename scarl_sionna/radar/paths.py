@@ -38,10 +38,10 @@ class RadarPaths(
     inner_length : ndarray of float64, shape (num_paths,)
         Length between the two end points [m].
     a : ndarray of complex128, shape (num_paths, 2, 2)
-        Polarimetric transfer between the array centres (the radar frame's origins), without the carrier's phase over
-        the length and without antennas, so that ``|a|**2`` is received over transmitted power of isotropic antennas.
-        Rows: received theta-hat (V), phi-hat (H); columns: transmitted. Spherical basis of the radar frame (z up) at
-        each end. The field at the receiver is ``a * exp(-2j pi f tau)``.
+        Polarimetric transfer, dimensionless, between the array centres (the radar frame's origins), without the
+        carrier's phase over the length and without antennas, so that ``|a|**2`` is received over transmitted power of
+        isotropic antennas. Rows: received theta-hat (V), phi-hat (H); columns: transmitted. Spherical basis of the
+        radar frame (z up) at each end. The field at the receiver is ``a * exp(-2j pi f tau)``.
     length_rate : ndarray of float64, shape (num_paths,)
         d(length)/dt at the array centres [m/s].
     length_acceleration : ndarray of float64, shape (num_paths,)
@@ -53,7 +53,8 @@ class RadarPaths(
     semantic : ndarray of uint8, shape (num_paths,)
         Semantic class of the last scatterer.
     rx_image : ndarray of float64, shape (num_paths, 3, 4), or None
-        For paths of mirror reflections only: isometry that maps the receiver to its image; NaN for other paths.
+        For paths of mirror reflections only: isometry that maps the receiver to its image, last column [m];
+        NaN for other paths.
     world_from_tx, world_from_rx : Pose
         Radar frames of the transmitter and of the receiver; equal for a monostatic radar.
     diagnostics : mapping
@@ -232,7 +233,7 @@ class RadarPaths(
         return plot_paths(self, view, dynamic_range_db, ax)
 
     def select(self, index: npt.ArrayLike) -> RadarPaths:
-        """Return the paths of an index, a mask or a slice."""
+        """Return the paths of an index of any shape (n,), a mask of shape (num_paths,) or a slice."""
         chosen = np.asarray(index) if not isinstance(index, slice) else index
         changed = {
             item.name: value[chosen]

@@ -136,7 +136,7 @@ class Lane(Described, units={"points": "m", "width": "m", "speed": "m/s"}):
         return np.stack([np.interp(way, self.distances, self.points[:, axis]) for axis in range(3)], axis=-1)
 
     def nearest(self, point: npt.ArrayLike) -> tuple[float, float]:
-        """Return the distance along the lane and in plan [m] of its point nearest to one (2 or 3 coordinates)."""
+        """Return the distance along the lane and in plan [m] of its point nearest to one, shape (2,) or (3,)."""
         target = np.asarray(point, dtype=np.float64)[:2]
         start, step = self.points[:-1, :2], np.diff(self.points[:, :2], axis=0)
         share = np.clip(((target - start) * step).sum(1) / np.maximum((step * step).sum(1), 1e-12), 0.0, 1.0)
@@ -152,6 +152,11 @@ class ParkingPlace(Described, units={"position": "m", "yaw_deg": "deg", "length"
     """A place of one parked car.
 
     `position` (3,) of its middle on the ground [m, world], `yaw_deg` [deg], `length`, `width` [m].
+
+    Raises
+    ------
+    ParameterRangeError
+        If the position is not three finite coordinates, or another value not a finite number.
     """
 
     position: Array
@@ -171,7 +176,13 @@ class ParkingPlace(Described, units={"position": "m", "yaw_deg": "deg", "length"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signals(Described, units={"cycle": "s"}):
-    """Fixed-time signals: `cycle` [s], and for each group the start and the end of green within it [s]."""
+    """Fixed-time signals: `cycle` [s], and for each group the start and the end of green within it [s].
+
+    Raises
+    ------
+    ParameterRangeError
+        If a green does not lie within the cycle.
+    """
 
     cycle: float
     green: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -279,7 +290,15 @@ class LaneNetwork(Described):
         return next((lane for lane in self.lanes if lane.left == name), None)
 
     def check_route(self, names: Sequence[str]) -> tuple[Lane, ...]:
-        """Return the lanes of a route, after a check that each one continues the one before it."""
+        """Return the lanes of a route, after a check that each one continues the one before it.
+
+        Raises
+        ------
+        ParameterRangeError
+            If there is no lane.
+        UnknownNameError
+            If a lane is unknown, or does not continue the one before it.
+        """
         lanes = tuple(self[name] for name in names)
         if not lanes:
             raise ParameterRangeError("lanes", list(names), "one lane or more")

@@ -153,7 +153,18 @@ def detect(
 def cfar(
     rd: RangeDoppler, pfa: float = 1e-6, guard: tuple[int, int] = (3, 3), training: tuple[int, int] = (6, 8)
 ) -> npt.NDArray[np.bool_]:
-    """Return which cells exceed the average of the training cells around them, shape (num_doppler, num_range)."""
+    """Return which cells exceed the average of the training cells around them, shape (num_doppler, num_range).
+
+    Raises
+    ------
+    ParameterRangeError
+        If the probability is not between 0 and 1, or the window is empty or larger than the map.
+
+    References
+    ----------
+    .. [1] H. Rohling, "Radar CFAR thresholding in clutter and multiple target situations", IEEE Trans. Aerosp.
+       Electron. Syst. 19(4), 1983: cell averaging.
+    """
     if not 0.0 < pfa < 1.0:
         raise ParameterRangeError("pfa", pfa, "0 < pfa < 1")
     if min(guard) < 0 or min(training) < 1:

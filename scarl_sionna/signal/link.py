@@ -15,12 +15,12 @@ def spreading(wavelength: float, *distances: npt.ArrayLike) -> Array:
     ----------
     wavelength : float
         [m].
-    *distances : array_like of float
+    *distances : array_like of float, shapes that broadcast
         Legs of the path, from antenna to scatterer, from scatterer to scatterer, and back [m], > 0.
 
     Returns
     -------
-    ndarray of float64
+    ndarray of float64, of the broadcast shape
         Received over incident amplitude, for scattering matrices S [m] with :math:`\sigma = 4 \pi |S|^2` at every
         scatterer.
 
@@ -45,8 +45,13 @@ def radar_gain(wavelength: float, distance: npt.ArrayLike) -> Array:
     ----------
     wavelength : float
         [m].
-    distance : array_like of float
+    distance : array_like of float, any shape
         [m], > 0.
+
+    Returns
+    -------
+    ndarray of float64, shape of `distance`
+        [1/m2].
 
     Notes
     -----

@@ -106,6 +106,11 @@ def rain_extinction(rain_rate: float) -> float:
     rain_rate : float
         [mm/h], >= 0.
 
+    Raises
+    ------
+    ParameterRangeError
+        If the rain rate is negative.
+
     Notes
     -----
     .. math:: \gamma = 1.076 \, R^{0.67} \ \text{dB/km}

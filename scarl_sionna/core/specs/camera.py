@@ -146,7 +146,7 @@ class CameraSpec(Spec):
         Returns
         -------
         ndarray of float64, shape (..., 3)
-            NaN outside of the lens' field.
+            Unit vectors; NaN outside of the lens' field.
         """
         direction = self._plane_directions(pixel)
         return direction / np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -164,7 +164,7 @@ class CameraSpec(Spec):
         Returns
         -------
         ndarray of float64, shape (..., 3)
-            NaN outside of the lens' field.
+            [m]; NaN outside of the lens' field.
         """
         direction = self._plane_directions(pixel)
         return direction * (np.asarray(depth, dtype=np.float64) / direction[..., 2])[..., None]

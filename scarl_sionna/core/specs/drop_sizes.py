@@ -36,6 +36,16 @@ def terminal_speed(diameter: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
     0 for drops below 0.109 mm, where the fit ends.
 
+    Parameters
+    ----------
+    diameter : array_like of float, any shape
+        Of a sphere of the same volume [m].
+
+    Returns
+    -------
+    ndarray of float64, shape of `diameter`
+        [m/s].
+
     References
     ----------
     .. [1] D. Atlas, R. C. Srivastava, R. S. Sekhon, "Doppler radar characteristics of precipitation at vertical

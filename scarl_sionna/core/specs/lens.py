@@ -38,7 +38,7 @@ class Pinhole(Spec):
 
     @property
     def field_radius(self) -> float:
-        """Radius on the image plane within which the model can be undone: infinite."""
+        """Radius on the image plane, in units of the focal length, within which the model can be undone: infinite."""
         return np.inf
 
     def image_radius(self, angle: float) -> float:
@@ -51,7 +51,7 @@ class Pinhole(Spec):
         return _perspective(direction)
 
     def undistort(self, image_points: npt.ArrayLike) -> Array:
-        """Return directions with z = 1, shape (..., 3), of points on the image plane."""
+        """Return directions with z = 1, shape (..., 3), of points on the image plane, in units of the focal length."""
         points = np.asarray(image_points, dtype=np.float64)
         return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
 
@@ -88,7 +88,7 @@ class BrownConrady(Spec):
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """(k1, k2, p1, p2, k3, k4, k5, k6): OpenCV's order."""
+        """(k1, k2, p1, p2, k3, k4, k5, k6): OpenCV's order, dimensionless."""
         return (self.k1, self.k2, self.p1, self.p2, self.k3, self.k4, self.k5, self.k6)
 
     def _radial(self, r2: Array) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ class BrownConrady(Spec):
 
     @property
     def field_radius(self) -> float:
-        """Radius on the image plane within which the radial part can be undone."""
+        """Radius on the image plane, in units of the focal length, within which the radial part can be undone."""
         return np.inf if np.isinf(self._limit) else self._image_radius_of(self._limit)
 
     def _image_radius_of(self, r: float) -> float:
@@ -162,6 +162,8 @@ class BrownConrady(Spec):
         """Return directions with z = 1, shape (..., 3); NaN for a point of the image plane that shows nothing.
 
         The radial part is undone by a table, then Newton's method solves for both coordinates.
+
+        Points are in units of the focal length.
         """
         goal = np.asarray(image_points, dtype=np.float64)
         radius = np.hypot(goal[..., 0], goal[..., 1])
@@ -223,7 +225,7 @@ class KannalaBrandt(Spec):
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """(k1, k2, k3, k4): OpenCV's order."""
+        """(k1, k2, k3, k4): OpenCV's order, dimensionless."""
         return (self.k1, self.k2, self.k3, self.k4)
 
     def _radius(self, angle: npt.ArrayLike) -> Array:
@@ -247,7 +249,10 @@ class KannalaBrandt(Spec):
 
     @property
     def field_radius(self) -> float:
-        """Radius on the image plane within which the polynomial can be undone; infinite where it always can."""
+        """Radius on the image plane, in units of the focal length, where the polynomial can be undone.
+
+        Infinite where it always can.
+        """
         return float(self._radius(self._fold)) if self._fold < np.radians(self.max_angle_deg) else np.inf
 
     def image_radius(self, angle: float) -> float:

@@ -102,6 +102,11 @@ class LidarSpec(Spec):
         common 64-beam scanner (1/3 deg apart in the upper, 1/2 deg in the lower half). ``"fmcw_forward"``: 120 x 28
         deg, eight beams in parallel, 400 x 200 shots in 50 ms. Both receive by heterodyning, see glass and edges, and
         follow the motion.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no lidar of this name.
         """
         presets = {"spinning_64": _spinning_64, "fmcw_forward": _fmcw_forward}
         if name not in presets:

@@ -105,7 +105,7 @@ class RasterScan(Spec):
         return (sweep * self.num_azimuth + column) * (self.scan_time / slots)
 
     def cells(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return row and column of every shot in the upright range view."""
+        """Return row and column of every shot in the upright range view, shape (num_shots,) each."""
         line, column = np.divmod(np.arange(self.num_shots), self.num_azimuth)
         azimuth = self.column_azimuth
         if azimuth[-1] > azimuth[0]:
@@ -219,7 +219,7 @@ class RisleyScan(Spec):
         return np.cos(turned) @ deflection, np.sin(turned) @ deflection
 
     def cells(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return row and column of every shot in an upright range view over the field of view."""
+        """Return row and column of every shot in an upright view of the field of view, shape (num_shots,) each."""
         return _binned(*self.angles(), self.grid_shape)
 
 
@@ -305,7 +305,7 @@ class TableScan(Spec):
         return np.radians(self.azimuth_deg), np.radians(self.elevation_deg)
 
     def cells(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return row and column of every shot in an upright range view over the field of view."""
+        """Return row and column of every shot in an upright view of the field of view, shape (num_shots,) each."""
         return _binned(*self.angles(), self.grid_shape)
 
 

@@ -223,7 +223,15 @@ def fog_water_of(visibility: float) -> float:
 
 
 def visibility_of(fog_water: float) -> float:
-    """Return the visibility [m] of a fog's liquid water content [g/m3], the inverse of :func:`fog_water_of`."""
+    """Return the visibility [m] of a fog's liquid water content [g/m3], the inverse of :func:`fog_water_of`.
+
+    By Kunkel's law, source as there; by definition its inverse.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the water content is not positive.
+    """
     if not fog_water > 0.0:
         raise ParameterRangeError("fog_water", f"{fog_water} g/m3", "> 0 g/m3")
     factor, power = KUNKEL

@@ -117,13 +117,25 @@ class Dataset(Described, Sequence["StoredFrame"]):
         return {split: list(names) for split, names in self.manifest["splits"].items()}
 
     def scene(self, name: str) -> Scene:
-        """Return a scene (sequence) by name."""
+        """Return a scene (sequence) by name.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such scene.
+        """
         if name not in self._scenes:
             raise UnknownNameError("scene", name, self._scenes)
         return self._scenes[name]
 
     def spec(self, sensor: str) -> Spec:
-        """Return the specification of a sensor."""
+        """Return the specification of a sensor.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such sensor.
+        """
         if sensor not in self._specs:
             mounts = {mount["name"]: mount for mount in self.plan.rig["sensors"]}
             if sensor not in mounts:
@@ -163,7 +175,13 @@ class Scene(Described, Sequence["StoredFrame"]):
         return StoredFrame(self, self.frames[index])
 
     def frame(self, index: int) -> StoredFrame:
-        """Return the frame of a number (`Frame.index`)."""
+        """Return the frame of a number (`Frame.index`).
+
+        Raises
+        ------
+        DatasetError
+            If the frame is not there (yet).
+        """
         if index not in self.frames:
             raise DatasetError(
                 f"scene {self.name} has no frame {index}", self.dataset.place, "run the export again to make it"
@@ -187,7 +205,15 @@ class Scene(Described, Sequence["StoredFrame"]):
         return zarr.open_group(f"{place}/{ARRAYS}/{self.name}", mode="r")
 
     def array(self, name: str) -> npt.NDArray[Any]:
-        """Return a small array, for instance ``"timestamp_ns"``, over all frames, shape (num_frames, ...)."""
+        """Return a small array, for instance ``"timestamp_ns"``, over all frames, shape (num_frames, ...).
+
+        In the unit that the schema states, see docs/dataset.md.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such array.
+        """
         rows = [self.read_array(index, name) for index in self.frames]
         if any(row is None for row in rows):
             raise UnknownNameError("array", name, self.arrays(self.frames[0]) if self.frames else ())
@@ -199,6 +225,8 @@ class Scene(Described, Sequence["StoredFrame"]):
 
     def read_array(self, index: int, name: str) -> npt.NDArray[Any] | None:
         """Return one array of one frame, or None if the frame does not have it.
+
+        With the shape and in the unit that the schema states, see docs/dataset.md.
 
         Raises
         ------
@@ -225,7 +253,13 @@ class Scene(Described, Sequence["StoredFrame"]):
             raise self._damaged(key, error) from error
 
     def read_file(self, name: str) -> bytes:
-        """Return a file of the dataset."""
+        """Return a file of the dataset.
+
+        Raises
+        ------
+        DatasetError
+            If the file is missing or cannot be read.
+        """
         try:
             return self.dataset.files.read(name)
         except OSError as error:

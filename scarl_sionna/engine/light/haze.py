@@ -63,7 +63,7 @@ def haze_integrator(mi: ModuleType, inner: MitsubaObject, visibility: float, air
     visibility : float
         Meteorological range [m].
     airlight : array_like of float, shape (3,)
-        Radiance of haze without end.
+        Radiance of haze without end, in the unit of the scenes (`UNIT_LUMINANCE`).
 
     Notes
     -----

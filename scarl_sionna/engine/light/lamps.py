@@ -68,6 +68,15 @@ def is_on(lamp: str | None, lighting: Lighting | None) -> bool:
 def low_beam(azimuth_deg: Array, elevation_deg: Array) -> Array:
     """Return the intensity [cd] of a low beam for traffic on the right; azimuth to the right, elevation up [deg].
 
+    Parameters
+    ----------
+    azimuth_deg, elevation_deg : ndarray of float64, any shape
+
+    Returns
+    -------
+    ndarray of float64, same shape
+        [cd].
+
     Notes
     -----
     A hot spot of 18,000 cd below a cut-off at -0.57 deg that rises by 15 deg to the right, a wide foreground, and 250

@@ -124,7 +124,11 @@ def _take(element: ET.Element, name: str) -> str | None:
 def airlight(mi: ModuleType, scene: MitsubaObject) -> npt.NDArray[np.float64]:
     """Return the mean radiance of the sky just above the horizon, shape (3,): what haze far away looks like.
 
-    Zero for a scene without sky. Run it inside ``variant.optical()``.
+    In the unit of the scenes. Zero for a scene without sky. Run it inside ``variant.optical()``.
+
+    Notes
+    -----
+    H. Koschmieder, "Theorie der horizontalen Sichtweite", 1924: haze of the brightness of the horizon.
     """
     environment = scene.environment()
     if environment is None:

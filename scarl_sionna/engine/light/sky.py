@@ -54,7 +54,7 @@ def twilight_factor(elevation_deg: float) -> float:
 
 
 def sun_direction(lighting: Lighting) -> Array:
-    """Return the unit vector towards the sun [world], not below the horizon."""
+    """Return the unit vector (3,) towards the sun [world], not below the horizon."""
     elevation, azimuth = np.radians(max(lighting.sun_elevation_deg, 0.0)), np.radians(lighting.sun_azimuth_deg)
     return np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
 
@@ -87,14 +87,14 @@ def sky_image(lighting: Lighting, clear: Array, sun_irradiance: Array) -> npt.ND
     ----------
     lighting : Lighting
     clear : ndarray, shape (rows, columns, 3)
-        Radiance of the clear sky without the sun's disc.
+        Radiance of the clear sky without the sun's disc, in the unit of the scenes.
     sun_irradiance : ndarray, shape (3,)
-        Of a surface that faces the sun.
+        Of a surface that faces the sun, in the unit of the scenes.
 
     Returns
     -------
     ndarray of float32, shape (rows, columns, 3)
-        Radiance. The sun's disc is not in it.
+        Radiance, in the unit of the scenes. The sun's disc is not in it.
     """
     horizon = SKY_SIZE[0] // 2
     directions = sky_directions()[:horizon]

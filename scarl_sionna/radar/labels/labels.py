@@ -114,8 +114,8 @@ class PointLabels(Described):
     mirror : ndarray of int32, shape (num_points,)
         First mirror of the strongest path of a ghost; -1 for the others.
     explained : ndarray of float64, shape (num_points,)
-        Power of all paths together there, with their phases, over the detected power: near 1 for a target, near 0 for
-        noise.
+        Power of all paths together there, with their phases, over the detected power, dimensionless: near 1 for a
+        target, near 0 for noise.
     """
 
     instance: Ids

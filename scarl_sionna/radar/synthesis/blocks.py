@@ -118,6 +118,8 @@ def shifted(paths: RadarPaths, time: float) -> RadarPaths:
     """Return paths as they are some time later [s], or earlier if negative, by their own rates and accelerations.
 
     Directions and amplitudes stay. Lengths change by the same amount for every antenna, as :func:`synthesize` takes it.
+
+    By definition of a second-order series in time.
     """
     change = paths.length_rate * time + 0.5 * paths.length_acceleration * time**2
     image = paths.rx_image
@@ -147,6 +149,8 @@ def retraced(
     **fields: object,
 ) -> PathsAt:
     """Return what solves the paths of a world at any time, for :func:`synthesize_blocks`.
+
+    Exact geometry: each call solves the paths anew.
 
     Parameters
     ----------

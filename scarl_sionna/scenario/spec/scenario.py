@@ -39,6 +39,12 @@ class ScenarioSpec(Spec):
 
     Numbers are in SI units; times are those of the scene's motion. See docs/scenarios.md for the whole format.
 
+    Raises
+    ------
+    ScenarioError
+        If a value is not allowed or a key unknown; it names all of them, with file and line where it was read from
+        one.
+
     Notes
     -----
     Give `num_frames` or `duration`; frames stand at ``start_time + k / frame_rate``. `duration` is kept as whole
@@ -234,6 +240,11 @@ class ScenarioSpec(Spec):
         """Write the scenario to a YAML file (``.yaml``, ``.yml``) or a JSON file.
 
         What is given as a preset stands there with its values, so that the file keeps its meaning.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
         """
         path = Path(path)
         data = self.to_dict()

@@ -86,7 +86,13 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
     title: str = ""
 
     def level(self, detail: str) -> ModelLevel:
-        """Return the geometry at a level of detail, ``"detailed"`` or ``"light"``."""
+        """Return the geometry at a level of detail, ``"detailed"`` or ``"light"``.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such level of detail.
+        """
         if detail not in DETAILS:
             raise UnknownNameError(f"detail of actor model '{self.name}'", str(detail), DETAILS)
         return self.levels[detail]
@@ -97,7 +103,13 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
         return tuple(sorted(self.materials))
 
     def colors(self, variant: str | None = None) -> Mapping[str, Color]:
-        """Return the colours of a variant by BSDF id; None: the first one's."""
+        """Return the colours of a variant by BSDF id; None: the first one's.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such variant.
+        """
         if variant is None:
             return next(iter(self.variants.values()), {})
         if variant not in self.variants:

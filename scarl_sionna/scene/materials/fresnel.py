@@ -24,7 +24,7 @@ def halfspace_reflection(permittivity: complex, cos_incidence: npt.ArrayLike) ->
     ----------
     permittivity : complex
         Relative permittivity, imaginary part <= 0.
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
 
     Returns
@@ -59,7 +59,7 @@ def layer_reflection(
     ----------
     permittivity : complex
         Relative permittivity, imaginary part <= 0.
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
     thickness : float
         [m].
@@ -112,7 +112,7 @@ def film_coefficients(
         [m].
     thickness : float or None
         Of the layer below, with air behind [m]; None: a half space, which lets nothing through.
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal in air, 0 to 1.
     frequency : float
         [Hz].
@@ -166,6 +166,9 @@ def film_of(material: RadioMaterial, frequency: float) -> tuple[complex, float] 
     """Return relative permittivity and depth [m] of the water on the face of a material at a frequency [Hz].
 
     None where it is dry.
+
+    Permittivity as of :func:`~scarl_sionna.scene.materials.dielectrics.water_permittivity`, by definition at the
+    film's temperature.
     """
     if material.water_film == 0.0:
         return None
@@ -189,10 +192,14 @@ def stack_reflection(
         Of a layer with air behind [m]; None: a half space.
     film : tuple of (complex, float) or None
         Relative permittivity and depth [m] of a film, see :func:`film_coefficients`.
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
     frequency : float
         [Hz].
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.2040-3, section 2.2.2.
     """
     if film is not None:
         return film_coefficients(*film, permittivity, thickness, cos_incidence, frequency)[0]
@@ -213,13 +220,17 @@ def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.Arr
     material : RadioMaterial
     frequency : float
         [Hz].
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
 
     Raises
     ------
     MaterialRangeError
         If the material has no data at this frequency.
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.2040-3, section 2.2.2.
     """
     cosine = np.asarray(cos_incidence, dtype=np.float64)
     return stack_reflection(material.at(frequency), material.thickness, film_of(material, frequency), cosine, frequency)
@@ -236,7 +247,7 @@ def transmission(material: RadioMaterial, frequency: float, cos_incidence: npt.A
     material : RadioMaterial
     frequency : float
         [Hz].
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
 
     Raises
@@ -284,13 +295,17 @@ def power_reflectance(material: RadioMaterial, frequency: float, cos_incidence: 
         With a thickness it reflects as one layer with air behind, without as a half space.
     frequency : float
         [Hz].
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
 
     Raises
     ------
     MaterialRangeError
         If the material has no data at this frequency.
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.2040-3, section 2.2.2.
     """
     te, tm = reflection(material, frequency, cos_incidence)
     return np.abs(te) ** 2, np.abs(tm) ** 2

@@ -121,7 +121,7 @@ class RadioMaterial(Spec):
         Returns
         -------
         complex
-            Negative imaginary part for losses (time dependence e^{+j 2 pi f t}).
+            Dimensionless; negative imaginary part for losses (time dependence e^{+j 2 pi f t}).
 
         Raises
         ------
