@@ -86,8 +86,10 @@ def draw_clutter(path: Path) -> None:
         mean = mean_clutter_power(radar, eta, edges[:-1], edges[1:], loss) * spread
         snr = 10 * np.log10(mean * beam_share(radar) / angle_cell_noise_power(radar))
         left.semilogx(middle, snr, f"C{index}", label=name)
-        told = [f"{np.interp(value, middle, snr):.1f}" for value in (5, 10, 20, 50, 100)]
-        print(f"{name}: eta {10 * np.log10(eta):.1f} dB, SNR of a cell at 5, 10, 20, 50, 100 m: {', '.join(told)} dB")
+        reported = [f"{np.interp(value, middle, snr):.1f}" for value in (5, 10, 20, 50, 100)]
+        print(
+            f"{name}: eta {10 * np.log10(eta):.1f} dB, SNR of a cell at 5, 10, 20, 50, 100 m: {', '.join(reported)} dB"
+        )
     person = 10.0 ** (-8.0 / 10.0)
     scale = (
         10 ** (radar.front_end.tx_power_dbm / 10) * 1e-3 * 10**2 * radar.wavelength**2 / (4 * np.pi) ** 3 / middle**4

@@ -1,6 +1,6 @@
 """Folders of the user's cache.
 
-Filled whole or not at all, by one process at a time, and removed when nobody used them for weeks.
+Filled whole or not at all, by one process at a time, and removed when not used for weeks.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def _explained(error: OSError, folder: Path) -> OSError:
 def _is_own(root: Path) -> bool:
     """Return whether a folder may be trusted.
 
-    That among the temporary files must be this user's, since anybody can make one there.
+    That among the temporary files must be this user's, since any user can make one there.
     """
     if root != fallback_folder():
         return True
@@ -213,7 +213,7 @@ def _locked(root: Path, name: str, patience: float) -> Iterator[None]:
 
 
 def clean(root: Path, now: float | None = None) -> list[Path]:
-    """Remove what can be made again and nobody used for weeks, and return the folders that went.
+    """Remove what can be made again and was not used for weeks, and return the folders that went.
 
     A folder goes after `SUPERSEDED` without use when another one of its name was used later, else after `UNUSED`. What
     cannot be removed stays.

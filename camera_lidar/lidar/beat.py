@@ -32,7 +32,7 @@ _MATCH_CELLS = 2.0
 """A detection belongs to the return that lies within so many resolution cells of it in both beats."""
 
 
-def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, generator: np.random.Generator) -> Signal:
+def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, rng: np.random.Generator) -> Signal:
     r"""Return the beat signals of all shots in units of the standard deviation of a noise sample.
 
     Parameters
@@ -43,7 +43,7 @@ def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, gener
         Every ray and surface on its own, by shot.
     air_velocity : ndarray of float64, shape (num_shots,)
         Radial velocity of still air along each shot [m/s].
-    generator : numpy.random.Generator
+    rng : numpy.random.Generator
         Speckle, phases and noise.
 
     Returns
@@ -69,7 +69,7 @@ def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, gener
     number = spec.num_samples
     out = np.empty((spec.num_shots, 2, number), dtype=np.complex64)
     amplitude = np.sqrt(mean_cnr(spec, echoes.intensity, echoes.distance) / number) * _amplitudes(
-        generator, echoes.number, receiver.speckle
+        rng, echoes.number, receiver.speckle
     )
     first = np.searchsorted(echoes.shot, np.arange(spec.num_shots + 1))
     nearest = np.full(spec.num_shots, np.inf)
@@ -81,27 +81,25 @@ def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, gener
         shots = np.arange(start, min(start + step, spec.num_shots))
         block = np.zeros((len(shots), 2, number), dtype=np.complex128)
         if receiver.noise:
-            noise = generator.standard_normal((*block.shape, 2)) * np.sqrt(0.5)
+            noise = rng.standard_normal((*block.shape, 2)) * np.sqrt(0.5)
             block += noise[..., 0] + 1j * noise[..., 1]
         for echo in range(first[shots[0]], first[shots[-1] + 1]):
             block[echoes.shot[echo] - start] += amplitude[echo] * _tones(
                 spec, float(echoes.distance[echo]), float(echoes.radial_velocity[echo])
             )
         if fog:
-            block += _fog(spec, nearest[shots], air_velocity[shots], generator)
+            block += _fog(spec, nearest[shots], air_velocity[shots], rng)
         if np.isfinite(full_scale):
             block.real, block.imag = (np.clip(part, -full_scale, full_scale) for part in (block.real, block.imag))
         out[shots] = block
     return out
 
 
-def _amplitudes(
-    generator: np.random.Generator, number: int | tuple[int, ...], speckle: bool
-) -> npt.NDArray[np.complex128]:
+def _amplitudes(rng: np.random.Generator, number: int | tuple[int, ...], speckle: bool) -> npt.NDArray[np.complex128]:
     """Return complex amplitudes of unit mean power."""
     if speckle:
-        return (generator.standard_normal(number) + 1j * generator.standard_normal(number)) * np.sqrt(0.5)
-    return np.exp(2j * np.pi * generator.random(number))
+        return (rng.standard_normal(number) + 1j * rng.standard_normal(number)) * np.sqrt(0.5)
+    return np.exp(2j * np.pi * rng.random(number))
 
 
 def _tones(spec: LidarSpec, distance: float, velocity: float) -> npt.NDArray[np.complex128]:
@@ -115,14 +113,12 @@ def _tones(spec: LidarSpec, distance: float, velocity: float) -> npt.NDArray[np.
     return np.exp(2j * np.pi * (cycles - np.floor(cycles)))
 
 
-def _fog(
-    spec: LidarSpec, nearest: Array, air_velocity: Array, generator: np.random.Generator
-) -> npt.NDArray[np.complex128]:
+def _fog(spec: LidarSpec, nearest: Array, air_velocity: Array, rng: np.random.Generator) -> npt.NDArray[np.complex128]:
     """Return the beats of fog and rain: its cells lie on the lines of the transform, half a line off."""
     profile, number = backscatter_profile(spec), spec.num_samples
     cells = min(len(profile.cnr), number)
     distance = (np.arange(cells) + 0.5) * spec.range_resolution
-    amplitude = _amplitudes(generator, (len(nearest), cells), True) * np.sqrt(profile.cnr[:cells] / number)
+    amplitude = _amplitudes(rng, (len(nearest), cells), True) * np.sqrt(profile.cnr[:cells] / number)
     amplitude[distance > nearest[:, None]] = 0.0
     spectrum = np.zeros((len(nearest), number), dtype=np.complex128)
     spectrum[:, :cells] = amplitude

@@ -64,7 +64,7 @@ def receive_heterodyne(
     spec: LidarSpec,
     returns: Echoes,
     air_velocity: Array,
-    generator: np.random.Generator,
+    rng: np.random.Generator,
 ) -> Detections:
     """Return what the heterodyne receiver reports of ideal returns.
 
@@ -76,7 +76,7 @@ def receive_heterodyne(
         By shot and distance, at most `spec.max_returns` a shot.
     air_velocity : ndarray of float64, shape (num_shots,)
         Radial velocity of still air along each shot [m/s].
-    generator : numpy.random.Generator
+    rng : numpy.random.Generator
         Every effect has a stream of its own with a fixed number of draws a place for a return, so that what one shot
         meets does not change the noise of another.
 
@@ -95,7 +95,7 @@ def receive_heterodyne(
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
-    seeds = generator.integers(2**63, size=5)
+    seeds = rng.integers(2**63, size=5)
     speckle, peaks, estimates, alarms, weather = (np.random.Generator(np.random.PCG64(int(seed))) for seed in seeds)
     slot = returns.shot * spec.max_returns + place_in_group(returns.shot)
     num_slots = spec.num_shots * spec.max_returns
@@ -130,16 +130,16 @@ def receive_heterodyne(
     return keep_strongest(found, spec.max_returns)
 
 
-def _draw_gamma(generator: np.random.Generator, shape: float, number: int) -> Array:
-    return generator.standard_exponential(number) if shape == 1.0 else generator.standard_gamma(shape, number)
+def _draw_gamma(rng: np.random.Generator, shape: float, number: int) -> Array:
+    return rng.standard_exponential(number) if shape == 1.0 else rng.standard_gamma(shape, number)
 
 
-def _draw_peak(generator: np.random.Generator, carrier: Array, looks: float, num_slots: int, slot: Index) -> Array:
+def _draw_peak(rng: np.random.Generator, carrier: Array, looks: float, num_slots: int, slot: Index) -> Array:
     """Return peaks of summed looks: half a noncentral chi-square of 2 * looks degrees, noncentrality 2 * carrier."""
-    noise = generator.standard_normal((2, num_slots))[:, slot] * np.sqrt(0.5)
+    noise = rng.standard_normal((2, num_slots))[:, slot] * np.sqrt(0.5)
     peak = (np.sqrt(carrier) + noise[0]) ** 2 + noise[1] ** 2
     if looks > 1.0:
-        peak += generator.standard_gamma(looks - 1.0, num_slots)[slot]
+        peak += rng.standard_gamma(looks - 1.0, num_slots)[slot]
     return peak
 
 
@@ -208,13 +208,13 @@ def from_beats(spec: LidarSpec, up: Array, down: Array) -> tuple[Array, Array, n
     return distance, velocity, valid
 
 
-def _false_alarms(spec: LidarSpec, generator: np.random.Generator) -> Detections:
+def _false_alarms(spec: LidarSpec, rng: np.random.Generator) -> Detections:
     """Return the peaks of noise alone that pass for a return: at most one a shot, anywhere among what is searched."""
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     looks, level = float(receiver.num_looks), threshold(spec)
-    shot = np.flatnonzero(generator.random(spec.num_shots) < receiver.false_alarm_probability)
-    place, speed, height = generator.random((3, shot.size))
+    shot = np.flatnonzero(rng.random(spec.num_shots) < receiver.false_alarm_probability)
+    place, speed, height = rng.random((3, shot.size))
     velocity = (2.0 * speed - 1.0) * receiver.max_velocity
     if receiver.chirps == "up":
         velocity = np.full(shot.size, np.nan)
@@ -222,16 +222,14 @@ def _false_alarms(spec: LidarSpec, generator: np.random.Generator) -> Detections
     return _without_echo(spec, shot, place * spec.max_distance, velocity, peak / looks - 1.0)
 
 
-def _backscatter(
-    spec: LidarSpec, returns: Echoes, air_velocity: Array, generator: np.random.Generator
-) -> list[Detections]:
+def _backscatter(spec: LidarSpec, returns: Echoes, air_velocity: Array, rng: np.random.Generator) -> list[Detections]:
     """Return the first cell of fog or rain that is detected in each shot, before its first surface."""
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     if not receiver.backscatter or spec.atmosphere.weather_extinction(spec.wavelength) == 0.0:
         return []
     looks, level, profile = float(receiver.num_looks), threshold(spec), backscatter_profile(spec)
-    draws = generator.random((3, spec.num_shots))
+    draws = rng.random((3, spec.num_shots))
     first = np.full(spec.num_shots, spec.max_distance)
     np.minimum.at(first, returns.shot, returns.distance)
     cell, cells = np.searchsorted(profile.detected_before, draws[0], side="right"), len(profile.cnr)

@@ -104,13 +104,13 @@ class Lidar:
         shots: Shots,
         clouds: tuple[SprayCloud, ...],
         wind: Array,
-        generator: np.random.Generator,
+        rng: np.random.Generator,
     ) -> tuple[Detections, npt.NDArray[np.complex64] | None]:
         spec, receiver = self.spec, self.spec.receiver
         if isinstance(receiver, ScarlReceiver):
             slot = returns.shot * spec.max_returns + place_in_group(returns.shot)
             slots = Slots(spec.num_shots * spec.max_returns, slot)
-            measured = receive(receiver, slots, returns, generator)
+            measured = receive(receiver, slots, returns, rng)
             kept = measured.kept
             none = np.full(len(kept), np.nan)
             return Detections(
@@ -121,14 +121,14 @@ class Lidar:
             "...j,...j->...", np.broadcast_to(shots.velocity - wind, shots.directions.shape), shots.directions
         )
         if receiver.raw_signal:
-            beats = synthesize_beats(spec, echoes, air_velocity, generator)
+            beats = synthesize_beats(spec, echoes, air_velocity, rng)
             return estimate_beats(spec, beats, returns), beats
-        found = receive_heterodyne(spec, returns, air_velocity, generator)
+        found = receive_heterodyne(spec, returns, air_velocity, rng)
         if clouds:
             nearest = np.full(spec.num_shots, np.inf)
             np.minimum.at(nearest, echoes.shot, echoes.distance)
             paths = FreePaths(shots.origins, shots.directions, air_velocity, nearest)
-            found = add_spray(spec, found, clouds, paths, generator.spawn(1)[0])
+            found = add_spray(spec, found, clouds, paths, rng.spawn(1)[0])
         return found, None
 
     def _scan(

@@ -97,7 +97,7 @@ def add_spray(
     found: Detections,
     clouds: Sequence[SprayCloud],
     paths: FreePaths,
-    generator: np.random.Generator,
+    rng: np.random.Generator,
 ) -> Detections:
     """Return detections with those of spray among them: in each shot and cloud the first range cell that is detected.
 
@@ -109,19 +109,19 @@ def add_spray(
     found : Detections
     clouds : sequence of SprayCloud
     paths : FreePaths
-    generator : numpy.random.Generator
+    rng : numpy.random.Generator
     """
     receiver = spec.receiver
     if not clouds or not isinstance(receiver, HeterodyneReceiver) or not (receiver.backscatter and receiver.noise):
         return found
-    rows = [_of_cloud(spec, cloud, paths, generator) for cloud in clouds]
+    rows = [_of_cloud(spec, cloud, paths, rng) for cloud in clouds]
     return keep_strongest(join([found, *rows]), spec.max_returns)
 
 
-def _of_cloud(spec: LidarSpec, cloud: SprayCloud, paths: FreePaths, generator: np.random.Generator) -> Detections:
+def _of_cloud(spec: LidarSpec, cloud: SprayCloud, paths: FreePaths, rng: np.random.Generator) -> Detections:
     receiver, origins, directions = spec.receiver, paths.origins, paths.directions
     assert isinstance(receiver, HeterodyneReceiver)
-    draws = generator.random((3, len(directions)))
+    draws = rng.random((3, len(directions)))
     enter, leave = cloud.chord(origins, directions, np.minimum(paths.nearest, spec.max_distance))
     shot = np.flatnonzero(leave - enter > spec.range_resolution)
     start = origins if origins.ndim == 1 else origins[shot]

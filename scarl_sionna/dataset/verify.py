@@ -290,7 +290,7 @@ def _check_manifest(dataset: Dataset, root: Path, known: set[str]) -> Iterator[F
     for scene in plan.scenes:
         now, arrays = shard_rows(root, scene, plan.options)
         old = [*there.get(scene.name, []), *[None] * len(now)][: len(now)]
-        rows[scene.name] = [  # those that an export has changed meanwhile were told of with their shards
+        rows[scene.name] = [  # those that an export has changed meanwhile were reported with their shards
             was
             if (was is None)
             or (now is None and _is_kept(dataset, scene, shard, was))

@@ -17,7 +17,7 @@ from scarl_sionna.scene.document.staging import StagedActor
 from scarl_sionna.scene.materials.table import load_materials
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
-from .motion.bodies import Body
+from .motion.bodies import ActorBody
 from .motion.motions import Setting, trajectory_of
 from .randomize import Jitter, draw_jitter, draw_look
 from .spec.actors import ActorSpec, EgoSpec, MeshSpec
@@ -37,9 +37,9 @@ class Member:
     actor: StagedActor
 
     @property
-    def body(self) -> Body:
+    def body(self) -> ActorBody:
         """Its measures."""
-        return Body.of(self.actor.model)
+        return ActorBody.of(self.actor.model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ def _motion(spec: ScenarioSpec, scene: SceneDocument, role: Role, setting: Setti
             )
         return entry.trajectory
     place = functools.partial(spec.place, *role.path, "trajectory")
-    return trajectory_of(stated, role.name, Body.of(role.model), setting, place, jitter)
+    return trajectory_of(stated, role.name, ActorBody.of(role.model), setting, place, jitter)
 
 
 def _staged(spec: ScenarioSpec, role: Role, trajectory: Trajectory) -> StagedActor:

@@ -1,4 +1,4 @@
-"""What is drawn by lot for a scenario: colours, material values, placements.
+"""What is drawn at random for a scenario: colours, material values, placements.
 
 Each draw has a generator of its own, named after what it is for, so that one switch does not change what another draws,
 nor one actor what another gets.
@@ -61,15 +61,15 @@ def draw_look(
     """
     if not variants:
         return None, {}
-    generator = seeds.generator(seed, "scenario_colors", actor=name)
+    rng = seeds.generator(seed, "scenario_colors", actor=name)
     names = list(variants)
-    variant = names[int(generator.integers(len(names)))]
+    variant = names[int(rng.integers(len(names)))]
     shares, palette = zip(*(PAINTS if motion == "vehicle" else CLOTHES), strict=True)
     shares = np.array(shares) / sum(shares)
     colors: dict[str, Color] = {}
     for bsdf in sorted(variants[variant]):
-        base = np.array(palette[int(generator.choice(len(palette), p=shares))])
-        red, green, blue = np.clip(base * generator.uniform(0.85, 1.15), 0.0, 1.0)
+        base = np.array(palette[int(rng.choice(len(palette), p=shares))])
+        red, green, blue = np.clip(base * rng.uniform(0.85, 1.15), 0.0, 1.0)
         colors[bsdf] = (round(float(red), 6), round(float(green), 6), round(float(blue), 6))
     return variant, colors
 
@@ -87,8 +87,8 @@ def draw_jitter(seed: int, name: str, spec: JitterSpec | None, attempt: int = 0)
     """Return the shift of an actor; `attempt` counts the draws that were given up because bodies touched."""
     if spec is None:
         return Jitter()
-    generator = seeds.generator(seed, "scenario_placements", actor=name, attempt=attempt)
-    along, lateral, yaw = generator.uniform(-1.0, 1.0, 3)
+    rng = seeds.generator(seed, "scenario_placements", actor=name, attempt=attempt)
+    along, lateral, yaw = rng.uniform(-1.0, 1.0, 3)
     return Jitter(float(along * spec.along), float(lateral * spec.lateral), float(yaw * spec.yaw_deg))
 
 
@@ -110,9 +110,9 @@ def draw_materials(seed: int, table: MaterialTable) -> MaterialTable:
 def _drawn(material: RadioMaterial, seed: int, ranges: Mapping[str, Any] | None) -> RadioMaterial:
     if ranges is None:
         return material
-    generator = seeds.generator(seed, "scenario_materials", material=material.name)
-    draws = dict(zip(("relative_permittivity", "conductivity", "thickness"), generator.uniform(size=3), strict=True))
-    rough, bright = (float(FACTOR**power) for power in generator.uniform(-1.0, 1.0, 2))
+    rng = seeds.generator(seed, "scenario_materials", material=material.name)
+    draws = dict(zip(("relative_permittivity", "conductivity", "thickness"), rng.uniform(size=3), strict=True))
+    rough, bright = (float(FACTOR**power) for power in rng.uniform(-1.0, 1.0, 2))
     if ranges.get("together"):
         draws["conductivity"] = draws["relative_permittivity"]
     changes: dict[str, float] = {}

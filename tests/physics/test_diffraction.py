@@ -236,7 +236,7 @@ def test_rate_and_acceleration_over_an_edge(tmp_path, moving: str) -> None:
 
 
 def test_antennas_behind_an_edge(screen) -> None:
-    """A small array is served by one solve; a wide one is told how far off it is."""
+    """A small array is served by one solve; for a wide one the error is reported."""
     points = PointScatterers([[25.0, 1.0, 2.5]], np.zeros((1, 3)), 1.0)
     options = {"max_depth": 1, **FEW}
     radar = RADAR.with_(tx_positions=((0, 0.1, 0),), rx_positions=((0, -0.1, 0.004),))

@@ -197,12 +197,12 @@ def test_what_the_floor_drops_is_below_the_noise_even_in_phase(tmp_path) -> None
     noise /= radar.num_samples * radar.num_chirps * radar.num_virtual
     for floor_db in (-10.0, 10.0):
         found = solve_paths(state, radar, pose, method="sbr", settings=SbrSettings(floor_db=floor_db))
-        told = found.diagnostics["floor"]
+        reported = found.diagnostics["floor"]
         kept = {row.tobytes() for row in found.tx_point}
         gone = np.array([row.tobytes() not in kept for row in whole.tx_point])
-        assert gone.sum() == told["num_dropped"] == whole.num_paths - found.num_paths
+        assert gone.sum() == reported["num_dropped"] == whole.num_paths - found.num_paths
         assert 0 < gone.sum() < whole.num_paths
-        assert told["dropped_power"] == pytest.approx(np.sum(amplitude[gone] ** 2), rel=1e-9)
+        assert reported["dropped_power"] == pytest.approx(np.sum(amplitude[gone] ** 2), rel=1e-9)
         limit = noise * 10 ** (floor_db / 10)
         for number in np.unique(bins):
             here = bins == number

@@ -228,10 +228,10 @@ def test_paths_are_attenuated_and_told(world) -> None:
     pose = Pose([0.0, 0.0, 200.0])  # above the scene: nothing hides
     far = point_targets([[100.0, 0.0, 200.0]], [[0.0, 0.0, 0.0]], 1.0, RADAR, pose)
     wet = through_weather(far, state, RADAR, None)
-    told = wet.diagnostics["weather"]["attenuation_db_per_km"]
+    reported = wet.diagnostics["weather"]["attenuation_db_per_km"]
     loss = -20.0 * np.log10(np.abs(wet.a[0, 0, 0] / far.a[0, 0, 0]))
-    assert loss == pytest.approx(0.2 * told["V"], rel=1e-9)
-    assert told["V"] == pytest.approx(10.99, abs=0.1)  # P.838-3 at 77 GHz
+    assert loss == pytest.approx(0.2 * reported["V"], rel=1e-9)
+    assert reported["V"] == pytest.approx(10.99, abs=0.1)  # P.838-3 at 77 GHz
     assert through_weather(far, world.at(0.0), RADAR, None) is far
 
 

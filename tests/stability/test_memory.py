@@ -1,4 +1,4 @@
-"""Worlds that nobody uses any more leave nothing in the process."""
+"""Worlds that are no longer used leave nothing in the process."""
 
 from __future__ import annotations
 

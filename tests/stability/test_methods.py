@@ -1,6 +1,6 @@
 """The same awkward geometry for every channel solver.
 
-What must not change the echo does not, what is out of reach is told.
+What must not change the echo does not, what is out of reach is reported.
 """
 
 from __future__ import annotations

@@ -171,9 +171,9 @@ def test_what_the_floor_drops_is_below_it_even_in_phase(tmp_path) -> None:
     pose = Pose([-60.0, 0, 0])
     every = solve_paths(state, RADAR, pose, method="sbr", settings=ALL)
     kept = solve_paths(state, RADAR, pose, method="sbr", settings=ALL.with_(floor_db=20.0))
-    told = kept.diagnostics["floor"]
-    assert 0 < told["num_dropped"] == every.num_paths - kept.num_paths
-    assert told["in_phase_to_noise_db"] <= 20.0
+    reported = kept.diagnostics["floor"]
+    assert 0 < reported["num_dropped"] == every.num_paths - kept.num_paths
+    assert reported["in_phase_to_noise_db"] <= 20.0
     assert np.isin(np.abs(kept.a[:, 0, 0]), np.abs(every.a[:, 0, 0])).all()
 
 

@@ -1,6 +1,6 @@
 """One solve for a wide array.
 
-Exact where all antennas see the path, told where they do not, exact through panes and to -60 dB.
+Exact where all antennas see the path, reported where they do not, exact through panes and to -60 dB.
 """
 
 from __future__ import annotations

@@ -153,8 +153,8 @@ def test_same_bytes_twice_and_plain_diagnostics(state, paths) -> None:
         if isinstance(value, np.ndarray):
             assert value.tobytes() == getattr(again, name).tobytes(), name
     frame = Radar(RADAR.with_(num_chirps=4), SETTINGS.with_(noise=False)).observe(state, POSE, np.random.default_rng(0))
-    told = json.loads(json.dumps(frame.diagnostics))
-    assert told["method"] == "auto" and told["tolerance_db"] == 1.0
+    reported = json.loads(json.dumps(frame.diagnostics))
+    assert reported["method"] == "auto" and reported["tolerance_db"] == 1.0
     without = [{key: value for key, value in item.diagnostics.items() if key != "seconds"} for item in (paths, again)]
     assert json.dumps(without[0]) == json.dumps(without[1])
 
@@ -232,9 +232,9 @@ def test_what_one_object_spends_of_the_budget_the_next_lacks(platoon) -> None:
     for number in (1, 2, 3):
         budget = sum(alone[name] for name in order[:number]) + 1.0
         assert budget > max(alone.values())
-        told = found(budget)
-        assert [told[name]["method"] for name in order] == ["sbr"] * number + ["raycast"] * (3 - number)
-        assert sum(entry["tubes"] for entry in told.values()) <= budget
+        reported = found(budget)
+        assert [reported[name]["method"] for name in order] == ["sbr"] * number + ["raycast"] * (3 - number)
+        assert sum(entry["tubes"] for entry in reported.values()) <= budget
 
 
 def test_echoes_through_mirrors_are_paid_from_what_is_left(tmp_path) -> None:

@@ -1,4 +1,4 @@
-"""From a scenario to its world: who is there and how they move, and what cannot be is told at its line."""
+"""From a scenario to its world: who is there and how they move, and what cannot be is reported with its line."""
 
 from __future__ import annotations
 

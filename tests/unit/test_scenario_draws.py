@@ -1,4 +1,4 @@
-"""What a scenario draws by lot.
+"""What a scenario draws at random.
 
 Within what is stated, the same for the same seed, and each draw apart from the others.
 """

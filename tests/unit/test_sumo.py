@@ -13,7 +13,7 @@ from scarl_sionna.core.errors import ScarlWarning, SimulatorError, TrajectoryFil
 from scarl_sionna.engine.world import find_scene, load_scene
 from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.checks.motion import check_ground, check_motion
-from scarl_sionna.scenario.motion.bodies import Body
+from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.tables import read_table
 from scarl_sionna.scenario.spec.actors import TrafficSpec
@@ -22,9 +22,9 @@ from scarl_sionna.scenario.traffic.planned import Conversion, PlannedActor, lane
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
-BODIES = {name: Body() for name in ("saloon", "small_car", "suv", "van")} | {
-    "bus": Body(12.0, 2.5, 3.0, 6.0, -3.0),
-    "adult_man": Body(0.55, 0.6, 1.75, 0.0, 0.0, "walk"),
+BODIES = {name: ActorBody() for name in ("saloon", "small_car", "suv", "van")} | {
+    "bus": ActorBody(12.0, 2.5, 3.0, 6.0, -3.0),
+    "adult_man": ActorBody(0.55, 0.6, 1.75, 0.0, 0.0, "walk"),
 }
 
 
@@ -117,7 +117,7 @@ def test_teleports_and_single_instants_are_left_out(tmp_path: Path) -> None:
     )
 
 
-def _inside(actors: list[PlannedActor], times: np.ndarray) -> list[tuple[str, PathTrajectory, Body, np.ndarray]]:
+def _inside(actors: list[PlannedActor], times: np.ndarray) -> list[tuple[str, PathTrajectory, ActorBody, np.ndarray]]:
     rows = []
     for actor in actors:
         present = times[(times >= actor.active[0] + 0.01) & (times <= actor.active[1] - 0.01)]

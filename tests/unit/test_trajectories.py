@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, TrajectoryFileError, UnknownNameError
-from scarl_sionna.scenario.motion.bodies import WALKER, Body
+from scarl_sionna.scenario.motion.bodies import WALKER, ActorBody
 from scarl_sionna.scenario.motion.paths import LateralShift, PathTrajectory, SmoothPath, quintic_step
 from scarl_sionna.scenario.motion.profiles import SpeedProfile, constant_way, smooth_way
 from scarl_sionna.scenario.motion.recorded import Record, smooth_record
@@ -17,7 +17,7 @@ from scarl_sionna.scenario.motion.routes import Route, route_points, vehicle_tra
 from scarl_sionna.scenario.motion.tables import read_table, read_table_actors, write_table
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
-CAR = Body(4.6, 1.8, 1.45, 2.7, -1.35)
+CAR = ActorBody(4.6, 1.8, 1.45, 2.7, -1.35)
 
 
 def hill_and_bend() -> LaneNetwork:

@@ -1,4 +1,4 @@
-"""Exporters to the formats that people use, one a file, and a table of them."""
+"""Exporters to common formats, one a file, and a table of them."""
 
 from __future__ import annotations
 

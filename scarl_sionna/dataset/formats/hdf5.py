@@ -103,7 +103,7 @@ class _Sink:
     """A file for the HDF5 library that keeps a failed write to itself until `check`.
 
     The library cannot close a file whose last writes failed (full disk): it leaves it open and crashes at the end of
-    the process. So it is told that they worked, and the export ends with the first error after the frame.
+    the process. So they are reported as done, and the export ends with the first error after the frame.
     """
 
     def __init__(self, path: Path) -> None:

@@ -69,7 +69,7 @@ def export_mcap(
     data : FrameSource, dataset or path
         See `as_source`. Scenes follow each other.
     out : path
-        File to write, by custom ``.mcap``.
+        File to write, usually with the suffix ``.mcap``.
     raw_radar : bool
         Also the raw radar data, as messages of the type ``scarl.RadarFrame`` (int16 in base64).
     pfa : float

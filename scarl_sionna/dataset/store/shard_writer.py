@@ -351,7 +351,7 @@ def unpack(
 
 
 def tidy_shard(root: Path, scene: ScenePlan, shard: int, options: StoreOptions) -> None:
-    """Remove what a killed process left of a shard beside its files, if nobody works on it; finished frames stay.
+    """Remove what a killed process left of a shard beside its files, if no process works on it; finished frames stay.
 
     Raises
     ------

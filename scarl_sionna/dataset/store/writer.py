@@ -264,7 +264,7 @@ class DatasetFolder:
             remove_file(self.root / name)  # the log is ours, else this export would not have begun
 
     def _tidy_work(self) -> None:
-        """Remove what killed runs left of shards on which nobody works.
+        """Remove what killed runs left of shards on which no process works.
 
         All of a finished one, else what has no name yet.
         """

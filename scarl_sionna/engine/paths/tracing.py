@@ -1,6 +1,6 @@
 """Which surfaces propagation paths touch, from Sionna RT's PathSolver.
 
-Their planes in float64 for whoever needs a phase.
+Their planes are in float64, as phases need them.
 
 The solver works in float32: the surfaces, their order and the kinds of interaction are right, lengths are not good
 enough at 77 GHz (2.6 deg rms at 200 m). So only the former are taken from it, with the float64 planes of the triangles

@@ -41,7 +41,7 @@ _known: WeakKeyDictionary[World, tuple[Overlap, ...]] = WeakKeyDictionary()
 def overlapping_parts(world: World) -> tuple[Overlap, ...]:
     """Return the pairs of parts of one body (or of what stands still) that overlap in a plane, each pair once, sorted.
 
-    Only faces that look the same way are told: where two solids touch, their faces look at each other and hide in
+    Only faces that look the same way are reported: where two solids touch, their faces look at each other and hide in
     between.
     """
     if world not in _known:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.engine.world import World, WorldState
-from scarl_sionna.scenario.motion.bodies import Body, BodyLike
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scenario.motion.paths import sample_motion
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
@@ -55,7 +55,7 @@ class MotionFault:
 
 def contacts(body: BodyLike) -> Array:
     """Return the points (C, 3) [m, actor's frame] with which a body stands: its wheels, or its middle."""
-    whole = Body.of(body)
+    whole = ActorBody.of(body)
     if whole.wheelbase <= 0.0:
         return np.zeros((1, 3))
     half = 0.4 * whole.width if whole.wheelbase > 1.6 else 0.0

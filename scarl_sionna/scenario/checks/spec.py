@@ -23,7 +23,7 @@ from scarl_sionna.core.errors import (
     ScenarioValueError,
 )
 from scarl_sionna.scenario.cast import Member
-from scarl_sionna.scenario.motion.bodies import WALKER, Body
+from scarl_sionna.scenario.motion.bodies import WALKER, ActorBody
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scene.document.model import InstanceEntry, SceneDocument
 from scarl_sionna.scene.motion.trajectory import Trajectory
@@ -52,9 +52,9 @@ _LONGEST = 2000
 Moving = tuple[str, Trajectory, Measures]
 
 
-def body_of_entry(entry: InstanceEntry) -> Body:
+def body_of_entry(entry: InstanceEntry) -> ActorBody:
     """Return the usual measures of a class, for an actor of the scene whose model is not known."""
-    return WALKER if entry.semantic == "Pedestrian" else Body()
+    return WALKER if entry.semantic == "Pedestrian" else ActorBody()
 
 
 def moving_of(document: SceneDocument) -> Iterator[tuple[InstanceEntry, Trajectory]]:

@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
-from .bodies import Body
+from .bodies import ActorBody
 
 Array = npt.NDArray[np.float64]
 
@@ -206,7 +206,7 @@ class PathTrajectory:
     path : SmoothPath
     way : scipy.interpolate.PPoly
         Way of the rear axle along the path [m] over time [s], C2 for a continuous acceleration.
-    body : Body
+    body : ActorBody
         Wheelbase and rear axle place the origin and pitch the body on slopes.
     start, stop : float or None
         Times at which the motion is known [s]; None: those of `way`.
@@ -229,12 +229,12 @@ class PathTrajectory:
         self,
         path: SmoothPath,
         way: PPoly,
-        body: Body | None = None,
+        body: ActorBody | None = None,
         start: float | None = None,
         stop: float | None = None,
         name: str = "actor",
     ) -> None:
-        self.path, self.way, self.body, self.name = path, way, body or Body(), name
+        self.path, self.way, self.body, self.name = path, way, body or ActorBody(), name
         self.start = float(way.x[0] if start is None else start)
         self.stop = float(way.x[-1] if stop is None else stop)
         if not self.start < self.stop:

@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
-from .bodies import Body
+from .bodies import ActorBody
 from .paths import PathTrajectory, SmoothPath, quintic_step
 from .profiles import smooth_way
 from .routes import smoothing_of
@@ -70,13 +70,13 @@ class Smoothed:
     num_lane_changes: int
 
 
-def smooth_record(record: Record, body: Body, span: tuple[float, float] | None = None) -> Smoothed:
+def smooth_record(record: Record, body: ActorBody, span: tuple[float, float] | None = None) -> Smoothed:
     """Return a smooth motion for recorded samples.
 
     Parameters
     ----------
     record : Record
-    body : Body
+    body : ActorBody
         Its rear axle follows the path of the record's reference point.
     span : (float, float) or None
         Times [s] at which the motion shall be known at least; outside those of the record, the body goes straight on

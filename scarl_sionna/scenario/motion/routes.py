@@ -12,7 +12,7 @@ from scipy.interpolate import PPoly
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.scene.lanes import LaneNetwork
 
-from .bodies import Body, BodyLike, body_of
+from .bodies import ActorBody, BodyLike, body_of
 from .paths import SMOOTHING, LateralShift, PathTrajectory, SmoothPath
 from .profiles import SpeedProfile, constant_way, smooth_way
 
@@ -22,7 +22,7 @@ WALK_SMOOTHING = 1.5
 """Distance of the knots of a walker's path [m]: about two steps; a corner is taken in three."""
 
 
-def smoothing_of(body: Body) -> float:
+def smoothing_of(body: ActorBody) -> float:
     """Return the distance of the knots of a body's path [m]: longer for what steers than for what walks."""
     return SMOOTHING if body.wheelbase > 0.8 else WALK_SMOOTHING
 

@@ -23,7 +23,7 @@ from scarl_sionna.scenario.traffic.planned import Ground, PlannedActor, lane_gro
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory, WaypointTrajectory
 
-from .bodies import Body, BodyLike, body_of
+from .bodies import ActorBody, BodyLike, body_of
 from .paths import sample_motion
 from .routes import vehicle_trajectory
 
@@ -232,7 +232,7 @@ def _actors(
         height = numbers["z"][rows] if "z" in numbers else ground(plan) if ground is not None else np.zeros(len(rows))
         kind = str(columns["model"][listed[0]] or "").strip() if "model" in columns else ""
         model = model_of_type(kind) if not (models and kind in models) else kind
-        body = body_of(model, models) if kind else Body()
+        body = body_of(model, models) if kind else ActorBody()
         try:
             yaw = numbers["yaw_deg"][rows] if "yaw_deg" in numbers else None
             trajectory = _trajectory(name, times, np.column_stack([plan, height]), yaw, body)
@@ -254,7 +254,7 @@ def _floats(path: Path, name: str, values: Sequence[object]) -> Array:
     return numbers
 
 
-def _trajectory(name: str, times: Array, points: Array, yaw_deg: Array | None, body: Body) -> Trajectory:
+def _trajectory(name: str, times: Array, points: Array, yaw_deg: Array | None, body: ActorBody) -> Trajectory:
     if np.ptp(points, axis=0).max() < 0.01 and (yaw_deg is None or np.ptp(np.unwrap(np.radians(yaw_deg))) < 1e-3):
         pose = Pose.from_euler(points.mean(0), yaw=0.0 if yaw_deg is None else float(np.radians(yaw_deg[0])))
         return StaticTrajectory(

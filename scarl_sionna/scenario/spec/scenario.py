@@ -80,7 +80,7 @@ class ScenarioSpec(Spec):
         "another",
     )
     traffic: TrafficSpec | None = None
-    randomization: RandomizationSpec = Field(RandomizationSpec(), description="what is drawn by lot")
+    randomization: RandomizationSpec = Field(RandomizationSpec(), description="what is drawn at random")
     collisions: Literal["error", "warn", "allow"] = Field("error", description="what bodies that overlap do")
 
     _origin: Origin | None = PrivateAttr(None)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.scenario.motion.bodies import Body
+from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scene.lanes import Signals
 
 from .tracks import Track, TrackGraph, curve_speed
@@ -43,7 +43,7 @@ class Driver:
     model.
     """
 
-    body: Body
+    body: ActorBody
     route: list[int]
     way: float
     speed: float

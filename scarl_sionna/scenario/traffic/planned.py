@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.scenario.motion.bodies import Body, BodyLike
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import Trajectory, forward_speeds
 
@@ -34,7 +34,7 @@ class PlannedActor:
         Name of the model's variant; None: its first.
     trajectory : Trajectory
         Known for the whole duration.
-    body : Body
+    body : ActorBody
         Measures that it was planned with.
     phase : float
         Phase of the gait at the start, 0 to 1.
@@ -52,7 +52,7 @@ class PlannedActor:
     model: str
     variant: str | None
     trajectory: Trajectory
-    body: Body
+    body: ActorBody
     phase: float = 0.0
     active: tuple[float, float] = field(default=(-np.inf, np.inf))
     deviation: float = 0.0

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.scenario.checks.collisions import find_collisions
-from scarl_sionna.scenario.motion.bodies import Body, BodyLike
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
 from .planned import PlannedActor
@@ -39,7 +39,7 @@ def without_collisions(
     ScarlWarning
         If an actor is left out.
     """
-    bodies = [(f"given {number}", trajectory, Body.of(body)) for number, (trajectory, body) in enumerate(others)]
+    bodies = [(f"given {number}", trajectory, ActorBody.of(body)) for number, (trajectory, body) in enumerate(others)]
     bodies += [(actor.name, actor.trajectory, actor.body) for actor in actors]
     rank = {name: number for number, (name, _, _) in enumerate(bodies)}
     present = {actor.name: actor.active for actor in actors}

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.seeds import generator
-from scarl_sionna.scenario.motion.bodies import Body, BodyLike, body_of
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of
 from scarl_sionna.scenario.motion.paths import PathTrajectory, SmoothPath, sample_motion
 from scarl_sionna.scenario.motion.profiles import way_from_states
 from scarl_sionna.scenario.motion.routes import smoothing_of
@@ -109,7 +109,7 @@ def simulate_traffic(
     graph = track_graph(network, duration + WARM_UP, width, longest, on_foot=traffic.pedestrians > 0)
     start, num_steps = start_time - WARM_UP, round((duration + WARM_UP) / STEP + 0.5)
     instants: Array = start + STEP * np.arange(num_steps + 1, dtype=np.float64)
-    obstacles = [_obstacle(graph, trajectory, Body.of(body), instants) for trajectory, body in others]
+    obstacles = [_obstacle(graph, trajectory, ActorBody.of(body), instants) for trajectory, body in others]
     planner = _Planner(graph, generator(seed, "traffic"), duration + WARM_UP, obstacles)
 
     wanted = [("drive", shares, round(traffic.density * planner.kilometres("drive")), chosen)]
@@ -142,7 +142,7 @@ def simulate_traffic(
     return without_collisions(actors, times, others)
 
 
-def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: Body, instants: Array) -> Obstacle:
+def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: ActorBody, instants: Array) -> Obstacle:
     """Return where a given motion is on the tracks at each instant; before and after its time it stands."""
     motion = sample_motion(trajectory, np.clip(instants, trajectory.start, trajectory.stop))
     along = np.stack([np.cos(motion.heading), np.sin(motion.heading)], axis=1)
@@ -195,7 +195,7 @@ class _Planner:
         ]
         return sum(track.length for track in entering) / 1000.0
 
-    def add(self, kind: str, shares: Mapping[str, float], count: int, bodies: Mapping[str, Body]) -> int:
+    def add(self, kind: str, shares: Mapping[str, float], count: int, bodies: Mapping[str, ActorBody]) -> int:
         """Place up to `count` drivers; return how many found a place."""
         if not count:
             return 0
@@ -220,7 +220,7 @@ class _Planner:
                 placed += 1
         return placed
 
-    def _is_free(self, index: int, front: float, body: Body) -> bool:
+    def _is_free(self, index: int, front: float, body: ActorBody) -> bool:
         track = self.graph.tracks[index]
         room = 0.4 if track.kind == "walk" else 2.5
         rear = front - body.length
@@ -230,7 +230,7 @@ class _Planner:
             return False
         return all(front + room < low or rear - room > high for low, high in self.taken.get(index, ()))
 
-    def _driver(self, index: int, front: float, body: Body, model: str) -> Driver:
+    def _driver(self, index: int, front: float, body: ActorBody, model: str) -> Driver:
         track = self.graph.tracks[index]
         spread = self.draw.normal(size=4).clip(-2.0, 2.0)
         if track.kind == "walk":

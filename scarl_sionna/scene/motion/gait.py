@@ -99,7 +99,7 @@ class WalkingGait:
         Raises
         ------
         ParameterRangeError
-            If nobody walks that fast.
+            If it is faster than people walk.
         """
         relative = speed / self.lengths.leg
         if not 0.0 <= relative <= FASTEST:
