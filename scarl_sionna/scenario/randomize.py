@@ -6,7 +6,6 @@ nor one actor what another gets.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -18,6 +17,7 @@ import numpy as np
 from scarl_sionna.core import seeds
 from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.scene.document.model import SceneDocument
+from scarl_sionna.scene.document.staging import without_number
 from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial
 
 from .spec.actors import JitterSpec
@@ -131,8 +131,8 @@ def draw_reflectances(seed: int, document: SceneDocument) -> SceneDocument:
     materials = {}
     for bsdf, entry in document.materials.items():
         if entry.lidar_reflectance is not None:
-            name = re.sub(r"^(actor-.*?)-\d+$", r"\1", bsdf)  # staged ones are numbered in the order of their actors
-            factor = FACTOR ** seeds.generator(seed, "scenario_reflectances", bsdf=name).uniform(-1.0, 1.0)
+            drawn = seeds.generator(seed, "scenario_reflectances", bsdf=without_number(bsdf)).uniform(-1.0, 1.0)
+            factor = FACTOR**drawn
             most = 1.0 - (entry.lidar_transmittance or 0.0)
             entry = replace(entry, lidar_reflectance=min(float(entry.lidar_reflectance * factor), most))
         materials[bsdf] = entry
