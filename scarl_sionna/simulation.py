@@ -207,7 +207,7 @@ def simulate(
 def resolve_rig(scenario: ScenarioSpec) -> Rig:
     """Return the scenario's rig.
 
-    a preset or that of a file, in its quality, and with the scenario's radar settings on top.
+    A preset or that of a file, in its quality, and with the scenario's radar settings on top.
 
     In a rig file, the quality stands for what the file does not state of the settings of its radars.
     """

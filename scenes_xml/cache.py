@@ -150,7 +150,7 @@ def _is_own(root: Path) -> bool:
 def _is_whole(folder: Path, files: Sequence[str]) -> bool:
     """Return whether all files are there and hold something.
 
-    a folder that was found whole before is looked at shortly.
+    A folder that was found whole before is checked briefly.
     """
     try:
         for file in files[:1] if folder in _whole else files:

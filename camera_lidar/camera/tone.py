@@ -1,6 +1,6 @@
 """From linear radiance to 8-bit sRGB.
 
-a fixed daylight exposure, a tone curve with a shoulder, and the sRGB encoding.
+A fixed daylight exposure, a tone curve with a shoulder, and the sRGB encoding.
 """
 
 from __future__ import annotations

@@ -232,7 +232,7 @@ def range_deviation(spec: LidarSpec, cnr: npt.ArrayLike) -> Array:
 def velocity_deviation(spec: LidarSpec, cnr: npt.ArrayLike) -> Array:
     """Return the Cramer-Rao bound of the radial velocity from an up and a down chirp [m/s].
 
-    Wavelength / 4 sqrt(2) sigma_f.
+    It is wavelength / 4 sqrt(2) sigma_f.
 
     Parameters
     ----------

@@ -165,7 +165,7 @@ def saturated(spec: LidarSpec, cnr: npt.ArrayLike) -> Array:
 def full_scale_cnr(spec: LidarSpec) -> float:
     """Return the carrier-to-noise ratio of a tone that just reaches full scale.
 
-    Inf for a receiver without saturation.
+    Infinite for a receiver without saturation.
 
     By definition of full scale.
     """

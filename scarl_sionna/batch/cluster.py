@@ -135,7 +135,7 @@ def portable(error: ScarlError) -> ScarlError:
 def dask_setup(worker: Worker) -> None:
     """Let a worker of this machine ignore Ctrl-C, which a terminal sends to all processes.
 
-    The one that started it stops it.
+    The process that started it stops it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -62,7 +62,7 @@ class SprayCloud:
     def chord(self, origins: Array, directions: Array, longest: npt.ArrayLike) -> tuple[Array, Array]:
         """Return where rays enter and leave the cloud [m], shapes (num_rays,).
 
-        a ray that misses it has an empty interval.
+        A ray that misses it has an empty interval.
 
         Parameters
         ----------

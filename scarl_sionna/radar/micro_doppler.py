@@ -59,7 +59,7 @@ class Spectrogram(Described):
     def mean_velocity(self) -> Array:
         """Return the power-weighted mean of the radial velocity at each time, shape (num_times,) [m/s].
 
-        Nan without power.
+        NaN without power.
         """
         total = self.power.sum(axis=1)
         first = self.power @ self.radial_velocity

@@ -61,7 +61,7 @@ class Actor(Described):
     def motions(self, time: float) -> dict[str, Motion]:
         """Return the motion relative to the actor of each shape that has a joint.
 
-        Beyond the trajectory that at its end.
+        Beyond the trajectory, the motion at its end.
         """
         known = min(max(time, self.trajectory.start), self.trajectory.stop)
         return {shape: motion for joint in self.joints for shape, motion in joint.motions(known).items()}

@@ -62,7 +62,7 @@ def _along(x: float, y: float, speed: float) -> Array:
 def _kerb(distance: Array) -> Array:
     """Return the height of a foot on its way over a dropped kerb, at its distance behind the kerb's edge [m].
 
-    a low step, then a ramp.
+    A low step, then a ramp.
     """
     low = 0.15 * at.KERB
     u = np.clip(distance / 0.4 + 0.5, 0.0, 1.0)

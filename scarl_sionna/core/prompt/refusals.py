@@ -98,7 +98,7 @@ def unknown_field(
 ) -> SpecError:
     """Return the error about a name that a specification does not have.
 
-    The part where it stands, or the name that was meant.
+    It says in which part the name stands, or which name was meant.
 
     Parameters
     ----------

@@ -170,7 +170,7 @@ class Weather(Spec):
     def meteorological_range(self) -> float:
         """Range at which a black target has a contrast of 5 % through fog, rain and snow together [m].
 
-        Inf in clear air.
+        Infinite in clear air.
         """
         extinction = self.atmosphere.weather_extinction(REFERENCE_WAVELENGTH)
         return -math.log(CONTRAST) / extinction if extinction > 0.0 else math.inf

@@ -200,7 +200,7 @@ def _draw_sensors(axis: Axes, state: StateView, rig: Sensors) -> None:
 def _field_of_view(spec: Spec) -> tuple[float, float]:
     """Return the first and the last azimuth of a sensor's field of view [deg], left positive.
 
-    a narrow fan for other kinds.
+    A narrow fan for other kinds.
     """
     if isinstance(spec, LidarSpec):
         first, last = spec.view_deg[:2]

@@ -199,7 +199,7 @@ def _by_arc_length(fitted: BSpline, way: Array, smoothing: float) -> tuple[BSpli
 class PathTrajectory:
     """A body whose rear axle follows a path: the kinematic bicycle without slip [1]_.
 
-    One that walks follows it with its origin.
+    A pedestrian follows it with its origin.
 
     Parameters
     ----------

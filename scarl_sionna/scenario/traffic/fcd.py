@@ -49,7 +49,7 @@ Samples = dict[str, list[tuple[float, float, float, float, float]]]
 
 
 def model_of_type(kind: str, is_person: bool = False) -> str:
-    """Return the actor model for the name of a type of another program: the model of that name, or what its words say.
+    """Return the actor model for the name of a type of another program: the model of that name, or by its words.
 
     Else a saloon.
     """

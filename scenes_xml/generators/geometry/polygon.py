@@ -115,7 +115,7 @@ def triangles(outline: Array) -> Faces:
 def sheet(outline: Array, height: float | Array = 0.0, tile: float = 1.0) -> Mesh:
     """Return a polygon as a surface that looks up, at a height or with one for each corner [m].
 
-    Uv in tiles of `tile` [m].
+    Its uv is in tiles of `tile` [m].
     """
     points = np.asarray(outline, float)[:, :2]
     z = np.broadcast_to(height, (len(points),))

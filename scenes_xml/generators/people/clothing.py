@@ -1,4 +1,4 @@
-"""What people wear and carry, in the frames of the segments of a body that carry it (see pedestrian.py).
+"""Clothes and bags of people, in the frames of the body segments that carry them (see pedestrian.py).
 
 In its heights.
 """

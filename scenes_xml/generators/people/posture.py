@@ -1,4 +1,4 @@
-"""A body in a fixed posture: one who stands, sits on a saddle or holds a handlebar.
+"""A body in a fixed posture: standing, on a saddle, or holding a handlebar.
 
 Limbs reach their ends by two-link geometry.
 """

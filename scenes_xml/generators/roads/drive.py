@@ -1,6 +1,6 @@
 """Waypoints of what moves.
 
-a way along joined centre lines at a speed that changes smoothly, on the ground as it is built.
+A way along joined centre lines at a speed that changes smoothly, on the ground as it is built.
 """
 
 from __future__ import annotations
