@@ -31,7 +31,7 @@ EGO = "ego"
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """One who takes part: where the scenario states it, and what is put into the scene."""
+    """A participant: where the scenario states it, and what is put into the scene."""
 
     path: KeyPath
     actor: StagedActor

@@ -23,7 +23,7 @@ KERB_HEIGHT = 0.12
 VERGE, WALK = 1.75, 3.65
 """Distance from the kerb to the outer edge of the verge and of the footway."""
 CROSSING = 44.0
-"""Arc length where the kerbs are lowered for people who cross."""
+"""Arc length where the kerbs are lowered for pedestrians who cross."""
 DRIVE_HALF = 1.55
 FRONTS = ("hedge", "picket", "hedge", "wall", "hedge", "none")
 KINDS = 7

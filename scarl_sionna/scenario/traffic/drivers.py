@@ -30,14 +30,14 @@ HARDEST_BRAKING, FIRM_BRAKING = 8.0, 4.0
 """What brakes can give, and what a driver brakes with at a signal that has just turned red [m/s^2]."""
 _JERK, _EMERGENCY_JERK = 6.0, 25.0
 _SETTING_OFF = 1.5
-"""Acceleration that is expected of one who has the right of way and may set off [m/s^2]."""
+"""Acceleration that is expected of a driver who has the right of way and may set off [m/s^2]."""
 _HORIZON = 120.0
 """How far ahead a driver looks for others [m]."""
 
 
 @dataclass
 class Driver:
-    """One who moves along a route of tracks; `way` is that of the front, along the route [m].
+    """A vehicle or a pedestrian on a route of tracks; `way` is that of the front, along the route [m].
 
     `headway` T [s], `acceleration` a, `braking` b [m/s^2], `gap` s0 [m] and `share` of the speed limit are those of the
     model.
