@@ -26,15 +26,15 @@ SHAPE = re.compile(
 UNITS = (
     r"\[(?:[^\]\d,]|1/|m2|\d)[^\]]{0,30}\]|\bmetres?\b|\bseconds?\b|\bradians?\b|\bdegrees?\b|\bhertz\b|\bdecibels?\b|"
     r"\bdB(?:m|sm|i)?\b|\bpixels?\b|\bpx\b|\brad\b|m/s\b|\bkelvin\b|\bwatts?\b|\bbytes\b|"
-    r"\belectrons\b|\bkg/m3\b|\bunits? of\b"
+    r"\belectrons\b|\bkg/m3\b|\bunits? of\b|\bown units\b|\bin its unit\b|\bany one unit\b"
 )
 DIMENSIONLESS = (
     r"dimensionless|\bratio\b|\bshare\b|\bfraction\b|\bprobabilit|\blinear\b|\bfactor\b|"
-    r"\bnumber of\b|\bcount\b|\bunit\b|"
-    r"\bdirection\b|\bindex\b|\brelative\b|quaternion|rotation matri|\bcosine\b|\bcodes?\b|\bweights?\b|\bscale\b|"
-    r"\b0 to 1\b|\bof 255\b|\bcovariance\b|\bpermittivity\b|\breflectance\b|\bcoefficients?\b|\bbins?\b|\bcolou?rs?\b|"
-    r"\balbedo\b|\bnumbers?\b|\bexponent\b|\btoleranc|\bpolari[sz]ation\b|\bmatrix\b|"
-    r"\bmultiples? of\b|\bwindow\b|\bgain\b"
+    r"\bnumber of\b|\bunit\b|"
+    r"\bdirection\b|\bindex\b|\brelative\b|quaternion|rotation matri|\bcosine\b|\bcodes?\b|\bweights?\b|"
+    r"\b0 to 1\b|\bof 255\b|\bcovariance\b|\bpermittivity\b|\breflectance\b|\bcoefficients?\b|\bcolou?rs?\b|"
+    r"\balbedo\b|\bexponent\b|\btoleranc|\bpolari[sz]ation\b|"
+    r"\bmultiples? of\b|\bgain\b"
 )
 SAYS_UNIT = re.compile(UNITS)
 SAYS_NONE = re.compile(DIMENSIONLESS, re.IGNORECASE)
@@ -43,7 +43,7 @@ NAMED_NONE = re.compile(
     r"permittivity|reflectance|transmittance|balance|exponent|weights?|index|rows|steps|k\d|p\d)(_|$)"
 )
 SUFFIX = re.compile(r"_(deg|db|dbm|dbsm|dbi|px|ns|dn|ms|hz|ghz|mm|km|pct)$")
-REFERS = re.compile(r"\b[Aa]s (?:of|in|for|those of|by)\b|\b[Ss]ee [`:]|\bOf [`:]|[:`][\w.~]+`")
+REFERS = re.compile(r"\b[Aa]s (?:of|in|for|those of) [:`A-Z]|\b[Ss]ee :?[`:]|\bOf [:`]|:(?:func|class|meth|mod):`")
 SOURCE = re.compile(
     r"\.\. \[\d|\[\d\]_|\bEqs?\. ?\(?\d|ITU-R|TR 38|\bDIN\b|\bISO\b|\bIEEE\b|\b(?:18|19|20)\d\d\b|[Ee]xact geometry|"
     r"[Bb]y definition|[Dd]efinition of|\.\. math::|Born and Wolf|Skolnik|SCaRL|Sionna|Nyquist|"

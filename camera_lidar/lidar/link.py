@@ -145,6 +145,7 @@ def saturated(spec: LidarSpec, cnr: npt.ArrayLike) -> Array:
     Returns
     -------
     ndarray of float64, shape of `cnr`
+        Linear.
 
     Notes
     -----

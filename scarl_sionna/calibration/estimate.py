@@ -63,7 +63,8 @@ class CalibrationResult:
     problem : CalibrationProblem
     model : ForwardModel
     values, std : ndarray of float64, shape (num_parameters,)
-        In the order of ``problem.parameters``; `std` is from the Fisher information with the stated noise and priors.
+        In the order and the units of ``problem.parameters``; `std` is from the Fisher information with the stated noise
+        and priors.
     covariance : ndarray of float64, shape (num_parameters, num_parameters)
     chi_square, degrees_of_freedom : float, int
         Of the measurements that were used; dimensionless.

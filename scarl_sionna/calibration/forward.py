@@ -43,7 +43,10 @@ FIELD_RANGES = {
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Numbers of one evaluation, sorted by what they belong to."""
+    """Numbers of one evaluation, sorted by what they belong to.
+
+    `targets` are in the units of the fields of a target; `gains` [dB], by measurement.
+    """
 
     materials: Mapping[str, TrialMaterial]
     targets: Mapping[str, dict[str, complex]]

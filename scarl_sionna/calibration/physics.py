@@ -55,7 +55,10 @@ class TrialMaterial:
 
     @classmethod
     def of(cls, base: RadioMaterial, changes: dict[str, complex]) -> TrialMaterial:
-        """Return a material with some numbers changed."""
+        """Return a material with some numbers changed.
+
+        In the units of the fields of :class:`RadioMaterial`.
+        """
         return cls(base, **{**{name: getattr(base, name) for name in MATERIAL_FIELDS}, **changes})
 
     def at(self, frequency: float) -> complex:
@@ -125,8 +128,7 @@ def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex
 def target_field(target: LobedTarget, changes: dict[str, complex], aspect_deg: npt.ArrayLike) -> Complex:
     """Return the root of the RCS [m] at some aspects; `changes` are ``floor_dbsm`` and ``<lobe>.<field>``.
 
-    Lobes have the shape of an antenna element of 3GPP TR 38.901, Table 7.3-1: 12 dB times the square of the angle
-    over the width at half power.
+    Floor and lobes as of :class:`~scarl_sionna.calibration.spec.LobedTarget`, TR 38.901, clause 7.9.2.
     """
     aspect = np.asarray(aspect_deg, dtype=np.float64)
 
@@ -156,7 +158,7 @@ def derivative(function: Callable[[Complex], Complex], point: Array, scale: Arra
     point : ndarray of float64, shape (num_parameters,)
         In the units of the parameters.
     scale : ndarray of float64, shape (num_parameters,)
-        Of each parameter; the circle has the radius ``RADIUS * scale``.
+        Of each parameter, in its unit; the circle has the radius ``RADIUS * scale``.
 
     Returns
     -------

@@ -138,7 +138,7 @@ class Pose(Described):
 
     @property
     def matrix(self) -> Array:
-        """Homogeneous matrix, shape (4, 4)."""
+        """Homogeneous matrix, shape (4, 4): rotation, dimensionless, and last column [m]."""
         out = np.eye(4)
         out[:3, :3] = self.rotation
         out[:3, 3] = self.position

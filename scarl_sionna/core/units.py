@@ -60,7 +60,7 @@ def db_to_power(value_db: FloatOrArray) -> FloatOrArray:
 def power_to_db(power: npt.ArrayLike, floor_db: float = -400.0) -> npt.NDArray[np.float64]:
     """Return a power ratio in dB; zero gives `floor_db` instead of minus infinity.
 
-    By definition of the decibel.
+    Any shape, kept. By definition of the decibel.
     """
     return 10.0 * np.log10(np.maximum(np.asarray(power, dtype=np.float64), 10.0 ** (floor_db / 10.0)))
 

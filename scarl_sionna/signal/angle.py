@@ -112,7 +112,7 @@ class RangeDopplerAngle(Described):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class UniformLine(Described, units={"spacing": "m"}):
-    """The virtual array as a line along y with one spacing: `order` sorts the channels, `spacing` is in metres."""
+    """The virtual array as a line along y with one spacing: the channels' `order` (num_virtual,), the `spacing` [m]."""
 
     order: npt.NDArray[np.intp]
     spacing: float

@@ -17,7 +17,7 @@ _TABLE_POINTS = 129
 def parabola_offset(left: npt.ArrayLike, middle: npt.ArrayLike, right: npt.ArrayLike) -> Array:
     """Return the offset in bins of a parabola's vertex through three values about a maximum, within +- 0.5.
 
-    Any shape, kept. Exact for a parabola, by definition.
+    Values of any one unit and any shape, kept. Exact for a parabola, by definition.
     """
     left, middle, right = (np.asarray(value, dtype=np.float64) for value in (left, middle, right))
     curvature = left - 2.0 * middle + right

@@ -6,18 +6,10 @@ import io
 import re
 import subprocess
 import tokenize
-from pathlib import Path
 
 import pytest
 
-REPO = Path(__file__).resolve().parents[2]
-IN_WORK = (
-    "scarl_sionna/radar/optics/", "scarl_sionna/radar/channel/", "scarl_sionna/radar/scatterers/",
-    "scarl_sionna/radar/weather/", "scarl_sionna/core/settings/", "scarl_sionna/engine/world.py",
-    "scarl_sionna/engine/twins.py", "scarl_sionna/engine/memory.py", "tests/conftest.py", "tests/own_process.py",
-    "scripts/mutants.py",
-)  # fmt: skip # a table
-"""Files that another change is about to bring into shape; to be emptied."""
+from tests.in_work import REPO, files_in_work
 
 _EXCEPTION = re.compile(r"#\s*fmt:\s*(skip|off)\b")
 _WITH_REASON = re.compile(r"#\s*fmt:\s*(skip|off)\s*#\s*\S")
@@ -40,7 +32,7 @@ def test_exceptions_from_the_formatter_state_their_reason() -> None:
     listed = subprocess.run(["git", "ls-files", "*.py"], capture_output=True, text=True, cwd=REPO, check=False)
     if listed.returncode != 0:
         pytest.skip("no checkout of git")
-    names = [name for name in listed.stdout.split() if not name.startswith(IN_WORK) and (REPO / name).exists()]
+    names = [name for name in listed.stdout.split() if not name.startswith(files_in_work()) and (REPO / name).exists()]
     found = {name: without_reason((REPO / name).read_text(encoding="utf-8")) for name in names}
     assert len(names) > 500
     assert not {name: lines for name, lines in found.items() if lines}

@@ -153,7 +153,8 @@ def _clouds(directions: Array, cover: float) -> tuple[Array, Array]:
 def clear_sky(mi: ModuleType, lighting: Lighting) -> tuple[Array, Array]:
     """Return the clear sky's radiance without the sun, shape (rows, columns, 3), and the sun's irradiance, shape (3,).
 
-    Zero below the horizon. Evaluated with Mitsuba's `sunsky` emitter; run it inside ``variant.optical()``.
+    In the unit of the scenes, `UNIT_LUMINANCE`. Zero below the horizon. Evaluated with Mitsuba's `sunsky` emitter; run
+    it inside ``variant.optical()``.
     """
     toward = sun_direction(lighting)
     base = {"type": "sunsky", "sun_direction": toward.tolist(), "turbidity": lighting.turbidity}

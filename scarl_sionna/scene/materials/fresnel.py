@@ -29,7 +29,7 @@ def halfspace_reflection(permittivity: complex, cos_incidence: npt.ArrayLike) ->
 
     Returns
     -------
-    te, tm : ndarray of complex128
+    te, tm : ndarray of complex128, shape of `cos_incidence`
         Electric field perpendicular to, and in, the plane of incidence. The sign of `tm` is that of a field which keeps
         its direction along the surface in the ray's own frame (+1 for a perfect conductor).
 
