@@ -37,6 +37,7 @@ test-slow: lint docs ## Run the linters, build the documentation site, and run a
 
 lint: $(TEST_STAMP) ## Check style, types and the direction of imports
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 

@@ -3,9 +3,9 @@
     python benchmarks/accuracy.py PROBLEM... [--repeats 2]      run; results to docs/figures/data/accuracy_PROBLEM.json
     python benchmarks/accuracy.py --write docs/accuracy.md      draw all figures and renew the tables from the results
 
-Problems: plate trihedral sphere two_ray wall car_near car_far highway. Error and time are those of the same call. Time: solver
-and synthesis of one frame (12 channels, 256 chirps, 512 samples), median of the repeats after a cold one; CPU seconds of all
-threads stand beside it.
+Problems: plate trihedral sphere two_ray wall car_near car_far highway. Error and time are those of the same call. Time:
+solver and synthesis of one frame (12 channels, 256 chirps, 512 samples), median of the repeats after a cold one; CPU
+seconds of all threads stand beside it.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ ROAD_PROBLEMS = ("car_near", "car_far", "highway")
 NOTHING_DB = 60.0
 STYLE = {  # Okabe and Ito's colours, which the colour-blind tell apart, each with a marker of its own
     "raycast": ("#E69F00", "s"), "sionna": ("#56B4E9", "^"), "sbr": ("#009E73", "o"), "sbr, 1 rad": ("#004D38", "v"),
-    "scatterers": ("#CC79A7", "D"), "scatterers + mirrors": ("#CC79A7", "D"), "hybrid": ("#D55E00", "P"), "auto": ("#000000", "*"),
-}  # fmt: skip
+    "scatterers": ("#CC79A7", "D"), "scatterers + mirrors": ("#CC79A7", "D"), "hybrid": ("#D55E00", "P"),
+    "auto": ("#000000", "*"),
+}  # fmt: skip # a table
 
 
 def run(name: str, repeats: int) -> dict[str, Any]:
@@ -59,24 +60,34 @@ def run(name: str, repeats: int) -> dict[str, Any]:
                 walls.append((time.perf_counter() - wall) / problem.num_frames)
                 cpus.append((time.process_time() - cpu) / problem.num_frames)
             row = {
-                "label": point.label, "default": point.is_default, "error_db": round(problem.error(answer), 5),
-                "cold": round(cold, 4), "wall": round(float(np.median(walls)) if walls else cold, 4),
+                "label": point.label,
+                "default": point.is_default,
+                "error_db": round(problem.error(answer), 5),
+                "cold": round(cold, 4),
+                "wall": round(float(np.median(walls)) if walls else cold, 4),
                 "cpu": round(float(np.median(cpus)) if cpus else cold_cpu, 4),
                 "paths": int(np.mean([paths.num_paths for paths in answer])),
-            }  # fmt: skip
+            }
             points.append(row)
             print(
-                f"{name:10} {curve.method:20} {point.label:14} {row['error_db']:9.4f} dB  warm {row['wall']:7.3f} s  cpu "
+                f"{name:10} {curve.method:20} {point.label:14} {row['error_db']:9.4f} dB  warm "
+                f"{row['wall']:7.3f} s  cpu "
                 f"{row['cpu']:7.3f} s  cold {row['cold']:7.3f} s  {row['paths']} paths",
                 flush=True,
             )
         curves.append({"method": curve.method, "knob": curve.knob, "points": points})
     print(f"{name}: {time.perf_counter() - start:.0f} s in all", flush=True)
     return {
-        "problem": name, "title": problem.title, "reference": problem.reference, "measure": problem.measure,
-        "noise_db": round(problem.noise_db, 5), "num_frames": problem.num_frames, "curves": curves, "machine": machine(),
+        "problem": name,
+        "title": problem.title,
+        "reference": problem.reference,
+        "measure": problem.measure,
+        "noise_db": round(problem.noise_db, 5),
+        "num_frames": problem.num_frames,
+        "curves": curves,
+        "machine": machine(),
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%d"),
-    }  # fmt: skip
+    }
 
 
 def draw(result: dict[str, Any], file: Path) -> None:
@@ -100,15 +111,24 @@ def draw(result: dict[str, Any], file: Path) -> None:
                 axes.plot(here, level, "o", ms=15, mfc="none", mec=color, mew=1.6)
         for index in {0, len(x) - 1}:
             axes.annotate(
-                curve["points"][index]["label"], (x[index], y[index]), textcoords="offset points", xytext=(7, 5), fontsize=7,
+                curve["points"][index]["label"],
+                (x[index], y[index]),
+                textcoords="offset points",
+                xytext=(7, 5),
+                fontsize=7,
                 color=color,
-            )  # fmt: skip
+            )
     if result["noise_db"] > 1e-3:
         axes.axhline(result["noise_db"], color="0.4", ls="--", lw=1.2)
         axes.annotate(
-            "noise of the radar, one frame", (0.99, result["noise_db"]), xycoords=("axes fraction", "data"), ha="right",
-            va="bottom", fontsize=8, color="0.3",
-        )  # fmt: skip
+            "noise of the radar, one frame",
+            (0.99, result["noise_db"]),
+            xycoords=("axes fraction", "data"),
+            ha="right",
+            va="bottom",
+            fontsize=8,
+            color="0.3",
+        )
     axes.axhline(NOTHING_DB, color="0.7", lw=0.8)
     axes.annotate(
         "60 dB or no echo",
@@ -137,18 +157,23 @@ def draw(result: dict[str, Any], file: Path) -> None:
 def table(result: dict[str, Any]) -> str:
     """Return the markdown of a result."""
     lines = [
-        f"![{result['title']}](figures/accuracy_{result['problem']}.png)", "",
-        f"Reference: {result['reference']}. Error: {result['measure']}. Noise of the radar: {result['noise_db']:.3g} dB. "
-        f"`python benchmarks/accuracy.py {result['problem']}`, {result['date']}, {result['machine']}.", "",
-        "| method | knob | setting | error [dB] | frame, warm [s] | CPU [s] | cold [s] | paths |", "|---|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
+        f"![{result['title']}](figures/accuracy_{result['problem']}.png)",
+        "",
+        f"Reference: {result['reference']}. Error: {result['measure']}. Noise of the radar: "
+        f"{result['noise_db']:.3g} dB. "
+        f"`python benchmarks/accuracy.py {result['problem']}`, {result['date']}, {result['machine']}.",
+        "",
+        "| method | knob | setting | error [dB] | frame, warm [s] | CPU [s] | cold [s] | paths |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
     for curve in result["curves"]:
         for point in curve["points"]:
             label = f"**{point['label']}**" if point["default"] else point["label"]
             error = "60 or more" if point["error_db"] >= NOTHING_DB else f"{point['error_db']:.3g}"
             cpu = "" if point["cpu"] is None else f"{point['cpu']:.2f}"
             lines.append(
-                f"| {curve['method']} | {curve['knob']} | {label} | {error} | {point['wall']:.2f} | {cpu} | {point['cold']:.2f} "
+                f"| {curve['method']} | {curve['knob']} | {label} | {error} | "
+                f"{point['wall']:.2f} | {cpu} | {point['cold']:.2f} "
                 f"| {point['paths']} |"
             )
     return "\n".join(lines)

@@ -1,7 +1,9 @@
-"""The problems of the work-precision charts: a scene, an exact or converged reference, and the methods over their knobs.
+"""The problems of the work-precision charts.
 
-A problem looks at its scene from several places. One answer is the paths of all of them, so seconds are those of one radar
-frame: solver and synthesis of 12 channels x 256 chirps x 512 samples.
+a scene, an exact or converged reference, and the methods over their knobs.
+
+A problem looks at its scene from several places. One answer is the paths of all of them, so seconds are those of one
+radar frame: solver and synthesis of 12 channels x 256 chirps x 512 samples.
 """
 
 from __future__ import annotations
@@ -136,9 +138,13 @@ def over(
     radar = scene_and[2] if len(scene_and) > 2 else RADAR
     state, poses = scene_and[:2]
     return Curve(
-        method, knob,
-        [Point(label, frames(state, poses, radar, method=method.split(",")[0], **options), label == default) for label, options in settings],
-    )  # fmt: skip
+        method,
+        knob,
+        [
+            Point(label, frames(state, poses, radar, method=method.split(",")[0], **options), label == default)
+            for label, options in settings
+        ],
+    )
 
 
 def sbr_knobs(**others: Any) -> list[tuple[str, dict[str, Any]]]:
@@ -155,14 +161,26 @@ def common(
     """Return raycast, sionna, sbr and auto over their knobs."""
     return [
         over("raycast", "rays", [(f"{n:.0e}", {"num_rays": n}) for n in rays], "1e+06", state, poses, radar),
-        over("sionna", "rays", [(f"{n:.0e}", {"num_samples": n}) for n in (20_000, 200_000)], "2e+05", state, poses, radar),
+        over(
+            "sionna",
+            "rays",
+            [(f"{n:.0e}", {"num_samples": n}) for n in (20_000, 200_000)],
+            "2e+05",
+            state,
+            poses,
+            radar,
+        ),
         over("sbr", "max_phase", sbr_knobs(), "0.4 rad", state, poses, radar),
         over(
-            "auto", "tolerance",
+            "auto",
+            "tolerance",
             [(f"{t:g} dB", {"accuracy": Accuracy(channel_tolerance_db=t)}) for t in (3.0, 1.0, 0.3, 0.1)],
-            "1 dB", state, poses, radar,
+            "1 dB",
+            state,
+            poses,
+            radar,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def looking_at_origin(azimuth: float, elevation: float, distance: float) -> Pose:
@@ -205,14 +223,26 @@ def plate() -> Problem:
     curves = common(state, poses)
     curves.append(
         scatterer_curve(
-            state, poses, mesh, "plate", (0.15, 0.075), azimuths_deg=(-3.0, 3.0), azimuth_step_deg=0.2,
+            state,
+            poses,
+            mesh,
+            "plate",
+            (0.15, 0.075),
+            azimuths_deg=(-3.0, 3.0),
+            azimuth_step_deg=0.2,
             elevations_deg=np.arange(-1.0, 1.01, 0.25),
         )
-    )  # fmt: skip
+    )
     return Problem(
-        "plate", "Metal plate 0.3 m at 10 m, 0 to 1.7 deg", "exact physical-optics integral by quadrature",
-        "mean over 5 angles", noise_error_db(abs(exact[0])), len(poses), mean_level_error(exact), curves,
-    )  # fmt: skip
+        "plate",
+        "Metal plate 0.3 m at 10 m, 0 to 1.7 deg",
+        "exact physical-optics integral by quadrature",
+        "mean over 5 angles",
+        noise_error_db(abs(exact[0])),
+        len(poses),
+        mean_level_error(exact),
+        curves,
+    )
 
 
 def trihedral() -> Problem:
@@ -232,15 +262,27 @@ def trihedral() -> Problem:
     curves = common(state, poses)
     curves.append(
         scatterer_curve(
-            state, poses, mesh, "corner", (0.1, 0.05), azimuths_deg=(30.0, 60.0), azimuth_step_deg=0.5, settings=SbrSettings(max_depth=3),
+            state,
+            poses,
+            mesh,
+            "corner",
+            (0.1, 0.05),
+            azimuths_deg=(30.0, 60.0),
+            azimuth_step_deg=0.5,
+            settings=SbrSettings(max_depth=3),
             elevations_deg=(np.degrees(boresight),),
         )
-    )  # fmt: skip
+    )
     return Problem(
-        "trihedral", "Trihedral of 10 cm legs at 50 m, 0 to 10 deg off boresight",
-        "closed form at boresight; ss.rcs at twice its default fineness beside it", "mean over 4 angles",
-        noise_error_db(abs(exact[0])), len(poses), mean_level_error(list(exact)), curves,
-    )  # fmt: skip
+        "trihedral",
+        "Trihedral of 10 cm legs at 50 m, 0 to 10 deg off boresight",
+        "closed form at boresight; ss.rcs at twice its default fineness beside it",
+        "mean over 4 angles",
+        noise_error_db(abs(exact[0])),
+        len(poses),
+        mean_level_error(list(exact)),
+        curves,
+    )
 
 
 def sphere() -> Problem:
@@ -261,9 +303,15 @@ def sphere() -> Problem:
         ]
         curves.append(Curve(method, "tessellation", points))
     return Problem(
-        "sphere", "Metal sphere, radius 0.3 m (ka 490), at 20 m", "stationary phase on the exact sphere (Mie at this ka: 0.02 dB)",
-        "mean over 3 views", noise_error_db(exact), len(poses), mean_level_error([exact] * len(poses)), curves,
-    )  # fmt: skip
+        "sphere",
+        "Metal sphere, radius 0.3 m (ka 490), at 20 m",
+        "stationary phase on the exact sphere (Mie at this ka: 0.02 dB)",
+        "mean over 3 views",
+        noise_error_db(exact),
+        len(poses),
+        mean_level_error([exact] * len(poses)),
+        curves,
+    )
 
 
 SMOOTH = "smooth_asphalt"
@@ -297,10 +345,13 @@ def two_ray() -> Problem:
     ground = Thing("ground", plane(256.0, 64.0), "Roads", "asphalt", is_object=False)
     states = {
         n: scene(
-            [ground, Thing("ball", ball(radius, (0, 0, height), n), "Static", "steel")], (),
-            {"asphalt": Material(radio=SMOOTH)}, _smooth_table(),
-        ) for n in (3, 4, 5)
-    }  # fmt: skip
+            [ground, Thing("ball", ball(radius, (0, 0, height), n), "Static", "steel")],
+            (),
+            {"asphalt": Material(radio=SMOOTH)},
+            _smooth_table(),
+        )
+        for n in (3, 4, 5)
+    }
     state = states[5]
     poses = [Pose.from_euler([x, 0, 0.5], yaw=np.pi) for x in ranges]
     material = state.world.materials[SMOOTH]
@@ -320,22 +371,54 @@ def two_ray() -> Problem:
     through = ChannelPlan((Share("sbr", ("ball",), one_bounce, True),), ("ground",), echoes=False)
     point = {"ball": _ball_model(radius, np.array([0.0, 0.0, height]))}
     curves = [
-        over("raycast", "rays", [(f"{n:.0e}", {"num_rays": n, "instances": ["ball"]}) for n in (100_000, 1_000_000)],
-             "1e+06", state, poses),
+        over(
+            "raycast",
+            "rays",
+            [(f"{n:.0e}", {"num_rays": n, "instances": ["ball"]}) for n in (100_000, 1_000_000)],
+            "1e+06",
+            state,
+            poses,
+        ),
         over("sionna", "rays", [(f"{n:.0e}", {"num_samples": n}) for n in (20_000, 200_000)], "2e+05", state, poses),
         over("sbr", "max_phase", sbr_knobs(), "0.4 rad", state, poses),
-        Curve("hybrid", "tessellation of the ball", [
-            Point(f"{20 * 4**n} faces", frames(one, poses, method="hybrid", plan=through), n == 5) for n, one in states.items()
-        ]),
-        Curve("scatterers + mirrors", "one centre", [Point(
-            "1 centre", frames(state, poses, method="hybrid", plan=ChannelPlan(
-                (Share("scatterers", ("ball",), {"models": point}, True),), ("ground",), echoes=False)), True)]),
-    ]  # fmt: skip
+        Curve(
+            "hybrid",
+            "tessellation of the ball",
+            [
+                Point(f"{20 * 4**n} faces", frames(one, poses, method="hybrid", plan=through), n == 5)
+                for n, one in states.items()
+            ],
+        ),
+        Curve(
+            "scatterers + mirrors",
+            "one centre",
+            [
+                Point(
+                    "1 centre",
+                    frames(
+                        state,
+                        poses,
+                        method="hybrid",
+                        plan=ChannelPlan(
+                            (Share("scatterers", ("ball",), {"models": point}, True),), ("ground",), echoes=False
+                        ),
+                    ),
+                    True,
+                )
+            ],
+        ),
+    ]
     peak = float(np.abs(exact).max())
     return Problem(
-        "two_ray", "Metal ball over smooth asphalt, 10 to 50 m, heights 0.5 m", "closed form of the four two-ray paths",
-        "mean over 10 ranges", noise_error_db(peak), len(poses), mean_level_error(list(exact)), curves,
-    )  # fmt: skip
+        "two_ray",
+        "Metal ball over smooth asphalt, 10 to 50 m, heights 0.5 m",
+        "closed form of the four two-ray paths",
+        "mean over 10 ranges",
+        noise_error_db(peak),
+        len(poses),
+        mean_level_error(list(exact)),
+        curves,
+    )
 
 
 BALL_BESIDE_WALL = 2
@@ -343,7 +426,7 @@ BALL_BESIDE_WALL = 2
 
 
 def wall() -> Problem:
-    """Return a metal ball beside a metal wall: the target, two ghosts at the same range, and the ghost behind the wall."""
+    """Return a metal ball beside a metal wall: the target, two ghosts at its range, and one behind the wall."""
     radius = 0.1
     position = np.array([20.0, -1.0, 0.0])
     things = [
@@ -372,18 +455,43 @@ def wall() -> Problem:
         (label, {"plan": ChannelPlan((Share("sbr", ("ball",), options, True),), ("wall",), echoes=False)})
         for label, options in sbr_knobs(floor_db=None, max_depth=1)
     ]
+    one = Share("scatterers", ("ball",), {"models": {"ball": _ball_model(radius, position)}}, True)
+    mirrored = ChannelPlan((one,), ("wall",), echoes=False)
     curves = [
         *(curve for curve in common(state, poses) if curve.method != "auto"),
         over("hybrid", "sbr's max_phase", through, "0.4 rad", state, poses),
         over(
-            "auto", "tubes", [(f"{n:.0e}", {"accuracy": Accuracy(tube_budget=n)}) for n in (20_000, 100_000)], "1e+05", state, poses
+            "auto",
+            "tubes",
+            [(f"{n:.0e}", {"accuracy": Accuracy(tube_budget=n)}) for n in (20_000, 100_000)],
+            "1e+05",
+            state,
+            poses,
         ),
-        Curve("scatterers + mirrors", "one centre", [Point(
-            "1 centre", frames(state, poses, method="hybrid", plan=ChannelPlan(
-                (Share("scatterers", ("ball",), {"models": {"ball": _ball_model(radius, position)}}, True),),
-                ("wall",), echoes=False)), True)]),
-    ]  # fmt: skip
+        Curve(
+            "scatterers + mirrors",
+            "one centre",
+            [
+                Point(
+                    "1 centre",
+                    frames(
+                        state,
+                        poses,
+                        method="hybrid",
+                        plan=mirrored,
+                    ),
+                    True,
+                )
+            ],
+        ),
+    ]
     return Problem(
-        "wall", "Metal ball 5 m from a metal wall: target and ghosts", "image theory", "mean over direct, type 1, type 2",
-        noise_error_db(gates["type 2"][1]), 1, error, curves,
-    )  # fmt: skip
+        "wall",
+        "Metal ball 5 m from a metal wall: target and ghosts",
+        "image theory",
+        "mean over direct, type 1, type 2",
+        noise_error_db(gates["type 2"][1]),
+        1,
+        error,
+        curves,
+    )

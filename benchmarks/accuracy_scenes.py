@@ -1,4 +1,7 @@
-"""The problems of the work-precision charts that have a road scene: the car of highway_guardrail, and its whole frame."""
+"""The problems of the work-precision charts that have a road scene.
+
+The car of highway_guardrail, and its whole frame.
+"""
 
 from __future__ import annotations
 
@@ -83,26 +86,45 @@ def _car(distance: float) -> Problem:
     curves.insert(
         3,
         over(
-            "sbr, 1 rad", "bounces",
-            [(f"{d} bounces", {"settings": SbrSettings(max_phase=1.0, integration_phase=0.05, max_depth=d)}) for d in (1, 2, 3)],
-            "2 bounces", state, [pose],
+            "sbr, 1 rad",
+            "bounces",
+            [
+                (f"{d} bounces", {"settings": SbrSettings(max_phase=1.0, integration_phase=0.05, max_depth=d)})
+                for d in (1, 2, 3)
+            ],
+            "2 bounces",
+            state,
+            [pose],
         ),
-    )  # fmt: skip
+    )
     middle = np.degrees(np.arctan2(0.9, -distance - 2.15)) % 360.0
     below = np.degrees(np.arctan2(0.6 - 0.8, distance))
     curves.append(
         scatterer_curve(
-            state, [pose], mesh, "car", (0.3, 0.15), azimuths_deg=(middle - 4.0, middle + 4.0) if distance < 50 else (178.5, 180.5),
-            azimuth_step_deg=0.25, elevations_deg=np.arange(below - 2.5, below + 2.6, 0.5 if distance < 50 else 0.25)
-            if distance < 50 else np.arange(below - 0.75, below + 0.8, 0.25),
-            trace_step_deg=4.0, settings=SbrSettings(max_depth=2, ray_spacing=32.0, edge_spacing=16.0),
+            state,
+            [pose],
+            mesh,
+            "car",
+            (0.3, 0.15),
+            azimuths_deg=(middle - 4.0, middle + 4.0) if distance < 50 else (178.5, 180.5),
+            azimuth_step_deg=0.25,
+            elevations_deg=np.arange(below - 2.5, below + 2.6, 0.5 if distance < 50 else 0.25)
+            if distance < 50
+            else np.arange(below - 0.75, below + 0.8, 0.25),
+            trace_step_deg=4.0,
+            settings=SbrSettings(max_depth=2, ray_spacing=32.0, edge_spacing=16.0),
         )
-    )  # fmt: skip
+    )
     return Problem(
-        "car_near" if distance < 50 else "car_far", f"Metal car from behind at {distance:g} m",
-        "sbr with max_phase 0.1, 3 bounces, no floor", f"median over the {int(strong.sum())} range cells within 30 dB",
-        noise_error_db(float(np.sqrt(np.median(truth[strong])))), 1, error, curves,
-    )  # fmt: skip
+        "car_near" if distance < 50 else "car_far",
+        f"Metal car from behind at {distance:g} m",
+        "sbr with max_phase 0.1, 3 bounces, no floor",
+        f"median over the {int(strong.sum())} range cells within 30 dB",
+        noise_error_db(float(np.sqrt(np.median(truth[strong])))),
+        1,
+        error,
+        curves,
+    )
 
 
 def car_near() -> Problem:
@@ -122,9 +144,10 @@ def highway() -> Problem:
     pose = state.actor_pose("ego").compose(Pose([2.6, 0.0, 0.6]))
     table = state.world.instances
     bodies = [
-        number for number, info in table.items()
+        number
+        for number, info in table.items()
         if info.is_object and info.name != "ego" and not info.name.startswith("tree")
-    ]  # fmt: skip
+    ]
     rest = [number for number in table if number not in bodies]
     fine = SbrSettings(max_phase=1.0, integration_phase=0.02, max_depth=2)
 
@@ -151,22 +174,50 @@ def highway() -> Problem:
     twist = state.actor_twist("ego")
     curves = common(state, [pose], radar)
     curves[2] = over(
-        "sbr", "bounces of all objects",
-        [(f"{d}", {"settings": fine.with_(max_depth=d), "instances": bodies}) for d in (1, 2)], "2", state, [pose], radar,
-    )  # fmt: skip
+        "sbr",
+        "bounces of all objects",
+        [(f"{d}", {"settings": fine.with_(max_depth=d), "instances": bodies}) for d in (1, 2)],
+        "2",
+        state,
+        [pose],
+        radar,
+    )
     curves[3] = over(
-        "auto", "tubes a ray",
-        [(f"{n:.0e}", {"accuracy": Accuracy(tube_budget=n)}) for n in (0, 20_000, 100_000, 300_000, 2_000_000)], "1e+05", state, [pose], radar,
-    )  # fmt: skip
+        "auto",
+        "tubes a ray",
+        [(f"{n:.0e}", {"accuracy": Accuracy(tube_budget=n)}) for n in (0, 20_000, 100_000, 300_000, 2_000_000)],
+        "1e+05",
+        state,
+        [pose],
+        radar,
+    )
     curves.append(
-        Curve("hybrid", "bounces of all objects", [
-            Point("1", frames(state, [Mount(pose, twist)], radar, method="hybrid", plan=plan(fine.with_(max_depth=1), 1_000_000)), True)
-        ])
-    )  # fmt: skip
+        Curve(
+            "hybrid",
+            "bounces of all objects",
+            [
+                Point(
+                    "1",
+                    frames(
+                        state,
+                        [Mount(pose, twist)],
+                        radar,
+                        method="hybrid",
+                        plan=plan(fine.with_(max_depth=1), 1_000_000),
+                    ),
+                    True,
+                )
+            ],
+        )
+    )
     level = float(np.sqrt(np.median(truth[strong]) / dbm_to_watt(radar.front_end.tx_power_dbm)))
     return Problem(
-        "highway", "Whole frame of highway_guardrail",
+        "highway",
+        "Whole frame of highway_guardrail",
         "all objects by sbr (1 rad, 2 bounces), the rest by raycast, 10^6 rays",
-        f"median over {int(strong.sum())} range-azimuth cells in which objects dominate", noise_error_db(level, short), 1,
-        error, curves,
-    )  # fmt: skip
+        f"median over {int(strong.sum())} range-azimuth cells in which objects dominate",
+        noise_error_db(level, short),
+        1,
+        error,
+        curves,
+    )

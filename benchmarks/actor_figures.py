@@ -1,4 +1,6 @@
-"""Pictures of the actor models for docs/actors.md: contact sheets of all models, detailed and light, and of their colours.
+"""Pictures of the actor models for docs/actors.md.
+
+Contact sheets of all models, detailed and light, and of their colours.
 
 python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people colours]
 python benchmarks/actor_figures.py --only saloon bus [--views front rear] [--width 560] [--samples 12]
@@ -41,9 +43,11 @@ FOV_DEG = 24.0
 SPEEDS = {"vehicle": 0.0, "cycle": 4.0, "walk": 1.4, "stand": 0.0}
 """By the kind of motion [m/s]."""
 TIME = 0.35
-STUDIO = """<scene version="3.0.0"><bsdf type="twosided" id="asphalt"><bsdf type="principled"><rgb name="base_color" value="0.24 0.24 0.245"/>
-<float name="roughness" value="0.9"/></bsdf></bsdf><shape type="cube" id="ground"><transform name="to_world"><scale x="300" y="300" z="0.5"/>
-<translate z="-0.5"/></transform><ref id="asphalt" name="bsdf"/></shape></scene>"""
+STUDIO = """<scene version="3.0.0"><bsdf type="twosided" id="asphalt"><bsdf type="principled">
+<rgb name="base_color" value="0.24 0.24 0.245"/><float name="roughness" value="0.9"/></bsdf></bsdf>
+<shape type="cube" id="ground"><transform name="to_world"><scale x="300" y="300" z="0.5"/>
+<translate z="-0.5"/></transform>
+<ref id="asphalt" name="bsdf"/></shape></scene>"""
 
 
 class Studio:
@@ -108,8 +112,9 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
         size = (360, 202)
         tiles = [
             (f"{name}, {level}", studio.picture(name, level, "front", size, samples))
-            for level in ("detailed", "light") for name in VEHICLES
-        ]  # fmt: skip
+            for level in ("detailed", "light")
+            for name in VEHICLES
+        ]
         save_photo(sheet(tiles, 3), folder / "actors_vehicles.jpg")
         tiles = [
             (name, studio.picture(name, "detailed", "right" if name == "bus" else "rear", size, samples))
@@ -121,8 +126,9 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
         names = [name for name in actor_names() if name not in VEHICLES]
         tiles = [
             (f"{name}{', light' if level == 'light' else ''}", studio.picture(name, level, "front", size, samples))
-            for level in ("detailed", "light") for name in names
-        ]  # fmt: skip
+            for level in ("detailed", "light")
+            for name in names
+        ]
         save_photo(sheet(tiles, len(names)), folder / "actors_people.jpg")
     if "colours" in wanted:
         tiles = []
@@ -152,8 +158,10 @@ def main() -> None:
         size = (arguments.width, arguments.width * 9 // 16)
         tiles = [
             (f"{name}, {level}", studio.picture(name, level, view, size, arguments.samples))
-            for name in arguments.only for level in arguments.levels for view in arguments.views
-        ]  # fmt: skip
+            for name in arguments.only
+            for level in arguments.levels
+            for view in arguments.views
+        ]
         save_photo(sheet(tiles, len(arguments.views)), arguments.figures / "actors_chosen.jpg")
 
 

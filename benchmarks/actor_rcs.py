@@ -1,10 +1,12 @@
-"""Radar cross section of the vehicles' models at 77 GHz, detailed against light: percentiles over azimuth, and CPU time.
+"""Radar cross section of the vehicles' models at 77 GHz, detailed against light.
+
+Percentiles over azimuth, and CPU time.
 
 python benchmarks/actor_rcs.py [--aspects 36] [--only saloon bus] [--table docs/figures/data/actor_rcs.json]
 
-Azimuths are spread over the whole turn, one at a random place of each of as many equal sectors, the same ones at both levels. The
-elevation is that of a radar at 0.6 m that looks at a middle 0.3 m higher from 30 m. Settings are those of 16 and 8 wavelengths with
-three bounces, whose error stands in docs/rcs.md.
+Azimuths are spread over the whole turn, one at a random place of each of as many equal sectors, the same ones at both
+levels. The elevation is that of a radar at 0.6 m that looks at a middle 0.3 m higher from 30 m. Settings are those of
+16 and 8 wavelengths with three bounces, whose error stands in docs/rcs.md.
 """
 
 from __future__ import annotations
@@ -49,10 +51,16 @@ def measure(name: str, detail: str, count: int) -> dict[str, Any]:
     low, median, high = (round(float(v), 2) for v in np.percentile(both, [10, 50, 90]))
     off = np.abs((azimuth + 45.0) % 90.0 - 45.0) > 10.0
     return {
-        "model": name, "detail": detail, "aspects": count, "p10": low, "median": median, "p90": high,
-        "median_off_axes": round(float(np.median(both[np.tile(off, 2)])), 2), "mean": round(float(power_to_db(np.mean(10 ** (both / 10)))), 2),
+        "model": name,
+        "detail": detail,
+        "aspects": count,
+        "p10": low,
+        "median": median,
+        "p90": high,
+        "median_off_axes": round(float(np.median(both[np.tile(off, 2)])), 2),
+        "mean": round(float(power_to_db(np.mean(10 ** (both / 10)))), 2),
         "cpu_s": round(cpu, 2),
-    }  # fmt: skip
+    }
 
 
 def main() -> None:

@@ -2,9 +2,9 @@
 
     python benchmarks/camera.py [--scene highway_guardrail] [--figures docs/figures] [--quick] [--reference-spp 4096]
 
-Prints markdown tables. Times are medians of repeated runs after warm-ups in this process; CPU seconds of the process stand
-beside wall seconds. The error is measured on a small image against a reference of another seed: PSNR and SSIM of the 8-bit
-sRGB image, which is what a user sees. All points of the chart come from one run.
+Prints markdown tables. Times are medians of repeated runs after warm-ups in this process; CPU seconds of the process
+stand beside wall seconds. The error is measured on a small image against a reference of another seed: PSNR and SSIM of
+the 8-bit sRGB image, which is what a user sees. All points of the chart come from one run.
 """
 
 from __future__ import annotations
@@ -107,7 +107,8 @@ def chart(state: Any, pose: Pose, counts: tuple[int, ...], reference_spp: int) -
     start = time.process_time()
     reference = shot(CHART.with_(samples_per_pixel=reference_spp), 1)[0]
     print(
-        f"\nReference: {reference_spp} samples, {CHART.width} x {CHART.height}, {time.process_time() - start:.0f} CPU-s.\n"
+        f"\nReference: {reference_spp} samples, {CHART.width} x {CHART.height}, "
+        f"{time.process_time() - start:.0f} CPU-s.\n"
     )
     print("| samples | denoiser | PSNR [dB] | SSIM | CPU [s] |\n|---|---|---|---|---|")
     results: dict[bool, list[tuple[float, ...]]] = {False: [], True: []}

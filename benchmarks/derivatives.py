@@ -1,4 +1,6 @@
-"""Error and time of the derivatives that a calibration uses: Cauchy's integral, differences, and Dr.Jit through PathSolver.
+"""Error and time of the derivatives that a calibration uses.
+
+Cauchy's integral, differences, and Dr.Jit through PathSolver.
 
 Run: python -m benchmarks.derivatives    (about half a minute; the tables stand in docs/calibration.md)
 """
@@ -87,7 +89,8 @@ def of_paths(folder: Path) -> None:
         numeric = differences(gains, values, step * values)
         error = np.abs(numeric - found.slopes).max(axis=(0, 1, 2)) / np.abs(found.slopes).max(axis=(0, 1, 2))
         print(
-            f"| central differences of PathSolver, 4th order, step {step:g} of the value | {error.max():.1e} | 24 x {once} |"
+            "| central differences of PathSolver, 4th order, "
+            f"step {step:g} of the value | {error.max():.1e} | 24 x {once} |"
         )
 
 
@@ -101,7 +104,8 @@ def of_a_mesh() -> None:
     kept, again = timed(lambda: tubes.matrices(surfaces))
     print("\n| RCS of a trihedral, 9 aspects | wall (CPU) [ms] |\n|---|---|")
     print(
-        f"| trace and fields (`ss.rcs`) | {whole} |\n| trace kept, once | {trace} |\n| fields of another material | {again} |"
+        f"| trace and fields (`ss.rcs`) | {whole} |\n| trace kept, "
+        f"once | {trace} |\n| fields of another material | {again} |"
     )
     print(f"largest difference: {np.abs(kept - fresh).max() / np.abs(fresh).max():.1e}; {len(tubes.source)} tubes")
 

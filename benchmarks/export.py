@@ -1,9 +1,10 @@
-"""Exports: bytes a frame, writing and reading, where the time goes, one and two workers, and what 140,000 frames would take.
+"""Exports: bytes a frame, writing and reading, where the time goes, and what 140,000 frames would take.
 
     python benchmarks/export.py [--part store|export|all] [--quality draft] [--frames 12]
 
-`store` simulates one frame of a suite and writes and reads copies of it; `export` runs the whole export in this process, and with one
-and two workers. The rates of the disk are those of the folder for temporary files (TMPDIR), with its cache in memory.
+`store` simulates one frame of a suite and writes and reads copies of it; `export` runs the whole export in this
+process, and with one and two workers. The rates of the disk are those of the folder for temporary files (TMPDIR), with
+its cache in memory.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def store(quality: str, count: int, place: Path) -> tuple[float, float]:
         "read an ADC cube as complex64": (lambda item: item.radar["front_center"].adc, cube),
         "read an RGB image": (lambda item: item.image["front_center"].rgb, first.images["front_center/rgb"].rgb.nbytes),
         "read the boxes": (lambda item: item.labels, 1000),
-    }  # fmt: skip
+    }
     for name, (read, size) in reads.items():
         read(dataset[0])
         wall, cpu = timed(lambda read=read: [read(dataset[int(index)]) for index in order])
@@ -160,8 +161,10 @@ def projection(report: ExportReport, count: int, num_bytes: float) -> None:
         efficiency = 1.0 if machines == 1 else FLEET_EFFICIENCY
         print(f"| {machines} | {time_text(seconds / machines / efficiency)} |")
     print(
-        f"\nAssumed: every suite takes as long as the front one ({simulation + rest:.2f} s, warm); frames do not depend on each "
-        f"other, so that machines add up, with {FLEET_EFFICIENCY:.0%} left for start-up, the last shards and a shared disk of "
+        f"\nAssumed: every suite takes as long as the front one ({simulation + rest:.2f} s, warm); "
+        "frames do not depend on each "
+        f"other, so that machines add up, with {FLEET_EFFICIENCY:.0%} left for start-up, "
+        "the last shards and a shared disk of "
         f"{size_text(256 * FLEET_EFFICIENCY * num_bytes / (simulation + rest))}/s at 256 machines."
     )
 

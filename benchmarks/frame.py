@@ -32,7 +32,8 @@ def main() -> None:
     world = ss.load_scene(args.scene)
     rig = ss.Rig.preset(args.rig, args.quality)
     print(
-        f"load {args.scene}: {time.perf_counter() - start:.2f} s, {len(world.parts.name)} parts; {len(rig.sensors)} sensors"
+        f"load {args.scene}: {time.perf_counter() - start:.2f} s, {len(world.parts.name)} parts; "
+        f"{len(rig.sensors)} sensors"
     )
     rows = []
     for index in range(args.frames):

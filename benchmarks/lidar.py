@@ -2,8 +2,8 @@
 
     python benchmarks/lidar.py [--scene highway_guardrail] [--figures docs/figures] [--quick]
 
-Prints markdown tables. Each time is the median of repeated runs after two warm-ups in this process ("warm"); the first run is given
-apart ("cold", with kernel compilation); CPU seconds count all threads.
+Prints markdown tables. Each time is the median of repeated runs after two warm-ups in this process ("warm"); the first
+run is given apart ("cold", with kernel compilation); CPU seconds count all threads.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def single_returns(spec: LidarSpec, distance: np.ndarray, velocity: float, cnr: 
 
 
 def precision(shots: int) -> list[tuple[float, ...]]:
-    """Print and return errors of raw and of statistical estimates in units of the bound, and detection probabilities."""
+    """Print and return errors of raw and statistical estimates in units of the bound, and detection probabilities."""
     receiver = HeterodyneReceiver(speckle=False, saturation_power=None, max_velocity=20.0, sampling_frequency=250e6)
     spec = LidarSpec(
         num_azimuth=shots, num_elevation=1, chirp_time=1e-6, bandwidth=1.5e8, max_distance=120.0, receiver=receiver
@@ -156,14 +156,27 @@ def precision(shots: int) -> list[tuple[float, ...]]:
         row.append(float(detection_probability(cnr, threshold(spec), 1, False, 2)))
         results.append(tuple(row))
     rows = [
-        (f"{r[0]:.0f}", f"{r[1] * 1e3:.1f}", *(f"{r[i] / r[j]:.2f}" for i, j in ((3, 1), (4, 2), (6, 1), (7, 2))),
-         f"{r[5]:.3f}", f"{r[8]:.3f}", f"{r[9]:.3f}")
+        (
+            f"{r[0]:.0f}",
+            f"{r[1] * 1e3:.1f}",
+            *(f"{r[i] / r[j]:.2f}" for i, j in ((3, 1), (4, 2), (6, 1), (7, 2))),
+            f"{r[5]:.3f}",
+            f"{r[8]:.3f}",
+            f"{r[9]:.3f}",
+        )
         for r in results
-    ]  # fmt: skip
+    ]
     head = (
-        "CNR [dB]", "bound, range [mm]", "raw range", "raw velocity", "statistical range", "statistical velocity",
-        "raw Pd", "statistical Pd", "closed form Pd",
-    )  # fmt: skip
+        "CNR [dB]",
+        "bound, range [mm]",
+        "raw range",
+        "raw velocity",
+        "statistical range",
+        "statistical velocity",
+        "raw Pd",
+        "statistical Pd",
+        "closed form Pd",
+    )
     table(f"Errors in units of the Cramer-Rao bound, {shots} shots of 1 us and 150 MHz, no speckle", head, rows)
     return results
 

@@ -108,9 +108,13 @@ def draw_beats(front: Any, path: Path) -> None:
     aim = wide.position[rows[np.argmin(np.abs(wide.position[rows, 1] - np.median(wide.position[rows, 1])))]]
     azimuth, elevation = np.degrees([np.arctan2(aim[1], aim[0]), np.arctan2(aim[2], np.hypot(aim[0], aim[1]))])
     spec = LidarSpec(
-        azimuth_fov_deg=(azimuth, azimuth), elevation_fov_deg=(elevation, elevation), num_azimuth=1, num_elevation=1,
-        receiver=receiver, max_surfaces=4,
-    )  # fmt: skip
+        azimuth_fov_deg=(azimuth, azimuth),
+        elevation_fov_deg=(elevation, elevation),
+        num_azimuth=1,
+        num_elevation=1,
+        receiver=receiver,
+        max_surfaces=4,
+    )
     scan = front.scan(spec)
     assert scan.beat_signal is not None
     number = spec.num_samples
@@ -167,7 +171,7 @@ def draw_precision(results: list[tuple[float, ...]], path: Path) -> None:
 def draw_weather(
     weathers: dict[str, Atmosphere], cnr_of_target: Callable[[LidarSpec, np.ndarray], np.ndarray], path: Path
 ) -> None:
-    """Draw carrier-to-noise ratio and detection probability of a 10 % target over distance, and the air's own returns."""
+    """Draw carrier-to-noise ratio and detection probability of a 10 % target and the air's returns over distance."""
     spec = LidarSpec.preset("fmcw_forward")
     distance = np.linspace(1.0, 250.0, 500)
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.6), layout="constrained")

@@ -1,11 +1,12 @@
 """Seconds a frame against the number of actors in one scene: state, acceleration structures of both twins, and loading.
 
-    python benchmarks/many_actors.py [--actors 10,50,200] [--details light,detailed] [--frames 6] [--scene urban_crossing]
+    python benchmarks/many_actors.py [--actors 10,50,200] [--details light,detailed] [--frames 6]
+    [--scene urban_crossing]
         [--scene-detail detailed]
 
 Actors of all models of ``scenes_xml/actors`` drive, cycle and walk on bends beside a scene; all of them move in every
-frame. `state` is ``world.at(t)`` with the pose of every wheel and limb, `optical` and `radio` write all vertices into a twin and
-make its acceleration structure anew (one ray is cast).
+frame. `state` is ``world.at(t)`` with the pose of every wheel and limb, `optical` and `radio` write all vertices into a
+twin and make its acceleration structure anew (one ray is cast).
 """
 
 from __future__ import annotations
@@ -106,7 +107,8 @@ def main() -> None:
         f"{name} {importlib.metadata.version(name)}" for name in ("mitsuba", "drjit", "sionna-rt", "numpy")
     )
     print(
-        f"{platform.processor() or platform.machine()}, {len(os.sched_getaffinity(0))} cores; Python {platform.python_version()}, {packages}"
+        f"{platform.processor() or platform.machine()}, {len(os.sched_getaffinity(0))} cores; Python "
+        f"{platform.python_version()}, {packages}"
     )
     ss.load_scene(given.scene).at(0.0).cast([0.0, 0.0, 50.0], DOWN)  # the engine starts
     steps = ("state", "optical", "radio", "boxes")

@@ -1,4 +1,6 @@
-"""Micro-Doppler of a pedestrian and of a cyclist against their kinematic models: the figures and the table of docs/micro_doppler.md.
+"""Micro-Doppler of a pedestrian and of a cyclist against their kinematic models.
+
+The figures and the table of docs/micro_doppler.md.
 
 ``python benchmarks/micro_doppler.py [--columns 40] [--looks 10]``; about three minutes of CPU time. Writes
 ``docs/figures/micro_doppler_*.png`` and prints the correlations.
@@ -40,10 +42,18 @@ LEGS = ("foot", "lower_leg", "upper_leg")
 def radar_of(num_chirps: int, interval: float, azimuth_fov_deg: float, elevation_fov_deg: float) -> RadarSpec:
     """Return a radar of one channel whose frame of 6.4 ms is one spectrum."""
     return RadarSpec().with_(
-        start_frequency=77e9, bandwidth=5e8, ramp_time=20e-6, idle_time=interval - 20e-6, num_chirps=num_chirps, num_samples=64,
-        tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),), pattern=IsotropicPattern(), azimuth_fov_deg=azimuth_fov_deg,
+        start_frequency=77e9,
+        bandwidth=5e8,
+        ramp_time=20e-6,
+        idle_time=interval - 20e-6,
+        num_chirps=num_chirps,
+        num_samples=64,
+        tx_positions=((0.0, 0.0, 0.0),),
+        rx_positions=((0.0, 0.0, 0.0),),
+        pattern=IsotropicPattern(),
+        azimuth_fov_deg=azimuth_fov_deg,
         elevation_fov_deg=elevation_fov_deg,
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True)
@@ -90,9 +100,14 @@ class Study:
 
 
 def study(
-    world: World, radar: RadarSpec, pose: Callable[[float], Pose], times: np.ndarray, groups: Mapping[str, Sequence[int]], looks: Sequence[float],
+    world: World,
+    radar: RadarSpec,
+    pose: Callable[[float], Pose],
+    times: np.ndarray,
+    groups: Mapping[str, Sequence[int]],
+    looks: Sequence[float],
     **options: Any,
-) -> Study:  # fmt: skip
+) -> Study:
     """Return the spectrograms of a target and of groups of its parts, with the answers of its kinematics."""
     spectra = spectrograms(
         world,
@@ -114,7 +129,10 @@ def study(
 
 
 def walker(folder: Path, columns: int, looks: int, detail: str = "detailed", num_rays: int = 10_000) -> Study:
-    """Return the study of a man who walks towards the radar at 12 m: `looks` cycles of his gait, each from a place of its own."""
+    """Return the study of a man who walks towards the radar at 12 m.
+
+    `looks` cycles of his gait, each from a place of its own.
+    """
     trajectory = {"kind": "constant_twist", "position": [0.0, 0.0, 0.0], "velocity": [WALK, 0.0, 0.0]}
     world = actor_world(folder, "adult_man", trajectory, detail)
     cycle = 1.0 / WalkingGait(HEIGHT).cadence(WALK)
@@ -131,7 +149,10 @@ def walker(folder: Path, columns: int, looks: int, detail: str = "detailed", num
 
 
 def cyclist(folder: Path, columns: int, looks: int, detail: str = "detailed", num_rays: int = 16_000) -> Study:
-    """Return the study of a cyclist at 5 m/s, 12 m away, 20 deg beside his way: `looks` turns of the cranks, one turn a second."""
+    """Return the study of a cyclist at 5 m/s, 12 m away, 20 deg beside his way.
+
+    `looks` turns of the cranks, one turn a second.
+    """
     trajectory = {"kind": "constant_twist", "position": [0.0, 0.0, 0.0], "velocity": [RIDE, 0.0, 0.0]}
     world = actor_world(folder, "bicycle", trajectory, detail)
     (cadence,) = (joint.cadence for joint in world.actor("it").joints if isinstance(joint, Pedal))
@@ -173,9 +194,11 @@ def _ahead(x: float, distance: float) -> Pose:
 def _parts_of(world: World, segment: str) -> list[int]:
     others = [name for name in SEGMENTS if name != segment and name.startswith(segment)]
     return [
-        part for part, name in enumerate(world.parts.name)
-        if f"{name}_".startswith(f"it_{segment}_") and not any(f"{name}_".startswith(f"it_{other}_") for other in others)
-    ]  # fmt: skip
+        part
+        for part, name in enumerate(world.parts.name)
+        if f"{name}_".startswith(f"it_{segment}_")
+        and not any(f"{name}_".startswith(f"it_{other}_") for other in others)
+    ]
 
 
 def spectrogram_axes(axes: Any, result: Study, name: str, low: float, high: float) -> Any:
@@ -183,9 +206,15 @@ def spectrogram_axes(axes: Any, result: Study, name: str, low: float, high: floa
     spectrum = result.spectra[name]
     level = 10.0 * np.log10(np.maximum(spectrum.power, 1e-30)).T + 30.0
     image = axes.pcolormesh(
-        spectrum.time, spectrum.radial_velocity, level, vmin=level.max() - 50.0, vmax=level.max(), cmap="magma", shading="nearest",
+        spectrum.time,
+        spectrum.radial_velocity,
+        level,
+        vmin=level.max() - 50.0,
+        vmax=level.max(),
+        cmap="magma",
+        shading="nearest",
         rasterized=True,
-    )  # fmt: skip
+    )
     axes.set(xlabel="time [s]", ylabel="radial velocity [m/s]", ylim=(low, high))
     return image
 
@@ -282,7 +311,8 @@ def report(title: str, result: Study) -> None:
             for k in (0, 1)
         ]
         print(
-            f"  {name:18s} mean {result.correlation(name):.4f} rms {result.rms(name):.3f} m/s, edges {rising[0]:.4f} {rising[1]:.4f},"
+            f"  {name:18s} mean {result.correlation(name):.4f} rms {result.rms(name):.3f} m/s, "
+            f"edges {rising[0]:.4f} {rising[1]:.4f},"
             f" off by {spread} m/s"
         )
 

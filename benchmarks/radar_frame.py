@@ -3,9 +3,9 @@
     python benchmarks/radar_frame.py [--rays 10000 100000 1000000] [--hits-per-cell 0 8 2] [--figure FILE.png]
 
 Time: the whole sensor (rays, amplitudes, thinning, beat signal, noise, converter), fastest of the repeats after two
-warm-ups; the first frame, with kernel compilation, apart. Error: expected power over independent phases in the cells of a
-range-azimuth map (12-element line, no window), against four times the rays with every hit kept; cells within 60 dB of the
-peak. Both from the same run. ``0`` hits a cell stands for every hit.
+warm-ups; the first frame, with kernel compilation, apart. Error: expected power over independent phases in the cells of
+a range-azimuth map (12-element line, no window), against four times the rays with every hit kept; cells within 60 dB of
+the peak. Both from the same run. ``0`` hits a cell stands for every hit.
 """
 
 from __future__ import annotations
@@ -98,7 +98,8 @@ def main() -> None:
     print(machine())
     print(f"{strong.sum()} cells compared")
     print(
-        f"{'rays':>9} {'hits/cell':>9} {'paths':>8} {'cold s':>7} {'warm s':>7} {'rms dB':>7} {'95 % dB':>8}  stages [s]"
+        f"{'rays':>9} {'hits/cell':>9} {'paths':>8} {'cold s':>7} {'warm s':>7} {'rms dB':>7} "
+        f"{'95 % dB':>8}  stages [s]"
     )
     results: dict[int, list[tuple[int, float, float]]] = {hits: [] for hits in arguments.hits_per_cell}
     for num_rays in arguments.rays:
@@ -120,7 +121,8 @@ def main() -> None:
             results[hits].append((num_rays, warm, rms))
             stages = ", ".join(f"{name} {seconds:.2f}" for name, seconds in frame.diagnostics["seconds"].items())
             print(
-                f"{num_rays:9d} {hits or 'all':>9} {frame.num_paths:8d} {runs[0][0]:7.2f} {warm:7.2f} {rms:7.3f} {high:8.3f}"
+                f"{num_rays:9d} {hits or 'all':>9} {frame.num_paths:8d} {runs[0][0]:7.2f} "
+                f"{warm:7.2f} {rms:7.3f} {high:8.3f}"
                 f"  {stages}",
                 flush=True,
             )

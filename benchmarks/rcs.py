@@ -1,7 +1,9 @@
-"""Speed and error of ss.rcs: a sphere of 9,000 triangles, a plain NumPy tracer of the same physics, knobs, a car, full wave.
+"""Speed and error of ss.rcs.
 
-Run: ``python benchmarks/rcs.py [sphere] [numpy] [knobs] [car] [slope] [fullwave]``. By default the first three; each takes at most
-three minutes on two quiet cores. `car` and `slope` draw into docs/figures/.
+a sphere of 9,000 triangles, a plain NumPy tracer of the same physics, knobs, a car, full wave.
+
+Run: ``python benchmarks/rcs.py [sphere] [numpy] [knobs] [car] [slope] [fullwave]``. By default the first three; each
+takes at most three minutes on two quiet cores. `car` and `slope` draw into docs/figures/.
 """
 
 from __future__ import annotations
@@ -183,7 +185,8 @@ def bench_car(phi_deg: float = 150.0, count: int = 3) -> None:
         points.append((settings, seconds, max(abs(error[0, 0]), abs(error[1, 1]))))
         marks = " (default)" if settings == default else " (centres)" if settings.max_depth == 2 else ""
         print(
-            f"| {settings.ray_spacing:g}{marks} | {settings.edge_spacing:g} | {settings.max_depth} | {settings.bisections} "
+            f"| {settings.ray_spacing:g}{marks} | {settings.edge_spacing:g} | "
+            f"{settings.max_depth} | {settings.bisections} "
             f"| {error[0, 0]:+.2f} | {error[1, 1]:+.2f} | {error[1, 0]:+.2f} | {seconds:.2f} |",
             flush=True,
         )
@@ -238,15 +241,19 @@ def bench_fullwave() -> None:
 
     print("\nss.rcs minus method of moments [dB]")
     print(
-        "| body and cut | channel | at the centre | mean over 10 deg | mean of the absolute value | listed |\n|---|---|---|---|---|---|"
+        "| body and cut | channel | at the centre | mean over 10 deg | mean of the "
+        "absolute value | listed |\n|---|---|---|---|---|---|"
     )
     listed = {"plate": "+0.18 at the centre", "dihedral3lam_az": "+1.4, mean", "trihedral": "0.2 to 0.5, absolute"}
     for name, axis, centre in (
-        ("plate3lam_phi0", "theta_deg", 0.0), ("plate3lam_phi45", "theta_deg", 0.0),
-        ("dihedral3lam_az", "phi_deg", 45.0), ("dihedral3lam_el", "theta_deg", 90.0),
-        ("trihedral3lam_az", "phi_deg", 45.0), ("trihedral3lam_el", "theta_deg", 54.5),
+        ("plate3lam_phi0", "theta_deg", 0.0),
+        ("plate3lam_phi45", "theta_deg", 0.0),
+        ("dihedral3lam_az", "phi_deg", 45.0),
+        ("dihedral3lam_el", "theta_deg", 90.0),
+        ("trihedral3lam_az", "phi_deg", 45.0),
+        ("trihedral3lam_el", "theta_deg", 54.5),
         ("cyl_a1_h5_theta", "theta_deg", 90.0),
-    ):  # fmt: skip
+    ):
         bar = next((text for key, text in listed.items() if name.startswith(key)), "not listed")
         for channel in ("vv", "hh"):
             near = full_wave_difference(name, axis, centre, 0.3, channel)
@@ -280,9 +287,13 @@ def chart(across: str, up: str, name: str):
 def main() -> None:
     chosen = sys.argv[1:] or ["sphere", "numpy", "knobs"]
     known = {
-        "sphere": bench_sphere, "numpy": bench_numpy, "knobs": bench_knobs, "car": bench_car, "slope": bench_slope,
+        "sphere": bench_sphere,
+        "numpy": bench_numpy,
+        "knobs": bench_knobs,
+        "car": bench_car,
+        "slope": bench_slope,
         "fullwave": bench_fullwave,
-    }  # fmt: skip
+    }
     print(machine())
     for name in chosen:
         known[name]()

@@ -1,7 +1,7 @@
 """How fast a dataset is read and converted: megabytes a second of every reader, seconds a frame of every exporter.
 
-Prints markdown tables. The data are draft frames of ``highway_guardrail`` with the radar of SCaRL's Table 1 (6.3 MB raw),
-simulated once, stored several times over, so that every frame is read from its own place on the disk.
+Prints markdown tables. The data are draft frames of ``highway_guardrail`` with the radar of SCaRL's Table 1 (6.3 MB
+raw), simulated once, stored several times over, so that every frame is read from its own place on the disk.
 """
 
 from __future__ import annotations
@@ -39,9 +39,13 @@ READS = {
     "lidar points": [f"{SUITE}/lidar:points"],
     "boxes": ["boxes", "box_semantic"],
     "radar, RGB, depth, lidar, boxes": [
-        f"{SUITE}/radar:adc_int", f"{SUITE}/rgb:rgb", f"{SUITE}/depth:depth", f"{SUITE}/lidar:points", "boxes",
+        f"{SUITE}/radar:adc_int",
+        f"{SUITE}/rgb:rgb",
+        f"{SUITE}/depth:depth",
+        f"{SUITE}/lidar:points",
+        "boxes",
     ],
-}  # fmt: skip
+}
 
 
 def make_dataset(folder: Path, num_frames: int) -> Path:
@@ -53,7 +57,7 @@ def make_dataset(folder: Path, num_frames: int) -> Path:
 
 
 def rate(samples: Iterable[dict[str, Any]], count: int) -> tuple[float, float, float]:
-    """Return frames a second, megabytes a second of wall time, and of CPU time, of `count` samples after the first two."""
+    """Return frames/s, MB/s of wall time and MB/s of CPU time of `count` samples after the first two."""
     iterator = iter(samples)
     next(iterator), next(iterator)
     wall, cpu, size = time.perf_counter(), time.process_time(), 0
@@ -101,7 +105,8 @@ def exporters(place: Path, folder: Path, num_frames: int) -> None:
         files = [out] if out.is_file() else [path for path in out.rglob("*") if path.is_file()]
         size = sum(path.stat().st_size for path in files)
         print(
-            f"| {form} | {wall / num_frames * 1e3:.0f} | {cpu / num_frames * 1e3:.0f} | {size / num_frames / 1e6:.2f} |",
+            f"| {form} | {wall / num_frames * 1e3:.0f} | {cpu / num_frames * 1e3:.0f} | "
+            f"{size / num_frames / 1e6:.2f} |",
             flush=True,
         )
     data = read_tfrecord(folder / "tfrecord").repeat()

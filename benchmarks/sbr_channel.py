@@ -1,7 +1,8 @@
 """Error and time of the channel solver sbr: plate, trihedral, a car near and far, 10^6 tubes, a whole frame, memory.
 
 Run: ``python benchmarks/sbr_channel.py [plate] [trihedral] [car] [speed] [scene] [memory]`` (all by default). Prints
-Markdown tables. Seconds are of warm calls: wall, and CPU of all threads, which another load on the machine changes less.
+Markdown tables. Seconds are of warm calls: wall, and CPU of all threads, which another load on the machine changes
+less.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ def _looking_back(x: float, y: float, z: float, distance: float) -> Pose:
 def plate() -> None:
     """Largest error over +-5 deg of plates at 10 m for each knob."""
     print(
-        "\n| plate at 10 m | max_phase, integration_phase | paths | largest error [dB] | mean [dB] | a solve [s] | CPU [s] |"
+        "\n| plate at 10 m | max_phase, integration_phase | paths | largest error [dB] | "
+        "mean [dB] | a solve [s] | CPU [s] |"
     )
     print("|---|---|---|---|---|---|---|")
     for size in (0.1, 1.0):
@@ -121,7 +123,7 @@ def car() -> None:
         ("corner_share 0.5", {"corner_share": 0.5}), ("corner_share 0.0625", {"corner_share": 0.0625}),
         ("bisections 5", {"bisections": 5}), ("bisections 12", {"bisections": 12}),
         ("grazing_cosine 0.1", {"grazing_cosine": 0.1}), ("grazing_cosine 0.005", {"grazing_cosine": 0.005}),
-    ]  # fmt: skip
+    ]  # fmt: skip # a table
     for name in ("car_ahead", "oncoming"):
 
         def cells(knobs: SbrSettings, name: str = name) -> tuple[np.ndarray, int, float]:
@@ -177,7 +179,8 @@ def scene() -> None:
     state, radar, pose = _highway()
     every = [info.name for info in state.world.instances.values() if info.is_object or info.actor]
     print(
-        "\n| objects | max_depth | patches | paths | warm [s] | CPU [s] | peak memory [GiB] |\n|---|---|---|---|---|---|---|"
+        "\n| objects | max_depth | patches | paths | warm [s] | CPU [s] | peak memory [GiB] "
+        "|\n|---|---|---|---|---|---|---|"
     )
     for label, names, depth in (
         ("car ahead", ["car_ahead"], 3),
@@ -196,8 +199,8 @@ def scene() -> None:
             if wall > 30.0:
                 break
         print(
-            f"| {label} | {depth} | {paths.diagnostics['num_patches']} | {paths.num_paths} | {wall:.2f} | {cpu:.2f} | "
-            f"{peak_memory():.2f} |",
+            f"| {label} | {depth} | {paths.diagnostics['num_patches']} | {paths.num_paths} | "
+            f"{wall:.2f} | {cpu:.2f} | {peak_memory():.2f} |",
             flush=True,
         )
 

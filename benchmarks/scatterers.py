@@ -1,10 +1,12 @@
-"""Scattering centres of the highway's car against the solver `sbr`: error per range cell, time per frame, cost of compiling.
+"""Scattering centres of the highway's car against the solver `sbr`.
+
+Error per range cell, time per frame, cost of compiling.
 
 Run: python benchmarks/scatterers.py [--sides rear front oblique beside] [--full-turn FILE]
-The car stands alone with the materials that it has in the scene (paint, glass, plastic, rubber, metal). Both methods see the same
-parts; `sbr` traces with spherical waves from the radar, the centres come from plane waves by another tracer. Each side's model
-covers the aspects under which any point of the car is seen from 20 to 200 m. One to two minutes a side on two quiet cores;
-``--trace-step 2`` takes a third of that.
+The car stands alone with the materials that it has in the scene (paint, glass, plastic, rubber, metal). Both methods
+see the same parts; `sbr` traces with spherical waves from the radar, the centres come from plane waves by another
+tracer. Each side's model covers the aspects under which any point of the car is seen from 20 to 200 m. One to two
+minutes a side on two quiet cores; ``--trace-step 2`` takes a third of that.
 """
 
 from __future__ import annotations
@@ -67,7 +69,7 @@ def radar_pose(side: float, distance: float) -> ss.Pose:
 
 
 def aspects(parts: list[Any], side: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return ranges of azimuth and elevation [deg] under which the corners of the car's box see the radar at all distances."""
+    """Return ranges of azimuth and elevation [deg] under which the box's corners see the radar at all distances."""
     points = np.concatenate([mesh.vertices for mesh, _ in parts])
     box = np.stack(np.meshgrid(*np.stack([points.min(axis=0), points.max(axis=0)], axis=1)), axis=-1).reshape(-1, 3)
     offset = np.concatenate([radar_pose(side, distance).position - box for distance in DISTANCES])
@@ -104,10 +106,16 @@ def compare(side: str, world: Any, parts: list[Any], options: argparse.Namespace
     steps = int(np.ceil((elevations[1] - elevations[0]) / options.step))
     cpu = time.process_time()
     model = ss.compile_scatterers(
-        parts, radar.center_frequency, azimuths_deg=azimuths, azimuth_step_deg=options.step,
-        elevations_deg=np.linspace(*elevations, steps + 1), voxel=options.voxel, trace_step_deg=options.trace_step,
-        progress=False, num_checks=options.checks,
-    )  # fmt: skip
+        parts,
+        radar.center_frequency,
+        azimuths_deg=azimuths,
+        azimuth_step_deg=options.step,
+        elevations_deg=np.linspace(*elevations, steps + 1),
+        voxel=options.voxel,
+        trace_step_deg=options.trace_step,
+        progress=False,
+        num_checks=options.checks,
+    )
     cpu = time.process_time() - cpu
     grid = f"{azimuths[1] - azimuths[0]:.1f} x {elevations[1] - elevations[0]:.1f} deg"
     own = (
@@ -116,7 +124,8 @@ def compare(side: str, world: Any, parts: list[Any], options: argparse.Namespace
     print(
         f"\n{side}: {grid}, {model.num_centers} centres, {model.amplitude.nbytes / 1e6:.0f} MB "
         f"({100 * model.amplitude.share:.0f} % of the full table), {cpu:.0f} CPU s{own}\n\n"
-        "| distance [m] | cells within 20 dB | median error [dB] | largest [dB] | sbr CPU ms | scatterers CPU ms | ratio |\n"
+        "| distance [m] | cells within 20 dB | median error [dB] | largest [dB] | sbr CPU ms "
+        "| scatterers CPU ms | ratio |\n"
         "|---|---|---|---|---|---|---|",
         flush=True,
     )
@@ -127,18 +136,21 @@ def compare(side: str, world: Any, parts: list[Any], options: argparse.Namespace
         truth, sbr_time = timed(
             lambda p=pose, m=reach: ss.solve_paths(
                 state, radar, p, method="sbr", instances=["car"], settings=settings, max_distance=m
-            ), 2,
-        )  # fmt: skip
+            ),
+            2,
+        )
         fast, own_time = timed(
             lambda p=pose, m=reach: ss.solve_paths(
                 state, radar, p, method="scatterers", models={"car": model}, max_distance=m
-            ), 9,
-        )  # fmt: skip
+            ),
+            9,
+        )
         wanted, got = (profile(paths, radar, pose, distance - 3.0) for paths in (truth, fast))
         strong = wanted > wanted.max() * 1e-2
         errors.append(np.abs(10.0 * np.log10(got[strong] / wanted[strong])))
         print(
-            f"| {distance:.0f} | {strong.sum()} | {np.median(errors[-1]):.2f} | {errors[-1].max():.2f} | {1e3 * sbr_time:.0f} "
+            f"| {distance:.0f} | {strong.sum()} | {np.median(errors[-1]):.2f} | "
+            f"{errors[-1].max():.2f} | {1e3 * sbr_time:.0f} "
             f"| {1e3 * own_time:.2f} | {sbr_time / own_time:.0f} |",
             flush=True,
         )
@@ -149,9 +161,14 @@ def full_turn(parts: list[Any], path: str, options: argparse.Namespace) -> None:
     """Compile the car all round, within 1 deg of its horizon; save and load it."""
     cpu, wall = time.process_time(), time.perf_counter()
     model = ss.compile_scatterers(
-        parts, 77e9, azimuth_step_deg=options.step, elevations_deg=np.arange(-1.0, 1.01, options.step), voxel=options.voxel,
-        trace_step_deg=options.trace_step, num_checks=options.checks,
-    )  # fmt: skip
+        parts,
+        77e9,
+        azimuth_step_deg=options.step,
+        elevations_deg=np.arange(-1.0, 1.01, options.step),
+        voxel=options.voxel,
+        trace_step_deg=options.trace_step,
+        num_checks=options.checks,
+    )
     print(f"\nfull turn, 2 deg of elevation: {model.num_centers} centres, table {model.amplitude.shape[:2]} aspects")
     print(f"  {time.process_time() - cpu:.0f} CPU s, {time.perf_counter() - wall:.0f} s; error {dict(model.error)}")
     print(f"  {model.amplitude.nbytes / 1e6:.0f} MB, {100 * model.amplitude.share:.0f} % of the full table")

@@ -3,12 +3,13 @@
     python benchmarks/scene_detail.py [--scene signalised_crossing] [--time 1.5] [--method raycast] [--rays 200000]
     python benchmarks/scene_detail.py --loads [SCENE ...]
 
-Each level runs in a process of its own, so that its peak memory is its own. Radar: front sensor of the ego, no receiver noise; power of a
-range-Doppler map (mean over virtual channels) in the window round each actor in view (its box and one cell, +-1.5 m/s of its radial
-velocity; those that the lidar does not see are left out) and, as clutter, everywhere else. The detailed level with 1.3 times the rays shows how much the method's own
-grid changes. Lidar: a scan of 64 lines from the roof; points on each actor. Image: mean difference of 8-bit values, denoised, 320 x 180. CPU seconds stand
-beside wall seconds; they count both cores. ``--loads``: files, shapes and loading of scenes at both levels, with actors; the faster of two
-processes, libraries loaded before.
+Each level runs in a process of its own, so that its peak memory is its own. Radar: front sensor of the ego, no receiver
+noise; power of a range-Doppler map (mean over virtual channels) in the window round each actor in view (its box and one
+cell, +-1.5 m/s of its radial velocity; those that the lidar does not see are left out) and, as clutter, everywhere
+else. The detailed level with 1.3 times the rays shows how much the method's own grid changes. Lidar: a scan of 64 lines
+from the roof; points on each actor. Image: mean difference of 8-bit values, denoised, 320 x 180. CPU seconds stand
+beside wall seconds; they count both cores. ``--loads``: files, shapes and loading of scenes at both levels, with
+actors; the faster of two processes, libraries loaded before.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Clock:
 
 
 def actors_in_view(state: Any, ego: str) -> dict[str, tuple[float, float, float]]:
-    """Return range [m], half length [m] and radial velocity [m/s] of the actors before the ego, within 60 deg and 90 m."""
+    """Return range [m], half length [m] and radial velocity [m/s] of the actors ahead within 60 deg and 90 m."""
     pose, twist = state.actor_pose(ego), state.actor_twist(ego)
     front = pose.apply(np.array(FRONT))
     found = {}
@@ -148,14 +149,16 @@ def report(levels: dict[str, dict[str, Any]], images: dict[str, Array]) -> None:
         if full["lidar"].get(name, 1) < 5:  # hidden: its window holds what leaks into it from elsewhere
             continue
         print(
-            f"  {name:22s} {decibels(light['radar'][name], full['radar'][name])}           {decibels(full['radar_again'][name], full['radar'][name])}"
+            f"  {name:22s} {decibels(light['radar'][name], full['radar'][name])}           "
+            f"{decibels(full['radar_again'][name], full['radar'][name])}"
         )
     print("lidar points             detailed     light")
     for name in full["lidar"]:
         print(f"  {name:22s} {full['lidar'][name]:8d}  {light['lidar'][name]:8d}")
     change = np.abs(images["detailed"] - images["light"])
     print(
-        f"image: mean difference {change.mean():.2f} of 255, {np.mean(change.max(axis=2) > 16):.1%} of the pixels by more than 16"
+        f"image: mean difference {change.mean():.2f} of 255, "
+        f"{np.mean(change.max(axis=2) > 16):.1%} of the pixels by more than 16"
     )
 
 
@@ -191,7 +194,8 @@ def loads(scenes: list[str]) -> None:
             ]
             wall, cpu, still, own, parts, total = min(rows)
             print(
-                f"{scene:20s} {level:9s} {size / 1e6:9.2f} {still:8d} {own:10d} {parts:8d} {total:10d} {wall:14.2f} {cpu:7.2f}",
+                f"{scene:20s} {level:9s} {size / 1e6:9.2f} {still:8d} {own:10d} {parts:8d} "
+                f"{total:10d} {wall:14.2f} {cpu:7.2f}",
                 flush=True,
             )
 

@@ -60,9 +60,13 @@ def picture(scene: str, lighting: str, time: float, camera: Pose) -> Image.Image
     state = world.at(time)
     samples = 36 if lighting == "night" or world.document.info.get("enclosed") else 16
     spec = CameraSpec(
-        width=640, height=360, horizontal_fov_deg=75.0 if camera is STREET else 66.0, images=("rgb",),
-        samples_per_pixel=samples, denoise=True,
-    )  # fmt: skip
+        width=640,
+        height=360,
+        horizontal_fov_deg=75.0 if camera is STREET else 66.0,
+        images=("rgb",),
+        samples_per_pixel=samples,
+        denoise=True,
+    )
     frame = Camera(spec).observe(state, state.actor_pose("ego").compose(camera), np.random.default_rng(0))
     return Image.fromarray(frame.rgb)
 
@@ -70,8 +74,15 @@ def picture(scene: str, lighting: str, time: float, camera: Pose) -> Image.Image
 def gallery(figures: Path) -> Path:
     """Write the street views of eight scenes as one picture."""
     names = (
-        "signalised_crossing", "roundabout", "parking_garage", "tunnel", "motorway", "suburban_street", "country_road", "urban_crossing",
-    )  # fmt: skip
+        "signalised_crossing",
+        "roundabout",
+        "parking_garage",
+        "tunnel",
+        "motorway",
+        "suburban_street",
+        "country_road",
+        "urban_crossing",
+    )
     width, columns, gap = 420, 4, 6
     views = [
         Image.open(figures / f"scene_{n}_{'day' if n == 'urban_crossing' else 'street'}.jpg").convert("RGB")

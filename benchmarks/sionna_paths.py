@@ -1,8 +1,12 @@
-"""Work and precision of the solver `sionna`: paths and power found against the number of rays, and the time that it takes.
+"""Work and precision of the solver `sionna`.
 
-    python benchmarks/sionna_paths.py [--depth 1 2] [--samples 20000 50000 ...] [--scene highway_guardrail] [--diffraction]
+Paths and power found against the number of rays, and the time that it takes.
 
-The reference is the largest number of rays at the same depth. Times are warm: the second of two solves, one variant held.
+    python benchmarks/sionna_paths.py [--depth 1 2] [--samples 20000 50000 ...] [--scene highway_guardrail]
+    [--diffraction]
+
+The reference is the largest number of rays at the same depth. Times are warm: the second of two solves, one variant
+held.
 """
 
 from __future__ import annotations
@@ -47,16 +51,23 @@ def main() -> None:
                 for _ in range(2):
                     start, busy = time.perf_counter(), time.process_time()
                     paths = solve_points(
-                        state, ss.RadarSpec(), pose, points, num_samples=count, max_depth=depth, environment=True,
+                        state,
+                        ss.RadarSpec(),
+                        pose,
+                        points,
+                        num_samples=count,
+                        max_depth=depth,
+                        environment=True,
                         diffraction=arguments.diffraction,
-                    )  # fmt: skip
+                    )
                     taken, spent = time.perf_counter() - start, time.process_time() - busy
                 through = (paths.interaction == 0).any(axis=1)
                 power = [float(np.sum(np.abs(paths.a[rows_, 0, 0]) ** 2)) for rows_ in (through, ~through)]
                 rows.append((count, paths.num_paths, *power, paths.diagnostics["num_candidates"], taken, spent))
             print(f"\n{world.name}, {len(boxes)} scatterers, max_depth {depth}\n")
             print(
-                "| rays | paths | power through scatterers [dB] | power of the environment [dB] | candidates | wall [s] | CPU [s] |"
+                "| rays | paths | power through scatterers [dB] | power of the environment [dB] "
+                "| candidates | wall [s] | CPU [s] |"
             )
             print("|---|---|---|---|---|---|---|")
             for count, number, scattered, own, candidates, taken, spent in rows:

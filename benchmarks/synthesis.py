@@ -2,12 +2,12 @@
 
     python benchmarks/synthesis.py [--paths 100000] [--chart-paths 20000] [--rounds 3] [--figure FILE.png] [--no-sionna]
 
-One process, interleaved rounds, the fastest of each; the first call apart. Points at random ranges, directions and radial
-velocities within +-70 m/s (the hardest case) and within 30 m/s (a drive). The plain sum runs on fewer paths, ``Paths.cfr``
-on the paths of a street of Sionna RT; both are scaled by paths x samples x pairs, which is their
-cost's law, and are marked so. CPU seconds stand beside wall seconds, since another load on the machine changes these most.
-A lone path is the hardest case for the error, for no other path hides it: it is one path of the chart's group, all others
-with no amplitude, so that it goes through the group's transforms.
+One process, interleaved rounds, the fastest of each; the first call apart. Points at random ranges, directions and
+radial velocities within +-70 m/s (the hardest case) and within 30 m/s (a drive). The plain sum runs on fewer paths,
+``Paths.cfr`` on the paths of a street of Sionna RT; both are scaled by paths x samples x pairs, which is their
+cost's law, and are marked so. CPU seconds stand beside wall seconds, since another load on the machine changes these
+most. A lone path is the hardest case for the error, for no other path hides it: it is one path of the chart's group,
+all others with no amplitude, so that it goes through the group's transforms.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def timed(call: Callable[[], np.ndarray]) -> tuple[np.ndarray, float, float]:
 
 
 def chart(count: int, rounds: int) -> list[tuple[float, float, float, float, float]]:
-    """Return (tolerance, error over peak, worst of lone paths, wall, CPU seconds) of one pair, against the exact sum."""
+    """Return tolerance, error over peak, worst of lone paths, wall and CPU seconds of one pair, by the exact sum."""
     radar = RadarSpec().with_(tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))
     paths = random_points(radar, count, -70.0, 70.0)
     # the first chirps, at the edge of the frame, have the largest residual phase; a shorter frame has the same samples
@@ -92,7 +92,7 @@ def lone_error(paths: RadarPaths, radar: RadarSpec, tolerance: float) -> float:
 
 
 def cfr_cost() -> tuple[float, int]:
-    """Return seconds of ``Paths.cfr`` a path and sample, and the paths of Sionna RT's street that it was measured on."""
+    """Return seconds of ``Paths.cfr`` a path and sample, and the paths of Sionna RT's street used for it."""
     from scarl_sionna.engine import variant
 
     with variant.radio():
@@ -155,7 +155,8 @@ def main() -> None:
         wall = cost * options.paths * cells
         rows[f"sionna.rt Paths.cfr (scaled from {count} paths, one pair)"] = [(wall, float("nan"))]
     print(
-        f"\n| {options.paths} paths, 12 channels, 512 x 256 | first [s] | fastest wall [s] | CPU [s] |\n|---|---|---|---|"
+        f"\n| {options.paths} paths, 12 channels, "
+        "512 x 256 | first [s] | fastest wall [s] | CPU [s] |\n|---|---|---|---|"
     )
     for name, values in rows.items():
         print(f"| {name} | {values[0][0]:.3g} | {min(v[0] for v in values):.3g} | {min(v[1] for v in values):.3g} |")
@@ -184,9 +185,10 @@ def draw(points: list[tuple[float, float, float, float, float]], count: int, fil
         axes.annotate(f"{tolerance:g}", (seconds, 20 * np.log10(lone)), (6, 4), textcoords="offset points")
     axes.axhline(-80.0, color="tab:red", linewidth=1.0, label="required: -80 dB")
     axes.set(
-        xlabel="CPU time [s]", ylabel="largest error over peak [dB]",
+        xlabel="CPU time [s]",
+        ylabel="largest error over peak [dB]",
         title=f"{count} paths within ±70 m/s, one channel, 512 × 256; numbers: tolerance",
-    )  # fmt: skip
+    )
     axes.title.set_fontsize(9)
     axes.legend()
     axes.grid(alpha=0.3)

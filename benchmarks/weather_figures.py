@@ -62,7 +62,10 @@ def draw_drops(path: Path) -> None:
 
 
 def draw_clutter(path: Path) -> None:
-    """Draw the echo of rain and snow over range: one range-Doppler map's mean against noise, and against a pedestrian."""
+    """Draw the echo of rain and snow over range.
+
+    One range-Doppler map's mean against noise, and against a pedestrian.
+    """
     radar, pose = ss.RadarSpec.preset("awr1843boost"), ss.Pose()
     step = radar.range_resolution
     edges = np.maximum(np.arange(0.0, 101.0, step), NEAREST)
@@ -70,17 +73,23 @@ def draw_clutter(path: Path) -> None:
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
     noise = angle_cell_noise_power(radar) * radar.num_virtual  # of one channel's range-Doppler cell
     for index, (name, weather) in enumerate(
-        (("rain 50 mm/h", ss.Weather(rain_rate=50.0)), ("rain 10 mm/h", ss.Weather(rain_rate=10.0)),
-         ("rain 1 mm/h", ss.Weather(rain_rate=1.0)), ("dry snow 2 mm/h", ss.Weather(snow_rate=2.0, temperature_celsius=-2.0)))
-    ):  # fmt: skip
+        (
+            ("rain 50 mm/h", ss.Weather(rain_rate=50.0)),
+            ("rain 10 mm/h", ss.Weather(rain_rate=10.0)),
+            ("rain 1 mm/h", ss.Weather(rain_rate=1.0)),
+            ("dry snow 2 mm/h", ss.Weather(snow_rate=2.0, temperature_celsius=-2.0)),
+        )
+    ):
         eta = sum(item.reflectivity for item in falling(weather, radar.center_frequency))
         loss = weather_attenuation(weather, radar.center_frequency, "V")
         spread = min(1.0, radar.velocity_resolution / (np.sqrt(2 * np.pi) * weather.turbulence))
         mean = mean_clutter_power(radar, eta, edges[:-1], edges[1:], loss) * spread
         snr = 10 * np.log10(mean * beam_share(radar) / angle_cell_noise_power(radar))
         left.semilogx(middle, snr, f"C{index}", label=name)
-        told = [f"{np.interp(value, middle, snr):.1f}" for value in (5, 10, 20, 50, 100)]
-        print(f"{name}: eta {10 * np.log10(eta):.1f} dB, SNR of a cell at 5, 10, 20, 50, 100 m: {', '.join(told)} dB")
+        reported = [f"{np.interp(value, middle, snr):.1f}" for value in (5, 10, 20, 50, 100)]
+        print(
+            f"{name}: eta {10 * np.log10(eta):.1f} dB, SNR of a cell at 5, 10, 20, 50, 100 m: {', '.join(reported)} dB"
+        )
     person = 10.0 ** (-8.0 / 10.0)
     scale = (
         10 ** (radar.front_end.tx_power_dbm / 10) * 1e-3 * 10**2 * radar.wavelength**2 / (4 * np.pi) ** 3 / middle**4
@@ -196,8 +205,12 @@ def draw_film(path: Path) -> None:
     for angle in (1.0, 2.0, 5.0, 10.0, 30.0, 90.0):
         change = [
             20 * np.log10(abs(a / b))
-            for a, b in zip(reflection(wet, FREQUENCY, np.sin(np.radians(angle))), reflection(table["asphalt"], FREQUENCY, np.sin(np.radians(angle))), strict=True)
-        ]  # fmt: skip
+            for a, b in zip(
+                reflection(wet, FREQUENCY, np.sin(np.radians(angle))),
+                reflection(table["asphalt"], FREQUENCY, np.sin(np.radians(angle))),
+                strict=True,
+            )
+        ]
         print(
             f"asphalt under 0.5 mm of water, {angle:g} deg over the road: H {change[0]:+.2f} dB, V {change[1]:+.2f} dB"
         )

@@ -1,14 +1,13 @@
 """Synchronized camera, lidar and MIMO radar data of driving scenes, from Mitsuba and Sionna RT.
 
-Public names are imported when they are first used, so ``import scarl_sionna`` is fast and starts no engine; the stub beside
-this file lists them.
+Public names are imported when they are first used, so ``import scarl_sionna`` is fast and starts no engine; the stub
+beside this file lists them.
 """
 
 from __future__ import annotations
 
 from difflib import get_close_matches
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
 
 import lazy_loader
 
@@ -20,7 +19,7 @@ except PackageNotFoundError:  # used from a checkout that is not installed
     __version__ = "0+unknown"
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import a public name on first use (PEP 562)."""
     try:
         return _attribute(name)

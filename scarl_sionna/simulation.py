@@ -62,8 +62,8 @@ def observe(
     time : float
         [s]; it is rounded to whole nanoseconds, the frame's `timestamp_ns`.
     seed : int
-        Root of all random numbers, >= 0. A sensor's numbers depend on seed, timestamp and the sensor's name only: not on
-        the order of the sensors and not on the other sensors of the rig.
+        Root of all random numbers, >= 0. A sensor's numbers depend on seed, timestamp and the sensor's name only: not
+        on the order of the sensors and not on the other sensors of the rig.
     radar : RadarSettings, optional
         The fields that are set in it replace those of every radar of the rig: method, tolerance, noise and the like.
     vehicle : Mount or Pose, optional
@@ -140,7 +140,9 @@ def radar_cube(
     *,
     settings: RadarSettings | None = None,
 ) -> RangeDopplerAngle:
-    """Return the radar cube of a scene: what a radar in the middle of the ego vehicle's front sees, processed to angles.
+    """Return the radar cube of a scene.
+
+    What a radar in the middle of the ego vehicle's front sees, processed to angles.
 
     ``ss.radar_cube().plot()`` is the shortest way to a picture. It is :func:`observe` with a rig of one radar, and
     :func:`range_doppler_angle`: noise and converter included.
@@ -204,7 +206,9 @@ def simulate(
 
 
 def resolve_rig(scenario: ScenarioSpec) -> Rig:
-    """Return the scenario's rig: a preset or that of a file, in its quality, and with the scenario's radar settings on top.
+    """Return the scenario's rig.
+
+    A preset or that of a file, in its quality, and with the scenario's radar settings on top.
 
     In a rig file, the quality stands for what the file does not state of the settings of its radars.
     """

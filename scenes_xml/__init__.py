@@ -1,8 +1,11 @@
-"""Mitsuba scenes and actor models of the project: descriptions, packed meshes and textures, and the scripts that build them.
+"""Mitsuba scenes and actor models of the project.
 
-Each folder that holds ``<name>/<name>.xml`` and ``<name>/scene.toml`` is a scene, each ``actors/<name>/actor.toml`` an actor model.
-Their meshes and textures lie beside them in one packed file, and are unpacked into a cache folder on first use; variants and light
-levels of scenes are built there. Nothing is fetched, and this package needs nothing of the simulator.
+Descriptions, packed meshes and textures, and the scripts that build them.
+
+Each folder that holds ``<name>/<name>.xml`` and ``<name>/scene.toml`` is a scene, each ``actors/<name>/actor.toml`` an
+actor model. Their meshes and textures lie beside them in one packed file, and are unpacked into a cache folder on first
+use; variants and light levels of scenes are built there. Nothing is fetched, and this package needs nothing of the
+simulator.
 """
 
 from __future__ import annotations
@@ -57,7 +60,8 @@ def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:
     ValueError
         If `variant` is no whole number from 0, or `detail` is unknown.
     OSError
-        If no cache folder can be written; the message says how to choose another. Or if a file of the package is damaged.
+        If no cache folder can be written; the message says how to choose another. Or if a file of the package is
+        damaged.
 
     Warns
     -----

@@ -1,6 +1,9 @@
-"""Unpack scenes and actor models and print where they lie: ``python -m scenes_xml [NAME ...]``, without names all of them.
+"""Unpack scenes and actor models and print where they lie.
 
-Their XML opens in Mitsuba as it is. On a machine where later processes cannot write, call it once with ``SCARL_CACHE_DIR`` set.
+``python -m scenes_xml [NAME ...]``, without names all of them.
+
+Their XML opens in Mitsuba as it is. On a machine where later processes cannot write, call it once with
+``SCARL_CACHE_DIR`` set.
 """
 
 from __future__ import annotations

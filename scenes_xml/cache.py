@@ -1,4 +1,7 @@
-"""Folders of the user's cache: filled whole or not at all, by one process at a time, and removed when nobody used them for weeks."""
+"""Folders of the user's cache.
+
+Filled whole or not at all, by one process at a time, and removed when not used for weeks.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,8 @@ _USERS = "actors"
 _STAMP = 3600.0
 """Use is noted at most this often [s]."""
 _PATIENCE = 600.0
-"""Longest wait for another process that fills the same folder [s]; without the lock the work is done twice, with one result."""
+"""Longest wait for another process that fills the same folder [s]; without the lock the work is done twice, with one
+result."""
 
 
 class DamagedError(OSError):
@@ -131,7 +135,10 @@ def _explained(error: OSError, folder: Path) -> OSError:
 
 
 def _is_own(root: Path) -> bool:
-    """Return whether a folder may be trusted: that among the temporary files must be this user's, since anybody can make one there."""
+    """Return whether a folder may be trusted.
+
+    That among the temporary files must be this user's, since any user can make one there.
+    """
     if root != fallback_folder():
         return True
     with suppress(OSError):
@@ -141,7 +148,10 @@ def _is_own(root: Path) -> bool:
 
 
 def _is_whole(folder: Path, files: Sequence[str]) -> bool:
-    """Return whether all files are there and hold something; a folder that was found whole before is looked at shortly."""
+    """Return whether all files are there and hold something.
+
+    A folder that was found whole before is checked briefly.
+    """
     try:
         for file in files[:1] if folder in _whole else files:
             if (folder / file).stat().st_size == 0:
@@ -203,10 +213,10 @@ def _locked(root: Path, name: str, patience: float) -> Iterator[None]:
 
 
 def clean(root: Path, now: float | None = None) -> list[Path]:
-    """Remove what can be made again and nobody used for weeks, and return the folders that went.
+    """Remove what can be made again and was not used for weeks, and return the folders that went.
 
-    A folder goes after `SUPERSEDED` without use when another one of its name was used later, else after `UNUSED`. What cannot
-    be removed stays.
+    A folder goes after `SUPERSEDED` without use when another one of its name was used later, else after `UNUSED`. What
+    cannot be removed stays.
     """
     now = time.time() if now is None else now
     gone: list[Path] = []

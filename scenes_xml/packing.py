@@ -1,9 +1,9 @@
 """Packs meshes and textures of a scene or an actor into one file, and unpacks them again, byte for byte the same.
 
-A packed folder holds what people read as plain files (XML, TOML), ``files.xz`` with everything else, and ``files.sha256`` with the
-checksum of every file, as ``sha256sum`` writes it. Coordinates of a PLY are multiples of 1e-5 and are packed as whole numbers, column by
-column; a PNG is packed by its pixels and compressed again when it is unpacked. A file that would not come back as it was is packed
-as it is.
+A packed folder holds what people read as plain files (XML, TOML), ``files.xz`` with everything else, and
+``files.sha256`` with the checksum of every file, as ``sha256sum`` writes it. Coordinates of a PLY are multiples of 1e-5
+and are packed as whole numbers, column by column; a PNG is packed by its pixels and compressed again when it is
+unpacked. A file that would not come back as it was is packed as it is.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from .cache import DamagedError
 PACK = "files.xz"
 SUMS = "files.sha256"
 RECORDED = ".recorded.sha256"
-"""Beside unpacked files: checksums of PNGs that this version of Pillow compresses otherwise, and those that are recorded of them."""
+"""Beside unpacked files: checksums of PNGs that this version of Pillow compresses otherwise, and those that are
+recorded of them."""
 _PLAIN = (".xml", ".toml")
 _STEPS = {"x": 1e5, "y": 1e5, "z": 1e5, "nx": 1e4, "ny": 1e4, "nz": 1e4, "u": 1e5, "v": 1e5}
 """Steps per unit to which each column of a PLY is rounded (see generators/geometry/mesh.py)."""

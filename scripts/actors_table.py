@@ -1,6 +1,7 @@
 """Write the tables of docs/actors.md from the models in scenes_xml/actors.
 
-Usage: python scripts/actors_table.py [--check]. With --check nothing is written; the exit status is 1 if the page is old.
+Usage: python scripts/actors_table.py [--check]. With --check nothing is written; the exit status is 1 if the page is
+old.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ PAGE = REPO / "docs" / "actors.md"
 VEHICLES = ("small_car", "saloon", "suv", "van", "lorry", "bus")
 GROUPS = ("vehicles", "people")
 HEAD = (
-    "| model | length x width x height [m] | wheelbase [m] | shapes, triangles | light: shapes, triangles | joints | radio materials | variants |",
+    "| model | length x width x height [m] | wheelbase [m] | shapes, triangles | light: shapes, "
+    "triangles | joints | radio materials | variants |",
     "|---|---|---|---|---|---|---|---|",
 )
 
@@ -39,10 +41,15 @@ def _row(name: str) -> str:
     kinds = [str(joint["kind"]) for joint in model.joints]
     joints = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)) or "-"
     cells = (
-        f"`{name}`", f"{model.length:g} x {model.width:g} x {model.height:g}", f"{model.wheelbase:g}" if model.wheelbase else "-",
-        _level(model, ""), _level(model, "_light"), joints,
-        ", ".join(sorted({entry.radio for entry in model.materials.values()})), ", ".join(model.variants),
-    )  # fmt: skip
+        f"`{name}`",
+        f"{model.length:g} x {model.width:g} x {model.height:g}",
+        f"{model.wheelbase:g}" if model.wheelbase else "-",
+        _level(model, ""),
+        _level(model, "_light"),
+        joints,
+        ", ".join(sorted({entry.radio for entry in model.materials.values()})),
+        ", ".join(model.variants),
+    )
     return "| " + " | ".join(cells) + " |"
 
 

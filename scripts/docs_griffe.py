@@ -1,13 +1,15 @@
-"""Docstrings for the documentation site: reStructuredText as Markdown, and fields of specifications with their descriptions."""
+"""Docstrings for the documentation site.
+
+ReStructuredText as Markdown, and fields of specifications with their descriptions.
+"""
 
 from __future__ import annotations
 
 import ast
 import re
 import textwrap
-from typing import Any
 
-from griffe import Docstring, ExprCall, ExprKeyword, Extension
+from griffe import Attribute, Docstring, ExprCall, ExprKeyword, Extension, Object
 
 _MATH = re.compile(r"^\.\. math::[ ]*(.*(?:\n(?:[ ]+.*|(?=\n[ ]{2,}\S)))*)", re.MULTILINE)
 _ROLE = re.compile(r":(?:func|class|meth|mod|attr|data):`~?([^`]+)`")
@@ -31,14 +33,14 @@ def markdown(text: str) -> str:
 
 
 class MarkdownDocstrings(Extension):
-    """Griffe extension: rewrites every docstring before it is parsed, and gives pydantic fields one from their description."""
+    """Griffe extension: docstrings are rewritten before they are parsed, pydantic fields get their description."""
 
-    def on_instance(self, *, obj: Any, **others: Any) -> None:
+    def on_instance(self, *, obj: Object, **others: object) -> None:
         """Rewrite the docstring of an object."""
         if obj.docstring is not None:
             obj.docstring.value = markdown(obj.docstring.value)
 
-    def on_attribute_instance(self, *, attr: Any, **others: Any) -> None:
+    def on_attribute_instance(self, *, attr: Attribute, **others: object) -> None:
         """Take ``Field(..., description=...)`` as the docstring of a field."""
         value = attr.value
         if attr.docstring is not None or not isinstance(value, ExprCall) or str(value.function) != "Field":

@@ -1,4 +1,6 @@
-"""Hooks of the documentation site: notebooks as pages, CONTRIBUTING.md, links that leave docs/, and equations as MathML.
+"""Hooks of the documentation site.
+
+Notebooks as pages, CONTRIBUTING.md, links that leave docs/, and equations as MathML.
 
 Notebooks are taken with their figures from `build/notebooks`, where `make notebooks` puts them, else without outputs.
 """
@@ -14,7 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from latex2mathml.converter import convert
+from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTED, SOURCES = ROOT / "build" / "notebooks", ROOT / "notebooks"
@@ -57,7 +61,7 @@ def notebook_page(notebook: dict[str, Any], name: str) -> tuple[str, dict[str, b
     return "\n".join(part for part in parts if part), pictures
 
 
-def on_files(files: Files, config: Any) -> Files:
+def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add a page for every notebook with its pictures, and CONTRIBUTING.md."""
     for source in sorted(SOURCES.glob("*.ipynb")):
         executed = EXECUTED / source.name
@@ -71,11 +75,11 @@ def on_files(files: Files, config: Any) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Make of GitHub's Markdown what the site needs.
 
-    Links to notebooks lead to their pages, other files of the repository are named by their path, since the site has none of
-    them, and blocks of code in lists are indented by four.
+    Links to notebooks lead to their pages, other files of the repository are named by their path, since the site has
+    none of them, and blocks of code in lists are indented by four.
     """
 
     def inside(match: re.Match[str]) -> str:
@@ -88,7 +92,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     return _OUTSIDE.sub(inside, markdown)
 
 
-def on_page_content(html: str, **others: Any) -> str:
+def on_page_content(html: str, **others: object) -> str:
     """Typeset equations here, so that the site loads nothing from elsewhere."""
 
     def typeset(match: re.Match[str]) -> str:

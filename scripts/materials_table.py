@@ -1,6 +1,7 @@
 """Write the tables of docs/materials.md from scarl_sionna/scene/materials/materials.toml.
 
-Usage: python scripts/materials_table.py [--check]. With --check nothing is written; the exit status is 1 if the page is old.
+Usage: python scripts/materials_table.py [--check]. With --check nothing is written; the exit status is 1 if the page is
+old.
 """
 
 from __future__ import annotations
@@ -30,9 +31,15 @@ def _row(material: RadioMaterial) -> str:
     low, high = (f"{edge / 1e9:g}" for edge in material.frequency_range)
     reflectance = float(power_reflectance(material, FREQUENCY, 1.0)[0])
     cells = (
-        f"`{material.name}`", value, _millimetres(material.thickness), f"{reflectance:.2g}", _millimetres(material.roughness_rms),
-        f"{material.scattering_coefficient:g}", f"{material.xpd_coefficient:g}", f"{low} to {high}",
-    )  # fmt: skip
+        f"`{material.name}`",
+        value,
+        _millimetres(material.thickness),
+        f"{reflectance:.2g}",
+        _millimetres(material.roughness_rms),
+        f"{material.scattering_coefficient:g}",
+        f"{material.xpd_coefficient:g}",
+        f"{low} to {high}",
+    )
     return "| " + " | ".join(cells) + " |"
 
 

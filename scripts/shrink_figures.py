@@ -2,8 +2,8 @@
 
 python scripts/shrink_figures.py [FILE ...]
 
-Without files: every PNG of docs/figures that has more colours. Run it after a benchmark drew figures anew. Renders are JPEGs
-(`benchmarks/photo.py`).
+Without files: every PNG of docs/figures that has more colours. Run it after a benchmark drew figures anew. Renders are
+JPEGs (`benchmarks/photo.py`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
 
 
 def shrink(path: Path) -> bool:
-    """Reduce a PNG to a palette of at most 256 colours, on white where it is transparent; return whether it became smaller."""
+    """Reduce a PNG to a palette of at most 256 colours, on white where it is transparent.
+
+    Return whether it became smaller.
+    """
     image = Image.open(path)
     if image.mode == "P":
         return False

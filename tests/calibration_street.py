@@ -12,9 +12,13 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = RadarSpec().with_(
-    bandwidth=600e6, num_chirps=1, num_samples=128, pattern=IsotropicPattern(),
-    tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0), (0.0, 0.003, 0.002), (0.0, -0.004, 0.005)),
-)  # fmt: skip
+    bandwidth=600e6,
+    num_chirps=1,
+    num_samples=128,
+    pattern=IsotropicPattern(),
+    tx_positions=((0.0, 0.0, 0.0),),
+    rx_positions=((0.0, 0.0, 0.0), (0.0, 0.003, 0.002), (0.0, -0.004, 0.005)),
+)
 TARGETS = (
     PointTarget(position=(8.0, 0.6, 0.7), rcs=5.0),
     PointTarget(position=(12.0, -1.2, 1.3), rcs=8.0),
@@ -42,9 +46,17 @@ def street(folder: Path) -> Path:
 def street_problem(scene: Path, noise: float, max_depth: int = 2, **changes: object) -> CalibrationProblem:
     """Return the problem with a map of zeros in place of the measurement."""
     spec = RadarMap(
-        name="map", scene=str(scene), position=(0.0, 0.0, 1.0), targets=TARGETS, radar=RADAR, noise=noise, num_samples=20_000,
-        max_depth=max_depth, values=(0.0,) * (3 * 128), values_imag=(0.0,) * (3 * 128),
-    )  # fmt: skip
+        name="map",
+        scene=str(scene),
+        position=(0.0, 0.0, 1.0),
+        targets=TARGETS,
+        radar=RADAR,
+        noise=noise,
+        num_samples=20_000,
+        max_depth=max_depth,
+        values=(0.0,) * (3 * 128),
+        values_imag=(0.0,) * (3 * 128),
+    )
     return CalibrationProblem(**{"parameters": PARAMETERS, "measurements": (spec,), "num_starts": 1, **changes})
 
 

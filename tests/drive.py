@@ -111,7 +111,10 @@ def make_frame(chosen: Rig, index: int, seed: int = 0) -> Frame:
 def cast(
     origin: npt.NDArray[np.float64], rays: npt.NDArray[np.float64], objects: Sequence[ObjectState]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Return for rays (N, 3) from a point where they end, in ray lengths, and at what: -2 nothing, -1 ground, else the object."""
+    """Return for rays (N, 3) from a point where they end, in ray lengths, and at what.
+
+    -2 nothing, -1 ground, else the object.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         ground = np.where(rays[:, 2] < 0, -origin[2] / rays[:, 2], np.inf)
         best, what = ground, np.where(np.isfinite(ground), -1, -2)
@@ -157,10 +160,22 @@ def _scan(spec: LidarSpec, pose: Pose, objects: Sequence[ObjectState]) -> LidarS
     distance, rays = distance[kept].astype(np.float32), rays[kept]
     ones = np.ones(len(kept), np.float32)
     return LidarScan(
-        spec, pose, kept.astype(np.int32), (rays * distance[:, None]).astype(np.float32), distance, 0 * ones,
-        (0.5 / distance**2).astype(np.float32), ones, (-rays).astype(np.float32), semantic, instance,
-        time=0 * ones, return_index=np.zeros(len(kept), np.uint8), reflectance=0.5 * ones, cnr=np.nan * ones,
-    )  # fmt: skip
+        spec,
+        pose,
+        kept.astype(np.int32),
+        (rays * distance[:, None]).astype(np.float32),
+        distance,
+        0 * ones,
+        (0.5 / distance**2).astype(np.float32),
+        ones,
+        (-rays).astype(np.float32),
+        semantic,
+        instance,
+        time=0 * ones,
+        return_index=np.zeros(len(kept), np.uint8),
+        reflectance=0.5 * ones,
+        cnr=np.nan * ones,
+    )
 
 
 def _radar(

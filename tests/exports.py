@@ -44,14 +44,31 @@ def scene_file(folder: Path) -> Path:
             Thing("wall", plane(40.0, 10.0, (60.0, 0.0, 5.0), (-1, 0, 0)), "Wall"),
         ],
         actors=[
-            Thing("ego", box([4.0, 1.6, 0.6], [0, 0, 0.4]), "Car", trajectory={
-                "kind": "constant_twist", "position": [0.0, 0.0, 0.0], "velocity": [10.0, 0.0, 0.0],
-                "angular_velocity_z": 0.2}),
-            Thing("car", box([4.0, 1.6, 1.4], [0, 0, 0.7]), "Car", "steel", trajectory={
-                "kind": "waypoints", "times": times, "positions": [[20.0 + 15.0 * t, 0.0, 0.0] for t in times]}),
+            Thing(
+                "ego",
+                box([4.0, 1.6, 0.6], [0, 0, 0.4]),
+                "Car",
+                trajectory={
+                    "kind": "constant_twist",
+                    "position": [0.0, 0.0, 0.0],
+                    "velocity": [10.0, 0.0, 0.0],
+                    "angular_velocity_z": 0.2,
+                },
+            ),
+            Thing(
+                "car",
+                box([4.0, 1.6, 1.4], [0, 0, 0.7]),
+                "Car",
+                "steel",
+                trajectory={
+                    "kind": "waypoints",
+                    "times": times,
+                    "positions": [[20.0 + 15.0 * t, 0.0, 0.0] for t in times],
+                },
+            ),
         ],
         ego="ego",
-    )  # fmt: skip
+    )
 
 
 def scenario_files(folder: Path, **frames: int) -> list[Path]:
@@ -72,8 +89,14 @@ def scenario_files(folder: Path, **frames: int) -> list[Path]:
 def command(*arguments: object) -> list[str]:
     """Return the command line of an export with small shards."""
     return [
-        sys.executable, "-m", "scarl_sionna.cli", "export", *map(str, arguments), "--shard-frames", str(SHARD_FRAMES)
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "scarl_sionna.cli",
+        "export",
+        *map(str, arguments),
+        "--shard-frames",
+        str(SHARD_FRAMES),
+    ]
 
 
 def start(*arguments: object, **options: object) -> subprocess.Popen:

@@ -29,50 +29,81 @@ RIG = Rig(
 
 
 def make_frame(index: int = 0) -> Frame:
-    """Return a frame of arbitrary arrays with every optional field; depth and normals are on the steps of their codes."""
+    """Return a frame of arbitrary arrays with every optional field.
+
+    Depth and normals are on the steps of their codes.
+    """
     rng = np.random.default_rng(index)
     pose = Pose(rng.normal(size=3), rng.normal(size=4))
     shape = (CAMERA.height, CAMERA.width)
     depth = decode_depth(rng.integers(0, 2**16, shape).astype(np.uint16), CAMERA.max_distance)
     images = ImageFrame(
-        CAMERA, pose, rng.integers(0, 256, (*shape, 3)).astype(np.uint8), depth,
-        rng.integers(0, 29, shape).astype(np.uint8), rng.integers(0, 2**16, shape).astype(np.uint16),
+        CAMERA,
+        pose,
+        rng.integers(0, 256, (*shape, 3)).astype(np.uint8),
+        depth,
+        rng.integers(0, 29, shape).astype(np.uint8),
+        rng.integers(0, 2**16, shape).astype(np.uint16),
         normal=rng.normal(size=(*shape, 3)).astype(np.float16).astype(np.float32),
-        flow=rng.normal(size=(*shape, 2)).astype(np.float32), object_pixels=np.arange(index % 3, dtype=np.int32),
+        flow=rng.normal(size=(*shape, 2)).astype(np.float32),
+        object_pixels=np.arange(index % 3, dtype=np.int32),
         object_box=rng.normal(size=(index % 3, 4)).astype(np.float32),
         object_visible_box=np.full((index % 3, 4), np.nan, np.float32),
-        object_occlusion=rng.random(index % 3).astype(np.float32), object_truncation=rng.random(index % 3).astype(np.float32),
-    )  # fmt: skip
+        object_occlusion=rng.random(index % 3).astype(np.float32),
+        object_truncation=rng.random(index % 3).astype(np.float32),
+    )
     count = int(rng.integers(0, 15))
     vectors = rng.normal(size=(2, count, 3)).astype(np.float32)
     scalars = rng.normal(size=(7, count)).astype(np.float32)
     signal = rng.normal(size=(LIDAR.num_shots, 2, 4)) + 1j * rng.normal(size=(LIDAR.num_shots, 2, 4))
     lidar = LidarScan(
-        LIDAR, pose, np.arange(count, dtype=np.int32), vectors[0], *scalars[:4], vectors[1],
-        np.full(count, 14, np.uint8), np.full(count, 60000, np.uint16),
-        time=scalars[4], return_index=np.arange(count, dtype=np.uint8), reflectance=scalars[5], cnr=scalars[6],
-        beat_signal=signal.astype(np.complex64), object_points=np.arange(index % 3, dtype=np.int32),
-    )  # fmt: skip
+        LIDAR,
+        pose,
+        np.arange(count, dtype=np.int32),
+        vectors[0],
+        *scalars[:4],
+        vectors[1],
+        np.full(count, 14, np.uint8),
+        np.full(count, 60000, np.uint16),
+        time=scalars[4],
+        return_index=np.arange(count, dtype=np.uint8),
+        reflectance=scalars[5],
+        cnr=scalars[6],
+        beat_signal=signal.astype(np.complex64),
+        object_points=np.arange(index % 3, dtype=np.int32),
+    )
     adc = rng.integers(-(2**15), 2**15, (RADAR.num_rx, RADAR.num_chirps_total, RADAR.num_samples, 2)).astype(np.int16)
     radar = RadarFrame(
         RADAR, pose, adc, 1.0 / 3.0e7, 2, 77, {"method": "raycast", "num_rays": 5}, *cells(rng, index % 3)
     )
     car = ObjectState("car", 7, 14, pose, np.array([4.5, 1.8, 1.5]), Twist([1 / 3, 0, 0], [0, 0, 0.1]), True, 3, 4)
     return Frame(
-        index, 1_000_000_007 + index, 2**70, pose, Twist([30.1, 0, 0]),
-        {"front/camera": images, "front/depth": ImageFrame(CAMERA.with_(images=("depth",)), pose, depth=depth),
-         "front/lidar": lidar, "radar": radar},
-        (car,) * (index % 3), {"camera": 1.0},
-    )  # fmt: skip
+        index,
+        1_000_000_007 + index,
+        2**70,
+        pose,
+        Twist([30.1, 0, 0]),
+        {
+            "front/camera": images,
+            "front/depth": ImageFrame(CAMERA.with_(images=("depth",)), pose, depth=depth),
+            "front/lidar": lidar,
+            "radar": radar,
+        },
+        (car,) * (index % 3),
+        {"camera": 1.0},
+    )
 
 
 def cells(rng: np.random.Generator, num_objects: int) -> tuple[np.ndarray, ...]:
     """Return the ground truth of a radar's cells and objects."""
     shape = (RADAR.num_chirps, RADAR.num_samples)
     return (
-        rng.integers(0, 2**16, shape).astype(np.uint16), *(rng.integers(0, 256, shape).astype(np.uint8) for _ in range(2)),
-        rng.random(shape).astype(np.float32), rng.random(num_objects), rng.random(num_objects),
-    )  # fmt: skip
+        rng.integers(0, 2**16, shape).astype(np.uint16),
+        *(rng.integers(0, 256, shape).astype(np.uint8) for _ in range(2)),
+        rng.random(shape).astype(np.float32),
+        rng.random(num_objects),
+        rng.random(num_objects),
+    )
 
 
 def assert_same(a, b, where="frame") -> None:

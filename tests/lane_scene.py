@@ -55,7 +55,10 @@ def line(x0: float, x1: float, y: float) -> list[list[float]]:
 
 
 def lane_scene(folder: Path, ego: bool = True) -> Path:
-    """Write a straight road of 300 m: two lanes to the east, one to the west, a footpath, and two actors that are known from 0 to 4 s."""
+    """Write a straight road of 300 m.
+
+    Two lanes to the east, one to the west, a footpath, and two actors that are known from 0 to 4 s.
+    """
     times = [0.0, 2.0, 4.0]
     driving = {"kind": "waypoints", "times": times, "positions": [[10.0 * t, 0.0, 0.0] for t in times]}
     ahead = {"kind": "waypoints", "times": times, "positions": [[20.0 + 12.0 * t, 0.0, 0.0] for t in times]}
@@ -72,9 +75,12 @@ def lane_scene(folder: Path, ego: bool = True) -> Path:
         ego="ego" if ego else None,
     )
     lanes = LANES.format(
-        east=line(-150.0, 50.0, 0.0), east_on=line(50.0, 146.0, 0.0), east_2=line(-150.0, 146.0, 3.5),
-        west=line(146.0, -150.0, 7.0), path=line(-60.0, 60.0, -6.0),
-    )  # fmt: skip
+        east=line(-150.0, 50.0, 0.0),
+        east_on=line(50.0, 146.0, 0.0),
+        east_2=line(-150.0, 146.0, 3.5),
+        west=line(146.0, -150.0, 7.0),
+        path=line(-60.0, 60.0, -6.0),
+    )
     toml = folder / "scene.toml"
     toml.write_text(toml.read_text(encoding="utf-8") + lanes, encoding="utf-8")
     return path

@@ -28,7 +28,10 @@ class Material:
 
 @dataclass(frozen=True)
 class Thing:
-    """One instance with one shape. A mesh with a `trajectory` (a table as in scene.toml) is an actor, in its own frame."""
+    """One instance with one shape.
+
+    A mesh with a `trajectory` (a table as in scene.toml) is an actor, in its own frame.
+    """
 
     name: str
     mesh: trimesh.Trimesh
@@ -94,7 +97,8 @@ def write_scene(
 ) -> Path:
     """Write XML, PLY meshes and scene.toml of a scene into a folder and return the path of the XML.
 
-    Every thing is a shape ``shape-<name>`` with BSDF id ``<material>``. Instance ids follow the order: instances, then actors.
+    Every thing is a shape ``shape-<name>`` with BSDF id ``<material>``. Instance ids follow the order: instances, then
+    actors.
     """
     folder.mkdir(parents=True, exist_ok=True)
     materials = {**DEFAULT_MATERIALS, **(materials or {})}

@@ -1,4 +1,7 @@
-"""A road of one plane with two cars of one box each, one behind the other: the smallest scene in which weather has all to do."""
+"""A road of one plane with two cars of one box each, one behind the other.
+
+The smallest scene in which weather has all to do.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,13 @@ def street(folder: Path) -> World:
     road = Thing("road", plane(400.0, 60.0), "Roads", is_object=False)
     body = box((4.2, 1.8, 1.3), (0.0, 0.0, 0.85))
     cars = [
-        Thing(name, body, "Car", "white", {"kind": "waypoints", "times": [0.0, 4.0], "positions": [[x, 0.0, 0.0], [x + 4.0 * SPEED, 0.0, 0.0]]})
+        Thing(
+            name,
+            body,
+            "Car",
+            "white",
+            {"kind": "waypoints", "times": [0.0, 4.0], "positions": [[x, 0.0, 0.0], [x + 4.0 * SPEED, 0.0, 0.0]]},
+        )
         for name, x in (("ego", 0.0), ("car_ahead", 19.0))
-    ]  # fmt: skip
+    ]
     return load_scene(write_scene(folder, [road], cars, ego="ego"))

@@ -29,8 +29,8 @@ def denoise(radiance: npt.NDArray[np.float32], guides: npt.NDArray[np.float32]) 
 
     Notes
     -----
-    A trained filter: the result is not unbiased, and detail that neither albedo nor normals show (reflections, thin shadows)
-    is smoothed when it is as small as the noise. Measured against samples in docs/camera.md.
+    A trained filter: the result is not unbiased, and detail that neither albedo nor normals show (reflections, thin
+    shadows) is smoothed when it is as small as the noise. Measured against samples in docs/camera.md.
 
     References
     ----------
@@ -40,7 +40,8 @@ def denoise(radiance: npt.NDArray[np.float32], guides: npt.NDArray[np.float32]) 
         import pyoidn  # type: ignore[import-untyped]
     except (ImportError, OSError) as error:
         raise EngineError(
-            f"Open Image Denoise cannot be loaded ({error}); install the package 'pyoidn', or set CameraSpec.denoise = False"
+            f"Open Image Denoise cannot be loaded ({error}); install the package 'pyoidn', "
+            "or set CameraSpec.denoise = False"
         ) from error
     color = np.ascontiguousarray(np.nan_to_num(radiance, nan=0.0, posinf=0.0, neginf=0.0))
     albedo = np.ascontiguousarray(np.clip(guides[..., :3], 0.0, 1.0))

@@ -17,7 +17,7 @@ _GLARE_WIDTH = 0.04
 
 
 def develop(
-    radiance: npt.NDArray[np.floating], spec: CameraSpec, seed_generator: np.random.Generator, gain: float = 1.0
+    radiance: npt.NDArray[np.floating], spec: CameraSpec, rng: np.random.Generator, gain: float = 1.0
 ) -> npt.NDArray[np.uint8]:
     """Return the 8-bit sRGB image of a radiance image.
 
@@ -26,7 +26,7 @@ def develop(
     radiance : ndarray of float, shape (height, width, 3)
         Linear RGB; what is not finite counts as black.
     spec : CameraSpec
-    seed_generator : numpy.random.Generator
+    rng : numpy.random.Generator
         Draws the sensor's noise; not used without a sensor.
     gain : float
         Exposure of the lighting, a factor beside ``spec.exposure``.
@@ -35,13 +35,13 @@ def develop(
     linear = np.maximum(clean, 0.0) * (gain * spec.exposure * DAYLIGHT_EXPOSURE)
     if spec.sensor is None:
         return np.rint(255.0 * srgb_encode(tone_curve(linear))).astype(np.uint8)
-    numbers = digitize(expose(linear, spec.sensor, seed_generator), spec.sensor)
+    numbers = digitize(expose(linear, spec.sensor, rng), spec.sensor)
     balanced = white_balance(numbers.astype(np.float64) / full_scale(spec.sensor) * spec.sensor.saturation, spec.sensor)
     curved = tone_curve(balanced) if spec.sensor.tone_curve == "shoulder" else np.clip(balanced, 0.0, 1.0)
     return np.rint(255.0 * srgb_encode(curved)).astype(np.uint8)
 
 
-def expose(linear: Array, sensor: ImageSensor, seed_generator: np.random.Generator) -> Array:
+def expose(linear: Array, sensor: ImageSensor, rng: np.random.Generator) -> Array:
     r"""Return the electrons that are read out of the wells.
 
     Parameters
@@ -65,15 +65,18 @@ def expose(linear: Array, sensor: ImageSensor, seed_generator: np.random.Generat
     .. [1] EMVA Standard 1288, *Characterization of Image Sensors and Cameras*, release 4.0, section 2.
     """
     mean = veil(linear, sensor.veiling_glare) * (sensor.full_well / sensor.saturation) + sensor.dark_electrons
-    electrons = seed_generator.poisson(mean).astype(np.float64) if sensor.shot_noise else mean
+    electrons = rng.poisson(mean).astype(np.float64) if sensor.shot_noise else mean
     electrons = np.minimum(electrons, sensor.full_well)
     if sensor.read_noise > 0.0:
-        electrons = electrons + seed_generator.normal(0.0, sensor.read_noise, electrons.shape)
+        electrons = electrons + rng.normal(0.0, sensor.read_noise, electrons.shape)
     return electrons - sensor.dark_electrons
 
 
 def veil(linear: Array, share: float) -> Array:
-    """Return an image of which a share of the light is spread widely by the optics; the mean stays (but at the border)."""
+    """Return an image of which a share of the light is spread widely by the optics.
+
+    The mean stays (but at the border).
+    """
     if share == 0.0:
         return linear
     from scipy.ndimage import gaussian_filter

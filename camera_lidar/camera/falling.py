@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +18,7 @@ from scarl_sionna.core.specs.drop_sizes import (
     terminal_speed,
 )
 from scarl_sionna.core.specs.weather import Weather
+from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 
@@ -32,14 +32,19 @@ MOST_DROPS = 400_000
 STEPS = 32
 """Places along a streak."""
 DROP_RADIANCE = 0.94
-"""Of a drop over that of the sky behind its wide view: K. Garg, S. K. Nayar, "Vision and rain", Int. J. Comput. Vis. 75(1), 2007."""
+"""Of a drop over that of the sky behind its wide view: K. Garg, S. K. Nayar, "Vision and rain", Int. J. Comput. Vis.
+75(1), 2007."""
 FLAKE_RADIANCE = 0.85
 """Of a flake over that of the sky: a white diffuser that is lit from all sides (engineering estimate)."""
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """Exponential distribution N0 exp(-slope D) of diameters [m] above the smallest, speed of fall, and radiance over the sky's."""
+    """One kind of drop or flake.
+
+    Exponential distribution N0 exp(-slope D) of diameters [m] above the smallest, speed of fall, and radiance over the
+    sky's.
+    """
 
     number: float
     slope: float
@@ -49,7 +54,10 @@ class _Kind:
 
 
 def _kinds(weather: Weather) -> list[_Kind]:
-    """Return what falls: sizes as for the radar (Marshall and Palmer 1948; Sekhon and Srivastava 1970, over melted diameters)."""
+    """Return what falls, with sizes as for the radar.
+
+    Marshall and Palmer 1948 for rain; Sekhon and Srivastava 1970, over melted diameters, for snow.
+    """
     kinds = []
     if weather.rain_rate > 0.0:
         number, slope = RAIN_SIZES["marshall_palmer"]
@@ -63,11 +71,11 @@ def _kinds(weather: Weather) -> list[_Kind]:
 
 def add_falling(
     radiance: npt.NDArray[np.float32],
-    state: Any,
+    state: WorldState,
     spec: CameraSpec,
     world_from_sensor: Pose,
     sensor_twist: Twist,
-    generator: np.random.Generator,
+    rng: np.random.Generator,
 ) -> npt.NDArray[np.float32]:
     r"""Return the image with the streaks of the weather's rain and snow over it.
 
@@ -82,22 +90,23 @@ def add_falling(
         Sensor frame (x forward, y left, z up).
     sensor_twist : Twist
         Drops fall relative to the moving camera.
-    generator : numpy.random.Generator
+    rng : numpy.random.Generator
 
     Notes
     -----
-    A drop of the diameter D at the depth z is :math:`f D / z` pixels wide; its image, spread over the streak, is blended as
+    A drop of the diameter D at the depth z is :math:`f D / z` pixels wide; its image, spread over the streak, is
+    blended as
 
     .. math:: L' = (1 - A) L + A \, c L_\text{sky}, \quad A = \frac{\pi}{4} (f D / z)^2 / n_\text{streak}
 
-    with c of Garg and Nayar for drops. Drops behind a surface are hidden. Those that cover less than `LEAST_COVER` of a pixel
-    are part of the haze. *Not modelled*: lamps at night in drops, drops on the lens, defocus.
+    with c of Garg and Nayar for drops. Drops behind a surface are hidden. Those that cover less than `LEAST_COVER` of a
+    pixel are part of the haze. *Not modelled*: lamps at night in drops, drops on the lens, defocus.
     """
     weather = state.world.weather
     cover = np.zeros(spec.height * spec.width)
     bright = np.zeros_like(cover)
     for kind in _kinds(weather):
-        own = _cover(kind, state, spec, world_from_sensor, sensor_twist, generator)
+        own = _cover(kind, state, spec, world_from_sensor, sensor_twist, rng)
         cover += own
         bright += kind.radiance * own
     if not cover.any():
@@ -111,15 +120,15 @@ def add_falling(
 
 def _cover(
     kind: _Kind,
-    state: Any,
+    state: WorldState,
     spec: CameraSpec,
     pose: Pose,
     twist: Twist,
-    generator: np.random.Generator,
+    rng: np.random.Generator,
 ) -> Array:
     """Return the optical depth of streaks in every pixel, flat."""
     weather, focal = state.world.weather, float(spec.intrinsics[0, 0])
-    point, diameter = _drops(kind, spec, focal, generator)
+    point, diameter = _drops(kind, spec, focal, rng)
     world = pose.apply(point @ CAMERA_OPTICAL_FROM_SENSOR)
     sight = world - pose.position
     distance = np.linalg.norm(sight, axis=1)
@@ -130,7 +139,7 @@ def _cover(
     seen = distance < free
     point, diameter = point[seen], diameter[seen]
     speed = _fall_speed(kind, diameter)
-    velocity = weather.turbulence * generator.standard_normal((len(point), 3))
+    velocity = weather.turbulence * rng.standard_normal((len(point), 3))
     velocity += np.stack([np.full(len(speed), weather.wind[0]), np.full(len(speed), weather.wind[1]), -speed], axis=1)
     relative = (velocity - twist.linear) @ pose.rotation @ CAMERA_OPTICAL_FROM_SENSOR.T
     exposure = spec.exposure_time or DEFAULT_EXPOSURE
@@ -148,18 +157,18 @@ def _fall_speed(kind: _Kind, diameter: Array) -> Array:
     return np.maximum(terminal_speed(diameter), 0.5)
 
 
-def _drops(kind: _Kind, spec: CameraSpec, focal: float, generator: np.random.Generator) -> tuple[Array, Array]:
+def _drops(kind: _Kind, spec: CameraSpec, focal: float, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return random drops in view, in the optical frame [m], and their diameters [m]."""
     mean = kind.smallest + 1.0 / kind.slope
     density = kind.number / kind.slope * np.exp(-kind.slope * kind.smallest)
     deepest = focal * 2.5 * mean * kind.swelling * np.sqrt(np.pi / 4.0 / LEAST_COVER)
     half = np.array([spec.width, spec.height]) / 2.0 / focal * 1.1
     volume = 4.0 * half[0] * half[1] * deepest**3 / 3.0
-    number = int(generator.poisson(min(density * volume, MOST_DROPS)))
+    number = int(rng.poisson(min(density * volume, MOST_DROPS)))
     deepest *= min(1.0, MOST_DROPS / (density * volume)) ** (1.0 / 3.0)
-    depth = deepest * np.cbrt(generator.random(number))
-    aside = (2.0 * generator.random((number, 2)) - 1.0) * half * depth[:, None]
-    diameter = (kind.smallest + generator.exponential(1.0 / kind.slope, number)) * kind.swelling
+    depth = deepest * np.cbrt(rng.random(number))
+    aside = (2.0 * rng.random((number, 2)) - 1.0) * half * depth[:, None]
+    diameter = (kind.smallest + rng.exponential(1.0 / kind.slope, number)) * kind.swelling
     size = focal * diameter / np.maximum(depth, 1e-6)
     kept = (size < LARGEST_IMAGE) & (np.pi / 4.0 * size**2 > LEAST_COVER)
     return np.concatenate([aside, depth[:, None]], axis=1)[kept], diameter[kept]

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.semantics import SKY
 from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine.world import WorldState
 
 from .motion import shifted_sensor, shifted_state
 from .projection import camera_optical_from_world, pixel_centres, pixel_rays, projection_key
@@ -65,7 +66,7 @@ _LAST_CAST: WeakKeyDictionary[Any, tuple[tuple[object, ...], PixelHits]] = WeakK
 """The last cast of a state: the cameras of one suite ask for the same rays one after the other."""
 
 
-def cast_pixels(state: Any, spec: CameraSpec, world_from_sensor: Pose) -> PixelHits:
+def cast_pixels(state: WorldState, spec: CameraSpec, world_from_sensor: Pose) -> PixelHits:
     """Cast a ray through the centre of every pixel that the lens shows.
 
     The hits of the last camera of a state are kept: one of the same place and projection gets them at once.
@@ -83,7 +84,7 @@ def cast_pixels(state: Any, spec: CameraSpec, world_from_sensor: Pose) -> PixelH
 
 
 def render_labels(
-    state: Any,
+    state: WorldState,
     spec: CameraSpec,
     world_from_sensor: Pose,
     sensor_twist: Twist | None = None,
@@ -108,8 +109,8 @@ def render_labels(
 
     Notes
     -----
-    One ray a pixel: a pixel belongs wholly to what its centre sees, without blending at edges. *Error* of the depth: that of
-    the float32 it is stored in (6e-8 relative), since the hit point is a float64 one.
+    One ray a pixel: a pixel belongs wholly to what its centre sees, without blending at edges. *Error* of the depth:
+    that of the float32 it is stored in (6e-8 relative), since the hit point is a float64 one.
     """
     hits = cast_pixels(state, spec, world_from_sensor)
     depth_of_hit = (hits.point - world_from_sensor.position) @ world_from_sensor.rotation[:, 0]
@@ -134,7 +135,7 @@ def render_labels(
 
 
 def _flow(
-    state: Any, spec: CameraSpec, world_from_sensor: Pose, sensor_twist: Twist, hits: PixelHits
+    state: WorldState, spec: CameraSpec, world_from_sensor: Pose, sensor_twist: Twist, hits: PixelHits
 ) -> npt.NDArray[np.float64]:
     """Return how far [px] the surface point of every hit moves in the image within ``spec.flow_interval``.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -15,12 +13,12 @@ _SAME_MOTION = 1e-9
 
 
 def extrapolate(pose: Pose, twist: Twist, interval: float) -> Pose:
-    """Return a pose after `interval` seconds of constant linear velocity of its origin and constant angular velocity."""
+    """Return a pose after `interval` seconds of constant linear velocity of its origin and angular velocity."""
     turn = Rotation.from_rotvec(twist.angular * interval).as_matrix()
     return Pose.from_rotation(pose.position + twist.linear * interval, turn @ pose.rotation)
 
 
-def shifted_state(state: Any, interval: float) -> Any:
+def shifted_state(state: WorldState, interval: float) -> WorldState:
     """Return the state `interval` seconds later (or earlier, if negative).
 
     Actors follow their trajectories; beyond the time at which one is known they go on with their present velocity.
@@ -39,10 +37,11 @@ def shifted_state(state: Any, interval: float) -> Any:
     return WorldState(state.world, time, poses, twists)
 
 
-def shifted_sensor(state: Any, later: Any, world_from_sensor: Pose, sensor_twist: Twist) -> Pose:
+def shifted_sensor(state: WorldState, later: WorldState, world_from_sensor: Pose, sensor_twist: Twist) -> Pose:
     """Return the sensor's pose in another state of the same world.
 
-    A sensor that moves like a part of the ego vehicle is carried along its trajectory; any other one goes on with its twist.
+    A sensor that moves like a part of the ego vehicle is carried along its trajectory; any other one goes on with its
+    twist.
     """
     ego = state.world.ego
     if ego is not None:

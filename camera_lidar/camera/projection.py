@@ -3,8 +3,8 @@
 :func:`project` and :func:`unproject` are those of a matrix K alone; a camera with its lens has them as
 :meth:`CameraSpec.project <scarl_sionna.core.specs.camera.CameraSpec.project>` and ``unproject``.
 
-`camera_optical` has x right, y down, z forward. Pixel (u, v) = (column, row); the centre of the top-left pixel is (0.5, 0.5),
-so a point at column u falls into the array element ``[floor(v), floor(u)]``.
+`camera_optical` has x right, y down, z forward. Pixel (u, v) = (column, row); the centre of the top-left pixel is (0.5,
+0.5), so a point at column u falls into the array element ``[floor(v), floor(u)]``.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,14 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine.light.ray_table import RayTable, ray_table_sensor
+from scarl_sionna.engine.types import MitsubaObject
 
 from .projection import pixel_rays, projection_key
 
 LAUNCHES = (1024, 256, 64, 16, 8, 4, 2, 1)
-"""Samples a pixel of one launch: full grids of the multi-jittered sampler that divide the blocks of pixels which threads share out. With
-another number a pixel at the seam of two blocks would be summed in the order in which threads finish: last bits would differ."""
+"""Samples a pixel of one launch: full grids of the multi-jittered sampler that divide the blocks of pixels which
+threads share out. With another number a pixel at the seam of two blocks would be summed in the order in which threads
+finish: last bits would differ."""
 
 
 def launch_samples(samples_per_pixel: int, most: int | None = None) -> list[int]:
@@ -32,7 +35,7 @@ def launch_samples(samples_per_pixel: int, most: int | None = None) -> list[int]
 
 @lru_cache(maxsize=2)
 def _table_of(key: tuple[Any, ...]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
-    """Return directions on a grid with one pixel of margin, shape (h + 2, w + 2, 3), and which pixels are seen, (h, w)."""
+    """Return directions on a grid with one pixel of margin, (h + 2, w + 2, 3), and which pixels are seen, (h, w)."""
     width, height, lens, focal, centre = key
     spec = CameraSpec(width=width, height=height, lens=lens, focal_length_px=focal, principal_point=centre)
     rays = pixel_rays(spec).reshape(height, width, 3)
@@ -52,10 +55,11 @@ def _table_of(key: tuple[Any, ...]) -> tuple[npt.NDArray[np.float64], npt.NDArra
     return table, seen
 
 
-def ray_sensor(mi: Any, spec: CameraSpec, world_from_sensor: Pose, samples_per_pixel: int) -> Any:
+def ray_sensor(mi: ModuleType, spec: CameraSpec, world_from_sensor: Pose, samples_per_pixel: int) -> MitsubaObject:
     """Return the Mitsuba sensor of a camera at a pose; inside ``variant.optical()``.
 
-    With a number of samples of `LAUNCHES` the sum over the samples of a pixel does not depend on the threads: same seed, same bytes.
+    With a number of samples of `LAUNCHES` the sum over the samples of a pixel does not depend on the threads: same
+    seed, same bytes.
     """
     directions, seen = _table_of(projection_key(spec))
     table = RayTable(world_from_sensor.position, world_from_sensor.rotate(directions), seen)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.haze import haze_integrator
+from scarl_sionna.engine.types import MitsubaObject
+from scarl_sionna.engine.world import WorldState
 
 from .denoise import denoise
 from .develop import develop
@@ -20,8 +23,8 @@ from .motion import shifted_sensor, shifted_state
 from .ray_sensor import launch_samples, ray_sensor
 
 ROULETTE_DEPTH = 3
-"""Segments after which a light path ends at random (unbiased Russian roulette). 3 takes a quarter less time than Mitsuba's 5 for
-2 % more noise; 2 gains nothing more (docs/camera.md)."""
+"""Segments after which a light path ends at random (unbiased Russian roulette). 3 takes a quarter less time than
+Mitsuba's 5 for 2 % more noise; 2 gains nothing more (docs/camera.md)."""
 
 GUIDE_SAMPLES = 8
 """Samples of the albedo and normal images that lead the denoiser."""
@@ -36,7 +39,7 @@ def integrator_dict(spec: CameraSpec) -> dict[str, Any]:
 
 
 def render_radiance(
-    state: Any,
+    state: WorldState,
     spec: CameraSpec,
     world_from_sensor: Pose,
     rng: np.random.Generator,
@@ -48,8 +51,9 @@ def render_radiance(
     ----------
     state : scarl_sionna.engine.world.WorldState
     spec : CameraSpec
-        `samples_per_pixel` are taken in launches of full grids (:func:`launch_samples`); `max_depth` bounds the light path. With an
-        `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done here.
+        `samples_per_pixel` are taken in launches of full grids (:func:`launch_samples`); `max_depth` bounds the light
+        path. With an `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done
+        here.
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).
     rng : numpy.random.Generator
@@ -64,8 +68,9 @@ def render_radiance(
 
     Notes
     -----
-    Without denoiser the estimate is unbiased but for paths longer than `max_depth`. Its standard deviation falls as n^-1/2 with
-    n samples inside smooth areas, and faster at edges (multi-jittered sampling); measured in docs/camera.md.
+    Without denoiser the estimate is unbiased but for paths longer than `max_depth`. Its standard deviation falls as
+    n^-1/2 with n samples inside smooth areas, and faster at edges (multi-jittered sampling); measured in
+    docs/camera.md.
     """
     seed = int(rng.integers(2**32))
     moments = _moments(state, spec, world_from_sensor, sensor_twist or Twist())
@@ -82,7 +87,9 @@ def render_radiance(
     return denoise(image, guides.astype(np.float32)) if spec.denoise else image
 
 
-def _moments(state: Any, spec: CameraSpec, world_from_sensor: Pose, sensor_twist: Twist) -> list[tuple[Any, Pose]]:
+def _moments(
+    state: WorldState, spec: CameraSpec, world_from_sensor: Pose, sensor_twist: Twist
+) -> list[tuple[WorldState, Pose]]:
     """Return the states and sensor poses at the instants of the exposure, evenly about the frame's time."""
     if spec.exposure_time == 0.0 or spec.num_shutter_times == 1:
         return [(state, world_from_sensor)]
@@ -96,7 +103,10 @@ def _moments(state: Any, spec: CameraSpec, world_from_sensor: Pose, sensor_twist
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """One image to render: through which camera, from where (world_from_sensor), with which seed and how many samples a pixel."""
+    """One image to render.
+
+    Through which camera, from where (world_from_sensor), with which seed and how many samples a pixel.
+    """
 
     spec: CameraSpec
     pose: Pose
@@ -104,7 +114,7 @@ class _View:
     samples: int
 
 
-def _trace(state: Any, view: _View) -> npt.NDArray[np.float64]:
+def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     """Return the mean radiance over the view's light paths a pixel, float64, shape (height, width, 3)."""
     scene = state.optical_scene()
     with variant.optical() as mi:
@@ -119,7 +129,9 @@ def _trace(state: Any, view: _View) -> npt.NDArray[np.float64]:
         return _launched(mi, scene, integrator, view, 3)
 
 
-def _launched(mi: Any, scene: Any, integrator: Any, view: _View, channels: int) -> npt.NDArray[np.float64]:
+def _launched(
+    mi: ModuleType, scene: MitsubaObject, integrator: MitsubaObject, view: _View, channels: int
+) -> npt.NDArray[np.float64]:
     """Return the mean of the last `channels` over several launches."""
     spec, seed = view.spec, view.seed
     total = np.zeros((spec.height, spec.width, channels), dtype=np.float64)
@@ -130,7 +142,7 @@ def _launched(mi: Any, scene: Any, integrator: Any, view: _View, channels: int) 
     return total
 
 
-def _guides(state: Any, view: _View) -> npt.NDArray[np.float64]:
+def _guides(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     """Return albedo and shading normal of what is seen first, shape (height, width, 6)."""
     scene = state.optical_scene()
     with variant.optical() as mi:
@@ -139,19 +151,23 @@ def _guides(state: Any, view: _View) -> npt.NDArray[np.float64]:
 
 
 def render_rgb(
-    state: Any,
+    state: WorldState,
     spec: CameraSpec,
     world_from_sensor: Pose,
     rng: np.random.Generator,
     sensor_twist: Twist | None = None,
 ) -> npt.NDArray[np.uint8]:
-    """Return the 8-bit sRGB image, shape (height, width, 3): :func:`render_radiance`, what falls, then :func:`develop`."""
+    """Return the 8-bit sRGB image, shape (height, width, 3).
+
+    :func:`render_radiance`, what falls, then :func:`develop`.
+    """
     radiance = render_radiance(state, spec, world_from_sensor, rng, sensor_twist)
     weather = state.world.weather
     if weather.rain_rate > 0.0 or weather.snow_rate > 0.0:
         drops = rng.spawn(1)[0]
         radiance = add_falling(radiance, state, spec, world_from_sensor, sensor_twist or Twist(), drops)
     lighting, info = state.world.lighting, state.world.document.info
-    # a scene under its own lamps (tunnel, underground car park) states the exposure that suits them, whatever the sky does
+    # a scene under its own lamps (tunnel, underground car park) states the exposure that suits them, whatever the sky
+    # does
     exposure = float(info["exposure"]) if "exposure" in info else (1.0 if lighting is None else lighting.exposure)
     return develop(radiance, spec, rng, exposure)

@@ -1,4 +1,7 @@
-"""From linear radiance to 8-bit sRGB: a fixed daylight exposure, a tone curve with a shoulder, and the sRGB encoding."""
+"""From linear radiance to 8-bit sRGB.
+
+A fixed daylight exposure, a tone curve with a shoulder, and the sRGB encoding.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,10 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 DAYLIGHT_EXPOSURE = 4.0
-"""Linear image value of a radiance of 1 at exposure 1. Mitsuba's `sunsky` emitter, at its default scale, turbidity 3 and the
-sun 45 deg high, gives a white horizontal diffuser the luminance 0.36; so a grey card of 18 % gets the value 0.26, half a stop
-above its reflectance as cameras place dark roads, and white paper is still below clipping. docs/camera.md."""
+"""Linear image value of a radiance of 1 at exposure 1. Mitsuba's `sunsky` emitter, at its default scale, turbidity 3
+and the sun 45 deg high, gives a white horizontal diffuser the luminance 0.36; so a grey card of 18 % gets the value
+0.26, half a stop above its reflectance as cameras place dark roads, and white paper is still below clipping.
+docs/camera.md."""
 
 SHOULDER_START = 0.6
 """Linear value below which the tone curve is the identity, so that all darker tones stay photometric."""
@@ -67,6 +71,9 @@ def linear_to_srgb8(radiance: npt.NDArray[np.floating], exposure: float = 1.0) -
 
 
 def srgb8_to_linear(image: npt.NDArray[np.uint8], exposure: float = 1.0) -> Array:
-    """Return the radiance of an image made by :func:`linear_to_srgb8`, up to its 8-bit rounding; 255 means "at least"."""
+    """Return the radiance of an image made by :func:`linear_to_srgb8`, up to its 8-bit rounding.
+
+    255 means "at least".
+    """
     compressed = srgb_decode(image.astype(np.float64) / 255.0)
     return inverse_tone_curve(np.minimum(compressed, 1.0 - 1e-4)) / (DAYLIGHT_EXPOSURE * exposure)

@@ -15,7 +15,7 @@ _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
 def beam_radius(spec: LidarSpec, distance: npt.ArrayLike) -> Array:
-    r"""Return the radius of the beam to 1/e2 of its intensity [m] at a distance [m].
+    r"""Return the radius of the beam to 1/e2 of its intensity [m] at distances [m], any shape.
 
     Notes
     -----
@@ -31,8 +31,11 @@ def beam_radius(spec: LidarSpec, distance: npt.ArrayLike) -> Array:
 def footprint(sub_rays: int) -> Array:
     """Return where rays of equal power cross a Gaussian beam, in units of its 1/e2 radius, shape (sub_rays, 2).
 
-    A sunflower: radius by the inverse of the enclosed power ``1 - exp(-2 r^2)`` at the middle of each share, angle by golden steps;
-    then centred and, from 3 rays on, stretched so that the second moments are those of the beam, 1/4. One ray is the axis.
+    A sunflower: radius by the inverse of the enclosed power ``1 - exp(-2 r^2)`` at the middle of each share, angle by
+    golden steps; then centred and, from 3 rays on, stretched so that the second moments are those of the beam, 1/4. One
+    ray is the axis.
+
+    The enclosed power is that of a Gaussian beam by definition; the even layout is our own choice.
     """
     index = np.arange(sub_rays)
     radius = np.sqrt(-0.5 * np.log(1.0 - (index + 0.5) / sub_rays))
@@ -50,16 +53,24 @@ def footprint(sub_rays: int) -> Array:
 
 @lru_cache(maxsize=8)
 def widest_gap(sub_rays: int) -> float:
-    """Return the widest gap between neighbouring rays of a footprint, seen along any line, in radii of the beam."""
+    """Return the widest gap between neighbouring rays of a footprint, in units of the beam's radius.
+
+    It is seen along any line.
+
+    Exact geometry.
+    """
     points, angle = footprint(sub_rays), np.linspace(0.0, np.pi, 180)
     along = np.sort(points @ np.stack([np.cos(angle), np.sin(angle)]), axis=0)
     return float(np.diff(along, axis=0).max(initial=0.0))
 
 
 def sub_directions(spec: LidarSpec, directions: Array) -> Array:
-    """Return the directions of all rays of each shot, shape (num_shots, sub_rays, 3), from those of the axes (num_shots, 3).
+    """Return the directions of all rays of each shot, shape (num_shots, sub_rays, 3), from those of the axes.
 
-    *Error*: rays leave from one point, so the footprint is short of the aperture's radius at the sensor itself.
+    Unit vectors, both. *Error*: rays leave from one point, so the footprint is short of the aperture's radius at the
+    sensor itself.
+
+    Exact geometry.
     """
     offsets = footprint(spec.sub_rays) * (spec.divergence / 2.0)
     vertical = np.abs(directions[:, 2:]) > 0.9

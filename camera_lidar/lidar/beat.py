@@ -23,14 +23,16 @@ Signal = npt.NDArray[np.complex64]
 _SAMPLES_AT_ONCE = 1 << 21
 """Samples that are worked on at once: 32 MB each temporary array."""
 _PADDING = 2
-"""Length of the transform over that of the signal: a tone is at most a quarter of a line off, 0.9 dB down, when it is looked for."""
+"""Length of the transform over that of the signal: a tone is at most a quarter of a line off, 0.9 dB down, when it is
+looked for."""
 _REFINEMENTS = 4
-"""Steps of the interpolation between Fourier coefficients; each divides what is left of the bias by far more than 10."""
+"""Steps of the interpolation between Fourier coefficients; each divides what is left of the bias by far more than
+10."""
 _MATCH_CELLS = 2.0
 """A detection belongs to the return that lies within so many resolution cells of it in both beats."""
 
 
-def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, generator: np.random.Generator) -> Signal:
+def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, rng: np.random.Generator) -> Signal:
     r"""Return the beat signals of all shots in units of the standard deviation of a noise sample.
 
     Parameters
@@ -41,7 +43,7 @@ def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, gener
         Every ray and surface on its own, by shot.
     air_velocity : ndarray of float64, shape (num_shots,)
         Radial velocity of still air along each shot [m/s].
-    generator : numpy.random.Generator
+    rng : numpy.random.Generator
         Speckle, phases and noise.
 
     Returns
@@ -51,21 +53,23 @@ def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, gener
 
     Notes
     -----
-    Transmitted times the conjugate of received, as for the radar. With the local time t of a chirp of slope +-S, the carrier f_0, and a
-    delay :math:`\tau(t) = 2 (R + v (t - t_0)) / c`, where t_0 is the shot's time between the two chirps:
+    Transmitted times the conjugate of received, as for the radar. With the local time t of a chirp of slope +-S, the
+    carrier f_0, and a delay :math:`\tau(t) = 2 (R + v (t - t_0)) / c`, where t_0 is the shot's time between the two
+    chirps:
 
     .. math:: \phi(t) = 2 \pi \left( \frac{2 v}{\lambda} t \pm S \tau(t) t \mp \tfrac12 S \tau(t)^2 \right) + \phi_0
 
-    Echoes have circular normal amplitudes (fully developed speckle; without speckle: random phases), the same in both chirps. Fog and
-    rain fill the cells of the range resolution up to the first surface. I and Q are clipped at full scale. The samples are those in
-    which the return overlaps the chirp: the sweep runs on for the longest delay before they begin.
+    Echoes have circular normal amplitudes (fully developed speckle; without speckle: random phases), the same in both
+    chirps. Fog and rain fill the cells of the range resolution up to the first surface. I and Q are clipped at full
+    scale. The samples are those in which the return overlaps the chirp: the sweep runs on for the longest delay before
+    they begin.
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     number = spec.num_samples
     out = np.empty((spec.num_shots, 2, number), dtype=np.complex64)
     amplitude = np.sqrt(mean_cnr(spec, echoes.intensity, echoes.distance) / number) * _amplitudes(
-        generator, echoes.number, receiver.speckle
+        rng, echoes.number, receiver.speckle
     )
     first = np.searchsorted(echoes.shot, np.arange(spec.num_shots + 1))
     nearest = np.full(spec.num_shots, np.inf)
@@ -77,27 +81,25 @@ def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, gener
         shots = np.arange(start, min(start + step, spec.num_shots))
         block = np.zeros((len(shots), 2, number), dtype=np.complex128)
         if receiver.noise:
-            noise = generator.standard_normal((*block.shape, 2)) * np.sqrt(0.5)
+            noise = rng.standard_normal((*block.shape, 2)) * np.sqrt(0.5)
             block += noise[..., 0] + 1j * noise[..., 1]
         for echo in range(first[shots[0]], first[shots[-1] + 1]):
             block[echoes.shot[echo] - start] += amplitude[echo] * _tones(
                 spec, float(echoes.distance[echo]), float(echoes.radial_velocity[echo])
             )
         if fog:
-            block += _fog(spec, nearest[shots], air_velocity[shots], generator)
+            block += _fog(spec, nearest[shots], air_velocity[shots], rng)
         if np.isfinite(full_scale):
             block.real, block.imag = (np.clip(part, -full_scale, full_scale) for part in (block.real, block.imag))
         out[shots] = block
     return out
 
 
-def _amplitudes(
-    generator: np.random.Generator, number: int | tuple[int, ...], speckle: bool
-) -> npt.NDArray[np.complex128]:
+def _amplitudes(rng: np.random.Generator, number: int | tuple[int, ...], speckle: bool) -> npt.NDArray[np.complex128]:
     """Return complex amplitudes of unit mean power."""
     if speckle:
-        return (generator.standard_normal(number) + 1j * generator.standard_normal(number)) * np.sqrt(0.5)
-    return np.exp(2j * np.pi * generator.random(number))
+        return (rng.standard_normal(number) + 1j * rng.standard_normal(number)) * np.sqrt(0.5)
+    return np.exp(2j * np.pi * rng.random(number))
 
 
 def _tones(spec: LidarSpec, distance: float, velocity: float) -> npt.NDArray[np.complex128]:
@@ -111,14 +113,12 @@ def _tones(spec: LidarSpec, distance: float, velocity: float) -> npt.NDArray[np.
     return np.exp(2j * np.pi * (cycles - np.floor(cycles)))
 
 
-def _fog(
-    spec: LidarSpec, nearest: Array, air_velocity: Array, generator: np.random.Generator
-) -> npt.NDArray[np.complex128]:
+def _fog(spec: LidarSpec, nearest: Array, air_velocity: Array, rng: np.random.Generator) -> npt.NDArray[np.complex128]:
     """Return the beats of fog and rain: its cells lie on the lines of the transform, half a line off."""
     profile, number = backscatter_profile(spec), spec.num_samples
     cells = min(len(profile.cnr), number)
     distance = (np.arange(cells) + 0.5) * spec.range_resolution
-    amplitude = _amplitudes(generator, (len(nearest), cells), True) * np.sqrt(profile.cnr[:cells] / number)
+    amplitude = _amplitudes(rng, (len(nearest), cells), True) * np.sqrt(profile.cnr[:cells] / number)
     amplitude[distance > nearest[:, None]] = 0.0
     spectrum = np.zeros((len(nearest), number), dtype=np.complex128)
     spectrum[:, :cells] = amplitude
@@ -146,9 +146,9 @@ def estimate_beats(spec: LidarSpec, signal: Signal, returns: Echoes) -> Detectio
 
     Notes
     -----
-    Of each chirp the strongest line of the transform within the band of beats is taken, refined between the lines, and subtracted,
-    up to `max_returns` times. Tones above the threshold count; the first of the up and the first of the down chirp are one return,
-    and so on: returns of equal strength can be paired wrongly.
+    Of each chirp the strongest line of the transform within the band of beats is taken, refined between the lines, and
+    subtracted, up to `max_returns` times. Tones above the threshold count; the first of the up and the first of the
+    down chirp are one return, and so on: returns of equal strength can be paired wrongly.
     """
     rows: list[Detections] = []
     step = max(_SAMPLES_AT_ONCE // (2 * spec.num_samples), 1)
@@ -178,8 +178,8 @@ def strongest_tones(spec: LidarSpec, signal: npt.NDArray[np.complex128], sign: i
 
     References
     ----------
-    .. [1] E. Aboutanios, B. Mulgrew, "Iterative frequency estimation by interpolation on Fourier coefficients", IEEE Trans. Signal
-       Process. 53(4), 2005.
+    .. [1] E. Aboutanios, B. Mulgrew, "Iterative frequency estimation by interpolation on Fourier coefficients", IEEE
+       Trans. Signal Process. 53(4), 2005.
     """
     length = signal.shape[1]
     level, highest = threshold(spec), beat_limits(spec)[1]

@@ -1,4 +1,7 @@
-"""The heterodyne receiver by its statistics: speckle, detection, false alarms, estimates. One row a return, no signal is made."""
+"""The heterodyne receiver by its statistics: speckle, detection, false alarms, estimates.
+
+One row a return, no signal is made.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +64,7 @@ def receive_heterodyne(
     spec: LidarSpec,
     returns: Echoes,
     air_velocity: Array,
-    generator: np.random.Generator,
+    rng: np.random.Generator,
 ) -> Detections:
     """Return what the heterodyne receiver reports of ideal returns.
 
@@ -73,21 +76,26 @@ def receive_heterodyne(
         By shot and distance, at most `spec.max_returns` a shot.
     air_velocity : ndarray of float64, shape (num_shots,)
         Radial velocity of still air along each shot [m/s].
-    generator : numpy.random.Generator
-        Every effect has a stream of its own with a fixed number of draws a place for a return, so that what one shot meets does not
-        change the noise of another.
+    rng : numpy.random.Generator
+        Every effect has a stream of its own with a fixed number of draws a place for a return, so that what one shot
+        meets does not change the noise of another.
 
     Notes
     -----
     For looks m with speckle e_m (exponential of mean 1, or 1) and circular noise n of unit power, each chirp's peak is
-    ``sum_m abs(sqrt(C e_m) + n_m)^2``; it depends on the speckle through its sum alone. Peaks above the threshold in all chirps are
-    detections. The measured carrier-to-noise ratio is the mean peak over looks and chirps, less the noise's 1: mean C, and with
-    many looks or a high ratio the contrast 1 / sqrt(num_looks) of speckle. Beat frequencies have normal errors at the
-    Cramer-Rao bound of the look's own ratio, at most uniform in the resolution cell.
+    ``sum_m abs(sqrt(C e_m) + n_m)^2``; it depends on the speckle through its sum alone. Peaks above the threshold in
+    all chirps are detections. The measured carrier-to-noise ratio is the mean peak over looks and chirps, less the
+    noise's 1: mean C, and with many looks or a high ratio the contrast 1 / sqrt(num_looks) of speckle. Beat frequencies
+    have normal errors at the Cramer-Rao bound of the look's own ratio, at most uniform in the resolution cell.
+
+    References
+    ----------
+    .. [1] J. W. Goodman, "Some effects of target-induced scintillation on optical radar performance", Proc. IEEE
+       53(11), 1965.
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
-    seeds = generator.integers(2**63, size=5)
+    seeds = rng.integers(2**63, size=5)
     speckle, peaks, estimates, alarms, weather = (np.random.Generator(np.random.PCG64(int(seed))) for seed in seeds)
     slot = returns.shot * spec.max_returns + place_in_group(returns.shot)
     num_slots = spec.num_shots * spec.max_returns
@@ -122,23 +130,23 @@ def receive_heterodyne(
     return keep_strongest(found, spec.max_returns)
 
 
-def _draw_gamma(generator: np.random.Generator, shape: float, number: int) -> Array:
-    return generator.standard_exponential(number) if shape == 1.0 else generator.standard_gamma(shape, number)
+def _draw_gamma(rng: np.random.Generator, shape: float, number: int) -> Array:
+    return rng.standard_exponential(number) if shape == 1.0 else rng.standard_gamma(shape, number)
 
 
-def _draw_peak(generator: np.random.Generator, carrier: Array, looks: float, num_slots: int, slot: Index) -> Array:
+def _draw_peak(rng: np.random.Generator, carrier: Array, looks: float, num_slots: int, slot: Index) -> Array:
     """Return peaks of summed looks: half a noncentral chi-square of 2 * looks degrees, noncentrality 2 * carrier."""
-    noise = generator.standard_normal((2, num_slots))[:, slot] * np.sqrt(0.5)
+    noise = rng.standard_normal((2, num_slots))[:, slot] * np.sqrt(0.5)
     peak = (np.sqrt(carrier) + noise[0]) ** 2 + noise[1] ** 2
     if looks > 1.0:
-        peak += generator.standard_gamma(looks - 1.0, num_slots)[slot]
+        peak += rng.standard_gamma(looks - 1.0, num_slots)[slot]
     return peak
 
 
 def estimate(
     spec: LidarSpec, distance: Array, velocity: Array, errors: Array
 ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    r"""Return distance and radial velocity from the beat frequencies of returns, and whether they are among those searched.
+    r"""Return distance and radial velocity from beat frequencies, and whether they are among those searched.
 
     Parameters
     ----------
@@ -152,17 +160,19 @@ def estimate(
     -----
     With I/Q detection a beat has a sign (transmitted times the conjugate of received, as for the radar):
 
-    .. math:: f_\uparrow = \frac{2 S R}{c} + \frac{2 v}{\lambda}, \quad f_\downarrow = -\frac{2 S R}{c} + \frac{2 v}{\lambda}
+    .. math::
+        f_\uparrow = \frac{2 S R}{c} + \frac{2 v}{\lambda}, \quad
+        f_\downarrow = -\frac{2 S R}{c} + \frac{2 v}{\lambda}
 
     .. math:: R = \frac{c}{4 S} (f_\uparrow - f_\downarrow), \quad v = \frac{\lambda}{4} (f_\uparrow + f_\downarrow)
 
-    A single chirp gives :math:`R + c v / (\lambda S)`: range and velocity are coupled. Frequencies are known up to multiples of the
-    sampling frequency and are taken within one from the lowest that is searched.
+    A single chirp gives :math:`R + c v / (\lambda S)`: range and velocity are coupled. Frequencies are known up to
+    multiples of the sampling frequency and are taken within one from the lowest that is searched.
 
     References
     ----------
-    .. [1] D. G. Pierrottet et al., "Linear FMCW laser radar for precision range and vector velocity measurements", MRS Proc.
-       1076, 2008.
+    .. [1] D. G. Pierrottet et al., "Linear FMCW laser radar for precision range and vector velocity measurements", MRS
+       Proc. 1076, 2008.
     """
     slope = 2.0 * spec.chirp_slope / SPEED_OF_LIGHT
     shift = 2.0 * velocity / spec.wavelength
@@ -175,7 +185,10 @@ def estimate(
 
 
 def fold(spec: LidarSpec, frequency: Array) -> Array:
-    """Return the beats of an up chirp (or the negative ones of a down chirp) as the sampling shows them [Hz]."""
+    """Return the beats of an up chirp (or the negative ones of a down chirp) as the sampling shows them [Hz].
+
+    Any shape, kept. By definition of sampling: frequencies modulo the sampling frequency.
+    """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     low, rate = beat_limits(spec)[0], receiver.sampling_frequency
@@ -183,7 +196,10 @@ def fold(spec: LidarSpec, frequency: Array) -> Array:
 
 
 def from_beats(spec: LidarSpec, up: Array, down: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Return distance [m] and radial velocity [m/s] of pairs of beats [Hz], and whether they are among those searched."""
+    """Return distance [m] and radial velocity [m/s] of pairs of beats [Hz], and whether they are searched.
+
+    Arrays of any one shape. By definition of the chirps: the exact inverse of the two beat frequencies.
+    """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     distance = SPEED_OF_LIGHT / (4.0 * spec.chirp_slope) * (up - down)
@@ -192,13 +208,13 @@ def from_beats(spec: LidarSpec, up: Array, down: Array) -> tuple[Array, Array, n
     return distance, velocity, valid
 
 
-def _false_alarms(spec: LidarSpec, generator: np.random.Generator) -> Detections:
+def _false_alarms(spec: LidarSpec, rng: np.random.Generator) -> Detections:
     """Return the peaks of noise alone that pass for a return: at most one a shot, anywhere among what is searched."""
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     looks, level = float(receiver.num_looks), threshold(spec)
-    shot = np.flatnonzero(generator.random(spec.num_shots) < receiver.false_alarm_probability)
-    place, speed, height = generator.random((3, shot.size))
+    shot = np.flatnonzero(rng.random(spec.num_shots) < receiver.false_alarm_probability)
+    place, speed, height = rng.random((3, shot.size))
     velocity = (2.0 * speed - 1.0) * receiver.max_velocity
     if receiver.chirps == "up":
         velocity = np.full(shot.size, np.nan)
@@ -206,16 +222,14 @@ def _false_alarms(spec: LidarSpec, generator: np.random.Generator) -> Detections
     return _without_echo(spec, shot, place * spec.max_distance, velocity, peak / looks - 1.0)
 
 
-def _backscatter(
-    spec: LidarSpec, returns: Echoes, air_velocity: Array, generator: np.random.Generator
-) -> list[Detections]:
+def _backscatter(spec: LidarSpec, returns: Echoes, air_velocity: Array, rng: np.random.Generator) -> list[Detections]:
     """Return the first cell of fog or rain that is detected in each shot, before its first surface."""
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)
     if not receiver.backscatter or spec.atmosphere.weather_extinction(spec.wavelength) == 0.0:
         return []
     looks, level, profile = float(receiver.num_looks), threshold(spec), backscatter_profile(spec)
-    draws = generator.random((3, spec.num_shots))
+    draws = rng.random((3, spec.num_shots))
     first = np.full(spec.num_shots, spec.max_distance)
     np.minimum.at(first, returns.shot, returns.distance)
     cell, cells = np.searchsorted(profile.detected_before, draws[0], side="right"), len(profile.cnr)
@@ -256,9 +270,9 @@ def backscatter_profile(spec: LidarSpec) -> BackscatterProfile:
 
     Notes
     -----
-    A cell of length :math:`\Delta R = c / 2B` is a volume target: :math:`\rho \cos\theta / \pi` of the lidar equation becomes
-    :math:`\beta \Delta R` with the backscatter coefficient of :class:`Atmosphere`. Its droplets are many: fully developed speckle,
-    independent from cell to cell.
+    A cell of length :math:`\Delta R = c / 2B` is a volume target: :math:`\rho \cos\theta / \pi` of the lidar equation
+    becomes :math:`\beta \Delta R` with the backscatter coefficient of :class:`Atmosphere`. Its droplets are many: fully
+    developed speckle, independent from cell to cell.
     """
     receiver = spec.receiver
     assert isinstance(receiver, HeterodyneReceiver)

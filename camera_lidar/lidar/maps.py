@@ -24,7 +24,8 @@ class LidarMaps:
     distance : ndarray of float32, shape (height, width)
         Along the lidar's ray [m]; inf where empty.
     depth : ndarray of float32, shape (height, width)
-        Along the forward axis [m]: of the lidar in its range view, of the camera in the camera's image; inf where empty.
+        Along the forward axis [m]: of the lidar in its range view, of the camera in the camera's image; inf where
+        empty.
     radial_velocity : ndarray of float32, shape (height, width)
         As the lidar measured it, positive = opening [m/s]; NaN where empty.
     intensity : ndarray of float32, shape (height, width)
@@ -54,8 +55,9 @@ class LidarMaps:
 def range_view(scan: LidarScan) -> LidarMaps:
     """Return the maps in the lidar's own view, shape `scan.spec.scan.grid_shape`: (num_elevation, num_azimuth).
 
-    Row 0 is the highest elevation and column 0 the azimuth farthest to the left, whatever the firing order; of several returns in
-    a cell the nearest shows. A scan without a grid of its own (Risley, table) is binned over its field of view.
+    Row 0 is the highest elevation and column 0 the azimuth farthest to the left, whatever the firing order; of several
+    returns in a cell the nearest shows. A scan without a grid of its own (Risley, table) is binned over its field of
+    view.
     """
     shape = scan.spec.scan.grid_shape
     shot_row, shot_column = scan.spec.scan.cells()
@@ -83,12 +85,13 @@ def camera_maps(scan: LidarScan, spec: CameraSpec, world_from_camera: Pose, radi
 
     Notes
     -----
-    Points go from the lidar's frame by `world_from_sensor` into the world, from there into `camera_optical`, and through the lens, as
-    in SCaRL, section 2.2. Positions of a rolling scan stand in the frames of their shots, so that it shows its skew; with
-    ``spec.deskew`` (or after :func:`camera_lidar.lidar.deskew`) static things stand where the camera sees them at the timestamp.
+    Points go from the lidar's frame by `world_from_sensor` into the world, from there into `camera_optical`, and
+    through the lens, as in SCaRL, section 2.2. Positions of a rolling scan stand in the frames of their shots, so that
+    it shows its skew; with ``spec.deskew`` (or after :func:`camera_lidar.lidar.deskew`) static things stand where the
+    camera sees them at the timestamp.
 
-    *Not modelled*: what the camera does not see although the lidar does. From another place than the camera's, a return behind an
-    edge shows between the returns of the nearer surface.
+    *Not modelled*: what the camera does not see although the lidar does. From another place than the camera's, a return
+    behind an edge shows between the returns of the nearer surface.
     """
     if radius_px < 0:
         raise ParameterRangeError("radius_px", radius_px, ">= 0 px")

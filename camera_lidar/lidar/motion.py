@@ -25,8 +25,8 @@ KNOT_INTERVAL = 2e-3
 """Time between the poses that a motion is interpolated from [s].
 
 Positions are cubic between them (error h^4 / 384 of the fourth derivative),
-rotations turn evenly (h^2 / 8 of the angular acceleration, 5e-7 rad at 1 rad/s2), velocities are linear (h^2 / 8 of the jerk,
-5e-6 m/s at 10 m/s3). A wheel is followed by its centre.
+rotations turn evenly (h^2 / 8 of the angular acceleration, 5e-7 rad at 1 rad/s2), velocities are linear (h^2 / 8 of the
+jerk, 5e-6 m/s at 10 m/s3). A wheel is followed by its centre.
 """
 _SAME_VELOCITY = 1e-6
 """A sensor whose velocity is the ego vehicle's within this [m/s, rad/s] is carried by it, if it is on board."""
@@ -140,7 +140,10 @@ class Motion:
 
 
 def _rodrigues(rotation_vector: Array, vectors: Array) -> Array:
-    """Turn each vector by a rotation vector below 0.5 rad: series of the angle, left out is at most angle^7 / 5040, 2e-6."""
+    """Turn each vector by a rotation vector below 0.5 rad.
+
+    Series of the angle, left out is at most angle^7 / 5040, 2e-6.
+    """
     once = np.cross(rotation_vector, vectors)
     twice = np.cross(rotation_vector, once)
     angle2 = np.einsum("ij,ij->i", rotation_vector, rotation_vector)[:, None]
@@ -166,7 +169,10 @@ def _moved(pose: Pose, twist: Twist, time: float) -> Pose:
 
 
 def actor_motion(trajectory: Trajectory, timestamp: float, duration: float) -> Motion:
-    """Return the motion of an actor from a timestamp on [s]; past the end of its trajectory it keeps its last velocity."""
+    """Return the motion of an actor from a timestamp on [s].
+
+    Past the end of its trajectory it keeps its last velocity.
+    """
 
     def at(time: float) -> tuple[Pose, Twist]:
         known = min(timestamp + time, trajectory.stop)
@@ -179,8 +185,8 @@ def actor_motion(trajectory: Trajectory, timestamp: float, duration: float) -> M
 def sensor_motion(state: WorldState, world_from_sensor: Pose, twist: Twist, duration: float) -> Motion:
     """Return the motion of a sensor during a scan.
 
-    A sensor that moves with the world's ego actor at the state's time and is on it is taken to be carried by it and follows its
-    trajectory; any other keeps its velocity and angular velocity.
+    A sensor that moves with the world's ego actor at the state's time and is on it is taken to be carried by it and
+    follows its trajectory; any other keeps its velocity and angular velocity.
     """
     ego = state.world.ego
     if ego is not None:
@@ -247,7 +253,10 @@ def to_timestamp(motion: Motion, times: Array, position: Array, normal: Array) -
 
 
 def shot_rays(motion: Motion, spec_directions: Array, times: Array) -> tuple[Array, Array]:
-    """Return origin and direction of every shot at its own time, world axes; one origin of shape (3,) for a sensor at rest."""
+    """Return origin and direction of every shot at its own time, world axes.
+
+    One origin of shape (3,) for a sensor at rest.
+    """
     directions = motion.rotate(times, spec_directions)
     still = len(motion.times) == 1 or not (np.ptp(motion.position, axis=0).any() or motion.linear.any())
     return (motion.position[0] if still else motion.position_at(times)), directions

@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 
 @lru_cache(maxsize=4)
 def shot_directions(spec: LidarSpec) -> Array:
-    """Return the unit direction of every shot in the sensor frame at the shot's own time, in the order of the shot numbers.
+    """Return the unit direction of every shot in the sensor frame at its own time, in the order of shot numbers.
 
     Parameters
     ----------

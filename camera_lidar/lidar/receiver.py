@@ -55,13 +55,14 @@ def receive(receiver: ScarlReceiver, slots: Slots, returns: Echoes, rng: np.rand
     Parameters
     ----------
     receiver : ScarlReceiver
-        A zero in `drop_out_intensity`, `range_noise_variance_per_metre` or `velocity_noise_std` switches that effect off exactly.
+        A zero in `drop_out_intensity`, `range_noise_variance_per_metre` or `velocity_noise_std` switches that effect
+        off exactly.
     slots : Slots
     returns : Echoes
         Ideal ones; distance [m], radial velocity [m/s] and intensity [relative] are looked at.
     rng : numpy.random.Generator
-        Gives every effect a stream of its own with one draw a slot, so that neither switching an effect nor a return more or
-        less changes the noise of the others.
+        Gives every effect a stream of its own with one draw a slot, so that neither switching an effect nor a return
+        more or less changes the noise of the others.
 
     Returns
     -------
@@ -69,15 +70,15 @@ def receive(receiver: ScarlReceiver, slots: Slots, returns: Echoes, rng: np.rand
 
     Notes
     -----
-    Drop-out: kept with probability :math:`P = 1 - e^{-I / I_0}` with :math:`I_0` = `drop_out_intensity`, independently; the number
-    kept has mean :math:`\sum P` and variance :math:`\sum P (1 - P)`.
-    Distance: normal, mean d, variance `range_noise_variance_per_metre` * d; a negative outcome, which takes noise as large as the
-    distance itself, becomes 0. Radial velocity: normal, mean v_r, standard deviation `velocity_noise_std`.
+    Drop-out: kept with probability :math:`P = 1 - e^{-I / I_0}` with :math:`I_0` = `drop_out_intensity`, independently;
+    the number kept has mean :math:`\sum P` and variance :math:`\sum P (1 - P)`.
+    Distance: normal, mean d, variance `range_noise_variance_per_metre` * d; a negative outcome, which takes noise as
+    large as the distance itself, becomes 0. Radial velocity: normal, mean v_r, standard deviation `velocity_noise_std`.
 
     References
     ----------
-    .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for Autonomous
-       Driving", section 2.2: annihilation by intensity, AWGN with variance proportional to distance.
+    .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for
+       Autonomous Driving", section 2.2: annihilation by intensity, AWGN with variance proportional to distance.
     """
     seeds = rng.integers(2**63, size=3)  # always drawn: the streams do not depend on what is switched on
     drop_out, range_noise, velocity_noise = (np.random.Generator(np.random.PCG64(int(seed))) for seed in seeds)

@@ -1,4 +1,4 @@
-"""Ideal returns: what rays over a beam's footprint hit, through panes, gathered into returns that the lidar can tell apart."""
+"""Ideal returns: what rays over a beam's footprint hit, also through panes, gathered into separable returns."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Shots:
     velocity: Array
 
     def select(self, rows: Index) -> Shots:
-        """Return some of the shots."""
+        """Return some of the shots, by index, shape (num_selected,)."""
         return Shots(self.number[rows], _rows(self.origins, rows), self.directions[rows], _rows(self.velocity, rows))
 
     def sub_rays(self, spec: LidarSpec) -> Shots:
@@ -98,7 +98,7 @@ T = TypeVar("T")
 
 
 def take(table: T, rows: npt.NDArray[Any]) -> T:
-    """Return some rows of a table of arrays."""
+    """Return some rows of a table of arrays, by index or mask, shape (num_rows,)."""
     return type(table)(*(getattr(table, item.name)[rows] for item in fields(table)))  # type: ignore[arg-type]
 
 
@@ -161,8 +161,9 @@ def gather(spec: LidarSpec, echoes: Echoes) -> Echoes:
     """Return the returns that echoes make: by shot and distance, the strongest `spec.max_returns` of each shot.
 
     Echoes of a shot whose distances follow each other within the range resolution and the depth of surface between
-    neighbouring rays, and their radial velocities within the velocity resolution, are one return: its intensity is their sum, distance and radial velocity are their means weighted with the
-    intensity, all else is that of the strongest.
+    neighbouring rays, and their radial velocities within the velocity resolution, are one return: its intensity is
+    their sum, distance and radial velocity are their means weighted with the intensity, all else is that of the
+    strongest.
     """
     if spec.sub_rays > 1 or spec.max_surfaces > 1:
         echoes = _merged(spec, echoes)

@@ -1,8 +1,8 @@
 """Ray casting where every ray has its own time.
 
-Static geometry is hit by the rays as they are. For a moving body (an actor, a wheel, a limb), a ray is carried into the body's frame
-at the ray's own time, where the body stands still. So both are exact, whatever moves during the scan, and the engine's scene is
-moved once and not for every block of time.
+Static geometry is hit by the rays as they are. For a moving body (an actor, a wheel, a limb), a ray is carried into the
+body's frame at the ray's own time, where the body stands still. So both are exact, whatever moves during the scan, and
+the engine's scene is moved once and not for every block of time.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class RollingCaster:
     duration : float
         Longest time of a ray after the timestamp [s].
     sensor : Motion, optional
-        Of the sensor that the rays leave from, at the knots of the same duration: to rule rays out that pass by a body around the
-        sensor, such as the car that carries it.
+        Of the sensor that the rays leave from, at the knots of the same duration: to rule rays out that pass by a body
+        around the sensor, such as the car that carries it.
     """
 
     def __init__(self, state: WorldState, duration: float, sensor: Motion | None = None) -> None:
@@ -58,7 +58,8 @@ class RollingCaster:
         max_distance : float
             [m].
         from_sensor : bool
-            The origins lie within what the sensor moves during the scan, so that most rays can be ruled out by their direction.
+            The origins lie within what the sensor moves during the scan, so that most rays can be ruled out by their
+            direction.
 
         Returns
         -------
@@ -113,7 +114,7 @@ class RollingCaster:
         return np.concatenate([rays for rays, _ in pairs]), np.concatenate([body for _, body in pairs])
 
     def _past_box(self, body: int, directions: Array) -> Index:
-        """Return the rays from the sensor that may meet the box of a body around it, whatever both do during the scan."""
+        """Return the rays from the sensor that may meet a body's box, whatever both do during the scan."""
         motion, sensor = self._motions[body], self._sensor
         if sensor is None:
             return np.arange(len(directions))

@@ -34,9 +34,9 @@ def radial_velocity(
     -----
     .. math:: v_r = (\mathbf v_\text{surface} - \mathbf v_\text{sensor}) \cdot \hat{\mathbf d}
 
-    The Doppler shift of coherent light is :math:`-2 v_r / \lambda` of this material velocity: it is not the change of distance
-    along a beam that sweeps over the surface. So the sensor's own rotation does not enter. *Error* of leaving relativity out:
-    v/c, 2e-7 at 60 m/s.
+    The Doppler shift of coherent light is :math:`-2 v_r / \lambda` of this material velocity: it is not the change of
+    distance along a beam that sweeps over the surface. So the sensor's own rotation does not enter. *Error* of leaving
+    relativity out: v/c, 2e-7 at 60 m/s.
     """
     relative = np.asarray(surface_velocity, dtype=np.float64) - np.asarray(sensor_velocity, dtype=np.float64)
     return np.einsum("...i,...i->...", relative, np.asarray(directions, dtype=np.float64))
@@ -45,7 +45,7 @@ def radial_velocity(
 def return_intensity(
     reflectance: npt.ArrayLike, cos_incidence: npt.ArrayLike, distance: npt.ArrayLike, attenuation: float
 ) -> Array:
-    r"""Return the received power of a return, relative to a white diffuser at 1 m that is hit normally, without atmosphere.
+    r"""Return the received power of a return over that of a white diffuser at 1 m, hit normally, without air.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def return_intensity(
     -----
     .. math:: I = \rho \cos\theta \, \frac{e^{-2 \alpha d}}{(d / 1\,\text{m})^2}
 
-    *Validity*: a Lambertian surface that holds the whole beam, monostatic optics focused at infinity. *Not modelled*: mirror-like
-    and retro-reflecting surfaces, beams across an edge, overlap loss at short distance, speckle.
+    *Validity*: a Lambertian surface that holds the whole beam, monostatic optics focused at infinity. *Not modelled*:
+    mirror-like and retro-reflecting surfaces, beams across an edge, overlap loss at short distance, speckle.
 
     References
     ----------
@@ -92,8 +92,9 @@ def pane_transmittance(transmittance: npt.ArrayLike, cos_incidence: npt.ArrayLik
     .. math:: T(\theta) = T_0 \, \frac{T_F(\theta)}{T_F(0)}, \quad
               T_F = \tfrac12 \sum_{s,p} \frac{1 - R}{1 + R}
 
-    with Fresnel's reflectance R of glass (n = 1.5) for both polarizations: the incoherent sum over both faces. *Not modelled*: longer
-    absorption paths at slant incidence (the path inside is at most 1.34 times the thickness), the ray's offset by the pane.
+    with Fresnel's reflectance R of glass (n = 1.5) for both polarizations: the incoherent sum over both faces. *Not
+    modelled*: longer absorption paths at slant incidence (the path inside is at most 1.34 times the thickness), the
+    ray's offset by the pane.
 
     References
     ----------

@@ -54,8 +54,8 @@ class Lidar:
         ----------
         state : WorldState
         mount : Mount or Pose
-            Sensor frame (x forward, y left, z up) at the state's time; its velocity enters the radial velocity and the motion
-            during the scan.
+            Sensor frame (x forward, y left, z up) at the state's time; its velocity enters the radial velocity and the
+            motion during the scan.
         rng : numpy.random.Generator
             All randomness of the receiver; the moments stand at :func:`camera_lidar.lidar.receiver.receive` and
             :func:`camera_lidar.lidar.heterodyne.receive_heterodyne`.
@@ -88,7 +88,7 @@ class Lidar:
         found, beats = self._receive(echoes, returns, shots, clouds, wind, rng)
         return self._scan(mount.pose, motion, parts, returns, found, beats)
 
-    def _trace(self, state: Any, cast: Cast, shots: Shots) -> Echoes:
+    def _trace(self, state: WorldState, cast: Cast, shots: Shots) -> Echoes:
         spec = self.spec
         step = max(RAYS_AT_ONCE // spec.sub_rays, 1)
         blocks = []
@@ -104,13 +104,13 @@ class Lidar:
         shots: Shots,
         clouds: tuple[SprayCloud, ...],
         wind: Array,
-        generator: np.random.Generator,
+        rng: np.random.Generator,
     ) -> tuple[Detections, npt.NDArray[np.complex64] | None]:
         spec, receiver = self.spec, self.spec.receiver
         if isinstance(receiver, ScarlReceiver):
             slot = returns.shot * spec.max_returns + place_in_group(returns.shot)
             slots = Slots(spec.num_shots * spec.max_returns, slot)
-            measured = receive(receiver, slots, returns, generator)
+            measured = receive(receiver, slots, returns, rng)
             kept = measured.kept
             none = np.full(len(kept), np.nan)
             return Detections(
@@ -121,14 +121,14 @@ class Lidar:
             "...j,...j->...", np.broadcast_to(shots.velocity - wind, shots.directions.shape), shots.directions
         )
         if receiver.raw_signal:
-            beats = synthesize_beats(spec, echoes, air_velocity, generator)
+            beats = synthesize_beats(spec, echoes, air_velocity, rng)
             return estimate_beats(spec, beats, returns), beats
-        found = receive_heterodyne(spec, returns, air_velocity, generator)
+        found = receive_heterodyne(spec, returns, air_velocity, rng)
         if clouds:
             nearest = np.full(spec.num_shots, np.inf)
             np.minimum.at(nearest, echoes.shot, echoes.distance)
             paths = FreePaths(shots.origins, shots.directions, air_velocity, nearest)
-            found = add_spray(spec, found, clouds, paths, generator.spawn(1)[0])
+            found = add_spray(spec, found, clouds, paths, rng.spawn(1)[0])
         return found, None
 
     def _scan(
@@ -178,7 +178,7 @@ class Lidar:
         )
 
 
-def _caster(state: Any, motion: Motion, times: Array) -> Cast:
+def _caster(state: WorldState, motion: Motion, times: Array) -> Cast:
     """Return what intersects rays with the world, each at the time of its shot."""
     duration = float(times.max())
     if duration == 0.0:

@@ -31,8 +31,8 @@ def extinction_of(cloud: SprayCloud) -> float:
 
     .. math:: \alpha = 3.67 \, M / (\rho_w D_0)
 
-    Drops far larger than the wavelength take twice their own area; of an exponential distribution with the median volume diameter
-    :math:`D_0` and the water content M that is the above.
+    Drops far larger than the wavelength take twice their own area; of an exponential distribution with the median
+    volume diameter :math:`D_0` and the water content M that is the above.
     """
     return 3.67 * cloud.water_content / (WATER_DENSITY * cloud.drop_diameter)
 
@@ -48,6 +48,11 @@ def dim_echoes(echoes: Echoes, clouds: Sequence[SprayCloud], origins: Array, dir
         [m, world].
     directions : ndarray of float64, shape (num_shots, 3)
         Unit vectors of the beams' axes [world].
+
+    Notes
+    -----
+    Beer and Lambert's law over the way through each cloud, there and back, by definition of the extinction
+    coefficient.
     """
     if not clouds or echoes.number == 0:
         return echoes
@@ -92,31 +97,31 @@ def add_spray(
     found: Detections,
     clouds: Sequence[SprayCloud],
     paths: FreePaths,
-    generator: np.random.Generator,
+    rng: np.random.Generator,
 ) -> Detections:
     """Return detections with those of spray among them: in each shot and cloud the first range cell that is detected.
 
     Parameters
     ----------
     spec : LidarSpec
-        With a heterodyne receiver; the cells are of its range resolution, the spray's backscatter is its extinction over
-        ``spec.atmosphere.lidar_ratio``.
+        With a heterodyne receiver; the cells are of its range resolution, the spray's backscatter is its extinction
+        over ``spec.atmosphere.lidar_ratio``.
     found : Detections
     clouds : sequence of SprayCloud
     paths : FreePaths
-    generator : numpy.random.Generator
+    rng : numpy.random.Generator
     """
     receiver = spec.receiver
     if not clouds or not isinstance(receiver, HeterodyneReceiver) or not (receiver.backscatter and receiver.noise):
         return found
-    rows = [_of_cloud(spec, cloud, paths, generator) for cloud in clouds]
+    rows = [_of_cloud(spec, cloud, paths, rng) for cloud in clouds]
     return keep_strongest(join([found, *rows]), spec.max_returns)
 
 
-def _of_cloud(spec: LidarSpec, cloud: SprayCloud, paths: FreePaths, generator: np.random.Generator) -> Detections:
+def _of_cloud(spec: LidarSpec, cloud: SprayCloud, paths: FreePaths, rng: np.random.Generator) -> Detections:
     receiver, origins, directions = spec.receiver, paths.origins, paths.directions
     assert isinstance(receiver, HeterodyneReceiver)
-    draws = generator.random((3, len(directions)))
+    draws = rng.random((3, len(directions)))
     enter, leave = cloud.chord(origins, directions, np.minimum(paths.nearest, spec.max_distance))
     shot = np.flatnonzero(leave - enter > spec.range_resolution)
     start = origins if origins.ndim == 1 else origins[shot]

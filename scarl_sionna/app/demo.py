@@ -48,8 +48,8 @@ def run(scenario: ScenarioSpec, out: str | Path, *, overwrite: bool = False, on_
     Raises
     ------
     OutputError
-        If the folder cannot be written, holds frames of another configuration, or something that is not ours has the name
-        of a file of ours.
+        If the folder cannot be written, holds frames of another configuration, or something that is not ours has the
+        name of a file of ours.
     TimeRangeError
         If a frame's time lies outside the scene's motion.
     UnknownNameError

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +34,8 @@ SMOOTH = 2
 MARGIN, NARROWEST = 14.0, 40.0
 """Around everything that moves, and least side of the plan [m]."""
 WIDEST, AROUND_EGO = 260.0, 55.0
-"""A longer plan shows the ego vehicle's way with so much around it, or follows it where that is too long as well [m]."""
+"""A longer plan shows the ego vehicle's way with so much around it, or follows it where that is too long as well
+[m]."""
 LARGEST_GROUND = 2200
 """Longer side of the ground that a plan which follows is cut out of [px]."""
 TRAIL = 2.0
@@ -174,9 +176,13 @@ def _view_of(points: npt.NDArray[np.float64], margin: float = MARGIN) -> _View:
 
 
 def _drawn(
-    ground: Image.Image, view: _View, world: World, actors: Sequence[ObjectState],
-    trail: Sequence[dict[str, npt.NDArray[np.float64]]], time: float,
-) -> Image.Image:  # fmt: skip
+    ground: Image.Image,
+    view: _View,
+    world: World,
+    actors: Sequence[ObjectState],
+    trail: Sequence[dict[str, npt.NDArray[np.float64]]],
+    time: float,
+) -> Image.Image:
     """Draw actors with their trails, a scale and the time."""
     width, height = view.size
     large = ground.resize((width * SMOOTH, height * SMOOTH), Image.Resampling.NEAREST)
@@ -202,7 +208,7 @@ def _drawn(
     return picture
 
 
-def _annotate(pen: Any, view: _View, world: World, actors: Sequence[ObjectState], time: float) -> None:
+def _annotate(pen: ImageDraw.ImageDraw, view: _View, world: World, actors: Sequence[ObjectState], time: float) -> None:
     """Write the time and the ego vehicle's speed, and draw a scale."""
     font = ImageFont.load_default(15)
     ego = next((item for item in actors if item.name == world.ego), None)
@@ -251,8 +257,13 @@ def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
     # hundredths of a second are all that a GIF knows: their sum keeps the time
     marks = np.rint(np.arange(len(frames) + 1) * 100.0 / rate).astype(int)
     frames[0].save(
-        path, save_all=True, append_images=frames[1:], duration=[10 * int(step) for step in np.diff(marks)], loop=0, optimize=False,
-    )  # fmt: skip
+        path,
+        save_all=True,
+        append_images=frames[1:],
+        duration=[10 * int(step) for step in np.diff(marks)],
+        loop=0,
+        optimize=False,
+    )
 
 
 def _palette(picture: Image.Image) -> Image.Image:
@@ -281,7 +292,7 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
             writer.close()
 
 
-def _ffmpeg() -> Any:
+def _ffmpeg() -> ModuleType:
     try:
         import imageio_ffmpeg
     except ImportError as error:

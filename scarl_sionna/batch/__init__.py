@@ -1,4 +1,7 @@
-"""Exports of any size: scenarios become a dataset, in this process, in several, or on a cluster; stopped and resumed at will."""
+"""Exports of any size: scenarios become a dataset, in this process, in several, or on a cluster.
+
+Stopped and resumed at will.
+"""
 
 from .driver import ExportSettings, export
 from .estimate import Estimate, estimate

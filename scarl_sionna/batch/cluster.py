@@ -11,13 +11,17 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from scarl_sionna.core.errors import ExportError, OutputError, ScarlError, ScarlWarning
 from scarl_sionna.core.packages import require
 from scarl_sionna.dataset.store.manifest import MANIFEST
 
 from .job import OnEvent, ShardJob, ShardReport, make_shard
+
+if TYPE_CHECKING:
+    from distributed import Client, Worker
 
 TOPIC = "scarl-export"
 CONNECT_SECONDS = 10.0
@@ -63,7 +67,9 @@ def run_on_cluster(
         yield from _reports(distributed, client, jobs, threads)
 
 
-def _reports(distributed: Any, client: Any, jobs: list[ShardJob], threads: int | None) -> Iterator[ShardReport]:
+def _reports(
+    distributed: ModuleType, client: Client, jobs: list[ShardJob], threads: int | None
+) -> Iterator[ShardReport]:
     waiting = list(reversed(jobs))
 
     def hand_out(running: int) -> list[Any]:
@@ -129,13 +135,16 @@ def portable(error: ScarlError) -> ScarlError:
     return ExportError(f"{type(error).__name__}: {error}")
 
 
-def dask_setup(worker: Any) -> None:
-    """Let a worker of this machine ignore Ctrl-C, which a terminal sends to all processes: the one that started it stops it."""
+def dask_setup(worker: Worker) -> None:
+    """Let a worker of this machine ignore Ctrl-C, which a terminal sends to all processes.
+
+    The process that started it stops it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
-def _local_client(distributed: Any, count: int) -> Iterator[Any]:
+def _local_client(distributed: ModuleType, count: int) -> Iterator[Client]:
     """Start worker processes on this machine."""
     import dask
 
@@ -144,15 +153,23 @@ def _local_client(distributed: Any, count: int) -> Iterator[Any]:
         "distributed.worker.preload": [__name__],  # calls `dask_setup`
         "distributed.comm.timeouts.connect": "30s",
     }
-    with dask.config.set(settings), distributed.LocalCluster(
-        n_workers=count, threads_per_worker=1, processes=True, memory_limit=None, dashboard_address=None,
-        silence_logs=_SILENT,
-    ) as cluster, distributed.Client(cluster) as client:  # fmt: skip
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=None,
+            dashboard_address=None,
+            silence_logs=_SILENT,
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
         yield client
 
 
 @contextmanager
-def _remote_client(distributed: Any, address: str) -> Iterator[Any]:
+def _remote_client(distributed: ModuleType, address: str) -> Iterator[Client]:
     """Connect to a scheduler; it and its workers stay when the export is done."""
     try:
         client = distributed.Client(address, timeout=CONNECT_SECONDS)

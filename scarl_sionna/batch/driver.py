@@ -75,8 +75,8 @@ def export(
 ) -> ExportReport:
     """Make a dataset of scenarios, or what is missing of it.
 
-    The bytes do not depend on `workers`, `scheduler`, `part`, on the order of the scenarios, or on how often the export was
-    stopped.
+    The bytes do not depend on `workers`, `scheduler`, `part`, on the order of the scenarios, or on how often the export
+    was stopped.
 
     Parameters
     ----------

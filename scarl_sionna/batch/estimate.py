@@ -59,10 +59,12 @@ class Estimate:
         stages = ", ".join(f"{stage} {taken:.2f}" for stage, taken in self.stages.items())
         lines = [
             f"frames: {self.num_frames}",
-            f"size:   {size_text(self.num_bytes)} ({size_text(self.bytes_per_frame)} a frame; {size_text(self.free_bytes)} free)",
+            f"size:   {size_text(self.num_bytes)} ({size_text(self.bytes_per_frame)} a frame; "
+            f"{size_text(self.free_bytes)} free)",
             f"time:   {time_text(self.seconds)} in {self.processes} process{'es' if self.processes > 1 else ''} "
             f"({self.seconds_per_frame:.2f} s a frame: {stages})",
-            "measured on the second of two frames; several processes on one machine share its cores, so that the time falls "
+            "measured on the second of two frames; several processes on one machine share its cores, "
+            "so that the time falls "
             "less than with their number",
         ]
         if self.num_bytes > self.free_bytes:
@@ -86,9 +88,14 @@ def estimate(plan: ExportPlan, out: str | Path, settings: ExportSettings) -> Est
     encoding = perf_counter() - simulated
     processes = settings.workers or 1
     return Estimate(
-        plan.num_frames, encoded.num_bytes, max(simulated - started, encoding), start_seconds,
-        {**frame.timings, "encoding (beside)": encoding}, processes, _free(Path(out)),
-    )  # fmt: skip
+        plan.num_frames,
+        encoded.num_bytes,
+        max(simulated - started, encoding),
+        start_seconds,
+        {**frame.timings, "encoding (beside)": encoding},
+        processes,
+        _free(Path(out)),
+    )
 
 
 def _free(path: Path) -> int:

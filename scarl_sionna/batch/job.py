@@ -1,4 +1,7 @@
-"""The work on one shard, in whatever process: simulate what is missing, compress and keep it meanwhile, put it in place."""
+"""The work on one shard, in whatever process.
+
+Simulate what is missing, compress and keep it meanwhile, put it in place.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from time import perf_counter, thread_time
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 from scarl_sionna.core.errors import ExportError, OutputError, ScarlError
 from scarl_sionna.core.results import Frame
@@ -29,7 +32,8 @@ if TYPE_CHECKING:
 
 OnError = Literal["record", "raise"]
 OnEvent = Callable[[str, dict[str, Any]], None]
-"""Called with ``"stage"`` (scene, frame, stage, part of the frame) and ``"frame"`` (scene, frame, seconds, bytes or failed)."""
+"""Called with ``"stage"`` (scene, frame, stage, part of the frame) and ``"frame"`` (scene, frame, seconds, bytes or
+failed)."""
 
 _AHEAD = 2  # frames that wait to be compressed: more would only take memory
 _log = logging.getLogger("scarl_sionna.batch")
@@ -114,9 +118,13 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
             for index in missing:
                 try:
                     frame = observe(
-                        world, rig, scenario.start_time + index / scenario.frame_rate, scenario.seed, index=index,
+                        world,
+                        rig,
+                        scenario.start_time + index / scenario.frame_rate,
+                        scenario.seed,
+                        index=index,
                         on_stage=_stages(job.scene.name, index, on_event),
-                    )  # fmt: skip
+                    )
                 except Exception as error:
                     check(error)
                     _fail(job, shard, index, error, on_event)
@@ -137,8 +145,8 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
 class FrameSink:
     """Compresses and keeps frames in threads of its own while the next one is simulated; use it as a context.
 
-    Leaving it waits until all frames are kept. A frame that the schema does not take is listed in `failed`; a disk that does
-    not take it raises :class:`OutputError`.
+    Leaving it waits until all frames are kept. A frame that the schema does not take is listed in `failed`; a disk that
+    does not take it raises :class:`OutputError`.
     """
 
     def __init__(
@@ -205,6 +213,10 @@ class FrameSink:
         self._last = now
 
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
 class TimedPool(ThreadPoolExecutor):
     """Threads that add up the CPU time of their work."""
 
@@ -217,10 +229,10 @@ class TimedPool(ThreadPoolExecutor):
         """CPU time of all work that is done [s]."""
         return sum(self._taken)
 
-    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+    def submit(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Run a function in a thread."""
 
-        def timed() -> Any:
+        def timed() -> T:
             started = thread_time()
             try:
                 return function(*args, **kwargs)
@@ -247,7 +259,8 @@ def _fail(job: ShardJob, shard: ShardWriter, index: int, error: Exception, on_ev
         if isinstance(error, ScarlError):
             raise error
         raise ExportError(
-            f"frame {index} of {job.scene.name} failed ({reason}); the frames before it are kept, and --on-error record goes on "
+            f"frame {index} of {job.scene.name} failed ({reason}); the frames before it are kept, "
+            "and --on-error record goes on "
             "without it"
         ) from error
     _log.warning("frame %d of %s failed: %s", index, job.scene.name, reason, exc_info=error)

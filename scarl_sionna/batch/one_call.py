@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from scarl_sionna.core.errors import InputTypeError, UnknownNameError
 from scarl_sionna.core.settings.radar import RadarSettings
@@ -29,7 +29,7 @@ def export(
     *,
     radar: RadarSettings | None = None,
     on_progress: OnProgress | None = None,
-    **settings: Any,
+    **settings: object,
 ) -> ExportReport:
     """Make a dataset of scenarios, or what is missing of it: the same call goes on where it was stopped.
 
@@ -75,7 +75,7 @@ def export(
     if radar is not None:
         chosen = [item.with_(radar=radar if item.radar is None else item.radar.merged(radar)) for item in chosen]
     progress = _Progress(on_progress or (lambda done, total: None))
-    return run(chosen, out, ExportSettings(workers=workers, **settings), on_event=progress)
+    return run(chosen, out, ExportSettings(workers=workers, **cast("dict[str, Any]", settings)), on_event=progress)
 
 
 def _scenario(item: Scenario) -> ScenarioSpec:

@@ -77,7 +77,9 @@ def plan_export(
 
 
 def scene_configuration(scenario: ScenarioSpec) -> dict[str, Any]:
-    """Return all that decides the frames of a scenario but the rig, as plain data: without paths and without their number.
+    """Return all that decides the frames of a scenario but the rig, as plain data.
+
+    Without paths and without their number.
 
     Raises
     ------
@@ -99,7 +101,10 @@ def scene_configuration(scenario: ScenarioSpec) -> dict[str, Any]:
 
 
 def _checksum(document: SceneDocument) -> str:
-    """Return the SHA-256 of a scene's files: XML, ``scene.toml``, those of its actors' models, and every file that the XML names."""
+    """Return the SHA-256 of a scene's files.
+
+    XML, ``scene.toml``, those of its actors' models, and every file that the XML names.
+    """
     path = document.path
     named = {Path(item.get("value", "")) for item in document.root.iter("string") if item.get("name") == "filename"}
     files = {path, path.parent / "scene.toml", *document.files, *named}
@@ -108,7 +113,10 @@ def _checksum(document: SceneDocument) -> str:
 
 
 def _recorded(file: Path) -> str:
-    """Return the SHA-256 of a file; of a texture of the package, the one that does not depend on this machine's Pillow."""
+    """Return the SHA-256 of a file.
+
+    Of a texture of the package, the one that does not depend on this machine's Pillow.
+    """
     from scenes_xml.packing import recorded_digest
 
     return recorded_digest(file, hashlib.sha256(file.read_bytes()).hexdigest())
@@ -124,9 +132,11 @@ def check_storable(name: str, kind: str) -> None:
     """
     if kind not in RESULT_TYPES.values() and foreign_fields(kind) is None:
         raise ParameterRangeError(
-            f"sensor '{name}'", f"of kind '{kind}'", ", ".join(sorted(RESULT_TYPES.values())),
+            f"sensor '{name}'",
+            f"of kind '{kind}'",
+            ", ".join(sorted(RESULT_TYPES.values())),
             "declare `stored_fields` and `result_type` on its class (docs/dataset.md)",
-        )  # fmt: skip
+        )
 
 
 def shards_of_part(keys: Sequence[tuple[str, int]], part: tuple[int, int] | None) -> list[tuple[str, int]]:
@@ -146,9 +156,11 @@ def _common_rig(scenarios: dict[str, ScenarioSpec]) -> Rig:
         found = differences(rig.to_dict(), resolve_rig(other).to_dict())
         if found:
             raise ParameterRangeError(
-                "scenarios", f"rigs of '{first}' and '{name}' differ ({'; '.join(found[:3])})", "one rig for a dataset",
+                "scenarios",
+                f"rigs of '{first}' and '{name}' differ ({'; '.join(found[:3])})",
+                "one rig for a dataset",
                 "export them into two folders",
-            )  # fmt: skip
+            )
     return rig
 
 

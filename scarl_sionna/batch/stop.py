@@ -39,9 +39,9 @@ _asked = _Asked()
 def stoppable() -> Iterator[None]:
     """Turn SIGINT and SIGTERM into :class:`ExportStopped`, raised at once in the main thread.
 
-    In the middle of a render the exception may come out of the engine as another one, or be swallowed by it: so the signal
-    is kept, `check` tells of it, and whatever leaves the block after it leaves as `ExportStopped`. Handlers of a signal that is
-    ignored stay; outside of the main thread, where Python delivers no signals, nothing is changed.
+    In the middle of a render the exception may come out of the engine as another one, or be swallowed by it: so the
+    signal is kept, `check` tells of it, and whatever leaves the block after it leaves as `ExportStopped`. Handlers of a
+    signal that is ignored stay; outside of the main thread, where Python delivers no signals, nothing is changed.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

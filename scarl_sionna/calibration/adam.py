@@ -37,8 +37,8 @@ def adam(
 
     Notes
     -----
-    The step shrinks geometrically from `FIRST_STEP` to `LAST_STEP`. With g the gradient and F the Fisher matrix, both of the
-    parameters that are not held by a bound, the end is where :math:`g^T F^{-1} g < 0.1^2`.
+    The step shrinks geometrically from `FIRST_STEP` to `LAST_STEP`. With g the gradient and F the Fisher matrix, both
+    of the parameters that are not held by a bound, the end is where :math:`g^T F^{-1} g < 0.1^2`.
 
     References
     ----------

@@ -1,4 +1,7 @@
-"""RCS of a mesh with the ray tubes held fixed: traced once, surface coefficients evaluated again for each trial material."""
+"""RCS of a mesh with the ray tubes held fixed.
+
+Traced once, surface coefficients evaluated again for each trial material.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,9 @@ Complex = npt.NDArray[np.complex128]
 
 
 def mesh_field(measurement: MeshRcs, table: MaterialTable) -> Callable[[Mapping[str, TrialMaterial]], Complex]:
-    r"""Return the model of a mesh: from trial materials to :math:`\sqrt{4 \pi} S` [m], whose squared magnitude is the RCS.
+    r"""Return the model of a mesh.
+
+    From trial materials to :math:`\sqrt{4 \pi} S` [m], whose squared magnitude is the RCS.
 
     Raises
     ------

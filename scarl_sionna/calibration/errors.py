@@ -17,7 +17,8 @@ class UnusedParameterError(CalibrationError):
     def __init__(self, names: Sequence[str]) -> None:
         self.names = list(names)
         super().__init__(
-            f"no measurement depends on {', '.join(self.names)}; take them out of `parameters`, or add a measurement that sees "
+            f"no measurement depends on {', '.join(self.names)}; take them out of `parameters`, "
+            "or add a measurement that sees "
             "them (a conductivity needs a loss or a phase, a thickness a layer that is not opaque)"
         )
 

@@ -21,8 +21,8 @@ Array = npt.NDArray[np.float64]
 INTERVAL = float(norm.ppf(0.975))
 """Half width of a 95 % interval of a normal distribution [standard deviations]."""
 WEAK = 0.3
-"""A direction is not identified if the data leave more than this of the bounds' range as its standard deviation: a uniform
-distribution over the range has 0.29."""
+"""A direction is not identified if the data leave more than this of the bounds' range as its standard deviation: a
+uniform distribution over the range has 0.29."""
 LOST = 3.0
 """A direction with more than this standard deviation, priors included, is no estimate [range of the bounds]."""
 SAME_COST = 1e-3
@@ -30,10 +30,12 @@ SAME_COST = 1e-3
 APART = 0.02
 """... and are two if a parameter differs by more than this of its range, and by more than 3 standard deviations."""
 INSIDE = 2.0 * RADIUS
-"""Searches start this share of the range away from the bounds: roots such as sqrt(1 - S^2) have no derivative on them."""
+"""Searches start this share of the range away from the bounds: roots such as sqrt(1 - S^2) have no derivative on
+them."""
 TOLERANCE = 1e-10
 ROUNDING = 1e-11
-"""Of a derivative, a range of the parameter and a unit of the prediction: what Cauchy's integral leaves of a constant is 1e-13."""
+"""Of a derivative, a range of the parameter and a unit of the prediction: what Cauchy's integral leaves of a constant
+is 1e-13."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +63,11 @@ class CalibrationResult:
     problem : CalibrationProblem
     model : ForwardModel
     values, std : ndarray of float64, shape (num_parameters,)
-        In the order of ``problem.parameters``; `std` is from the Fisher information with the stated noise and priors.
+        In the order and the units of ``problem.parameters``; `std` is from the Fisher information with the stated noise
+        and priors.
     covariance : ndarray of float64, shape (num_parameters, num_parameters)
     chi_square, degrees_of_freedom : float, int
-        Of the measurements that were used.
+        Of the measurements that were used; dimensionless.
     converged : bool
     reason : str
         Why it converged, or why not.
@@ -72,11 +75,11 @@ class CalibrationResult:
         Parameters that ended on a bound; their interval is not valid.
     weak : list of WeakDirection
     correlated : list of (str, str, float)
-        Pairs whose correlation is above 0.95.
-    other_minima : list of ndarray
-        Equally good minima somewhere else.
+        Pairs whose correlation, dimensionless, is above 0.95.
+    other_minima : list of ndarray of float64, shape (num_parameters,)
+        Equally good minima somewhere else, in the units of the parameters.
     starts : list of (ndarray, float)
-        Start and sum of squares of each search.
+        Start, in the units of the parameters, and dimensionless sum of squares of each search.
     num_evaluations : int
     """
 
@@ -103,7 +106,10 @@ class CalibrationResult:
 
     @property
     def misfit(self) -> float:
-        """Root of chi-square per degree of freedom, at least 1: by how much the stated noise is too small for the misfit."""
+        """Root of chi-square per degree of freedom, at least 1.
+
+        By how much the stated noise is too small for the misfit.
+        """
         return max(1.0, (self.chi_square / self.degrees_of_freedom) ** 0.5) if self.degrees_of_freedom > 0 else 1.0
 
     @property
@@ -113,12 +119,18 @@ class CalibrationResult:
 
     @property
     def interval(self) -> Array:
-        """95 % intervals by the stated noise, shape (num_parameters, 2)."""
+        """95 % intervals by the stated noise, shape (num_parameters, 2).
+
+        In the units of the parameters.
+        """
         return np.stack([self.values - INTERVAL * self.std, self.values + INTERVAL * self.std], axis=1)
 
     @property
     def correlation(self) -> Array:
-        """Correlation of the estimates; NaN where a parameter is not determined."""
+        """Correlation of the estimates, dimensionless; NaN where a parameter is not determined.
+
+        Shape (num_parameters, num_parameters).
+        """
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(self.covariance / np.outer(self.std, self.std))
 
@@ -133,7 +145,10 @@ class CalibrationResult:
         return self
 
     def rms(self, channel: Channel, parameters: Array | None = None) -> float:
-        """Return the rms of prediction minus data of a measurement, in the unit of its values."""
+        """Return the rms of prediction minus data of a measurement, in the unit of its values.
+
+        `parameters` have the shape (num_parameters,) and their own units; left out: the estimate.
+        """
         point = self.values if parameters is None else parameters
         return float(np.sqrt(np.mean((self.model.predict(channel, point) - channel.data) ** 2)))
 
@@ -162,9 +177,9 @@ def calibrate(problem: CalibrationProblem, on_progress: Callable[[int, int], Non
 
     Notes
     -----
-    Minimised is the sum of squares of the residuals over their noise, priors included, by a trust-region method with bounds
-    (Levenberg-Marquardt steps, reflective at the bounds) [1]_, or by Adam, from several starts. At the minimum the covariance is the
-    inverse of the Fisher information,
+    Minimised is the sum of squares of the residuals over their noise, priors included, by a trust-region method with
+    bounds (Levenberg-Marquardt steps, reflective at the bounds) [1]_, or by Adam, from several starts. At the minimum
+    the covariance is the inverse of the Fisher information,
 
     .. math:: C = (J^T J)^{-1}, \quad J_{ik} = \frac{1}{\sigma_i} \frac{\partial f_i}{\partial p_k}
 
@@ -193,10 +208,18 @@ def calibrate(problem: CalibrationProblem, on_progress: Callable[[int, int], Non
         else:
             found.append(
                 least_squares(
-                    residuals, inside, jac=jacobian, bounds=(0.0, 1.0), method="trf", x_scale="jac", ftol=TOLERANCE,
-                    xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=problem.max_evaluations,
+                    residuals,
+                    inside,
+                    jac=jacobian,
+                    bounds=(0.0, 1.0),
+                    method="trf",
+                    x_scale="jac",
+                    ftol=TOLERANCE,
+                    xtol=TOLERANCE,
+                    gtol=TOLERANCE,
+                    max_nfev=problem.max_evaluations,
                 )
-            )  # fmt: skip
+            )
         if on_progress is not None:
             on_progress(number + 1, len(starts))
     best = min(found, key=lambda item: float(item.cost))
@@ -254,9 +277,22 @@ def _result(
     residuals = model.residuals(values)[:num_data]
     converged, reason = _verdict(best, at_bound, others, _weak(names, fisher))
     return CalibrationResult(
-        model.problem, model, values, std, covariance, float(residuals @ residuals), num_data - len(names), converged, reason,
-        at_bound, weak, correlated, others, starts, sum(int(item.nfev) for item in found),
-    )  # fmt: skip
+        model.problem,
+        model,
+        values,
+        std,
+        covariance,
+        float(residuals @ residuals),
+        num_data - len(names),
+        converged,
+        reason,
+        at_bound,
+        weak,
+        correlated,
+        others,
+        starts,
+        sum(int(item.nfev) for item in found),
+    )
 
 
 def _inverse(fisher: Array) -> Array:
@@ -311,7 +347,8 @@ def _verdict(
     if lost:
         return (
             False,
-            f"measurements and priors do not fix {', nor '.join(lost)}; fix one by hand, give it a prior, or measure more",
+            f"measurements and priors do not fix {', nor '.join(lost)}; fix one by hand, give it a prior, "
+            "or measure more",
         )
     if at_bound:
         return False, f"{', '.join(at_bound)} ended on a bound; widen the bounds, or the model does not fit the data"

@@ -32,14 +32,21 @@ Complex = npt.NDArray[np.complex128]
 TINY = 1e-300
 """Keeps the logarithm of a field that vanishes finite."""
 FIELD_RANGES = {
-    "relative_permittivity": (1.0, np.inf), "conductivity": (0.0, np.inf), "thickness": (0.0, np.inf),
-    "roughness_rms": (0.0, np.inf), "scattering_coefficient": (0.0, 1.0), "xpd_coefficient": (0.0, 1.0),
-}  # fmt: skip
+    "relative_permittivity": (1.0, np.inf),
+    "conductivity": (0.0, np.inf),
+    "thickness": (0.0, np.inf),
+    "roughness_rms": (0.0, np.inf),
+    "scattering_coefficient": (0.0, 1.0),
+    "xpd_coefficient": (0.0, 1.0),
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Numbers of one evaluation, sorted by what they belong to."""
+    """Numbers of one evaluation, sorted by what they belong to.
+
+    `targets` are in the units of the fields of a target; `gains` [dB], by measurement.
+    """
 
     materials: Mapping[str, TrialMaterial]
     targets: Mapping[str, dict[str, complex]]
@@ -48,7 +55,10 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One measurement, compiled: its data as real numbers, and the field that the model gives for it."""
+    """One measurement, compiled: its data as real numbers, and the field that the model gives for it.
+
+    `data` and their noise `sigma` have the shape (num_values,), in the unit of the measurement.
+    """
 
     spec: Measurement
     form: str
@@ -88,7 +98,10 @@ class ForwardModel:
 
     @property
     def span(self) -> Array:
-        """Upper minus lower bound, shape (num_parameters,)."""
+        """Upper minus lower bound, shape (num_parameters,).
+
+        In the units of the parameters.
+        """
         return np.asarray(self.upper - self.lower)
 
     def _check(self, item: FreeParameter) -> None:
@@ -114,9 +127,11 @@ class ForwardModel:
         least, most = FIELD_RANGES.get(item.field, (-np.inf, np.inf))
         if item.lower < least or item.upper > most:
             raise ParameterRangeError(
-                f"bounds of {item.name}", f"{item.lower:g} to {item.upper:g}", f"within {least:g} to {most:g}",
+                f"bounds of {item.name}",
+                f"{item.lower:g} to {item.upper:g}",
+                f"within {least:g} to {most:g}",
                 "no material is outside",
-            )  # fmt: skip
+            )
 
     def _start(self, item: FreeParameter) -> float:
         """Return where the search begins."""
@@ -161,7 +176,10 @@ class ForwardModel:
         return Channel(spec, form, flat, sigma, field)
 
     def trial(self, parameters: npt.NDArray[np.complexfloating] | Array) -> Trial:
-        """Return parameters sorted by owner."""
+        """Return parameters sorted by owner.
+
+        `parameters` have the shape (num_parameters,) and their own units.
+        """
         changes: dict[str, dict[str, complex]] = {}
         for item, value in zip(self.free, parameters, strict=True):
             changes.setdefault(item.owner, {})[item.field] = complex(value)
@@ -177,16 +195,26 @@ class ForwardModel:
         return channel.field(trial) * np.exp(np.log(10.0) / 20.0 * gain)
 
     def predict(self, channel: Channel, parameters: Array) -> Array:
-        """Return what the model says a measurement shows, in the unit of its values."""
+        """Return what the model says a measurement shows, in the unit of its values.
+
+        `parameters` have the shape (num_parameters,) and their own units; the prediction has the shape (num_values,).
+        """
         return _observed(channel.form, self._field(channel, parameters.astype(np.complex128)))
 
     def predict_with_jacobian(self, channel: Channel, parameters: Array) -> tuple[Array, Array]:
-        """Return the prediction and its derivatives, shapes (num_values,) and (num_values, num_parameters)."""
+        """Return the prediction and its derivatives, shapes (num_values,) and (num_values, num_parameters).
+
+        In the unit of the values, and that over the units of the parameters.
+        """
         value, jacobian = derivative(lambda point: self._field(channel, point), parameters, self.span)
         return _observed(channel.form, value), _observed_slope(channel.form, value, jacobian)
 
     def residuals(self, parameters: Array) -> Array:
-        """Return (prediction - data) / noise of all measurements that are used, then the priors."""
+        """Return (prediction - data) / noise of all measurements that are used, then the priors.
+
+        `parameters` have the shape (num_parameters,) and their own units. The residuals, shape (num_residuals,), are
+        dimensionless.
+        """
         parts = [
             (self.predict(item, parameters) - item.data) / item.sigma
             for item in self.channels

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +13,15 @@ from scarl_sionna.engine.bootstrap import ensure_engine
 
 from .forward import ForwardModel
 
+if TYPE_CHECKING:
+    import tensorflow as tf
+    from tensorflow import keras
+
 Array = npt.NDArray[np.float64]
+Array32 = npt.NDArray[np.float32]
 
 
-def simulation_layer(model: ForwardModel, name: str = "simulation") -> Any:
+def simulation_layer(model: ForwardModel, name: str = "simulation") -> keras.layers.Layer:
     """Return a Keras layer from parameters to what the measurements show.
 
     Parameters
@@ -26,8 +32,9 @@ def simulation_layer(model: ForwardModel, name: str = "simulation") -> Any:
     Returns
     -------
     keras.layers.Layer
-        Maps (batch, num_parameters) between 0 and 1, from lower to upper bound, to (batch, num_values): predictions of the
-        measurements that are used, over their noise. Values and gradients are exact in float64 inside, float32 outside.
+        Maps (batch, num_parameters) between 0 and 1, from lower to upper bound, to (batch, num_values): predictions of
+        the measurements that are used, over their noise. Values and gradients are exact in float64 inside, float32
+        outside.
 
     Raises
     ------
@@ -49,11 +56,11 @@ def simulation_layer(model: ForwardModel, name: str = "simulation") -> Any:
 
     num_values, num_parameters = len(whitened_data(model)), len(model.names)
 
-    def forward(units: Any) -> Any:
+    def forward(units: tf.Tensor) -> Array32:
         rows = [_predicted(model, unit) for unit in np.asarray(units, dtype=np.float64)]
         return np.array(rows, dtype=np.float32).reshape(-1, num_values)
 
-    def backward(units: Any, upstream: Any) -> Any:
+    def backward(units: tf.Tensor, upstream: tf.Tensor) -> Array32:
         rows = [
             np.asarray(above, dtype=np.float64) @ _slope(model, unit)
             for unit, above in zip(np.asarray(units, dtype=np.float64), upstream, strict=True)
@@ -61,11 +68,11 @@ def simulation_layer(model: ForwardModel, name: str = "simulation") -> Any:
         return np.array(rows, dtype=np.float32).reshape(-1, num_parameters)
 
     @tf.custom_gradient  # type: ignore[untyped-decorator]
-    def simulate(units: Any) -> Any:
+    def simulate(units: tf.Tensor) -> tuple[tf.Tensor, Callable[[tf.Tensor], tf.Tensor]]:
         values = tf.numpy_function(forward, [units], tf.float32)
         values.set_shape((None, num_values))
 
-        def gradient(upstream: Any) -> Any:
+        def gradient(upstream: tf.Tensor) -> tf.Tensor:
             slope = tf.numpy_function(backward, [units, upstream], tf.float32)
             slope.set_shape((None, num_parameters))
             return slope
@@ -75,11 +82,11 @@ def simulation_layer(model: ForwardModel, name: str = "simulation") -> Any:
     class Simulation(tf.keras.layers.Layer):  # type: ignore[misc]
         """Predictions of a calibration's model."""
 
-        def call(self, units: Any) -> Any:
+        def call(self, units: tf.Tensor) -> tf.Tensor:
             """Return predictions over noise, shape (batch, num_values)."""
             return simulate(tf.cast(units, tf.float32))
 
-        def compute_output_shape(self, input_shape: Any) -> Any:
+        def compute_output_shape(self, input_shape: tuple[int | None, ...]) -> tuple[int | None, int]:
             """Return (batch, num_values)."""
             return (input_shape[0], num_values)
 

@@ -49,7 +49,9 @@ def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
 
 
 def save_materials(result: CalibrationResult, path: str | Path) -> Path:
-    """Write the calibrated materials to a TOML file that :func:`scarl_sionna.scene.materials.table.load_materials` reads.
+    """Write the calibrated materials to a TOML file.
+
+    :func:`scarl_sionna.scene.materials.table.load_materials` reads it.
 
     Raises
     ------

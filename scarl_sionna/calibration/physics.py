@@ -1,15 +1,15 @@
-"""Materials and targets with complex-valued parameters, so that the physics can be differentiated as a holomorphic function.
+"""Materials and targets with complex parameters, so that the physics is a holomorphic function of them.
 
-All coefficients of :mod:`scarl_sionna.scene.materials.fresnel` are holomorphic in permittivity, conductivity, thickness and scattering
-coefficient. So the same code that simulates gives exact derivatives, by Cauchy's integral over a small circle of complex
-parameter values.
+All coefficients of :mod:`scarl_sionna.scene.materials.fresnel` are holomorphic in permittivity, conductivity, thickness
+and scattering coefficient. So the same code that simulates gives exact derivatives, by Cauchy's integral over a small
+circle of complex parameter values.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -24,9 +24,15 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 MATERIAL_FIELDS = (
-    "relative_permittivity", "conductivity", "permittivity_exponent", "conductivity_exponent", "thickness", "roughness_rms",
-    "scattering_coefficient", "xpd_coefficient",
-)  # fmt: skip
+    "relative_permittivity",
+    "conductivity",
+    "permittivity_exponent",
+    "conductivity_exponent",
+    "thickness",
+    "roughness_rms",
+    "scattering_coefficient",
+    "xpd_coefficient",
+)
 NUM_NODES = 4
 """Points of Cauchy's integral; its error falls as (radius over distance to the nearest singularity) to this power."""
 RADIUS = 1e-3
@@ -49,7 +55,10 @@ class TrialMaterial:
 
     @classmethod
     def of(cls, base: RadioMaterial, changes: dict[str, complex]) -> TrialMaterial:
-        """Return a material with some numbers changed."""
+        """Return a material with some numbers changed.
+
+        In the units of the fields of :class:`RadioMaterial`.
+        """
         return cls(base, **{**{name: getattr(base, name) for name in MATERIAL_FIELDS}, **changes})
 
     def at(self, frequency: float) -> complex:
@@ -83,16 +92,16 @@ def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex
 
     .. math:: \sqrt{1 - S^2}\; e^{-2 (k h \cos\theta)^2} \Gamma
 
-    with S the scattering coefficient and h the rms height; the exponential (Ament) counts for reflection only. Backscatter is
-    the root of the power per unit area of a Lambertian surface, co-polar and cross-polar,
+    with S the scattering coefficient and h the rms height; the exponential (Ament) counts for reflection only.
+    Backscatter is the root of the power per unit area of a Lambertian surface, co-polar and cross-polar,
 
     .. math:: \sigma^0 = 4 S^2 |\Gamma|^2 \cos^2\theta \, (1 - K_x) \quad\text{and}\quad K_x
 
     References
     ----------
     .. [1] W. S. Ament, "Toward a theory of reflection by a rough surface", Proc. IRE 41(1), 1953.
-    .. [2] V. Degli-Esposti et al., "Measurement and modelling of scattering from buildings", IEEE Trans. Antennas Propag.
-       55(1), 2007.
+    .. [2] V. Degli-Esposti et al., "Measurement and modelling of scattering from buildings", IEEE Trans. Antennas
+       Propag. 55(1), 2007.
     """
     num = max(len(measurement.values), np.size(measurement.frequency), np.size(measurement.angle_deg))
     frequency = np.broadcast_to(np.asarray(measurement.frequency, dtype=np.float64), (num,))
@@ -117,13 +126,16 @@ def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex
 
 
 def target_field(target: LobedTarget, changes: dict[str, complex], aspect_deg: npt.ArrayLike) -> Complex:
-    """Return the root of the RCS [m] at some aspects; `changes` are ``floor_dbsm`` and ``<lobe>.<field>``."""
+    """Return the root of the RCS [m] at some aspects; `changes` are ``floor_dbsm`` and ``<lobe>.<field>``.
+
+    Floor and lobes as of :class:`~scarl_sionna.calibration.spec.LobedTarget`, TR 38.901, clause 7.9.2.
+    """
     aspect = np.asarray(aspect_deg, dtype=np.float64)
 
-    def linear(level: Any) -> Any:
-        return np.exp(np.log(10.0) / 10.0 * level)
+    def linear(level: npt.NDArray[np.complexfloating] | complex) -> Complex:
+        return np.asarray(np.exp(np.log(10.0) / 10.0 * level), dtype=np.complex128)
 
-    rcs: Any = linear(changes.get("floor_dbsm", complex(target.floor_dbsm))) * np.ones(
+    rcs: Complex = linear(changes.get("floor_dbsm", complex(target.floor_dbsm))) * np.ones(
         aspect.shape, dtype=np.complex128
     )
     for name, lobe in target.lobes.items():
@@ -144,12 +156,14 @@ def derivative(function: Callable[[Complex], Complex], point: Array, scale: Arra
     function : callable
         From complex parameters, shape (num_parameters,), to complex values, shape (num_values,).
     point : ndarray of float64, shape (num_parameters,)
+        In the units of the parameters.
     scale : ndarray of float64, shape (num_parameters,)
-        Of each parameter; the circle has the radius ``RADIUS * scale``.
+        Of each parameter, in its unit; the circle has the radius ``RADIUS * scale``.
 
     Returns
     -------
     value, jacobian : ndarray of complex128, shape (num_values,) and (num_values, num_parameters)
+        In the unit of the values, and that over the units of the parameters.
 
     Notes
     -----
@@ -157,7 +171,8 @@ def derivative(function: Callable[[Complex], Complex], point: Array, scale: Arra
 
     References
     ----------
-    .. [1] J. N. Lyness and C. B. Moler, "Numerical differentiation of analytic functions", SIAM J. Numer. Anal. 4(2), 1967.
+    .. [1] J. N. Lyness and C. B. Moler, "Numerical differentiation of analytic functions", SIAM J. Numer. Anal. 4(2),
+       1967.
     """
     value = function(point.astype(np.complex128))
     jacobian = np.empty((len(value), len(point)), dtype=np.complex128)

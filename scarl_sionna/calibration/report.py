@@ -40,7 +40,10 @@ def summary(result: CalibrationResult) -> dict[str, Any]:
         "misfit": result.misfit,
         "parameters": {
             name: {
-                "value": float(value), "std": _finite(std), "interval_95": [_finite(low), _finite(high)], "start": float(first),
+                "value": float(value),
+                "std": _finite(std),
+                "interval_95": [_finite(low), _finite(high)],
+                "start": float(first),
                 "at_bound": name in result.at_bound,
             }
             for name, value, std, (low, high), first in zip(
@@ -52,13 +55,16 @@ def summary(result: CalibrationResult) -> dict[str, Any]:
         "other_minima": [dict(zip(result.names, point.tolist(), strict=True)) for point in result.other_minima],
         "measurements": {
             item.spec.name: {
-                "held_out": item.spec.held_out, "num_values": len(item.data), "rms_before": result.rms(item, start),
-                "rms_after": result.rms(item), "unit": _UNITS[item.form],
+                "held_out": item.spec.held_out,
+                "num_values": len(item.data),
+                "rms_before": result.rms(item, start),
+                "rms_after": result.rms(item),
+                "unit": _UNITS[item.form],
             }
             for item in result.model.channels
         },
         "num_evaluations": result.num_evaluations,
-    }  # fmt: skip
+    }
 
 
 def _finite(value: float) -> float | None:
@@ -155,7 +161,8 @@ def _page(result: CalibrationResult) -> str:
     state = "converged" if result.converged else '<span class="bad">not converged</span>'
     parts = [
         f"<h1>{escape(result.problem.title)}</h1><p>{escape(result.problem.source)}</p>",
-        f"<p>The search {state}: {escape(result.reason)} ({result.num_evaluations} evaluations, {len(result.starts)} starts).</p>",
+        f"<p>The search {state}: {escape(result.reason)} ({result.num_evaluations} evaluations, "
+        f"{len(result.starts)} starts).</p>",
         "<h2>Estimates</h2>",
         _table(
             ["parameter", "before", "estimate", "standard deviation", "95 % from", "to"],
@@ -168,10 +175,11 @@ def _page(result: CalibrationResult) -> str:
                 for name, item in numbers["parameters"].items()
             ],
         ),
-        f"<p>Chi-square {result.chi_square:.4g} for {result.degrees_of_freedom} degrees of freedom (probability "
-        f"{result.p_value:.2g}). "
+        f"<p>Chi-square {result.chi_square:.4g} for {result.degrees_of_freedom} degrees of "
+        f"freedom (probability {result.p_value:.2g}). "
         + (
-            f"The stated noise does not explain the misfit: widen the intervals by {result.misfit:.2g}, which the material "
+            f"The stated noise does not explain the misfit: widen the intervals by {result.misfit:.2g}, "
+            "which the material "
             "entries do.</p>"
             if result.misfit > 1.1
             else "The model explains the data within the stated noise.</p>"
@@ -189,7 +197,8 @@ def _page(result: CalibrationResult) -> str:
         parts.append("<p>All parameters are identified, and no two are correlated by more than 0.95.</p>")
     for point in result.other_minima:
         parts.append(
-            f'<p class="bad">As good: {escape(", ".join(f"{n} {v:.4g}" for n, v in zip(result.names, point, strict=True)))}</p>'
+            '<p class="bad">As good: '
+            f"{escape(', '.join(f'{n} {v:.4g}' for n, v in zip(result.names, point, strict=True)))}</p>"
         )
     if len(result.names) > 1:
         parts.append(_embedded(_correlation_figure(result)))
@@ -198,12 +207,17 @@ def _page(result: CalibrationResult) -> str:
         _table(
             ["measurement", "values", "rms before", "rms after", "unit"],
             [
-                [name + (" (held out)" if item["held_out"] else ""), str(item["num_values"]), f"{item['rms_before']:.4g}",
-                 f"{item['rms_after']:.4g}", item["unit"]]
+                [
+                    name + (" (held out)" if item["held_out"] else ""),
+                    str(item["num_values"]),
+                    f"{item['rms_before']:.4g}",
+                    f"{item['rms_after']:.4g}",
+                    item["unit"],
+                ]
                 for name, item in numbers["measurements"].items()
             ],
         ),
-    ]  # fmt: skip
+    ]
     parts += [_embedded(measurement_figure(result, channel)) for channel in result.model.channels]
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(result.problem.title)}</title>'

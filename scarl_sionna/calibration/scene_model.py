@@ -1,4 +1,7 @@
-"""Paths of a scene with the geometry held fixed: traced once, Fresnel coefficients evaluated again for each trial material."""
+"""Paths of a scene with the geometry held fixed.
+
+Traced once, Fresnel coefficients evaluated again for each trial material.
+"""
 
 from __future__ import annotations
 
@@ -81,9 +84,10 @@ class FixedPaths:
         station = Station(pose.position, np.zeros(3), pose.rotation)
         targets = measurement.targets
         points = PointScatterers(
-            np.array([item.position for item in targets]), np.array([item.velocity for item in targets]),
+            np.array([item.position for item in targets]),
+            np.array([item.velocity for item in targets]),
             np.array([item.rcs for item in targets]),
-        )  # fmt: skip
+        )
         settings = SionnaSettings(
             max_depth=measurement.max_depth, num_samples=measurement.num_samples, refraction=measurement.refraction
         )
@@ -93,9 +97,11 @@ class FixedPaths:
         legs = legs_of(state, traced, station, ends, frequency)
         if len(legs.length) == 0:
             raise ParameterRangeError(
-                f"{measurement.name}.targets", "out of sight", "at least one target that a path reaches",
+                f"{measurement.name}.targets",
+                "out of sight",
+                "at least one target that a path reaches",
                 "raise max_depth or move the radar",
-            )  # fmt: skip
+            )
         rows = _rows_of(legs, traced)
         chain = Chain(legs.kind == SPECULAR, legs.kind == REFRACTION, traced.normal[rows], traced.offset[rows])
         travel = chain.travel(station.position, chain.images(points.positions[legs.target]))
@@ -156,9 +162,11 @@ def path_powers(measurement: ScenePowers, table: MaterialTable) -> Callable[[Tri
     if not near.any(axis=1).all():
         missing = float(np.asarray(measurement.lengths)[~near.any(axis=1)][0])
         raise ParameterRangeError(
-            f"{measurement.name}.lengths", f"{missing:g} m", f"lengths of paths: {', '.join(f'{x:.3f}' for x in np.unique(total)[:20])} m",
+            f"{measurement.name}.lengths",
+            f"{missing:g} m",
+            f"lengths of paths: {', '.join(f'{x:.3f}' for x in np.unique(total)[:20])} m",
             "correct it, raise max_depth, or widen resolution",
-        )  # fmt: skip
+        )
     weights = near * np.exp(-2j * np.pi * measurement.frequency / SPEED_OF_LIGHT * total)
     return lambda trials: weights @ fixed.columns(trials)["a"][:, column, column]
 

@@ -1,4 +1,7 @@
-"""What a calibration is: measurements with their noise, and the parameters that are free. Plain data, from YAML or Python."""
+"""What a calibration is: measurements with their noise, and the parameters that are free.
+
+Plain data, from YAML or Python.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,8 @@ Point = tuple[Metres, Metres, Metres]
 Form = Literal["complex", "amplitude", "power", "power_db"]
 
 _NOISE = (
-    "the standard deviation of each value in the unit of the values (of each of real and imaginary part for complex ones): "
+    "the standard deviation of each value in the unit of the values (of each of real and "
+    "imaginary part for complex ones): "
     "without it there are no intervals"
 )
 
@@ -153,7 +157,10 @@ class RcsPattern(MeasurementBase):
 
 
 class MeshRcs(MeasurementBase):
-    """RCS of a mesh of one material by shooting and bouncing rays, as :func:`scarl_sionna.rcs`; geometry is traced once."""
+    """RCS of a mesh of one material by shooting and bouncing rays, as :func:`scarl_sionna.rcs`.
+
+    Geometry is traced once.
+    """
 
     kind: Literal["mesh_rcs"] = "mesh_rcs"
     mesh: str = Field(description="path of a PLY, OBJ, STL or glTF file [m]")
@@ -184,7 +191,10 @@ class PointTarget(Spec):
 
 
 class SceneGeometry(MeasurementBase):
-    """What the measurements in a scene share: the scene, the ends of the links and what the solver `sionna` looks for."""
+    """What the measurements in a scene share.
+
+    The scene, the ends of the links and what the solver `sionna` looks for.
+    """
 
     scene: str = Field(description="name of a built-in scene, or path of its XML")
     position: Point = Field(description="of the radar [m, world]")
@@ -220,9 +230,9 @@ class ScenePowers(SceneGeometry):
 class RadarMap(SceneGeometry):
     """A complex range-Doppler map of every channel (one chirp: range profiles), rectangular windows, in sqrt(W).
 
-    `file` is an ``.npy`` of shape (num_virtual, num_chirps, num_samples) as :func:`scarl_sionna.range_doppler` returns it;
-    cells from `first_bin` up to `stop_bin` in range are used. `noise` is the standard deviation of each of the real and the
-    imaginary part of a cell.
+    `file` is an ``.npy`` of shape (num_virtual, num_chirps, num_samples) as :func:`scarl_sionna.range_doppler` returns
+    it; cells from `first_bin` up to `stop_bin` in range are used. `noise` is the standard deviation of each of the real
+    and the imaginary part of a cell.
     """
 
     kind: Literal["map"] = "map"
@@ -233,7 +243,7 @@ class RadarMap(SceneGeometry):
 
     @field_validator("radar", mode="before")
     @classmethod
-    def _read_radar(cls, value: Any) -> Any:
+    def _read_radar(cls, value: object) -> object:
         return read_radar(value) if isinstance(value, Mapping) else value
 
 
@@ -282,8 +292,9 @@ class CalibrationProblem(Spec):
     def load(cls, path: str | Path) -> CalibrationProblem:
         """Return the problem of a YAML file; files that it names are looked for beside it.
 
-        A measurement may take its columns from a CSV file: ``table: file.csv`` and ``columns: {values: s11, noise: u_s11,
-        frequency: [frequency_mhz, 1e6]}``; a list is a column and its factor. ``rows: [first, stop]`` takes a part.
+        A measurement may take its columns from a CSV file: ``table: file.csv`` and
+        ``columns: {values: s11, noise: u_s11, frequency: [frequency_mhz, 1e6]}``; a list is a column and its factor.
+        ``rows: [first, stop]`` takes a part.
 
         Raises
         ------
@@ -309,7 +320,7 @@ class CalibrationProblem(Spec):
         return cls(**content)
 
 
-def _read_measurement(item: Any, folder: Path) -> Any:
+def _read_measurement(item: object, folder: Path) -> object:
     """Return a measurement with its table's columns in place and paths relative to the problem's folder."""
     if not isinstance(item, dict):
         return item

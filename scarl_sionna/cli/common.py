@@ -22,7 +22,7 @@ EXIT_SIGNAL = 128
 
 @contextmanager
 def reported(context: typer.Context, interrupted: str) -> Iterator[None]:
-    """Turn a user's error into one message and exit code 2, Ctrl-C into a message and 130, SIGTERM of an export into 143."""
+    """Turn a user's error into a message and exit code 2, Ctrl-C into 130, SIGTERM of an export into 143."""
     try:
         yield
     except ScarlError as error:

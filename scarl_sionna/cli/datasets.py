@@ -5,11 +5,19 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.scenario.spec.named import SCENARIO_FILES, scenario_of
@@ -257,10 +265,13 @@ def _part(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def _choice(name: str, value: str, *allowed: str) -> Any:
+ChoiceT = TypeVar("ChoiceT", bound=str)
+
+
+def _choice(name: str, value: str, *allowed: ChoiceT) -> ChoiceT:
     if value not in allowed:
         raise ParameterRangeError(f"--{name}", value, " or ".join(allowed))
-    return value
+    return next(choice for choice in allowed if choice == value)
 
 
 def _export(scenarios: list[ScenarioSpec], out: Path, settings: ExportSettings) -> ExportReport:
@@ -286,7 +297,7 @@ def _export(scenarios: list[ScenarioSpec], out: Path, settings: ExportSettings) 
 class _Display:
     """Shows the events of an export on a progress bar."""
 
-    def __init__(self, progress: Progress, task: Any) -> None:
+    def __init__(self, progress: Progress, task: TaskID) -> None:
         self._progress, self._task = progress, task
         self._done, self._first, self._bytes, self._failed = 0.0, 0, 0, 0
 

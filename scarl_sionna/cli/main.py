@@ -131,9 +131,15 @@ def rcs(
         with Progress(*columns, TimeRemainingColumn(), console=console) as progress:
             task = progress.add_task("rcs", total=None)
             result = rcs_cut(
-                mesh, asked.freq, asked.cut, names, asked.material, step_deg=asked.step,  # type: ignore[arg-type]
-                fixed_angle_deg=asked.fixed, on_progress=lambda done, total: progress.update(task, completed=done, total=total),
-            )  # fmt: skip
+                mesh,
+                asked.freq,
+                asked.cut,  # type: ignore[arg-type]
+                names,
+                asked.material,
+                step_deg=asked.step,
+                fixed_angle_deg=asked.fixed,
+                on_progress=lambda done, total: progress.update(task, completed=done, total=total),
+            )
         typer.echo(result.table())
         target = plot or Path(f"{mesh.stem}_rcs.png")
         try:

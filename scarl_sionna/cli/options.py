@@ -5,16 +5,16 @@ from __future__ import annotations
 import functools
 import inspect
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 import yaml
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.settings.radar import METHODS, QUALITIES, RadarSettings
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.spec import Spec, SpecT
 from scarl_sionna.core.specs.lighting import LIGHTING_PRESETS
 from scarl_sionna.core.specs.weather import WEATHER_PRESETS
 from scarl_sionna.fusion.rig import RIG_PRESETS
@@ -116,7 +116,8 @@ _SET = Annotated[
     typer.Option(
         "--set",
         metavar="FIELD=VALUE",
-        help="Any other field of the scenario, for instance radar.raycast.num_rays=50000 or radar.sbr.max_depth=2. May be repeated.",
+        help="Any other field of the scenario, for instance radar.raycast.num_rays=50000 or radar.sbr.max_depth=2. "
+        "May be repeated.",
     ),
 ]
 
@@ -157,7 +158,7 @@ class ScenarioOptions:
         return bool(self.further) or any(value is not None for value in (*self.fields.values(), *self.radar.values()))
 
 
-def _value(text: str, value: str) -> Any:
+def _value(text: str, value: str) -> object:
     """Return a value as YAML has it: numbers, true, null, lists, texts."""
     try:
         return yaml.safe_load(value)
@@ -165,7 +166,7 @@ def _value(text: str, value: str) -> Any:
         raise ParameterRangeError("--set", text, "a value as in YAML", str(error).splitlines()[0]) from error
 
 
-def _with_field(spec: Any, path: str, value: Any) -> Any:
+def _with_field(spec: SpecT, path: str, value: object) -> SpecT:
     """Return a specification with the field at a dotted path changed."""
     name, _, rest = path.partition(".")
     if name not in type(spec).model_fields:
@@ -180,7 +181,7 @@ def _with_field(spec: Any, path: str, value: Any) -> Any:
     return spec.with_(**{name: _with_field(inner, rest, value)})
 
 
-def _empty(kind: type[Spec], name: str) -> Any:
+def _empty(kind: type[Spec], name: str) -> Spec | None:
     """Return the specification of an optional field that is left out, with its defaults."""
     for option in typing.get_args(kind.model_fields[name].annotation):
         if isinstance(option, type) and issubclass(option, Spec):
@@ -192,11 +193,11 @@ def scenario_options(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command the shared options; it takes them as one argument, ``chosen``, a :class:`ScenarioOptions`."""
     shared = {**SCENARIO_OPTIONS, **{name: entry[1] for name, entry in RADAR_OPTIONS.items()}, "further": _SET}
 
-    def build(**told: Any) -> ScenarioOptions:
+    def build(**given: object) -> ScenarioOptions:
         return ScenarioOptions(
-            {name: told[name] for name in SCENARIO_OPTIONS},
-            {name: told[name] for name in RADAR_OPTIONS},
-            tuple(told["further"] or ()),
+            {name: given[name] for name in SCENARIO_OPTIONS},
+            {name: given[name] for name in RADAR_OPTIONS},
+            tuple(cast("Iterable[str]", given["further"] or ())),
         )
 
     parameters, hints = _parameters(command)
@@ -211,8 +212,8 @@ def grouped_options(*names: str) -> Callable[[Callable[..., None]], Callable[...
     Parameters
     ----------
     *names : str
-        Of the command's arguments that are such groups: annotated with a dataclass whose fields are annotated as Typer has it.
-        The options stand where the group stands.
+        Of the command's arguments that are such groups: annotated with a dataclass whose fields are annotated as Typer
+        has it. The options stand where the group stands.
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -237,7 +238,7 @@ def grouped_options(*names: str) -> Callable[[Callable[..., None]], Callable[...
     return decorate
 
 
-def _parameter(name: str, kind: Any, default: Any) -> inspect.Parameter:
+def _parameter(name: str, kind: object, default: object) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
 
 
@@ -257,7 +258,7 @@ def _taking(
     """Return a command that takes some parameters and gathers those of each group into one argument of the command."""
 
     @functools.wraps(command)
-    def wrapped(**given: Any) -> None:
+    def wrapped(**given: object) -> None:
         gathered = {
             argument: build(**{name: given.pop(name) for name in names}) for argument, (build, names) in groups.items()
         }

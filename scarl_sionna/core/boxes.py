@@ -16,7 +16,9 @@ WIDEST = 4.0
 
 
 def through_box(start: Array, directions: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Return where rays enter and leave a box, in multiples of their directions, shapes (...); `enter` > `leave`: they miss it.
+    """Return where rays enter and leave a box, in multiples of their directions, shapes (...).
+
+    `enter` > `leave`: they miss it.
 
     Parameters
     ----------
@@ -31,7 +33,9 @@ def through_box(start: Array, directions: Array, lower: Array, upper: Array) -> 
 
 
 def rectangle(optical: Array) -> tuple[Array, Array] | None:
-    """Return the bounds x / z, y / z (2,) of a box with the corners (8, 3) [m, camera_optical]; None if all is behind the camera.
+    """Return the bounds x / z, y / z (2,) of a box with the corners (8, 3) [m, camera_optical].
+
+    None if all is behind the camera.
 
     A box that reaches behind the camera has no bounds: the widest that count are returned.
     """

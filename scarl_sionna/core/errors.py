@@ -1,7 +1,7 @@
 """Typed errors: what is wrong, the value with its unit, what is allowed, and the remedy.
 
-Every error raised on bad input derives from :class:`ScarlError`, so that a program can tell a user's mistake from a bug.
-Each one keeps its data as attributes.
+Every error raised on bad input derives from :class:`ScarlError`, so that a program can tell a user's mistake from a
+bug. Each one keeps its data as attributes.
 """
 
 from __future__ import annotations
@@ -103,7 +103,10 @@ class MaterialError(ScarlError):
 
 
 class MaterialRangeError(MaterialError):
-    """A material has no data at the frequency asked for."""
+    """A material has no data at the frequency asked for.
+
+    `frequency` [Hz] lies outside of the interval `valid` [Hz].
+    """
 
     def __init__(
         self, material: str, frequency: float, valid: tuple[float, float], alternatives: Iterable[str]
@@ -118,7 +121,10 @@ class MaterialRangeError(MaterialError):
 
 
 class TimeRangeError(ScarlError, ValueError):
-    """A time lies outside the interval in which the scene's motion is known."""
+    """A time lies outside the interval in which the scene's motion is known.
+
+    `time` [s] lies outside of `start` to `stop` [s].
+    """
 
     def __init__(self, time: float, start: float, stop: float, what: str) -> None:
         self.time, self.start, self.stop, self.what = time, start, stop, what
@@ -158,7 +164,10 @@ class DatasetError(ScarlError):
 
 
 class TrajectoryFileError(ScarlError):
-    """A file of recorded motion is not there, or what stands in it is not usable; `row` (from 1, without the header), `column`: where."""
+    """A file of recorded motion is not there, or what stands in it is not usable.
+
+    `row` (from 1, without the header), `column`: where.
+    """
 
     def __init__(
         self, message: str, path: object = None, remedy: str = "", row: int | None = None, column: str | None = None

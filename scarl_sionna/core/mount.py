@@ -69,5 +69,8 @@ class Mount(Described):
             return place
         if isinstance(place, Pose):
             return cls(place)
-        remedy = "write ss.Pose([x, y, z]) for a sensor at rest, state.mount('ego', ss.Pose([x, y, z])) for one that rides on an actor"
+        remedy = (
+            "write ss.Pose([x, y, z]) for a sensor at rest, state.mount('ego', ss.Pose([x, y, "
+            "z])) for one that rides on an actor"
+        )
         raise InputTypeError("mount", place, "a Mount or a Pose", remedy)

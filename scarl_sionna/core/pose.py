@@ -1,8 +1,9 @@
 """Rigid poses and the frames of the project.
 
-A pose named `world_from_radar` maps points of the radar's frame into the world: ``p_world = world_from_radar @ p_radar``.
-Frames: `vehicle`, `radar`, `lidar`, `sensor` have x forward, y left, z up; `camera_optical` has x right, y down, z forward.
-Quaternions are [w, x, y, z]; lengths are metres; everything is float64.
+A pose named `world_from_radar` maps points of the radar's frame into the world:
+``p_world = world_from_radar @ p_radar``. Frames: `vehicle`, `radar`, `lidar`, `sensor` have x forward, y left, z up;
+`camera_optical` has x right, y down, z forward. Quaternions are [w, x, y, z]; lengths are metres; everything is
+float64.
 """
 
 from __future__ import annotations
@@ -38,6 +39,11 @@ class Pose(Described):
         Origin of the source frame in the target frame [m].
     quaternion : array_like of float, shape (4,)
         Rotation [w, x, y, z]; normalised on construction.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the position is not three finite numbers, or the quaternion not four with a length above zero.
     """
 
     position: Array = field(default_factory=lambda: np.zeros(3))
@@ -59,13 +65,28 @@ class Pose(Described):
 
     @classmethod
     def from_rotation(cls, position: npt.ArrayLike, rotation: npt.ArrayLike) -> Pose:
-        """Return the pose with a 3 x 3 rotation matrix."""
+        """Return the pose with a 3 x 3 rotation matrix.
+
+        Parameters
+        ----------
+        position : array_like of float, shape (3,)
+            Origin of the source frame in the target frame [m].
+        rotation : array_like of float, shape (3, 3)
+            Rotation matrix: its columns are the axes of the source frame in the target frame.
+        """
         quaternion = Rotation.from_matrix(np.asarray(rotation, dtype=np.float64)).as_quat()  # x, y, z, w
         return cls(np.asarray(position, dtype=np.float64), np.roll(quaternion, 1))
 
     @classmethod
     def from_euler(cls, position: npt.ArrayLike, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Pose:
         """Return the pose with intrinsic yaw (about z), pitch (about y, positive = nose down) and roll (about x) [rad].
+
+        Parameters
+        ----------
+        position : array_like of float, shape (3,)
+            Origin of the source frame in the target frame [m].
+        yaw, pitch, roll : float
+            [rad].
 
         Raises
         ------
@@ -78,7 +99,15 @@ class Pose(Described):
 
     @classmethod
     def from_heading(cls, position: npt.ArrayLike, heading: float) -> Pose:
-        """Return an upright pose whose x axis points along a heading [rad], after any number of turns."""
+        """Return an upright pose whose x axis points along a heading [rad], after any number of turns.
+
+        Parameters
+        ----------
+        position : array_like of float, shape (3,)
+            Origin of the source frame in the target frame [m].
+        heading : float
+            From +x towards +y [rad].
+        """
         return cls._of_angles(position, heading, 0.0, 0.0)
 
     @classmethod
@@ -86,8 +115,11 @@ class Pose(Described):
         cy, cp, cr = (math.cos(angle / 2.0) for angle in (yaw, pitch, roll))
         sy, sp, sr = (math.sin(angle / 2.0) for angle in (yaw, pitch, roll))
         quaternion = [
-            cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr, cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr,
-        ]  # fmt: skip
+            cy * cp * cr + sy * sp * sr,
+            cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr,
+        ]
         return cls(np.asarray(position, dtype=np.float64), np.array(quaternion))
 
     @cached_property
@@ -106,7 +138,7 @@ class Pose(Described):
 
     @property
     def matrix(self) -> Array:
-        """Homogeneous matrix, shape (4, 4)."""
+        """Homogeneous matrix, shape (4, 4): rotation, dimensionless, and last column [m]."""
         out = np.eye(4)
         out[:3, :3] = self.rotation
         out[:3, 3] = self.position
@@ -123,11 +155,11 @@ class Pose(Described):
         return Pose(-(self.rotation.T @ self.position), self.quaternion * [1.0, -1.0, -1.0, -1.0])
 
     def apply(self, points: npt.ArrayLike) -> Array:
-        """Map points of shape (..., 3) from the source to the target frame."""
+        """Map points of shape (..., 3) [m] from the source to the target frame."""
         return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.position
 
     def rotate(self, vectors: npt.ArrayLike) -> Array:
-        """Map directions of shape (..., 3) from the source to the target frame."""
+        """Map vectors of shape (..., 3) from the source to the target frame; their unit stays."""
         return np.asarray(vectors, dtype=np.float64) @ self.rotation.T
 
     def __matmul__(self, other: Pose | npt.ArrayLike) -> Pose | Array:
@@ -178,7 +210,10 @@ def _product(first: Array, second: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Twist(Described):
-    """Velocity of a rigid body: linear velocity of its origin [m/s] and angular velocity [rad/s], both in the world frame."""
+    """Velocity of a rigid body.
+
+    Linear velocity of its origin [m/s] and angular velocity [rad/s], shape (3,) each, both in the world frame.
+    """
 
     linear: Array = field(default_factory=lambda: np.zeros(3))
     angular: Array = field(default_factory=lambda: np.zeros(3))

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import entry_points
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from .errors import UnknownNameError
 from .mount import Mount
 from .settings.radar import RadarSettings
-from .spec import Spec
+from .spec import FieldValue, Spec
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
 from .specs.radar.spec import RadarSpec
 from .specs.radar.version_0_1 import lift_version_0_1
+
+StateT = TypeVar("StateT", contravariant=True)
+"""What a sensor looks at: for the built-in ones a state of the world, which stands above this package."""
 
 ENTRY_POINT_GROUP = "scarl.sensors"
 
@@ -24,15 +27,15 @@ SPEC_TYPES: Mapping[str, type[Spec]] = {"camera": CameraSpec, "lidar": LidarSpec
 """Specification of each built-in sensor kind. The class of another kind names its own as ``spec_type``."""
 
 
-class Sensor(Protocol):
+class Sensor(Protocol[StateT]):
     """A sensor looks at a state of the world from a mount and returns a result; it keeps no state of its own.
 
     A kind that can be simulated in several ways takes its settings as second argument of the constructor.
     """
 
-    def __init__(self, spec: Any) -> None: ...
+    def __init__(self, spec: Spec) -> None: ...
 
-    def observe(self, state: Any, mount: Mount, rng: np.random.Generator) -> Any:
+    def observe(self, state: StateT, mount: Mount, rng: np.random.Generator) -> object:
         """Return the sensor's result at the state's time.
 
         Parameters
@@ -46,7 +49,7 @@ class Sensor(Protocol):
 
 
 @cache
-def sensor_class(kind: str) -> type[Sensor]:
+def sensor_class(kind: str) -> type[Sensor[Any]]:
     """Return the sensor class registered under a kind, for instance ``"radar"``."""
     found = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
     if kind not in found:
@@ -81,7 +84,7 @@ def settings_type(kind: str) -> type[Spec] | None:
     return getattr(sensor_class(kind), "settings_type", None)
 
 
-def lifted(kind: str, spec: Mapping[str, Any], settings: Any = None) -> tuple[Mapping[str, Any], Any]:
+def lifted(kind: str, spec: Mapping[str, Any], settings: FieldValue = None) -> tuple[Mapping[str, Any], FieldValue]:
     """Return the fields of a specification and of settings in a rig file or a dataset as this version has them.
 
     Parameters

@@ -42,17 +42,19 @@ class ImageFrame(Described, units={"depth": "m"}):
     instance : ndarray of uint16, shape (height, width)
         Instance id; 0 where nothing is hit.
     normal : ndarray of float32, shape (height, width, 3)
-        Unit surface normal in the sensor frame (x forward, y left, z up), towards the camera; zeros where nothing is hit.
+        Unit surface normal in the sensor frame (x forward, y left, z up), towards the camera; zeros where nothing is
+        hit.
     flow : ndarray of float32, shape (height, width, 2)
         Way [px] (column, row) of the surface point in a pixel within the next ``spec.flow_interval`` seconds; NaN where
         nothing is hit, or where the point leaves what the lens sees. It may lead out of the image.
     object_pixels : ndarray of int32, shape (num_objects,)
         Pixels of the instance image, in the order of `Frame.objects`, as all that follows.
     object_box, object_visible_box : ndarray of float32, shape (num_objects, 4)
-        Smallest rectangle [px] (left, top, right, bottom) around all of the object that would be in the image if nothing hid it, and
-        around what is seen; NaN where there is nothing. Pixel centres lie at half numbers.
+        Smallest rectangle [px] (left, top, right, bottom) around all of the object that would be in the image if
+        nothing hid it, and around what is seen; NaN where there is nothing. Pixel centres lie at half numbers.
     object_occlusion : ndarray of float32, shape (num_objects,)
-        Share of the object's silhouette in the image that something nearer hides, 0 to 1; NaN where it is not in the image.
+        Share of the object's silhouette in the image that something nearer hides, 0 to 1; NaN where it is not in the
+        image.
     object_truncation : ndarray of float32, shape (num_objects,)
         Share of its silhouette that lies outside of the image, 0 to 1; NaN where the camera cannot see it at all.
     """
@@ -73,7 +75,10 @@ class ImageFrame(Described, units={"depth": "m"}):
 
     @property
     def picture(self) -> npt.NDArray[np.uint8] | None:
-        """What a person looks at first: the RGB image, or the colours of the classes, shape (height, width, 3); None without both."""
+        """What a person looks at first: the RGB image, or the colours of the classes, shape (height, width, 3).
+
+        None without both.
+        """
         if self.rgb is not None:
             return self.rgb
         return None if self.semantic is None else SEMANTIC_COLORS[self.semantic]
@@ -84,7 +89,8 @@ class ImageFrame(Described, units={"depth": "m"}):
         Parameters
         ----------
         image : {"rgb", "depth", "semantic", "instance", "normal", "flow"}, optional
-            Default: the first of them that the camera made. Depth in metres, logarithmic; flow as its length in pixels with arrows.
+            Default: the first of them that the camera made. Depth in metres, logarithmic; flow as its length in pixels
+            with arrows.
         ax : matplotlib.axes.Axes, optional
             Drawn into; default: those of a new figure.
 
@@ -110,9 +116,9 @@ class ImageFrame(Described, units={"depth": "m"}):
 class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velocity": "m/s", "time": "s"}):
     """Returns of one lidar, one row a return, in the order of the shot numbers and of the distance in each shot.
 
-    What the receiver measured (distance, radial velocity, position, carrier-to-noise ratio) holds its noise; labels, normal, incidence
-    and reflectance are those of the surface. A return from fog or rain and a false alarm have instance 0, class Unlabeled,
-    reflectance 0 and a zero normal.
+    What the receiver measured (distance, radial velocity, position, carrier-to-noise ratio) holds its noise; labels,
+    normal, incidence and reflectance are those of the surface. A return from fog or rain and a false alarm have
+    instance 0, class Unlabeled, reflectance 0 and a zero normal.
 
     Attributes
     ----------
@@ -128,8 +134,8 @@ class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velo
     radial_velocity : ndarray of float32, shape (num_points,)
         Positive when opening; from the target's and the sensor's motion [m/s]. NaN where a single chirp cannot tell.
     intensity : ndarray of float32, shape (num_points,)
-        Received power relative to a normally hit white diffuser at 1 m without atmosphere; a heterodyne receiver adds speckle and
-        noise to it.
+        Received power relative to a normally hit white diffuser at 1 m without atmosphere; a heterodyne receiver adds
+        speckle and noise to it.
     cos_incidence : ndarray of float32, shape (num_points,)
     normal : ndarray of float32, shape (num_points, 3)
         Surface normal in the sensor frame of `position`, towards the sensor.
@@ -142,7 +148,8 @@ class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velo
     reflectance : ndarray of float32, shape (num_points,)
         Diffuse reflectance of the surface at the lidar's wavelength.
     cnr : ndarray of float32, shape (num_points,)
-        Measured carrier-to-noise ratio of the beat after the transform of one chirp, linear; NaN if the receiver has none.
+        Measured carrier-to-noise ratio of the beat after the transform of one chirp, linear; NaN if the receiver has
+        none.
     beat_signal : ndarray of complex64, shape (num_shots, 2, num_samples), or None
         Up and down chirp of every shot in units of the noise's standard deviation a sample; only on request.
     object_points : ndarray of int32, shape (num_objects,), or None
@@ -218,8 +225,8 @@ class RadarFrame(
     diagnostics : mapping
         What the solver chose and left out.
     cell_instance : ndarray of uint16, shape (num_chirps, num_samples), or None
-        Ground truth of the range-Doppler map with Hann windows and without zero padding: the instance with most power in the
-        cell; 0 where no path reaches. Only with ``cell_labels`` of the settings.
+        Ground truth of the range-Doppler map with Hann windows and without zero padding: the instance with most power
+        in the cell; 0 where no path reaches. Only with ``cell_labels`` of the settings.
     cell_share, cell_ghost_share : ndarray of uint8, same shape, or None
         That instance's share of the cell's power, and the share of all power that came by multipath, times 255.
     cell_power : ndarray of float32, same shape, or None
@@ -315,7 +322,8 @@ class Frame(Described):
         Parameters
         ----------
         suite : str, optional
-            Group of sensors, the part of their names before the last ``/``; default: ``front_center`` if there, else the first.
+            Group of sensors, the part of their names before the last ``/``; default: ``front_center`` if there, else
+            the first.
         title : str
             First words of the headline, for instance the scene's name.
         max_range : float

@@ -16,7 +16,7 @@ SEMANTIC_CLASSES: tuple[str, ...] = (
     "Unlabeled", "Roads", "SideWalks", "Building", "Wall", "Fence", "Pole", "TrafficLight", "TrafficSign",
     "Vegetation", "Terrain", "Sky", "Pedestrian", "Rider", "Car", "Truck", "Bus", "Train", "Motorcycle", "Bicycle",
     "Static", "Dynamic", "Other", "Water", "RoadLine", "Ground", "Bridge", "RailTrack", "GuardRail",
-)  # fmt: skip
+)  # fmt: skip # a table
 """Class names; the index is the semantic id."""
 
 SEMANTIC_COLORS: npt.NDArray[np.uint8] = np.array(
@@ -28,7 +28,7 @@ SEMANTIC_COLORS: npt.NDArray[np.uint8] = np.array(
         (180, 165, 180),
     ],
     dtype=np.uint8,
-)  # fmt: skip
+)  # fmt: skip # a table
 """Display colour of each class, shape (num_classes, 3), uint8 sRGB."""
 
 SKY = SEMANTIC_CLASSES.index("Sky")

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from functools import reduce
 from operator import or_
 from types import UnionType
-from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -16,6 +16,9 @@ from .prompt.describe import Described, Row, short, value_text
 from .prompt.refusals import refusal, unit_of
 
 SpecT = TypeVar("SpecT", bound="Spec")
+FieldValue: TypeAlias = Any
+"""The value of a field by its name. `Any`, since the type follows from the name: pydantic checks it in a specification,
+the schema states it for a dataset."""
 _ONE_LINE = 100
 """A specification whose fields take at most so many characters shows itself in one line."""
 
@@ -35,14 +38,14 @@ class Spec(Described, BaseModel):
     _derived: ClassVar[tuple[tuple[str, str], ...]] = ()
     """Properties that its table shows first, each with its unit."""
 
-    def __init__(self, **data: Any) -> None:
+    def __init__(self, **data: object) -> None:
         try:
             super().__init__(**data)
         except ValidationError as error:
             raise refusal(type(self), error) from error
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **others: Any) -> None:
+    def __pydantic_init_subclass__(cls, **others: object) -> None:
         """Give the class the signature of its fields, with plain types."""
         cls.__signature__ = inspect.Signature(  # type: ignore[assignment]
             [
@@ -58,15 +61,17 @@ class Spec(Described, BaseModel):
             ]
         )
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if name in type(self).model_fields:
             kind = type(self).__name__
             raise FrozenError(f"a {kind} is frozen: {name} cannot be set; make a copy: with_({name}={short(value)})")
         super().__setattr__(name, value)
 
     @classmethod
-    def of(cls: type[SpecT], **fields: Any) -> SpecT:
-        """Return the specification of some fields, as the constructor does; subclasses take names of their parts' fields, too.
+    def of(cls: type[SpecT], **fields: FieldValue) -> SpecT:
+        """Return the specification of some fields, as the constructor does.
+
+        Subclasses take names of their parts' fields, too.
 
         Raises
         ------
@@ -77,7 +82,7 @@ class Spec(Described, BaseModel):
         """
         return cls(**fields)
 
-    def with_(self: SpecT, **changes: Any) -> SpecT:
+    def with_(self: SpecT, **changes: object) -> SpecT:
         """Return a copy with some fields changed; the copy is validated again, and knows which fields were ever set."""
         kept = {name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set}
         return type(self)(**{**kept, **changes})
@@ -156,7 +161,7 @@ def _as_written(value: object) -> object:
     return _Written(value) if isinstance(value, Spec) else value
 
 
-def _plain(annotation: Any) -> Any:
+def _plain(annotation: object) -> object:
     """Return a type without its metadata."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:

@@ -1,4 +1,7 @@
-"""Temporary folders that a killed process does not leave for ever: the next one that needs such a folder removes them."""
+"""Temporary folders that a killed process does not leave for ever.
+
+The next one that needs such a folder removes them.
+"""
 
 from __future__ import annotations
 

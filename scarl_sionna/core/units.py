@@ -50,27 +50,42 @@ MillimetresPerHour = Annotated[float, Unit("mm/h")]
 
 
 def db_to_power(value_db: FloatOrArray) -> FloatOrArray:
-    """Return the power ratio of a value in dB."""
+    """Return the power ratio of a value in dB.
+
+    By definition of the decibel.
+    """
     return 10.0 ** (value_db / 10.0)  # type: ignore[return-value]
 
 
 def power_to_db(power: npt.ArrayLike, floor_db: float = -400.0) -> npt.NDArray[np.float64]:
-    """Return a power ratio in dB; zero gives `floor_db` instead of minus infinity."""
+    """Return a power ratio in dB; zero gives `floor_db` instead of minus infinity.
+
+    Any shape, kept. By definition of the decibel.
+    """
     return 10.0 * np.log10(np.maximum(np.asarray(power, dtype=np.float64), 10.0 ** (floor_db / 10.0)))
 
 
 def dbm_to_watt(power_dbm: float) -> float:
-    """Return a power in dBm as watts."""
+    """Return a power in dBm as watts.
+
+    By definition of the decibel.
+    """
     return float(1e-3 * 10.0 ** (power_dbm / 10.0))
 
 
 def watt_to_dbm(power: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return a power in watts as dBm."""
+    """Return powers in watts as dBm, any shape, kept.
+
+    By definition of the decibel.
+    """
     return power_to_db(np.asarray(power) / 1e-3)
 
 
 def doppler_from_radial_velocity(radial_velocity: npt.ArrayLike, wavelength: float) -> npt.NDArray[np.float64]:
-    """Return the monostatic Doppler shift [Hz] of a radial velocity [m/s], positive velocity = opening."""
+    """Return the monostatic Doppler shift [Hz] of a radial velocity [m/s], positive velocity = opening.
+
+    Any shape, kept; the wavelength is in metres. By definition, -2 v / wavelength, to first order in v / c.
+    """
     return -2.0 * np.asarray(radial_velocity, dtype=np.float64) / wavelength
 
 
@@ -92,6 +107,11 @@ def thermal_noise_power(
     -------
     float
         Noise power [W].
+
+    Raises
+    ------
+    ParameterRangeError
+        If the bandwidth is not positive, or the noise figure negative.
 
     Notes
     -----

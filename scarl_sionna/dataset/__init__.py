@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from scarl_sionna.core.prompt.frames import plot_frames_with
 from scarl_sionna.core.results import Frame
@@ -24,10 +24,10 @@ __all__ = [
 ]
 
 
-def _contact_sheet(frame: Frame, **options: Any) -> Figure:
+def _contact_sheet(frame: Frame, **options: object) -> Figure:
     from .contact_sheet import contact_sheet  # imports Matplotlib
 
-    return contact_sheet(frame, **options)
+    return contact_sheet(frame, **cast("dict[str, Any]", options))
 
 
 plot_frames_with(_contact_sheet)

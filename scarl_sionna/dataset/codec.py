@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+
+JsonValue: TypeAlias = "dict[str, JsonValue] | list[JsonValue] | str | int | float | bool | None"
+"""What JSON can hold."""
 
 DEPTH_RATIO = 20_000.0
 """Largest over smallest depth of the 16-bit code; half a step is ln(DEPTH_RATIO) / 65534 / 2 = 7.6e-5 of the depth."""
@@ -44,7 +47,7 @@ def decode_depth(code: npt.NDArray[np.uint16], max_distance: float) -> npt.NDArr
     return np.where(code == 0, np.inf, max_distance * DEPTH_RATIO**exponent).astype(np.float32)
 
 
-def plain(value: Any) -> Any:
+def plain(value: object) -> JsonValue:
     """Return a value as data that JSON can hold: mappings, lists, numbers, texts."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import matplotlib as mpl
 import numpy as np
@@ -80,7 +80,9 @@ def contact_sheet(
     max_range: float = 100.0,
     markers: bool = True,
 ) -> Figure:
-    """Return one suite of a frame as a figure: RGB, depth, range-Doppler; semantic with instances, lidar depth, range-azimuth.
+    """Return one suite of a frame as a figure: RGB, depth, range-Doppler.
+
+    Semantic with instances, lidar depth, range-azimuth.
 
     Parameters
     ----------
@@ -88,8 +90,8 @@ def contact_sheet(
     title : str
         First words of the headline, for instance the scene's name.
     suite : str, optional
-        Group of sensors, the part of their names before the last ``/``; default: ``front_center`` if there, else the first.
-        A sensor of a kind that the suite lacks leaves its panel empty.
+        Group of sensors, the part of their names before the last ``/``; default: ``front_center`` if there, else the
+        first. A sensor of a kind that the suite lacks leaves its panel empty.
     max_range : float
         Last range and depth shown [m].
     markers : bool
@@ -123,7 +125,7 @@ def contact_sheet(
     return figure
 
 
-def write_contact_sheet(frame: Frame, path: str | Path, *, dpi: int = 150, **options: Any) -> None:
+def write_contact_sheet(frame: Frame, path: str | Path, *, dpi: int = 150, **options: object) -> None:
     """Write the :func:`contact_sheet` of a frame to a PNG file.
 
     Parameters
@@ -140,7 +142,7 @@ def write_contact_sheet(frame: Frame, path: str | Path, *, dpi: int = 150, **opt
     OutputError
         If the file cannot be written.
     """
-    figure = contact_sheet(frame, **options)
+    figure = contact_sheet(frame, **cast("dict[str, Any]", options))
     try:
         with mpl.rc_context(STYLE), whole_file(Path(path)) as partial:
             figure.savefig(partial, format="png", dpi=dpi, metadata={"Software": SHEET_MARK})
@@ -205,9 +207,14 @@ def _draw_lidar(axis: Axes, scan: LidarScan | None, max_range: float) -> None:
     left, right, bottom, top = spec.view_deg
     norm = LogNorm(NEAREST_DEPTH, max_range)
     image = axis.imshow(
-        np.ma.masked_invalid(grid), cmap=depth_colors(), norm=norm, extent=(left, right, bottom, top), origin="upper",
-        interpolation="nearest", aspect="auto",
-    )  # fmt: skip
+        np.ma.masked_invalid(grid),
+        cmap=depth_colors(),
+        norm=norm,
+        extent=(left, right, bottom, top),
+        origin="upper",
+        interpolation="nearest",
+        aspect="auto",
+    )
     axis.set_xlim(max(left, right), min(left, right))  # left is left
     axis.set_xticks([tick for tick in _TICKS_DEG if min(left, right) <= tick <= max(left, right)])
     axis.set(xlabel="azimuth [deg]", ylabel="elevation [deg]")

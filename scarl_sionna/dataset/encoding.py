@@ -19,9 +19,9 @@ from PIL import Image
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.registry import SETTINGS_TYPES, SPEC_TYPES, lifted, sensor_class, spec_type
-from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, RadarFrame
+from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, RadarFrame, SensorResult
 from scarl_sionna.core.semantics import SEMANTIC_COLORS
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.spec import FieldValue, Spec
 
 from . import schema
 from .codec import encode_depth, plain
@@ -31,7 +31,8 @@ from .store.shards import ArrayInfo, encode_chunk
 NOT_DATA = frozenset({"seconds"})
 """Diagnostics that are left out, so that the same seed gives the same bytes."""
 PNG_LEVEL = {"semantic": 6, "instance": 6}
-"""zlib level of the PNG files, 3 where not named: level 6 takes twice the time for 0 to 12 % of the bytes of a picture."""
+"""zlib level of the PNG files, 3 where not named: level 6 takes twice the time for 0 to 12 % of the bytes of a
+picture."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ def encode_frame(frame: Frame, options: StoreOptions, pool: Executor) -> Encoded
     meta: dict[str, Any] = {"index": int(frame.index), "seed": int(frame.seed), "sensors": {}}
     schema.check_fields(type(frame), schema.FRAME)
 
-    def put(group: str, item: Field, data: Any) -> None:
+    def put(group: str, item: Field, data: FieldValue) -> None:
         name = f"{group}/{item.name}" if group else item.name
         if item.storage == "png":
             images[f"{name}/{frame.index:06d}.png"] = (item.name, data)
@@ -151,14 +152,14 @@ def _object_columns(frame: Frame, capacity: int) -> Iterator[tuple[Field, Any]]:
             yield item, pad(np.array(column, dtype=item.dtype).reshape(count, *tail), capacity)
 
 
-def _row(value: Any) -> Any:
+def _row(value: object) -> object:
     if isinstance(value, Pose):
         return pose_row(value)
     return twist_row(value) if isinstance(value, Twist) else value
 
 
 def _sensor_columns(
-    name: str, result: Any, options: StoreOptions
+    name: str, result: SensorResult, options: StoreOptions
 ) -> tuple[str, list[tuple[Field, Any]], dict[str, Any]]:
     """Return the table's name, the fields with their values, and what goes to JSON."""
     table = schema.RESULT_TYPES.get(type(result))
@@ -206,14 +207,16 @@ def _lidar_columns(name: str, result: LidarScan) -> Iterator[tuple[Field, Any]]:
             yield item, pad(value, capacity) if schema.POINT in item.axes else value
 
 
-def _foreign_columns(name: str, result: Any) -> tuple[str, list[tuple[Field, Any]], dict[str, Any]]:
+def _foreign_columns(name: str, result: SensorResult) -> tuple[str, list[tuple[Field, Any]], dict[str, Any]]:
     """Return the columns of a result whose sensor class declares them."""
     kind = getattr(result, "kind", None)
     table = foreign_fields(kind) if isinstance(kind, str) else None
     if table is None:
         raise OutputError(
-            f"cannot store the result of sensor '{name}' of type {type(result).__name__}; return an ImageFrame, LidarScan or "
-            "RadarFrame, or a dataclass with `kind`, and declare `stored_fields` and `result_type` on the sensor's class "
+            f"cannot store the result of sensor '{name}' of type {type(result).__name__}; "
+            "return an ImageFrame, LidarScan or "
+            "RadarFrame, or a dataclass with `kind`, "
+            "and declare `stored_fields` and `result_type` on the sensor's class "
             "(see docs/dataset.md)"
         )
     assert isinstance(kind, str)
@@ -263,7 +266,7 @@ def spec_of(mount: Mapping[str, Any]) -> Spec:
 
 
 def mount_today(mount: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a rig's entry of a sensor, of this schema version or an earlier one, as `SensorMount.to_dict` writes it."""
+    """Return a rig's entry of a sensor, of any schema version, as `SensorMount.to_dict` writes it today."""
     kind = mount["kind"]
     if kind not in SETTINGS_TYPES:
         return dict(mount)

@@ -1,7 +1,7 @@
 """The dataset's schema as code: every stored field with its type, axes, unit and meaning.
 
-The writer, the reader, `verify` and ``docs/dataset.md`` all follow this table. A field of a result that stands in no table
-is an error, never left out silently.
+The writer, the reader, `verify` and ``docs/dataset.md`` all follow this table. A field of a result that stands in no
+table is an error, never left out silently.
 """
 
 from __future__ import annotations
@@ -95,23 +95,58 @@ OBJECTS: tuple[Field, ...] = (
 CAMERA: tuple[Field, ...] = (
     POSE,
     Field("rgb", "uint8", ("row", "column", "rgb"), "", "sRGB image", "png"),
-    Field("depth", "uint16", ("row", "column"), "", "code of the depth along the optical axis, see depth_formula", "png"),
-    Field("semantic", "uint8", ("row", "column"), "", "index into semantic_classes; the palette holds their colours", "png"),
+    Field(
+        "depth", "uint16", ("row", "column"), "", "code of the depth along the optical axis, see depth_formula", "png"
+    ),
+    Field(
+        "semantic",
+        "uint8",
+        ("row", "column"),
+        "",
+        "index into semantic_classes; the palette holds their colours",
+        "png",
+    ),
     Field("instance", "uint16", ("row", "column"), "", "instance id, 0 where nothing is hit", "png"),
     Field(
-        "normal", "float16", ("row", "column", "xyz"), "",
+        "normal",
+        "float16",
+        ("row", "column", "xyz"),
+        "",
         "unit surface normal towards the camera, sensor axes, zeros where nothing is hit (error up to 2.5e-4)",
     ),
     Field(
-        "flow", "float32", ("row", "column", "column_row"), "px",
+        "flow",
+        "float32",
+        ("row", "column", "column_row"),
+        "px",
         "forward optical flow of the surface point in each pixel, nan where nothing is hit",
     ),
     Field("object_pixels", "int32", (OBJECT,), "", "pixels of the instance image"),
-    Field("object_box", "float32", (OBJECT, "ltrb"), "px", "rectangle around all of the object that the image would show if nothing hid it; nan: none"),
-    Field("object_visible_box", "float32", (OBJECT, "ltrb"), "px", "rectangle around what the image shows of the object; nan: nothing"),
-    Field("object_occlusion", "float32", (OBJECT,), "", "share of the silhouette in the image that something nearer hides; nan: not in the image"),
-    Field("object_truncation", "float32", (OBJECT,), "", "share of the silhouette outside of the image; nan: out of sight"),
-)  # fmt: skip
+    Field(
+        "object_box",
+        "float32",
+        (OBJECT, "ltrb"),
+        "px",
+        "rectangle around all of the object that the image would show if nothing hid it; nan: none",
+    ),
+    Field(
+        "object_visible_box",
+        "float32",
+        (OBJECT, "ltrb"),
+        "px",
+        "rectangle around what the image shows of the object; nan: nothing",
+    ),
+    Field(
+        "object_occlusion",
+        "float32",
+        (OBJECT,),
+        "",
+        "share of the silhouette in the image that something nearer hides; nan: not in the image",
+    ),
+    Field(
+        "object_truncation", "float32", (OBJECT,), "", "share of the silhouette outside of the image; nan: out of sight"
+    ),
+)
 
 LIDAR: tuple[Field, ...] = (
     POSE,
@@ -148,37 +183,55 @@ LIDAR: tuple[Field, ...] = (
 RADAR: tuple[Field, ...] = (
     POSE,
     Field(
-        "adc", "int16", ("receiver", "chirp", "sample", "iq"), "",
+        "adc",
+        "int16",
+        ("receiver", "chirp", "sample", "iq"),
+        "",
         "codes of I and Q; times adc_scale it is the beat signal [sqrt(W)]; chirp = chirp index * num_tx + transmitter",
     ),
     Field("adc_scale", "float64", (), "sqrt(W)", "value of one step of the converter"),
     Field("num_saturated", "int64", (), "", "samples at the converter's limit"),
     Field("num_paths", "int64", (), "", "propagation paths that the signal was made of"),
     Field("diagnostics", "", (), "", "what the channel solver chose and left out", "json"),
-    Field("cell_instance", "uint16", ("doppler", "range"), "", "instance with most power in a cell of the range-Doppler map (Hann windows); 0: none"),
+    Field(
+        "cell_instance",
+        "uint16",
+        ("doppler", "range"),
+        "",
+        "instance with most power in a cell of the range-Doppler map (Hann windows); 0: none",
+    ),
     Field("cell_share", "uint8", ("doppler", "range"), "1/255", "that instance's share of the cell's power"),
-    Field("cell_ghost_share", "uint8", ("doppler", "range"), "1/255", "share of the cell's power that came by multipath"),
+    Field(
+        "cell_ghost_share", "uint8", ("doppler", "range"), "1/255", "share of the cell's power that came by multipath"
+    ),
     Field("cell_power", "float32", ("doppler", "range"), "W", "power of all paths in the cell, without noise"),
     Field("object_power", "float64", (OBJECT,), "W", "power of the object over all cells, direct"),
     Field("object_ghost_power", "float64", (OBJECT,), "W", "power of the object over all cells, by multipath"),
-)  # fmt: skip
+)
 
 ADC_COMPLEX = Field(
-    "adc", "complex64", ("receiver", "chirp", "sample"), "sqrt(W)",
+    "adc",
+    "complex64",
+    ("receiver", "chirp", "sample"),
+    "sqrt(W)",
     "beat signal; chirp = chirp index * num_tx + transmitter (radar_format = complex64)",
-)  # fmt: skip
+)
 
 TABLES: Mapping[str, tuple[Field, ...]] = {
-    "frame": FRAME, "objects": OBJECTS, "camera": CAMERA, "lidar": LIDAR, "radar": RADAR,
-}  # fmt: skip
+    "frame": FRAME,
+    "objects": OBJECTS,
+    "camera": CAMERA,
+    "lidar": LIDAR,
+    "radar": RADAR,
+}
 
 RESULT_TYPES: Mapping[type, str] = {ImageFrame: "camera", LidarScan: "lidar", RadarFrame: "radar"}
 """Table of each built-in result type."""
 
 _STORED_AS = {"adc_int": "adc"}
 _NOT_STORED = frozenset({"spec", "timings", "results", "objects"})
-"""Fields of results that are stored elsewhere: the specification in the manifest, results and objects in their own groups;
-`timings` are no data: the same seed gives the same bytes."""
+"""Fields of results that are stored elsewhere: the specification in the manifest, results and objects in their own
+groups; `timings` are no data: the same seed gives the same bytes."""
 
 
 def check_fields(result_type: type, table: Iterable[Field]) -> None:

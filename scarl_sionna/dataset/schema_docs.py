@@ -1,4 +1,7 @@
-"""The page of the dataset's schema, made from the schema's code: ``python -m scarl_sionna.dataset.schema_docs > docs/dataset.md``."""
+"""The page of the dataset's schema, made from the schema's code.
+
+``python -m scarl_sionna.dataset.schema_docs > docs/dataset.md``.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ _INTRODUCTION = """\
 # The dataset
 
 This page is made from the code (`python -m scarl_sionna.dataset.schema_docs > docs/dataset.md`); a test holds it up to date.
-Schema version {version}. How a dataset is made is told in [export.md](export.md).
+Schema version {version}. How a dataset is made is described in [export.md](export.md).
 
 ## Files
 

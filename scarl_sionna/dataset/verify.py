@@ -55,7 +55,8 @@ UNFINISHED_STRAY = "is of a shard that is not finished (an export that is runnin
 class Fault:
     """Something that is wrong: the file (or frame), what it is, and the shard that holds it, if one does.
 
-    `kind` "unfinished": what an export leaves that is running or was stopped; the next one mends it and no data is damaged.
+    `kind` "unfinished": what an export leaves that is running or was stopped; the next one mends it and no data is
+    damaged.
     """
 
     name: str
@@ -121,9 +122,9 @@ def verify(
 ) -> Verification:
     """Check every file of a dataset.
 
-    Checked are: the checksum of every record against the manifest, size and checksum of every file against its record, the
-    ``zarr.json`` files against the schema, the dataset card, files that belong to nothing, the number of frames, that every chunk
-    and image decodes, the number of objects and points, the sensors, and that time rises.
+    Checked are: the checksum of every record against the manifest, size and checksum of every file against its record,
+    the ``zarr.json`` files against the schema, the dataset card, files that belong to nothing, the number of frames,
+    that every chunk and image decodes, the number of objects and points, the sensors, and that time rises.
 
     Parameters
     ----------
@@ -289,13 +290,14 @@ def _check_manifest(dataset: Dataset, root: Path, known: set[str]) -> Iterator[F
     for scene in plan.scenes:
         now, arrays = shard_rows(root, scene, plan.options)
         old = [*there.get(scene.name, []), *[None] * len(now)][: len(now)]
-        rows[scene.name] = [  # those that an export has changed meanwhile were told of with their shards
+        rows[scene.name] = [  # those that an export has changed meanwhile were reported with their shards
             was
-            if (was is None) or (now is None and _is_kept(dataset, scene, shard, was))
+            if (was is None)
+            or (now is None and _is_kept(dataset, scene, shard, was))
             or (now is not None and _is_remade(was, now, scene, shard, dataset))
             else now
             for shard, (was, now) in enumerate(zip(old, now, strict=True))
-        ]  # fmt: skip
+        ]
         for name, text in metadata_texts(scene, arrays, plan.options).items():
             known.add(name)
             try:
@@ -316,14 +318,14 @@ def _check_manifest(dataset: Dataset, root: Path, known: set[str]) -> Iterator[F
 
 
 def _lost(dataset: Dataset, root: Path) -> Kind:
-    """Return what it means that a file is not there: an export writes the manifest first, then these, then the manifest's copy."""
+    """Return what a missing file means: an export writes the manifest first, these next, then the manifest's copy."""
     begins = not (root / BACKUP).exists() and not any(
         row for rows in dataset.manifest["shards"].values() for row in rows
     )
     return "unfinished" if begins else "damage"
 
 
-def _without_length(text: str) -> Any:
+def _without_length(text: str) -> object:
     """Return the metadata of an array without the number of frames, which an export that adds frames changes first."""
     try:
         data = json.loads(text)
@@ -407,7 +409,7 @@ def _check_order(dataset: Dataset) -> Iterator[Fault]:
 
 
 def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
-    """Remove damaged shards and what belongs to nothing, and write the rest anew; what is not the dataset's own stays."""
+    """Remove damaged shards and what of the dataset's own belongs to nothing, and write the rest anew."""
     damaged = {
         (fault.scene, fault.shard) for fault in found.faults if fault.scene is not None and fault.shard is not None
     }
@@ -468,14 +470,16 @@ def _remove(root: Path, name: str, found: Verification) -> None:
 def describe(found: Verification) -> str:
     """Return what was found, for people."""
     lines = [
-        f"{found.num_frames} of {found.num_planned} frames, {found.num_files} files, {found.num_bytes / 1e6:.1f} MB checked"
+        f"{found.num_frames} of {found.num_planned} frames, {found.num_files} files, "
+        f"{found.num_bytes / 1e6:.1f} MB checked"
     ]
     lines += [f"  {fault}" for fault in found.faults[:20]]
     if len(found.faults) > 20:
         lines.append(f"  and {len(found.faults) - 20} more")
     if found.unfinished:
         lines.append(
-            f"  {len(found.unfinished)} traces of an export that is running or was stopped, for instance {found.unfinished[0]}"
+            f"  {len(found.unfinished)} traces of an export that is running or was stopped, "
+            f"for instance {found.unfinished[0]}"
         )
     if found.foreign:
         more = f" and {len(found.foreign) - 10} more" if len(found.foreign) > 10 else ""

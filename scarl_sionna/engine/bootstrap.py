@@ -5,8 +5,8 @@ each candidate is asked for its version in a process of its own, the first one t
 ``DRJIT_LIBLLVM_PATH``, and where there is none an :class:`~scarl_sionna.core.errors.EngineError` names the remedy.
 What is asked of a CUDA device stands in :mod:`.cuda`.
 
-Environment: ``SCARL_BACKEND`` (``llvm`` or ``cuda``) overrides the choice of the backend, ``DRJIT_LIBLLVM_PATH`` names a
-library, ``SCARL_LLVM_DIRS`` (folders, separated like PATH) replaces the folders that are searched.
+Environment: ``SCARL_BACKEND`` (``llvm`` or ``cuda``) overrides the choice of the backend, ``DRJIT_LIBLLVM_PATH`` names
+a library, ``SCARL_LLVM_DIRS`` (folders, separated like PATH) replaces the folders that are searched.
 """
 
 from __future__ import annotations
@@ -35,9 +35,14 @@ BACKENDS = ("cuda", "llvm")
 _LIBLLVM_VARIABLE = "DRJIT_LIBLLVM_PATH"
 _PATTERNS = ("libLLVM.so*", "libLLVM-[0-9]*.so*", "libLLVM.dylib")
 _SYSTEM_DIRS = (
-    "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib", "/usr/local/lib",
-    "/opt/homebrew/opt/llvm/lib", "/usr/local/opt/llvm/lib",
-)  # fmt: skip
+    "/usr/lib/x86_64-linux-gnu",
+    "/usr/lib/aarch64-linux-gnu",
+    "/usr/lib64",
+    "/usr/lib",
+    "/usr/local/lib",
+    "/opt/homebrew/opt/llvm/lib",
+    "/usr/local/opt/llvm/lib",
+)
 _LLVM_PROBE = """
 import ctypes, sys
 for name in sys.argv[2:]:
@@ -129,7 +134,7 @@ def _major_in_name(path: str) -> int | None:
 
 
 def llvm_candidates(dirs: Iterable[Path]) -> list[str]:
-    """Return the LLVM libraries in some folders, each file once, those that may be new enough first and newest first."""
+    """Return the LLVM libraries in some folders, each once: the new enough ones first, newest first."""
     paths: dict[Path, str] = {}
     for folder in dirs:
         for pattern in _PATTERNS:
@@ -187,7 +192,8 @@ def imported_too_early(modules: Container[str]) -> str | None:
 def llvm_remedy() -> str:
     """Return what to do on a machine without a usable LLVM."""
     return (
-        "install one: 'apt-get install libllvm19' (as root), or 'pip install \"scarl-sionna[llvm]\"' (x86-64 Linux, without "
+        "install one: 'apt-get install libllvm19' (as root), "
+        "or 'pip install \"scarl-sionna[llvm]\"' (x86-64 Linux, without "
         f"root), or set {_LIBLLVM_VARIABLE} to the shared library of an LLVM >= {MIN_LLVM}"
     )
 
@@ -247,8 +253,10 @@ def _check_loaded(backend: str) -> None:
     if backend == "llvm" and dr.detail.llvm_version()[0] < MIN_LLVM:
         version = ".".join(map(str, dr.detail.llvm_version()))
         raise EngineError(
-            f"Dr.Jit runs on LLVM {version} (allowed: >= {MIN_LLVM}), with which it aborts the process; drjit was imported "
-            f"before scarl_sionna could choose: call scarl_sionna.engine.bootstrap.ensure_engine() first, or {llvm_remedy()}"
+            f"Dr.Jit runs on LLVM {version} (allowed: >= {MIN_LLVM}), with which it aborts the process; "
+            "drjit was imported "
+            "before scarl_sionna could choose: call scarl_sionna.engine.bootstrap.ensure_engine() first, "
+            f"or {llvm_remedy()}"
         )
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
 
 from . import variant
+from .types import DeviceArray
 
 
 class Device:
@@ -28,40 +29,40 @@ class Device:
         Dr.Jit arrays of float64 and of three of them.
     """
 
-    def __init__(self, mi: Any) -> None:
+    def __init__(self, mi: ModuleType) -> None:
         import drjit as dr
 
         self.mi, self.dr = mi, dr
         self.Real, self.Vector = dr.float64_array_t(mi.Float), dr.float64_array_t(mi.Point3f)
 
-    def real(self, value: float) -> Any:
+    def real(self, value: float) -> DeviceArray:
         """Return a number that a kernel takes as an input, so that the kernel stays the same when it changes."""
         return self.dr.opaque(self.Real, float(value))
 
-    def vector(self, values: npt.ArrayLike) -> Any:
+    def vector(self, values: npt.ArrayLike) -> DeviceArray:
         """Return a vector (3,) that a kernel takes as an input."""
         return self.Vector(*(self.real(value) for value in np.asarray(values, dtype=np.float64)))
 
-    def reals(self, values: npt.ArrayLike) -> Any:
+    def reals(self, values: npt.ArrayLike) -> DeviceArray:
         """Return an array of any shape on the device, row after row."""
         return self.Real(np.ascontiguousarray(values, dtype=np.float64).ravel())
 
-    def vectors(self, values: npt.ArrayLike) -> Any:
+    def vectors(self, values: npt.ArrayLike) -> DeviceArray:
         """Return vectors (n, 3) on the device."""
         rows = np.asarray(values, dtype=np.float64)
         return self.dr.gather(self.Vector, self.reals(rows), self.dr.arange(self.mi.UInt32, len(rows)))
 
-    def corners(self, triangles: npt.ArrayLike) -> list[Any]:
+    def corners(self, triangles: npt.ArrayLike) -> list[DeviceArray]:
         """Return the three corners of triangles (n, 3, 3) on the device."""
         rows = np.asarray(triangles, dtype=np.float64)
         flat, place = self.reals(rows), 3 * self.dr.arange(self.mi.UInt32, len(rows))
         return [self.dr.gather(self.Vector, flat, place + k) for k in range(3)]
 
-    def index(self, values: npt.NDArray[np.integer]) -> Any:
+    def index(self, values: npt.NDArray[np.integer]) -> DeviceArray:
         """Return numbers >= 0 of any shape on the device, row after row."""
         return self.mi.UInt32(np.ascontiguousarray(values, dtype=np.uint32).ravel())
 
-    def label(self, values: npt.NDArray[np.integer]) -> Any:
+    def label(self, values: npt.NDArray[np.integer]) -> DeviceArray:
         """Return numbers of any shape and sign on the device, row after row."""
         return self.mi.Int32(np.ascontiguousarray(values, dtype=np.int32).ravel())
 

@@ -1,4 +1,6 @@
-"""What this machine has: versions, engine, Mitsuba variants, memory, extras, sensors and scenes, with the remedy for gaps.
+"""What this machine has.
+
+Versions, engine, Mitsuba variants, memory, extras, sensors and scenes, with the remedy for gaps.
 
 Everything that could crash runs in a process of its own, so the report itself always comes out.
 """
@@ -23,13 +25,24 @@ Status = Literal["ok", "warn", "missing"]
 
 REQUIRED_SENSORS = ("radar", "camera", "lidar")
 _PACKAGES = (
-    "sionna-rt", "mitsuba", "drjit", "numpy", "scipy", "finufft", "pydantic", "trimesh", "pillow", "matplotlib", "rich",
-    "typer", "pyyaml",
-)  # fmt: skip
+    "sionna-rt",
+    "mitsuba",
+    "drjit",
+    "numpy",
+    "scipy",
+    "finufft",
+    "pydantic",
+    "trimesh",
+    "pillow",
+    "matplotlib",
+    "rich",
+    "typer",
+    "pyyaml",
+)
 _EXTRAS = {
     "tensorflow": ("tensorflow",), "dask": ("dask", "distributed"), "llvm": ("tadashi",), "viewer": ("rerun-sdk",),
     "dev": ("pytest", "hypothesis", "ruff", "mypy", "import-linter"),
-}  # fmt: skip
+}  # fmt: skip # a table
 _MIN_MEMORY = 4 * 2**30
 """Memory that the main job may take at most [bytes]."""
 
@@ -104,16 +117,16 @@ def _package_findings() -> list[Finding]:
     """Look for Python and the required packages."""
     python_ok = sys.version_info >= (3, 10)
     python = Finding(
-        "Python", f"{platform.python_version()} ({sys.executable})",
-        "ok" if python_ok else "missing", "" if python_ok else "use Python >= 3.10",
-    )  # fmt: skip
+        "Python",
+        f"{platform.python_version()} ({sys.executable})",
+        "ok" if python_ok else "missing",
+        "" if python_ok else "use Python >= 3.10",
+    )
     findings = [python]
     for package in ("scarl-sionna", *_PACKAGES):
         found = _installed(package)
         remedy = "pip install -e ." if package == "scarl-sionna" else f"pip install {package}"
-        findings.append(
-            Finding(package, found) if found else Finding(package, "not installed", "missing", remedy)
-        )  # fmt: skip
+        findings.append(Finding(package, found) if found else Finding(package, "not installed", "missing", remedy))
     return findings
 
 
@@ -147,8 +160,12 @@ def check_variant(twin: str) -> Finding:
     try:
         done = subprocess.run(
             [sys.executable, "-c", code],
-            capture_output=True, text=True, timeout=_KERNEL_TIMEOUT, stdin=subprocess.DEVNULL, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=_KERNEL_TIMEOUT,
+            stdin=subprocess.DEVNULL,
+            check=False,
+        )
     except subprocess.TimeoutExpired:
         return Finding(name, f"no answer in {_KERNEL_TIMEOUT:.0f} s", "missing", "see docs/install.md")
     words = done.stdout.split()
@@ -242,6 +259,11 @@ def doctor_report() -> list[Finding]:
     with ThreadPoolExecutor(len(_KERNELS)) as pool:  # the threads only wait for their processes
         variants = list(pool.map(check_variant, _KERNELS))
     return [
-        *_package_findings(), *_engine_findings(), *variants, *_machine_findings(), *_extra_findings(),
-        *_sensor_findings(), *_scene_findings(),
-    ]  # fmt: skip
+        *_package_findings(),
+        *_engine_findings(),
+        *variants,
+        *_machine_findings(),
+        *_extra_findings(),
+        *_sensor_findings(),
+        *_scene_findings(),
+    ]

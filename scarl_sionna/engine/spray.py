@@ -60,7 +60,9 @@ class SprayCloud:
         return DECAYS * self.decay_length
 
     def chord(self, origins: Array, directions: Array, longest: npt.ArrayLike) -> tuple[Array, Array]:
-        """Return where rays enter and leave the cloud [m], shapes (num_rays,); a ray that misses it has an empty interval.
+        """Return where rays enter and leave the cloud [m], shapes (num_rays,).
+
+        A ray that misses it has an empty interval.
 
         Parameters
         ----------
@@ -80,7 +82,9 @@ class SprayCloud:
         return enter, np.maximum(leave, enter)
 
     def mean_density(self, origins: Array, directions: Array, enter: Array, leave: Array) -> Array:
-        r"""Return the mean water content along rays between two distances over that at the rear end, 0 to 1, shape (num_rays,).
+        r"""Return the mean water content along rays over that at the rear end, 0 to 1, shape (num_rays,).
+
+        The mean is between two distances.
 
         .. math:: \frac{1}{t_2 - t_1} \int_{t_1}^{t_2} e^{x(t) / L} dt, \quad x(t) = x_0 + u_x t
         """

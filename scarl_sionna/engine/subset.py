@@ -28,7 +28,8 @@ def alone(state: WorldState, instances: Iterable[int]) -> tuple[WorldState, dict
     Returns
     -------
     state : WorldState
-        Its world is made once for each choice and kept with the whole one; its meshes are read again from the scene's files.
+        Its world is made once for each choice and kept with the whole one; its meshes are read again from the scene's
+        files.
     original : dict
         Instance id in the whole scene by the id in the new one.
     """

@@ -6,15 +6,15 @@ Radio paths need the polarized variant, images the RGB one. Objects belong to th
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+from contextlib import AbstractContextManager, contextmanager
+from types import ModuleType
 
 from . import bootstrap as engine
 
 _SUFFIX = {"optical": "ad_rgb", "radio": "ad_mono_polarized"}
 
 
-def mitsuba() -> Any:
+def mitsuba() -> ModuleType:
     """Return the module mitsuba, imported after the engine has been checked."""
     engine.ensure_engine()
     import mitsuba as mi
@@ -34,7 +34,7 @@ class _Blocks:
 
 
 @contextmanager
-def _variant(name: str) -> Iterator[Any]:
+def _variant(name: str) -> Iterator[ModuleType]:
     """Switch to a variant for a block; give back what the caller, or an enclosing block, had chosen."""
     mi = mitsuba()
     previous = mi.variant()
@@ -52,17 +52,17 @@ def _variant(name: str) -> Iterator[Any]:
             _Blocks.left = name
 
 
-def use(twin: str) -> Any:
+def use(twin: str) -> AbstractContextManager[ModuleType]:
     """Return the context manager of a twin: ``"optical"`` or ``"radio"``; it yields the module mitsuba."""
     backend = engine.ensure_engine()
     return _variant(f"{backend}_{_SUFFIX[twin]}")
 
 
-def optical() -> Any:
+def optical() -> AbstractContextManager[ModuleType]:
     """Return a context manager in which Mitsuba runs in the RGB variant."""
     return use("optical")
 
 
-def radio() -> Any:
+def radio() -> AbstractContextManager[ModuleType]:
     """Return a context manager in which Mitsuba runs in the polarized variant of Sionna RT."""
     return use("radio")

@@ -94,7 +94,15 @@ class SensorMount(Described):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> SensorMount:
-        """Return the mount of :meth:`to_dict`; `spec` and `settings` may leave out what keeps its default."""
+        """Return the mount of :meth:`to_dict`; `spec` and `settings` may leave out what keeps its default.
+
+        Raises
+        ------
+        ParameterRangeError
+            If a key is missing or unknown, or a value is not allowed.
+        UnknownNameError
+            If there is no such kind of sensor.
+        """
         what = f"sensor '{data.get('name', '?')}'"
         _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec", "settings"})
         pose = data["vehicle_from_sensor"]
@@ -147,7 +155,8 @@ class Rig(Described):
         for mount in self.sensors:
             yield (
                 mount.name,
-                f"{mount.kind} at {vector(mount.vehicle_from_sensor.position, 'm')}, yaw {np.degrees(mount.vehicle_from_sensor.yaw):.4g} deg",
+                f"{mount.kind} at {vector(mount.vehicle_from_sensor.position, 'm')}, yaw "
+                f"{np.degrees(mount.vehicle_from_sensor.yaw):.4g} deg",
             )
 
     @property
@@ -231,7 +240,13 @@ class Rig(Described):
             raise ParameterRangeError("rig", repr(dict(data))[:80], "the form of Rig.to_dict()", str(error)) from error
 
     def save(self, path: str | Path) -> None:
-        """Write the rig to a YAML file (``.yaml``, ``.yml``) or a JSON file."""
+        """Write the rig to a YAML file (``.yaml``, ``.yml``) or a JSON file.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        """
         path = Path(path)
         is_yaml = path.suffix in (".yaml", ".yml")
         text = yaml.safe_dump(self.to_dict(), sort_keys=False) if is_yaml else json.dumps(self.to_dict(), indent=2)
@@ -242,7 +257,13 @@ class Rig(Described):
 
     @classmethod
     def load(cls, path: str | Path) -> Rig:
-        """Return the rig of a YAML or JSON file."""
+        """Return the rig of a YAML or JSON file.
+
+        Raises
+        ------
+        ParameterRangeError
+            If the file cannot be read, or holds no rig.
+        """
         path = Path(path)
         try:
             data = yaml.safe_load(path.read_text(encoding="utf-8"))  # JSON is a subset of YAML
@@ -269,8 +290,8 @@ class Rig(Described):
 
         References
         ----------
-        .. [1] Nittur Ramesh et al., *SCaRL*, 2024, section 2.4 and Fig. 1: suites 0.4 m apart along a horizontal, in the
-           front and back. The paper prints no heights or distances along the car; those are this project's.
+        .. [1] Nittur Ramesh et al., *SCaRL*, 2024, section 2.4 and Fig. 1: suites 0.4 m apart along a horizontal, in
+           the front and back. The paper prints no heights or distances along the car; those are this project's.
         """
         specs = _suite_specs(quality, radar)
         mounts = []
@@ -287,7 +308,13 @@ class Rig(Described):
 
     @classmethod
     def preset(cls, name: str, quality: str = "full") -> Rig:
-        """Return a named rig: one of `RIG_PRESETS`."""
+        """Return a named rig: one of `RIG_PRESETS`.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such rig.
+        """
         if name not in RIG_PRESETS:
             raise UnknownNameError("rig", name, RIG_PRESETS, "or give the path of a rig file (.yaml or .json)")
         return RIG_PRESETS[name](quality)
@@ -315,7 +342,7 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
     ]
 
 
-def _settings_of(kind: str, what: str, data: Any) -> Spec | None:
+def _settings_of(kind: str, what: str, data: object) -> Spec | None:
     """Return the settings of a sensor from plain data."""
     if data is None:
         return None
@@ -328,7 +355,7 @@ def _settings_of(kind: str, what: str, data: Any) -> Spec | None:
     return cls(**data)
 
 
-def _check_keys(what: str, data: Any, required: set[str], optional: set[str] = frozenset()) -> None:  # type: ignore[assignment]
+def _check_keys(what: str, data: object, required: set[str], optional: set[str] = frozenset()) -> None:  # type: ignore[assignment]
     """Raise if `data` is not a mapping with the required and no other than the optional keys."""
     if not isinstance(data, Mapping):
         raise ParameterRangeError(what, repr(data)[:80], "a mapping with the keys " + ", ".join(sorted(required)))

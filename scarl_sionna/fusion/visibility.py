@@ -55,9 +55,9 @@ def add_visibility(state: WorldState, objects: Sequence[ObjectState], results: M
 
     Notes
     -----
-    A silhouette is what rays through a grid over the object's box meet of the object when everything else is passed: a ray begins
-    where it enters the box and goes on behind surfaces of others. What the camera's own first hits are along the same rays
-    tells what is hidden. Cameras with the same place and projection share their silhouettes.
+    A silhouette is what rays through a grid over the object's box meet of the object when everything else is passed: a
+    ray begins where it enters the box and goes on behind surfaces of others. What the camera's own first hits are along
+    the same rays tells what is hidden. Cameras with the same place and projection share their silhouettes.
     """
     known: dict[Any, _Silhouettes] = {}
     numbers = np.array([item.instance for item in objects], dtype=np.int64)
@@ -85,8 +85,11 @@ def add_visibility(state: WorldState, objects: Sequence[ObjectState], results: M
                 visible = seen["object_visible_box"]
                 box = np.concatenate([np.fmin(box[:, :2], visible[:, :2]), np.fmax(box[:, 2:], visible[:, 2:])], axis=1)
             found: dict[str, Any] = {
-                "object_box": box, "object_occlusion": known[key].occlusion, "object_truncation": known[key].truncation, **seen,
-            }  # fmt: skip
+                "object_box": box,
+                "object_occlusion": known[key].occlusion,
+                "object_truncation": known[key].truncation,
+                **seen,
+            }
             result = replace(result, **found)
         out[name] = result
     return out
@@ -152,7 +155,10 @@ def _pitch(pixel: Array) -> Array:
 
 
 def _grid(camera_from_box: Pose, size: Array, spec: CameraSpec) -> Array | None:
-    """Return rays with z = 1 over the rectangle around a box, shape (num_rays, 3), camera_optical; None if it is out of sight."""
+    """Return rays with z = 1 over the rectangle around a box, shape (num_rays, 3), camera_optical.
+
+    None if it is out of sight.
+    """
     bounds = rectangle(camera_from_box.apply(CORNERS * size) @ CAMERA_OPTICAL_FROM_SENSOR.T)
     if bounds is None:
         return None

@@ -32,7 +32,7 @@ class PathGeometry:
     mirror_length : ndarray of float64, shape (num_tx, num_rx, num_mirror_paths) [m]
     amplitude : ndarray of complex128, shape (num_paths,)
         Of the beat signal at the array centres [sqrt(W)].
-    center_distance : tuple of ndarray
+    center_distance : tuple of ndarray of float64, shape (num_paths,), (num_paths,) and (num_mirror_paths,)
         Distances of the array centres: transmit, receive, and total of the mirror paths [m].
     """
 
@@ -80,7 +80,15 @@ class PathGeometry:
         return length
 
     def pair_amplitude(self, tx: int, rx: int) -> npt.NDArray[np.complex128]:
-        """Return the beat amplitude of every path for one pair [sqrt(W)], its spreading scaled to the pair's distances."""
+        """Return every path's beat amplitude for one pair [sqrt(W)], its spreading scaled to the pair's distances.
+
+        Shape (num_paths,).
+
+        Raises
+        ------
+        ParameterRangeError
+            If a path ends at an antenna.
+        """
         tx_center, rx_center, mirror_center = self.center_distance
         with np.errstate(divide="ignore", invalid="ignore"):
             spreading = (tx_center / self.tx_distance[tx]) * (rx_center / self.rx_distance[rx])

@@ -23,7 +23,8 @@ def received_amplitude(a: Complex, tx_vector: Array, rx_vector: Array, radar: Ra
     a : ndarray of complex128, shape (num_paths, 2, 2)
         Polarimetric transfer, as in :class:`RadarPaths`.
     tx_vector, rx_vector : ndarray of float64, shape (num_paths, 3)
-        Where each path leaves and from where it arrives, any length, in the frames of the transmitter and of the receiver.
+        Where each path leaves and from where it arrives, of any length (the direction counts), in the frames of the
+        transmitter and of the receiver.
     radar : RadarSpec
         Its polarisation, pattern and transmitted power.
 
@@ -31,6 +32,10 @@ def received_amplitude(a: Complex, tx_vector: Array, rx_vector: Array, radar: Ra
     -------
     ndarray of complex128, shape (num_paths,)
         [sqrt(W)].
+
+    References
+    ----------
+    .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, Eq. (1.6).
     """
     entry = "VH".index(radar.array.polarization)
     gain = field_gain(radar.array.pattern, tx_vector) * field_gain(radar.array.pattern, rx_vector)
@@ -38,12 +43,18 @@ def received_amplitude(a: Complex, tx_vector: Array, rx_vector: Array, radar: Ra
 
 
 def path_amplitude(paths: RadarPaths, radar: RadarSpec) -> Complex:
-    """Return the amplitude that one antenna pair at the array centres receives by each path [sqrt(W)], shape (num_paths,)."""
+    """Return the amplitude of each path for an antenna pair at the array centres [sqrt(W)], shape (num_paths,).
+
+    By definition, :func:`received_amplitude` with the vectors of the array centres.
+    """
     tx_vector, rx_vector = paths.end_vectors()
     local = tx_vector @ paths.world_from_tx.rotation, rx_vector @ paths.world_from_rx.rotation
     return received_amplitude(paths.a, *local, radar)
 
 
 def received_power(paths: RadarPaths, radar: RadarSpec) -> Array:
-    """Return the power that one antenna pair at the array centres receives by each path [W], shape (num_paths,)."""
+    """Return the power that one antenna pair at the array centres receives by each path [W], shape (num_paths,).
+
+    By definition, the square of the magnitude of :func:`path_amplitude`.
+    """
     return np.asarray(np.abs(path_amplitude(paths, radar)) ** 2)

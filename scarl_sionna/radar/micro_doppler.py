@@ -1,4 +1,6 @@
-"""Spectrograms of what moves on its own: of a whole target and of single parts of it, with estimates of their velocities.
+"""Spectrograms of what moves on its own.
+
+Of a whole target and of single parts of it, with estimates of their velocities.
 
 Model, sources, measured errors and limits: docs/micro_doppler.md.
 """
@@ -7,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +34,8 @@ Array = npt.NDArray[np.float64]
 WHOLE = "whole"
 """Name of the spectrogram of all paths."""
 SAME_POINT = 1e-4
-"""Distance within which a path's point and the hit of a ray towards it are one [m], for each metre of distance from the radar."""
+"""Distance within which a path's point and the hit of a ray towards it are one [m], for each metre of distance from the
+radar."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,23 +57,32 @@ class Spectrogram(Described):
     power: Array
 
     def mean_velocity(self) -> Array:
-        """Return the power-weighted mean of the radial velocity at each time, shape (num_times,) [m/s]; nan without power."""
+        """Return the power-weighted mean of the radial velocity at each time, shape (num_times,) [m/s].
+
+        NaN without power.
+        """
         total = self.power.sum(axis=1)
         first = self.power @ self.radial_velocity
         return np.divide(first, total, out=np.full(len(total), np.nan), where=total > 0.0)
 
     def edges(self, below_db: float = 35.0) -> Array:
-        """Return the lowest and the highest radial velocity at which a spectrum is still within some decibels of its peak.
+        """Return the lowest and highest radial velocity at which a spectrum is within some decibels of its peak.
 
         Parameters
         ----------
         below_db : float
-            How far below the peak of each spectrum [dB], > 0. The window widens the edges by up to :func:`window_half_width`.
+            How far below the peak of each spectrum [dB], > 0. The window widens the edges by up to
+            :func:`window_half_width`.
 
         Returns
         -------
         ndarray of float64, shape (num_times, 2)
             [m/s]; between bins, interpolated on the decibel scale. nan without power.
+
+        Raises
+        ------
+        ParameterRangeError
+            If `below_db` is not positive.
         """
         if not below_db > 0.0:
             raise ParameterRangeError("below_db", f"{below_db} dB", "> 0 dB")
@@ -93,7 +105,11 @@ class Spectrogram(Described):
 
 
 def window_half_width(radar: RadarSpec, below_db: float, window: str = "hann") -> float:
-    """Return half the width of a single Doppler line at some decibels below its peak [m/s]: by how much a window widens edges.
+    """Return half the width of a single Doppler line at some decibels below its peak [m/s].
+
+    By how much a window widens edges.
+
+    By definition of the line: found on the transform of the window itself.
 
     Raises
     ------
@@ -150,7 +166,7 @@ def spectrograms(
     num_doppler_bins: int | None = None,
     window: str = "hann",
     method: str = "raycast",
-    **fields: Any,
+    **fields: object,
 ) -> dict[str, Spectrogram]:
     """Return the spectrogram of a target and of groups of its parts, each column solved anew.
 
@@ -164,10 +180,11 @@ def spectrograms(
     times : array_like of float, shape (num_times,)
         Start of each column [s].
     groups : mapping of str to sequence of int, optional
-        Parts (rows of ``world.parts``) whose paths make a spectrogram of their own, as if the others were only in their way.
+        Parts (rows of ``world.parts``) whose paths make a spectrogram of their own, as if the others were only in their
+        way.
     looks : sequence of float
-        Times that are added to each of `times` [s], for example whole cycles of a gait: the powers are averaged, which takes the
-        speckle out.
+        Times that are added to each of `times` [s], for example whole cycles of a gait: the powers are averaged, which
+        takes the speckle out.
     num_doppler_bins : int, optional
         More than the chirps interpolates.
     window : str
@@ -179,6 +196,11 @@ def spectrograms(
     -------
     dict of str to Spectrogram
         ``"whole"`` and one for each group.
+
+    References
+    ----------
+    .. [1] V. C. Chen, F. Li, S.-S. Ho, H. Wechsler, "Micro-Doppler effect in radar: phenomenon, model, and
+       simulation study", IEEE Trans. Aerosp. Electron. Syst. 42(1), 2006.
     """
     columns = np.asarray(times, dtype=np.float64)
     groups = groups or {}
@@ -188,7 +210,7 @@ def spectrograms(
         for row, time in enumerate(columns + look):
             state = world.at(float(time))
             place = mount(float(time)) if callable(mount) else mount
-            paths = solve_paths(state, radar, place, method=method, **fields)
+            paths = solve_paths(state, radar, place, method=method, **cast("dict[str, Any]", fields))
             power[WHOLE][row] += _spectrum(paths, radar, num_doppler_bins, window)
             part = part_of_paths(paths, state) if groups else np.zeros(0, dtype=np.int32)
             for name, parts in groups.items():
@@ -238,7 +260,7 @@ class SurfaceMotion(Described):
 def surface_motion(
     world: World, time: float, pose: Pose, parts: Sequence[int] | None = None, step: float = 1e-5
 ) -> SurfaceMotion:
-    """Return how fast the surface of parts moves away from a place, from the poses alone, and how much of it is in view.
+    """Return how fast the surface of parts recedes from a place, from the poses alone, and how much is in view.
 
     Parameters
     ----------

@@ -72,9 +72,17 @@ def plot_paths(paths: PathsView, view: str, dynamic_range_db: float, ax: Axes | 
         velocity = paths.length_rate[order] / 2.0
         low, high = centred(velocity)
         drawn = axis.scatter(
-            paths.length[order] / 2.0, gain_db[order], c=velocity, s=14, cmap=VELOCITY_MAP, vmin=low, vmax=high,
-            edgecolors="0.3", linewidths=0.3 if len(order) <= _FEW else 0.0, rasterized=True,
-        )  # fmt: skip
+            paths.length[order] / 2.0,
+            gain_db[order],
+            c=velocity,
+            s=14,
+            cmap=VELOCITY_MAP,
+            vmin=low,
+            vmax=high,
+            edgecolors="0.3",
+            linewidths=0.3 if len(order) <= _FEW else 0.0,
+            rasterized=True,
+        )
         axis.set(
             xlabel="range, half of the length [m]", ylabel="received / transmitted power,\nisotropic antennas [dB]"
         )
@@ -86,9 +94,16 @@ def plot_paths(paths: PathsView, view: str, dynamic_range_db: float, ax: Axes | 
         axis = axes_or_new(ax, 7.0, 6.0)
         place = paths.world_from_rx.inverse().apply(paths.apparent_points[order])
         drawn = axis.scatter(
-            place[:, 1], place[:, 0], c=gain_db[order], s=8, cmap=POWER_MAP, vmin=limits[0], vmax=limits[1], linewidths=0,
+            place[:, 1],
+            place[:, 0],
+            c=gain_db[order],
+            s=8,
+            cmap=POWER_MAP,
+            vmin=limits[0],
+            vmax=limits[1],
+            linewidths=0,
             rasterized=True,
-        )  # fmt: skip
+        )
         axis.plot([0.0], [0.0], marker="^", color="white", markersize=8)
         axis.set_facecolor(DARK)
         sensor_map(axis, float(np.abs(place[:, 1]).max(initial=10.0)) * 1.05)

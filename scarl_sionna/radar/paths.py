@@ -27,8 +27,8 @@ class RadarPaths(
     """Propagation paths of one radar at one instant.
 
     The length of a path from an antenna at p to one at q is ``|tx_point - p| + inner_length + |rx_point - q|``. For a
-    single scattering both points are the hit point and the inner length is 0; behind a chain of mirror reflections a point
-    is the image of the scatterer. A path of mirror reflections only has no scattering point: its length is
+    single scattering both points are the hit point and the inner length is 0; behind a chain of mirror reflections a
+    point is the image of the scatterer. A path of mirror reflections only has no scattering point: its length is
     ``|rx_image(q) - p|``, and `rx_image` holds the isometry.
 
     Attributes
@@ -38,10 +38,10 @@ class RadarPaths(
     inner_length : ndarray of float64, shape (num_paths,)
         Length between the two end points [m].
     a : ndarray of complex128, shape (num_paths, 2, 2)
-        Polarimetric transfer between the array centres (the radar frame's origins), without the carrier's phase over the
-        length and without antennas, so that ``|a|**2`` is received over transmitted power of isotropic antennas. Rows:
-        received theta-hat (V), phi-hat (H); columns: transmitted. Spherical basis of the radar frame (z up) at each end.
-        The field at the receiver is ``a * exp(-2j pi f tau)``.
+        Polarimetric transfer, dimensionless, between the array centres (the radar frame's origins), without the
+        carrier's phase over the length and without antennas, so that ``|a|**2`` is received over transmitted power of
+        isotropic antennas. Rows: received theta-hat (V), phi-hat (H); columns: transmitted. Spherical basis of the
+        radar frame (z up) at each end. The field at the receiver is ``a * exp(-2j pi f tau)``.
     length_rate : ndarray of float64, shape (num_paths,)
         d(length)/dt at the array centres [m/s].
     length_acceleration : ndarray of float64, shape (num_paths,)
@@ -53,7 +53,8 @@ class RadarPaths(
     semantic : ndarray of uint8, shape (num_paths,)
         Semantic class of the last scatterer.
     rx_image : ndarray of float64, shape (num_paths, 3, 4), or None
-        For paths of mirror reflections only: isometry that maps the receiver to its image; NaN for other paths.
+        For paths of mirror reflections only: isometry that maps the receiver to its image, last column [m];
+        NaN for other paths.
     world_from_tx, world_from_rx : Pose
         Radar frames of the transmitter and of the receiver; equal for a monostatic radar.
     diagnostics : mapping
@@ -94,12 +95,13 @@ class RadarPaths(
         return np.asarray(np.isfinite(self.rx_image).all(axis=(1, 2)))
 
     def end_vectors(self) -> tuple[Array, Array]:
-        """Return the vectors from the transmitter's origin along which paths leave, and from the receiver's whence they arrive.
+        """Return the vectors along which paths leave the transmitter's origin and arrive at the receiver's.
 
         Returns
         -------
         tx_vector, rx_vector : ndarray of float64, shape (num_paths, 3)
-            [m, world]: to `tx_point` and `rx_point`; for a path of mirror reflections only, to the image of the other end.
+            [m, world]: to `tx_point` and `rx_point`; for a path of mirror reflections only, to the image of the other
+            end.
         """
         tx_vector = self.tx_point - self.world_from_tx.position
         rx_vector = self.rx_point - self.world_from_rx.position
@@ -131,12 +133,19 @@ class RadarPaths(
             Columns of `instance` and `interaction`.
         """
         return cls(
-            tx_point=np.zeros((0, 3)), rx_point=np.zeros((0, 3)), inner_length=np.zeros(0),
-            a=np.zeros((0, 2, 2), np.complex128), length_rate=np.zeros(0), length_acceleration=np.zeros(0),
-            instance=np.zeros((0, max_depth), np.int32), interaction=np.zeros((0, max_depth), np.int32),
-            depth=np.zeros(0, np.int32), semantic=np.zeros(0, np.uint8), world_from_tx=world_from_tx,
+            tx_point=np.zeros((0, 3)),
+            rx_point=np.zeros((0, 3)),
+            inner_length=np.zeros(0),
+            a=np.zeros((0, 2, 2), np.complex128),
+            length_rate=np.zeros(0),
+            length_acceleration=np.zeros(0),
+            instance=np.zeros((0, max_depth), np.int32),
+            interaction=np.zeros((0, max_depth), np.int32),
+            depth=np.zeros(0, np.int32),
+            semantic=np.zeros(0, np.uint8),
+            world_from_tx=world_from_tx,
             world_from_rx=world_from_tx if world_from_rx is None else world_from_rx,
-        )  # fmt: skip
+        )
 
     @classmethod
     def concatenate(cls, blocks: Sequence[RadarPaths], diagnostics: Mapping[str, Any] | None = None) -> RadarPaths:
@@ -188,7 +197,10 @@ class RadarPaths(
 
     @property
     def apparent_points(self) -> Array:
-        """Where the receiver sees each path: along its direction of arrival, at half its length; (num_paths, 3) [m, world]."""
+        """Where the receiver sees each path: along its direction of arrival, at half its length.
+
+        (num_paths, 3) [m, world].
+        """
         arrival = self.end_vectors()[1]
         unit = arrival / np.maximum(np.linalg.norm(arrival, axis=1, keepdims=True), 1e-12)
         return np.asarray(self.world_from_rx.position + unit * (self.length / 2.0)[:, None])
@@ -199,8 +211,9 @@ class RadarPaths(
         Parameters
         ----------
         view : {"range", "map"}
-            ``"range"``: received power of isotropic antennas over half the length, coloured by radial velocity. ``"map"``: from
-            above, where the radar sees each path (its direction of arrival, at half its length), coloured by power.
+            ``"range"``: received power of isotropic antennas over half the length, coloured by radial velocity.
+            ``"map"``: from above, where the radar sees each path (its direction of arrival, at half its length),
+            coloured by power.
         dynamic_range_db : float
             Paths farther below the strongest are left out [dB].
         ax : matplotlib.axes.Axes, optional
@@ -220,7 +233,7 @@ class RadarPaths(
         return plot_paths(self, view, dynamic_range_db, ax)
 
     def select(self, index: npt.ArrayLike) -> RadarPaths:
-        """Return the paths of an index, a mask or a slice."""
+        """Return the paths of an index of any shape (n,), a mask of shape (num_paths,) or a slice."""
         chosen = np.asarray(index) if not isinstance(index, slice) else index
         changed = {
             item.name: value[chosen]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ def point_targets(
     radar: RadarSpec,
     mount: Mount | Pose,
     state: WorldState | None = None,
-    **fields: Any,
+    **fields: object,
 ) -> RadarPaths:
     r"""Return the paths of ideal isotropic point targets.
 
@@ -44,21 +44,21 @@ def point_targets(
         Radar cross-section [m2], >= 0, the same for V and H; nothing is cross-polarised. A scalar holds for all.
     radar : RadarSpec
     mount : Mount or Pose
-        Of the radar at the start of the frame; a bare pose (`world_from_radar`) stands still. Rotation within a frame is not
-        modelled.
+        Of the radar at the start of the frame; a bare pose (`world_from_radar`) stands still. Rotation within a frame
+        is not modelled.
     state : WorldState, optional
         Surroundings: the paths to the targets are then traced in them, with occlusion and mirror reflections (two-ray
         ground, ghosts); free space if left out.
     **fields
         With a `state` only: `settings` (a :class:`~scarl_sionna.RadarSettings`) or its fields, as in
-        :func:`scarl_sionna.solve_paths`, for the solver ``"sionna"``; `receiver` (a Mount or Pose) of a bistatic pair; and
-        `environment`, whether paths that touch no target are there, too (False).
+        :func:`scarl_sionna.solve_paths`, for the solver ``"sionna"``; `receiver` (a Mount or Pose) of a bistatic pair;
+        and `environment`, whether paths that touch no target are there, too (False).
 
     Returns
     -------
     RadarPaths
-        In free space one path a target, in the order given, of depth 1; `instance` is the target's index + 1. In a scene
-        see :func:`solve_sionna`; the targets' ids follow the scene's own.
+        In free space one path a target, in the order given, of depth 1; `instance` is the target's index + 1. In a
+        scene see :func:`solve_sionna`; the targets' ids follow the scene's own.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def point_targets(
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
     if state is not None:
-        return solve_points(state, radar, mount, targets, **fields)
+        return solve_points(state, radar, mount, targets, **cast("dict[str, Any]", fields))
     if fields:
         raise ParameterRangeError("options", ", ".join(sorted(fields)), "none in free space", "give a state")
     place = Mount.of(mount)
@@ -119,7 +119,7 @@ def solve_points(
     settings: RadarSettings | None = None,
     receiver: Mount | Pose | None = None,
     environment: bool = False,
-    **fields: Any,
+    **fields: object,
 ) -> RadarPaths:
     """Return the paths of point targets in surroundings, with occlusion and multipath by the solver ``"sionna"``.
 

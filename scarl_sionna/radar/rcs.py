@@ -52,24 +52,25 @@ def rcs(
     Parameters
     ----------
     mesh : trimesh.Trimesh, path, Body, sequence of (mesh, material) or mapping of material to mesh
-        Triangle mesh [m]; a `Body` is a mesh that has been made ready once. Parts of several materials stand in one frame and
-        shadow and light each other; those of a scene's actor come from :func:`actor_parts`.
-    frequency : array_like of float
+        Triangle mesh [m]; a `Body` is a mesh that has been made ready once. Parts of several materials stand in one
+        frame and shadow and light each other; those of a scene's actor come from :func:`actor_parts`.
+    frequency : array_like of float, any shape
         [Hz]. It is broadcast with the angles, and so are they with each other.
-    theta, phi : array_like of float
+    theta, phi : array_like of float, any shape
         Direction from the target to the transmitter: from +z, and from +x in the xy plane [rad].
     polarization : {"VV", "HH", "VH", "HV"}
         Receive letter first; V is along theta_hat, H along phi_hat.
     material : str, complex or RadioMaterial
-        "metal" (or "pec") is a perfect conductor; another name is one of `materials`; a number is the relative permittivity of
-        a half space, with an imaginary part <= 0. A material with a thickness is a layer with air behind. Left out where
-        the parts have materials of their own.
-    theta_s, phi_s : array_like of float, optional
+        "metal" (or "pec") is a perfect conductor; another name is one of `materials`; a number is the relative
+        permittivity of a half space, with an imaginary part <= 0. A material with a thickness is a layer with air
+        behind. Left out where the parts have materials of their own.
+    theta_s, phi_s : array_like of float, any shape, optional
         Direction from the target to the receiver [rad]; one that is not given is the transmitter's.
     materials : MaterialTable, optional
         Where a name is looked up; by default the built-in table.
     settings : SbrSettings, optional
-        Bounces, and how densely rays probe the mesh; what is left out fits the size of the mesh (`SbrSettings.for_size`).
+        Bounces, and how densely rays probe the mesh; what is left out fits the size of the mesh
+        (`SbrSettings.for_size`).
 
     Returns
     -------
@@ -96,8 +97,8 @@ def rcs(
     -----
     .. math:: \sigma = 4 \pi |S|^2
 
-    *Validity*: targets above 3 wavelengths, within some 20 dB of their peaks. *Not modelled*: edge diffraction, creeping
-    waves, what passes through a dielectric, rough surfaces. *Convergence*: docs/rcs.md.
+    *Validity*: targets above 3 wavelengths, within some 20 dB of their peaks. *Not modelled*: edge diffraction,
+    creeping waves, what passes through a dielectric, rough surfaces. *Convergence*: docs/rcs.md.
 
     References
     ----------
@@ -127,9 +128,13 @@ def scattering_matrix(
     Returns
     -------
     ndarray of complex128, shape (..., 2, 2)
-        S [m], receive polarisation (V, H) before transmit. The scattered field is :math:`S e^{-jkr} / r` for an incident
-        field of 1 V/m whose phase is zero at the origin of the mesh's frame (time dependence e^{+jwt}). Both
+        S [m], receive polarisation (V, H) before transmit. The scattered field is :math:`S e^{-jkr} / r` for an
+        incident field of 1 V/m whose phase is zero at the origin of the mesh's frame (time dependence e^{+jwt}). Both
         directions of a bistatic pair use theta_hat and phi_hat of their own direction.
+
+    References
+    ----------
+    .. [1] H. Ling, R.-C. Chou, S.-W. Lee, "Shooting and Bouncing Rays", IEEE Trans. Antennas Propag. 37(2), 1989.
     """
     arrays = [np.asarray(a, dtype=np.float64) for a in (frequency, theta, phi)]
     arrays.append(arrays[1] if theta_s is None else np.asarray(theta_s, dtype=np.float64))
@@ -227,6 +232,8 @@ def rcs_cut(
 ) -> RcsCut:
     """Return the monostatic RCS over a full turn of phi, or over theta from 0 to 180 deg.
 
+    Method and source as of :func:`rcs` (Ling, Chou and Lee, 1989).
+
     Parameters
     ----------
     mesh, frequency, material, materials, settings
@@ -240,6 +247,13 @@ def rcs_cut(
         The angle that does not turn [deg].
     on_progress : callable, optional
         Called with the number of angles done and of all, after every few angles.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such cut or polarisation.
+    ParameterRangeError
+        If the step is out of its range.
     """
     if cut not in ("azimuth", "elevation"):
         raise UnknownNameError("cut", str(cut), ("azimuth", "elevation"))

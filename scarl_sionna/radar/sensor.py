@@ -37,8 +37,8 @@ class Radar:
     spec : RadarSpec
         What the radar is.
     settings : RadarSettings, optional
-        How its data are computed: channel solver, noise, blocks of chirps (whose trajectories must cover the frame), labels. A
-        solver's own settings may be given, too.
+        How its data are computed: channel solver, noise, blocks of chirps (whose trajectories must cover the frame),
+        labels. A solver's own settings may be given, too.
     method : str, optional
         Short form of ``settings.method``.
 

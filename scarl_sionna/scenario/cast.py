@@ -17,7 +17,7 @@ from scarl_sionna.scene.document.staging import StagedActor
 from scarl_sionna.scene.materials.table import load_materials
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
-from .motion.bodies import Body
+from .motion.bodies import ActorBody
 from .motion.motions import Setting, trajectory_of
 from .randomize import Jitter, draw_jitter, draw_look
 from .spec.actors import ActorSpec, EgoSpec, MeshSpec
@@ -31,15 +31,15 @@ EGO = "ego"
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """One who takes part: where the scenario states it, and what is put into the scene."""
+    """A participant: where the scenario states it, and what is put into the scene."""
 
     path: KeyPath
     actor: StagedActor
 
     @property
-    def body(self) -> Body:
+    def body(self) -> ActorBody:
         """Its measures."""
-        return Body.of(self.actor.model)
+        return ActorBody.of(self.actor.model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +116,23 @@ def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> Actor
 
 @lru_cache(maxsize=64)
 def _mesh_model(file: Path, changed: int, name: str, text: str) -> ActorModel:
-    """Return the model of a mesh; `changed` tells when the file was, so that a new one is read, `text` holds the `MeshSpec`."""
+    """Return the model of a mesh.
+
+    `changed` tells when the file was, so that a new one is read, `text` holds the `MeshSpec`.
+    """
     mesh = MeshSpec(**json.loads(text))
     return actor_from_mesh(
-        file, name, mesh.semantic, mesh.materials, scale=mesh.scale, up=mesh.up, forward=mesh.forward, motion=mesh.motion,
-        wheelbase=mesh.wheelbase, rear_axle=mesh.rear_axle,
-    )  # fmt: skip
+        file,
+        name,
+        mesh.semantic,
+        mesh.materials,
+        scale=mesh.scale,
+        up=mesh.up,
+        forward=mesh.forward,
+        motion=mesh.motion,
+        wheelbase=mesh.wheelbase,
+        rear_axle=mesh.rear_axle,
+    )
 
 
 def cast_of(
@@ -153,14 +164,20 @@ def _motion(spec: ScenarioSpec, scene: SceneDocument, role: Role, setting: Setti
         if entry is None or entry.trajectory is None:
             raise ScenarioValueError(
                 f"states no motion, and scene '{spec.scene}' has no ego vehicle whose motion it could take",
-                spec.place(*role.path), "give it a `trajectory`",
-            )  # fmt: skip
+                spec.place(*role.path),
+                "give it a `trajectory`",
+            )
         return entry.trajectory
     place = functools.partial(spec.place, *role.path, "trajectory")
-    return trajectory_of(stated, role.name, Body.of(role.model), setting, place, jitter)
+    return trajectory_of(stated, role.name, ActorBody.of(role.model), setting, place, jitter)
 
 
 def _staged(spec: ScenarioSpec, role: Role, trajectory: Trajectory) -> StagedActor:
     return StagedActor(
-        role.name, role.model, trajectory, detail=role.spec.detail or spec.detail, variant=role.variant, colors=role.colors or None
-    )  # fmt: skip
+        role.name,
+        role.model,
+        trajectory,
+        detail=role.spec.detail or spec.detail,
+        variant=role.variant,
+        colors=role.colors or None,
+    )

@@ -1,4 +1,7 @@
-"""Builds the world of a scenario: scene, actors and their motions, traffic, weather and light, and the checks that all this can be."""
+"""Builds the world of a scenario.
+
+Scene, actors and their motions, traffic, weather and light, and the checks that all this can be.
+"""
 
 from __future__ import annotations
 
@@ -147,14 +150,18 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
     if spec.variant != 0:
         raise ScenarioValueError(
             f"= {spec.variant}, but '{text}' is no scene that the package builds: it has no variants",
-            spec.place("variant"), "leave it out", value=spec.variant,
-        )  # fmt: skip
+            spec.place("variant"),
+            "leave it out",
+            value=spec.variant,
+        )
     is_path = text.endswith(".xml") or "/" in text
     if is_path and not spec.find(text).exists():
         raise ScenarioFileError(
-            f"scene file '{text}' is not there", spec.place("scene"), "give the name of a scene or the path of a Mitsuba XML",
+            f"scene file '{text}' is not there",
+            spec.place("scene"),
+            "give the name of a scene or the path of a Mitsuba XML",
             value=text,
-        )  # fmt: skip
+        )
     try:
         found = find_scene(spec.find(text) if is_path else text)
     except UnknownNameError as error:
@@ -172,9 +179,13 @@ def remaining(spec: ScenarioSpec, scene: SceneDocument) -> SceneDocument:
     for index, actor in enumerate(spec.actors):
         if actor.name in taken:
             raise ScenarioNameError(
-                f"'{actor.name}' is the name of something in scene '{spec.scene}'", spec.place("actors", index, "name"),
-                "give the actor another name", value=actor.name, kind="actor", known=[],
-            )  # fmt: skip
+                f"'{actor.name}' is the name of something in scene '{spec.scene}'",
+                spec.place("actors", index, "name"),
+                "give the actor another name",
+                value=actor.name,
+                kind="actor",
+                known=[],
+            )
     return without_actors(scene, gone)
 
 

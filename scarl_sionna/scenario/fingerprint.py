@@ -19,8 +19,8 @@ _SIMPLE = ("variant", "detail", "lighting", "weather")
 def fingerprint(composition: Composition) -> dict[str, Any]:
     """Return what a scenario states beyond scene, instants and seed; what it leaves at its default is left out.
 
-    Files stand there by the SHA-256 of their content: a scenario that was moved to another folder is the same, and one whose
-    table or mesh was changed is another.
+    Files stand there by the SHA-256 of their content: a scenario that was moved to another folder is the same, and one
+    whose table or mesh was changed is another.
     """
     spec = composition.spec
     plain, defaults = spec.to_dict(), ScenarioSpec().to_dict()

@@ -120,19 +120,15 @@ def _apart(
     times = np.arange(setting.first, setting.last + STEP / 2.0, STEP)
     bodies = [(f"given {number}", trajectory, body) for number, (trajectory, body) in enumerate(given)]
     hits = find_collisions([*bodies, *((one.name, one.trajectory, one.body) for one in planned)], times)
-    met = {
-        name
-        for hit in hits
-        if hit.first.startswith("given ")
-        for name in (hit.second,)
-        if not name.startswith("given ")
-    }
+    fixed = {name for name, _, _ in bodies}
+    met = {hit.second for hit in hits if hit.first in fixed and hit.second not in fixed}
     if met:
         warnings.warn(
-            f"{len(met)} of {len(planned)} vehicles of SUMO meet an actor of the scenario and are left out: "
-            f"{', '.join(sorted(met)[:5])}",
-            ScarlWarning, stacklevel=2,
-        )  # fmt: skip
+            f"{len(met)} of {len(planned)} vehicles of SUMO meet an actor of the "
+            f"scenario and are left out: {', '.join(sorted(met)[:5])}",
+            ScarlWarning,
+            stacklevel=2,
+        )
     return [one for one in planned if one.name not in met]
 
 

@@ -1,4 +1,4 @@
-"""Lanes of a scene: centre lines in the direction of travel, how they continue, who gives way, signals and parking places.
+"""Lanes of a scene: centre lines in the direction of travel, successors, right of way, signals, parking places.
 
 Plain data that is checked once, when it is made: what drives on the lanes is planned in :mod:`scarl_sionna.scenario`.
 """
@@ -119,7 +119,10 @@ class Lane(Described, units={"points": "m", "width": "m", "speed": "m/s"}):
 
     @cached_property
     def end_headings(self) -> tuple[float, float]:
-        """Heading of the tangent at the first and at the last point [rad]: that of the circle through the outer three points."""
+        """Heading of the tangent at the first and at the last point [rad].
+
+        That of the circle through the outer three points.
+        """
         chords, steps = self.chord_headings, np.diff(self.distances)
         if chords.size == 1:
             return float(chords[0]), float(chords[0])
@@ -128,12 +131,12 @@ class Lane(Described, units={"points": "m", "width": "m", "speed": "m/s"}):
         return float(first), float(last)
 
     def at(self, distance: npt.ArrayLike) -> Array:
-        """Return points (..., 3) [m, world] of the polyline at distances (...,) from its start [m], held at its ends."""
+        """Return points (..., 3) [m, world] of the polyline at distances [m] from its start, held at its ends."""
         way = np.asarray(distance, dtype=np.float64)
         return np.stack([np.interp(way, self.distances, self.points[:, axis]) for axis in range(3)], axis=-1)
 
     def nearest(self, point: npt.ArrayLike) -> tuple[float, float]:
-        """Return the distance along the lane and the distance in plan [m] of its point nearest to one (2 or 3 coordinates)."""
+        """Return the distance along the lane and in plan [m] of its point nearest to one, shape (2,) or (3,)."""
         target = np.asarray(point, dtype=np.float64)[:2]
         start, step = self.points[:-1, :2], np.diff(self.points[:, :2], axis=0)
         share = np.clip(((target - start) * step).sum(1) / np.maximum((step * step).sum(1), 1e-12), 0.0, 1.0)
@@ -146,7 +149,15 @@ class Lane(Described, units={"points": "m", "width": "m", "speed": "m/s"}):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ParkingPlace(Described, units={"position": "m", "yaw_deg": "deg", "length": "m", "width": "m"}):
-    """A place of one parked car: `position` (3,) of its middle on the ground [m, world], `yaw_deg` [deg], `length`, `width` [m]."""
+    """A place of one parked car.
+
+    `position` (3,) of its middle on the ground [m, world], `yaw_deg` [deg], `length`, `width` [m].
+
+    Raises
+    ------
+    ParameterRangeError
+        If the position is not three finite coordinates, or another value not a finite number.
+    """
 
     position: Array
     yaw_deg: float = 0.0
@@ -165,7 +176,13 @@ class ParkingPlace(Described, units={"position": "m", "yaw_deg": "deg", "length"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signals(Described, units={"cycle": "s"}):
-    """Fixed-time signals: `cycle` [s], and for each group the start and the end of green within it [s]."""
+    """Fixed-time signals: `cycle` [s], and for each group the start and the end of green within it [s].
+
+    Raises
+    ------
+    ParameterRangeError
+        If a green does not lie within the cycle.
+    """
 
     cycle: float
     green: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -217,8 +234,8 @@ class LaneNetwork(Described):
     Raises
     ------
     ParameterRangeError
-        If a name stands twice, or lanes that continue each other are more than 0.1 m or 5 deg apart, or neighbours are not
-        side by side.
+        If a name stands twice, or lanes that continue each other are more than 0.1 m or 5 deg apart, or neighbours are
+        not side by side.
     UnknownNameError
         If a lane or a signal group that is named does not exist.
     """
@@ -273,7 +290,15 @@ class LaneNetwork(Described):
         return next((lane for lane in self.lanes if lane.left == name), None)
 
     def check_route(self, names: Sequence[str]) -> tuple[Lane, ...]:
-        """Return the lanes of a route, after a check that each one continues the one before it."""
+        """Return the lanes of a route, after a check that each one continues the one before it.
+
+        Raises
+        ------
+        ParameterRangeError
+            If there is no lane.
+        UnknownNameError
+            If a lane is unknown, or does not continue the one before it.
+        """
         lanes = tuple(self[name] for name in names)
         if not lanes:
             raise ParameterRangeError("lanes", list(names), "one lane or more")

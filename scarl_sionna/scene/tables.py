@@ -59,7 +59,10 @@ class Actor(Described):
     joints: tuple[Joint, ...] = ()
 
     def motions(self, time: float) -> dict[str, Motion]:
-        """Return the motion relative to the actor of each shape that has a joint; beyond the trajectory that at its end."""
+        """Return the motion relative to the actor of each shape that has a joint.
+
+        Beyond the trajectory, the motion at its end.
+        """
         known = min(max(time, self.trajectory.start), self.trajectory.stop)
         return {shape: motion for joint in self.joints for shape, motion in joint.motions(known).items()}
 
@@ -138,10 +141,16 @@ def part_table(document: SceneDocument, materials: MaterialTable) -> tuple[PartT
             radio_entry = materials[material.radio]
             reflectance, transmittance = material.lidar_reflectance, material.lidar_transmittance
             rows.append(
-                (shape, number, semantic_id(entry.semantic), radio_entry.name,
-                 radio_entry.lidar_reflectance if reflectance is None else reflectance,
-                 radio_entry.lidar_transmittance if transmittance is None else transmittance, actor)
-            )  # fmt: skip
+                (
+                    shape,
+                    number,
+                    semantic_id(entry.semantic),
+                    radio_entry.name,
+                    radio_entry.lidar_reflectance if reflectance is None else reflectance,
+                    radio_entry.lidar_transmittance if transmittance is None else transmittance,
+                    actor,
+                )
+            )
     name, instance, semantic, radio, reflectances, transmittances, actor_index = zip(*rows, strict=True)
     table = PartTable(
         name=name,

@@ -1,1 +1,4 @@
-"""Radar signal processing on plain arrays: noise, converter, range-Doppler maps, directions, detection. No scene, no engine."""
+"""Radar signal processing on plain arrays: noise, converter, range-Doppler maps, directions, detection.
+
+No scene, no engine.
+"""

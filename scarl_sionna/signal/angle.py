@@ -87,7 +87,8 @@ class RangeDopplerAngle(Described):
         Parameters
         ----------
         view : {"map", "range_azimuth", "range_doppler"}
-            ``"map"``: from above, in metres, within the radar's field of view; or over range and azimuth, or range and velocity.
+            ``"map"``: from above, in metres, within the radar's field of view; or over range and azimuth, or range and
+            velocity.
         max_range : float, optional
             Last range shown [m]; default: all.
         dynamic_range_db : float
@@ -111,7 +112,7 @@ class RangeDopplerAngle(Described):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class UniformLine(Described, units={"spacing": "m"}):
-    """The virtual array as a line along y with one spacing: `order` sorts the channels, `spacing` is in metres."""
+    """The virtual array as a line along y with one spacing: the channels' `order` (num_virtual,), the `spacing` [m]."""
 
     order: npt.NDArray[np.intp]
     spacing: float
@@ -137,7 +138,10 @@ def has_elevation(radar: RadarSpec) -> bool:
 
 
 def directions(azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
-    """Return unit vectors (..., 3) of the radar frame towards azimuth and elevation [rad], broadcast."""
+    """Return unit vectors (..., 3) of the radar frame towards azimuth and elevation [rad], broadcast.
+
+    Exact geometry.
+    """
     azimuth, elevation = np.broadcast_arrays(np.asarray(azimuth, np.float64), np.asarray(elevation, np.float64))
     cosine = np.cos(elevation)
     return np.stack([cosine * np.cos(azimuth), cosine * np.sin(azimuth), np.sin(elevation)], axis=-1)
@@ -147,6 +151,10 @@ def steering(radar: RadarSpec, unit_vectors: npt.ArrayLike) -> npt.NDArray[np.co
     """Return the far-field beat phasors of every channel, shape (..., num_virtual), for unit vectors (..., 3).
 
     ``exp(-2j pi f_c (tx + rx) @ n / c)`` at the middle of the sampled ramp: the path shortens towards the target.
+
+    References
+    ----------
+    .. [1] H. L. Van Trees, *Optimum Array Processing*, 2002, chapter 2.
     """
     length = np.asarray(unit_vectors, dtype=np.float64) @ virtual_positions(radar).T
     return np.exp(-2j * np.pi * radar.center_frequency / SPEED_OF_LIGHT * length)
@@ -179,7 +187,8 @@ def range_doppler_angle(
     num_azimuth : int, optional
         Directions, uniform in the sine of azimuth; left out: a power of two, at least four a beamwidth.
     num_elevation : int
-        Directions over twice the radar's elevation field of view, uniform in the sine; used with a vertical extent only.
+        Directions over twice the radar's elevation field of view, uniform in the sine; used with a vertical extent
+        only.
 
     Returns
     -------
@@ -197,6 +206,10 @@ def range_doppler_angle(
     removed by :func:`range_doppler`. A line cannot tell azimuth from elevation: its azimuth axis is asin of the
     direction's y component. A spherical wavefront blurs the beam of an array of extent D nearer than 2 D^2 / wavelength
     (0.27 m for the default array); the peak stays at the direction from the array's centre.
+
+    References
+    ----------
+    .. [1] H. L. Van Trees, *Optimum Array Processing*, 2002, chapter 2.
     """
     cube, radar = cube_of(cube, radar)
     rd = range_doppler(cube, radar, window, doppler_window, num_range_bins, num_doppler_bins, compensate_motion)

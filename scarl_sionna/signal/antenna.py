@@ -12,13 +12,19 @@ Array = npt.NDArray[np.float64]
 
 
 def azimuth_elevation(vectors: npt.ArrayLike) -> tuple[Array, Array]:
-    """Return azimuth (left positive) and elevation [rad] of vectors (..., 3) in the radar frame."""
+    """Return azimuth (left positive) and elevation [rad] of vectors (..., 3) in the radar frame.
+
+    Exact geometry.
+    """
     x, y, z = np.moveaxis(np.asarray(vectors, dtype=np.float64), -1, 0)
     return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
 
 
 def field_gain(pattern: AntennaPattern, vectors: npt.ArrayLike) -> Array:
-    """Return the square root of the power gain towards vectors (..., 3) in the radar frame."""
+    """Return the square root of the power gain towards vectors (..., 3) in the radar frame.
+
+    By definition of the pattern, dimensionless.
+    """
     azimuth, elevation = azimuth_elevation(vectors)
     return 10.0 ** (pattern.gain_db(azimuth, elevation) / 20.0)
 
@@ -27,5 +33,9 @@ def virtual_positions(radar: RadarSpec) -> Array:
     """Return tx + rx position of every channel ``i * num_rx + j``, shape (num_virtual, 3) [m, radar frame].
 
     In the far field the length of channel c towards the unit vector n is ``2 R - virtual_positions[c] @ n``.
+
+    References
+    ----------
+    .. [1] J. Li, P. Stoica, "MIMO radar with colocated antennas", IEEE Signal Process. Mag. 24(5), 2007.
     """
     return (radar.tx_array[:, None, :] + radar.rx_array[None, :, :]).reshape(-1, 3)

@@ -10,7 +10,10 @@ from scarl_sionna.core.units import dbm_to_watt
 
 
 def step_size(radar: RadarSpec) -> float:
-    """Return the value of one converter step [sqrt(W)]: a tone of full-scale power just reaches the largest code."""
+    """Return the value of one converter step [sqrt(W)]: a tone of full-scale power just reaches the largest code.
+
+    By definition of full scale.
+    """
     return float(np.sqrt(dbm_to_watt(radar.adc.full_scale_dbm)) / (2 ** (radar.adc.bits - 1) - 1))
 
 
@@ -36,6 +39,10 @@ def quantize(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> tuple[np
     Notes
     -----
     Without clipping the error of I and of Q is uniform in +- half a step: its power is ``scale**2 / 6`` in all.
+
+    References
+    ----------
+    .. [1] W. R. Bennett, "Spectra of quantized signals", Bell Syst. Tech. J. 27(3), 1948.
     """
     scale = step_size(radar)
     highest = 2 ** (radar.adc.bits - 1) - 1

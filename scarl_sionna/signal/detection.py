@@ -153,7 +153,18 @@ def detect(
 def cfar(
     rd: RangeDoppler, pfa: float = 1e-6, guard: tuple[int, int] = (3, 3), training: tuple[int, int] = (6, 8)
 ) -> npt.NDArray[np.bool_]:
-    """Return which cells exceed the average of the training cells around them, shape (num_doppler, num_range)."""
+    """Return which cells exceed the average of the training cells around them, shape (num_doppler, num_range).
+
+    Raises
+    ------
+    ParameterRangeError
+        If the probability is not between 0 and 1, or the window is empty or larger than the map.
+
+    References
+    ----------
+    .. [1] H. Rohling, "Radar CFAR thresholding in clutter and multiple target situations", IEEE Trans. Aerosp.
+       Electron. Syst. 19(4), 1983: cell averaging.
+    """
     if not 0.0 < pfa < 1.0:
         raise ParameterRangeError("pfa", pfa, "0 < pfa < 1")
     if min(guard) < 0 or min(training) < 1:
@@ -191,7 +202,10 @@ def _threshold_factor(
 
 
 def _correlation_loss(rd: RangeDoppler, outer: tuple[int, ...], inner: tuple[int, ...]) -> float:
-    """Return independent training cells over training cells: N / (mean over cells of the sum of squared correlations)."""
+    """Return independent training cells over training cells.
+
+    N / (mean over cells of the sum of squared correlations).
+    """
     radar = rd.radar
     doppler = _power_correlation(rd.window[1], radar.num_chirps, rd.data.shape[1], outer[0])
     distance = _power_correlation(rd.window[0], radar.num_samples, rd.data.shape[2], outer[1])
@@ -257,8 +271,10 @@ def _points(
 def _straddle_gain(rd: RangeDoppler, range_offset: Array, doppler_offset: Array, radar: RadarSpec) -> Array:
     """Return the power of a tone at an offset from its bin over that on the bin."""
     gain = np.ones_like(range_offset)
-    axes = ((rd.window[0], radar.num_samples, rd.data.shape[2], range_offset),
-            (rd.window[1], radar.num_chirps, rd.data.shape[1], doppler_offset))  # fmt: skip
+    axes = (
+        (rd.window[0], radar.num_samples, rd.data.shape[2], range_offset),
+        (rd.window[1], radar.num_chirps, rd.data.shape[1], doppler_offset),
+    )
     for window, count, num_bins, offset in axes:
         position = np.arange(count) - (count - 1) / 2.0
         response = np.cos(2.0 * np.pi * np.outer(offset, position) / num_bins) @ window_values(window, count)

@@ -15,13 +15,14 @@ def spreading(wavelength: float, *distances: npt.ArrayLike) -> Array:
     ----------
     wavelength : float
         [m].
-    *distances : array_like of float
+    *distances : array_like of float, shapes that broadcast
         Legs of the path, from antenna to scatterer, from scatterer to scatterer, and back [m], > 0.
 
     Returns
     -------
-    ndarray of float64
-        Received over incident amplitude, for scattering matrices S [m] with :math:`\sigma = 4 \pi |S|^2` at every scatterer.
+    ndarray of float64, of the broadcast shape
+        Received over incident amplitude, for scattering matrices S [m] with :math:`\sigma = 4 \pi |S|^2` at every
+        scatterer.
 
     Notes
     -----
@@ -38,14 +39,19 @@ def spreading(wavelength: float, *distances: npt.ArrayLike) -> Array:
 
 
 def radar_gain(wavelength: float, distance: npt.ArrayLike) -> Array:
-    r"""Return received over transmitted power of a monostatic radar with isotropic antennas for 1 m2 at a distance [1/m2].
+    r"""Return received over transmitted power of a monostatic radar with isotropic antennas for 1 m2 [1/m2].
 
     Parameters
     ----------
     wavelength : float
         [m].
-    distance : array_like of float
+    distance : array_like of float, any shape
         [m], > 0.
+
+    Returns
+    -------
+    ndarray of float64, shape of `distance`
+        [1/m2].
 
     Notes
     -----

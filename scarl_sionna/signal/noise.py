@@ -1,4 +1,7 @@
-"""Thermal noise of the receiver, of a sample and of a cell; added to a beat signal [sqrt(W)]. Left out (`rng=None`) it changes nothing."""
+"""Thermal noise of the receiver, of a sample and of a cell; added to a beat signal [sqrt(W)].
+
+Left out (`rng=None`) it changes nothing.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,10 @@ from .windows import noise_bandwidth
 
 
 def sample_noise_power(radar: RadarSpec) -> float:
-    """Return the thermal noise power of one complex sample, referred to the receiver's input [W]."""
+    """Return the thermal noise power of one complex sample, referred to the receiver's input [W].
+
+    By definition, :func:`~scarl_sionna.core.units.thermal_noise_power` in the band of the sample rate.
+    """
     return thermal_noise_power(radar.sample_rate, radar.front_end.noise_figure_db, radar.front_end.source_temperature)
 
 
@@ -25,15 +31,22 @@ def cell_noise_power(
     ----------
     radar : RadarSpec
     window, doppler_window : str or None
-        Of the range and of the Doppler transform; None is ``"rect"`` for the first, and the same as the first for the second.
+        Of the range and of the Doppler transform; None is ``"rect"`` for the first, and the same as the first for the
+        second.
     num_channels : int
-        Channels whose mean a cell is: 1 in a map of one channel, ``radar.num_virtual`` in a beam of the whole array without taper.
+        Channels whose mean a cell is: 1 in a map of one channel, ``radar.num_virtual`` in a beam of the whole array
+        without taper.
 
     Returns
     -------
     float
-        ``k T B F * ENBW_range * ENBW_doppler / (num_samples * num_chirps * num_channels)``: the processing gain less the
-        windows' loss [W].
+        ``k T B F * ENBW_range * ENBW_doppler / (num_samples * num_chirps * num_channels)``: the processing gain less
+        the windows' loss [W].
+
+    References
+    ----------
+    .. [1] F. J. Harris, "On the use of windows for harmonic analysis with the discrete Fourier transform", Proc.
+       IEEE 66(1), 1978.
     """
     doppler_window = window if doppler_window is None else doppler_window
     gain = radar.num_samples * radar.num_chirps * num_channels
@@ -42,7 +55,12 @@ def cell_noise_power(
 
 
 def angle_cell_noise_power(radar: RadarSpec) -> float:
-    """Return the mean thermal noise power of a cell of the range-Doppler-angle cube, without windows [W]: the lowest there is."""
+    """Return the mean thermal noise power of a cell of the range-Doppler-angle cube, without windows [W].
+
+    The lowest there is.
+
+    By definition, :func:`cell_noise_power` without windows, over all channels.
+    """
     return cell_noise_power(radar, "rect", num_channels=radar.num_virtual)
 
 
@@ -69,6 +87,10 @@ def add_noise(
     -----
     White circular Gaussian noise, independent between samples, chirps and receivers; mean 0, variance
     ``thermal_noise_power(radar.sample_rate, ...)`` in total, half of it in each of I and Q.
+
+    References
+    ----------
+    .. [1] H. T. Friis, "Noise Figures of Radio Receivers", Proc. IRE 32(7), 1944.
     """
     if rng is None:
         return np.asarray(adc, dtype=np.complex64)

@@ -15,7 +15,10 @@ _TABLE_POINTS = 129
 
 
 def parabola_offset(left: npt.ArrayLike, middle: npt.ArrayLike, right: npt.ArrayLike) -> Array:
-    """Return the offset in bins of a parabola's vertex through three values about a maximum, within +- 0.5."""
+    """Return the offset in bins of a parabola's vertex through three values about a maximum, within +- 0.5.
+
+    Values of any one unit and any shape, kept. Exact for a parabola, by definition.
+    """
     left, middle, right = (np.asarray(value, dtype=np.float64) for value in (left, middle, right))
     curvature = left - 2.0 * middle + right
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -42,9 +45,11 @@ def tone_offset(
 ) -> Array:
     """Return the offset in bins of a tone's true frequency from the bin of its maximum, within +- 0.5.
 
+    By definition of a tone: found on the transform of the window itself.
+
     Parameters
     ----------
-    left, middle, right : array_like of float
+    left, middle, right : array_like of float, any shape
         Powers of three neighbouring bins, the middle one the largest [any unit].
     window : str
         Window of the transform over `count` values into `num_bins` bins.

@@ -138,9 +138,16 @@ def plot_points(points: PointsView, ax: Axes | None) -> Axes:
     low, high = centred(points.radial_velocity)
     size = 12.0 + 2.0 * np.clip(points.snr_db, 0.0, 60.0)
     drawn = axis.scatter(
-        points.position[:, 1], points.position[:, 0], c=points.radial_velocity, s=size, cmap=VELOCITY_MAP, vmin=low,
-        vmax=high, edgecolors="0.25", linewidths=0.5,
-    )  # fmt: skip
+        points.position[:, 1],
+        points.position[:, 0],
+        c=points.radial_velocity,
+        s=size,
+        cmap=VELOCITY_MAP,
+        vmin=low,
+        vmax=high,
+        edgecolors="0.25",
+        linewidths=0.5,
+    )
     axis.plot([0.0], [0.0], marker="^", color="black", markersize=8)
     aside = max(1.1 * np.abs(points.position[:, 1]).max(initial=10.0), 0.35 * points.position[:, 0].max(initial=0.0))
     sensor_map(axis, float(aside))

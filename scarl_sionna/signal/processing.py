@@ -38,12 +38,16 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
     Returns
     -------
     ndarray of complex64, shape (num_virtual, num_chirps, num_samples)
-        Channel ``i * num_rx + j`` is transmitter i, receiver j.
+        [sqrt(W)]; channel ``i * num_rx + j`` is transmitter i, receiver j.
 
     Raises
     ------
     ParameterRangeError
         If the shape is not the radar's.
+
+    References
+    ----------
+    .. [1] J. Li, P. Stoica, "MIMO radar with colocated antennas", IEEE Signal Process. Mag. 24(5), 2007.
     """
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     expected = (radar.num_rx, radar.num_chirps_total, radar.num_samples)
@@ -60,6 +64,9 @@ def cube_of(
     cube: npt.NDArray[np.complexfloating] | RadarFrame, radar: RadarSpec | None
 ) -> tuple[npt.NDArray[np.complexfloating], RadarSpec]:
     """Return a cube and its radar: as given, or those of a radar's frame.
+
+    A cube is of complex numbers [sqrt(W)], shape (num_virtual, num_chirps, num_samples), by definition of
+    :func:`virtual_cube`.
 
     Raises
     ------
@@ -145,13 +152,27 @@ class RangeDoppler(Described):
 
 
 def range_axis(radar: RadarSpec, num_range_bins: int | None = None) -> Array:
-    """Return the distances of the range bins [m]."""
+    """Return the distances of the range bins [m].
+
+    Shape (num_range,).
+
+    References
+    ----------
+    .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
+    """
     count = radar.num_samples if num_range_bins is None else num_range_bins
     return np.arange(count, dtype=np.float64) * (radar.max_range / count)
 
 
 def doppler_axis(radar: RadarSpec, num_doppler_bins: int | None = None) -> Array:
-    """Return the radial velocities of the Doppler bins [m/s], rising, positive when opening."""
+    """Return the radial velocities of the Doppler bins [m/s], rising, positive when opening.
+
+    Shape (num_doppler,).
+
+    References
+    ----------
+    .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
+    """
     count = radar.num_chirps if num_doppler_bins is None else num_doppler_bins
     return np.arange(-(count // 2), count - count // 2, dtype=np.float64) * (2.0 * radar.unambiguous_velocity / count)
 
@@ -199,16 +220,22 @@ def range_doppler(
     ``exp(-2j pi nu t_i)``. Both use the row's own velocity, so a target beyond the unambiguous velocity comes out at
     an aliased velocity **and** a range that is off by the corresponding amount.
 
-    What is left is the smear by migration within the frame, symmetric about the point, and a scale error of the velocity
-    of ``S tau / f_c``, 2e-4 at the largest range of the default radar.
+    What is left is the smear by migration within the frame, symmetric about the point, and a scale error of the
+    velocity of ``S tau / f_c``, 2e-4 at the largest range of the default radar.
+
+    References
+    ----------
+    .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
     cube, radar = cube_of(cube, radar)
     expected = (radar.num_virtual, radar.num_chirps, radar.num_samples)
     if np.shape(cube) != expected:
         raise ParameterRangeError(
-            "cube", f"shape {np.shape(cube)}", f"shape {expected} = (num_virtual, num_chirps, num_samples)",
+            "cube",
+            f"shape {np.shape(cube)}",
+            f"shape {expected} = (num_virtual, num_chirps, num_samples)",
             "make it with virtual_cube",
-        )  # fmt: skip
+        )
     num_range = _bins("num_range_bins", num_range_bins, radar.num_samples)
     num_doppler = _bins("num_doppler_bins", num_doppler_bins, radar.num_chirps)
     doppler_window = window if doppler_window is None else doppler_window

@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 _WINDOWS = {
     "rect": "boxcar", "hann": "hann", "hamming": "hamming", "blackman": "blackman",
     "blackmanharris": "blackmanharris", "chebyshev": ("chebwin", 80.0), "taylor": ("taylor", 4, 35),
-}  # fmt: skip
+}  # fmt: skip # a table
 
 
 def window_values(name: str | None, count: int) -> Array:
@@ -23,6 +23,11 @@ def window_values(name: str | None, count: int) -> Array:
     ------
     UnknownNameError
         If the name is not known.
+
+    References
+    ----------
+    .. [1] F. J. Harris, "On the use of windows for harmonic analysis with the discrete Fourier transform", Proc.
+       IEEE 66(1), 1978.
     """
     key = "rect" if name is None else name
     if key not in _WINDOWS:
@@ -37,6 +42,12 @@ def window_values(name: str | None, count: int) -> Array:
 
 
 def noise_bandwidth(name: str | None, count: int) -> float:
-    """Return the equivalent noise bandwidth of a window in bins: 1 for ``"rect"``, 1.5 for a long ``"hann"``."""
+    """Return the equivalent noise bandwidth of a window in bins: 1 for ``"rect"``, 1.5 for a long ``"hann"``.
+
+    References
+    ----------
+    .. [1] F. J. Harris, "On the use of windows for harmonic analysis with the discrete Fourier transform", Proc.
+       IEEE 66(1), 1978.
+    """
     values = window_values(name, count)
     return float(count * np.sum(values**2))

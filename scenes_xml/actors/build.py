@@ -1,4 +1,6 @@
-"""Build the actor models: ``python -m scenes_xml.actors.build [model ...]`` writes XML, actor.toml and packed meshes of each.
+"""Build the actor models.
+
+``python -m scenes_xml.actors.build [model ...]`` writes XML, actor.toml and packed meshes of each.
 
 Everything follows from the numbers in this package; a second run gives the same bytes.
 """

@@ -18,36 +18,44 @@ from .model import Model, Part
 SHAPES: dict[str, CarShape] = {
     "small_car": CarShape(
         length=3.70, width=1.66, height=1.50, front_axle=1.17, rear_axle=-1.17,
-        deck=((-1.85, 0.94), (-1.72, 0.98), (-1.0, 0.98), (0.0, 0.96), (0.75, 0.94), (1.15, 0.88), (1.55, 0.80), (1.85, 0.72)),
+        deck=((-1.85, 0.94), (-1.72, 0.98), (-1.0, 0.98), (0.0, 0.96), (0.75, 0.94), (1.15, 0.88), (1.55, 0.80), (1.85,
+        0.72)),
         cabin_base=(-1.77, 1.00), cabin_top=(-1.42, 0.18), cabin_base_width=0.75, cabin_top_width=0.60,
         glazing=((0.05, 0.44), (0.48, 0.86)),
-        wheel_radius=0.29, floor=0.17, front_bow=0.22, rear_bow=0.13, tail_slope=0.03, nose_slope=0.11, lamp_height=0.69, tail_lamp=(0.70, 0.95),
+        wheel_radius=0.29, floor=0.17, front_bow=0.22, rear_bow=0.13, tail_slope=0.03, nose_slope=0.11,
+        lamp_height=0.69, tail_lamp=(0.70, 0.95),
         extra={"plate_z": 0.60, "tail_lamp_inner": 0.72, "mirror_z": 1.01, "handle_z": 0.83, "roof_sag": 0.06},
     ),
     "saloon": CarShape(
         length=4.6, width=1.82, height=1.46, front_axle=1.38, rear_axle=-1.36,
-        deck=((-2.3, 0.93), (-2.15, 0.985), (-1.7, 0.985), (-1.0, 0.955), (0.0, 0.935), (0.95, 0.915), (1.5, 0.85), (2.0, 0.76), (2.3, 0.69)),
+        deck=((-2.3, 0.93), (-2.15, 0.985), (-1.7, 0.985), (-1.0, 0.955), (0.0, 0.935), (0.95, 0.915), (1.5, 0.85),
+        (2.0, 0.76), (2.3, 0.69)),
         cabin_base=(-1.85, 1.10), cabin_top=(-0.95, 0.28), cabin_base_width=0.82, cabin_top_width=0.60,
         glazing=((0.06, 0.44), (0.475, 0.82)),
         tail_lamp=(0.74, 0.90), extra={"plate_z": 0.62, "mirror_z": 0.98},
     ),
     "suv": CarShape(
         length=4.60, width=1.88, height=1.69, front_axle=1.38, rear_axle=-1.36,
-        deck=((-2.3, 1.06), (-2.15, 1.09), (-1.2, 1.09), (0.0, 1.07), (0.95, 1.05), (1.45, 1.00), (2.0, 0.92), (2.3, 0.84)),
+        deck=((-2.3, 1.06), (-2.15, 1.09), (-1.2, 1.09), (0.0, 1.07), (0.95, 1.05), (1.45, 1.00), (2.0, 0.92), (2.3,
+        0.84)),
         cabin_base=(-2.22, 1.16), cabin_top=(-1.92, 0.36), cabin_base_width=0.865, cabin_top_width=0.70,
         glazing=((0.05, 0.34), (0.37, 0.66), (0.70, 0.91)),
-        wheel_radius=0.36, floor=0.24, spokes=6, rear_bow=0.10, tail_slope=0.03, lamp_height=0.80, tail_lamp=(0.74, 1.03), cladding=True,
+        wheel_radius=0.36, floor=0.24, spokes=6, rear_bow=0.10, tail_slope=0.03, lamp_height=0.80, tail_lamp=(0.74,
+        1.03), cladding=True,
         extra={"plate_z": 0.76, "tail_lamp_inner": 0.76, "mirror_z": 1.13, "handle_z": 0.92, "roof_sag": 0.045},
     ),
-}  # fmt: skip
+}  # fmt: skip # a table
 """Measures; widths without mirrors."""
 
 TITLES = {"small_car": "Small car", "saloon": "Saloon car", "suv": "Sport utility vehicle"}
 PAINTS: dict[str, dict[str, Color]] = {
-    "small_car": {"yellow": (0.62, 0.36, 0.015), "red": (0.40, 0.014, 0.016), "white": (0.70, 0.70, 0.68), "blue": (0.02, 0.12, 0.34), "black": (0.012, 0.012, 0.014)},
-    "saloon": {"blue": (0.012, 0.045, 0.16), "silver": (0.27, 0.28, 0.29), "red": (0.36, 0.012, 0.014), "white": (0.70, 0.70, 0.68), "black": (0.012, 0.012, 0.014)},
-    "suv": {"grey": (0.13, 0.14, 0.15), "white": (0.70, 0.70, 0.68), "green": (0.02, 0.075, 0.045), "red": (0.30, 0.012, 0.016), "black": (0.012, 0.012, 0.014)},
-}  # fmt: skip
+    "small_car": {"yellow": (0.62, 0.36, 0.015), "red": (0.40, 0.014, 0.016), "white": (0.70, 0.70, 0.68),
+    "blue": (0.02, 0.12, 0.34), "black": (0.012, 0.012, 0.014)},
+    "saloon": {"blue": (0.012, 0.045, 0.16), "silver": (0.27, 0.28, 0.29), "red": (0.36, 0.012, 0.014), "white": (0.70,
+    0.70, 0.68), "black": (0.012, 0.012, 0.014)},
+    "suv": {"grey": (0.13, 0.14, 0.15), "white": (0.70, 0.70, 0.68), "green": (0.02, 0.075, 0.045), "red": (0.30,
+    0.012, 0.016), "black": (0.012, 0.012, 0.014)},
+}  # fmt: skip # a table
 """The first one is the default."""
 
 
@@ -77,10 +85,17 @@ def build(name: str) -> Model:
     centres = {wheel: car.wheel_centre(shape, wheel) for wheel in car.WHEELS}
     wheels = {wheel: [f"wheel_{wheel}_tyre", f"wheel_{wheel}_rim"] for wheel in car.WHEELS}
     head = {
-        "name": name, "title": TITLES[name], "class": "Car", "motion": "vehicle",
-        "length": shape.length, "width": shape.width, "height": shape.height,
-        "wheelbase": shape.front_axle - shape.rear_axle, "rear_axle": shape.rear_axle, "ego_mount": shape.length <= 4.6,
-    }  # fmt: skip
+        "name": name,
+        "title": TITLES[name],
+        "class": "Car",
+        "motion": "vehicle",
+        "length": shape.length,
+        "width": shape.width,
+        "height": shape.height,
+        "wheelbase": shape.front_axle - shape.rear_axle,
+        "rear_axle": shape.rear_axle,
+        "ego_mount": shape.length <= 4.6,
+    }
     default = next(iter(PAINTS[name].values()))
     bsdfs = {"paint": materials.paint(default), **VEHICLE}
     variants = {variant: {"paint": color} for variant, color in PAINTS[name].items()}

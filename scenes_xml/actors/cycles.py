@@ -19,20 +19,48 @@ from .people import CREASE, bag, bare, cloth, hair, shoes, tinted
 
 RIDER = BodyShape(1.75, 1.0, 1.0, arm_inset=0.014)
 BODY: dict[str, Bsdf] = {
-    "top": cloth((0.55, 0.16, 0.02)), "trousers": cloth((0.035, 0.045, 0.08), 0.45), "shoes": shoes((0.03, 0.022, 0.018)),
-    "skin": bare((0.50, 0.31, 0.22)), "hair": hair((0.045, 0.028, 0.018)), "bag": bag((0.05, 0.06, 0.08)),
-    "helmet": Bsdf("principled", "plastic", 0.5, "estimate, moulded polycarbonate", color=(0.7, 0.7, 0.7), floats={"roughness": 0.25, "specular": 0.5}),
-    "frame_steel": Bsdf("principled", "metal", 0.2, "estimate, powder-coated steel", color=(0.03, 0.03, 0.032), floats={"roughness": 0.4, "specular": 0.5}),
-    "visor": Bsdf("principled", "plastic", 0.06, "estimate, smoked polycarbonate", color=(0.01, 0.011, 0.013), floats={"roughness": 0.06, "specular": 0.6}),
+    "top": cloth((0.55, 0.16, 0.02)),
+    "trousers": cloth((0.035, 0.045, 0.08), 0.45),
+    "shoes": shoes((0.03, 0.022, 0.018)),
+    "skin": bare((0.50, 0.31, 0.22)),
+    "hair": hair((0.045, 0.028, 0.018)),
+    "bag": bag((0.05, 0.06, 0.08)),
+    "helmet": Bsdf(
+        "principled",
+        "plastic",
+        0.5,
+        "estimate, moulded polycarbonate",
+        color=(0.7, 0.7, 0.7),
+        floats={"roughness": 0.25, "specular": 0.5},
+    ),
+    "frame_steel": Bsdf(
+        "principled",
+        "metal",
+        0.2,
+        "estimate, powder-coated steel",
+        color=(0.03, 0.03, 0.032),
+        floats={"roughness": 0.4, "specular": 0.5},
+    ),
+    "visor": Bsdf(
+        "principled",
+        "plastic",
+        0.06,
+        "estimate, smoked polycarbonate",
+        color=(0.01, 0.011, 0.013),
+        floats={"roughness": 0.06, "specular": 0.6},
+    ),
     "paint": paint((0.02, 0.10, 0.28)),
-}  # fmt: skip
+}
 LEGS = ("upper_leg", "lower_leg", "foot")
 
 
 def _model(
-    head: Mapping[str, object], levels: Callable[[bool], dict[str, tuple[Mesh, str]]], variants: Mapping[str, Mapping[str, Color]],
-    joints: list[Mapping[str, object]], moving: tuple[str, ...] = (),
-) -> Model:  # fmt: skip
+    head: Mapping[str, object],
+    levels: Callable[[bool], dict[str, tuple[Mesh, str]]],
+    variants: Mapping[str, Mapping[str, Color]],
+    joints: list[Mapping[str, object]],
+    moving: tuple[str, ...] = (),
+) -> Model:
     """Return a model whose outer measures are those of the parts that are in its own frame."""
     first = next(iter(variants.values()))
     bsdfs = {key: tinted(bsdf, first.get(key)) for key, bsdf in (VEHICLE | BODY).items()}
@@ -81,11 +109,18 @@ def _cyclist(light: bool) -> dict[str, tuple[Mesh, str]]:
 
 
 def cyclist() -> Model:
-    """Return a city bicycle of 28 inch wheels and a rider of 1.75 m who pedals 2.3 turns of the wheel at a time: 5 m a turn."""
+    """Return a city bicycle of 28 inch wheels and a rider of 1.75 m who pedals 2.3 turns of the wheel at a time.
+
+    5 m a turn.
+    """
     head = {
-        "name": "bicycle", "title": "Bicycle with a rider who pedals", "class": "Bicycle", "motion": "cycle",
-        "wheelbase": BICYCLE.wheelbase, "rear_axle": -BICYCLE.wheelbase / 2.0,
-    }  # fmt: skip
+        "name": "bicycle",
+        "title": "Bicycle with a rider who pedals",
+        "class": "Bicycle",
+        "motion": "cycle",
+        "wheelbase": BICYCLE.wheelbase,
+        "rear_axle": -BICYCLE.wheelbase / 2.0,
+    }
     variants = {
         "orange": {
             "paint": (0.02, 0.10, 0.28),
@@ -113,11 +148,21 @@ def cyclist() -> Model:
         },
     }
     legs = {
-        "kind": "pedal", "axle": list(BICYCLE.axle), "crank": BICYCLE.crank, "hip": [SEAT.hip[0], SEAT.hip[2]], "foot_y": BICYCLE.foot_y,
-        "upper_leg": round(UPPER_LEG * RIDER.height, 6), "lower_leg": round(LOWER_LEG * RIDER.height, 6),
-        "pedal_from_ankle": list(PEDAL_FROM_ANKLE), "foot_pitch_deg": 14.0, "foot_swing_deg": 13.0, "foot_lag_deg": 190.0,
-        "wheel_radius": BICYCLE.wheel_radius, "gear": BICYCLE.gear, "cadence_limit": 95.0,
-    }  # fmt: skip
+        "kind": "pedal",
+        "axle": list(BICYCLE.axle),
+        "crank": BICYCLE.crank,
+        "hip": [SEAT.hip[0], SEAT.hip[2]],
+        "foot_y": BICYCLE.foot_y,
+        "upper_leg": round(UPPER_LEG * RIDER.height, 6),
+        "lower_leg": round(LOWER_LEG * RIDER.height, 6),
+        "pedal_from_ankle": list(PEDAL_FROM_ANKLE),
+        "foot_pitch_deg": 14.0,
+        "foot_swing_deg": 13.0,
+        "foot_lag_deg": 190.0,
+        "wheel_radius": BICYCLE.wheel_radius,
+        "gear": BICYCLE.gear,
+        "cadence_limit": 95.0,
+    }
     joints = [*_wheels(tuple(BICYCLE.front), tuple(BICYCLE.rear), BICYCLE.wheel_radius), legs]
     moving = ("cranks", *(f"{side}_{part}" for side in ("left", "right") for part in ("pedal", *LEGS)))
     return _model(head, _cyclist, variants, joints, moving)
@@ -126,9 +171,16 @@ def cyclist() -> Model:
 SCOOTER = KickScooterShape()
 _SOLE = SCOOTER.deck_top + 0.25 * FOOT * RIDER.height
 UPRIGHT = Posture(
-    hip=(-0.075, 0.0, 1.035), lean_deg=5.0, grip=SCOOTER.grip, foot=(0.075, 0.045, _SOLE), other_foot=(-0.20, -0.045, _SOLE), gaze_deg=4.0,
-    toe_out_deg=8.0, hip_width=0.07, elbow=(-0.5, 0.4, -0.7),
-)  # fmt: skip
+    hip=(-0.075, 0.0, 1.035),
+    lean_deg=5.0,
+    grip=SCOOTER.grip,
+    foot=(0.075, 0.045, _SOLE),
+    other_foot=(-0.20, -0.045, _SOLE),
+    gaze_deg=4.0,
+    toe_out_deg=8.0,
+    hip_width=0.07,
+    elbow=(-0.5, 0.4, -0.7),
+)
 
 
 def _scooter_rider(light: bool) -> dict[str, tuple[Mesh, str]]:
@@ -147,9 +199,13 @@ def scooter() -> Model:
     """Return an electric kick scooter with a rider of 1.75 m who stands on it."""
     half, radius = SCOOTER.wheelbase / 2.0, SCOOTER.wheel_radius
     head = {
-        "name": "scooter", "title": "Electric kick scooter with a rider", "class": "Bicycle", "motion": "cycle",
-        "wheelbase": SCOOTER.wheelbase, "rear_axle": -half,
-    }  # fmt: skip
+        "name": "scooter",
+        "title": "Electric kick scooter with a rider",
+        "class": "Bicycle",
+        "motion": "cycle",
+        "wheelbase": SCOOTER.wheelbase,
+        "rear_axle": -half,
+    }
     variants = {
         "black": {
             "paint": (0.02, 0.02, 0.022),
@@ -176,9 +232,17 @@ def scooter() -> Model:
 MOTORCYCLE = MotorcycleShape()
 BIKER = BodyShape(1.78, 1.08, 1.0, arm_inset=0.012)
 ASTRIDE = Posture(
-    hip=(-0.27, 0.0, 0.925), lean_deg=20.0, grip=MOTORCYCLE.grip, foot=(MOTORCYCLE.peg[0] - 0.11, MOTORCYCLE.peg[1], MOTORCYCLE.peg[2] + 0.075),
-    gaze_deg=2.0, toe_out_deg=4.0, foot_pitch_deg=6.0, hip_width=0.10, elbow=(-0.3, 0.6, -0.6), knee=(1.0, 0.25, 0.4),
-)  # fmt: skip
+    hip=(-0.27, 0.0, 0.925),
+    lean_deg=20.0,
+    grip=MOTORCYCLE.grip,
+    foot=(MOTORCYCLE.peg[0] - 0.11, MOTORCYCLE.peg[1], MOTORCYCLE.peg[2] + 0.075),
+    gaze_deg=2.0,
+    toe_out_deg=4.0,
+    foot_pitch_deg=6.0,
+    hip_width=0.10,
+    elbow=(-0.3, 0.6, -0.6),
+    knee=(1.0, 0.25, 0.4),
+)
 
 
 def _biker(light: bool) -> dict[str, tuple[Mesh, str]]:
@@ -196,9 +260,13 @@ def biker() -> Model:
     """Return a motorcycle without fairing and a rider of 1.78 m."""
     half, radius = MOTORCYCLE.wheelbase / 2.0, MOTORCYCLE.wheel_radius
     head = {
-        "name": "motorcycle", "title": "Motorcycle with a rider", "class": "Motorcycle", "motion": "cycle",
-        "wheelbase": MOTORCYCLE.wheelbase, "rear_axle": -half,
-    }  # fmt: skip
+        "name": "motorcycle",
+        "title": "Motorcycle with a rider",
+        "class": "Motorcycle",
+        "motion": "cycle",
+        "wheelbase": MOTORCYCLE.wheelbase,
+        "rear_axle": -half,
+    }
     black = {"top": (0.02, 0.02, 0.022), "trousers": (0.022, 0.022, 0.024), "shoes": (0.015, 0.015, 0.015)}
     variants = {
         "red": {"paint": (0.40, 0.015, 0.015), "helmet": (0.60, 0.60, 0.60), **black},

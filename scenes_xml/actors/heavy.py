@@ -30,23 +30,36 @@ def _head(
     name: str, title: str, semantic: str, size: tuple[float, float, float], axles: tuple[float, float]
 ) -> dict[str, Any]:
     return {
-        "name": name, "title": title, "class": semantic, "motion": "vehicle", "length": size[0], "width": size[1], "height": size[2],
-        "wheelbase": axles[0] - axles[1], "rear_axle": axles[1], "ego_mount": False,
-    }  # fmt: skip
+        "name": name,
+        "title": title,
+        "class": semantic,
+        "motion": "vehicle",
+        "length": size[0],
+        "width": size[1],
+        "height": size[2],
+        "wheelbase": axles[0] - axles[1],
+        "rear_axle": axles[1],
+        "ego_mount": False,
+    }
 
 
 def make_van() -> Model:
     """Return the panel van."""
     colors: dict[str, Color] = {
-        "white": WHITE, "silver": (0.42, 0.43, 0.44), "yellow": (0.66, 0.40, 0.01), "blue": (0.015, 0.07, 0.24), "red": (0.36, 0.014, 0.016),
-    }  # fmt: skip
+        "white": WHITE, "silver": (0.42, 0.43, 0.44), "yellow": (0.66, 0.40, 0.01), "blue": (0.015, 0.07, 0.24),
+        "red": (0.36, 0.014, 0.016),
+    }  # fmt: skip # a table
     axles = (van.FRONT_AXLE, van.REAR_AXLE)
     y = van.OUTER - van.WHEEL.tyre_width / 2
     centres = {name: (x, y if left else -y, van.WHEEL.radius) for name, (x, left) in van.WHEELS.items()}
     return Model(
-        _head("van", "Panel van", "Car", (van.LENGTH, van.WIDTH, van.HEIGHT), axles), _parts(van.build()), _parts(van.build(False)),
-        {"paint": materials.paint(WHITE), **VEHICLE}, {name: {"paint": rgb} for name, rgb in colors.items()}, _wheel_joints(centres),
-    )  # fmt: skip
+        _head("van", "Panel van", "Car", (van.LENGTH, van.WIDTH, van.HEIGHT), axles),
+        _parts(van.build()),
+        _parts(van.build(False)),
+        {"paint": materials.paint(WHITE), **VEHICLE},
+        {name: {"paint": rgb} for name, rgb in colors.items()},
+        _wheel_joints(centres),
+    )
 
 
 def make_bus() -> Model:
@@ -60,10 +73,15 @@ def make_bus() -> Model:
         "white": {"paint": WHITE, "stripe_paint": (0.02, 0.10, 0.30), "roof_cover": cover},
     }
     bsdfs = {
-        **{name: materials.paint(color) for name, color in variants["red"].items()}, **VEHICLE,
-        "roof_cover": replace(VEHICLE["black_plastic"], color=cover, lidar_reflectance=0.55, source="estimate, white glass-fibre plastic"),
-        "led_sign": replace(VEHICLE["indicator"], color=(0.75, 0.33, 0.02), source="estimate, clear pane over amber LEDs"),
-    }  # fmt: skip
+        **{name: materials.paint(color) for name, color in variants["red"].items()},
+        **VEHICLE,
+        "roof_cover": replace(
+            VEHICLE["black_plastic"], color=cover, lidar_reflectance=0.55, source="estimate, white glass-fibre plastic"
+        ),
+        "led_sign": replace(
+            VEHICLE["indicator"], color=(0.75, 0.33, 0.02), source="estimate, clear pane over amber LEDs"
+        ),
+    }
     centres = {}
     for name, (x, left) in bus.WHEELS.items():
         kind = bus.FRONT_WHEEL if x > 0 else bus.REAR_WHEEL
@@ -71,8 +89,12 @@ def make_bus() -> Model:
         centres[name] = (x, y if left else -y, kind.radius)
     return Model(
         _head("bus", "City bus", "Bus", (bus.LENGTH, bus.WIDTH, bus.HEIGHT), (bus.FRONT_AXLE, bus.REAR_AXLE)),
-        _parts(bus.build()), _parts(bus.build(False)), bsdfs, variants, _wheel_joints(centres),
-    )  # fmt: skip
+        _parts(bus.build()),
+        _parts(bus.build(False)),
+        bsdfs,
+        variants,
+        _wheel_joints(centres),
+    )
 
 
 def make_lorry() -> Model:
@@ -80,16 +102,28 @@ def make_lorry() -> Model:
     boxes: dict[str, tuple[Color, Color]] = {
         "white_box": ((0.03, 0.12, 0.32), WHITE), "red_white_box": ((0.36, 0.014, 0.016), WHITE),
         "yellow_box": ((0.62, 0.38, 0.012), (0.62, 0.38, 0.012)), "blue_tarpaulin": (WHITE, (0.018, 0.07, 0.22)),
-        "green_tarpaulin": ((0.10, 0.11, 0.12), (0.025, 0.12, 0.06)), "orange_tarpaulin": ((0.55, 0.13, 0.012), (0.55, 0.13, 0.012)),
-    }  # fmt: skip
+        "green_tarpaulin": ((0.10, 0.11, 0.12), (0.025, 0.12, 0.06)), "orange_tarpaulin": ((0.55, 0.13, 0.012), (0.55,
+        0.13, 0.012)),
+    }  # fmt: skip # a table
     variants = {name: {"paint": cab, "box_panel": panel} for name, (cab, panel) in boxes.items()}
     bsdfs = {
-        "paint": materials.paint(variants["white_box"]["paint"]), **VEHICLE,
-        "box_panel": replace(materials.paint(WHITE), radio="metal", lidar_reflectance=0.55, source="estimate, painted aluminium panel"),
-        "frame_aluminium": replace(VEHICLE["wheel_rim"], color=(0.50, 0.51, 0.52), source="estimate, bare aluminium profiles"),
-        "contour_marking": replace(VEHICLE["number_plate"], color=(0.68, 0.46, 0.02), source="estimate, retroreflective tape (UN R104), diffuse share only"),
-        "chassis_steel": replace(VEHICLE["underbody_steel"], color=(0.03, 0.03, 0.032), source="estimate, painted steel frame"),
-    }  # fmt: skip
+        "paint": materials.paint(variants["white_box"]["paint"]),
+        **VEHICLE,
+        "box_panel": replace(
+            materials.paint(WHITE), radio="metal", lidar_reflectance=0.55, source="estimate, painted aluminium panel"
+        ),
+        "frame_aluminium": replace(
+            VEHICLE["wheel_rim"], color=(0.50, 0.51, 0.52), source="estimate, bare aluminium profiles"
+        ),
+        "contour_marking": replace(
+            VEHICLE["number_plate"],
+            color=(0.68, 0.46, 0.02),
+            source="estimate, retroreflective tape (UN R104), diffuse share only",
+        ),
+        "chassis_steel": replace(
+            VEHICLE["underbody_steel"], color=(0.03, 0.03, 0.032), source="estimate, painted steel frame"
+        ),
+    }
     centres = {}
     for name, (x, left) in lorry.WHEELS.items():
         kind = lorry.FRONT_WHEEL if x > 0 else lorry.REAR_WHEEL
@@ -97,6 +131,16 @@ def make_lorry() -> Model:
         centres[name] = (x, y if left else -y, kind.radius)
     rear = sum(lorry.REAR_AXLES) / 2
     return Model(
-        _head("lorry", "Lorry with a box body, three axles", "Truck", (lorry.LENGTH, lorry.WIDTH, lorry.HEIGHT), (lorry.FRONT_AXLE, rear)),
-        _parts(lorry.build()), _parts(lorry.build(False)), bsdfs, variants, _wheel_joints(centres),
-    )  # fmt: skip
+        _head(
+            "lorry",
+            "Lorry with a box body, three axles",
+            "Truck",
+            (lorry.LENGTH, lorry.WIDTH, lorry.HEIGHT),
+            (lorry.FRONT_AXLE, rear),
+        ),
+        _parts(lorry.build()),
+        _parts(lorry.build(False)),
+        bsdfs,
+        variants,
+        _wheel_joints(centres),
+    )

@@ -22,24 +22,72 @@ def paint(color: Color) -> Bsdf:
 
 
 VEHICLE: dict[str, Bsdf] = {
-    "car_glass": _bsdf("car_glass", 0.04, (0.012, 0.015, 0.016), "estimate, tinted glass: nearly all light is mirrored or absorbed", roughness=0.07, specular=0.6),
-    "black_plastic": _bsdf("plastic", 0.08, (0.014, 0.014, 0.015), "estimate, black plastic", roughness=0.45, specular=0.5),
-    "tyre_rubber": _bsdf("rubber", 0.05, (0.018, 0.018, 0.018), "estimate, rubber with carbon black", roughness=0.8, specular=0.3),
-    "wheel_rim": _bsdf("metal", 0.50, (0.55, 0.56, 0.58), "estimate, lacquered aluminium", roughness=0.28, metallic=0.9),
-    "wheel_mean": _bsdf("metal", 0.15, (0.05, 0.05, 0.052), "estimate, mean of tyre and rim; for the radar its rim", roughness=0.6, specular=0.4),
-    "headlamp": _bsdf("plastic", 0.35, (0.40, 0.42, 0.45), "estimate, clear polycarbonate over reflectors", lamp="headlamp", roughness=0.06, specular=0.6),
-    "taillamp": _bsdf("plastic", 0.40, (0.42, 0.010, 0.014), "estimate, red acrylic over reflectors", lamp="taillamp", roughness=0.06, specular=0.6),
+    "car_glass": _bsdf(
+        "car_glass",
+        0.04,
+        (0.012, 0.015, 0.016),
+        "estimate, tinted glass: nearly all light is mirrored or absorbed",
+        roughness=0.07,
+        specular=0.6,
+    ),
+    "black_plastic": _bsdf(
+        "plastic", 0.08, (0.014, 0.014, 0.015), "estimate, black plastic", roughness=0.45, specular=0.5
+    ),
+    "tyre_rubber": _bsdf(
+        "rubber", 0.05, (0.018, 0.018, 0.018), "estimate, rubber with carbon black", roughness=0.8, specular=0.3
+    ),
+    "wheel_rim": _bsdf(
+        "metal", 0.50, (0.55, 0.56, 0.58), "estimate, lacquered aluminium", roughness=0.28, metallic=0.9
+    ),
+    "wheel_mean": _bsdf(
+        "metal",
+        0.15,
+        (0.05, 0.05, 0.052),
+        "estimate, mean of tyre and rim; for the radar its rim",
+        roughness=0.6,
+        specular=0.4,
+    ),
+    "headlamp": _bsdf(
+        "plastic",
+        0.35,
+        (0.40, 0.42, 0.45),
+        "estimate, clear polycarbonate over reflectors",
+        lamp="headlamp",
+        roughness=0.06,
+        specular=0.6,
+    ),
+    "taillamp": _bsdf(
+        "plastic",
+        0.40,
+        (0.42, 0.010, 0.014),
+        "estimate, red acrylic over reflectors",
+        lamp="taillamp",
+        roughness=0.06,
+        specular=0.6,
+    ),
     "indicator": _bsdf("plastic", 0.45, (0.70, 0.22, 0.02), "estimate, amber acrylic", roughness=0.1, specular=0.6),
     "bright_metal": _bsdf("metal", 0.50, (0.72, 0.73, 0.74), roughness=0.25, metallic=1.0),
-    "number_plate": _bsdf("metal", 0.60, (0.72, 0.72, 0.68), "estimate, aluminium with a retroreflective sheet, diffuse share only", roughness=0.4, specular=0.4),
-    "underbody_steel": _bsdf("metal", 0.15, (0.035, 0.034, 0.033), "estimate, dirty steel with underseal", roughness=0.8, specular=0.3),
+    "number_plate": _bsdf(
+        "metal",
+        0.60,
+        (0.72, 0.72, 0.68),
+        "estimate, aluminium with a retroreflective sheet, diffuse share only",
+        roughness=0.4,
+        specular=0.4,
+    ),
+    "underbody_steel": _bsdf(
+        "metal", 0.15, (0.035, 0.034, 0.033), "estimate, dirty steel with underseal", roughness=0.8, specular=0.3
+    ),
     "mirror_silver": _bsdf("metal", 0.30, (0.80, 0.81, 0.82), "estimate, silvered glass", roughness=0.05, metallic=1.0),
-}  # fmt: skip
-"""What all vehicles share, by BSDF id; the paint and what is special is added by each. Ids of BSDFs and shapes must differ in a file."""
+}
+"""What all vehicles share, by BSDF id; the paint and what is special is added by each. Ids of BSDFs and shapes must
+differ in a file."""
 
 ROLES = {
-    "paint": "paint", "glass": "car_glass", "trim": "black_plastic", "tyre": "tyre_rubber", "rim": "wheel_rim", "wheel": "wheel_mean",
+    "paint": "paint", "glass": "car_glass", "trim": "black_plastic", "tyre": "tyre_rubber", "rim": "wheel_rim",
+    "wheel": "wheel_mean",
     "headlamp": "headlamp", "taillamp": "taillamp", "chrome": "bright_metal", "plate": "number_plate",
-    "indicator": "indicator", "mirror_glass": "mirror_silver", "underbody": "underbody_steel", "chassis": "chassis_steel",
-}  # fmt: skip
+    "indicator": "indicator", "mirror_glass": "mirror_silver", "underbody": "underbody_steel",
+    "chassis": "chassis_steel",
+}  # fmt: skip # a table
 """Role of a part of a generator -> its BSDF."""

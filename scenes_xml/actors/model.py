@@ -19,7 +19,10 @@ Color = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Part:
-    """A shape: its mesh in the actor's frame (or its segment's), its BSDF, and the edge angle above which it is not smooth [deg]."""
+    """A shape of an actor.
+
+    Its mesh in the actor's frame (or its segment's), its BSDF, and the edge angle above which it is not smooth [deg].
+    """
 
     mesh: Mesh
     bsdf: str
@@ -33,7 +36,8 @@ class Model:
     Attributes
     ----------
     head : mapping
-        Table ``[actor]`` of actor.toml: ``name``, ``title``, ``class``, ``motion``, measures [m] and what else it states.
+        Table ``[actor]`` of actor.toml: ``name``, ``title``, ``class``, ``motion``, measures [m] and what else it
+        states.
     detailed, light : mapping
         Id of each shape -> its part, at the two levels of geometry.
     bsdfs : mapping

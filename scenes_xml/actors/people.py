@@ -63,9 +63,13 @@ WOMAN = BodyShape(1.66, 0.94, 1.0, shoulders=0.92, hips=1.06, leg_inset=0.036, a
 CHILD = BodyShape(1.24, 0.96, 1.18, shoulders=0.96, hips=0.98, leg_inset=0.034, arm_inset=0.020)
 
 MATERIALS: dict[str, Bsdf] = {
-    "top": cloth((0.03, 0.06, 0.16)), "trousers": cloth((0.035, 0.045, 0.08), 0.45), "shoes": shoes((0.03, 0.022, 0.018)),
-    "skin": bare((0.50, 0.31, 0.22)), "hair": hair((0.045, 0.028, 0.018)), "bag": bag((0.16, 0.03, 0.03)),
-}  # fmt: skip
+    "top": cloth((0.03, 0.06, 0.16)),
+    "trousers": cloth((0.035, 0.045, 0.08), 0.45),
+    "shoes": shoes((0.03, 0.022, 0.018)),
+    "skin": bare((0.50, 0.31, 0.22)),
+    "hair": hair((0.045, 0.028, 0.018)),
+    "bag": bag((0.16, 0.03, 0.03)),
+}
 
 
 def _parts(shape: BodyShape, light: bool, worn: Mapping[str, tuple[Mesh, str]]) -> dict[str, Part]:
@@ -75,13 +79,24 @@ def _parts(shape: BodyShape, light: bool, worn: Mapping[str, tuple[Mesh, str]]) 
 
 
 def _walker(
-    name: str, title: str, shape: BodyShape, measures: tuple[float, float, float], worn: Mapping[str, tuple[Mesh, str]],
-    worn_light: Mapping[str, tuple[Mesh, str]], variants: Mapping[str, Mapping[str, Color]],
-) -> Model:  # fmt: skip
+    name: str,
+    title: str,
+    shape: BodyShape,
+    measures: tuple[float, float, float],
+    worn: Mapping[str, tuple[Mesh, str]],
+    worn_light: Mapping[str, tuple[Mesh, str]],
+    variants: Mapping[str, Mapping[str, Color]],
+) -> Model:
     length, width, height = measures
     head = {
-        "name": name, "title": title, "class": "Pedestrian", "motion": "walk", "length": length, "width": width, "height": height,
-    }  # fmt: skip
+        "name": name,
+        "title": title,
+        "class": "Pedestrian",
+        "motion": "walk",
+        "length": length,
+        "width": width,
+        "height": height,
+    }
     first = next(iter(variants.values()))
     bsdfs = {key: tinted(bsdf, first.get(key)) for key, bsdf in MATERIALS.items()}
     joints = [{"kind": "walk", "height": shape.height}]
@@ -138,9 +153,11 @@ def adult_woman() -> Model:
         },
     }
     worn = {
-        "head_hair": (clothing.long_hair(WOMAN), "hair"), "pelvis_coat": (clothing.coat_hem(WOMAN), "top"),
-        "torso_collar": (clothing.collar(WOMAN), "top"), "torso_bag": (clothing.shoulder_bag(WOMAN), "bag"),
-    }  # fmt: skip
+        "head_hair": (clothing.long_hair(WOMAN), "hair"),
+        "pelvis_coat": (clothing.coat_hem(WOMAN), "top"),
+        "torso_collar": (clothing.collar(WOMAN), "top"),
+        "torso_bag": (clothing.shoulder_bag(WOMAN), "bag"),
+    }
     light = {"head_hair": (clothing.long_hair(WOMAN, True), "hair"), "pelvis": (clothing.coat_hem(WOMAN, True), "top")}
     return _walker("adult_woman", "Woman who walks", WOMAN, (0.94, 0.47, 1.64), worn, light, variants)
 
@@ -168,9 +185,10 @@ def child() -> Model:
         },
     }
     worn = {
-        "pelvis_jacket": (clothing.jacket_hem(CHILD), "top"), "torso_collar": (clothing.collar(CHILD), "top"),
+        "pelvis_jacket": (clothing.jacket_hem(CHILD), "top"),
+        "torso_collar": (clothing.collar(CHILD), "top"),
         "torso_backpack": (clothing.backpack(CHILD), "bag"),
-    }  # fmt: skip
+    }
     light = {
         "pelvis": (clothing.jacket_hem(CHILD, True), "top"),
         "torso_backpack": (clothing.backpack(CHILD, True), "bag"),
@@ -179,9 +197,10 @@ def child() -> Model:
 
 
 STANDING = Posture(
-    hip=(0.0, 0.0, 0.905), lean_deg=-1.0, grip=(0.06, 0.245, 0.80), other_grip=(0.255, -0.06, 1.22), foot=(0.03, 0.145, 0.0635),
+    hip=(0.0, 0.0, 0.905), lean_deg=-1.0, grip=(0.06, 0.245, 0.80), other_grip=(0.255, -0.06, 1.22), foot=(0.03, 0.145,
+    0.0635),
     other_foot=(-0.05, -0.130, 0.0635), gaze_deg=24.0, toe_out_deg=12.0, hip_width=0.075,
-)  # fmt: skip
+)  # fmt: skip # a table
 """The weight on both legs, one hand with a telephone before the chest."""
 
 
@@ -205,9 +224,10 @@ def standing_adult() -> Model:
             }
         )
     head = {
-        "name": "standing_adult", "title": "Adult who stands", "class": "Pedestrian", "motion": "stand", "length": 0.48, "width": 0.67,
+        "name": "standing_adult", "title": "Adult who stands", "class": "Pedestrian", "motion": "stand",
+        "length": 0.48, "width": 0.67,
         "height": 1.66,
-    }  # fmt: skip
+    }  # fmt: skip # a table
     bsdfs = {key: tinted(bsdf, variants["green"].get(key)) for key, bsdf in MATERIALS.items()}
     return Model(head, levels[0], levels[1], bsdfs, variants)
 

@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.country_road.build`` writes the XML, scene.toml, and packed meshes and textures.
+"""Build the scene: ``python -m scenes_xml.country_road.build`` writes XML, scene.toml, packed meshes and textures.
 
 Everything follows from the numbers in this package and the variant; a second run gives the same bytes.
 """
@@ -28,8 +28,10 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
         "name": NAME,
         "title": "Country road",
         "description": (
-            "A road of two lanes with bends and low hills between ditches, fields, fences and hedgerows, a guardrail in one bend, a farm, "
-            "power poles and a path for bicycles; the ego car comes up behind a lorry, a car and a motorcycle come towards it."
+            "A road of two lanes with bends and low hills between ditches, fields, fences and hedgerows, "
+            "a guardrail in one bend, a farm, "
+            "power poles and a path for bicycles; the ego car comes up behind a lorry, "
+            "a car and a motorcycle come towards it."
         ),
         "license": "Apache-2.0",
         "source": f"built by scenes_xml/{NAME}/build.py",

@@ -1,4 +1,4 @@
-"""Where things are: bends and heights of the road, its cross-section and the land beside it, as numbers that follow from the variant.
+"""Where things are: bends and heights of the road, its cross-section and the land beside it, from the variant.
 
 Offsets are measured from the middle of the road, positive to the left of the ego's direction [m].
 """
@@ -31,7 +31,10 @@ OFFSETS = np.array(
 
 @dataclass(frozen=True)
 class Plan:
-    """What a variant decides: the road, the bend with the guardrail, the farm's arc length, and what grows right and left."""
+    """What a variant decides.
+
+    The road, the bend with the guardrail, the farm's arc length, and what grows right and left.
+    """
 
     variant: int
     way: Way
@@ -75,7 +78,7 @@ def _culvert(p: Plan, s: Array) -> Array:
 
 
 def land_height(p: Plan, s: Array, offset: Array) -> Array:
-    """Return the height of the land above the road's elevation [m] at an arc length and an offset beyond the carriageway."""
+    """Return the height of the land above the road [m] at an arc length and an offset beyond the carriageway."""
     away = np.abs(offset)
     edge = -p.way.crown * HALF
     ditch = np.interp(

@@ -1,4 +1,7 @@
-"""Kit of a scene's builder: collects shapes, what they are, lanes and actors, and writes the XML, meshes, textures and scene.toml."""
+"""Kit of a scene's builder.
+
+Collects shapes, what they are, lanes and actors, and writes the XML, meshes, textures and scene.toml.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,10 @@ DETAILS = ("detailed", "light")
 
 
 def head(origin: Vector = (2.35, 0.0, 0.8), target: Vector = (12.35, 0.0, 0.8)) -> tuple[str, str, str]:
-    """Return integrator, default view [m, world] and sky of a scene's XML; without a change, the view of a front sensor at +x."""
+    """Return integrator, default view [m, world] and sky of a scene's XML.
+
+    Without a change, the view of a front sensor at +x.
+    """
     start, end = (", ".join(f"{value:g}" for value in place) for place in (origin, target))
     return (
         '\t<integrator type="path">\n\t\t<integer name="max_depth" value="6"/>\n\t</integrator>',
@@ -31,7 +37,8 @@ def head(origin: Vector = (2.35, 0.0, 0.8), target: Vector = (12.35, 0.0, 0.8)) 
         f'\t\t<transform name="to_world">\n\t\t\t<lookat origin="{start}" target="{end}" up="0, 0, 1"/>\n'
         "\t\t</transform>\n"
         '\t\t<sampler type="independent">\n\t\t\t<integer name="sample_count" value="64"/>\n\t\t</sampler>\n'
-        '\t\t<film type="hdrfilm">\n\t\t\t<integer name="width" value="960"/>\n\t\t\t<integer name="height" value="540"/>\n'
+        '\t\t<film type="hdrfilm">\n\t\t\t<integer name="width" value="960"/>\n\t\t\t<integer name="height" '
+        'value="540"/>\n'
         '\t\t\t<rfilter type="gaussian"/>\n\t\t</film>\n\t</sensor>',
         '\t<emitter type="sunsky" id="sky">\n\t\t<vector name="sun_direction" x="-0.42" y="0.70" z="0.58"/>\n'
         '\t\t<float name="turbidity" value="3.2"/>\n\t\t<float name="albedo" value="0.2"/>\n'
@@ -130,10 +137,20 @@ class SceneKit:
         )
 
     def place(
-        self, thing: Prefab, name: str, semantic: str, where: Sequence[float] | Array, yaw_deg: float = 0.0, scale: float = 1.0,
-        is_object: bool = True, **bsdfs: str,
-    ) -> None:  # fmt: skip
-        """Place a copy as an instance of its own, foot at `where` [m, world]; `bsdfs` replaces the material of a part."""
+        self,
+        thing: Prefab,
+        name: str,
+        semantic: str,
+        where: Sequence[float] | Array,
+        yaw_deg: float = 0.0,
+        scale: float = 1.0,
+        is_object: bool = True,
+        **bsdfs: str,
+    ) -> None:
+        """Place a copy as an instance of its own, foot at `where` [m, world].
+
+        `bsdfs` replaces the material of a part.
+        """
         x, y, z = (round(float(value), 4) for value in where)
         chosen = {**thing.bsdfs, **bsdfs}
         for part, file in thing.files.items():
@@ -152,7 +169,10 @@ class SceneKit:
         yaw_deg: Array | None = None,
         detail: str | None = None,
     ) -> None:
-        """Add an actor by the name of its model (scenes_xml/actors), with waypoints at `times` [s], shape (n, 3) [m]."""
+        """Add an actor by the name of its model, with waypoints at `times` [s], shape (n, 3) [m].
+
+        Models are those of scenes_xml/actors.
+        """
         entry = ActorEntry(name, "", times, np.asarray(positions), yaw_deg, model=model, variant=variant, detail=detail)
         self.actors.append(entry)
 

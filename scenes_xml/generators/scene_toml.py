@@ -27,7 +27,8 @@ class Instance:
 class ActorEntry:
     """A moving instance: waypoints (times [s], positions [m], headings [deg] or None) and joints as tables.
 
-    One time alone: it stands.  With a `model` (a name of scenes_xml/actors) its shapes, class and joints are the model's, in the colours `variant`.
+    One time alone: it stands.  With a `model` (a name of scenes_xml/actors) its shapes, class and joints are the
+    model's, in the colours `variant`.
     """
 
     name: str
@@ -43,10 +44,12 @@ class ActorEntry:
 
 @dataclass(frozen=True)
 class Lane:
-    """A lane: `kind` is ``drive``, ``cycle``, ``walk`` or ``parking``; centre line, shape (n, 3) [m], in the direction of travel.
+    """A lane: `kind` is ``drive``, ``cycle``, ``walk`` or ``parking``.
 
-    `width` [m], `speed` limit [m/s], names of the lanes that continue it, of its left neighbour, of those with right of way over
-    its end, and its signal group: as docs/scenes.md says.
+    Centre line, shape (n, 3) [m], in the direction of travel.
+
+    `width` [m], `speed` limit [m/s], names of the lanes that continue it, of its left neighbour, of those with right of
+    way over its end, and its signal group: as docs/scenes.md says.
     """
 
     name: str
@@ -141,7 +144,7 @@ def _rows(points: Array, digits: int) -> list[str]:
     ]
 
 
-def toml_value(value: Any) -> str:
+def toml_value(value: object) -> str:
     """Return a value as TOML; floats with six digits."""
     if isinstance(value, bool | str):
         return json.dumps(value)

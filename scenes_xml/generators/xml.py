@@ -49,8 +49,10 @@ class Bsdf:
     def table(self) -> dict[str, str | float]:
         """Return what scene.toml says of the material."""
         table: dict[str, str | float] = {
-            "radio": self.radio, "lidar_reflectance": self.lidar_reflectance, "source": self.source,
-        }  # fmt: skip
+            "radio": self.radio,
+            "lidar_reflectance": self.lidar_reflectance,
+            "source": self.source,
+        }
         if self.lamp:
             table["lamp"] = self.lamp
         if self.wets:

@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.highway_guardrail.build`` writes the XML, scene.toml, and packed meshes and textures.
+"""Build the scene: ``python -m scenes_xml.highway_guardrail.build`` writes XML, scene.toml, meshes and textures.
 
 Everything follows from the numbers in this package and `SEED`; a second run gives the same bytes.
 """
@@ -25,7 +25,8 @@ TABLE = {
     "name": NAME,
     "title": "Bend with a guardrail",
     "description": (
-        "A two-lane road that bends to the left, a guardrail along its right side, a car ahead that drives away, an oncoming "
+        "A two-lane road that bends to the left, a guardrail along its right side, a car ahead that drives away, "
+        "an oncoming "
         "car, and things beside the road; after Figure 2 of the SCaRL paper."
     ),
     "license": "Apache-2.0",

@@ -127,10 +127,16 @@ def _trees(write: WriteMesh) -> Iterator[Group]:
         write, "tree_b", vegetation.tree(vegetation.TreeShape(7.0, 3.0, 1.9, 0.14, 14, 3600), SEED + 4), bsdfs, 60.0
     )
     places = (
-        (tall, 30.0, -12.5, 10.0, 1.0), (broad, 39.5, -14.5, 75.0, 0.9), (tall, 66.0, -15.0, 200.0, 1.1), (broad, 84.0, -12.0, 140.0, 1.0),
-        (broad, 22.0, 16.5, 30.0, 1.0), (tall, 33.0, 19.5, 260.0, 1.05), (tall, 60.0, 17.0, 120.0, 0.95), (broad, -18.0, -13.0, 300.0, 1.1),
+        (tall, 30.0, -12.5, 10.0, 1.0),
+        (broad, 39.5, -14.5, 75.0, 0.9),
+        (tall, 66.0, -15.0, 200.0, 1.1),
+        (broad, 84.0, -12.0, 140.0, 1.0),
+        (broad, 22.0, 16.5, 30.0, 1.0),
+        (tall, 33.0, 19.5, 260.0, 1.05),
+        (tall, 60.0, 17.0, 120.0, 0.95),
+        (broad, -18.0, -13.0, 300.0, 1.1),
         (tall, -28.0, 14.0, 80.0, 1.0),
-    )  # fmt: skip
+    )
     for k, (kit, s, offset, turn, scale) in enumerate(places):
         yield kit.place(f"tree_{k:02d}", "Vegetation", s, offset, turn, scale)
 

@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.motorway.build`` writes the XML, scene.toml, and packed meshes and textures of variant 0.
+"""Build the scene: ``python -m scenes_xml.motorway.build`` writes XML, scene.toml, meshes and textures of variant 0.
 
 Everything follows from the numbers in this package and the variant's number; a second run gives the same bytes.
 """
@@ -21,7 +21,8 @@ from . import static
 
 NAME = "motorway"
 DESCRIPTION = (
-    "A motorway in a wide bend: lanes in both directions with emergency lanes, a concrete barrier in the median, guardrails with posts, a "
+    "A motorway in a wide bend: lanes in both directions with emergency lanes, "
+    "a concrete barrier in the median, guardrails with posts, a "
     "bridge over it, a sign gantry, a noise wall, lorries, cars and a motorcycle."
 )
 
@@ -30,9 +31,16 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     """Write a variant of the scene into `folder`, ``detailed`` or ``light``."""
     plan = at.layout(variant)
     table = {
-        "name": NAME, "title": "Motorway with bridge and guardrails", "description": DESCRIPTION, "license": "Apache-2.0",
-        "source": f"built by scenes_xml/{NAME}/build.py", "seed": at.SEED, "ego": "ego", "variant": variant, "detail": detail,
-    }  # fmt: skip
+        "name": NAME,
+        "title": "Motorway with bridge and guardrails",
+        "description": DESCRIPTION,
+        "license": "Apache-2.0",
+        "source": f"built by scenes_xml/{NAME}/build.py",
+        "seed": at.SEED,
+        "ego": "ego",
+        "variant": variant,
+        "detail": detail,
+    }
     kit = SceneKit(folder, table, detail, at.SEED + variant)
     kit.materials |= interior.MATERIALS | urban.MATERIALS
     kit.textures |= interior.IMAGES | urban.IMAGES

@@ -19,7 +19,10 @@ TIMES = np.arange(0.0, 9.0 + 1e-9, 0.5)
 
 @dataclass(frozen=True)
 class Traffic:
-    """A vehicle: model, lane (0 the rightmost; negative numbers -1, -2, -3 of the other carriageway), place [m], speed [m/s]."""
+    """A vehicle: model, lane, place [m], speed [m/s].
+
+    Lane 0 is the rightmost; -1, -2, -3 are those of the other carriageway.
+    """
 
     name: str
     model: str
@@ -61,11 +64,16 @@ class Layout:
 
 
 TRAFFIC = (
-    Traffic("ego", "saloon", 1, -62.0, 30.0), Traffic("car_ahead", "suv", 1, -12.0, 28.5, "white"), Traffic("lorry", "lorry", 0, -2.0, 22.5),
-    Traffic("van", "van", 0, 52.0, 24.5), Traffic("fast_car", "saloon", 2, -104.0, 36.0, "red"), Traffic("motorcycle", "motorcycle", 2, -30.0, 34.0),
-    Traffic("oncoming_car", "small_car", -2, 190.0, 31.0), Traffic("oncoming_lorry", "lorry", -1, 150.0, 22.5),
+    Traffic("ego", "saloon", 1, -62.0, 30.0),
+    Traffic("car_ahead", "suv", 1, -12.0, 28.5, "white"),
+    Traffic("lorry", "lorry", 0, -2.0, 22.5),
+    Traffic("van", "van", 0, 52.0, 24.5),
+    Traffic("fast_car", "saloon", 2, -104.0, 36.0, "red"),
+    Traffic("motorcycle", "motorcycle", 2, -30.0, 34.0),
+    Traffic("oncoming_car", "small_car", -2, 190.0, 31.0),
+    Traffic("oncoming_lorry", "lorry", -1, 150.0, 22.5),
     Traffic("oncoming_suv", "suv", -3, 240.0, 35.0),
-)  # fmt: skip
+)
 
 
 def layout(variant: int = 0) -> Layout:
@@ -87,6 +95,13 @@ def layout(variant: int = 0) -> Layout:
     low = float(g.uniform(-110.0, -60.0))
     wall = (low, low + 4.0 * int(g.integers(20, 32)), float(np.round(g.uniform(2.8, 4.8), 1)))
     return Layout(
-        curve, lanes, bridge, float(np.round(g.uniform(4.8, 5.6), 2)), float(g.uniform(10.0, bridge - 35.0)), wall, float(g.choice([2.0, 4.0])), tuple(traffic),
+        curve,
+        lanes,
+        bridge,
+        float(np.round(g.uniform(4.8, 5.6), 2)),
+        float(g.uniform(10.0, bridge - 35.0)),
+        wall,
+        float(g.choice([2.0, 4.0])),
+        tuple(traffic),
         int(g.integers(5, 13)),
-    )  # fmt: skip
+    )

@@ -61,7 +61,10 @@ def add_road(kit: SceneKit, plan: at.Layout) -> None:
 
 
 def add_barriers(kit: SceneKit, plan: at.Layout) -> None:
-    """Add the median barrier and the guardrails on both sides; along the bend their boxes would hold the road, so they have none."""
+    """Add the median barrier and the guardrails on both sides.
+
+    Along the bend their boxes would hold the road, so they have none.
+    """
     curve = plan.curve
     s = stations(curve, at.START + 4.0, at.STOP - 4.0, 4.0)
     kit.add("median_barrier", motorway.barrier(curve, s), "concrete_grey", 30.0)
@@ -80,9 +83,13 @@ def add_structures(kit: SceneKit, plan: at.Layout) -> None:
     outer = plan.pavement + 2.3
     parts = bridge.overpass((-outer, 0.0, outer), plan.pavement + 8.0, plan.clearance, is_light=kit.is_light)
     bsdfs = {
-        "road": "asphalt_worn", "deck": "concrete_grey", "girders": "concrete_grey", "piers": "concrete_grey", "railing": "galvanized_steel",
+        "road": "asphalt_worn",
+        "deck": "concrete_grey",
+        "girders": "concrete_grey",
+        "piers": "concrete_grey",
+        "railing": "galvanized_steel",
         "bank": "grass_meadow",
-    }  # fmt: skip
+    }
     where, yaw = _pose(plan, plan.bridge, 0.0)
     kit.place(kit.prefab("bridge", parts, bsdfs), "bridge", "Bridge", where, yaw)
     frame = gantry.gantry(-plan.pavement - 1.9, 0.0, is_light=kit.is_light)

@@ -1,4 +1,6 @@
-"""Build the scene: ``python -m scenes_xml.parking_garage.build`` writes the XML, scene.toml, and packed meshes and textures of variant 0.
+"""Build the scene: ``python -m scenes_xml.parking_garage.build`` writes the XML, scene.toml and packed files.
+
+Those of variant 0.
 
 Everything follows from the numbers in this package and the variant's number; a second run gives the same bytes.
 """
@@ -19,8 +21,10 @@ from . import static
 
 NAME = "parking_garage"
 DESCRIPTION = (
-    "A level of an underground car park: columns, beams, ducts and pipes under a low ceiling, bays with parked cars, a one-way loop, "
-    "ramps to the street, people on foot and a car that backs out. Floor, ceiling, walls and columns make strong multipath."
+    "A level of an underground car park: columns, beams, ducts and pipes under a low ceiling, "
+    "bays with parked cars, a one-way loop, "
+    "ramps to the street, people on foot and a car that backs out. Floor, ceiling, "
+    "walls and columns make strong multipath."
 )
 BEND = 4.0
 """Radius of the loop's corners [m]."""
@@ -30,10 +34,18 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     """Write a variant of the scene into `folder`, ``detailed`` or ``light``."""
     plan = at.layout(variant)
     table = {
-        "name": NAME, "title": "Underground car park", "description": DESCRIPTION, "license": "Apache-2.0",
-        "source": f"built by scenes_xml/{NAME}/build.py", "seed": at.SEED, "ego": "ego", "variant": variant, "detail": detail,
-        "enclosed": True, "exposure": 600.0,
-    }  # fmt: skip
+        "name": NAME,
+        "title": "Underground car park",
+        "description": DESCRIPTION,
+        "license": "Apache-2.0",
+        "source": f"built by scenes_xml/{NAME}/build.py",
+        "seed": at.SEED,
+        "ego": "ego",
+        "variant": variant,
+        "detail": detail,
+        "enclosed": True,
+        "exposure": 600.0,
+    }
     kit = SceneKit(folder, table, detail, at.SEED + variant)
     kit.materials |= interior.MATERIALS
     kit.textures |= interior.IMAGES
@@ -69,10 +81,13 @@ def _lanes(kit: SceneKit, plan: at.Layout) -> None:
     u = np.linspace(0.0, at.RAMP_LENGTH, 31)
     heights = at.ramp_height(u, plan.level)
     level = np.linspace(0.0, 20.0, 11)[1:]
-    out = np.concatenate([
-        _line((a, -y), (plan.wall_x, -y))[:-1], np.column_stack([plan.wall_x + u, np.full(31, -y), heights]),
-        np.column_stack([plan.wall_x + at.RAMP_LENGTH + level, np.full(10, -y), np.full(10, plan.level)]),
-    ])  # fmt: skip
+    out = np.concatenate(
+        [
+            _line((a, -y), (plan.wall_x, -y))[:-1],
+            np.column_stack([plan.wall_x + u, np.full(31, -y), heights]),
+            np.column_stack([plan.wall_x + at.RAMP_LENGTH + level, np.full(10, -y), np.full(10, plan.level)]),
+        ]
+    )
     kit.lanes += [
         Lane("aisle_right", _line((-a, -y), (a, -y)), "drive", 3.5, speed, ("corner_east_right", "ramp_out")),
         Lane("corner_east_right", _arc((a, -c), -90.0), "drive", 3.5, speed, ("cross_east",)),
@@ -106,8 +121,9 @@ def _parked(kit: SceneKit, plan: at.Layout) -> None:
 
 
 COLOURS = {
-    "small_car": ("yellow", "white", "blue", "red"), "saloon": ("silver", "white", "black", "red"), "suv": ("grey", "white", "green", "black"),
-}  # fmt: skip
+    "small_car": ("yellow", "white", "blue", "red"), "saloon": ("silver", "white", "black", "red"), "suv": ("grey",
+    "white", "green", "black"),
+}  # fmt: skip # a table
 """Colour variants of the actor models by their name."""
 
 

@@ -1,6 +1,7 @@
 """Where things are in the car park, for each variant.
 
-x runs along the aisles, y across, from the middle of the hall [m]. Traffic goes round counter-clockwise: along y = -`AISLE` towards +x.
+x runs along the aisles, y across, from the middle of the hall [m]. Traffic goes round counter-clockwise: along y =
+-`AISLE` towards +x.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ PARKED_MODELS = ("small_car", "saloon", "suv", "saloon", "suv", "small_car")
 
 @dataclass(frozen=True)
 class Bay:
-    """A parking bay: row (0 outer right, 1 inner right, 2 inner left, 3 outer left), middle [m], heading of a car nose in [deg]."""
+    """A parking bay: row, middle [m], heading of a car nose in [deg].
+
+    Rows: 0 outer right, 1 inner right, 2 inner left, 3 outer left.
+    """
 
     row: int
     x: float
@@ -39,7 +43,10 @@ class Bay:
 
 @dataclass(frozen=True)
 class Layout:
-    """All that a variant changes: `spans` between columns, ceiling, depth of the beams (0: flat slab), lamps, colours, what is parked."""
+    """All that a variant changes.
+
+    `spans` between columns, ceiling, depth of the beams (0: flat slab), lamps, colours, what is parked.
+    """
 
     spans: int
     ceiling: float
@@ -146,6 +153,9 @@ def layout(variant: int = 0) -> Layout:
 
 
 def ramp_height(u: np.ndarray, level: float) -> np.ndarray:
-    """Return the height of a ramp at the distance u from the hall's wall [m]; it begins and ends level, its curvature is continuous."""
+    """Return the height of a ramp at the distance u from the hall's wall [m].
+
+    It begins and ends level, its curvature is continuous.
+    """
     t = np.clip(u / RAMP_LENGTH, 0.0, 1.0)
     return level * t**3 * (10.0 - 15.0 * t + 6.0 * t * t)

@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.roundabout.build`` writes the XML, scene.toml, and packed meshes and textures.
+"""Build the scene: ``python -m scenes_xml.roundabout.build`` writes XML, scene.toml, meshes and textures.
 
 Everything follows from the numbers in this package and the variant; a second run gives the same bytes.
 """
@@ -29,7 +29,8 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
         "name": NAME,
         "title": "Roundabout",
         "description": (
-            "A roundabout of one lane with four arms, islands and zebra crossings, houses behind hedges around it; the ego car drives "
+            "A roundabout of one lane with four arms, islands and zebra crossings, "
+            "houses behind hedges around it; the ego car drives "
             "in from the west while a car goes round ahead of it, a van waits, a bicycle leaves and people cross."
         ),
         "license": "Apache-2.0",

@@ -1,7 +1,7 @@
 """Where things are: ring and arms, their kerbs, islands and lanes, as numbers that follow from the variant.
 
-The middle of the ring is the origin. An arm's own frame has x outwards along its axis and y to the left of that: who comes in drives at
-y > 0, who leaves at y < 0; the ring turns anticlockwise.
+The middle of the ring is the origin. An arm's own frame has x outwards along its axis and y to the left of that: who
+comes in drives at y > 0, who leaves at y < 0; the ring turns anticlockwise.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ ZEBRA = 6.5, 9.5
 
 @dataclass(frozen=True)
 class Plan:
-    """What a variant decides: radius of the ring's outer edge [m], directions of the arms [deg], and what stands in the middle."""
+    """What a variant decides.
+
+    Radius of the ring's outer edge [m], directions of the arms [deg], and what stands in the middle.
+    """
 
     variant: int
     outer: float
@@ -86,7 +89,7 @@ def arm_half_width(x: Array, outer: float) -> Array:
 
 
 def _to_circle(y: float, radius: float, fillet: float) -> tuple[float, Array]:
-    """Return where a line at `y` leaves for an arc that joins a circle about the origin, and the points of that arc, shape (n, 2)."""
+    """Return where a line at `y` leaves for an arc onto a circle about the origin, and the arc's points, (n, 2)."""
     middle = np.array([np.sqrt((radius + fillet) ** 2 - (y + fillet) ** 2), y + fillet])
     start, stop = -np.pi / 2, np.arctan2(-middle[1], -middle[0])
     angles = np.linspace(start, stop, max(4, int(np.ceil((start - stop) * fillet / 0.6)) + 1))
@@ -109,7 +112,10 @@ def _arc(radius: float, start_deg: float, stop_deg: float, step: float = 0.6) ->
 
 
 def block_kerb(p: Plan, number: int) -> Array:
-    """Return the kerb line of the block between an arm and the next: in along the first, out along the second, shape (n, 2)."""
+    """Return the kerb line of the block between an arm and the next.
+
+    In along the first, out along the second, shape (n, 2).
+    """
     half = kerb_half(p)
     first, second = p.directions[number], p.directions[(number + 1) % 4]
     angle = float(np.degrees(np.arctan2(half[-1, 1], half[-1, 0])))
@@ -118,7 +124,10 @@ def block_kerb(p: Plan, number: int) -> Array:
 
 
 def lane_half(p: Plan) -> Array:
-    """Return the centre line of the lane into the ring, in the arm's frame, shape (n, 2); mirrored and reversed, it leads out."""
+    """Return the centre line of the lane into the ring, in the arm's frame, shape (n, 2).
+
+    Mirrored and reversed, it leads out.
+    """
     bend, arc = _to_circle(LANE_NEAR, p.centre_line, LANE_FILLET)
     x = np.linspace(REACH - 5.0, bend, int((REACH - 5.0 - bend) / 1.5) + 1)
     y = LANE_FAR + (LANE_NEAR - LANE_FAR) * _widening(x, p.outer)
@@ -164,7 +173,7 @@ def lanes(p: Plan) -> list[Lane]:
 
 
 def island_outlines(p: Plan) -> tuple[Array, Array]:
-    """Return the two parts of the island of an arm, before and behind the crossing, anticlockwise, in the arm's frame."""
+    """Return the two parts of an arm's island, before and behind the crossing, anticlockwise, in the arm's frame."""
     near, far = p.zebra
     start = p.outer + 1.4
     flare = 1.25

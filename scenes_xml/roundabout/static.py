@@ -16,7 +16,10 @@ MARK = 0.004
 
 
 def crossing_node(p: Plan, arm: int, side: int) -> Array:
-    """Return where people wait at an arm's crossing: `side` +1 is where vehicles come in, -1 where they leave; shape (2,)."""
+    """Return where people wait at an arm's crossing: `side` +1 is where vehicles come in, -1 where they leave.
+
+    Shape (2,).
+    """
     middle = float(np.mean(p.zebra))
     return turned(
         np.array([middle, side * (float(at.arm_half_width(np.array(middle), p.outer)) + 1.2)]), p.directions[arm]

@@ -52,9 +52,11 @@ def _signs(kit: SceneKit, p: Plan, ground: Ground) -> None:
         inward = direction + 180.0
         half = float(at.arm_half_width(np.array(near), p.outer))
         for thing, name, x, y, turn in (
-            (give_way, "yield", near - 2.2, half + 0.75, inward), (walkers, "walkers_in", far + 0.8, half + 0.6, inward),
-            (walkers, "walkers_out", near - 0.8, -half - 0.6, direction), (keep, "keep", far + 7.2, 0.0, inward),
-        ):  # fmt: skip
+            (give_way, "yield", near - 2.2, half + 0.75, inward),
+            (walkers, "walkers_in", far + 0.8, half + 0.6, inward),
+            (walkers, "walkers_out", near - 0.8, -half - 0.6, direction),
+            (keep, "keep", far + 7.2, 0.0, inward),
+        ):
             if kit.is_light and name.startswith("walkers"):
                 continue
             place = ground.on(turned(np.array([(x, y)]), direction), at.KERB_HEIGHT)[0]

@@ -1,4 +1,6 @@
-"""Build the scene: ``python -m scenes_xml.signalised_crossing.build`` writes the XML, scene.toml, and packed meshes and textures of variant 0.
+"""Build the scene: ``python -m scenes_xml.signalised_crossing.build`` writes the XML, scene.toml and packed files.
+
+Those of variant 0.
 
 Everything follows from the numbers in this package and the variant's number; a second run gives the same bytes.
 """
@@ -19,7 +21,8 @@ from .lanes import lanes
 
 NAME = "signalised_crossing"
 DESCRIPTION = (
-    "A crossing with traffic lights in a street canyon: four lanes meet two between tall houses, zebra crossings, masts and cantilevers, a "
+    "A crossing with traffic lights in a street canyon: four lanes meet two between tall houses, "
+    "zebra crossings, masts and cantilevers, a "
     "bus at its stop, traffic in both directions, cars that wait at red, a cyclist and people on foot."
 )
 
@@ -28,9 +31,16 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     """Write a variant of the scene into `folder`, ``detailed`` or ``light``."""
     plan = at.layout(variant)
     table = {
-        "name": NAME, "title": "Crossing with traffic lights", "description": DESCRIPTION, "license": "Apache-2.0",
-        "source": f"built by scenes_xml/{NAME}/build.py", "seed": at.SEED, "ego": "ego", "variant": variant, "detail": detail,
-    }  # fmt: skip
+        "name": NAME,
+        "title": "Crossing with traffic lights",
+        "description": DESCRIPTION,
+        "license": "Apache-2.0",
+        "source": f"built by scenes_xml/{NAME}/build.py",
+        "seed": at.SEED,
+        "ego": "ego",
+        "variant": variant,
+        "detail": detail,
+    }
     kit = SceneKit(folder, table, detail, at.SEED + variant)
     kit.materials |= interior.MATERIALS | urban.MATERIALS
     kit.textures |= interior.IMAGES | urban.IMAGES
@@ -50,7 +60,10 @@ def _along(x: float, y: float, speed: float) -> Array:
 
 
 def _kerb(distance: Array) -> Array:
-    """Return the height of a foot on its way over a dropped kerb, at its distance behind the kerb's edge [m]: a low step, then a ramp."""
+    """Return the height of a foot on its way over a dropped kerb, at its distance behind the kerb's edge [m].
+
+    A low step, then a ramp.
+    """
     low = 0.15 * at.KERB
     u = np.clip(distance / 0.4 + 0.5, 0.0, 1.0)
     slope = np.clip((distance - 0.15) / (0.5 * (0.15 + at.RAMP) - 0.15), 0.0, 1.0)

@@ -1,7 +1,7 @@
 """Where things are at the crossing, for each variant.
 
-The main street runs along x with two lanes in each direction, the side street along y with one; the origin is the middle of the
-crossing. Traffic keeps to the right [m].
+The main street runs along x with two lanes in each direction, the side street along y with one; the origin is the
+middle of the crossing. Traffic keeps to the right [m].
 """
 
 from __future__ import annotations
@@ -68,7 +68,10 @@ DEPTH = 11.0
 
 
 def layout(variant: int = 0) -> Layout:
-    """Return the layout of a variant; its houses, their heights and colours, widths of pavements, lamps and traffic come from the number."""
+    """Return the layout of a variant.
+
+    Its houses, their heights and colours, widths of pavements, lamps and traffic come from the number.
+    """
     g = np.random.default_rng([SEED, variant])
     pavement = (
         (4.0, 3.4)
@@ -148,7 +151,10 @@ def turned(points: Array, heading_deg: float) -> Array:
 
 
 def bend(a: Array, heading_a: float, b: Array, heading_b: float, step: float = 0.8) -> Array:
-    """Return a smooth way, shape (n, 2), from a to b with the given headings [rad]: quintic, level curvature at both ends."""
+    """Return a smooth way, shape (n, 2), from a to b with the given headings [rad].
+
+    Quintic, level curvature at both ends.
+    """
     span = float(np.linalg.norm(b - a))
     scale = 1.15 * span
     da, db = (

@@ -205,7 +205,7 @@ def add_signals(kit: SceneKit, plan: at.Layout) -> None:
         )
         if walker is None:
             continue
-        # people who cross this arm wait while its traffic goes
+        # pedestrians who cross this arm wait while its traffic goes
         shown = {"red": "signal_red_on"} if is_main else {"green": "signal_green_on"}
         cross = np.mean(at.CROSS_X if is_main else at.CROSS_Y) - 0.3
         for side, y, turn in (("right", -half - 0.5, 90.0), ("left", half + 0.5, -90.0)):

@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.suburban_street.build`` writes the XML, scene.toml, and packed meshes and textures.
+"""Build the scene: ``python -m scenes_xml.suburban_street.build`` writes XML, scene.toml, meshes and textures.
 
 Everything follows from the numbers in this package and the variant; a second run gives the same bytes.
 """
@@ -37,8 +37,10 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
         "name": NAME,
         "title": "Suburban street",
         "description": (
-            "A residential street with a slight bend between detached houses, behind hedges, fences and walls, with street trees and "
-            "cars parked along the right kerb; the ego car follows a small car, others come towards it, people walk and one crosses."
+            "A residential street with a slight bend between detached houses, behind hedges, fences and walls, "
+            "with street trees and "
+            "cars parked along the right kerb; the ego car follows a small car, others come towards it, "
+            "people walk and one crosses."
         ),
         "license": "Apache-2.0",
         "source": f"built by scenes_xml/{NAME}/build.py",

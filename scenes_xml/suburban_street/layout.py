@@ -23,7 +23,7 @@ KERB_HEIGHT = 0.12
 VERGE, WALK = 1.75, 3.65
 """Distance from the kerb to the outer edge of the verge and of the footway."""
 CROSSING = 44.0
-"""Arc length where the kerbs are lowered for people who cross."""
+"""Arc length where the kerbs are lowered for pedestrians who cross."""
 DRIVE_HALF = 1.55
 FRONTS = ("hedge", "picket", "hedge", "wall", "hedge", "none")
 KINDS = 7
@@ -32,7 +32,10 @@ KINDS = 7
 
 @dataclass(frozen=True)
 class Lot:
-    """A house with its place: side (+1 left), arc length of its middle, of its drive and its ends, and how far it is set back [m]."""
+    """A house with its place.
+
+    Side (+1 left), arc length of its middle, of its drive and its ends, and how far it is set back [m].
+    """
 
     name: str
     side: int
@@ -88,7 +91,8 @@ def plan(variant: int) -> Plan:
             width = float(np.round(2 * half + house.garage + generator.uniform(3.6, 6.0), 1))
             middle = s + 1.4 + half + (house.garage if side < 0 else 0.0)
             away = half + house.garage / 2
-            # a house faces the street with its front (-y): its right end (+x) lies against the street's direction on the left side
+            # a house faces the street with its front (-y): its right end (+x) lies against the street's direction on
+            # the left side
             drive = middle + away if side > 0 else middle - away
             middle, drive = round(middle, 2), round(drive, 2)
             front = FRONTS[(number + 2 * (side > 0) + variant) % len(FRONTS)]

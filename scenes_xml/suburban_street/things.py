@@ -54,7 +54,7 @@ def _front_line(p: Plan, lot: Lot, start: float, stop: float, away: float) -> Ar
 
 
 def _fronts(kit: SceneKit, p: Plan) -> None:
-    """Close the front gardens with hedges, fences or walls, open at the drive and the path, and part the lots by hedges."""
+    """Close the front gardens with hedges, fences or walls, open at drive and path, with hedges between lots."""
     hedges, pickets, walls, copings, panels, posts = [], [], [], [], [], []
     for number, lot in enumerate(p.lots):
         if not lot.is_near:
@@ -86,10 +86,13 @@ def _fronts(kit: SceneKit, p: Plan) -> None:
         elif not kit.is_light:
             hedges.append(planting.hedge(side_line, 1.6, 0.7, 999 + number, 0.4, 0.05))
     for shape, parts, bsdf, name, semantic in (
-        ("hedges_clipped", hedges, "hedge", "hedges", "Vegetation"), ("fence_picket", pickets, "fence_white", "fence_pickets", "Fence"),
-        ("wall_garden", walls, "wall_brick", "", ""), ("wall_coping", copings, "kerb_stone", "", ""),
-        ("fence_boards", panels, "boards", "", ""), ("fence_stakes", posts, "timber_grey", "", ""),
-    ):  # fmt: skip
+        ("hedges_clipped", hedges, "hedge", "hedges", "Vegetation"),
+        ("fence_picket", pickets, "fence_white", "fence_pickets", "Fence"),
+        ("wall_garden", walls, "wall_brick", "", ""),
+        ("wall_coping", copings, "kerb_stone", "", ""),
+        ("fence_boards", panels, "boards", "", ""),
+        ("fence_stakes", posts, "timber_grey", "", ""),
+    ):
         if parts:
             kit.add(shape, merge(parts), bsdf, 50.0 if shape == "hedges_clipped" else 35.0)
             if name:

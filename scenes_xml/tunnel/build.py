@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.tunnel.build`` writes the XML, scene.toml, and packed meshes and textures of variant 0.
+"""Build the scene: ``python -m scenes_xml.tunnel.build`` writes XML, scene.toml, meshes and textures of variant 0.
 
 Everything follows from the numbers in this package and the variant's number; a second run gives the same bytes.
 """
@@ -22,7 +22,8 @@ from . import layout as at
 
 NAME = "tunnel"
 DESCRIPTION = (
-    "A two-lane road tunnel between two portals: lining, walkways, emergency niches, jet fans, lamps, signs; a lorry ahead, a car "
+    "A two-lane road tunnel between two portals: lining, walkways, emergency niches, jet fans, lamps, signs; "
+    "a lorry ahead, a car "
     "behind, oncoming traffic and a person on the walkway. Walls, ceiling and vehicles make strong multipath."
 )
 MARK = 0.004
@@ -33,10 +34,18 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     """Write a variant of the scene into `folder`, ``detailed`` or ``light``."""
     plan = at.layout(variant)
     table = {
-        "name": NAME, "title": "Road tunnel", "description": DESCRIPTION, "license": "Apache-2.0",
-        "source": f"built by scenes_xml/{NAME}/build.py", "seed": at.SEED, "ego": "ego", "variant": variant, "detail": detail,
-        "enclosed": True, "exposure": 260.0,
-    }  # fmt: skip
+        "name": NAME,
+        "title": "Road tunnel",
+        "description": DESCRIPTION,
+        "license": "Apache-2.0",
+        "source": f"built by scenes_xml/{NAME}/build.py",
+        "seed": at.SEED,
+        "ego": "ego",
+        "variant": variant,
+        "detail": detail,
+        "enclosed": True,
+        "exposure": 260.0,
+    }
     kit = SceneKit(folder, table, detail, at.SEED + variant)
     kit.materials |= interior.MATERIALS
     kit.materials["lining_coated"] = replace(kit.materials["lining_coated"], floats={"roughness": 0.4, "specular": 0.5})

@@ -56,10 +56,14 @@ class Layout:
 
 
 TRAFFIC = (
-    Traffic("ego", "saloon", -26.0, 13.9), Traffic("lorry_ahead", "lorry", 6.0, 13.2), Traffic("follower", "suv", -47.0, 13.6, 1),
-    Traffic("oncoming_car", "small_car", 44.0, -14.2), Traffic("oncoming_van", "van", 74.0, -13.6), Traffic("oncoming_bus", "bus", 108.0, -13.2),
+    Traffic("ego", "saloon", -26.0, 13.9),
+    Traffic("lorry_ahead", "lorry", 6.0, 13.2),
+    Traffic("follower", "suv", -47.0, 13.6, 1),
+    Traffic("oncoming_car", "small_car", 44.0, -14.2),
+    Traffic("oncoming_van", "van", 74.0, -13.6),
+    Traffic("oncoming_bus", "bus", 108.0, -13.2),
     Traffic("oncoming_motorcycle", "motorcycle", 20.0, -15.0),
-)  # fmt: skip
+)
 
 
 def _openings(start: float, stop: float, spacing: float, shift: float) -> tuple[Opening, ...]:
@@ -73,9 +77,20 @@ def layout(variant: int = 0) -> Layout:
     if variant == 0:
         start, stop, bore = -50.0, 110.0, Bore(4.9, True, 6.9, 1.15)
         return Layout(
-            STRAIGHT, start, stop, bore, _openings(start, stop, 34.0, 0.0), (-8.0, 64.0), (-24.0, 36.0, 84.0), (-10.0, 70.0), 7.0, (-1.9, 1.9),
-            (1.0, 1.0, 1.0), TRAFFIC, 33.0,
-        )  # fmt: skip
+            STRAIGHT,
+            start,
+            stop,
+            bore,
+            _openings(start, stop, 34.0, 0.0),
+            (-8.0, 64.0),
+            (-24.0, 36.0, 84.0),
+            (-10.0, 70.0),
+            7.0,
+            (-1.9, 1.9),
+            (1.0, 1.0, 1.0),
+            TRAFFIC,
+            33.0,
+        )
     g = np.random.default_rng([SEED, variant])
     length = float(np.round(g.uniform(120.0, 200.0)))
     start = -50.0
@@ -96,6 +111,17 @@ def layout(variant: int = 0) -> Layout:
     spacing, shift = float(g.uniform(28.0, 42.0)), float(g.uniform(0.0, 8.0))
     first = start + 18.0 + shift
     return Layout(
-        curve, start, stop, bore, _openings(start, stop, spacing, shift), (first + 0.5 * spacing, first + 2.5 * spacing), fans, (start + float(g.uniform(25.0, 45.0)), float(g.uniform(35.0, 75.0))),
-        float(g.uniform(6.0, 11.0)), rows, tuple(float(v) for v in g.uniform([0.85, 0.85, 0.7], [1.0, 1.0, 1.0])), tuple(traffic), float(g.uniform(20.0, 40.0)),
-    )  # fmt: skip
+        curve,
+        start,
+        stop,
+        bore,
+        _openings(start, stop, spacing, shift),
+        (first + 0.5 * spacing, first + 2.5 * spacing),
+        fans,
+        (start + float(g.uniform(25.0, 45.0)), float(g.uniform(35.0, 75.0))),
+        float(g.uniform(6.0, 11.0)),
+        rows,
+        tuple(float(v) for v in g.uniform([0.85, 0.85, 0.7], [1.0, 1.0, 1.0])),
+        tuple(traffic),
+        float(g.uniform(20.0, 40.0)),
+    )

@@ -1,4 +1,4 @@
-"""Build the scene: ``python -m scenes_xml.urban_crossing.build`` writes the XML, scene.toml, and packed meshes and textures.
+"""Build the scene: ``python -m scenes_xml.urban_crossing.build`` writes XML, scene.toml, meshes and textures.
 
 Everything follows from the numbers in this package and `SEED`; a second run gives the same bytes.
 """
@@ -31,8 +31,10 @@ TABLE = {
     "name": NAME,
     "title": "Zebra crossing in a town street",
     "description": (
-        "A straight town street between houses, parked cars at its right kerb, a zebra crossing on which people walk, an "
-        "oncoming car, a car ahead that drives away; the ego car brakes for people who step out from behind a parked car."
+        "A straight town street between houses, parked cars at its right kerb, "
+        "a zebra crossing on which people walk, an "
+        "oncoming car, a car ahead that drives away; "
+        "the ego car brakes for people who step out from behind a parked car."
     ),
     "license": "Apache-2.0",
     "source": f"built by scenes_xml/{NAME}/build.py",
@@ -66,9 +68,15 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
 
 
 def _place(
-    writer: Writer, files: dict[str, str], bsdfs: dict[str, str], name: str, semantic: str, yaw: float,
-    where: tuple[float, float, float], scale: float = 1.0,
-) -> Instance:  # fmt: skip
+    writer: Writer,
+    files: dict[str, str],
+    bsdfs: dict[str, str],
+    name: str,
+    semantic: str,
+    yaw: float,
+    where: tuple[float, float, float],
+    scale: float = 1.0,
+) -> Instance:
     writer.placements += [
         Placement(f"{name}_{part}", file, bsdfs[part], yaw, where, scale) for part, file in files.items()
     ]

@@ -65,19 +65,36 @@ CARS = (
     CarPlan("oncoming", "oncoming", 50.0 - _stopping(7.0, 21.5, 1.0), LANE_LEFT, 180.0, "car_paint_red"),
 )
 PARKED = (
-    ("parked_0", "oncoming", -14.0, "car_paint_silver"), ("parked_1", "ego", -7.5, "car_paint_white"), ("parked_2", "car_ahead", 6.5, "car_paint_red"),
-    ("parked_3", "oncoming", 13.2, "car_paint_green"), ("parked_4", "ego", 32.0, "car_paint_silver"), ("parked_5", "car_ahead", 38.4, "car_paint_blue"),
+    ("parked_0", "oncoming", -14.0, "car_paint_silver"), ("parked_1", "ego", -7.5, "car_paint_white"), ("parked_2",
+    "car_ahead", 6.5, "car_paint_red"),
+    ("parked_3", "oncoming", 13.2, "car_paint_green"), ("parked_4", "ego", 32.0, "car_paint_silver"), ("parked_5",
+    "car_ahead", 38.4, "car_paint_blue"),
     ("parked_6", "oncoming", 51.0, "car_paint_white"),
-)  # fmt: skip
+)  # fmt: skip # a table
 """Cars at the right kerb: name, shape, x and paint."""
 
 WALKERS = (
-    WalkerPlan("walker_0", BodyShape(1.78, 1.05), (21.1, -3.4), (0.0, 1.35), 0.10, ("top_red", "trousers_blue", "shoes_dark")),
-    WalkerPlan("walker_1", BodyShape(1.24, 0.92, 1.15), (22.0, -3.7), (0.0, 1.35), 0.55, ("top_yellow", "trousers_blue", "shoes_white")),
-    WalkerPlan("walker_2", BodyShape(1.66, 0.95), (23.1, 8.0), (0.0, -1.20), 0.30, ("top_grey", "trousers_dark", "shoes_dark")),
-    WalkerPlan("walker_3", BodyShape(1.84, 1.08), (5.0, -5.9), (1.45, 0.0), 0.80, ("top_green", "trousers_dark", "shoes_dark")),
-    WalkerPlan("walker_4", BodyShape(1.70, 1.0), (36.0, 6.3), (-1.30, 0.0), 0.20, ("top_blue", "trousers_khaki", "shoes_white")),
-)  # fmt: skip
+    WalkerPlan(
+        "walker_0", BodyShape(1.78, 1.05), (21.1, -3.4), (0.0, 1.35), 0.10, ("top_red", "trousers_blue", "shoes_dark")
+    ),
+    WalkerPlan(
+        "walker_1",
+        BodyShape(1.24, 0.92, 1.15),
+        (22.0, -3.7),
+        (0.0, 1.35),
+        0.55,
+        ("top_yellow", "trousers_blue", "shoes_white"),
+    ),
+    WalkerPlan(
+        "walker_2", BodyShape(1.66, 0.95), (23.1, 8.0), (0.0, -1.20), 0.30, ("top_grey", "trousers_dark", "shoes_dark")
+    ),
+    WalkerPlan(
+        "walker_3", BodyShape(1.84, 1.08), (5.0, -5.9), (1.45, 0.0), 0.80, ("top_green", "trousers_dark", "shoes_dark")
+    ),
+    WalkerPlan(
+        "walker_4", BodyShape(1.70, 1.0), (36.0, 6.3), (-1.30, 0.0), 0.20, ("top_blue", "trousers_khaki", "shoes_white")
+    ),
+)
 
 
 def ground(y: float) -> float:

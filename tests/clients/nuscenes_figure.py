@@ -1,4 +1,6 @@
-"""Runs in the environment of nuscenes-devkit: its own drawings of the first sample, side by side, for the documentation.
+"""Runs in the environment of nuscenes-devkit.
+
+Its own drawings of the first sample, side by side, for the documentation.
 
 Usage: python nuscenes_figure.py DATAROOT VERSION FIGURE
 """

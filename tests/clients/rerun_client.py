@@ -1,4 +1,6 @@
-"""Runs in an environment of its own: writes a drive as an .rrd file, reads it with Rerun, and prints what it holds as JSON.
+"""Runs in an environment of its own.
+
+Writes a drive as an .rrd file, reads it with Rerun, and prints what it holds as JSON.
 
 Usage: python rerun_client.py REPOSITORY FILE
 """

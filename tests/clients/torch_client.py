@@ -1,4 +1,6 @@
-"""Runs in an environment of its own: feeds a dataset to PyTorch's DataLoader with workers, prints shapes and sums as JSON.
+"""Runs in an environment of its own.
+
+Feeds a dataset to PyTorch's DataLoader with workers, prints shapes and sums as JSON.
 
 Usage: python torch_client.py REPOSITORY DATASET
 """

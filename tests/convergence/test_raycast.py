@@ -37,8 +37,9 @@ def powers(state) -> dict[int, float]:
 
 
 def test_power_does_not_depend_on_the_number_of_rays(powers: dict[int, float]) -> None:
-    # The ball (strongest) spans 0.17 rad; with N rays its outline is uncertain by about its perimeter of 0.52 rad times a
-    # cell's half width, as a fraction of 0.022 sr: at 1e4 rays (cells of 7.4 mrad) at most 9 %, shrinking as 1 / sqrt(N).
+    # The ball (strongest) spans 0.17 rad; with N rays its outline is uncertain by about its perimeter of 0.52 rad times
+    # a cell's half width, as a fraction of 0.022 sr: at 1e4 rays (cells of 7.4 mrad) at most 9 %, shrinking as 1 /
+    # sqrt(N).
     finest = powers[1_000_000]
     assert powers[10_000] == pytest.approx(finest, rel=0.09)
     assert powers[100_000] == pytest.approx(finest, rel=0.03)

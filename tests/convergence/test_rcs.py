@@ -24,8 +24,9 @@ def slope(x, y):
 def test_sphere_against_tessellation():
     """Facets of edge h stand up to h^2 / (8 a) off the sphere: a phase error, so the error falls as h^2.
 
-    The reference is PO's closed form of the smooth sphere, so that PO's own error does not hide the slope. Each level halves h. The
-    fit over four levels and eight aspects (their rms) is between 1.6 and 3: single aspects scatter about 2.
+    The reference is PO's closed form of the smooth sphere, so that PO's own error does not hide the slope. Each level
+    halves h. The fit over four levels and eight aspects (their rms) is between 1.6 and 3: single aspects scatter about
+    2.
     """
     ka = 60.0
     theta, phi = np.linspace(0.2, 2.8, 8), np.linspace(0.1, 5.0, 8)
@@ -41,7 +42,10 @@ def test_sphere_against_tessellation():
 
 
 def test_cylinder_against_tessellation():
-    """A cylinder of n strips: each strip stands off by W^2 / (8 a), so the error falls as n^-2 (fit between -1.6 and -2.5)."""
+    """A cylinder of n strips.
+
+    Each strip stands off by W^2 / (8 a), so the error falls as n^-2 (fit between -1.6 and -2.5).
+    """
     exact = np.sqrt(oracle.cylinder(0.05, 0.05, LAMBDA, 0.0))
     counts, errors = (45, 91, 181, 361), []
     phi = np.linspace(0.0, 2 * np.pi / 45, 16, endpoint=False)
@@ -57,10 +61,12 @@ def field_errors(body, angles, edge_spacings, finest):
     scale = np.abs(reference).max()
     return [
         np.abs(
-            scattering_matrix(body, F77, *angles, settings=SbrSettings(ray_spacing=max(1.0, e), edge_spacing=e)) - reference
-        ).max() / scale
+            scattering_matrix(body, F77, *angles, settings=SbrSettings(ray_spacing=max(1.0, e), edge_spacing=e))
+            - reference
+        ).max()
+        / scale
         for e in edge_spacings
-    ]  # fmt: skip
+    ]
 
 
 def test_corner_against_ray_density():
@@ -74,7 +80,8 @@ def test_corner_against_ray_density():
 def test_curved_second_bounce_against_ray_density():
     """Tubes from a plate onto a ball of small facets: the error falls with the edge spacing.
 
-    At the default it is below 3 % of the field (0.3 dB of a level that is itself no peak); at four times that, no smaller.
+    At the default it is below 3 % of the field (0.3 dB of a level that is itself no peak); at four times that, no
+    smaller.
     """
     plate = trimesh.Trimesh(40 * LAMBDA * np.array(oracle.PLATE_MESH[0]), oracle.PLATE_MESH[1], process=False)
     ball = trimesh.creation.icosphere(subdivisions=2, radius=4 * LAMBDA).apply_translation([0, 0, 4.8 * LAMBDA])
@@ -103,7 +110,10 @@ def test_a_car_with_the_default_rays():
 
 
 def test_rays_by_size():
-    """Small bodies have the finest default; each doubling of the size doubles the distance of the rays, up to 16 wavelengths."""
+    """Small bodies have the finest default.
+
+    Each doubling of the size doubles the distance of the rays, up to 16 wavelengths.
+    """
     spacing = [SbrSettings().for_size(size).ray_spacing for size in (3.0, 100.0, 280.0, 560.0, 1120.0, 2240.0, 1e6)]
     assert spacing == [1.0, 1.0, 2.0, 4.0, 8.0, 16.0, 16.0]
     assert SbrSettings().for_size(100.0) == SbrSettings(ray_spacing=1.0, edge_spacing=0.25, bisections=11)

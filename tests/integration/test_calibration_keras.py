@@ -62,7 +62,10 @@ def test_gradient_of_the_layer(model: ForwardModel) -> None:
 
 
 def test_an_encoder_learns_to_invert_the_simulation(model: ForwardModel) -> None:
-    """A network reads permittivity and loss from measured curves; it sees curves only, the layer turns its guess into them."""
+    """A network reads permittivity and loss from measured curves.
+
+    It sees curves only, the layer turns its guess into them.
+    """
     import tensorflow as tf
 
     tf.keras.utils.set_random_seed(1)

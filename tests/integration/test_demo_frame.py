@@ -110,7 +110,7 @@ def own_velocity(frame) -> np.ndarray:
 
 
 def truth(frame, item, points: np.ndarray) -> np.ndarray:
-    """Return the radial velocity [m/s] of points (N, 3) [m, sensor frame] of an object, from its box and twist alone."""
+    """Return the radial velocity [m/s] of an object's points (N, 3) [m, sensor frame] from its box and twist."""
     pose = frame.images["camera"].world_from_sensor
     world_points = pose.apply(points)
     velocity = item.twist.velocity_at(world_points - item.world_from_box.position) - own_velocity(frame)
@@ -152,7 +152,8 @@ def test_the_car_ahead_is_the_strongest_of_what_opens_and_the_oncoming_car_of_wh
     radar = frame.radars["radar"].spec
     distance = np.linalg.norm(pixel_points(camera), axis=-1)
     own = np.linalg.norm(own_velocity(frame))
-    # nothing that stands still opens, or closes faster than the vehicle's own speed; the window's main lobe is 2 bins wide
+    # nothing that stands still opens, or closes faster than the vehicle's own speed; the window's main lobe is 2 bins
+    # wide
     lobe = 2.0 * radar.velocity_resolution
     for name, chosen in (("car_ahead", maps.radial_velocity > lobe), ("oncoming", maps.radial_velocity < -own - lobe)):
         near = maps.range < 100.0
@@ -198,8 +199,9 @@ def test_lidar_and_depth_image_show_the_same_surfaces(scan, camera) -> None:
     depth = scan.position[inside, 0]
     near = neighbourhood(camera.depth, np.min)[row, column]
     far = neighbourhood(camera.depth, np.max)[row, column]
-    # both look from the same point: a return lies between the depths of the pixels around it, but where something thinner
-    # than a pixel stands, which both sample at points. 1e-4: the lidar's depth is float32, and a convex surface bulges
+    # both look from the same point: a return lies between the depths of the pixels around it, but where something
+    # thinner than a pixel stands, which both sample at points. 1e-4: the lidar's depth is float32, and a convex surface
+    # bulges
     agree = (depth >= near * (1 - 1e-4)) & (depth <= far * (1 + 1e-4))
     assert inside.sum() > 5_000
     assert agree.mean() > 0.97
@@ -246,7 +248,8 @@ def test_masks_hold_exactly_the_objects_in_view(world, camera, objects) -> None:
     named = {item.instance: item.name for item in objects.values()}
     in_mask = {named[i] for i in ids if i in named}
     well_in_mask = {named[i] for i, count in zip(ids, counts, strict=True) if i in named and count > 5}
-    # what fills a whole pixel is at its centre, too; what is at more than 5 centres is not missed by 80 rays around them
+    # what fills a whole pixel is at its centre, too; what is at more than 5 centres is not missed by 80 rays around
+    # them
     assert in_mask >= {named[i] for i in np.unique(whole) if i in named}
     assert well_in_mask <= {named[i] for i in np.unique(image) if i in named}
     assert {"car_ahead", "oncoming", "guardrail_right"} <= in_mask
@@ -269,7 +272,10 @@ def test_classes_sky_and_instances_of_the_image_fit(camera, objects) -> None:
 
 
 def test_depth_from_rays_is_the_rendered_depth(world, camera) -> None:
-    """Mitsuba's own renderer gives the position of what each pixel shows; its depth lies among the pixel's neighbours."""
+    """Mitsuba's own renderer gives the position of what each pixel shows.
+
+    Its depth lies among the pixel's neighbours.
+    """
     from tests.mitsuba_camera import perspective_dict
 
     scene = world.at(TIME).optical_scene()

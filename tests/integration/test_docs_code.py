@@ -51,12 +51,28 @@ def session() -> Iterator[dict[str, Any]]:
     targets = pose.apply(np.array([[12.0, 0.5, 0.0], [30.0, -2.0, 0.3]]))
     paths = ss.point_targets(targets, np.zeros((2, 3)), np.ones(2), radar, pose)
     names = {
-        "__name__": "docs", "np": np, "ss": ss, "world": world, "state": state, "radar": radar, "pose": pose, "mount": state.mount("ego", ss.Pose([2.36, 0.0, 0.8])), "paths": paths,
-        "twist": Twist(), "rng": np.random.default_rng(0), "world_from_camera": pose, "world_from_lidar": pose,
-        "camera_spec": ss.CameraSpec(width=64, height=36), "points_camera_optical": np.array([[0.5, 0.2, 10.0]]),
-        "positions": targets, "velocities": np.zeros((2, 3)), "rcs": np.ones(2), "mesh": corner(), "SonarSpec": object,
+        "__name__": "docs",
+        "np": np,
+        "ss": ss,
+        "world": world,
+        "state": state,
+        "radar": radar,
+        "pose": pose,
+        "mount": state.mount("ego", ss.Pose([2.36, 0.0, 0.8])),
+        "paths": paths,
+        "twist": Twist(),
+        "rng": np.random.default_rng(0),
+        "world_from_camera": pose,
+        "world_from_lidar": pose,
+        "camera_spec": ss.CameraSpec(width=64, height=36),
+        "points_camera_optical": np.array([[0.5, 0.2, 10.0]]),
+        "positions": targets,
+        "velocities": np.zeros((2, 3)),
+        "rcs": np.ones(2),
+        "mesh": corner(),
+        "SonarSpec": object,
         "SonarPing": SonarPing,
-    }  # fmt: skip
+    }
     yield names
     names.clear()
 

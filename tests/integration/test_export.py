@@ -192,7 +192,10 @@ def full_disk(tmp_path: Path, kilobytes: int) -> Path:
 
 
 def test_a_full_disk_stops_it_and_nothing_is_lost(scenarios, undisturbed, tmp_path) -> None:
-    """The kernel refuses writes in the middle of a shard or of the manifest; where it may be mounted, on a small file system."""
+    """The kernel refuses writes in the middle of a shard or of the manifest.
+
+    Where it may be mounted, on a small file system.
+    """
     place = full_disk(tmp_path, 700)
     try:
         with pytest.raises(OutputError, match="free some space; the same command goes on"):
@@ -266,9 +269,24 @@ def test_a_scheduler_elsewhere_and_its_loss(files, scenarios, undisturbed, tmp_p
     try:
         assert wait_until(address_file.exists, scheduler)
         worker = subprocess.Popen(
-            [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(address_file), "--nworkers", "1",
-             "--nthreads", "1", "--no-dashboard", "--death-timeout", "5", "--local-directory", str(tmp_path)], **quiet,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "distributed.cli.dask_worker",
+                "--scheduler-file",
+                str(address_file),
+                "--nworkers",
+                "1",
+                "--nthreads",
+                "1",
+                "--no-dashboard",
+                "--death-timeout",
+                "5",
+                "--local-directory",
+                str(tmp_path),
+            ],
+            **quiet,
+        )
         address = json.loads(address_file.read_text())["address"]
         process = start(*files, "--out", out, "--scheduler", address)
         assert wait_until(lambda: len(kept_frames(out)) >= 2, process)

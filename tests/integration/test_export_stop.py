@@ -1,4 +1,7 @@
-"""Ctrl-C and SIGTERM stop an export as a whole, whatever they hit: no frame fails of them, and the same command goes on."""
+"""Ctrl-C and SIGTERM stop an export as a whole, whatever they hit.
+
+No frame fails of them, and the same command goes on.
+"""
 
 from __future__ import annotations
 

@@ -173,7 +173,10 @@ def test_tf_data_gives_frames_in_order_and_ragged_batches(place) -> None:
 @pytest.mark.own_process
 @pytest.mark.slow  # 12 frames of 6.3 MB are simulated
 def test_tf_data_delivers_more_than_200_megabytes_a_cpu_second(tmp_path) -> None:
-    """Of raw radar data of SCaRL's size, read from files; CPU time of all threads, since the wall clock depends on the load."""
+    """Of raw radar data of SCaRL's size, read from files.
+
+    CPU time of all threads, since the wall clock depends on the load.
+    """
     from scarl_sionna.dataset.readers.tf_data import tf_dataset
 
     spec, rng = RadarSpec.preset("awr1843boost"), np.random.default_rng(0)
@@ -239,9 +242,10 @@ def test_a_keras_network_learns_near_and_far_from_range_doppler_maps_in_one_epoc
     data = tf_dataset(dataset, {"map": "radar:range_doppler", "boxes": "boxes"}, shuffle_seed=0)
     pairs = data.map(
         lambda item: (
-            tf.image.per_image_standardization(item["map"][..., None]), tf.cast(item["boxes"][0, 0] > half, tf.int32)
+            tf.image.per_image_standardization(item["map"][..., None]),
+            tf.cast(item["boxes"][0, 0] > half, tf.int32),
         )
-    ).batch(8)  # fmt: skip
+    ).batch(8)
     network = tf.keras.Sequential(
         [
             tf.keras.Input((32, 32, 1)),

@@ -1,4 +1,7 @@
-"""An export of a scenario with actors, traffic and draws: the same bytes in one process and in workers that are spawned."""
+"""An export of a scenario with actors, traffic and draws.
+
+The same bytes in one process and in workers that are spawned.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,8 @@ ego:
 actors:
   - name: cut
     model: suv
-    trajectory: {kind: route, lanes: [east_2], start: 112, speed: 10, events: [{kind: shift, time: 0.1, duration: 2, by: -3.5}]}
+    trajectory: {kind: route, lanes: [east_2], start: 112, speed: 10,
+                 events: [{kind: shift, time: 0.1, duration: 2, by: -3.5}]}
   - name: recorded
     model: van
     trajectory: {kind: table, file: drive.csv}

@@ -26,9 +26,19 @@ def call(*arguments: object):
 
 def test_convert_takes_scenes_frames_and_options(place, tmp_path) -> None:
     done = call(
-        "convert", place, "nuscenes", tmp_path / "out", "--scene", "street", "--frames", 1, "--option", "image_format=png",
-        "--option", "raw_radar=false",
-    )  # fmt: skip
+        "convert",
+        place,
+        "nuscenes",
+        tmp_path / "out",
+        "--scene",
+        "street",
+        "--frames",
+        1,
+        "--option",
+        "image_format=png",
+        "--option",
+        "raw_radar=false",
+    )
     assert done.exit_code == 0, done.output
     assert "1 frames written" in done.output
     files = [path.name for path in (tmp_path / "out").rglob("*.png") if "CAM" in path.name]

@@ -1,4 +1,7 @@
-"""DCA1000 captures: openradar organizes them and finds the planted points in our bins; pyroomacoustics finds their angles."""
+"""DCA1000 captures: openradar organizes them and finds the planted points in our bins.
+
+Pyroomacoustics finds their angles.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,7 @@ def source_of(spec: ss.RadarSpec, num_frames: int = 2) -> FrameSource:
 
 
 def our_peaks(radar: RadarFrame) -> list[tuple[int, int]]:
-    """Return (Doppler bin of the unshifted transform, range bin) of the planted points in our maps, by the plain transform."""
+    """Return (Doppler bin, range bin) of the planted points in our maps, by the plain, unshifted transform."""
     spec = radar.spec
     rd = ss.range_doppler(ss.virtual_cube(radar.adc, spec), spec, window="rect", compensate_motion=False)
     out = []

@@ -362,7 +362,7 @@ def test_a_full_disk_is_an_output_error(tmp_path, form) -> None:
 
 
 def test_a_moving_scan_is_put_where_its_shots_were() -> None:
-    """A return measured 50 ms after the timestamp, from a vehicle that drives and turns, is where the sensor then was."""
+    """A return measured 50 ms after the timestamp from a turning vehicle is where the sensor then was."""
     frame = FRAMES[0]
     scan = frame.results[LIDAR]
     late = replace(scan, time=np.full(scan.num_points, 0.05, np.float32))
@@ -402,7 +402,8 @@ def test_a_distorted_camera_is_undistorted_for_nuscenes() -> None:
     inside = found.max(axis=-1) > 0
     assert inside.mean() > 0.7
     error = np.abs(found.astype(int) - expected)[inside]
-    # bilinear: 1/8 h^2 f'' = (12 / 200)^2 * 60 / 8 = 0.03 levels and magnification below 1.5; two roundings of half a level
+    # bilinear: 1/8 h^2 f'' = (12 / 200)^2 * 60 / 8 = 0.03 levels and magnification below 1.5; two roundings of half a
+    # level
     assert np.percentile(error, 99) <= 2
     assert np.abs(grid(spec).astype(int) - expected)[inside].mean() > 5 * error.mean()
 

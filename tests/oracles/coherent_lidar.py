@@ -17,7 +17,7 @@ def photoelectrons(power: float, duration: float, wavelength: float, efficiency:
 
 
 def gaussian_overlap(wavelength: float, radius: float) -> float:
-    """lambda^2 times the integral over the plane of the squared irradiance of a Gaussian beam of unit power, by quadrature."""
+    """lambda^2 times the plane integral of a unit-power Gaussian beam's squared irradiance, by quadrature."""
 
     def integrand(r: float) -> float:
         irradiance = 2.0 / (np.pi * radius**2) * np.exp(-2.0 * r * r / radius**2)
@@ -27,7 +27,7 @@ def gaussian_overlap(wavelength: float, radius: float) -> float:
 
 
 def fisher_frequency_deviation(snr: float, interval: float, number: int) -> float:
-    """Cramer-Rao bound of a tone's frequency [Hz] from the numerical Fisher matrix of frequency, phase and amplitude."""
+    """Cramer-Rao bound of a tone's frequency [Hz] from the Fisher matrix of frequency, phase and amplitude."""
     time = np.arange(number) * interval
     tone = np.exp(2j * np.pi * 0.1 / interval * time)
     amplitude = np.sqrt(snr)  # noise of unit power
@@ -37,7 +37,10 @@ def fisher_frequency_deviation(snr: float, interval: float, number: int) -> floa
 
 
 def marcum_tail(order: int, noncentrality: float, level: float) -> float:
-    """P(sum of `order` terms abs(a_m + n_m)^2 > level), n circular of unit power, sum abs(a_m)^2 = noncentrality, by quadrature."""
+    """P(sum of `order` abs(a_m + n_m)^2 > level) by quadrature.
+
+    n is circular of unit power; sum abs(a_m)^2 = noncentrality.
+    """
 
     def density(t: float) -> float:
         z = 2.0 * np.sqrt(noncentrality * t)

@@ -1,7 +1,7 @@
 """Exact fields around perfectly conducting half planes and wedges in a plane wave, and the knife edge of ITU-R P.526.
 
-Time dependence e^{+jwt}; the incident wave is exp(j k rho cos(phi - phi0)), 1 at the edge. "soft" is an electric field along
-the edge (zero on the faces), "hard" a magnetic field along it. Imports numpy and scipy only.
+Time dependence e^{+jwt}; the incident wave is exp(j k rho cos(phi - phi0)), 1 at the edge. "soft" is an electric field
+along the edge (zero on the faces), "hard" a magnetic field along it. Imports numpy and scipy only.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ def wedge(wavenumber: float, rho: float, phi: float, phi0: float, exterior: floa
 
 
 def knife_edge(clearance: float, before: float, behind: float, wavelength: float) -> complex:
-    """Field behind a screen over that without it; `clearance` of the line of sight above the edge [m]. ITU-R P.526-15, 4.1."""
+    """Field behind a screen over that without it; `clearance` of the line of sight above the edge [m].
+
+    ITU-R P.526-15, 4.1.
+    """
     nu = -clearance * np.sqrt(2.0 * (before + behind) / (wavelength * before * behind))
     sine, cosine = fresnel(nu)
     return complex((1.0 + 1j) / 2.0 * ((0.5 - cosine) - 1j * (0.5 - sine)))

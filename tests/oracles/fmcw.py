@@ -11,7 +11,10 @@ C = 299_792_458.0
 
 
 def moving_point_delay(distance, velocity, t):
-    """Exact two-way delay of a point at ``distance + velocity * t``: the wave meets it half a delay before reception."""
+    """Exact two-way delay of a point at ``distance + velocity * t``.
+
+    The wave meets it half a delay before reception.
+    """
     return 2.0 * (distance + velocity * t) / (C + velocity)
 
 
@@ -53,8 +56,8 @@ STOP_AND_HOP_ERRORS = np.array(
     ]
 )
 
-# One-way phases -k (r_i - R) [rad] of a point at (R [m], azimuth [deg]) on the first and the last of 192 elements spaced
-# half a wavelength at 77 GHz: r_i = |p - p_i|, y_i = (i - 95.5) lambda / 2.
+# One-way phases -k (r_i - R) [rad] of a point at (R [m], azimuth [deg]) on the first and the last of 192 elements
+# spaced half a wavelength at 77 GHz: r_i = |p - p_i|, y_i = (i - 95.5) lambda / 2.
 ULA192_PHASES = (
     (1.0, 0.0, -27.6516936715, -27.6516936715),
     (1.0, 30.0, -169.0458532854, 127.1298931527),

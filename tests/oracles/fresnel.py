@@ -52,7 +52,7 @@ HALFSPACE = {
             (-0.9149394892934, -0.001914894791664),
         ),
     },
-}  # fmt: skip
+}  # fmt: skip # a table
 """By permittivity: TE and TM at INCIDENCE_DEG."""
 
 PSEUDO_BREWSTER_DEG = {3.18 - 0.1j: 60.7216479587, ITU_CONCRETE: 66.4178676640, 2.6 - 0.02j: 58.1941335945}

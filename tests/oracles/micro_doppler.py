@@ -12,11 +12,13 @@ WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
 
 WHEEL_RADIUS, WHEEL_SPEED = 0.32, 15.0
 """Radius [m] and speed of the vehicle [m/s]."""
-WHEEL_DOPPLER = {0.0: 15310.5919696, 30.0: 14284.97678112, 60.0: 11482.9439772, 90.0: 7655.295984798, 120.0: 3827.647992399,
-                 180.0: 0.0, 270.0: 7655.295984798}  # fmt: skip
-"""Doppler shift [Hz] of a point of the rim at the angle [deg] from the top, seen from straight ahead: 2 v (1 + cos) / lambda."""
+WHEEL_DOPPLER = {0.0: 15310.5919696, 30.0: 14284.97678112, 60.0: 11482.9439772, 90.0: 7655.295984798,
+120.0: 3827.647992399,
+                 180.0: 0.0, 270.0: 7655.295984798}  # fmt: skip # a table
+"""Doppler shift [Hz] of a point of the rim at the angle [deg] from the top, seen from straight ahead: 2 v (1 + cos) /
+lambda."""
 WHEEL_DOPPLER_5_DEG = {0.0: 15252.33054476, 30.0: 13897.01662796, 60.0: 10861.43315458, 90.0: 6958.96226487,
-                       120.0: 3235.267882206, 270.0: 8293.368279887}  # fmt: skip
+                       120.0: 3235.267882206, 270.0: 8293.368279887}  # fmt: skip # a table
 """The same from 5 deg above: 2 v ((1 + cos) cos(el) - sin sin(el)) / lambda."""
 
 VIBRATION_LINES_DB = (
@@ -33,7 +35,10 @@ PENDULUM_PERIOD, PENDULUM_DOPPLER = 2.010235892602, 278.5845772124
 
 
 def rim(psi: npt.ArrayLike) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Position about the hub, velocity and acceleration of points of a rolling rim [m, m/s, m/s2]; psi from the top [rad]."""
+    """Position about the hub, velocity and acceleration of points of a rolling rim [m, m/s, m/s2].
+
+    Psi from the top [rad].
+    """
     angle = np.atleast_1d(np.asarray(psi, dtype=np.float64))
     zero = np.zeros_like(angle)
     spin = WHEEL_SPEED / WHEEL_RADIUS

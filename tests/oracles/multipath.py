@@ -1,7 +1,7 @@
 """Exact answers of mirror multipath: two-ray ground, ghosts behind a wall, ego double bounce.
 
-The numbers come from closed forms, evaluated once by an independent script in double precision (77 GHz, c = 299792458 m/s,
-e^{+jwt}); the forms stand beside them, so each number can be checked by hand.
+The numbers come from closed forms, evaluated once by an independent script in double precision (77 GHz, c = 299792458
+m/s, e^{+jwt}); the forms stand beside them, so each number can be checked by hand.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ TWO_RAY_DB = {
 }
 """Two-way power over free space [dB] by (polarisation, target height [m]), in the order of `GROUND_RANGES`.
 
-20 log10 |F|^2 with F = 1 + G (Rd / Rr) exp(-j k (Rr - Rd)), Rd and Rr = hypot(x, h1 -+ h2); G is Fresnel's coefficient of
-3.18 - 0.1j at the grazing angle asin((h1 + h2) / Rr): TE for H, TM for V. Isotropic antennas and scatterer.
+20 log10 |F|^2 with F = 1 + G (Rd / Rr) exp(-j k (Rr - Rd)), Rd and Rr = hypot(x, h1 -+ h2); G is Fresnel's coefficient
+of 3.18 - 0.1j at the grazing angle asin((h1 + h2) / Rr): TE for H, TM for V. Isotropic antennas and scatterer.
 """
 
 NULL_GROUND_RANGES = (
@@ -92,8 +92,8 @@ CONCRETE_GHOST = {
     "amp_type2_rel_dB": -7.508954929708,
     "phase_type1_minus_direct_rad": 4.496510675008,
 }
-"""The same with the target at (15, 0) m, velocity (-5, 0) m/s, wall y = 3 m of concrete (ITU-R P.2040-3: 5.24 - 0.3224j),
-vertical polarisation, which is TE at a vertical wall."""
+"""The same with the target at (15, 0) m, velocity (-5, 0) m/s, wall y = 3 m of concrete (ITU-R P.2040-3: 5.24 -
+0.3224j), vertical polarisation, which is TE at a vertical wall."""
 
 
 def ego_double_bounce(distance: float, velocity: float, setback: float) -> tuple[float, float]:

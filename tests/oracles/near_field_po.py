@@ -1,8 +1,9 @@
 """Physical optics of a perfectly conducting rectangle seen by a radar nearby: the exact surface integral by quadrature.
 
-For a short dipole-like isotropic source at p with field E = e exp(-jkR) / R across the ray, PO's current is J = 2 n x H with
-eta H = u x E, and what it radiates back to p across the ray, times lambda / (4 pi) for an isotropic receiver, is the transfer.
-C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., sections 6.8 and 7.10. Gauss-Legendre in both directions.
+For a short dipole-like isotropic source at p with field E = e exp(-jkR) / R across the ray, PO's current is J = 2 n x H
+with eta H = u x E, and what it radiates back to p across the ray, times lambda / (4 pi) for an isotropic receiver, is
+the transfer. C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., sections 6.8 and 7.10. Gauss-Legendre in
+both directions.
 """
 
 from __future__ import annotations

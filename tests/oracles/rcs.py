@@ -2,8 +2,8 @@
 
 Lengths [m], angles [rad], k = 2 pi / wavelength, sinc(x) = sin(x) / x. Sources:
 
-- plate, disk, cylinder, dihedral, trihedral: G. T. Ruck et al., *Radar Cross Section Handbook*, 1970, chapters 4, 7 and 8;
-  E. F. Knott et al., *Radar Cross Section*, 2nd ed., sections 5.3 and 6.4. The dBsm numbers below are these formulas
+- plate, disk, cylinder, dihedral, trihedral: G. T. Ruck et al., *Radar Cross Section Handbook*, 1970, chapters 4, 7 and
+  8; E. F. Knott et al., *Radar Cross Section*, 2nd ed., sections 5.3 and 6.4. The dBsm numbers below are these formulas
   at 77 GHz in double precision, from the project's reference vectors (`rcs` of analytic_vectors).
 - sphere: J. J. Bowman et al., *Electromagnetic and Acoustic Scattering by Simple Shapes*, 1969, section 10.2 (Mie), and
   the physical-optics integral of a sphere's lit half.
@@ -23,9 +23,18 @@ DATA = Path(__file__).parents[1] / "data" / "rcs"
 
 PLATE_DEG = (0, 0.25, 0.5, 0.75, 1.0, 1.5957, 2, 5, 10, 20, 30)
 PLATE_DBSM = (  # 0.1 m x 0.1 m at 77 GHz
-    19.18549908511, 18.45537941236, 16.09613355282, 11.34766481753, 0.2774371470511, 5.920670227421, -0.1828124792223,
-    -3.833047237348, -21.99649351522, -16.39964047317, -21.74806043745,
-)  # fmt: skip
+    19.18549908511,
+    18.45537941236,
+    16.09613355282,
+    11.34766481753,
+    0.2774371470511,
+    5.920670227421,
+    -0.1828124792223,
+    -3.833047237348,
+    -21.99649351522,
+    -16.39964047317,
+    -21.74806043745,
+)
 PLATE_FIRST_NULL_DEG = 1.115449848322
 DISK_DEG = (0, 0.5, 1, 2, 5, 10)
 DISK_DBSM = (17.08729671244, 14.8365087336, 6.244811479809, -1.503878816211, -16.74537688421, -23.78394428949)
@@ -36,8 +45,14 @@ CYLINDER_FIRST_NULL_DEG = 0.223076441166
 TRIHEDRAL_DBSM = 14.41428653792  # triangular, leg 0.1 m, boresight
 TRIHEDRAL_AZIMUTH_DEG = (45, 50, 55, 60, 65, 70, 75)
 TRIHEDRAL_AZIMUTH_DBSM = (
-    14.41428653792, 14.30329352591, 13.96100113252, 13.35671771647, 12.42825964468, 11.05641259046, 8.995935500528,
-)  # fmt: skip
+    14.41428653792,
+    14.30329352591,
+    13.96100113252,
+    13.35671771647,
+    12.42825964468,
+    11.05641259046,
+    8.995935500528,
+)
 DIHEDRAL_DBSM = 22.19579904175  # 0.1 m x 0.1 m plates, boresight
 MIE = {0.1: 0.0008983365972, 1.0: 3.637566543, 5.0: 1.168837049, 50.0: 0.9959176788, 500.0: 0.9999999021}
 """sigma / (pi a^2) of a perfectly conducting sphere by ka; more in `mie_sphere`, which must give this."""
@@ -68,8 +83,9 @@ def cylinder(radius, height, wavelength, psi):
 def cylinder_physical_optics(radius, height, wavelength, psi):
     """Return PO's RCS of a capped cylinder, psi off broadside towards a cap, exact.
 
-    S = (k / 2 pi) int (n . r) exp(2jk r . x) dA over the lit side and cap. Around the side the integral of cos(f) exp(jz cos f) over
-    -pi/2..pi/2 is 2 - pi H1(z) + j pi J1(z), with Struve's H1 (M. Abramowitz, I. Stegun, 9.1.20 and 12.1.7).
+    S = (k / 2 pi) int (n . r) exp(2jk r . x) dA over the lit side and cap. Around the side the integral of cos(f)
+    exp(jz cos f) over -pi/2..pi/2 is 2 - pi H1(z) + j pi J1(z), with Struve's H1 (M. Abramowitz, I. Stegun, 9.1.20 and
+    12.1.7).
     """
     k = 2 * np.pi / wavelength
     z = 2 * k * radius * np.cos(psi)

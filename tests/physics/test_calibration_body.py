@@ -67,11 +67,17 @@ def test_kept_tubes_have_one_frequency() -> None:
 def problem(file: Path, values: np.ndarray, **changes: object) -> CalibrationProblem:
     measurements = tuple(
         MeshRcs(
-            name=name, mesh=str(file), material="concrete", theta_deg=tuple(THETA), phi_deg=tuple(PHI), polarization=name,
-            values=tuple(values[row]), noise=0.05,
+            name=name,
+            mesh=str(file),
+            material="concrete",
+            theta_deg=tuple(THETA),
+            phi_deg=tuple(PHI),
+            polarization=name,
+            values=tuple(values[row]),
+            noise=0.05,
         )
         for row, name in enumerate(("VV", "HH"))
-    )  # fmt: skip
+    )
     free = (
         FreeParameter(name="concrete.relative_permittivity", lower=2.0, upper=12.0, start=4.0),
         FreeParameter(name="concrete.conductivity", lower=0.0, upper=40.0, start=10.0),

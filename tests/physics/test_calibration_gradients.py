@@ -25,10 +25,11 @@ from tests.calibration_street import PARAMETERS, TRUTH, street, street_problem
 
 ANGLES = tuple(np.linspace(0.0, 80.0, 9))
 BOUNDS = {
-    "relative_permittivity": (1.5, 8.0), "conductivity": (0.01, 5.0), "thickness": (2e-3, 6e-3), "roughness_rms": (1e-5, 5e-4),
+    "relative_permittivity": (1.5, 8.0), "conductivity": (0.01, 5.0), "thickness": (2e-3, 6e-3),
+    "roughness_rms": (1e-5, 5e-4),
     "scattering_coefficient": (0.05, 0.8), "xpd_coefficient": (0.05, 0.6), "permittivity_exponent": (-0.5, 0.5),
     "conductivity_exponent": (0.2, 1.8),
-}  # fmt: skip
+}  # fmt: skip # a table
 
 
 def assert_slopes(model: ForwardModel, point: np.ndarray) -> None:
@@ -57,11 +58,19 @@ def test_slopes_of_a_bench(quantity: str, form: str) -> None:
     zeros = (0.0,) * len(ANGLES)
     specs = [
         SlabMeasurement(
-            name=polarization, material="glass", quantity=quantity, polarization=polarization, angle_deg=ANGLES, values=zeros,
-            frequency=79e9, form=form, noise=1.0, values_imag=zeros if form == "complex" else (),
+            name=polarization,
+            material="glass",
+            quantity=quantity,
+            polarization=polarization,
+            angle_deg=ANGLES,
+            values=zeros,
+            frequency=79e9,
+            form=form,
+            noise=1.0,
+            values_imag=zeros if form == "complex" else (),
         )
         for polarization in ("TE", "TM")
-    ]  # fmt: skip
+    ]
     free = tuple(FreeParameter(name=f"glass.{field}", lower=a, upper=b) for field, (a, b) in BOUNDS.items())
     free += (FreeParameter(name="TE.gain_db", lower=-3.0, upper=3.0),)
     model = ForwardModel(CalibrationProblem(parameters=free, measurements=specs))
@@ -72,9 +81,12 @@ def test_slopes_of_a_target() -> None:
     target = LobedTarget(floor_dbsm=0.0, lobes={"side": Lobe(center_deg=90.0, width_deg=20.0, peak_dbsm=15.0)})
     free = [("floor_dbsm", -10, 10), ("side.center_deg", 80, 100), ("side.width_deg", 5, 40), ("side.peak_dbsm", 0, 30)]
     problem = CalibrationProblem(
-        parameters=[FreeParameter(name=f"car.{name}", lower=a, upper=b) for name, a, b in free], targets={"car": target},
-        measurements=[RcsPattern(name="cut", target="car", aspect_deg=tuple(range(-180, 180, 20)), values=(0.0,) * 18, noise=1.0)],
-    )  # fmt: skip
+        parameters=[FreeParameter(name=f"car.{name}", lower=a, upper=b) for name, a, b in free],
+        targets={"car": target},
+        measurements=[
+            RcsPattern(name="cut", target="car", aspect_deg=tuple(range(-180, 180, 20)), values=(0.0,) * 18, noise=1.0)
+        ],
+    )
     model = ForwardModel(problem)
     assert_slopes(model, model.lower + 0.43 * model.span)
 
@@ -124,9 +136,8 @@ def test_fixed_geometry_gives_the_solvers_paths_and_map(model: ForwardModel) -> 
     world.materials = {**before, **real}
     try:
         paths = solve_points(
-            fixed.state, spec.radar, pose_of(spec), fixed.points,
-            num_samples=spec.num_samples, max_depth=2,
-        )  # fmt: skip
+            fixed.state, spec.radar, pose_of(spec), fixed.points, num_samples=spec.num_samples, max_depth=2
+        )
     finally:
         world.materials = before
     columns = fixed.columns({item.base.name: item for item in materials})

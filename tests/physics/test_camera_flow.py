@@ -60,9 +60,10 @@ def test_normals_of_a_ball_point_towards_the_camera(tmp_path: Path) -> None:
 def test_flow_of_a_translating_wall(tmp_path: Path) -> None:
     velocity = np.array([-3.0, 2.0, 0.5])
     wall = Thing(
-        "wall", plane(20.0, 20.0, normal=(-1.0, 0.0, 0.0)), trajectory={
-            "kind": "constant_twist", "position": (10.0, 0.0, 0.0), "velocity": tuple(velocity.tolist())},
-    )  # fmt: skip
+        "wall",
+        plane(20.0, 20.0, normal=(-1.0, 0.0, 0.0)),
+        trajectory={"kind": "constant_twist", "position": (10.0, 0.0, 0.0), "velocity": tuple(velocity.tolist())},
+    )
     frame = observe(tmp_path, SPEC, [BEHIND], [wall], Pose())
     focal, _, cu = SPEC.intrinsics[0]
     cv = SPEC.intrinsics[1, 2]
@@ -76,9 +77,15 @@ def test_flow_of_a_translating_wall(tmp_path: Path) -> None:
 def test_flow_of_a_turning_wall(tmp_path: Path) -> None:
     rate = 1.5
     wall = Thing(
-        "wall", plane(30.0, 30.0, normal=(-1.0, 0.0, 0.0)), trajectory={
-            "kind": "constant_twist", "position": (10.0, 0.0, 0.0), "velocity": (0.0, 0.0, 0.0), "angular_velocity_z": rate},
-    )  # fmt: skip
+        "wall",
+        plane(30.0, 30.0, normal=(-1.0, 0.0, 0.0)),
+        trajectory={
+            "kind": "constant_twist",
+            "position": (10.0, 0.0, 0.0),
+            "velocity": (0.0, 0.0, 0.0),
+            "angular_velocity_z": rate,
+        },
+    )
     frame = observe(tmp_path, SPEC, [BEHIND], [wall], Pose())
     focal, _, cu = SPEC.intrinsics[0]
     cv = SPEC.intrinsics[1, 2]
@@ -117,8 +124,15 @@ def test_flow_of_a_turning_camera_needs_no_distance(tmp_path: Path, spec: Camera
 
 
 def test_the_ego_vehicle_carries_its_camera_along_its_trajectory(tmp_path: Path) -> None:
-    ego = Thing("ego", plane(0.1, 0.1), trajectory={
-        "kind": "waypoints", "times": (0.0, 0.5, 1.0, 1.5), "positions": [(0, 0, 0), (2, 0, 0), (5, 0, 0), (9, 0, 0)]})  # fmt: skip
+    ego = Thing(
+        "ego",
+        plane(0.1, 0.1),
+        trajectory={
+            "kind": "waypoints",
+            "times": (0.0, 0.5, 1.0, 1.5),
+            "positions": [(0, 0, 0), (2, 0, 0), (5, 0, 0), (9, 0, 0)],
+        },
+    )
     wall = Thing("wall", plane(40.0, 40.0, (20.0, 0.0, 0.0), (-1.0, 0.0, 0.0)))
     world = load_scene(write_scene(tmp_path, [wall], [ego], ego="ego"))
     state = world.at(0.0)

@@ -152,6 +152,6 @@ def test_exposure_one_suits_daylight(tmp_path: Path) -> None:
     down = Pose.from_euler([0.0, 0.0, 2.0], pitch=np.pi / 2)
     image = Camera(spec).observe(state, down, np.random.default_rng(1)).rgb
     assert image is not None
-    # documented: linear 0.18 * 0.36 * 4 = 0.26 in luminance, sRGB 0.547 * 255 = 139. The sunlight is warm: red above, blue
-    # below; +-10 levels hold that (143, 137, 134)
+    # documented: linear 0.18 * 0.36 * 4 = 0.26 in luminance, sRGB 0.547 * 255 = 139. The sunlight is warm: red above,
+    # blue below; +-10 levels hold that (143, 137, 134)
     assert np.abs(image.mean(axis=(0, 1)) - 139.0).max() < 10.0

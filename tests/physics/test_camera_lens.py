@@ -18,13 +18,21 @@ from tests.scenes import Light, Thing, ball, box, plane, write_scene
 
 POSE = Pose.from_euler([2.0, -1.0, 1.7], yaw=0.4, pitch=0.1, roll=-0.15)
 BARREL = CameraSpec(
-    width=240, height=136, lens=BrownConrady(k1=-0.3, k2=0.11, p1=1e-3, p2=-8e-4), horizontal_fov_deg=80.0,
-    samples_per_pixel=64, denoise=False,
-)  # fmt: skip
+    width=240,
+    height=136,
+    lens=BrownConrady(k1=-0.3, k2=0.11, p1=1e-3, p2=-8e-4),
+    horizontal_fov_deg=80.0,
+    samples_per_pixel=64,
+    denoise=False,
+)
 FISHEYE = CameraSpec(
-    width=200, height=200, lens=KannalaBrandt(k1=-0.02, k2=0.002, max_angle_deg=100.0), horizontal_fov_deg=200.0,
-    samples_per_pixel=64, denoise=False,
-)  # fmt: skip
+    width=200,
+    height=200,
+    lens=KannalaBrandt(k1=-0.02, k2=0.002, max_angle_deg=100.0),
+    horizontal_fov_deg=200.0,
+    samples_per_pixel=64,
+    denoise=False,
+)
 
 
 @pytest.mark.parametrize(
@@ -51,8 +59,9 @@ def test_a_shining_ball_appears_where_it_is_projected(tmp_path: Path, spec: Came
     cosine = spec.rays(np.stack([u, v], -1)) @ axis
     covered = cosine > np.sqrt(1.0 - (radius / distance) ** 2)
     expected = [u[covered].mean(), v[covered].mean()]
-    # 20 to 60 border pixels with coverage errors <= 0.06 (64 samples) and 0.13 (grid of 1/16 px2), lever 3 to 6 px, area 25 px:
-    # sqrt(40) * 0.14 * 4 / 25 = 0.14 px at most; a shift of half a pixel or a missing distortion (>= 1.5 px here) fails
+    # 20 to 60 border pixels with coverage errors <= 0.06 (64 samples) and 0.13 (grid of 1/16 px2), lever 3 to 6 px,
+    # area 25 px: sqrt(40) * 0.14 * 4 / 25 = 0.14 px at most; a shift of half a pixel or a missing distortion (>= 1.5 px
+    # here) fails
     assert np.abs(centroid - expected).max() < 0.15
 
 

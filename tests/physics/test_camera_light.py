@@ -33,7 +33,8 @@ def test_white_furnace(tmp_path: Path) -> None:
     things = [Thing("ball", ball(1.0, (4.0, 0.0, 0.0), 5), material="snow")]
     path = write_scene(tmp_path, things, materials={"snow": Material((1.0, 1.0, 1.0))}, light=Light("constant", 1.0))
     image = radiance(path, SPEC.with_(samples_per_pixel=256))
-    # light and BSDF samples, weighted (balance heuristic): a variance below 1 a path; 5 sigma of 256 and of 1296 * 256 paths
+    # light and BSDF samples, weighted (balance heuristic): a variance below 1 a path; 5 sigma of 256 and of 1296 * 256
+    # paths
     assert np.abs(image - 1.0).max() < 5.0 / np.sqrt(256)
     assert abs(image.mean() - 1.0) < 5.0 / np.sqrt(image[..., 0].size * 256)
     assert image.std() > 0.0  # it is a ball, not the sky
@@ -46,9 +47,11 @@ def test_furnace_with_known_reflectance(tmp_path: Path, max_depth: int) -> None:
     room.invert()  # area lights shine to their front
     rho = np.array([0.5, 0.4, 0.2])
     path = write_scene(
-        tmp_path, [Thing("room", room, material="half", emission=1.0)],
-        materials={"half": Material(tuple(rho.tolist()))}, light=Light("constant", 0.0),
-    )  # fmt: skip
+        tmp_path,
+        [Thing("room", room, material="half", emission=1.0)],
+        materials={"half": Material(tuple(rho.tolist()))},
+        light=Light("constant", 0.0),
+    )
     image = radiance(path, SPEC.with_(max_depth=max_depth, samples_per_pixel=256))
     expected = sum(rho**k for k in range(max_depth))
     # a bounce's variance stays below its mean squared; 5 sigma of 1296 * 256 paths
@@ -162,8 +165,9 @@ def test_a_wall_in_the_low_beam_has_its_illuminance(tmp_path: Path) -> None:
         expected += (low_beam(azimuth, elevation) + glow) * way[..., 0] / distance**3
     luminance = image @ [0.2126, 0.7152, 0.0722] * UNIT_LUMINANCE
     shown = luminance * np.pi / 0.5
-    # the texture's cells are 0.13 deg wide, and the cut-off falls within 0.3 deg: away from it (light above 30 lx) half a
-    # cell of the spot's slope is 4 %; the noise of the glowing surfaces (a fifth of the light) at 400 paths adds to that
+    # the texture's cells are 0.13 deg wide, and the cut-off falls within 0.3 deg: away from it (light above 30 lx) half
+    # a cell of the spot's slope is 4 %; the noise of the glowing surfaces (a fifth of the light) at 400 paths adds to
+    # that
     bright = expected > 30.0
     assert bright.mean() > 0.1
     assert np.quantile(np.abs(shown[bright] / expected[bright] - 1.0), 0.95) < 0.10
@@ -190,9 +194,12 @@ def test_length_of_motion_blur(tmp_path: Path) -> None:
     """A shining strip that crosses the view smears over focal length * speed * time / distance pixels."""
     speed, exposure, distance, width = 6.0, 0.05, 10.0, 0.3
     strip = Thing(
-        "strip", plane(4.0, width, normal=(-1.0, 0.0, 0.0)), "Car", emission=1.0,
+        "strip",
+        plane(4.0, width, normal=(-1.0, 0.0, 0.0)),
+        "Car",
+        emission=1.0,
         trajectory={"kind": "constant_twist", "position": (distance, 0.0, 0.0), "velocity": (0.0, speed, 0.0)},
-    )  # fmt: skip
+    )
     if np.ptp(strip.mesh.vertices[:, 1]) > 1.0:  # upright
         strip.mesh.apply_transform(np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]]))
     path = write_scene(tmp_path, [FAR], [strip], light=Light("constant", 0.0))

@@ -69,7 +69,8 @@ def plane_wave_total(exterior: float, rho: float, phi: float, phi0: float, kind:
 def test_half_plane_is_sommerfelds(kind: str, phi0: float) -> None:
     for phi in np.linspace(0.05, 2.0 * np.pi - 0.05, 41):
         expected = oracle.half_plane(WAVENUMBER, 0.5, phi, phi0, kind)
-        # For a half plane in a plane wave the uniform theory is exact; left are 1e9 m instead of infinity, k rho^2 / 2e9.
+        # For a half plane in a plane wave the uniform theory is exact; left are 1e9 m instead of infinity, k rho^2 /
+        # 2e9.
         assert abs(plane_wave_total(2.0 * np.pi, 0.5, phi, phi0, kind) - expected) < 1e-6
 
 
@@ -132,13 +133,17 @@ def two_way(state, target) -> tuple[complex, complex]:
 
 @pytest.mark.parametrize("height", [2.9, 3.45, 3.55, 4.3])
 def test_knife_edge(screen, height: float) -> None:
-    """A target 25 m away around the shadow boundary at 3.5 m: line of sight and edge together are the knife edge's field."""
+    """A target 25 m away around the shadow boundary at 3.5 m.
+
+    Line of sight and edge together are the knife edge's field.
+    """
     found = two_way(screen, (25.0, 0.0, height))
     clearance = 1.0 + (height - 1.0) * AHEAD / 25.0 - TOP
     slant = np.hypot(25.0, height - 1.0) / 25.0
     once = oracle.knife_edge(clearance / slant, AHEAD * slant, 15.0 * slant, RADAR.wavelength)
     for polarization, value in enumerate(found):
-        # The knife edge is Kirchhoff's, for small angles: at 3 deg and 20 dB down the two polarisations are 0.25 dB each way.
+        # The knife edge is Kirchhoff's, for small angles: at 3 deg and 20 dB down the two polarisations are 0.25 dB
+        # each way.
         bound = 0.15 if abs(clearance) < 0.1 else 0.6
         assert 20 * np.log10(abs(value) / abs(once) ** 2) == pytest.approx(0.0, abs=bound), polarization
 
@@ -146,7 +151,8 @@ def test_knife_edge(screen, height: float) -> None:
 def test_field_is_smooth_across_the_shadow_boundary(screen) -> None:
     heights = 3.5 + np.linspace(-0.011, 0.011, 6)
     found = np.array([two_way(screen, (25.0, 0.0, height)) for height in heights])
-    # At the boundary half of the field, to the fourth in power: -12.04 dB two-way; a step of 4.4 mm turns it by 0.07 of it.
+    # At the boundary half of the field, to the fourth in power: -12.04 dB two-way; a step of 4.4 mm turns it by 0.07 of
+    # it.
     middle = 20 * np.log10(np.abs(found[2:4]).mean(axis=0))
     assert middle == pytest.approx([-12.04, -12.04], abs=0.1)
     steps = np.abs(np.diff(found, axis=0)) / np.abs(found[:-1])
@@ -205,8 +211,14 @@ def test_rate_and_acceleration_over_an_edge(tmp_path, moving: str) -> None:
     def solve(time: float):
         points = PointScatterers([target + velocity["target"] * time], [velocity["target"]], 1.0)
         paths = solve_points(
-            world.at(1.0 + time), RADAR, Mount(Pose(start + velocity["radar"] * time), Twist(velocity["radar"])), points, max_depth=1, max_distance=60.0, **FEW,
-        )  # fmt: skip
+            world.at(1.0 + time),
+            RADAR,
+            Mount(Pose(start + velocity["radar"] * time), Twist(velocity["radar"])),
+            points,
+            max_depth=1,
+            max_distance=60.0,
+            **FEW,
+        )
         return over_top(paths)
 
     step = 2e-3
@@ -214,8 +226,8 @@ def test_rate_and_acceleration_over_an_edge(tmp_path, moving: str) -> None:
     length = [PathGeometry.of(paths, RADAR).center_length() for paths in (ahead, now, back)]
     assert [paths.num_paths for paths in (ahead, now, back)] == [1, 1, 1]
     assert now.interaction[0, :3].tolist() == [8, 0, 8]
-    # third derivatives v^3 / R^2 = 1 m/s3 times h^2 / 6, the fourth v^4 / R^3 times h^2 / 12; rounding 1e-14 / h and / h^2;
-    # an edge that moves lies in float32 vertices: 1e-6 m / h
+    # third derivatives v^3 / R^2 = 1 m/s3 times h^2 / 6, the fourth v^4 / R^3 times h^2 / 12; rounding 1e-14 / h and /
+    # h^2; an edge that moves lies in float32 vertices: 1e-6 m / h
     limit = 1e-3 if moving == "screen" else 2e-6
     assert (length[2] - length[0]) / (2 * step) == pytest.approx(now.length_rate, abs=limit)
     if moving != "screen":
@@ -224,7 +236,7 @@ def test_rate_and_acceleration_over_an_edge(tmp_path, moving: str) -> None:
 
 
 def test_antennas_behind_an_edge(screen) -> None:
-    """A small array is served by one solve; a wide one is told how far off it is."""
+    """A small array is served by one solve; for a wide one the error is reported."""
     points = PointScatterers([[25.0, 1.0, 2.5]], np.zeros((1, 3)), 1.0)
     options = {"max_depth": 1, **FEW}
     radar = RADAR.with_(tx_positions=((0, 0.1, 0),), rx_positions=((0, -0.1, 0.004),))
@@ -272,7 +284,10 @@ def test_short_edges_are_named(tmp_path) -> None:
 
 
 def test_where_no_edge_is(tmp_path) -> None:
-    """The diagonal of a rectangle is none; the corner of a room is one from outside only; a free border is one from both sides."""
+    """The diagonal of a rectangle is none; the corner of a room is one from outside only.
+
+    a free border is one from both sides.
+    """
     things = [
         Thing("wall", plane(4, 4, (0, 0, 0), (-1, 0, 0)), "Wall", "steel"),
         Thing("room", box((8, 8, 4), (50, 0, 0))),

@@ -38,7 +38,8 @@ def test_vertical_reflection_is_smallest_at_the_pseudo_brewster_angle(permittivi
     step_deg = 1e-3
     angles = np.arange(40.0, 80.0, step_deg)
     _, tm = halfspace_reflection(permittivity, np.cos(np.radians(angles)))
-    # A search on a grid is right to half its step (the minimum is flat: 1e-3 deg changes abs(tm) by 1e-10 of double's 1e-16).
+    # A search on a grid is right to half its step (the minimum is flat: 1e-3 deg changes abs(tm) by 1e-10 of double's
+    # 1e-16).
     assert angles[np.argmin(np.abs(tm))] == pytest.approx(oracle.PSEUDO_BREWSTER_DEG[permittivity], abs=step_deg / 2)
 
 
@@ -90,7 +91,8 @@ def test_layers_without_losses_keep_energy() -> None:
 
 
 def test_metal_loses_what_its_surface_resistance_takes() -> None:
-    # 1 - R = 4 Rs / eta0 at normal incidence, Rs = sqrt(pi f mu0 / sigma): 0.008047 dB for 1e7 S/m; next order (Rs/eta0)^2.
+    # 1 - R = 4 Rs / eta0 at normal incidence, Rs = sqrt(pi f mu0 / sigma): 0.008047 dB for 1e7 S/m; next order
+    # (Rs/eta0)^2.
     te, tm = power_reflectance(load_materials()["metal"], 77e9, 1.0)
     loss_db = -10 * np.log10([te, tm])
     assert loss_db == pytest.approx(0.008047, abs=1e-5)

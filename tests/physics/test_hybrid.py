@@ -93,7 +93,8 @@ def test_wall_and_ground_equal_the_exact_paths_of_a_point(tmp_path) -> None:
     assert np.abs(lengths(found) - lengths(exact)).max() < 1e-12  # rounding of 40 m
     assert np.abs(found.length_rate - exact.length_rate).max() < 1e-12
     assert np.abs(found.length_acceleration - exact.length_acceleration).max() < 1e-12
-    # single-precision amplitudes of the model; materials at the middle of the band instead of its start: 150 MHz of 77 GHz
+    # single-precision amplitudes of the model; materials at the middle of the band instead of its start: 150 MHz of 77
+    # GHz
     assert np.abs(found.a - exact.a).max() < 1e-4 * np.abs(exact.a).max()
 
 
@@ -117,7 +118,7 @@ def test_ghost_behind_a_wall_stands_where_the_oracle_says(tmp_path) -> None:
 
 @pytest.mark.parametrize("mirror", ["ground", "wall"])
 def test_a_corner_over_a_mirror_is_its_bistatic_far_field_from_the_images(tmp_path, mirror) -> None:
-    """`sbr` of the mesh through a mirror against `ss.rcs`, another tracer with plane waves, at the four pairs of directions."""
+    """`sbr` of the mesh through a mirror against `ss.rcs`, another tracer, at the four pairs of directions."""
     leg, distance, height = 0.02, 12.0, 0.5
     vertices, faces = rcs_oracle.TRIHEDRAL_MESH
     corner = trimesh.Trimesh(np.array(vertices) * leg, faces, process=False)
@@ -145,7 +146,8 @@ def test_a_corner_over_a_mirror_is_its_bistatic_far_field_from_the_images(tmp_pa
     last = paths.instance[np.arange(paths.num_paths), paths.depth - 1]
     for there, back in ((0, 0), (0, 1), (1, 0), (1, 1)):
         rows = ((paths.instance[:, 0] == number) == bool(there)) & ((last == number) == bool(back))
-        # The way over the mirror first is the reverse of that over it last: physical optics itself keeps reciprocity to 5 % only.
+        # The way over the mirror first is the reverse of that over it last: physical optics itself keeps reciprocity to
+        # 5 % only.
         i, o = min(there, back), max(there, back)
         matrix = scattering_matrix(corner, RADAR.center_frequency, theta[i], phi[i], theta_s=theta[o], phi_s=phi[o])
         far = np.linalg.norm(toward[there]), np.linalg.norm(toward[back])
@@ -184,20 +186,25 @@ def test_echoes_and_clutter_join_without_a_chain_in_common(tmp_path) -> None:
             Share("raycast", settings={"num_rays": 20_000}),
             Share("scatterers", ("target",), {"models": {"target": isotropic(1.0)}}, through_mirrors=True),
         ),
-        mirrors=("ground", "back"), sionna={"num_samples": 20_000},
-    )  # fmt: skip
+        mirrors=("ground", "back"),
+        sionna={"num_samples": 20_000},
+    )
     pose = Pose([0.0, 0.0, 0.5])
     paths = solve_paths(state, RADAR, pose, "hybrid", plan=full)
     rows = paths.diagnostics["solvers"]
     assert [(row["solver"], row["mechanism"]) for row in rows] == [
-        ("scatterers", "objects"), ("raycast", "objects"), ("sionna", "mirror chains"), ("scatterers", "objects through mirrors"),
-    ]  # fmt: skip
+        ("scatterers", "objects"),
+        ("raycast", "objects"),
+        ("sionna", "mirror chains"),
+        ("scatterers", "objects through mirrors"),
+    ]
     assert sum(row["num_paths"] for row in rows) == paths.num_paths and all(row["num_paths"] for row in rows)
     stop = np.cumsum([row["num_paths"] for row in rows])
     chains = [chains_of(paths.select(slice(end - row["num_paths"], end))) for end, row in zip(stop, rows, strict=True)]
     for index, one in enumerate(chains):
         assert one and not any(one & other for other in chains[:index])
-    # Coherent and rough part of a mirror are two chains of it: mirrored (1) and scattered (2); the target is in one share.
+    # Coherent and rough part of a mirror are two chains of it: mirrored (1) and scattered (2); the target is in one
+    # share.
     number = {info.name: key for key, info in state.world.instances.items()}
     assert (number["back"], 1) in chains[2] and (number["back"], 2) in chains[1]
     assert all(number["target"] not in chain[::2] for chain in chains[1] | chains[2])
@@ -219,7 +226,10 @@ def test_the_same_input_gives_the_same_bytes(tmp_path) -> None:
 
 
 def test_only_mirrors_are_in_the_mirror_chains(tmp_path) -> None:
-    """A plate that faces the radar is no mirror of the plan: its own reflection belongs to its owner, not to the chains."""
+    """A plate that faces the radar is no mirror of the plan.
+
+    Its own reflection belongs to its owner, not to the chains.
+    """
     back = Thing("back", plane(64.0, 64.0, (40, 0, 0), (-1, 0, 0)), "Wall", "steel")
     plate = Thing("plate", plane(4.0, 4.0, (20, 0, 0), (-1, 0, 0)), "Static", "steel")
     state = scene(tmp_path, [back, plate], [])

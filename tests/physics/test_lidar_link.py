@@ -24,9 +24,14 @@ SPEC = LidarSpec(receiver=IDEAL)
 def echoes(distance: float, velocity: float, intensity: float, number: int = 1) -> Echoes:
     one = np.ones(number)
     return Echoes(
-        np.arange(number), distance * one, velocity * one, intensity * one, one, np.zeros((number, 3)),
+        np.arange(number),
+        distance * one,
+        velocity * one,
+        intensity * one,
+        one,
+        np.zeros((number, 3)),
         np.zeros(number, dtype=np.int64),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("divergence", [None, 2e-3])
@@ -122,7 +127,8 @@ def test_raw_beats_of_a_moving_return_give_its_distance_at_the_shots_time() -> N
         true = echoes(distance, velocity, 0.1 / distance**2)
         signal = synthesize_beats(spec, true, np.zeros(1), np.random.default_rng(0))
         found = estimate_beats(spec, signal, true)
-        # the chirp's own Doppler stretches the velocity by B / (2 f0) = 2.6e-6; the quadratic phase is even around the middle
+        # the chirp's own Doppler stretches the velocity by B / (2 f0) = 2.6e-6; the quadratic phase is even around the
+        # middle
         assert np.allclose(found.distance, distance, atol=2e-5)
         assert np.allclose(found.radial_velocity, velocity, atol=1e-4 + 3e-6 * abs(velocity))
         assert found.echo.tolist() == [0]

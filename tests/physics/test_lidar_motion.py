@@ -42,7 +42,8 @@ def test_a_wall_that_comes_nearer_is_skewed_exactly(tmp_path: Path) -> None:
     scan = Lidar(RASTER).observe(world.at(0.2), Pose(), rng())
     time, direction = shot_times(RASTER), shot_directions(RASTER)
     assert scan.num_points == RASTER.num_shots and np.ptp(time) > 0.099
-    # float64 hit points on a plane of float32 corners within 100 m of its centre: 100 m * 6e-8, over the cosine (> 0.75)
+    # float64 hit points on a plane of float32 corners within 100 m of its centre: 100 m * 6e-8, over the cosine (>
+    # 0.75)
     expected = (40.0 - 25.0 * (0.2 + time)) / direction[:, 0]
     assert np.abs(scan.distance - expected).max() < 1e-5
     assert np.abs(scan.position[:, 0] - (35.0 - 25.0 * time)).max() < 1e-5
@@ -72,7 +73,8 @@ def test_every_shot_of_a_scan_is_what_the_scene_at_its_time_shows(tmp_path: Path
         assert len(both) > 2500 and abs(truth.num_hits - got.num_hits) <= 3 and (~same).sum() <= 3
         a, b = a[same], b[same]
         moved += int((world.parts.actor[truth.part[a]] >= 0).sum())
-        # the ball is tessellated: a ray near an edge between facets may take the neighbour, so quantiles and not the largest
+        # the ball is tessellated: a ray near an edge between facets may take the neighbour, so quantiles and not the
+        # largest
         for name, tolerance in (("distance", 1e-5), ("normal", 1e-5), ("velocity", 1e-4)):
             error = np.abs(getattr(truth, name)[a] - getattr(got, name)[b])
             assert np.quantile(error, 0.995) < tolerance, name
@@ -116,8 +118,8 @@ def test_a_carried_lidar_follows_the_ego_car_and_its_scan_deskews(tmp_path: Path
         assert np.abs(sensor.rotate(flat.normal[row]) - [-1.0, 0.0, 0.0]).max() < 1e-5
     skew = np.abs(sensor.apply(raw.position[wall])[:, 0] - 59.5).max()
     assert skew > 0.3  # the ego car drives 1 m in a turn of the lidar, half of it before the wall is seen
-    # with the velocity at the timestamp alone what is left is the acceleration: 4 m/s2 * (0.1 s)^2 / 2 = 2 cm, and half as much
-    # again for the turn it causes at 60 m
+    # with the velocity at the timestamp alone what is left is the acceleration: 4 m/s2 * (0.1 s)^2 / 2 = 2 cm, and half
+    # as much again for the turn it causes at 60 m
     later = deskew(raw, own)
     assert np.abs(later.position[wall] - flat.position[wall]).max() < 0.2 * skew
     with pytest.raises(ParameterRangeError, match="de-skewed"):
@@ -163,7 +165,8 @@ def test_radial_velocity_of_a_rolling_wheel(tmp_path: Path) -> None:
         velocity = [speed, 0.0, 0.0] + np.cross([0.0, speed / radius, 0.0], point - centre)
         expected = np.einsum("ij,ij->i", velocity, pose.rotate(shot_directions(spec)[scan.shot[on]]))
         assert np.ptp(expected) > 1.0
-        # positions in float32 (1e-6 m) times 57 rad/s, and 2e-4 m/s of the velocity between the knots; the contract is 1e-3
+        # positions in float32 (1e-6 m) times 57 rad/s, and 2e-4 m/s of the velocity between the knots; the contract is
+        # 1e-3
         assert np.abs(scan.radial_velocity[on] - expected).max() < 1e-3
 
 

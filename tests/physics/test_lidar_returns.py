@@ -34,8 +34,8 @@ def test_distance_incidence_and_intensity_on_a_tilted_plane(tmp_path: Path) -> N
     cosine = -direction @ normal
     distance = -((centre - pose.position) @ normal) / cosine
     assert scan.num_points == 161 * 61
-    # the mesh holds the plane in float32 corners 150 m from its centre: 150 * 6e-8 / 150 rad of tilt and 1e-5 m of offset,
-    # so 1e-6 relative at 30 m, over the cosine (>= 0.3) 3e-6
+    # the mesh holds the plane in float32 corners 150 m from its centre: 150 * 6e-8 / 150 rad of tilt and 1e-5 m of
+    # offset, so 1e-6 relative at 30 m, over the cosine (>= 0.3) 3e-6
     assert np.abs(scan.distance / distance - 1.0).max() < 3e-6
     assert np.abs(scan.cos_incidence - cosine).max() < 1e-6
     expected = 0.37 * cosine * np.exp(-2 * 5e-3 * distance) / distance**2
@@ -66,7 +66,7 @@ def test_radial_velocity_of_a_turning_actor_is_that_of_its_surface_points(tmp_pa
     motion = {
         "kind": "constant_twist", "position": (15.0, 3.0, 0.0), "velocity": (6.0, -4.0, 0.0), "yaw_deg": 30.0,
         "angular_velocity_z": 1.5,
-    }  # fmt: skip
+    }  # fmt: skip # a table
     car = Thing("car", box((6.0, 2.0, 3.0), (1.0, 0.0, 1.5)), "Car", trajectory=motion)
     world = load_scene(write_scene(tmp_path, [Thing("ground", plane(100.0, 100.0))], [car]))
     pose, time, step = Pose([0.0, 0.0, 1.0]), 0.4, 1e-4
@@ -79,8 +79,8 @@ def test_radial_velocity_of_a_turning_actor_is_that_of_its_surface_points(tmp_pa
     rate = (later - earlier) / (2.0 * step)
     assert on_car.sum() > 200
     assert np.ptp(scan.radial_velocity[on_car]) > 1.0  # a body that only translates would differ far less
-    # third-order term: step^2 / 6 * omega^3 * 4 m = 2e-8; rounding: eps * 15 m / step = 3e-11; position in float32: 1e-6 m
-    # * omega = 2e-6; the contract is 1e-3 m/s
+    # third-order term: step^2 / 6 * omega^3 * 4 m = 2e-8; rounding: eps * 15 m / step = 3e-11; position in float32:
+    # 1e-6 m * omega = 2e-6; the contract is 1e-3 m/s
     assert np.abs(scan.radial_velocity[on_car] - rate).max() < 1e-5
 
 

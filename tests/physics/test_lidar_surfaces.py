@@ -89,9 +89,15 @@ def test_a_beam_across_an_edge_gives_two_returns_that_share_its_power(tmp_path: 
     ]
     world = load_scene(write_scene(tmp_path, things))
     fan = LidarSpec(
-        azimuth_fov_deg=(-0.3, 0.3), elevation_fov_deg=(0, 0), num_azimuth=61, num_elevation=1, beam_divergence=4e-3,
-        sub_rays=64, max_returns=2, atmospheric_attenuation=0.0,
-    )  # fmt: skip
+        azimuth_fov_deg=(-0.3, 0.3),
+        elevation_fov_deg=(0, 0),
+        num_azimuth=61,
+        num_elevation=1,
+        beam_divergence=4e-3,
+        sub_rays=64,
+        max_returns=2,
+        atmospheric_attenuation=0.0,
+    )
     scan = observe(world, fan)
     twice = np.flatnonzero(np.bincount(scan.shot, minlength=61) == 2)
     # the beam is 2 mrad wide to 1/e2: within about that of the edge both are seen
@@ -134,8 +140,8 @@ def test_a_tilted_surface_within_the_beam_is_one_return(tmp_path: Path) -> None:
     scan = observe(world, spec)
     assert scan.num_points == spec.num_shots and not scan.return_index.any()
     thin = observe(world, spec.with_(sub_rays=1))
-    # the mean over a footprint of 0.25 mrad rms at 5 deg: second order, (0.25e-3 / 0.087)^2 = 8e-6 of 57 m, weighted by intensity
-    # that falls by 3 * 0.3 % over it: 2e-5 more
+    # the mean over a footprint of 0.25 mrad rms at 5 deg: second order, (0.25e-3 / 0.087)^2 = 8e-6 of 57 m, weighted by
+    # intensity that falls by 3 * 0.3 % over it: 2e-5 more
     assert np.allclose(scan.distance, thin.distance, rtol=1e-4)
     assert np.allclose(scan.intensity, thin.intensity, rtol=1e-3)
     assert np.allclose(scan.radial_velocity, thin.radial_velocity, atol=1e-4)

@@ -27,12 +27,13 @@ def riding(tmp_path_factory):
 
 
 def test_limbs_of_a_walker(walking):
-    """Issue 5: correlation over 0.99 with the analytic velocities of the limbs, which no part of the radar chain knows."""
+    """Correlation over 0.99 with the analytic velocities of the limbs, which no part of the radar chain knows."""
     assert walking.pooled(SEGMENTS) > 0.99
     for limb in ("foot", "lower_leg"):
         for side in ("left", "right"):
             assert walking.correlation(f"{side}_{limb}") > 0.99
-    # An unbiased estimate: torso and head, 100 to 500 hits each, have a speckle error of spread / sqrt(looks) = 0.04 m/s
+    # An unbiased estimate: torso and head, 100 to 500 hits each, have a speckle error of spread / sqrt(looks) = 0.04
+    # m/s
     for segment in ("torso", "head"):
         assert walking.rms(segment) < 0.05
 
@@ -47,7 +48,8 @@ def test_envelope_of_a_walker(walking):
 def test_pedalling_legs(riding):
     """At a constant speed, so that nothing but the pedalling is correlated.
 
-    What a correlation lacks to 1 is speckle and goes as 1 / looks: 0.0034 with ten (docs/micro_doppler.md), 0.011 with three.
+    What a correlation lacks to 1 is speckle and goes as 1 / looks: 0.0034 with ten (docs/micro_doppler.md), 0.011 with
+    three.
     """
     assert riding.pooled([f"{side}_{part}" for side in ("left", "right") for part in LEGS]) > 0.98
     for side in ("left", "right"):
@@ -59,8 +61,8 @@ def test_tyre_spans_zero_to_twice_the_speed(tmp_path):
     rolling = tyres(tmp_path, columns=10, detail="light", num_rays=12_000)
     edges, exact = rolling.edges("wheel_front_tyre"), rolling.extremes["wheel_front_tyre"]
     speed = 3.0 + SPEED_UP * rolling.spectra["whole"].time
-    # The fastest triangle is the highest, with its middle a little nearer to the axle than the tyre's surface is; it is up to half a step
-    # of the tyre's segments off the top, 1 - cos(step / 2) of its half of the speed less.
+    # The fastest triangle is the highest, with its middle a little nearer to the axle than the tyre's surface is; it is
+    # up to half a step of the tyre's segments off the top, 1 - cos(step / 2) of its half of the speed less.
     tyre = trimesh.load(ss.read_actor_model("bicycle").path.parent / "meshes/wheel_front_tyre_light.ply", process=False)
     middle = (tyre.triangles_center - tyre.bounds.mean(axis=0))[:, [0, 2]]
     reach, radius = np.hypot(*middle.T), np.ptp(tyre.bounds[:, 2]) / 2.0

@@ -1,4 +1,4 @@
-"""Signals of turning, swinging and vibrating targets, their paths solved again for blocks of chirps, against closed forms."""
+"""Turning, swinging and vibrating targets, their paths solved again for blocks of chirps, against closed forms."""
 
 from __future__ import annotations
 
@@ -34,9 +34,16 @@ SPIN = oracle.WHEEL_SPEED / oracle.WHEEL_RADIUS
 def radar_of(**changes) -> RadarSpec:
     """Carrier 76.5 GHz, nearly no sweep: the slow-time phase is that of the carrier."""
     values = {
-        "start_frequency": 76.5e9, "bandwidth": 1e3, "ramp_time": 16e-6, "idle_time": 4e-6, "num_samples": 4, "num_chirps": 256,
-        "tx_positions": ORIGIN, "rx_positions": ORIGIN, "pattern": IsotropicPattern(),
-    }  # fmt: skip
+        "start_frequency": 76.5e9,
+        "bandwidth": 1e3,
+        "ramp_time": 16e-6,
+        "idle_time": 4e-6,
+        "num_samples": 4,
+        "num_chirps": 256,
+        "tx_positions": ORIGIN,
+        "rx_positions": ORIGIN,
+        "pattern": IsotropicPattern(),
+    }
     return RadarSpec().with_(**{**values, **changes})
 
 
@@ -107,8 +114,8 @@ def test_wheel_span_is_exact() -> None:
     level = 20 * np.log10(spectrum / spectrum.max())
     strong = shift[level > -30.0]
     resolution = 1.0 / radar.frame_time
-    # 4 v / lambda at the top, 0 at the ground; the window's main lobe is 3 bins to each side, and over 5.1 ms the wheel turns by
-    # 0.24 rad: the points at the top lose (1 - cos 0.12) / 2 of the span
+    # 4 v / lambda at the top, 0 at the ground; the window's main lobe is 3 bins to each side, and over 5.1 ms the wheel
+    # turns by 0.24 rad: the points at the top lose (1 - cos 0.12) / 2 of the span
     assert strong.max() == pytest.approx(oracle.WHEEL_DOPPLER[0.0], abs=3 * resolution)
     assert strong.min() == pytest.approx(0.0, abs=3 * resolution)
     outside = (shift > oracle.WHEEL_DOPPLER[0.0] + 6 * resolution) | (shift < -6 * resolution)
@@ -119,7 +126,10 @@ def test_wheel_span_is_exact() -> None:
     ("chirps", "turning", "bound"), [(16, True, 1e-2), (2, True, 1e-4), (2, False, 1e-2), (256, True, np.inf)]
 )
 def test_phase_of_a_point_of_the_rim_at_every_sample(chirps: int, turning: bool, bound: float) -> None:
-    """Full sweep, every sample of every chirp: motion within the chirp and the bend of the way included. The bar is 1e-2 rad."""
+    """Full sweep, every sample of every chirp: motion within the chirp and the bend of the way included.
+
+    The bar is 1e-2 rad.
+    """
     radar = radar_of(bandwidth=500e6, num_samples=64, num_chirps=128 if chirps < 256 else 256)
     pose, hub, psi = Pose(), np.array([10.0, 1.0, 0.0]), 1.3
 
@@ -134,8 +144,9 @@ def test_phase_of_a_point_of_the_rim_at_every_sample(chirps: int, turning: bool,
             wheel_paths(radar, psi, hub, pose, turning), radar, chirps, accuracy=FINE, method="direct"
         )
     error = np.abs(np.angle(signal[0] * np.conj(exact(radar, distance))))
-    # Third derivative of the length 2 r w^3 = 6.6e4 m/s3: over half a block of 16 chirps, 160 us, 4.5e-8 m or 7e-5 rad more
-    # than the paths' own delay, 7e-8 s times 1400 m/s2. Not turning: 1400 m/s2 / 2 over half of 2 chirps, 20 us: 2.8e-7 m.
+    # Third derivative of the length 2 r w^3 = 6.6e4 m/s3: over half a block of 16 chirps, 160 us, 4.5e-8 m or 7e-5 rad
+    # more than the paths' own delay, 7e-8 s times 1400 m/s2. Not turning: 1400 m/s2 / 2 over half of 2 chirps, 20 us:
+    # 2.8e-7 m.
     assert error.max() < bound
     if chirps == 256:
         assert error.max() > 2e-2  # what one trace for the whole frame would cost
@@ -229,15 +240,20 @@ def test_blocks_that_do_not_follow_are_told() -> None:
 
 @pytest.mark.parametrize("method", ["sionna", "sbr"])
 def test_retraced_chirps_of_a_moving_wall(tmp_path, method: str) -> None:
-    """A plate comes at 30 m/s: blocks that are traced again in the scene keep its phase, and its Doppler bin is 99.2195.
+    """A plate comes at 30 m/s.
+
+    Blocks that are traced again in the scene keep its phase, and its Doppler bin is 99.2195.
 
     As a mirror it is larger than the Fresnel zone, for sbr small against it: both then have the phase of one point.
     """
     size = 4.0 if method == "sionna" else 0.1
     plate = Thing(
-        "plate", plane(size, size, (0, 0, 0), (-1, 0, 0)), "Static", "steel",
+        "plate",
+        plane(size, size, (0, 0, 0), (-1, 0, 0)),
+        "Static",
+        "steel",
         {"kind": "constant_twist", "position": [50.0, 0, 0], "velocity": [-30.0, 0, 0]},
-    )  # fmt: skip
+    )
     world = load_scene(write_scene(tmp_path, actors=[plate]))
     radar = radar_of(ramp_time=25.6e-6, idle_time=14.4e-6)  # the vectors' chirps
     options = {"num_samples": 20_000, "max_depth": 1} if method == "sionna" else {}
@@ -264,7 +280,10 @@ def test_retraced_radar_that_turns(tmp_path) -> None:
 
 
 def blade_scene(folder):
-    """A car of one steel blade on a wheel: upright at time 0, 0.22 to 0.32 m from the axle, its normal along the drive."""
+    """A car of one steel blade on a wheel.
+
+    Upright at time 0, 0.22 to 0.32 m from the axle, its normal along the drive.
+    """
     blade = plane(0.2, 0.1, (0, 0, 0.32 + 0.27), (1, 0, 0))
     corners = [(0.0, y, 0.32 + r) for y, r in ((-0.1, 0.22), (0.1, 0.22), (0.1, 0.32), (-0.1, 0.32))]
     blade.vertices = np.array(corners)
@@ -274,7 +293,7 @@ def blade_scene(folder):
 
 
 def test_the_sensor_solves_its_frame_in_blocks(tmp_path) -> None:
-    """As raw data: with blocks what `synthesize_blocks` gives, without what one solve gives, and for a turning blade not the same."""
+    """Raw data: blocks give what `synthesize_blocks` gives; one solve differs for a turning blade."""
     world = blade_scene(tmp_path)
     radar = radar_of(ramp_time=8e-6, idle_time=2e-6, num_chirps=32, bandwidth=150e6, num_samples=64, tx_power_dbm=40.0)
     pose = Pose.from_euler([25.0, 0.0, 0.59], yaw=np.pi)
@@ -295,7 +314,10 @@ def test_the_sensor_solves_its_frame_in_blocks(tmp_path) -> None:
 def with_wheel(path):
     """Make the only shape of the actor a wheel."""
     toml = path.parent / "scene.toml"
-    joint = f'[[actors.joints]]\nkind = "wheel"\nshapes = ["shape-car"]\ncenter = [0, 0, 0.32]\nradius = {oracle.WHEEL_RADIUS}\n'
+    joint = (
+        '[[actors.joints]]\nkind = "wheel"\nshapes = ["shape-car"]\ncenter = [0, 0, 0.32]\nradius = '
+        f"{oracle.WHEEL_RADIUS}\n"
+    )
     toml.write_text(toml.read_text() + "\n" + joint)
     return path
 
@@ -314,7 +336,10 @@ def blade_field(time: float, radar: np.ndarray, wavenumber: float) -> complex:
 
 @pytest.mark.parametrize(("chirps", "bound"), [(8, 0.1), (2, 0.03)])
 def test_flash_of_a_blade_on_a_rolling_wheel(tmp_path, chirps: int, bound: float) -> None:
-    """Traced again in the scene, wheel joint and all: level, phase and Doppler of the flash are those of the integral."""
+    """Traced again in the scene, wheel joint and all.
+
+    Level, phase and Doppler of the flash are those of the integral.
+    """
     world = blade_scene(tmp_path)
     radar = radar_of(ramp_time=8e-6, idle_time=2e-6, num_chirps=96, bandwidth=1e3, sampling_frequency=None)
     pose = Pose.from_euler([60.0, 0.0, 0.59], yaw=np.pi)
@@ -329,8 +354,8 @@ def test_flash_of_a_blade_on_a_rolling_wheel(tmp_path, chirps: int, bound: float
     expected *= np.vdot(expected, signal) / np.vdot(expected, expected)  # the constant in front
     strong = np.abs(expected) > 0.1 * np.abs(expected).max()  # the main lobe and 20 dB down
     assert strong.sum() > 40
-    # The amplitude of each patch, 5 cm tall, is kept over a block: half a block of 8 chirps, 40 us, turns the blade by 1.9 mrad
-    # of the 20 mrad to its null: the error is 9 % there and goes with the length of the block.
+    # The amplitude of each patch, 5 cm tall, is kept over a block: half a block of 8 chirps, 40 us, turns the blade by
+    # 1.9 mrad of the 20 mrad to its null: the error is 9 % there and goes with the length of the block.
     assert np.abs(signal - expected).max() < bound * np.abs(expected).max()
     assert np.abs(np.angle(signal[strong] * np.conj(expected[strong]))).max() < 3.0 * bound
     phase = np.unwrap(np.angle(signal[44:53]))
@@ -340,7 +365,10 @@ def test_flash_of_a_blade_on_a_rolling_wheel(tmp_path, chirps: int, bound: float
 
 
 def test_raycast_of_a_turning_tyre_is_told(tmp_path) -> None:
-    """Rays meet other points of a turning tyre each time, at the distance of a tyre that does not turn: blocks do not join."""
+    """Rays meet other points of a turning tyre each time, at the distance of a tyre that does not turn.
+
+    Blocks do not join.
+    """
     tyre = trimesh.creation.cylinder(0.32, 0.2, sections=64)
     tyre.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
     tyre.apply_translation([0, 0, 0.32])
@@ -348,8 +376,14 @@ def test_raycast_of_a_turning_tyre_is_told(tmp_path) -> None:
     path = write_scene(tmp_path, actors=[Thing("car", tyre, "Car", "steel", trajectory)])
     world = load_scene(with_wheel(path))
     radar = radar_of(
-        ramp_time=8e-6, idle_time=2e-6, num_chirps=32, bandwidth=150e6, num_samples=64, azimuth_fov_deg=4.0, elevation_fov_deg=4.0
-    )  # fmt: skip
+        ramp_time=8e-6,
+        idle_time=2e-6,
+        num_chirps=32,
+        bandwidth=150e6,
+        num_samples=64,
+        azimuth_fov_deg=4.0,
+        elevation_fov_deg=4.0,
+    )
     paths_at = retraced(world, radar, Pose.from_euler([10.0, 0, 0.4], yaw=np.pi), 0.0, "raycast", num_rays=20_000)
     with pytest.warns(ScarlWarning, match="do not follow the motion"):
         synthesize_blocks(paths_at, radar, 8)

@@ -1,4 +1,7 @@
-"""Several mirror faces of one instance: each echo over each face is there once, as if the faces were instances of their own."""
+"""Several mirror faces of one instance.
+
+Each echo over each face is there once, as if the faces were instances of their own.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ RCS = 2.0
 
 
 def slope(side: int, sign: float, inner: float = 0.0) -> trimesh.Trimesh:
-    """Return the left (+1) or right (-1) half of a road that falls (`sign` 1), rises (-1) or is level (0) from its middle."""
+    """Return the left (+1) or right (-1) half of a road that falls (`sign` 1), rises (-1) or is level (0)."""
     y = np.array([inner, HALF, HALF, inner]) * side
     z = -sign * DROP / HALF * np.abs(y)
     corners = np.column_stack([[-16.0, -16.0, LONG, LONG], y, z])
@@ -132,7 +135,8 @@ def check_points(paths, state, centers, planes, owns) -> None:
     sorting = np.argsort(lengths(paths), kind="stable")
     assert np.abs(lengths(paths)[sorting] - wanted[:, 0]).max() < 1e-9  # float64 of 100 m
     found = (np.abs(paths.a[sorting]) ** 2).sum(axis=(1, 2))
-    # Single-precision amplitudes of the model: 1e-7. Two mirrors couple V and H, which a product of shares does not hold.
+    # Single-precision amplitudes of the model: 1e-7. Two mirrors couple V and H, which a product of shares does not
+    # hold.
     assert np.abs(found / wanted[:, 1] - 1.0)[~faint].max() < 1e-6
 
 
@@ -169,7 +173,8 @@ def test_points_in_a_canyon_are_images_in_both_facades(tmp_path) -> None:
     check_same(found, apart)
     deep = {"mirror_depth": 2, "echoes": True, "sionna": {"num_samples": 20_000}}
     found, apart = solve(one, share, ["building"], **deep), solve(split, share, ["left", "right"], **deep)
-    # 5 ways (straight, left, right, left-right, right-left) there and back for each point, and the echoes of both facades
+    # 5 ways (straight, left, right, left-right, right-left) there and back for each point, and the echoes of both
+    # facades
     assert np.count_nonzero((found.interaction == 0).any(axis=1)) == 25 * len(centers)
     echoes = lengths(found)[~(found.interaction == 0).any(axis=1)]
     assert {19.4, 24.6} <= set(np.round(echoes, 6))
@@ -213,7 +218,10 @@ def test_what_lies_in_one_plane_is_one_mirror_at_each_place(tmp_path, names, gap
 
 
 def test_a_marking_over_the_crown_belongs_to_the_slope_under_it(tmp_path) -> None:
-    """4 mm over the road, it is within 1 cm of both planes: each reflection on it counts for the slope that goes on there."""
+    """4 mm over the road, it is within 1 cm of both planes.
+
+    Each reflection on it counts for the slope that goes on there.
+    """
     marking = Thing("marking", plane(96.0, 0.25, (20, 0, 0.004)), "RoadLine", "steel", is_object=False)
     state = scene(tmp_path, [slope(1, 1.0), slope(-1, 1.0)], ["road"], small_target(), besides=[marking])
     found = solve(state, points(ACROSS), ["road"])
@@ -223,7 +231,10 @@ def test_a_marking_over_the_crown_belongs_to_the_slope_under_it(tmp_path) -> Non
 
 
 def test_a_road_on_a_plain_is_the_mirror_where_it_is(tmp_path) -> None:
-    """The plain goes on 1/256 m under the road, within what counts as on its plane; a reflection is on what is on top."""
+    """The plain goes on 1/256 m under the road, within what counts as on its plane.
+
+    a reflection is on what is on top.
+    """
     top = 2.0**-8
     plain = Thing("plain", plane(128.0, 128.0), "Ground", "steel", is_object=False)
     road = slope(1, 0.0)
@@ -236,7 +247,10 @@ def test_a_road_on_a_plain_is_the_mirror_where_it_is(tmp_path) -> None:
 
 
 def test_mirrors_are_planes_of_their_own(tmp_path) -> None:
-    """Triangles of one plane are one mirror, of two planes two, whatever the instance; each triangle is in one mirror."""
+    """Triangles of one plane are one mirror, of two planes two, whatever the instance.
+
+    Each triangle is in one mirror.
+    """
     for name, sign, count in (("crown", 1.0, 2), ("level", 0.0, 1)):
         state = scene(tmp_path / name, [slope(1, sign), slope(-1, sign)], ["road"], small_target())
         mirrors = find_mirrors(state, [1], POSE.position, RADAR.wavelength)
@@ -274,9 +288,10 @@ def test_the_same_echo_by_two_mechanisms_is_still_refused(tmp_path) -> None:
     options = {"num_samples": 20_000, "max_depth": 1}
     for diffuse in (False, True):
         plan = ChannelPlan(
-            (points(ACROSS), Share("raycast", ("verge",), {"num_rays": 5_000})), ("road", "verge"),
+            (points(ACROSS), Share("raycast", ("verge",), {"num_rays": 5_000})),
+            ("road", "verge"),
             sionna={**options, "diffuse": diffuse},
-        )  # fmt: skip
+        )
         if diffuse:
             with pytest.raises(DoubleCountError, match="computed twice"):
                 solve_paths(state, RADAR, POSE, "hybrid", plan=plan)

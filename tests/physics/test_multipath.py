@@ -1,4 +1,7 @@
-"""Mirror multipath of the solver `sionna` against closed forms: two-ray ground, ghosts, double bounce, bistatic pair."""
+"""Mirror multipath of the solver `sionna` against closed forms.
+
+Two-ray ground, ghosts, double bounce, bistatic pair.
+"""
 
 from __future__ import annotations
 
@@ -138,10 +141,12 @@ def test_ghosts_behind_a_wall(tmp_path, y, material, position, velocity, expecte
         assert np.abs(found - azimuth).max() < 1e-9  # bar 0.01 deg
     level = 20.0 * np.log10(np.abs(paths.a[:, 0, 0]) / np.abs(paths.a[0, 0, 0]))
     relative = [0.0, *[expected["amp_type1_each_rel_dB"]] * 2, expected["amp_type2_rel_dB"]]
-    # Bar 0.05 dB. Concrete is the oracle's; steel of 1e7 S/m reflects 0.0023 dB less than a perfect conductor (TE, 73 deg).
+    # Bar 0.05 dB. Concrete is the oracle's; steel of 1e7 S/m reflects 0.0023 dB less than a perfect conductor (TE, 73
+    # deg).
     assert np.abs(level - relative).max() < (0.006 if material == "steel" else 1e-6)
     turn = np.angle(paths.a[1, 0, 0] / paths.a[0, 0, 0]) - oracle.WAVENUMBER * (lengths(paths)[1] - lengths(paths)[0])
-    # The oracle states the phase in [0, 2 pi), and 1e4 rad of path phase with 11 digits: 1e-7 m is 2e-4 rad, metal 3e-4.
+    # The oracle states the phase in [0, 2 pi), and 1e4 rad of path phase with 11 digits: 1e-7 m is 2e-4 rad, metal
+    # 3e-4.
     assert abs(np.exp(1j * (turn - expected["phase_type1_minus_direct_rad"])) - 1.0) < 1e-3
 
 
@@ -175,9 +180,12 @@ def test_ego_double_bounce(tmp_path) -> None:
     distance, velocity, setback = 12.0, -4.0, 0.25
     front = Thing("ego_front", plane(8.0, 8.0, (-setback, 0, 0), (1, 0, 0)), "Car", "steel")
     target = Thing(
-        "target", plane(8.0, 8.0, (0, 0, 0), (-1, 0, 0)), "Car", "steel",
+        "target",
+        plane(8.0, 8.0, (0, 0, 0), (-1, 0, 0)),
+        "Car",
+        "steel",
         {"kind": "constant_twist", "position": [distance, 0, 0], "velocity": [velocity, 0, 0]},
-    )  # fmt: skip
+    )
     state = scene(tmp_path, front, actors=[target]).at(0.0)
     paths = solve_paths(state, RADAR, Pose(), "sionna", max_depth=3, **FEW)
     bounce = paths.select([paths.instance.tolist().index([2, 1, 2])])
@@ -231,7 +239,8 @@ def test_bistatic_pair_over_ground(tmp_path) -> None:
     q = np.sqrt(3.18 - 0.1j - np.cos(grazing) ** 2)
     tm = ((3.18 - 0.1j) * np.sin(grazing) - q) / ((3.18 - 0.1j) * np.sin(grazing) + q)
     te = (np.sin(grazing) - q) / (np.sin(grazing) + q)
-    # V (theta) goes on along itself; H (phi) looks the other way from the other end. 1e-6: the loss in the table's digits.
+    # V (theta) goes on along itself; H (phi) looks the other way from the other end. 1e-6: the loss in the table's
+    # digits.
     assert np.allclose(paths.a[0], friis[0] * np.diag([1.0, -1.0]), atol=friis[0] * 1e-12)
     assert np.allclose(paths.a[1], friis[1] * np.diag([tm, -te]), atol=friis[1] * 1e-5)
 
@@ -250,18 +259,26 @@ def test_a_turned_radar_swaps_polarisations(tmp_path) -> None:
 def test_rate_and_acceleration_are_the_derivatives_of_the_length(tmp_path) -> None:
     """Moving target, moving and turning mirrors, moving radar."""
     truck = Thing(
-        "truck", plane(32.0, 128.0, (0, 0, 0), (0, -1, 0)), "Truck", "steel",
+        "truck",
+        plane(32.0, 128.0, (0, 0, 0), (0, -1, 0)),
+        "Truck",
+        "steel",
         {"kind": "constant_twist", "position": [20, 6, 0], "velocity": [3, -2, 0], "angular_velocity_z": 0.05},
-    )  # fmt: skip
+    )
     world = scene(tmp_path, ground("steel"), actors=[truck])
     velocity, target, motion = np.array([9.0, 1.0, 0.0]), np.array([30.0, -1.0, 1.5]), np.array([-10.0, 0.5, 0.0])
 
     def solve(time: float):
         points = PointScatterers([target + motion * time], [motion], 1.0)
         return solve_points(
-            world.at(1.0 + time), RADAR, Mount(Pose(np.array([0, 0, 0.5]) + velocity * time), Twist(velocity)), points,
-            environment=True, max_depth=2, **FEW,
-        )  # fmt: skip
+            world.at(1.0 + time),
+            RADAR,
+            Mount(Pose(np.array([0, 0, 0.5]) + velocity * time), Twist(velocity)),
+            points,
+            environment=True,
+            max_depth=2,
+            **FEW,
+        )
 
     step = 1e-4
     before, now, after = solve(-step), solve(0.0), solve(step)
@@ -301,7 +318,8 @@ def test_right_angled_corners_return_once(tmp_path) -> None:
     assert paths.num_paths == len(expected) and found.keys() == expected.keys()
     for surfaces, axes in expected.items():
         assert abs(found[surfaces] - 2 * np.linalg.norm(corner[axes])) < 1e-12  # rounding of 40 m
-    # Metal dihedral with its edge along H: the echo of V has the opposite sign to that of H. Head-on it would be exact; at
-    # 1.4 deg grazing to the ground, V loses some dB by the metal's finite conductivity (pseudo-Brewster angle of 89.8 deg).
+    # Metal dihedral with its edge along H: the echo of V has the opposite sign to that of H. Head-on it would be exact;
+    # at 1.4 deg grazing to the ground, V loses some dB by the metal's finite conductivity (pseudo-Brewster angle of
+    # 89.8 deg).
     level = paths.a[[tuple(sorted(row[row > 0].tolist())) == (1, 2) for row in paths.instance]][0]
     assert np.isclose(level[0, 0] / level[1, 1], -1.0, atol=0.1)

@@ -1,4 +1,7 @@
-"""Dr.Jit's derivatives through Sionna's PathSolver: against differences of the solver, and against our own in float64."""
+"""Dr.Jit's derivatives through Sionna's PathSolver.
+
+Against differences of the solver, and against our own in float64.
+"""
 
 from __future__ import annotations
 

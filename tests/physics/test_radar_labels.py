@@ -58,7 +58,8 @@ def test_the_spread_is_the_synthesis_within_the_main_lobe(multiplexing: str, win
     inside = found.power > 0.0
     lobe = {"rect": 2, "hann": 4, "blackmanharris": 8}[window] * padding
     assert (lobe - 1) ** 2 <= inside.sum() <= (lobe + 1) ** 2
-    # the centre's place for all channels (6 mm of 0.5 m) and migration (3 cm, symmetric), over the peak: below 1e-3 of its power
+    # the centre's place for all channels (6 mm of 0.5 m) and migration (3 cm, symmetric), over the peak: below 1e-3 of
+    # its power
     assert np.abs(found.power - expected.power)[inside].max() < 1e-3 * expected.power.max()
     assert expected.power.argmax() == found.power.argmax()
 
@@ -180,9 +181,11 @@ def test_noise_alone_has_no_label() -> None:
 def test_panes_and_one_body_are_direct_and_another_body_is_multipath() -> None:
     paths = point_targets([[10.0, 0.0, 0.0]] * 4, np.zeros((4, 3)), 1.0, SMALL, Pose())
     chains = {
-        (REFRACTION, 5): (POINT_INTERACTION, 7), (SPECULAR, 7): (DIFFUSE, 7),
-        (SPECULAR, 5): (DIFFUSE, 7), (DIFFUSE, 6): (SPECULAR, 5),
-    }  # fmt: skip
+        (REFRACTION, 5): (POINT_INTERACTION, 7),
+        (SPECULAR, 7): (DIFFUSE, 7),
+        (SPECULAR, 5): (DIFFUSE, 7),
+        (DIFFUSE, 6): (SPECULAR, 5),
+    }
     kind, number = (np.array([[first[k], last[k]] for first, last in chains.items()], np.int32) for k in (0, 1))
     depth = np.full(4, 2, np.int32)
     labels = label_paths(replace(paths, interaction=kind, instance=number, depth=depth))
@@ -198,7 +201,10 @@ def test_an_unknown_method_is_told() -> None:
 
 
 def test_mirror_reflections_alone(tmp_path) -> None:
-    """A plate that faces the radar's image in a wall is seen by wall, plate, wall: the plate's ghost, though no point scatters."""
+    """A plate that faces the radar's image in a wall is seen by wall, plate, wall.
+
+    The plate's ghost, though no point scatters.
+    """
     things = [
         Thing("wall", plane(60.0, 60.0, (0, WALL_Y, 0), (0, -1, 0)), "Wall", "steel"),
         Thing("plate", plane(3.0, 3.0, (10, 0, 0), (-10, 2 * WALL_Y, 0)), "Car", "steel"),
@@ -279,7 +285,10 @@ def test_highway_detections_have_the_label_of_the_box_they_lie_in(highway) -> No
 
 @pytest.mark.parametrize("fraction", [0.9, -0.9])
 def test_moving_targets_of_one_cell_are_told_apart_by_their_direction_in_tdm(fraction: float) -> None:
-    """Two instances at one range and velocity: the beam sees each alone only if the motion between transmitters is removed."""
+    """Two instances at one range and velocity.
+
+    The beam sees each alone only if the motion between transmitters is removed.
+    """
     radar = RadarSpec().with_(
         multiplexing="tdm", num_chirps=64, bandwidth=150e6, num_samples=128, pattern=IsotropicPattern()
     )
@@ -294,14 +303,18 @@ def test_moving_targets_of_one_cell_are_told_apart_by_their_direction_in_tdm(fra
     points = RadarPoints(40.0 * unit, np.full(2, 40.0), azimuth, zero, np.full(2, velocity), power, zero, zero)
     labels = label_points(points, paths, radar)
     assert labels.instance.tolist() == [1, 2]
-    # Left in, the phase of 54 deg a transmitter turns the beam by half its width. The wavefront's curvature, k (1 cm)^2 / (2 40 m) =
-    # 0.002 rad, keeps the other target from vanishing in the beam's zero: 1e-3 of its field, twice that in the power of both.
+    # Left in, the phase of 54 deg a transmitter turns the beam by half its width. The wavefront's curvature, k (1 cm)^2
+    # / (2 40 m) = 0.002 rad, keeps the other target from vanishing in the beam's zero: 1e-3 of its field, twice that in
+    # the power of both.
     assert labels.explained == pytest.approx([1.0, 1.0], abs=4e-3)
     assert labels.share.min() > 1.0 - 4e-6
 
 
 def test_classes_are_found_among_the_paths_without_a_state() -> None:
-    """A path's class is that of its last instance: the target behind a mirror, and the mirror itself where a path ends on it."""
+    """A path's class is that of its last instance.
+
+    The target behind a mirror, and the mirror itself where a path ends on it.
+    """
     paths = point_targets([[10.0, 0.0, 0.0]] * 3, np.zeros((3, 3)), 1.0, SMALL, Pose())
     labels = label_paths(
         replace(

@@ -17,9 +17,16 @@ from tests.oracles import link
 
 ORIGIN = ((0.0, 0.0, 0.0),)
 LINK_RADAR = RadarSpec().with_(
-    ramp_time=25.6e-6, idle_time=0.0, num_samples=512, num_chirps=256, tx_power_dbm=12.0, noise_figure_db=12.0,
-    pattern=IsotropicPattern(gain_dbi=10.0), tx_positions=ORIGIN, rx_positions=ORIGIN,
-)  # fmt: skip
+    ramp_time=25.6e-6,
+    idle_time=0.0,
+    num_samples=512,
+    num_chirps=256,
+    tx_power_dbm=12.0,
+    noise_figure_db=12.0,
+    pattern=IsotropicPattern(gain_dbi=10.0),
+    tx_positions=ORIGIN,
+    rx_positions=ORIGIN,
+)
 
 
 @pytest.mark.parametrize(("distance", "power_dbm", "snr_db"), link.LINK_TABLE)

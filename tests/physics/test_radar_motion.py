@@ -26,9 +26,16 @@ FINE = Accuracy(synthesis_tolerance=1e-9)
 def single_channel(**changes):
     """The radar of the closed forms: 76.5 GHz, 500 MHz in 25.6 us, 512 samples at 20 MHz, 256 chirps every 40 us."""
     values = {
-        "start_frequency": 76.5e9, "bandwidth": 500e6, "ramp_time": 25.6e-6, "idle_time": 14.4e-6, "num_samples": 512,
-        "num_chirps": 256, "tx_positions": ORIGIN, "rx_positions": ORIGIN, "pattern": IsotropicPattern(),
-    }  # fmt: skip
+        "start_frequency": 76.5e9,
+        "bandwidth": 500e6,
+        "ramp_time": 25.6e-6,
+        "idle_time": 14.4e-6,
+        "num_samples": 512,
+        "num_chirps": 256,
+        "tx_positions": ORIGIN,
+        "rx_positions": ORIGIN,
+        "pattern": IsotropicPattern(),
+    }
     return RadarSpec().with_(**{**values, **changes})
 
 
@@ -149,9 +156,12 @@ def test_doppler_rate_of_a_crossing_target():
 def test_phase_between_transmitters_of_tdm():
     wavelength = fmcw.C / 76.5e9
     radar = single_channel(
-        bandwidth=1e3, num_samples=4, num_chirps=64, multiplexing="tdm",
+        bandwidth=1e3,
+        num_samples=4,
+        num_chirps=64,
+        multiplexing="tdm",
         tx_positions=tuple((0.0, index * 2.0 * wavelength, 0.0) for index in (-1, 0, 1)),
-    )  # fmt: skip
+    )
     assert radar.unambiguous_velocity == pytest.approx(8.164282625272, rel=1e-6)
 
     def first_samples(velocity):
@@ -173,7 +183,10 @@ def test_phase_between_transmitters_of_tdm():
 
 @pytest.mark.parametrize("time", [0.4, -0.3])
 def test_paths_moved_on_follow_the_uniformly_accelerated_length(time):
-    """L(t) = L + L' t + L'' t^2 / 2 and L'(t) = L' + L'' t; a mirror path's image moves along the line of sight by as much."""
+    """L(t) = L + L' t + L'' t^2 / 2 and L'(t) = L' + L'' t.
+
+    a mirror path's image moves along the line of sight by as much.
+    """
     paths = point_targets([[30.0, 0.0, 0.0]], [[-5.0, 0.0, 0.0]], 1.0, single_channel(), Pose())
     paths = replace(paths, length_acceleration=np.array([6.0]))
     moved = shifted(paths, time)

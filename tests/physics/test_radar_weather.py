@@ -25,7 +25,8 @@ from scarl_sionna.scene.materials.dielectrics import water_permittivity
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 FREQUENCY = 77e9
-# computed with another implementation (itur): P.838-3, horizontal path; P.676 line by line, 15 degrees C, 1013 hPa, 7.5 g/m3
+# computed with another implementation (itur): P.838-3, horizontal path; P.676 line by line, 15 degrees C, 1013 hPa, 7.5
+# g/m3
 GAS = 0.3480435
 RAIN = {("H", 5.0): 3.5931193, ("H", 25.0): 11.405363, ("V", 5.0): 3.5199798, ("V", 25.0): 10.987983}
 TWO_WAY_25MMH_200M = 4.5621452
@@ -48,7 +49,10 @@ def test_fog(temperature) -> None:
 
 
 def test_fog_is_rayleighs_absorption() -> None:
-    """Power lost in small spheres of a volume fraction v: 6 pi / wavelength v Im((eps - 1) / (eps + 2)), water 1e6 g/m3."""
+    """Power lost in small spheres of a volume fraction v.
+
+    6 pi / wavelength v Im((eps - 1) / (eps + 2)), water 1e6 g/m3.
+    """
     for frequency in (10e9, 24e9, 77e9, 150e9):
         eps = water_permittivity(frequency, 283.15)
         absorbed = 6.0 * np.pi * frequency / SPEED_OF_LIGHT * 1e-6 * -((eps - 1.0) / (eps + 2.0)).imag

@@ -66,9 +66,12 @@ def test_hits_lie_on_the_wall_along_the_rays(tmp_path) -> None:
 def test_opening_wall_and_approaching_radar_give_the_exact_length_rate(tmp_path) -> None:
     velocity, radar_velocity = np.array([3.0, -1.0, 0.5]), np.array([12.0, 2.0, 0.0])
     actor = Thing(
-        "truck", box((4, 32, 32), (2, 0, 0)), "Truck", "steel",
+        "truck",
+        box((4, 32, 32), (2, 0, 0)),
+        "Truck",
+        "steel",
         {"kind": "constant_twist", "position": [WALL_X, 0, 0], "velocity": velocity},
-    )  # fmt: skip
+    )
     state, radar = _world(tmp_path, actors=(actor,)).at(0.0), _radar()
     paths = solve_paths(state, radar, Mount(Pose(), Twist(linear=radar_velocity)), "raycast", num_rays=NUM_RAYS)
     unit = paths.tx_point / np.linalg.norm(paths.tx_point, axis=1, keepdims=True)
@@ -80,9 +83,12 @@ def test_opening_wall_and_approaching_radar_give_the_exact_length_rate(tmp_path)
 
 def test_turning_actor_gives_each_point_its_own_velocity(tmp_path) -> None:
     actor = Thing(
-        "truck", box((4, 32, 32), (2, 0, 0)), "Truck", "steel",
+        "truck",
+        box((4, 32, 32), (2, 0, 0)),
+        "Truck",
+        "steel",
         {"kind": "constant_twist", "position": [WALL_X, 0, 0], "velocity": [0, 0, 0], "angular_velocity_z": 0.5},
-    )  # fmt: skip
+    )
     paths = solve_paths(_world(tmp_path, actors=(actor,)).at(0.0), _radar(), Pose(), "raycast", num_rays=NUM_RAYS)
     arm = paths.tx_point - np.array([WALL_X, 0, 0])
     unit = paths.tx_point / np.linalg.norm(paths.tx_point, axis=1, keepdims=True)
@@ -91,9 +97,14 @@ def test_turning_actor_gives_each_point_its_own_velocity(tmp_path) -> None:
     assert np.abs(paths.length_rate - exact).max() < 1e-12
 
 
-@pytest.mark.parametrize(("material", "permittivity", "thickness"), [
-    ("concrete", oracle.ITU_CONCRETE, None), ("asphalt", 3.18 - 0.1j, None), ("pane", oracle.ITU_GLASS, 4e-3),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("material", "permittivity", "thickness"),
+    [
+        ("concrete", oracle.ITU_CONCRETE, None),
+        ("asphalt", 3.18 - 0.1j, None),
+        ("pane", oracle.ITU_GLASS, 4e-3),
+    ],
+)
 def test_every_hit_of_a_wall_has_the_reflectance_of_its_angle_and_polarisation(
     tmp_path, material: str, permittivity: complex, thickness: float | None
 ) -> None:
@@ -112,9 +123,9 @@ def test_every_hit_of_a_wall_has_the_reflectance_of_its_angle_and_polarisation(
     perpendicular /= np.linalg.norm(perpendicular, axis=1, keepdims=True)
     phi_hat = np.cross([0, 0, 1.0], unit)
     phi_hat /= np.linalg.norm(phi_hat, axis=1, keepdims=True)
-    te, tm = np.array([
-        [abs(value) ** 2 for value in oracle.reflection(permittivity, np.arccos(x), thickness)] for x in unit[:, 0]
-    ]).T  # fmt: skip
+    te, tm = np.array(
+        [[abs(value) ** 2 for value in oracle.reflection(permittivity, np.arccos(x), thickness)] for x in unit[:, 0]]
+    ).T
     te_of_h = np.einsum("ij,ij->i", perpendicular, phi_hat) ** 2
     solid_angle = paths.diagnostics["solid_angle"]
     for column, fraction in ((0, 1.0 - te_of_h), (1, te_of_h)):
@@ -145,8 +156,9 @@ def test_power_of_a_wall_is_the_integral_of_the_radar_equation(tmp_path, grid: s
 
     edge = np.sin(np.radians(15.0))
     exact, _ = dblquad(density, -np.radians(30.0), np.radians(30.0), -edge, edge, epsabs=0, epsrel=1e-7)
-    # Midpoint rule with cells h = 3.7e-3 rad: relative error about h^2 / 24 f''/f with f''/f of order 4: 2e-6. Staggered
-    # rays leave the mean of a slope over a cell (1 in 270) times the discrepancy of 283 columns (about 3 / 283): 4e-5.
+    # Midpoint rule with cells h = 3.7e-3 rad: relative error about h^2 / 24 f''/f with f''/f of order 4: 2e-6.
+    # Staggered rays leave the mean of a slope over a cell (1 in 270) times the discrepancy of 283 columns (about 3 /
+    # 283): 4e-5.
     assert (np.abs(paths.a[:, 0, 0]) ** 2).sum() == pytest.approx(exact, rel=tolerance)
 
 

@@ -30,7 +30,8 @@ def mirror_ratio_db(material, incidence, polarization):
 def test_halfspace_level(permittivity):
     """In the mirror direction the level is Fresnel's, both polarisations: exact up to the oracle's 12 digits.
 
-    The field incident on the surface radiates nothing there; at 89 deg the difference of two nearly equal terms costs digits.
+    The field incident on the surface radiates nothing there; at 89 deg the difference of two nearly equal terms costs
+    digits.
     """
     incidence = np.deg2rad(fresnel.INCIDENCE_DEG[:-1])
     for polarization, kind in (("HH", "te"), ("VV", "tm")):
@@ -65,7 +66,9 @@ def test_brewster_angle():
 
 @pytest.mark.parametrize("name", ["glass", "car_glass", "plastic", "asphalt"])
 def test_table_materials_against_angle(name):
-    """Layers and half spaces of the table from 0 to 85 deg, both polarisations: within 0.1 dB (bar) of Fresnel and slab formulas.
+    """Layers and half spaces of the table from 0 to 85 deg, both polarisations.
+
+    Within 0.1 dB (bar) of Fresnel and slab formulas.
 
     Against an independent formula of the layer; measured below 1e-6 dB outside of the nulls.
     """
@@ -98,9 +101,12 @@ def test_brewster_angle_of_materials(name):
 
 
 def test_corner_of_dielectric_is_weaker():
-    """On the axis of a corner each of three reflections has the same incidence: 54.7 deg, as a sequence of TE/TM mixtures.
+    """On the axis of a corner each of three reflections has the same incidence.
 
-    So the level lies between those of three pure TE and of three pure TM reflections, within 1 dB for the faces' own echoes.
+    54.7 deg, as a sequence of TE/TM mixtures.
+
+    So the level lies between those of three pure TE and of three pure TM reflections, within 1 dB for the faces' own
+    echoes.
     """
     boresight = (np.arccos(1 / np.sqrt(3)), np.pi / 4)
     eps = 6.31 - 0.283j
@@ -155,7 +161,10 @@ def test_reciprocity_monostatic():
 
 
 def test_bistatic_plate_pattern():
-    """In the plane of incidence a plate's pattern is sinc about the mirror direction: (cos i for HH) x sinc(k a (sin i - sin s) / 2)."""
+    """In the plane of incidence a plate's pattern is sinc about the mirror direction.
+
+    (cos i for HH) x sinc(k a (sin i - sin s) / 2).
+    """
     incidence, a = np.deg2rad(30.0), 0.1
     scattered = np.deg2rad(np.linspace(20.0, 40.0, 81))
     found = ss.rcs(PLATE, F77, incidence, 0.0, "HH", "metal", scattered, np.pi)
@@ -165,7 +174,10 @@ def test_bistatic_plate_pattern():
 
 
 def test_forward_scattering_is_the_shadow():
-    """Behind a sphere the RCS is 4 pi A^2 / lambda^2 with the shadow's area A: that of the inscribed mesh is 0.1 % smaller."""
+    """Behind a sphere the RCS is 4 pi A^2 / lambda^2 with the shadow's area A.
+
+    That of the inscribed mesh is 0.1 % smaller.
+    """
     sphere = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
     found = ss.rcs(sphere, F77, 0.5, 0.0, "VV", "metal", np.pi - 0.5, np.pi)
     exact = 4 * np.pi * (np.pi * 0.01) ** 2 / oracle.WAVELENGTH_77**2
@@ -179,8 +191,9 @@ def test_shadow_of_another_body_and_of_the_observer():
     """
     screen = trimesh.Trimesh(
         0.3 * np.array(oracle.PLATE_MESH[0]) @ trimesh.transformations.rotation_matrix(0.5, [1, 0, 0])[:3, :3].T,
-        oracle.PLATE_MESH[1], process=False,
-    )  # fmt: skip
+        oracle.PLATE_MESH[1],
+        process=False,
+    )
     angle = np.deg2rad(30.0)
     mirror = {"theta_s": angle, "phi_s": np.pi}
     open_level = ss.rcs(PLATE, F77, angle, 0.0, **mirror)

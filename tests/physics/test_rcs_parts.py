@@ -1,4 +1,7 @@
-"""ss.rcs and compile_scatterers of bodies of several materials: each part reflects as its own, shadows and bounces are common."""
+"""ss.rcs and compile_scatterers of bodies of several materials.
+
+Each part reflects as its own, shadows and bounces are common.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,10 @@ def faces_of(mesh, rows):
 
 
 def test_the_field_is_the_sum_of_the_parts():
-    """Two plates side by side, head-on, in one plane: -j A / lambda of the metal one, a third of that of the resin (2 - 1) / (2 + 1)."""
+    """Two plates side by side, head-on, in one plane.
+
+    -j A / lambda of the metal one, a third of that of the resin (2 - 1) / (2 + 1).
+    """
     beside = PLATE.copy().apply_translation([0.1, 0.0, 0.0])
     for parts in ([(PLATE, "metal"), (beside, RESIN)], {"metal": PLATE, 4.0: beside}):
         found = scattering_matrix(parts, F77, 0.0, 0.0)[0, 0]
@@ -44,9 +50,12 @@ def test_the_field_is_the_sum_of_the_parts():
 
 @pytest.mark.parametrize("coated", [0, 1])
 def test_a_dihedral_of_two_materials(coated):
-    """At the seam both bounces are at 45 deg: the level is that of metal times one Fresnel coefficient, whichever face has it.
+    """At the seam both bounces are at 45 deg.
 
-    The seam is vertical, so V is TE and H is TM. The faces' own echoes are -42 dB: 0.07 dB of metal, 0.3 dB where TM is weak.
+    The level is that of metal times one Fresnel coefficient, whichever face has it.
+
+    The seam is vertical, so V is TE and H is TM. The faces' own echoes are -42 dB: 0.07 dB of metal, 0.3 dB where TM is
+    weak.
     """
     halves = [faces_of(DIHEDRAL, slice(0, 2)), faces_of(DIHEDRAL, slice(2, 4))]
     parts = [(half, RESIN if number == coated else "metal") for number, half in enumerate(halves)]
@@ -103,7 +112,10 @@ def test_parts_of_a_scenes_actor(tmp_path):
 
 
 def test_compiled_parts():
-    """Centres of a metal and a rough resin plate: the resin's mirror reflection loses sqrt(1 - S^2) = 0.8, as in the solver sbr."""
+    """Centres of a metal and a rough resin plate.
+
+    The resin's mirror reflection loses sqrt(1 - S^2) = 0.8, as in the solver sbr.
+    """
     upright = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
     left = PLATE.copy().apply_transform(upright)
     right = left.copy().apply_translation([0.0, 0.1, 0.0])

@@ -42,8 +42,8 @@ CUTS = (
 def test_same_theory(name):
     """Bar of the project: mean error 0.1 dB, 95th percentile 0.3 dB, down to 20 dB below each peak.
 
-    Measured: means 0.001 to 0.011 dB, 95th percentiles 0.001 to 0.048 dB (0.021 and 0.094 in the trihedral's cross-polar).
-    The reference itself has rays every lambda/60, whose area of an edge is uncertain by that much.
+    Measured: means 0.001 to 0.011 dB, 95th percentiles 0.001 to 0.048 dB (0.021 and 0.094 in the trihedral's
+    cross-polar). The reference itself has rays every lambda/60, whose area of an edge is uncertain by that much.
     """
     cut, full_wave = oracle.table(f"sbr_{name}"), oracle.table(f"mom_{name}")
     found = levels_db(name, cut)
@@ -71,8 +71,9 @@ def full_wave_difference(name, axis, centre_deg, within_deg, channel):
 def test_full_wave(channel):
     """What remains against moments is what the reference data list for a perfect ray solver, within 0.2 dB (bar).
 
-    Listed: plate of 3 wavelengths head-on +0.18 dB; dihedral +1.4 dB, which is the mean over 10 deg on either side in azimuth (at
-    the seam itself it is 2.1 to 3 dB); trihedral 0.2 to 0.5 dB, the mean of the absolute difference over the same width.
+    Listed: plate of 3 wavelengths head-on +0.18 dB; dihedral +1.4 dB, which is the mean over 10 deg on either side in
+    azimuth (at the seam itself it is 2.1 to 3 dB); trihedral 0.2 to 0.5 dB, the mean of the absolute difference over
+    the same width.
     """
     plate = full_wave_difference("plate3lam_phi0", "theta_deg", 0.0, 0.0, channel)
     assert plate[0] == pytest.approx(0.18, abs=0.2)  # measured +0.14
@@ -85,7 +86,10 @@ def test_full_wave(channel):
 
 
 def test_capped_cylinder_near_broadside_full_wave():
-    """Radius 1, height 5 wavelengths, within 5 deg of broadside: PO is within 1 dB (two polarisations differ by creeping waves)."""
+    """Radius 1, height 5 wavelengths, within 5 deg of broadside.
+
+    PO is within 1 dB (two polarisations differ by creeping waves).
+    """
     cut = oracle.table("mom_cyl_a1_h5_theta")
     rows = np.abs(cut["theta_deg"] - 90.0) <= 5.0
     picked = {column: values[rows] for column, values in cut.items()}

@@ -52,9 +52,9 @@ def test_plate_vectors(polarization):
 def test_disk_and_cylinder_vectors():
     """Inscribed polygons: a disk of n sides has 1 - (2 pi / n)^2 / 6 of the area, 1.4e-5 dB at n = 2048.
 
-    A cylinder of n strips, each W = 2 pi a / n wide: the strip's phase k W^2 / (4 a) stays below 0.02 rad at n = 720. The
-    closed form is the leading term in 1 / (ka); the next one is below 1 / (8 ka) = 1.5e-4 in amplitude, 0.001 dB, and the
-    cap and the terminator add some 1e-3 (0.01 dB) at broadside. 20 dB down a flank, allow 0.1 dB.
+    A cylinder of n strips, each W = 2 pi a / n wide: the strip's phase k W^2 / (4 a) stays below 0.02 rad at n = 720.
+    The closed form is the leading term in 1 / (ka); the next one is below 1 / (8 ka) = 1.5e-4 in amplitude, 0.001 dB,
+    and the cap and the terminator add some 1e-3 (0.01 dB) at broadside. 20 dB down a flank, allow 0.1 dB.
     """
     found = ss.rcs(disk_of(0.05), F77, np.deg2rad(oracle.DISK_DEG), 0.3)
     assert np.abs(dbsm(found) - oracle.DISK_DBSM).max() < 0.01
@@ -80,10 +80,10 @@ def test_plate_and_disk_sizes(size):
 @pytest.mark.parametrize("size", [1.0, 3.0, 10.0, 30.0, 100.0])
 @pytest.mark.filterwarnings("ignore:the mesh is:scarl_sionna.ScarlWarning")
 def test_cylinder_sizes(size):
-    """Radius and height of 1 to 100 wavelengths against PO's exact integral over the side and the cap, down to 20 dB below the peak.
+    """Radius and height of 1 to 100 wavelengths against PO's exact integral, down to 20 dB below the peak.
 
-    1440 strips stand off the cylinder by W^2 / (8 a) = 2.4e-6 a: at 100 wavelengths 3e-3 rad of phase, below 0.01 dB of a level that
-    is not in a null.
+    1440 strips stand off the cylinder by W^2 / (8 a) = 2.4e-6 a: at 100 wavelengths 3e-3 rad of phase, below 0.01 dB of
+    a level that is not in a null.
     """
     radius = height = size * LAMBDA
     body = load_body(trimesh.creation.cylinder(radius=radius, height=height, sections=1440))
@@ -108,8 +108,10 @@ def test_nulls_by_size(size):
             null = np.arcsin(place)
             found = minimize_scalar(
                 lambda angle, b=body: float(ss.rcs(b, F77, angle, 0.0)),
-                bounds=(0.9 * null, 1.1 * null), method="bounded", options={"xatol": 1e-8},
-            )  # fmt: skip
+                bounds=(0.9 * null, 1.1 * null),
+                method="bounded",
+                options={"xatol": 1e-8},
+            )
             assert np.rad2deg(found.x) == pytest.approx(np.rad2deg(null), abs=0.01)
 
 
@@ -168,7 +170,9 @@ def test_trihedral():
 
 @pytest.mark.parametrize("roll_deg", [0, 15, 30, 45])
 def test_trihedral_rolled(roll_deg):
-    """Three reflections keep a linear polarisation whatever the roll: co-polar within 0.2 dB, cross-polar below -40 dB (bars).
+    """Three reflections keep a linear polarisation whatever the roll.
+
+    Co-polar within 0.2 dB, cross-polar below -40 dB (bars).
 
     The faces' own echoes interfere by 0.12 dB at this size.
     """
@@ -182,15 +186,20 @@ def test_trihedral_rolled(roll_deg):
 
 @pytest.mark.parametrize("roll_deg", [0, 15, 22.5, 30, 45])
 def test_dihedral_rolled(roll_deg):
-    """Co-polar cos 2a and cross-polar sin 2a within 0.2 dB; nulls below -40 dB (bars). The faces' own echoes are -42 dB."""
+    """Co-polar cos 2a and cross-polar sin 2a within 0.2 dB; nulls below -40 dB (bars).
+
+    The faces' own echoes are -42 dB.
+    """
     roll = np.deg2rad(roll_deg)
     rotation = turn(roll, [1, 0, 0]) @ turn(-np.pi / 4, [0, 0, 1])
     matrix = scattering_matrix(mesh_of(oracle.DIHEDRAL_MESH, 0.1, rotation), F77, BROADSIDE, 0.0)
     relative = dbsm(4 * np.pi * np.abs(matrix) ** 2) - oracle.DIHEDRAL_DBSM
     for level, factor in (
-        (relative[0, 0], np.cos(2 * roll)), (relative[1, 1], np.cos(2 * roll)),
-        (relative[0, 1], np.sin(2 * roll)), (relative[1, 0], np.sin(2 * roll)),
-    ):  # fmt: skip
+        (relative[0, 0], np.cos(2 * roll)),
+        (relative[1, 1], np.cos(2 * roll)),
+        (relative[0, 1], np.sin(2 * roll)),
+        (relative[1, 0], np.sin(2 * roll)),
+    ):
         if abs(factor) < 1e-9:
             assert level < -40.0
         else:

@@ -1,4 +1,7 @@
-"""Straight passage through panes, against the exact slab: coefficients, paths at three angles, two panes, antenna behind glass."""
+"""Straight passage through panes, against the exact slab.
+
+Coefficients, paths at three angles, two panes, antenna behind glass.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,8 @@ RADAR = RadarSpec().with_(pattern=IsotropicPattern(), bandwidth=150e6)
 FEW = {"num_samples": 20_000, "refraction": True, "max_depth": 2}
 
 TRANSMITTED = (
-    # permittivity, thickness [m], incidence [deg], TE, TM: (1 - G^2) e^{-jq} / (1 - G^2 e^{-2jq}), ITU-R P.2040-3, at 77 GHz
+    # permittivity, thickness [m], incidence [deg], TE, TM: (1 - G^2) e^{-jq} / (1 - G^2 e^{-2jq}), ITU-R P.2040-3, at
+    # 77 GHz
     (ITU_GLASS, 0.004, 0, (-0.4925898717006, 0.3253405066365), (-0.4925898717006, 0.3253405066365)),
     (ITU_GLASS, 0.004, 30, (-0.5754610831286, 0.1315798284328), (-0.6166742024205, 0.130810927992)),
     (ITU_GLASS, 0.004, 60, (-0.3404986297651, -0.2724343628506), (-0.5900491814381, -0.3161991076485)),
@@ -42,9 +46,13 @@ def radio_variant():
 
 def sheet(permittivity: complex, thickness: float) -> RadioMaterial:
     return RadioMaterial(
-        name="sheet", relative_permittivity=permittivity.real, conductivity=-permittivity.imag * 2 * np.pi * 77e9 * 8.8541878128e-12,
-        thickness=thickness, source="the test's own", uncertainty="none",
-    )  # fmt: skip
+        name="sheet",
+        relative_permittivity=permittivity.real,
+        conductivity=-permittivity.imag * 2 * np.pi * 77e9 * 8.8541878128e-12,
+        thickness=thickness,
+        source="the test's own",
+        uncertainty="none",
+    )
 
 
 def against_air(thickness: float, incidence_deg: float) -> complex:
@@ -97,7 +105,10 @@ def test_two_panes_multiply(tmp_path) -> None:
 
 
 def test_antenna_behind_glass(tmp_path) -> None:
-    """Through a windscreen right in front of the radar, and mirrored in the ground behind it: all pairs of ways pass it twice."""
+    """Through a windscreen right in front of the radar, and mirrored in the ground behind it.
+
+    All pairs of ways pass it twice.
+    """
     glass = sheet(ITU_GLASS, 0.004)
     table = MaterialTable([*builtin_materials().values(), glass])
     things = [
@@ -116,7 +127,8 @@ def test_antenna_behind_glass(tmp_path) -> None:
     assert 20 * np.log10(abs(direct.a[0, 0, 0]) / free) == pytest.approx(
         2 * -4.578081505089, abs=1e-4
     )  # the vector's T, twice
-    # The kind of interaction is drawn for each ray: the ground's share is found too, or the number of samples is too small
+    # The kind of interaction is drawn for each ray: the ground's share is found too, or the number of samples is too
+    # small
 
 
 def test_a_half_space_lets_nothing_through(tmp_path) -> None:

@@ -56,8 +56,9 @@ def test_plate_in_the_near_field_is_the_exact_integral(tmp_path, size) -> None:
         found = _signal(solve_paths(state, RADAR, pose, method="sbr", settings=ALL))
         sides, up, nodes = ([0, size, 0], [0, 0, size]), np.array([0, 0, 1.0]), int(100 + 300 * size)
         exact = rectangle_transfer(corner, *sides, pose.position, WAVELENGTH, up, nodes)
-        # The bar of the project. A remainder of integration_phase = 0.01 rad, in quadrature over many parts, is 0.01 rad of
-        # the strongest ones: 0.09 dB where they cancel by 20 dB at random, below 0.1 dB here; metal loses 0.009 dB.
+        # The bar of the project. A remainder of integration_phase = 0.01 rad, in quadrature over many parts, is 0.01
+        # rad of the strongest ones: 0.09 dB where they cancel by 20 dB at random, below 0.1 dB here; metal loses 0.009
+        # dB.
         assert abs(20 * np.log10(abs(found / exact))) < 0.1, angle
         assert abs(np.angle(found / exact)) < 0.05, angle
 
@@ -71,8 +72,8 @@ def test_pole_in_the_near_field(tmp_path, distance, dbsm) -> None:
     pose = Pose.from_euler([distance + 0.05, 0, 0], yaw=np.pi)
     paths = solve_paths(_state(tmp_path, mesh), RADAR, pose, method="sbr", settings=ALL)
     found = _dbsm(_signal(paths, 77e9), distance, RADAR.wavelength)
-    # Physical optics ends at the silhouette, which adds a ripple of 1/sqrt(ka) = 0.11 times the obliquity there, 0 to first
-    # order: some 0.05 dB; 1 deg facets leave 0.012 rad of phase.
+    # Physical optics ends at the silhouette, which adds a ripple of 1/sqrt(ka) = 0.11 times the obliquity there, 0 to
+    # first order: some 0.05 dB; 1 deg facets leave 0.012 rad of phase.
     assert found == pytest.approx(dbsm, abs=0.1)
 
 
@@ -98,9 +99,11 @@ def test_trihedral_through_synthesis_and_range_doppler(tmp_path) -> None:
         spectrum.append(power.max())
         peak = rd.range[np.unravel_index(power.argmax(), power.shape)[1]]
         assert abs(peak - 50.0) <= RADAR.range_resolution
-    # Closed form without the single bounces at the edges, -36 dB: up to 20 log10(1 + 0.016) = 0.14 dB; bar of the project.
+    # Closed form without the single bounces at the edges, -36 dB: up to 20 log10(1 + 0.016) = 0.14 dB; bar of the
+    # project.
     assert 10 * np.log10(spectrum[0] / spectrum[1]) == pytest.approx(0.0, abs=0.3)
-    # Far-field solver of the same theory; 50 m is 25 times the distance k leg^2 / 4 at which the corner is flat to 1 rad.
+    # Far-field solver of the same theory; 50 m is 25 times the distance k leg^2 / 4 at which the corner is flat to 1
+    # rad.
     far = ss.rcs(_trihedral(0.1), FREQUENCY, np.arccos(1 / 3**0.5), np.pi / 4)
     assert _dbsm(_signal(paths), 50.0) == pytest.approx(10 * np.log10(far), abs=0.05)
 
@@ -140,14 +143,20 @@ def test_glass_plate_reflects_by_fresnel_and_roughness_takes_the_incoherent_part
 
 
 def test_rates_are_the_change_of_the_lengths(tmp_path) -> None:
-    """A corner that moves and turns, and a radar that moves: the rate is that of the path over the same surface points."""
+    """A corner that moves and turns, and a radar that moves.
+
+    The rate is that of the path over the same surface points.
+    """
     vertices, faces = oracle.DIHEDRAL_MESH
     mesh = trimesh.Trimesh(np.array(vertices) * 0.5, faces, process=False)
     velocity, own = np.array([-8.0, 3.0, 1.0]), np.array([5.0, -1.0, 0.5])
     actor = Thing(
-        "corner", mesh, "Static", "steel",
+        "corner",
+        mesh,
+        "Static",
+        "steel",
         {"kind": "constant_twist", "position": [0, 0, 0], "velocity": velocity, "angular_velocity_z": 0.4},
-    )  # fmt: skip
+    )
     world = load_scene(write_scene(tmp_path, actors=[actor]))
     pose = _looking_back(np.array([1.0, 0.8, 0.1]), 12.0)
     paths = solve_paths(world.at(0.0), RADAR, Mount(pose, Twist(own)), method="sbr", settings=ALL)
@@ -173,7 +182,10 @@ def test_rates_are_the_change_of_the_lengths(tmp_path) -> None:
 
 
 def test_what_the_floor_drops_is_below_the_noise_even_in_phase(tmp_path) -> None:
-    """Of each range bin the weakest patches go, as many as their fields in phase stay under the floor; one more would pass it."""
+    """Of each range bin the weakest patches go, as many as their fields in phase stay under the floor.
+
+    One more would pass it.
+    """
     radar = RADAR.with_(tx_power_dbm=-30.0)
     ball = trimesh.creation.icosphere(3, radius=0.4)
     state = _state(tmp_path, ball)
@@ -185,12 +197,12 @@ def test_what_the_floor_drops_is_below_the_noise_even_in_phase(tmp_path) -> None
     noise /= radar.num_samples * radar.num_chirps * radar.num_virtual
     for floor_db in (-10.0, 10.0):
         found = solve_paths(state, radar, pose, method="sbr", settings=SbrSettings(floor_db=floor_db))
-        told = found.diagnostics["floor"]
+        reported = found.diagnostics["floor"]
         kept = {row.tobytes() for row in found.tx_point}
         gone = np.array([row.tobytes() not in kept for row in whole.tx_point])
-        assert gone.sum() == told["num_dropped"] == whole.num_paths - found.num_paths
+        assert gone.sum() == reported["num_dropped"] == whole.num_paths - found.num_paths
         assert 0 < gone.sum() < whole.num_paths
-        assert told["dropped_power"] == pytest.approx(np.sum(amplitude[gone] ** 2), rel=1e-9)
+        assert reported["dropped_power"] == pytest.approx(np.sum(amplitude[gone] ** 2), rel=1e-9)
         limit = noise * 10 ** (floor_db / 10)
         for number in np.unique(bins):
             here = bins == number

@@ -63,8 +63,8 @@ def test_far_pair_measures_the_bistatic_rcs(tmp_path, shape, receive_deg) -> Non
             ss.rcs(mesh, FREQUENCY, *there, polarization=polarization, theta_s=back[0], phi_s=back[1], material="metal")
         )
         entry = "VH".index(polarization[0])
-        # The far-field distance 2 D^2 / lambda is below 2 m: spherical waves turn the phase over the target by 0.02 rad, 0.1 dB
-        # where contributions cancel by 20 dB; both solvers integrate the same currents of the same metal.
+        # The far-field distance 2 D^2 / lambda is below 2 m: spherical waves turn the phase over the target by 0.02
+        # rad, 0.1 dB where contributions cancel by 20 dB; both solvers integrate the same currents of the same metal.
         assert 10 * np.log10(abs(found[entry, entry]) ** 2 * scale / sigma) == pytest.approx(0.0, abs=0.1), polarization
 
 
@@ -76,8 +76,8 @@ def test_reciprocity(tmp_path, shape) -> None:
     ends = ((corner, 0.785), (corner - 0.004, 0.789)) if shape == "trihedral" else ((1.4, -0.5), (1.7416, 0.5))
     tx, rx = (_looking_back(*angles, distance) for angles, distance in zip(ends, (60.0, 40.0), strict=True))
     there, back = _signal(_solve(tmp_path, mesh, tx, rx)), _signal(_solve(tmp_path, mesh, rx, tx))
-    # Physical optics is reciprocal where the scattered direction is that of geometrical optics, and departs from it with the
-    # angle between them: 0.004 rad here, and those under which the plate is seen from 40 m, 0.004 rad.
+    # Physical optics is reciprocal where the scattered direction is that of geometrical optics, and departs from it
+    # with the angle between them: 0.004 rad here, and those under which the plate is seen from 40 m, 0.004 rad.
     assert np.abs(np.diag(there)) == pytest.approx(np.abs(np.diag(back)), rel=0.01)
 
 
@@ -108,9 +108,12 @@ def test_rate_of_a_bistatic_path(tmp_path) -> None:
     """Both radars and the target move; the length over a point of the plate is known in closed form."""
     velocity = np.array([-7.0, 2.0, 0.5])
     actor = Thing(
-        "plate", plane(0.5, 0.5, normal=(1, 0, 0)), "Static", "steel",
+        "plate",
+        plane(0.5, 0.5, normal=(1, 0, 0)),
+        "Static",
+        "steel",
         {"kind": "constant_twist", "position": [0, 0, 0], "velocity": velocity},
-    )  # fmt: skip
+    )
     state = load_scene(write_scene(tmp_path, actors=[actor])).at(0.0)
     tx, rx = Pose.from_euler([20, 1, 0], yaw=np.pi), Pose.from_euler([15, -3, 1], yaw=np.pi)
     own, other = np.array([4.0, 0, 1]), np.array([0, -5.0, 0])

@@ -1,4 +1,7 @@
-"""Diffuse scattering in the solver sbr: mean power against the integral of the pattern, polarisation, cuts, motion, seeds."""
+"""Diffuse scattering in the solver sbr.
+
+Mean power against the integral of the pattern, polarisation, cuts, motion, seeds.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +53,10 @@ def _signal(paths):
 
 
 def _expected(state):
-    """Integral of (lambda / 4 pi)^2 S^2 |Gamma|^2 cos^2 / (pi R^4) over the plate; V is TE, the plate is turned about z."""
+    """Integral of (lambda / 4 pi)^2 S^2 |Gamma|^2 cos^2 / (pi R^4) over the plate.
+
+    V is TE, the plate is turned about z.
+    """
     material = state.world.materials["asphalt"]
     steps = (np.arange(200) + 0.5) / 200 - 0.5
     y, z = np.meshgrid(SIZE * steps, SIZE * steps)
@@ -82,7 +88,8 @@ def test_mean_over_seeds_is_that_power(tmp_path) -> None:
     num_seeds = 100
     powers = [abs(_signal(_diffuse(state, _pose(), ALL.with_(seed=seed)))) ** 2 for seed in range(num_seeds)]
     expected = _expected(state) * (1.0 - state.world.materials["asphalt"].xpd_coefficient)
-    # The sum of hundreds of random phasors: power is exponential, its deviation is its mean; 5 sigma of the mean of 100.
+    # The sum of hundreds of random phasors: power is exponential, its deviation is its mean; 5 sigma of the mean of
+    # 100.
     assert np.mean(powers) == pytest.approx(expected, rel=5 / np.sqrt(num_seeds))
     assert np.std(powers) == pytest.approx(expected, rel=0.8)  # a fixed phase would give none
 
@@ -115,7 +122,10 @@ def test_a_hidden_half_scatters_nothing(tmp_path) -> None:
 
 
 def test_speckle_of_a_moving_surface_has_no_doppler_floor(tmp_path) -> None:
-    """The phases move with the surface: chirps in steps of a 20th of a wavelength give a line, and no floor above -60 dB."""
+    """The phases move with the surface.
+
+    Chirps in steps of a 20th of a wavelength give a line, and no floor above -60 dB.
+    """
     trajectory = {"kind": "constant_twist", "position": [30.0, 0, 0], "velocity": [1.0, 0, 0]}
     mesh = plane(SIZE, SIZE, normal=(-1, 0.7, 0.2))
     actor = Thing("target", mesh, "Static", "own", trajectory)
@@ -154,7 +164,8 @@ def test_mirror_before_a_rough_surface(tmp_path) -> None:
     ratio = cosine["image"] / cosine["direct"] * 10.0**2 / (image @ image)
     ratio *= (gamma["image"] / gamma["direct"]) ** 2
     found = (np.abs(twice.a[:, 0, 0]) ** 2).sum() / (np.abs(once.a[:, 0, 0]) ** 2).sum()
-    # The patch of 0.5 m is taken at its middle: cosines and distances change by 5 % over it, second order 0.3 %; metal 0.2 %.
+    # The patch of 0.5 m is taken at its middle: cosines and distances change by 5 % over it, second order 0.3 %; metal
+    # 0.2 %.
     assert found == pytest.approx(ratio, rel=0.01)
     assert set(twice.interaction[:, 0]) == {1} and set(twice.interaction[:, 1]) == {2}
 

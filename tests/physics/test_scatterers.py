@@ -1,4 +1,4 @@
-"""Compiled scattering centres against the physical optics of the same mesh, and TR 38.901 targets against the standard's formula."""
+"""Compiled scattering centres against physical optics of the same mesh, and TR 38.901 targets against the standard."""
 
 from __future__ import annotations
 
@@ -40,9 +40,17 @@ BODIES = {
 def test_compiled_aspects_are_the_sum_of_all_footprints(name):
     mesh, ends, elevation = BODIES[name]
     model = compile_scatterers(
-        mesh, FREQUENCY, azimuths_deg=ends, azimuth_step_deg=1.0, elevations_deg=[elevation], voxel=0.03,
-        trace_step_deg=0.01, settings=COARSE, progress=False, num_checks=0,
-    )  # fmt: skip
+        mesh,
+        FREQUENCY,
+        azimuths_deg=ends,
+        azimuth_step_deg=1.0,
+        elevations_deg=[elevation],
+        voxel=0.03,
+        trace_step_deg=0.01,
+        settings=COARSE,
+        progress=False,
+        num_checks=0,
+    )
     theta = np.pi / 2.0 - model.elevation[0]
     got = model.scattering_matrix(theta, model.azimuth)
     wanted = scattering_matrix(mesh, FREQUENCY, theta, model.azimuth, settings=COARSE)
@@ -57,8 +65,8 @@ def test_between_aspects_the_error_is_that_of_cubic_interpolation():
     phi = (model.azimuth[:-1] + model.azimuth[1:]) / 2.0
     got = model.scattering_matrix(np.pi / 2.0, phi)
     wanted = scattering_matrix(plate(), FREQUENCY, np.pi / 2.0, phi, settings=COARSE)
-    # half a step turns the phase at a voxel's corner by k voxel sqrt(2) step / 2 = 0.15 rad, so every piece is short of the arc by
-    # at most 1 - cos(0.15) = 0.011; the pieces together reach at most the flash
+    # half a step turns the phase at a voxel's corner by k voxel sqrt(2) step / 2 = 0.15 rad, so every piece is short of
+    # the arc by at most 1 - cos(0.15) = 0.011; the pieces together reach at most the flash
     assert np.abs(got - wanted).max() < 0.011 * np.abs(wanted).max()
     # in decibels the nulls beside the flash count as much as the flash, so the stated error is larger, but it is there
     assert model.error["num_aspects"] == 4
@@ -68,24 +76,43 @@ def test_between_aspects_the_error_is_that_of_cubic_interpolation():
 def test_one_trace_serves_the_aspects_beside_it():
     mesh, ends, elevation = BODIES["trihedral"]
     model = compile_scatterers(
-        mesh, FREQUENCY, azimuths_deg=ends, azimuth_step_deg=1.0, elevations_deg=[elevation], voxel=0.03,
-        trace_step_deg=10.0, settings=COARSE, progress=False, num_checks=0,
-    )  # fmt: skip
+        mesh,
+        FREQUENCY,
+        azimuths_deg=ends,
+        azimuth_step_deg=1.0,
+        elevations_deg=[elevation],
+        voxel=0.03,
+        trace_step_deg=10.0,
+        settings=COARSE,
+        progress=False,
+        num_checks=0,
+    )
     theta = np.pi / 2.0 - model.elevation[0]
     got = model.scattering_matrix(theta, model.azimuth)[:, 0, 0]
     wanted = scattering_matrix(mesh, FREQUENCY, theta, model.azimuth, settings=COARSE)[:, 0, 0]
-    # 2 deg from the traced aspect the edge of what is lit has moved by 0.035 of the size (5 cm), so 7 % of the lit area: 0.6 dB
+    # 2 deg from the traced aspect the edge of what is lit has moved by 0.035 of the size (5 cm), so 7 % of the lit
+    # area: 0.6 dB
     assert np.abs(20.0 * np.log10(np.abs(got / wanted))).max() < 0.6
     # three bounces in a corner have the length of its apex; the phase of the apex is zero whatever the aspect
     assert np.abs(np.angle(got / wanted)).max() < 0.07
 
 
 def test_near_field_of_a_plate_from_its_centres():
-    """At 5 m the phase over 20 cm is far from plane (3 rad); the centres, each in its far field, give the exact integral."""
+    """At 5 m the phase over 20 cm is far from plane (3 rad).
+
+    The centres, each in its far field, give the exact integral.
+    """
     model = compile_scatterers(
-        plate(), FREQUENCY, azimuths_deg=(-3, 3), azimuth_step_deg=0.25, elevations_deg=np.arange(-3, 3.1, 0.25),
-        voxel=0.02, trace_step_deg=0.5, progress=False, num_checks=0,
-    )  # fmt: skip
+        plate(),
+        FREQUENCY,
+        azimuths_deg=(-3, 3),
+        azimuth_step_deg=0.25,
+        elevations_deg=np.arange(-3, 3.1, 0.25),
+        voxel=0.02,
+        trace_step_deg=0.5,
+        progress=False,
+        num_checks=0,
+    )
     k = 2.0 * np.pi * FREQUENCY / 299792458.0
     radar = np.array([5.0, 0.02, 0.01])
     offset = radar - model.centers
@@ -135,10 +162,17 @@ def test_the_highways_car_agrees_with_the_solver_sbr_and_is_faster(tmp_path):
     state = ss.load_scene(write_scene(tmp_path, actors=[car])).at(0.0)
     radar = ss.RadarSpec.preset("awr1843boost")
     model = compile_scatterers(
-        mesh, radar.center_frequency, azimuths_deg=(177.5, 180.1), azimuth_step_deg=0.25,
-        elevations_deg=np.arange(-1.25, 1.0, 0.25), voxel=0.15, trace_step_deg=2.0,
-        settings=SbrSettings(max_depth=2, ray_spacing=32.0, edge_spacing=16.0), progress=False, num_checks=0,
-    )  # fmt: skip
+        mesh,
+        radar.center_frequency,
+        azimuths_deg=(177.5, 180.1),
+        azimuth_step_deg=0.25,
+        elevations_deg=np.arange(-1.25, 1.0, 0.25),
+        voxel=0.15,
+        trace_step_deg=2.0,
+        settings=SbrSettings(max_depth=2, ray_spacing=32.0, edge_spacing=16.0),
+        progress=False,
+        num_checks=0,
+    )
     errors = []
     for distance in (50.0, 80.0, 120.0, 200.0):
         pose = ss.Pose([-distance - 2.15, 0.9, 0.6], [1.0, 0.0, 0.0, 0.0])
@@ -162,7 +196,10 @@ def test_the_highways_car_agrees_with_the_solver_sbr_and_is_faster(tmp_path):
 
 @pytest.mark.parametrize("along", [1.2, -1.2])
 def test_a_spinning_body_bends_the_range_of_its_centres(tmp_path, along):
-    """L(t) = 2 sqrt(D^2 + r^2 + 2 D r cos(w t)) of a centre at r on the line of sight: L' = 0, L'' = -2 D r w^2 / (D + r)."""
+    """L(t) = 2 sqrt(D^2 + r^2 + 2 D r cos(w t)) of a centre at r on the line of sight.
+
+    L' = 0, L'' = -2 D r w^2 / (D + r).
+    """
     distance, spin = 15.0, 4.0
     motion = {
         "kind": "constant_twist",

@@ -1,4 +1,7 @@
-"""Echoes of rain and spray: mean power against the radar equation's integral, speckle, Doppler, what hides them, labels."""
+"""Echoes of rain and spray.
+
+Mean power against the radar equation's integral, speckle, Doppler, what hides them, labels.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ def test_attenuated_mean_is_the_integral() -> None:
 
 
 def test_mean_power_per_range_is_the_radar_equations() -> None:
-    """60 realisations; 5 standard errors of the mean in each of four parts of the range, errors found from the spread itself."""
+    """60 realisations; 5 standard errors of the mean in each of four parts of the range, from the spread itself."""
     edges = np.array([NEAREST, 4.0, 10.0, 20.0, 40.0])
     found = np.zeros((60, 4))
     for seed in range(60):
@@ -106,7 +109,10 @@ def test_doppler_is_the_fall_and_the_wind() -> None:
 
 
 def test_what_is_left_out_is_below_the_noise() -> None:
-    """A light drizzle for a deaf radar is left out, heavy rain for the board of the paper is not; nothing falls, nothing is made."""
+    """A light drizzle for a deaf radar is left out, heavy rain for the board of the paper is not.
+
+    Nothing falls, nothing is made.
+    """
     deaf = RADAR.with_(tx_power_dbm=-60.0)
     budget = clutter_budget(Weather(rain_rate=0.2), deaf)
     assert budget.reach == 0.0
@@ -190,7 +196,10 @@ def test_spray_is_behind_moving_vehicles_on_wet_roads_only(world) -> None:
 
 
 def test_spray_sends_back_its_whole_cross_section(world) -> None:
-    """Sum over a cloud's points of |a|^2 over that of 1 m2 at each place: eta times the volume's decay integral, within 5 standard errors."""
+    """Sum over a cloud's points of |a|^2 over that of 1 m2 at each place.
+
+    Eta times the volume's decay integral, within 5 standard errors.
+    """
     state = world.with_weather(Weather(spray=Spray(), wetness=1.0, turbulence=0.0)).at(1.0)
     cloud = next(item for item in spray_clouds(state) if item.actor == "car_ahead")
     pose = cloud.world_from_cloud.compose(Pose([-cloud.length - 8.0, 0.0, 0.7]))  # behind the cloud, looking forward
@@ -219,15 +228,18 @@ def test_paths_are_attenuated_and_told(world) -> None:
     pose = Pose([0.0, 0.0, 200.0])  # above the scene: nothing hides
     far = point_targets([[100.0, 0.0, 200.0]], [[0.0, 0.0, 0.0]], 1.0, RADAR, pose)
     wet = through_weather(far, state, RADAR, None)
-    told = wet.diagnostics["weather"]["attenuation_db_per_km"]
+    reported = wet.diagnostics["weather"]["attenuation_db_per_km"]
     loss = -20.0 * np.log10(np.abs(wet.a[0, 0, 0] / far.a[0, 0, 0]))
-    assert loss == pytest.approx(0.2 * told["V"], rel=1e-9)
-    assert told["V"] == pytest.approx(10.99, abs=0.1)  # P.838-3 at 77 GHz
+    assert loss == pytest.approx(0.2 * reported["V"], rel=1e-9)
+    assert reported["V"] == pytest.approx(10.99, abs=0.1)  # P.838-3 at 77 GHz
     assert through_weather(far, world.at(0.0), RADAR, None) is far
 
 
 def test_rain_fills_the_sphere_evenly() -> None:
-    """An isotropic antenna: the echo of a band of elevation is its part of the sphere, and the sum is the radar equation's integral."""
+    """An isotropic antenna.
+
+    The echo of a band of elevation is its part of the sphere, and the sum is the radar equation's integral.
+    """
     radar = RADAR.with_(pattern=IsotropicPattern())
     assert two_way_gain_integral(radar.array.pattern) == pytest.approx(
         2.0 * np.pi, rel=1e-4
@@ -240,5 +252,6 @@ def test_rain_fills_the_sphere_evenly() -> None:
     assert error < 0.02 * exact
     assert abs(power.sum() - exact) < 5.0 * error
     sine = np.abs(paths.tx_point[:, 2]) / np.linalg.norm(paths.tx_point, axis=1)
-    # Half of the sphere is below 30 deg, and half of the power; a third of it would be without the cosine of the solid angle
+    # Half of the sphere is below 30 deg, and half of the power; a third of it would be without the cosine of the solid
+    # angle
     assert power[sine < 0.5].sum() / power.sum() == pytest.approx(0.5, abs=5.0 * error / exact)

@@ -22,7 +22,8 @@ WISCOMBE = {
     (0.75 - 0j, 10.0): (2.232265, 2.232265),
     (1.33 - 1e-5j, 100.0): (2.101321, 2.096594),
 }
-"""Extinction and scattering efficiency by refractive index and size: W. J. Wiscombe, NCAR Technical Note 140, 1979, to 6 places."""
+"""Extinction and scattering efficiency by refractive index and size: W. J. Wiscombe, NCAR Technical Note 140, 1979, to
+6 places."""
 
 
 @pytest.mark.parametrize(("index", "size"), WISCOMBE)
@@ -34,7 +35,10 @@ def test_mie_against_published_efficiencies(index, size) -> None:
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 5.0])
 def test_mie_backscatter_goes_to_that_of_a_conductor(size) -> None:
-    """A wave gets 1 / (x sqrt(|eps|)) of the radius deep into a good conductor, at most 1e-3 here; sigma goes with a few times that."""
+    """A wave gets 1 / (x sqrt(|eps|)) of the radius deep into a good conductor, at most 1e-3 here.
+
+    Sigma goes with a few times that.
+    """
     assert mie_efficiencies(-1e8j, [size])[2][0] == pytest.approx(oracle.MIE[size], rel=5e-3)
 
 
@@ -53,7 +57,10 @@ def test_mie_refuses_what_it_does_not_sum() -> None:
 
 @pytest.mark.parametrize("rate", [1.0, 5.0, 25.0, 100.0])
 def test_rain_takes_what_p838_says_within_its_drop_sizes(rate) -> None:
-    """Marshall and Palmer's drops are small for the rate in heavy rain; the four published distributions lie about P.838."""
+    """Marshall and Palmer's drops are small for the rate in heavy rain.
+
+    The four published distributions lie about P.838.
+    """
     published = rain_attenuation(rate, FREQUENCY, "V")
     found = {name: rain(rate, FREQUENCY, KELVIN, name).attenuation_db_per_km for name in RAIN_SIZES}
     assert found["marshall_palmer"] == pytest.approx(published, rel=0.35)
@@ -61,7 +68,7 @@ def test_rain_takes_what_p838_says_within_its_drop_sizes(rate) -> None:
 
 
 def test_rayleighs_law_is_wrong_at_77_ghz_and_right_at_3_ghz() -> None:
-    """Rayleigh: eta = pi^5 |K|^2 Z / wavelength^4, Z the sixth moment of the drops, 720 N0 / Lambda^7 without a largest drop."""
+    """Rayleigh: eta = pi^5 |K|^2 Z / wavelength^4, Z = 720 N0 / Lambda^7 without a largest drop."""
     number, slope = RAIN_SIZES["marshall_palmer"]
     z = 720.0 * number / (slope * 10.0**-0.21) ** 7
     for frequency, ratio in ((3e9, 1.0), (FREQUENCY, None)):
@@ -76,7 +83,10 @@ def test_rayleighs_law_is_wrong_at_77_ghz_and_right_at_3_ghz() -> None:
 
 @pytest.mark.parametrize("rate", [0.3, 1.0, 2.0])
 def test_dry_snow_near_matrosovs_law_at_94_ghz(rate) -> None:
-    """Z_e = 10 S^0.8 mm6/m3 (S. Y. Matrosov, J. Atmos. Sci. 64, 2007, W band); measured snowfalls scatter by 5 dB around it."""
+    """Z_e = 10 S^0.8 mm6/m3 (S. Y. Matrosov, J. Atmos. Sci. 64, 2007, W band).
+
+    Measured snowfalls scatter by 5 dB around it.
+    """
     frequency = 94e9
     eta = snow(rate, frequency, "dry", 270.0).reflectivity
     z = eta * (SPEED_OF_LIGHT / frequency) ** 4 / np.pi**5 / 0.93 * 1e18
@@ -90,7 +100,10 @@ def test_wet_snow_takes_more_than_dry_and_than_rain() -> None:
 
 
 def test_drops_fall_as_gunn_and_kinzer_measured() -> None:
-    """R. Gunn, G. D. Kinzer, J. Meteor. 6, 1949: 4.03 m/s at 1 mm, 6.49 at 2 mm, 8.83 at 4 mm; the fit is within 2 %."""
+    """R. Gunn, G. D. Kinzer, J. Meteor.
+
+    6, 1949: 4.03 m/s at 1 mm, 6.49 at 2 mm, 8.83 at 4 mm; the fit is within 2 %.
+    """
     assert terminal_speed([1e-3, 2e-3, 4e-3]) == pytest.approx([4.03, 6.49, 8.83], rel=0.03)
     assert 4.0 < rain(10.0, FREQUENCY, KELVIN).mean_fall_speed < 6.0
 

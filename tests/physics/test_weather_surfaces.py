@@ -24,7 +24,10 @@ COSINE = np.cos(np.radians([0.0, 20.0, 45.0, 70.0, 85.0, 89.0]))
 
 
 def transfer_matrix(media, depths, cosine, magnetic):
-    """Reflection and transmission of layers between media[0] and media[-1] by characteristic matrices (Abeles; Born and Wolf, 1.6.3)."""
+    """Reflection and transmission of layers by characteristic matrices (Abeles; Born and Wolf, 1.6.3).
+
+    From media[0] into media[-1].
+    """
     wave = 2.0 * np.pi * FREQUENCY / SPEED_OF_LIGHT
     root = [np.sqrt(medium - (1.0 - cosine**2) + 0j) for medium in media]
     p = [q / medium if magnetic else q for q, medium in zip(root, media, strict=True)]
@@ -77,7 +80,10 @@ def test_material_with_a_film_reflects_and_lets_through_as_stated() -> None:
 
 
 def test_wet_asphalt_at_normal_and_grazing_incidence() -> None:
-    """0.5 mm of water at 10 degrees C: 7.5 dB more at normal incidence; at 2 degrees elevation H (TE) changes by less than 1 dB."""
+    """0.5 mm of water at 10 degrees C: 7.5 dB more at normal incidence.
+
+    At 2 degrees elevation H (TE) changes by less than 1 dB.
+    """
     asphalt = builtin_materials()["asphalt"]
     wet = asphalt.with_(water_film=FULL_FILM)
     angles = np.sin(np.radians([90.0, 2.0]))

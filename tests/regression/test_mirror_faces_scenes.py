@@ -25,7 +25,10 @@ LARGE = Accuracy(tube_budget=100_000)
 
 
 def check(monkeypatch, state, mount, radar, **options) -> int:
-    """Assert that no path is there over two mirrors; return how many chains come over several faces of their instances."""
+    """Assert that no path is there over two mirrors.
+
+    Return how many chains come over several faces of their instances.
+    """
     blocks: list[tuple[RadarPaths, Faces]] = []
     checked = hybrid._check_chains
 
@@ -67,7 +70,10 @@ def test_roundabout(monkeypatch) -> None:
 
 @pytest.mark.slow
 def test_a_lorry_in_a_tunnel(monkeypatch) -> None:
-    """Both walls of the tunnel are one instance. The front rig's radar, at full quality but for the rays of its clutter."""
+    """Both walls of the tunnel are one instance.
+
+    The front rig's radar, at full quality but for the rays of its clutter.
+    """
     state = load_world(ScenarioSpec.preset("lorry_in_a_tunnel")).at(5.0)
     radar = RadarSpec.preset("awr1843boost")
     assert check(monkeypatch, state, [2.36, 0.0, 0.8], radar, num_rays=50_000, accuracy=LARGE) > 0

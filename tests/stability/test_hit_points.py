@@ -1,4 +1,7 @@
-"""Float32 intersections are not good enough for a phase at 77 GHz; the float64 hit point is, to 300 m and at grazing."""
+"""Float32 intersections are not good enough for a phase at 77 GHz.
+
+The float64 hit point is, to 300 m and at grazing.
+"""
 
 from __future__ import annotations
 

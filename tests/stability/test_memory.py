@@ -1,4 +1,4 @@
-"""Worlds that nobody uses any more leave nothing in the process."""
+"""Worlds that are no longer used leave nothing in the process."""
 
 from __future__ import annotations
 
@@ -14,13 +14,17 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 
 def test_loaded_and_dropped_worlds_leave_nothing() -> None:
-    """With several loader threads Mitsuba 3.9 loses a texture of 1024 x 1024 x 3 floats at each load of this scene: 12 MB."""
+    """With several loader threads Mitsuba 3.9 loses a texture of 1024 x 1024 x 3 floats at each load of this scene.
+
+    12 MB.
+    """
     taken = []
     for _ in range(6):
         load_scene("tunnel", detail="light")
         release_memory()
         taken.append(resident_bytes()[0])
-    # Four loads after the second, when all kernels are there: 48 MB if one texture were lost, a few pages of the heap if none
+    # Four loads after the second, when all kernels are there: 48 MB if one texture were lost, a few pages of the heap
+    # if none
     assert taken[-1] - taken[1] < 20e6
 
 
@@ -36,5 +40,6 @@ def test_release_gives_back_what_the_engine_keeps_for_later() -> None:
         del array
     before = resident_bytes()[0]
     release_memory()
-    # 120 MB of float32 that Dr.Jit keeps for the next array; what else is freed, or comes and goes meanwhile, is far less
+    # 120 MB of float32 that Dr.Jit keeps for the next array; what else is freed, or comes and goes meanwhile, is far
+    # less
     assert before - resident_bytes()[0] > 0.8 * 4 * size

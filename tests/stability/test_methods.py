@@ -1,4 +1,7 @@
-"""The same awkward geometry for every channel solver: what must not change the echo does not, what is out of reach is told."""
+"""The same awkward geometry for every channel solver.
+
+What must not change the echo does not, what is out of reach is reported.
+"""
 
 from __future__ import annotations
 
@@ -103,9 +106,14 @@ def _sliver() -> trimesh.Trimesh:
 
 
 AWKWARD = {
-    "flipped": _flipped, "half flipped": _half_flipped, "tessellated": _tessellated, "doubled": _doubled,
-    "degenerate faces": _with_degenerate_faces, "T-junction": _t_junction, "slivers": _sliver,
-}  # fmt: skip
+    "flipped": _flipped,
+    "half flipped": _half_flipped,
+    "tessellated": _tessellated,
+    "doubled": _doubled,
+    "degenerate faces": _with_degenerate_faces,
+    "T-junction": _t_junction,
+    "slivers": _sliver,
+}
 
 
 @pytest.fixture(scope="module")
@@ -121,8 +129,8 @@ def test_what_the_mesh_looks_like_does_not_matter(tmp_path, reference, kind: str
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(degenerate|zero area|no area).*")
         found = power(solve(tmp_path, AWKWARD[kind](), method), method)
-    # sionna: one mirror path, rounding. raycast: the same rays hit the same plane, but for one at a border. sbr: other patches,
-    # each within the phase allowed, 0.05 dB.
+    # sionna: one mirror path, rounding. raycast: the same rays hit the same plane, but for one at a border. sbr: other
+    # patches, each within the phase allowed, 0.05 dB.
     bound = {"sionna": 1e-9, "raycast": 0.02, "sbr": 0.05}[method]
     assert 10 * np.log10(found / reference[method]) == pytest.approx(0.0, abs=bound)
 
@@ -161,7 +169,8 @@ def test_very_near_and_very_far(tmp_path, method: str, distance: float) -> None:
         warnings.filterwarnings("ignore", message=".*(Fresnel zone|smaller than the distance between rays).*")
         paths = solve(tmp_path, plate(size, distance), method, **options)
     length = PathGeometry.of(paths, RADAR).center_length()
-    # float32 holds 0.5 exactly and 300 m to 1.5e-5 m; hits and patches are on the plate, not always at its nearest point
+    # float32 holds 0.5 exactly and 300 m to 1.5e-5 m; hits and patches are on the plate, not always at its nearest
+    # point
     assert length.min() / 2 == pytest.approx(
         distance, abs={"sionna": 2e-5, "sbr": 2e-4, "raycast": 0.02 * distance}[method]
     )
@@ -229,7 +238,10 @@ def digest(paths) -> str:
 
 
 def street(path: Path) -> list[str]:
-    """Solve one small street with two methods, for two processes; `sionna` and `sbr` have such a test in their own files."""
+    """Solve one small street with two methods, for two processes.
+
+    `sionna` and `sbr` have such a test in their own files.
+    """
     state = load_scene(path).at(0.0)
     options = {"raycast": {}, "scatterers": {"models": {"car": ScattererModel.tr38901("car")}}}
     return [digest(solve_paths(state, RADAR, Pose([0, 0, 0.5]), method, **more)) for method, more in options.items()]
@@ -256,7 +268,10 @@ def test_same_bytes_twice_and_in_another_process(tmp_path) -> None:
 
 
 def test_scattering_centres_in_small_steps_have_no_doppler_floor(tmp_path) -> None:
-    """A car's centres from a moving radar at 100 m, chirp by chirp: no centre flickers, one line, nothing else above -60 dB."""
+    """A car's centres from a moving radar at 100 m, chirp by chirp.
+
+    No centre flickers, one line, nothing else above -60 dB.
+    """
     car = Thing("car", box((4, 1.8, 1.4), (102, 0, 0.9)), "Car", "steel")
     state = load_scene(write_scene(tmp_path, [car])).at(0.0)
     options = {"models": {"car": ScattererModel.tr38901("car")}, "placements": {"car": Pose([102.0, 0, 0.9])}}
@@ -274,7 +289,10 @@ def test_scattering_centres_in_small_steps_have_no_doppler_floor(tmp_path) -> No
 
 
 def _floor(chirps) -> float:
-    """Highest level beyond 6 bins from the line of a windowed Doppler spectrum [dB]; the window is at -58 dB there and falls."""
+    """Highest level beyond 6 bins from the line of a windowed Doppler spectrum [dB].
+
+    The window is at -58 dB there and falls.
+    """
     count = len(chirps)
     spectrum = np.abs(np.fft.fft(np.array(chirps) * np.blackman(count)))
     level = np.roll(20 * np.log10(spectrum / spectrum.max()), count // 2 - int(spectrum.argmax()))
@@ -283,11 +301,17 @@ def _floor(chirps) -> float:
 
 @pytest.mark.parametrize("moving", ["target", pytest.param("radar", marks=pytest.mark.slow)])
 def test_retraced_mirror_chirps_have_no_doppler_floor(tmp_path, moving: str) -> None:
-    """Echo of a wall at 100 m, traced anew for each chirp of a twentieth of a wavelength: one line, nothing else above -60 dB."""
+    """Echo of a wall at 100 m, traced anew for each chirp of a twentieth of a wavelength.
+
+    One line, nothing else above -60 dB.
+    """
     wall = Thing(
-        "wall", plane(16.0, 16.0, (0, 0, 0), (-1, 0, 0)), "Wall", "steel",
+        "wall",
+        plane(16.0, 16.0, (0, 0, 0), (-1, 0, 0)),
+        "Wall",
+        "steel",
         {"kind": "constant_twist", "position": [100.0, 0, 0], "velocity": [1.0, 0, 0]},
-    )  # fmt: skip
+    )
     world = load_scene(write_scene(tmp_path, actors=[wall]))
     step, count = RADAR.wavelength / 20, 48
     chirps = []

@@ -1,4 +1,7 @@
-"""Where mirror multipath breaks: float32 far away, small motion, near field, order of paths, full buffers, small mirrors."""
+"""Where mirror multipath breaks.
+
+Float32 far away, small motion, near field, order of paths, full buffers, small mirrors.
+"""
 
 from __future__ import annotations
 
@@ -77,7 +80,10 @@ def test_path_length_at_200_m_is_exact(tmp_path) -> None:
 
 
 def test_small_motion_turns_the_phase_and_no_path_flickers(tmp_path) -> None:
-    """The radar moves in steps of a twentieth wavelength; its echo crosses the edge between the wall's two triangles."""
+    """The radar moves in steps of a twentieth wavelength.
+
+    Its echo crosses the edge between the wall's two triangles.
+    """
     state = street(tmp_path)
     target = np.array([30.0, -1.0, 1.5])
     points = PointScatterers([target], np.zeros((1, 3)), 1.0)
@@ -185,7 +191,8 @@ def test_small_and_curved_mirrors_are_warned_of(tmp_path) -> None:
     ) as caught:
         paths = solve_paths(state, RADAR, Pose(), "sionna", max_depth=1)
     assert paths.num_paths == 1 and len(caught) == 1 and paths.diagnostics["num_small_mirrors"] == 1
-    # A ball of flat faces of 0.15 m, seen at 8 m: a face whose normal points at the radar is a mirror of the wrong size.
+    # A ball of flat faces of 0.15 m, seen at 8 m: a face whose normal points at the radar is a mirror of the wrong
+    # size.
     sphere = Thing("sphere", ball(1.0, (4, 0, 0), subdivisions=3), "Static", "steel")
     state = load_scene(write_scene(tmp_path / "ball", [sphere])).at(0.0)
     normal = state._triangles.normal[0]

@@ -1,4 +1,4 @@
-"""Parts that lie in one plane: touching is fine, overlapping is told."""
+"""Parts that lie in one plane: touching is fine, overlapping is reported."""
 
 from __future__ import annotations
 
@@ -45,9 +45,11 @@ def test_sbr_tells_of_it_once(tmp_path) -> None:
         tmp_path, ("plate", plane(1.0, 1.0, (5, 0, 0), NORMAL)), ("sticker", plane(0.3, 0.3, (5, 0, 0), NORMAL))
     )
     radar = ss.RadarSpec.preset("awr1843boost")
-    with pytest.warns(ss.ScarlWarning, match="overlap in one plane, such as 'shape-plate' and 'shape-sticker'") as told:
+    with pytest.warns(
+        ss.ScarlWarning, match="overlap in one plane, such as 'shape-plate' and 'shape-sticker'"
+    ) as reported:
         ss.solve_paths(world.at(0.0), radar, ss.Pose(), method="sbr")
-    assert sum("overlap in one plane" in str(one.message) for one in told) == 1
+    assert sum("overlap in one plane" in str(one.message) for one in reported) == 1
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         ss.solve_paths(world.at(0.0), radar, ss.Pose(), method="sbr", instances=["plate"])

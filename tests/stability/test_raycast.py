@@ -38,9 +38,12 @@ def test_far_oblique_wall_has_distances_in_float64(tmp_path) -> None:
 def test_steps_of_a_twentieth_wavelength_turn_the_phase_by_as_much(tmp_path) -> None:
     step = RADAR.wavelength / 20
     actor = Thing(
-        "truck", box((4, 32, 32), (2, 0, 0)), "Truck", "steel",
+        "truck",
+        box((4, 32, 32), (2, 0, 0)),
+        "Truck",
+        "steel",
         {"kind": "constant_twist", "position": [200.0, 0, 0], "velocity": [1.0, 0, 0]},
-    )  # fmt: skip
+    )
     world = load_scene(write_scene(tmp_path, actors=[actor]))
     pose = Pose.from_euler([0, 0, 0], yaw=0.02)
     lengths = [
@@ -50,7 +53,8 @@ def test_steps_of_a_twentieth_wavelength_turn_the_phase_by_as_much(tmp_path) -> 
     cosine = 200.0 / (lengths[0] / 2.0)
     turned = WAVENUMBER * np.diff(np.stack(lengths), axis=0)
     # Two ways: 4 pi / 20 for each step along the ray, 1 / cos for oblique rays. Meshes near the origin are exact in
-    # float32 and are moved in float64, so only rounding of 200 m (3e-14 m, 1e-10 rad in the phase) is left, times a few.
+    # float32 and are moved in float64, so only rounding of 200 m (3e-14 m, 1e-10 rad in the phase) is left, times a
+    # few.
     assert np.abs(turned - 4 * np.pi / 20 / cosine).max() < 1e-9
 
 

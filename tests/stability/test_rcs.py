@@ -92,7 +92,8 @@ def test_open_mesh_is_lit_from_behind():
 def test_touching_and_doubled_faces():
     """A box that stands on a plate shares its ground with it: coplanar faces are shadowed once, not lit twice.
 
-    Head-on the box's top is in front of the part of the plate that it hides: area by area that is again the plate, in two heights.
+    Head-on the box's top is in front of the part of the plate that it hides: area by area that is again the plate, in
+    two heights.
     """
     height = 5 * LAMBDA
     box = trimesh.creation.box(extents=(0.04, 0.04, height)).apply_translation([0.0, 0.0, height / 2])
@@ -120,7 +121,10 @@ def test_target_smaller_than_the_spacing_of_rays_is_found():
 
 
 def test_mesh_far_from_the_origin_and_in_small_steps():
-    """A corner at 300 m, moved in steps of lambda/20 along the line of sight: its phase follows, its level does not flicker."""
+    """A corner at 300 m, moved in steps of lambda/20 along the line of sight.
+
+    Its phase follows, its level does not flicker.
+    """
     theta, phi = 0.9, 0.8
     r_hat = np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
     corner = trimesh.Trimesh(0.03 * np.array(oracle.TRIHEDRAL_MESH[0]), oracle.TRIHEDRAL_MESH[1], process=False)

@@ -1,4 +1,7 @@
-"""Where physical optics on a scene breaks or must refuse: small motion, far targets, options, size, grazing, determinism."""
+"""Where physical optics on a scene breaks or must refuse.
+
+Small motion, far targets, options, size, grazing, determinism.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +51,10 @@ def _corner() -> trimesh.Trimesh:
 @pytest.mark.parametrize("moving", ["target", "radar"])
 @pytest.mark.parametrize("shape", ["corner", "box", "ball"])
 def test_small_motion_makes_no_doppler_floor(tmp_path, shape, moving) -> None:
-    """Chirps traced one by one in steps of a 20th of a wavelength at 100 m: a line in Doppler, and no floor above -60 dB."""
+    """Chirps traced one by one in steps of a 20th of a wavelength at 100 m.
+
+    a line in Doppler, and no floor above -60 dB.
+    """
     meshes = {"corner": _corner(), "box": box((1, 1.8, 1.4)), "ball": trimesh.creation.icosphere(3, 0.5)}
     trajectory = {"kind": "constant_twist", "position": [100.0, 0, 0], "velocity": [1.0, 0, 0]}
     world = load_scene(write_scene(tmp_path, actors=[Thing("target", meshes[shape], "Static", "steel", trajectory)]))
@@ -95,8 +101,8 @@ def test_far_corner_keeps_its_level(tmp_path) -> None:
     paths = solve_paths(state, RADAR, pose, method="sbr", settings=ALL, max_distance=400.0)
     wavelength = SPEED_OF_LIGHT / RADAR.center_frequency
     found = np.abs(_signal(paths)) ** 2 * (4 * np.pi) ** 3 * 300.0**4 / wavelength**2
-    # Vertices in float32 are up to 8e-6 m off at 212 m: 0.026 rad each, some 0.02 dB and a tilt of 1e-4 rad between plates
-    # of 0.1 m; metal loses 0.013 dB in three bounces.
+    # Vertices in float32 are up to 8e-6 m off at 212 m: 0.026 rad each, some 0.02 dB and a tilt of 1e-4 rad between
+    # plates of 0.1 m; metal loses 0.013 dB in three bounces.
     assert 10 * np.log10(found / far) == pytest.approx(0.0, abs=0.1)
 
 
@@ -110,8 +116,8 @@ def test_a_wall_hides_and_half_a_wall_hides_half(tmp_path) -> None:
         paths = solve_paths(state, RADAR, Pose(), method="sbr", settings=ALL.with_(max_depth=1), instances=["plate"])
         areas[name] = np.abs(paths.a[:, 0, 0]).sum() if paths.num_paths else 0.0
     assert areas["whole"] == 0.0
-    # Without interference (the sum of moduli) light is proportional to the area up to the phase within the patches, which
-    # the edge's cuts change by the share of the patches along it: some 5 % of half the plate.
+    # Without interference (the sum of moduli) light is proportional to the area up to the phase within the patches,
+    # which the edge's cuts change by the share of the patches along it: some 5 % of half the plate.
     assert areas["half"] == pytest.approx(areas["none"] / 2, rel=0.1)
 
 
@@ -165,9 +171,9 @@ def test_what_the_floor_drops_is_below_it_even_in_phase(tmp_path) -> None:
     pose = Pose([-60.0, 0, 0])
     every = solve_paths(state, RADAR, pose, method="sbr", settings=ALL)
     kept = solve_paths(state, RADAR, pose, method="sbr", settings=ALL.with_(floor_db=20.0))
-    told = kept.diagnostics["floor"]
-    assert 0 < told["num_dropped"] == every.num_paths - kept.num_paths
-    assert told["in_phase_to_noise_db"] <= 20.0
+    reported = kept.diagnostics["floor"]
+    assert 0 < reported["num_dropped"] == every.num_paths - kept.num_paths
+    assert reported["in_phase_to_noise_db"] <= 20.0
     assert np.isin(np.abs(kept.a[:, 0, 0]), np.abs(every.a[:, 0, 0])).all()
 
 
@@ -194,7 +200,8 @@ def test_many_tubes_are_about_as_many_as_asked_and_change_nothing(tmp_path) -> N
     pose = Pose.from_euler(np.full(3, 50.0 / 3**0.5), yaw=1.25 * np.pi, pitch=np.arcsin(1 / 3**0.5))
     few = solve_paths(state, RADAR, pose, method="sbr", settings=ALL)
     many = solve_paths(state, RADAR, pose, method="sbr", settings=ALL.with_(num_tubes=20_000))
-    # The number is reckoned from areas and sides, right within 1.5 over triangles of all shapes; here all three are alike.
+    # The number is reckoned from areas and sides, right within 1.5 over triangles of all shapes; here all three are
+    # alike.
     assert 10_000 < many.diagnostics["num_tubes"][1] < 40_000
     assert few.diagnostics["num_tubes"][1] < 1000
     # What differs is the error of the coarser run: its parts depart from a linear phase by integration_phase at most.
@@ -214,7 +221,8 @@ def test_parts_far_smaller_than_the_tubes_are_found(tmp_path) -> None:
         )
     direct = paths.select((paths.instance[:, 0] == 1) & (paths.depth == 1))
     area = np.abs(direct.a[:, 0, 0]).sum() * 4 * np.pi * 60.0**2
-    # Its front is 1.2 by 1.4 cm, 3 wavelengths: seen 0.7 deg off its normal, the phase over it takes below 1 % of the area.
+    # Its front is 1.2 by 1.4 cm, 3 wavelengths: seen 0.7 deg off its normal, the phase over it takes below 1 % of the
+    # area.
     assert area == pytest.approx(0.012 * 0.014, rel=0.03)
 
 

@@ -167,9 +167,17 @@ def test_exact_sum_equals_an_independent_oracle():
     velocities = np.array([[-40.0, 5.0, 0.0], [25.0, -5.0, 0.0]])
     paths = point_targets(positions, velocities, 1e4, radar, Pose())
     expected = point_scatterer_signal(
-        positions, velocities, paths.a[:, 0, 0].real, radar.tx_array[0], radar.rx_array[0], 77e9, radar.waveform.chirp_slope,
-        10e6, 128, np.arange(64) * radar.doppler_interval,
-    )  # fmt: skip
+        positions,
+        velocities,
+        paths.a[:, 0, 0].real,
+        radar.tx_array[0],
+        radar.rx_array[0],
+        77e9,
+        radar.waveform.chirp_slope,
+        10e6,
+        128,
+        np.arange(64) * radar.doppler_interval,
+    )
     for method in ("direct", "nufft"):
         signal = synthesize(paths, radar, method=method)[0]
         # 1.5e-3 rad from the length rates, and 2 x 1.1 cm / 150 m = 1.5e-4 from the spreading over both ways

@@ -1,4 +1,7 @@
-"""One solve for a wide array: exact where all antennas see the path, told where they do not, exact through panes and to -60 dB."""
+"""One solve for a wide array.
+
+Exact where all antennas see the path, reported where they do not, exact through panes and to -60 dB.
+"""
 
 from __future__ import annotations
 
@@ -45,8 +48,8 @@ def radio_variant():
 def test_signal_of_every_antenna_at_5_m(tmp_path, mirror: str) -> None:
     """Complex signal of a 1 m array, walls and target at 5 m, against one solve for each antenna: the bar is -60 dB.
 
-    The reflection coefficient is that of the centre. For metal it does not depend on the angle; through half a metre at 5 m
-    that of a pane turns by degrees: the error is found and stated, and a path's own antenna has none.
+    The reflection coefficient is that of the centre. For metal it does not depend on the angle; through half a metre at
+    5 m that of a pane turns by degrees: the error is found and stated, and a path's own antenna has none.
     """
     smooth = builtin_materials()[{"steel": "metal", "glass": "concrete"}[mirror]].with_(
         name="smooth", scattering_coefficient=0.0
@@ -66,7 +69,8 @@ def test_signal_of_every_antenna_at_5_m(tmp_path, mirror: str) -> None:
         worst.append(20 * np.log10(max(np.abs(together[antenna] - expected).max(), 1e-30) / np.abs(expected).max()))
     assert worst[2] < -100.0  # the antenna at the centre
     if mirror == "steel":
-        # Lengths and spreading are exact; V of a level ray at a level normal is TE, 8e-6 of change of the metal's coefficient.
+        # Lengths and spreading are exact; V of a level ray at a level normal is TE, 8e-6 of change of the metal's
+        # coefficient.
         assert max(worst) < -60.0
     else:
         assert -60.0 < max(worst) < -40.0  # documented: use solves of their own for near, oblique dielectrics
@@ -76,7 +80,8 @@ def test_antennas_that_do_not_see_the_path_are_told(tmp_path) -> None:
     short = Thing("wall", plane(4.0, 8.0, (5.0, 0, 0), (-1, 0, 0)), "Wall", "steel")
     state = load_scene(write_scene(tmp_path, [short])).at(0.0)
     edge = 4.0 if np.ptp(short.mesh.vertices[:, 1]) > 6 else 2.0
-    # Monostatic echo of the wall at right angles, its reflection point 0.2 m from the wall's end, where the array ends at 0.5 m
+    # Monostatic echo of the wall at right angles, its reflection point 0.2 m from the wall's end, where the array ends
+    # at 0.5 m
     pose = Pose([0.0, edge - 0.2, 0.0])
     with pytest.warns(ScarlWarning, match="1 of 1 path.s. are not seen by all antennas"):
         paths = solve_paths(state, WIDE, pose, "sionna", **FEW)

@@ -15,9 +15,12 @@ def bench(name: str, noise: np.ndarray = NOISE, seed: int = 0) -> SlabMeasuremen
     """Return a measurement in decibels, in which the gain of the instrument is linear."""
     values = -10.0 + noise * np.random.default_rng(seed).normal(size=noise.size)
     return SlabMeasurement(
-        name=name, material="asphalt", angle_deg=tuple(np.linspace(0.0, 60.0, noise.size)), values=tuple(values),
+        name=name,
+        material="asphalt",
+        angle_deg=tuple(np.linspace(0.0, 60.0, noise.size)),
+        values=tuple(values),
         noise=tuple(noise),
-    )  # fmt: skip
+    )
 
 
 def gain(name: str, **changes: float) -> FreeParameter:

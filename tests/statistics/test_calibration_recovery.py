@@ -1,4 +1,7 @@
-"""Three materials from noisy radar maps: intervals hold the truth as often as they say, errors are at the Cramer-Rao bound."""
+"""Three materials from noisy radar maps.
+
+Intervals hold the truth as often as they say, errors are at the Cramer-Rao bound.
+"""
 
 from __future__ import annotations
 

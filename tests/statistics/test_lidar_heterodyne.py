@@ -22,11 +22,15 @@ RECEIVER = HeterodyneReceiver(saturation_power=None)
 SPEC = LidarSpec(num_azimuth=NUM, num_elevation=1, receiver=RECEIVER)
 DISTANCE, VELOCITY = 60.3, 7.1
 RAW = LidarSpec(
-    num_azimuth=3000, num_elevation=1, chirp_time=1e-6, bandwidth=1.5e8, max_distance=120.0,
+    num_azimuth=3000,
+    num_elevation=1,
+    chirp_time=1e-6,
+    bandwidth=1.5e8,
+    max_distance=120.0,
     receiver=HeterodyneReceiver(
         raw_signal=True, speckle=False, saturation_power=None, sampling_frequency=250e6, max_velocity=20.0
     ),
-)  # fmt: skip
+)
 
 
 def returns(spec: LidarSpec, cnr: float, number: int | None = None) -> Echoes:
@@ -35,9 +39,14 @@ def returns(spec: LidarSpec, cnr: float, number: int | None = None) -> Echoes:
     one = np.ones(number)
     intensity = float(cnr / mean_cnr(spec, 1.0, DISTANCE))
     return Echoes(
-        np.arange(number), DISTANCE * one, VELOCITY * one, intensity * one, one, np.zeros((number, 3)),
+        np.arange(number),
+        DISTANCE * one,
+        VELOCITY * one,
+        intensity * one,
+        one,
+        np.zeros((number, 3)),
         np.zeros(number, dtype=np.int64),
-    )  # fmt: skip
+    )
 
 
 def with_receiver(spec: LidarSpec, **changes: object) -> LidarSpec:
@@ -162,7 +171,8 @@ def test_estimates_from_raw_beats_reach_the_bound_within_10_percent(cnr_db: floa
 
 def test_raw_and_statistical_receivers_detect_alike() -> None:
     for cnr, tolerance in ((10.0, 0.06), (20.0, 0.03)):
-        # the highest point of the spectrum near a return is a little above its own place: more detections at the threshold
+        # the highest point of the spectrum near a return is a little above its own place: more detections at the
+        # threshold
         expected = float(detection_probability(cnr, threshold(RAW), 1, False, 2))
         signal = synthesize_beats(RAW, returns(RAW, cnr), np.zeros(3000), np.random.default_rng(9))
         found = estimate_beats(RAW, signal, returns(RAW, cnr))

@@ -81,7 +81,10 @@ def test_quantization_noise():
 
 @pytest.mark.parametrize(("guard", "training", "pfa"), [((3, 3), (6, 8), 1e-4), ((2, 2), (1, 1), 1e-2)])
 def test_correlated_training_cells_keep_the_false_alarm_rate(guard, training, pfa):
-    """One channel under Hann: the field of the training cells has the covariance C, so exactly Pfa = 1 / det(1 + T C / N)."""
+    """One channel under Hann.
+
+    The field of the training cells has the covariance C, so exactly Pfa = 1 / det(1 + T C / N).
+    """
     radar = RADAR.with_(num_chirps=64, num_samples=64, tx_positions=((0, 0, 0),), rx_positions=((0, 0, 0),))
     rd = range_doppler(np.zeros((1, 64, 64), np.complex64), radar)
 
@@ -98,15 +101,15 @@ def test_correlated_training_cells_keep_the_false_alarm_rate(guard, training, pf
     reach = np.add(guard, training)
     ring = np.argwhere(np.ones(2 * reach + 1)) - reach
     ring = ring[(np.abs(ring) > guard).any(axis=1)]
-    # Noise of bins 1 and 2 apart under Hann: the sums of w^2 exp(j 2 pi k n / N) are 2/3 and 1/6 of that of w^2; a symmetric
-    # window of 64 chirps instead of an endless one changes them by 1/64 of what is left to 1: below 1 %.
+    # Noise of bins 1 and 2 apart under Hann: the sums of w^2 exp(j 2 pi k n / N) are 2/3 and 1/6 of that of w^2; a
+    # symmetric window of 64 chirps instead of an endless one changes them by 1/64 of what is left to 1: below 1 %.
     hann = np.array([1.0, 2.0 / 3.0, 1.0 / 6.0, 0.0])
     apart = np.minimum(np.abs(ring[:, None] - ring[None]), 3)
     covariance = hann[apart[..., 0]] * hann[apart[..., 1]]
     count = len(ring)
     exact = 1.0 / np.linalg.det(np.eye(count) + high / count * covariance)
-    # The effective number of cells gives the sum its mean and variance. What is left is its third cumulant, T^3 / 6 of the
-    # difference to the gamma distribution's in log(Pfa); without the correlation 29 % and 42 % more alarms.
+    # The effective number of cells gives the sum its mean and variance. What is left is its third cumulant, T^3 / 6 of
+    # the difference to the gamma distribution's in log(Pfa); without the correlation 29 % and 42 % more alarms.
     second, third = (np.trace(np.linalg.matrix_power(covariance / count, power)) for power in (2, 3))
     assert abs(np.log(exact / pfa)) < high**3 / 3.0 * abs(third - second**2)
     assert high**3 / 3.0 * abs(third - second**2) < 0.1

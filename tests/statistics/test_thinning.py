@@ -72,8 +72,9 @@ def test_mean_power_of_every_bin_stays(state) -> None:
     strong = before > before.max() * 1e-5
     assert strong.sum() > 200
     error_db = 10 * np.log10(after[strong] / before[strong])
-    # A bin's response varies by less than a factor 2 within a cell of half a bin (-3 dB at 0.44 bins), so one share of a cell
-    # is uncertain by at most about 30 %; a bin gathers at least 4 strong cells of 8 shares: 0.3 / sqrt(32) = 5 %, 0.23 dB rms.
+    # A bin's response varies by less than a factor 2 within a cell of half a bin (-3 dB at 0.44 bins), so one share of
+    # a cell is uncertain by at most about 30 %; a bin gathers at least 4 strong cells of 8 shares: 0.3 / sqrt(32) = 5
+    # %, 0.23 dB rms.
     assert np.sqrt(np.mean(error_db**2)) < 0.23
     # Far below the speckle's 5.6 dB; the mean over bins has no bias beyond 5 sigma.
     assert abs(np.mean(error_db)) < 5 * 0.23 / np.sqrt(strong.sum())

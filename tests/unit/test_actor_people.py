@@ -1,4 +1,7 @@
-"""Models of people and two-wheelers: what the files say agrees with their geometry, feet and wheels stand on the ground."""
+"""Models of people and two-wheelers.
+
+What the files say agrees with their geometry, feet and wheels stand on the ground.
+"""
 
 from __future__ import annotations
 

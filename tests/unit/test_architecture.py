@@ -46,8 +46,11 @@ def test_the_check_sees_an_engine() -> None:
 def test_import_contracts_hold() -> None:
     done = subprocess.run(
         [sys.executable, "-c", "from importlinter.cli import lint_imports_command as run; run()", "--no-cache"],
-        capture_output=True, text=True, cwd=REPO, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        cwd=REPO,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 broken" in done.stdout
 
@@ -96,11 +99,15 @@ def test_folders_hold_at_most_15_modules() -> None:
 
 MOST_ARGUMENTS = 6
 MOST_LONG_FUNCTIONS = 30
-"""Functions with more arguments than that; the number may only fall. What stays are public functions with keyword options."""
+"""Functions with more arguments than that; the number may only fall. What stays are public functions with keyword
+options."""
 
 
 def long_functions(code: str) -> list[str]:
-    """Return the functions of a module with more than `MOST_ARGUMENTS` arguments, ``*args`` and ``**kwargs`` among them, without self."""
+    """Return the functions of a module with more than `MOST_ARGUMENTS` arguments.
+
+    ``*args`` and ``**kwargs`` among them, without self.
+    """
     found = []
     for node in ast.walk(ast.parse(code)):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):

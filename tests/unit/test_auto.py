@@ -62,8 +62,13 @@ def paths(state):
 def test_each_object_has_the_method_that_suits_it(state, paths) -> None:
     found = choices(paths)
     assert {name: entry["method"] for name, entry in found.items()} == {
-        "car": "sbr", "sign": "sbr", "tree": "raycast", "road": "raycast", "screw": "raycast", "leaf": "left out",
-    }  # fmt: skip
+        "car": "sbr",
+        "sign": "sbr",
+        "tree": "raycast",
+        "road": "raycast",
+        "screw": "raycast",
+        "leaf": "left out",
+    }
     assert "wavelengths" in found["screw"]["reason"] and "rough" in found["tree"]["reason"]
     assert paths.diagnostics["num_out_of_view"] == 1  # the hut is behind
     number = {info.name: key for key, info in state.world.instances.items()}
@@ -148,8 +153,8 @@ def test_same_bytes_twice_and_plain_diagnostics(state, paths) -> None:
         if isinstance(value, np.ndarray):
             assert value.tobytes() == getattr(again, name).tobytes(), name
     frame = Radar(RADAR.with_(num_chirps=4), SETTINGS.with_(noise=False)).observe(state, POSE, np.random.default_rng(0))
-    told = json.loads(json.dumps(frame.diagnostics))
-    assert told["method"] == "auto" and told["tolerance_db"] == 1.0
+    reported = json.loads(json.dumps(frame.diagnostics))
+    assert reported["method"] == "auto" and reported["tolerance_db"] == 1.0
     without = [{key: value for key, value in item.diagnostics.items() if key != "seconds"} for item in (paths, again)]
     assert json.dumps(without[0]) == json.dumps(without[1])
 
@@ -222,17 +227,21 @@ def test_what_one_object_spends_of_the_budget_the_next_lacks(platoon) -> None:
     alone = {name: entry["tubes"] for name, entry in found(1e9).items()}
     assert sorted(alone) == ["far", "middle", "near"] and min(alone.values()) > 1000
     order = ("near", "middle", "far")  # the strongest first
-    # Each limit pays for all three one by one, but for the first `number` only together; one tube for rounding of the product.
+    # Each limit pays for all three one by one, but for the first `number` only together; one tube for rounding of the
+    # product.
     for number in (1, 2, 3):
         budget = sum(alone[name] for name in order[:number]) + 1.0
         assert budget > max(alone.values())
-        told = found(budget)
-        assert [told[name]["method"] for name in order] == ["sbr"] * number + ["raycast"] * (3 - number)
-        assert sum(entry["tubes"] for entry in told.values()) <= budget
+        reported = found(budget)
+        assert [reported[name]["method"] for name in order] == ["sbr"] * number + ["raycast"] * (3 - number)
+        assert sum(entry["tubes"] for entry in reported.values()) <= budget
 
 
 def test_echoes_through_mirrors_are_paid_from_what_is_left(tmp_path) -> None:
-    """Two bodies over a mirror: there and back, each by the mirror or not, are two more tracings of each (way back: reciprocity)."""
+    """Two bodies over a mirror.
+
+    There and back, each by the mirror or not, are two more tracings of each (way back: reciprocity).
+    """
     cars = [
         Thing(name, box((4, 2, 1.25)), "Car", "steel", {"kind": "static", "position": [distance, side, 0.75]})
         for name, distance, side in (("near", 15.0, 0.0), ("far", 30.0, 5.0))
@@ -256,7 +265,7 @@ def test_echoes_through_mirrors_are_paid_from_what_is_left(tmp_path) -> None:
 
 
 def test_a_weak_class_with_a_strong_flash_is_kept_by_its_bound(state) -> None:
-    """A metal plate that looks at the radar reflects its flash, 4 pi A^2 / lambda^2, whatever its class does on the average."""
+    """A metal plate facing the radar reflects its flash, 4 pi A^2 / lambda^2, whatever its class does on average."""
     item = estimate(state, RADAR, POSE, next(k for k, i in state.world.instances.items() if i.name == "sign"), 250.0)
     assert item.bound_db > item.expected_db + 10.0
     for floor, method in (((item.bound_db + item.expected_db) / 2.0, "sbr"), (item.bound_db + 1.0, "left out")):

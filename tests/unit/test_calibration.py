@@ -81,9 +81,12 @@ def test_reversed_bounds_and_half_a_prior() -> None:
     with pytest.raises(ParameterRangeError, match="prior_std"):
         FreeParameter(name="asphalt.conductivity", lower=0.0, upper=2.0, prior_mean=1.0)
     with pytest.raises(ParameterRangeError, match="0 to 1"):
-        calibrate(CalibrationProblem(
-            parameters=[FreeParameter(name="asphalt.scattering_coefficient", lower=0.0, upper=2.0)], measurements=[bench()],
-        ))  # fmt: skip
+        calibrate(
+            CalibrationProblem(
+                parameters=[FreeParameter(name="asphalt.scattering_coefficient", lower=0.0, upper=2.0)],
+                measurements=[bench()],
+            )
+        )
 
 
 def test_unknown_names_list_what_there_is() -> None:
@@ -132,9 +135,16 @@ def test_maps_with_a_wrong_shape_nan_or_no_file(tmp_path: Path) -> None:
 
     def problem(path: Path) -> CalibrationProblem:
         spec = RadarMap(
-            name="map", scene=str(scene), position=(0, 0, 1), targets=TARGETS, radar=RADAR, noise=1e-9, file=str(path),
-            num_samples=5000, max_depth=1,
-        )  # fmt: skip
+            name="map",
+            scene=str(scene),
+            position=(0, 0, 1),
+            targets=TARGETS,
+            radar=RADAR,
+            noise=1e-9,
+            file=str(path),
+            num_samples=5000,
+            max_depth=1,
+        )
         return CalibrationProblem(parameters=[PERMITTIVITY], measurements=[spec])
 
     with pytest.raises(SceneError, match=r"numpy\.save"):
@@ -149,9 +159,11 @@ def test_maps_with_a_wrong_shape_nan_or_no_file(tmp_path: Path) -> None:
 
 def test_too_few_evaluations_is_said() -> None:
     problem = CalibrationProblem(
-        parameters=[PERMITTIVITY, CONDUCTIVITY], measurements=[bench(), bench("tm", polarization="TM")], max_evaluations=1,
+        parameters=[PERMITTIVITY, CONDUCTIVITY],
+        measurements=[bench(), bench("tm", polarization="TM")],
+        max_evaluations=1,
         num_starts=1,
-    )  # fmt: skip
+    )
     result = calibrate(simulated(problem, [6.0, 3.0]))
     assert not result.converged and "max_evaluations" in result.reason
     with pytest.raises(ConvergenceError, match="max_evaluations"):
@@ -212,8 +224,10 @@ def test_roughness_from_two_frequencies() -> None:
 
 def test_entry_is_saved_and_loaded(tmp_path: Path) -> None:
     problem = CalibrationProblem(
-        parameters=[PERMITTIVITY, CONDUCTIVITY], measurements=[bench(), bench("tm", polarization="TM")], source='a "bench"',
-    )  # fmt: skip
+        parameters=[PERMITTIVITY, CONDUCTIVITY],
+        measurements=[bench(), bench("tm", polarization="TM")],
+        source='a "bench"',
+    )
     result = calibrate(simulated(problem, [4.3, 2.0]))
     entry = load_materials([save_materials(result, tmp_path / "mine.toml")])["asphalt"]
     assert entry.relative_permittivity == result["asphalt.relative_permittivity"]

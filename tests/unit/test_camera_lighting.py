@@ -51,9 +51,16 @@ def test_an_unknown_preset_is_refused(road: Path) -> None:
 
 @pytest.mark.parametrize(
     "bad",
-    [{"turbidity": 0.5}, {"cloud_cover": 1.2}, {"wetness": -0.1}, {"visibility": 0.0}, {"sun_elevation_deg": 95.0},
-     {"exposure": 0.0}, {"moon": True}],
-)  # fmt: skip
+    [
+        {"turbidity": 0.5},
+        {"cloud_cover": 1.2},
+        {"wetness": -0.1},
+        {"visibility": 0.0},
+        {"sun_elevation_deg": 95.0},
+        {"exposure": 0.0},
+        {"moon": True},
+    ],
+)
 def test_bad_lightings_are_refused(bad: dict) -> None:
     with pytest.raises(ParameterRangeError, match=next(iter(bad))):
         Lighting(**bad)
@@ -88,7 +95,8 @@ def test_water_darkens_from_above_and_mirrors_at_grazing(road: Path) -> None:
     dry, wet = (load_scene(road).with_lighting(light.with_(wetness=amount)) for amount in (0.0, 1.0))
     down = Pose.from_euler([-20.0, 30.0, 3.0], pitch=np.pi / 2)
     ratio = render(wet, down).mean() / render(dry, down).mean()
-    # Lekner and Dorf: half the diffuse light; the film's own reflection (2 % of the sky's zenith) and the dry sheen differ
+    # Lekner and Dorf: half the diffuse light; the film's own reflection (2 % of the sky's zenith) and the dry sheen
+    # differ
     assert 0.48 < ratio < 0.62
     grazing = Pose.from_euler([-20.0, 30.0, 0.5], yaw=np.pi / 2)
     lower = slice(10, 12)  # 2 to 6 deg below the horizon

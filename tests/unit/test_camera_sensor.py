@@ -36,9 +36,11 @@ def test_all_images_have_the_promised_shape_and_type(state: WorldState) -> None:
     frame = Camera(SPEC).observe(state, POSE, np.random.default_rng(0))
     assert frame.spec == SPEC and frame.world_from_sensor is POSE
     for image, dtype, tail in (
-        (frame.rgb, np.uint8, (3,)), (frame.depth, np.float32, ()), (frame.semantic, np.uint8, ()),
+        (frame.rgb, np.uint8, (3,)),
+        (frame.depth, np.float32, ()),
+        (frame.semantic, np.uint8, ()),
         (frame.instance, np.uint16, ()),
-    ):  # fmt: skip
+    ):
         assert image is not None and image.dtype == dtype and image.shape == (32, 48, *tail)
 
 

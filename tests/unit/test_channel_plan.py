@@ -41,7 +41,7 @@ def test_names_ids_classes_and_the_rest_are_resolved(state) -> None:
         ((Share("sbr", ("ground",)),), ("ground",), "ground", ("'sbr'", "the mirrors ('sionna')")),
         ((Share("sbr"),), ("ground",), "ground", ("'sbr'", "the mirrors ('sionna')")),
     ],
-)  # fmt: skip
+)
 def test_a_second_owner_is_refused(state, shares, mirrors, name, owners) -> None:
     with pytest.raises(OwnershipError, match=f"'{name}' is given to") as caught:
         solve_paths(state, RadarSpec(), Pose([0, 0, 0.5]), "hybrid", plan=ChannelPlan(shares, mirrors))
@@ -92,9 +92,9 @@ def test_a_chain_over_two_mirror_faces_is_two_echoes_and_over_one_of_them_one(st
 def test_diagnostics_are_plain_and_name_what_nobody_computes(state) -> None:
     plan = ChannelPlan((Share("raycast", ("van",), {"num_rays": 5_000}, reason="test"),))
     paths = solve_paths(state, RadarSpec(), Pose([0, 0, 0.5]), "hybrid", plan=plan)
-    told = json.loads(json.dumps(paths.diagnostics))
-    assert {entry["instance"] for entry in told["left_out"]} == {"ground", "car"}
-    (row,) = told["solvers"]
+    reported = json.loads(json.dumps(paths.diagnostics))
+    assert {entry["instance"] for entry in reported["left_out"]} == {"ground", "car"}
+    (row,) = reported["solvers"]
     assert row["instances"] == ["van"] and row["num_paths"] == paths.num_paths > 0
-    assert row["reason"] == "test" and row["power_dbm"] < 0.0 and told["seconds"]["raycast: objects"] > 0.0
+    assert row["reason"] == "test" and row["power_dbm"] < 0.0 and reported["seconds"]["raycast: objects"] > 0.0
     assert set(paths.instance[:, 0]) == {2}

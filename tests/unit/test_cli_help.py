@@ -48,8 +48,11 @@ def test_there_are_units_to_show() -> None:
 def completed(words: str) -> list[str]:
     """Return what a shell would offer for the last word."""
     environment = {
-        **os.environ, "_SCARL_SIONNA_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split(" ")) - 1),
-    }  # fmt: skip
+        **os.environ,
+        "_SCARL_SIONNA_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(words.split(" ")) - 1),
+    }
     code = "from scarl_sionna.cli import app; app(prog_name='scarl-sionna')"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=REPO, env=environment, check=False

@@ -19,7 +19,7 @@ from scarl_sionna.scenario.checks.motion import (
     ground_heights,
     scene_extent,
 )
-from scarl_sionna.scenario.motion.bodies import Body
+from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, StaticTrajectory, WaypointTrajectory
 
 
@@ -110,7 +110,7 @@ def test_motion_faults() -> None:
 
 def test_ground_and_extent_of_a_scene() -> None:
     world = load_scene("urban_crossing")
-    car = Body()
+    car = ActorBody()
     low, high = scene_extent(world)
     spot = world.at(0.0).actor_pose("car_ahead").position
     right = StaticTrajectory(Pose(spot))  # its own mesh stands there, too, and is no ground

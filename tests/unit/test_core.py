@@ -61,9 +61,13 @@ def test_seed_tree() -> None:
     draw = lambda *args, **names: seeds.generator(*args, **names).integers(0, 2**63)  # noqa: E731
     assert draw(0, "noise", frame=1, sensor="a") == draw(0, "noise", sensor="a", frame=1)
     values = {
-        draw(0, "noise", frame=1), draw(1, "noise", frame=1), draw(0, "noise", frame=2), draw(0, "other", frame=1),
-        draw(0, "noise", frame="1"), draw(0, "noise"),
-    }  # fmt: skip
+        draw(0, "noise", frame=1),
+        draw(1, "noise", frame=1),
+        draw(0, "noise", frame=2),
+        draw(0, "other", frame=1),
+        draw(0, "noise", frame="1"),
+        draw(0, "noise"),
+    }
     assert len(values) == 6
     for bad in (-1, 0.5, True):
         with pytest.raises(ParameterRangeError):

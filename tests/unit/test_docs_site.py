@@ -1,4 +1,7 @@
-"""The documentation site is whole: links lead somewhere, every page is in its menu, and the API pages name what exists."""
+"""The documentation site is whole.
+
+Links lead somewhere, every page is in its menu, and the API pages name what exists.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +57,16 @@ def test_public_names_are_in_the_reference() -> None:
     text = (REPO / "docs" / "api.md").read_text(encoding="utf-8")
     shown = {*re.findall(r"`(\w+)`", text)}
     beside = {
-        "Atmosphere", "BrownConrady", "HeterodyneReceiver", "ImageSensor", "KannalaBrandt", "Pinhole", "RasterScan",
-        "RisleyScan", "ScarlReceiver", "SpinningScan", "TableScan",
-    }  # fmt: skip
+        "Atmosphere",
+        "BrownConrady",
+        "HeterodyneReceiver",
+        "ImageSensor",
+        "KannalaBrandt",
+        "Pinhole",
+        "RasterScan",
+        "RisleyScan",
+        "ScarlReceiver",
+        "SpinningScan",
+        "TableScan",
+    }
     assert set(scarl_sionna.__all__) - shown - beside == set()  # parts of specifications stand with those

@@ -1,4 +1,7 @@
-"""Tunnel, car park, crossing with traffic lights and motorway: mirror images in walls, floor and ceiling, lamps, signals, clearances."""
+"""Tunnel, car park, crossing with traffic lights and motorway.
+
+Mirror images in walls, floor and ceiling, lamps, signals, clearances.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ def world_of(name: str) -> ss.World:
 
 
 def image_paths(name: str, radar_at, target, velocity, normal, offset):
-    """Return all paths to a point target, the target's mirror image in a plane, and which paths go there and back by that mirror."""
+    """Return all paths to a point target and its mirror image, and which paths go there and back by that mirror."""
     pose = Pose(radar_at)
     paths = point_targets([target], [velocity], 1.0, RADAR, pose, state=world_of(name).at(0.0), num_samples=20_000)
     image = mirrored(target, normal, offset)
@@ -73,7 +76,8 @@ def test_a_target_has_its_image_where_the_mirror_puts_it(name, radar_at, target,
     assert ghost.sum() == 1 and paths.depth[ghost] == 3
     distance = np.linalg.norm(image - radar_at)
     length = PathGeometry.of(paths, RADAR).center_length()[ghost]
-    # planes of the scene's meshes are float32 numbers of a few metres, rounded to 1e-5 m: twice 5e-6 m for each of two mirrors
+    # planes of the scene's meshes are float32 numbers of a few metres, rounded to 1e-5 m: twice 5e-6 m for each of two
+    # mirrors
     assert length == pytest.approx(2.0 * distance, abs=5e-5)
     moved = velocity - 2.0 * (velocity @ normal) * np.array(normal)
     # 1e-5 rad of the plane over some metres

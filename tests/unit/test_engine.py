@@ -72,8 +72,10 @@ def test_too_old_llvm_is_refused_and_the_process_lives(tmp_path: Path, version: 
         "from scarl_sionna.engine.bootstrap import ensure_engine\n"
         "import sys\n"
         "try:\n    ensure_engine()\nexcept EngineError as error:\n    print(error, 'drjit' in sys.modules)",
-        DRJIT_LIBLLVM_PATH=str(library), SCARL_LLVM_DIRS=str(tmp_path / "empty"), SCARL_BACKEND="llvm",
-    )  # fmt: skip
+        DRJIT_LIBLLVM_PATH=str(library),
+        SCARL_LLVM_DIRS=str(tmp_path / "empty"),
+        SCARL_BACKEND="llvm",
+    )
     assert done.returncode == 0, done.stderr
     for part in ("no LLVM >= 17", str(library), "libllvm19", "scarl-sionna[llvm]", "False"):
         assert part in done.stdout

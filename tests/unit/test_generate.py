@@ -54,14 +54,31 @@ def scene_path(tmp_path_factory) -> Path:
             Thing("side", plane(200.0, 10.0, (0.0, 30.0, 5.0), (0, -1, 0)), "Wall"),
         ],
         actors=[
-            Thing("ego", box([4.0, 1.6, 0.6], [0, 0, 0.4]), "Car", trajectory={
-                "kind": "constant_twist", "position": [0.0, 0.0, 0.0], "velocity": [10.0, 0.0, 0.0],
-                "angular_velocity_z": 0.2}),
-            Thing("car", box([4.0, 1.6, 1.4], [0, 0, 0.7]), "Car", "steel", trajectory={
-                "kind": "waypoints", "times": times, "positions": [[20.0 + 15.0 * t, 0.0, 0.0] for t in times]}),
+            Thing(
+                "ego",
+                box([4.0, 1.6, 0.6], [0, 0, 0.4]),
+                "Car",
+                trajectory={
+                    "kind": "constant_twist",
+                    "position": [0.0, 0.0, 0.0],
+                    "velocity": [10.0, 0.0, 0.0],
+                    "angular_velocity_z": 0.2,
+                },
+            ),
+            Thing(
+                "car",
+                box([4.0, 1.6, 1.4], [0, 0, 0.7]),
+                "Car",
+                "steel",
+                trajectory={
+                    "kind": "waypoints",
+                    "times": times,
+                    "positions": [[20.0 + 15.0 * t, 0.0, 0.0] for t in times],
+                },
+            ),
         ],
         ego="ego",
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +106,8 @@ def test_one_timestamp_in_whole_nanoseconds(frame) -> None:
 
 
 def test_a_sensor_off_the_vehicles_origin_moves_with_the_turning_vehicle(world, frame) -> None:
-    # the lidar on the left looks at a wall that stands still: its radial velocity is minus its own velocity along the ray
+    # the lidar on the left looks at a wall that stands still: its radial velocity is minus its own velocity along the
+    # ray
     scan = frame.lidars["left/lidar"]
     pose, twist = world.at(0.1).actor_pose("ego"), world.at(0.1).actor_twist("ego")
     lever = pose.rotate([1.0, 0.8, 1.0])

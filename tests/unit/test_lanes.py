@@ -39,7 +39,8 @@ def test_network_of_tables() -> None:
 
 
 def test_end_headings_are_those_of_the_circle() -> None:
-    # on points of a circle the circle through three of them is the circle: exact but for rounding, whatever their distances
+    # on points of a circle the circle through three of them is the circle: exact but for rounding, whatever their
+    # distances
     angle = np.array([0.1, 0.2, 0.35, 0.45, 0.6])
     lane = Lane("arc", np.column_stack([20.0 * np.cos(angle), 20.0 * np.sin(angle), 0.0 * angle]))
     # chord headings are those of the tangent in the middle of a chord; the turn between two chords is linear in angle

@@ -72,7 +72,8 @@ def test_the_nearest_return_wins_a_pixel_in_any_order() -> None:
 
 
 def test_projection_uses_both_poses() -> None:
-    # a lidar 1 m to the left of the camera that looks to the left sees a point 5 m ahead of it, so 6 m left of the camera
+    # a lidar 1 m to the left of the camera that looks to the left sees a point 5 m ahead of it, so 6 m left of the
+    # camera
     lidar = Pose.from_euler([0.0, 1.0, 0.0], yaw=np.pi / 2)
     camera = Pose.from_euler([0.0, 0.0, 0.0], yaw=np.pi / 4)
     scan = make_scan([[5.0, 6.0 - 0.5, 0.0]], pose=lidar)  # world: (-5.5, 6, 0)

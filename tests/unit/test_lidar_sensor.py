@@ -49,11 +49,20 @@ def arrays(scan: LidarScan) -> dict[str, np.ndarray]:
 def test_shapes_and_types(state: WorldState) -> None:
     scan = observe(state, CLEAN)
     expected = {
-        "shot": np.int32, "position": np.float32, "distance": np.float32, "radial_velocity": np.float32,
-        "intensity": np.float32, "cos_incidence": np.float32, "normal": np.float32, "semantic": np.uint8,
-        "instance": np.uint16, "time": np.float32, "return_index": np.uint8, "reflectance": np.float32,
+        "shot": np.int32,
+        "position": np.float32,
+        "distance": np.float32,
+        "radial_velocity": np.float32,
+        "intensity": np.float32,
+        "cos_incidence": np.float32,
+        "normal": np.float32,
+        "semantic": np.uint8,
+        "instance": np.uint16,
+        "time": np.float32,
+        "return_index": np.uint8,
+        "reflectance": np.float32,
         "cnr": np.float32,
-    }  # fmt: skip
+    }
     assert {name: array.dtype.type for name, array in arrays(scan).items()} == expected
     assert all(len(array) == scan.num_points for array in arrays(scan).values())
     assert 0 < scan.num_points < 61 * 31  # some shots go to the sky

@@ -45,9 +45,13 @@ def test_an_unknown_preset_is_named() -> None:
 
 def test_a_spinning_fan_turns_between_its_beams() -> None:
     scan = SpinningScan(
-        elevation_deg=(-10.0, 5.0), firing_time=(0.0, 0.01), num_azimuth=4, rotation_rate=10.0, start_azimuth_deg=180.0,
+        elevation_deg=(-10.0, 5.0),
+        firing_time=(0.0, 0.01),
+        num_azimuth=4,
+        rotation_rate=10.0,
+        start_azimuth_deg=180.0,
         azimuth_offset_deg=(0.0, 2.0),
-    )  # fmt: skip
+    )
     spec = LidarSpec(scan=scan)
     azimuth, elevation = degrees(spec)
     assert np.allclose(shot_times(spec), [0.0, 0.01, 0.025, 0.035, 0.05, 0.06, 0.075, 0.085], atol=1e-15)
@@ -135,7 +139,7 @@ def test_an_unusable_table_says_what_is_needed(tmp_path: Path) -> None:
         ({"receiver": {"kind": "heterodyne", "sampling_frequency": 1e6}}, "16 or more samples"),
         ({"receiver": {"kind": "heterodyne", "raw_signal": True}}, f"at most {MAX_RAW_BYTES >> 20} MiB"),
     ],
-)  # fmt: skip
+)
 def test_bad_specifications_are_refused(bad: dict, message: str) -> None:
     with pytest.raises(ParameterRangeError, match=message):
         LidarSpec(**bad)

@@ -24,16 +24,18 @@ REPO = Path(__file__).resolve().parents[2]
 
 REQUIRED = {
     "asphalt", "asphalt_wet", "concrete", "metal", "car_paint", "car_glass", "glass", "rubber", "plastic", "wood",
-    "foliage", "grass", "soil", "brick", "road_paint", "gravel", "water", "ice", "snow_dry", "snow_wet", "skin", "clothing",
+    "foliage", "grass", "soil", "brick", "road_paint", "gravel", "water", "ice", "snow_dry", "snow_wet", "skin",
+    "clothing",
     "clothed_skin", "acrylic",
-}  # fmt: skip
+}  # fmt: skip # a table
 
 # All names of ITU-R P.2040 that Sionna RT knows; those without data at 77 GHz are estimates of ours.
 ITU_NAMES = {
-    "vacuum", "concrete", "brick", "plasterboard", "wood", "glass", "clear_acrylic", "ceiling_board", "chipboard", "plywood",
+    "vacuum", "concrete", "brick", "plasterboard", "wood", "glass", "clear_acrylic", "ceiling_board", "chipboard",
+    "plywood",
     "marble", "floorboard", "vinyl_tile", "carpet_tile", "asphalt_concrete", "metal", "very_dry_ground",
     "medium_dry_ground", "wet_ground",
-}  # fmt: skip
+}  # fmt: skip # a table
 
 # ITU-R P.2040-3, Table 3: eps' = a f_GHz^b, sigma = c f_GHz^d.
 ITU_COEFFICIENTS = {
@@ -129,15 +131,24 @@ def test_a_users_file_adds_and_replaces(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[slush]\nrelative_permittivity = 0.5\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n", "relative_permittivity"),
+        (
+            "[slush]\nrelative_permittivity = 0.5\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n",
+            "relative_permittivity",
+        ),
         ("[slush]\nrelative_permittivity = 1.5\nconductivity = -1\nsource = 's'\nuncertainty = 'u'\n", "conductivity"),
         ("[slush]\nrelative_permittivity = 1.5\nconductivity = 0\nuncertainty = 'u'\n", "source"),
-        ("[slush]\nrelative_permittivity = nan\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n", "relative_permittivity"),
-        ("[slush]\ncolour = 'white'\nrelative_permittivity = 1\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n", "colour"),
+        (
+            "[slush]\nrelative_permittivity = nan\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n",
+            "relative_permittivity",
+        ),
+        (
+            "[slush]\ncolour = 'white'\nrelative_permittivity = 1\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n",
+            "colour",
+        ),
         ("slush = 3\n", "not a table"),
         ("[slush\n", "TOML"),
     ],
-)  # fmt: skip
+)
 def test_a_bad_file_names_the_file_and_the_field(tmp_path, text: str, message: str) -> None:
     path = tmp_path / "bad.toml"
     path.write_text(text)
@@ -167,7 +178,8 @@ def test_the_table_needs_no_mitsuba() -> None:
         "import importlib.util, sys, pathlib;"
         "path = pathlib.Path('scarl_sionna/scene/materials/table.py').resolve();"
         "spec = importlib.util.spec_from_file_location('materials', path);"
-        "module = importlib.util.module_from_spec(spec); sys.modules['materials'] = module; spec.loader.exec_module(module);"
+        "module = importlib.util.module_from_spec(spec); sys.modules['materials'] = module; "
+        "spec.loader.exec_module(module);"
         "module.load_materials(); assert not {'mitsuba', 'drjit', 'sionna'} & set(sys.modules), 'engine loaded'"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)

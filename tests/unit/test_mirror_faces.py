@@ -45,7 +45,7 @@ def owner(mirrors, face, hit, aim=None) -> int:
         (((6, 8), 0.004), OTHER, (5, 1, 0.012), None, 1),  # 8 mm over the second, 12 over the first
         (((0, 4), 0.004), OTHER, (1, 1, 0.02), None, NOBODY),
     ],
-)  # fmt: skip
+)
 def test_a_hit_has_one_owner(second, face, hit, aim, expected) -> None:
     mirrors = [level(0, (0.0, 4.0), 0.0), level(1, *second)]
     assert owner(mirrors, face, hit, aim) == expected

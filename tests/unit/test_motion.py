@@ -43,7 +43,8 @@ def test_twist_is_the_derivative_of_the_pose() -> None:
 
 def test_circle_has_its_yaw_rate_and_the_heading_of_the_tangent() -> None:
     trajectory = arc(0.25)
-    # spline error of the second derivative: h^2/12 * |x''''| = 0.25^2/12 * R w^4 = 2e-5 m/s^2, over the speed 2e-6 rad/s
+    # spline error of the second derivative: h^2/12 * |x''''| = 0.25^2/12 * R w^4 = 2e-5 m/s^2, over the speed 2e-6
+    # rad/s
     assert trajectory.twist(3.1).angular[2] == pytest.approx(SPEED / RADIUS, abs=1e-5)
     assert trajectory.pose(3.1).yaw == pytest.approx(SPEED / RADIUS * 3.1, abs=1e-6)
 

@@ -30,7 +30,10 @@ def unit(rng: np.random.Generator) -> np.ndarray:
 
 
 def lit(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return directions, normals on the lit side, and transverse fields of two polarisations; one of ten hits head-on."""
+    """Return directions, normals on the lit side, and transverse fields of two polarisations.
+
+    One of ten hits head-on.
+    """
     direction, normal = unit(rng), unit(rng)
     normal[::10] = -direction[::10]
     normal *= -np.sign(np.einsum("ij,ij->i", direction, normal))[:, None]

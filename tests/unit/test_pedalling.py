@@ -14,14 +14,23 @@ from scarl_sionna.scene.motion.pedalling import PEDALLING_SEGMENTS, Cadence, Ped
 from scarl_sionna.scene.motion.trajectory import ConstantTwistTrajectory, WaypointTrajectory
 
 LEGS = PedallingLegs(
-    axle=(-0.10, 0.28), crank=0.17, hip=(-0.33, 1.015), foot_y=0.125, upper_leg=0.43, lower_leg=0.43, pedal_from_ankle=(0.11, -0.075),
-    foot_pitch=np.radians(15.0), foot_swing=np.radians(15.0), foot_lag=np.radians(190.0),
-)  # fmt: skip
+    axle=(-0.10, 0.28),
+    crank=0.17,
+    hip=(-0.33, 1.015),
+    foot_y=0.125,
+    upper_leg=0.43,
+    lower_leg=0.43,
+    pedal_from_ankle=(0.11, -0.075),
+    foot_pitch=np.radians(15.0),
+    foot_swing=np.radians(15.0),
+    foot_lag=np.radians(190.0),
+)
 ANGLES = np.linspace(-1.0, 7.0, 41)
 TABLE = {
-    "kind": "pedal", "axle": [-0.10, 0.28], "crank": 0.17, "hip": [-0.33, 1.015], "foot_y": 0.125, "upper_leg": 0.43, "lower_leg": 0.43,
+    "kind": "pedal", "axle": [-0.10, 0.28], "crank": 0.17, "hip": [-0.33, 1.015], "foot_y": 0.125, "upper_leg": 0.43,
+    "lower_leg": 0.43,
     "pedal_from_ankle": [0.11, -0.075], "wheel_radius": 0.345, "gear": 2.3,
-}  # fmt: skip
+}  # fmt: skip # a table
 SHAPES = [f"rider_{name}" for name in PEDALLING_SEGMENTS]
 
 
@@ -33,7 +42,10 @@ def end(motion, point):
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_the_linkage_is_closed(side):
-    """Hip, knee, ankle, pedal and axle: every joint is one point with one velocity, seen from both parts that it holds."""
+    """Hip, knee, ankle, pedal and axle.
+
+    Every joint is one point with one velocity, seen from both parts that it holds.
+    """
     sign = 1.0 if side == "left" else -1.0
     for angle in ANGLES:
         moved = LEGS.motions(angle, 7.3)

@@ -65,11 +65,15 @@ def test_export_takes_scenarios_files_and_names(monkeypatch: pytest.MonkeyPatch,
     file = tmp_path / "my drive.yaml"
     file.write_text("scene: urban_crossing\n", encoding="utf-8")
     own = ss.ScenarioSpec(seed=7)
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     report = ss.export(
-        [own, file, "cut_in", "urban_crossing"], tmp_path / "out", 2, on_progress=lambda done, total: told.append((done, total)),
-        overwrite=True, licence="CC0",
-    )  # fmt: skip
+        [own, file, "cut_in", "urban_crossing"],
+        tmp_path / "out",
+        2,
+        on_progress=lambda done, total: reported.append((done, total)),
+        overwrite=True,
+        licence="CC0",
+    )
     ((scenarios, out, settings),) = calls
     assert report == "report" and out == tmp_path / "out"
     assert scenarios == [
@@ -79,7 +83,7 @@ def test_export_takes_scenarios_files_and_names(monkeypatch: pytest.MonkeyPatch,
         scenario_of("urban_crossing"),
     ]
     assert (settings.workers, settings.overwrite, settings.licence) == (2, True, "CC0")
-    assert told == [(2, 5), (3, 5)]
+    assert reported == [(2, 5), (3, 5)]
 
 
 def test_export_takes_one_scenario_and_radar_settings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -36,7 +36,11 @@ MISTAKES: list[tuple[str, Callable[[ss.World], Any], str]] = [
     ("misspelt field", lambda w: ss.RadarSpec(bandwith=1e9), "did you mean 'bandwidth'"),
     ("misspelt field of a copy", lambda w: RADAR.with_(num_chrips=8), "did you mean 'num_chirps'"),
     ("field of a part", lambda w: CameraSpec(k1=0.1), r"lens=BrownConrady\(k1="),
-    ("field of a part, misspelt", lambda w: ss.LidarSpec(scan={"kind": "raster", "num_azimut": 3}), "did you mean 'num_azimuth'"),
+    (
+        "field of a part, misspelt",
+        lambda w: ss.LidarSpec(scan={"kind": "raster", "num_azimut": 3}),
+        "did you mean 'num_azimuth'",
+    ),
     ("number with its unit", lambda w: ss.RadarSpec().with_(bandwidth="300 MHz"), r"write 3e\+08: numbers are in Hz"),
     ("frequency in GHz", lambda w: ss.RadarSpec().with_(start_frequency=77), r"7.7e\+10 for 77 GHz"),
     ("time in microseconds", lambda w: ss.RadarSpec().with_(ramp_time=30), "3e-05 for 30 us"),
@@ -63,15 +67,22 @@ MISTAKES: list[tuple[str, Callable[[ss.World], Any], str]] = [
     ("RCS in GHz", lambda w: ss.rcs("none.ply", 77.0, 1.5, 0.0), r"7.7e\+10 for 77 GHz"),
     ("a name for a rig", lambda w: ss.observe(w, "scarl"), r"ss.Rig.preset\('scarl'\)"),
     ("a state for a world", lambda w: ss.observe(w.at(0.0), ss.Rig.front()), "state.world"),
-    ("a suite for a sensor", lambda w: ss.Rig.scarl()["front/radar"], "did you mean 'front_left/radar'|'front_center/radar'"),
+    (
+        "a suite for a sensor",
+        lambda w: ss.Rig.scarl()["front/radar"],
+        "did you mean 'front_left/radar'|'front_center/radar'",
+    ),
     ("a number for a sensor", lambda w: ss.Rig.scarl()[0], "sensors go by their names"),
-    ("a seed for a generator", lambda w: ss.synthesize(ss.point_targets([[9, 0, 0]], [[0, 0, 0]], 1.0, RADAR, ss.Pose()), RADAR, rng=0),
-     "default_rng"),
+    (
+        "a seed for a generator",
+        lambda w: ss.synthesize(ss.point_targets([[9, 0, 0]], [[0, 0, 0]], 1.0, RADAR, ss.Pose()), RADAR, rng=0),
+        "default_rng",
+    ),
     ("a map without angles", lambda w: ss.detect(_rda().range_doppler), "range_doppler_angle"),
     ("a cube without its radar", lambda w: ss.range_doppler(np.zeros((12, 8, 16))), "RadarSpec"),
     ("raw data for a cube", lambda w: ss.range_doppler(np.zeros((4, 24, 16)), RADAR), "virtual_cube"),
     ("no dataset", lambda w: ss.open_dataset("nowhere"), "export"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("make", "hint"), [row[1:] for row in MISTAKES], ids=[row[0] for row in MISTAKES])

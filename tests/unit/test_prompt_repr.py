@@ -1,4 +1,4 @@
-"""Every public object, and every result of a public function, shows itself in at most 20 lines, without dumps of arrays."""
+"""Every public object and result shows itself in at most 20 lines, without dumps of arrays."""
 
 from __future__ import annotations
 
@@ -56,15 +56,48 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     write_dataset(folder / "data", RIG.to_dict(), {"street": [make_frame(0), make_frame(1)]})
     dataset = ss.open_dataset(folder / "data")
     extra = [
-        world, state, state.mount("ego", ss.Pose([2.0, 0.0, 0.8])), world.parts, world.actors[0], world.instances[1], world.document, world.document.lanes, world.mesh(0),
-        world.materials, state.cast([0, 0, 5], [[0, 0, -1.0]]), state.boxes()[0], frame, radar_frame, rd, rda, points, paths,
-        *frame.images.values(), *frame.lidars.values(), ss.label_paths(paths), ss.label_cells(rd, paths),
-        ss.label_points(points, paths, RADAR), scatterers, scatterers.amplitude, model, ss.Pose([1, 2, 3]), ss.Twist(),
-        ss.StagedActor("van", model, world.actors[0].trajectory), ss.Rig.scarl(), ss.Rig.scarl().sensors[0],
-        Share("sbr"), ChannelPlan((Share("sbr"),), mirrors=("road",)), PointScatterers([[1, 2, 3]], [[0, 0, 0]], 1.0),
-        dataset, dataset.scene(dataset.scenes[0]), dataset[0], dataset[0].results["radar"], dataset[0].radar,
-        ScenarioSpec.preset("highway_cut_in") if "highway_cut_in" in _ready() else ScenarioSpec(), load_materials(),
-    ]  # fmt: skip
+        world,
+        state,
+        state.mount("ego", ss.Pose([2.0, 0.0, 0.8])),
+        world.parts,
+        world.actors[0],
+        world.instances[1],
+        world.document,
+        world.document.lanes,
+        world.mesh(0),
+        world.materials,
+        state.cast([0, 0, 5], [[0, 0, -1.0]]),
+        state.boxes()[0],
+        frame,
+        radar_frame,
+        rd,
+        rda,
+        points,
+        paths,
+        *frame.images.values(),
+        *frame.lidars.values(),
+        ss.label_paths(paths),
+        ss.label_cells(rd, paths),
+        ss.label_points(points, paths, RADAR),
+        scatterers,
+        scatterers.amplitude,
+        model,
+        ss.Pose([1, 2, 3]),
+        ss.Twist(),
+        ss.StagedActor("van", model, world.actors[0].trajectory),
+        ss.Rig.scarl(),
+        ss.Rig.scarl().sensors[0],
+        Share("sbr"),
+        ChannelPlan((Share("sbr"),), mirrors=("road",)),
+        PointScatterers([[1, 2, 3]], [[0, 0, 0]], 1.0),
+        dataset,
+        dataset.scene(dataset.scenes[0]),
+        dataset[0],
+        dataset[0].results["radar"],
+        dataset[0].radar,
+        ScenarioSpec.preset("highway_cut_in") if "highway_cut_in" in _ready() else ScenarioSpec(),
+        load_materials(),
+    ]
     return {**_defaults(), **{f"{type(item).__name__}": item for item in extra}}
 
 
@@ -133,8 +166,12 @@ def test_long_tables_end_with_what_is_left_out() -> None:
 
 def test_numbers_have_their_units() -> None:
     assert [quantity(77e9, "Hz"), quantity(3e-5, "s"), quantity(0.0, "s"), quantity(-12.0, "dB"), quantity(7)] == [
-        "77 GHz", "30 us", "0 s", "-12 dB", "7",
-    ]  # fmt: skip
+        "77 GHz",
+        "30 us",
+        "0 s",
+        "-12 dB",
+        "7",
+    ]
     assert array_text(np.arange(3.0), "m") == "[0, 1, 2] m"
     assert array_text(np.arange(512.0) / 2.0, "m") == "float64 (512,), 0 to 255.5 m"
     assert array_text(np.array([np.nan, 1.0, 2.0, 3.0, 4.0])) == "float64 (5,), 1 to 4"

@@ -12,7 +12,7 @@ from scarl_sionna.core.errors import ParameterRangeError, PlacementError, Unknow
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
-from scarl_sionna.radar.synthesis import synthesize  # fmt: skip
+from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle, uniform_line
 from scarl_sionna.signal.converter import quantize
 from scarl_sionna.signal.detection import detect

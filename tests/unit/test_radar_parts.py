@@ -1,4 +1,4 @@
-"""Parts of a radar: copies by the names of their fields, misplaced and misspelt names, and what multiplexing says of time."""
+"""Parts of a radar: copies by field names, misplaced and misspelt names, and timing of the multiplexing."""
 
 from __future__ import annotations
 
@@ -100,7 +100,12 @@ def test_other_parts_stay_as_they_are() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("num_chirps", 64, r"in its part `waveform`.*RadarSpec\(waveform=Fmcw\(num_chirps=64\)\) or RadarSpec\(\)\.with_\(num_chirps=64\)"),
+        (
+            "num_chirps",
+            64,
+            r"in its part `waveform`.*RadarSpec\(waveform=Fmcw\(num_chirps=64\)\) or "
+            r"RadarSpec\(\)\.with_\(num_chirps=64\)",
+        ),
         ("tx_power_dbm", 10, r"RadarSpec\(front_end=FrontEnd\(tx_power_dbm=10\)\)"),
         ("tx_positions", ONE, r"RadarSpec\(array=AntennaArray\(tx_positions=\(\(0.0, 0.0, 0.0\),\)\)\)"),
         ("adc_bits", 8, r"RadarSpec\(adc=Adc\(bits=8\)\) or RadarSpec\(\)\.with_\(bits=8\)"),
@@ -108,7 +113,7 @@ def test_other_parts_stay_as_they_are() -> None:
         ("num_sample", 3, "a field of RadarSpec or of one of its parts waveform, multiplexing, array, front_end, adc"),
         ("num_rays", 3, r"in the settings.*RadarSettings\.of\(num_rays=3\)"),
     ],
-)  # fmt: skip
+)
 def test_a_name_that_stands_elsewhere_or_nowhere_is_refused_with_its_place(name, value, message) -> None:
     with pytest.raises(ParameterRangeError, match=rf"RadarSpec\.{name} = .*{message}") as caught:
         ss.RadarSpec(**{name: value})
@@ -214,9 +219,14 @@ def test_what_a_waveform_says_is_what_the_radar_says() -> None:
     waveform: Waveform = ss.Fmcw(num_samples=300, num_chirps=7, sampling_frequency=20e6)
     radar = ss.RadarSpec(waveform=waveform)
     for name in (
-        "carrier_frequency", "center_frequency", "num_chirps", "num_samples", "sample_rate", "sampled_bandwidth",
+        "carrier_frequency",
+        "center_frequency",
+        "num_chirps",
+        "num_samples",
+        "sample_rate",
+        "sampled_bandwidth",
         "chirp_interval",
-    ):  # fmt: skip
+    ):
         assert getattr(radar, name) == getattr(waveform, name)
     # 300 samples at 20 MHz are half of the ramp
     assert radar.sampled_bandwidth == pytest.approx(150e6, rel=1e-15)

@@ -28,7 +28,10 @@ FLOOR = np.array([[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 
 
 
 def mirror_chain() -> RadarPaths:
-    """One path by the floor straight back to the radar, its points far from where it goes, with two columns of labels."""
+    """One path by the floor straight back to the radar, with two columns of labels.
+
+    Its points lie far from where it goes.
+    """
     one = BLOCK.select([0])
     labels = {name: np.array([[3, 4]], dtype=np.int32) for name in ("instance", "interaction")}
     return replace(one, rx_image=FLOOR, depth=np.array([2], dtype=np.int32), **labels)

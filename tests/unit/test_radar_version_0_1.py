@@ -18,18 +18,27 @@ FIXTURE = Path(__file__).parents[1] / "regression" / "schema" / "rig_0_1.yaml"
 
 OTHER = ss.RadarSpec(
     waveform=ss.Fmcw(
-        start_frequency=76.5e9, bandwidth=1e9, ramp_time=25e-6, idle_time=3e-6, num_chirps=33, num_samples=64,
+        start_frequency=76.5e9,
+        bandwidth=1e9,
+        ramp_time=25e-6,
+        idle_time=3e-6,
+        num_chirps=33,
+        num_samples=64,
         sampling_frequency=20e6,
     ),
     multiplexing=ss.Tdm(),
     array=ss.AntennaArray(
-        tx_positions=((0.0, -0.01, 0.0), (0.0, 0.01, 0.002)), rx_positions=((0.0, 0.0, 0.0),),
-        pattern=Tr38901Pattern(peak_gain_dbi=7.0), polarization="H", max_array_extent=0.5,
+        tx_positions=((0.0, -0.01, 0.0), (0.0, 0.01, 0.002)),
+        rx_positions=((0.0, 0.0, 0.0),),
+        pattern=Tr38901Pattern(peak_gain_dbi=7.0),
+        polarization="H",
+        max_array_extent=0.5,
     ),
     front_end=ss.FrontEnd(tx_power_dbm=9.0, noise_figure_db=15.0, source_temperature=250.0),
     adc=ss.Adc(bits=12, full_scale_dbm=-40.0),
-    azimuth_fov_deg=90.0, elevation_fov_deg=20.0,
-)  # fmt: skip
+    azimuth_fov_deg=90.0,
+    elevation_fov_deg=20.0,
+)
 
 
 def _flat(name: str) -> dict:
@@ -68,11 +77,14 @@ def test_what_is_no_property_of_a_radar_is_split_off() -> None:
     [
         ({"bandwith": 1e9}, r"RadarSpec\.bandwith.*did you mean 'bandwidth'"),
         ({"bandwidth": -1.0}, r"RadarSpec\.waveform\.bandwidth = -1\.0"),
-        ({"bandwidth": 1e9, "waveform": {"num_chirps": 3}}, r"RadarSpec\.bandwidth = .*`waveform`, which is given, too.*move it there"),
+        (
+            {"bandwidth": 1e9, "waveform": {"num_chirps": 3}},
+            r"RadarSpec\.bandwidth = .*`waveform`, which is given, too.*move it there",
+        ),
         ({"multiplexing": "fdm"}, "'ideal' or 'tdm'"),
         ({"adc_bits": 40}, r"RadarSpec\.adc\.bits = 40"),
     ],
-)  # fmt: skip
+)
 def test_a_bad_file_is_refused(data, message) -> None:
     with pytest.raises(ParameterRangeError, match=message):
         read_radar(data)

@@ -87,9 +87,9 @@ def test_a_rotated_pose_keeps_every_bit_through_a_file(tmp_path) -> None:
 
 
 def test_a_file_may_leave_out_what_keeps_its_default() -> None:
-    rig = Rig.from_dict({
-        "name": "one", "sensors": [{"name": "r", "kind": "radar", "vehicle_from_sensor": {"position": [2, 0, 1]}}],
-    })  # fmt: skip
+    rig = Rig.from_dict(
+        {"name": "one", "sensors": [{"name": "r", "kind": "radar", "vehicle_from_sensor": {"position": [2, 0, 1]}}]}
+    )
     assert rig["r"].spec == RadarSpec()
 
 
@@ -136,17 +136,22 @@ def test_a_name_that_is_no_safe_folder_is_refused(name) -> None:
         ("{name: a, sensors: [{name: x, kind: radar, vehicle_from_sensor: {position: [1, 2]}}]}", "three finite"),
         ("{name: a, sensors: [{name: x, kind: sonar, vehicle_from_sensor: {position: [1, 2, 3]}}]}", "sensor kind"),
         ("{name: a, sensors: 3, colour: red}", "unknown key of rig 'colour'"),
-        ("{name: a, sensors: [{name: x, kind: radar, spec: {bandwith: 1}, vehicle_from_sensor: {position: [1, 2, 3]}}]}",
-         r"RadarSpec\.bandwith"),
+        (
+            "{name: a, sensors: [{name: x, kind: radar, spec: {bandwith: 1}, vehicle_from_sensor: {position: [1, 2, "
+            "3]}}]}",
+            r"RadarSpec\.bandwith",
+        ),
         ("{", "readable YAML or JSON"),
         ("{name: a, sensors: 3}", r"the form of Rig\.to_dict"),
         ("{name: a, sensors: [{name: 5, kind: radar, vehicle_from_sensor: {position: [1, 2, 3]}}]}", "form of Rig"),
         ("{name: a, sensors: [{name: x, kind: 7, vehicle_from_sensor: {position: [1, 2, 3]}}]}", "form of Rig"),
         ("{name: a, sensors: [{name: x, kind: radar, vehicle_from_sensor: {position: far}}]}", "form of Rig"),
-        ("{name: a, sensors: [{name: x, kind: radar, spec: [1], vehicle_from_sensor: {position: [1, 2, 3]}}]}",
-         "form of Rig"),
+        (
+            "{name: a, sensors: [{name: x, kind: radar, spec: [1], vehicle_from_sensor: {position: [1, 2, 3]}}]}",
+            "form of Rig",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_bad_file_says_what_is_wrong(tmp_path, text, message) -> None:
     path = tmp_path / "rig.yaml"
     path.write_text(text)

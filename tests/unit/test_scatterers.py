@@ -33,10 +33,14 @@ def plate(size: float = 0.2) -> trimesh.Trimesh:
 def one_point(**changes: object) -> ScattererModel:
     azimuth = np.radians(np.arange(-180.0, 180.0, 10.0))
     values: dict[str, object] = {
-        "centers": np.array([[0.5, 0.2, 0.1]]), "azimuth": azimuth, "elevation": np.radians([-20.0, 20.0]),
+        "centers": np.array([[0.5, 0.2, 0.1]]),
+        "azimuth": azimuth,
+        "elevation": np.radians([-20.0, 20.0]),
         "amplitude": np.broadcast_to(np.eye(2, dtype=np.complex64), (2, len(azimuth), 1, 2, 2)),
-        "frequency": RADAR.center_frequency, "cell": 0.1, "nearest_distance": 5.0,
-    }  # fmt: skip
+        "frequency": RADAR.center_frequency,
+        "cell": 0.1,
+        "nearest_distance": 5.0,
+    }
     return ScattererModel(**{**values, **changes})  # type: ignore[arg-type]
 
 
@@ -90,7 +94,10 @@ def test_same_bytes_in_another_process(tmp_path):
 
 
 def test_the_table_takes_memory_only_where_a_centre_is_strong():
-    """A box of metal seen from all sides: each side's centres are held in the quarter from which they are lit, and nothing is lost."""
+    """A box of metal seen from all sides.
+
+    Each side's centres are held in the quarter from which they are lit, and nothing is lost.
+    """
     box = trimesh.creation.box((0.3, 0.3, 0.3))
     with warnings.catch_warnings():
         warnings.simplefilter(
@@ -115,9 +122,16 @@ def test_a_file_of_the_first_version_still_loads(tmp_path):
     model = one_point(elevation=np.zeros(1), amplitude=np.ones((1, 36, 1, 2, 2), np.complex64))
     numbers = np.array([model.frequency, model.cell, model.nearest_distance, model.elevation_reach])
     np.savez(
-        tmp_path / "old.npz", version=1, centers=model.centers, azimuth=model.azimuth, elevation=model.elevation,
-        amplitude=model.amplitude.to_dense(), numbers=numbers, error="{}", provenance="{}",
-    )  # fmt: skip
+        tmp_path / "old.npz",
+        version=1,
+        centers=model.centers,
+        azimuth=model.azimuth,
+        elevation=model.elevation,
+        amplitude=model.amplitude.to_dense(),
+        numbers=numbers,
+        error="{}",
+        provenance="{}",
+    )
     back = ScattererModel.load(tmp_path / "old.npz")
     assert back.amplitude.tobytes() == model.amplitude.tobytes()
 

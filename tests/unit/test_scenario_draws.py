@@ -1,4 +1,7 @@
-"""What a scenario draws by lot: within what is stated, the same for the same seed, and each draw apart from the others."""
+"""What a scenario draws at random.
+
+Within what is stated, the same for the same seed, and each draw apart from the others.
+"""
 
 from __future__ import annotations
 

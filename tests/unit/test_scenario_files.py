@@ -68,23 +68,38 @@ collisions: warn
 def full() -> ScenarioSpec:
     """Return the scenario of FULL, made in Python."""
     return ScenarioSpec(
-        scene="highway_guardrail", variant=2, detail="light", num_frames=60, frame_rate=20.0, start_time=0.5, seed=7,
-        name="cut_in", split="val", rig="front", lighting=Lighting.preset("night"),
+        scene="highway_guardrail",
+        variant=2,
+        detail="light",
+        num_frames=60,
+        frame_rate=20.0,
+        start_time=0.5,
+        seed=7,
+        name="cut_in",
+        split="val",
+        rig="front",
+        lighting=Lighting.preset("night"),
         weather=Weather.preset("rain").with_(rain_rate=12.5),
         ego=EgoSpec(model="saloon", variant="red", trajectory=RouteSpec(lanes=("east",), start=12.0, speed=8.0)),
         actors=(
             ActorSpec(
-                name="other", model="suv", colors={"paint": (0.1, 0.2, 0.3)}, detail="detailed",
+                name="other",
+                model="suv",
+                colors={"paint": (0.1, 0.2, 0.3)},
+                detail="detailed",
                 trajectory=RouteSpec(
-                    lanes=("east_2", "east_3"), offset=0.2,
+                    lanes=("east_2", "east_3"),
+                    offset=0.2,
                     events=(
-                        AccelerateSpec(time=1.0, speed=14.0), ShiftSpec(time=1.5, duration=2.5, by=-3.5),
+                        AccelerateSpec(time=1.0, speed=14.0),
+                        ShiftSpec(time=1.5, duration=2.5, by=-3.5),
                         BrakeSpec(time=4.0, deceleration=7.5),
                     ),
                 ),
             ),
             ActorSpec(
-                name="man", model="adult_man",
+                name="man",
+                model="adult_man",
                 trajectory=WaypointsSpec(positions=((0.0, -4.0), (0.0, 4.0, 0.1)), speed=1.4, depart=1.0),
             ),
             ActorSpec(name="parked", model="van", trajectory=StaticSpec(parking=3, yaw_deg=180.0)),
@@ -93,7 +108,7 @@ def full() -> ScenarioSpec:
         traffic=TrafficSpec(density=12.0, mix={"saloon": 2.0, "lorry": 1.0}, pedestrians=4, parked=0.5),
         randomization=RandomizationSpec(colors=True, placements=JitterSpec(along=1.5), traffic=False),
         collisions="warn",
-    )  # fmt: skip
+    )
 
 
 def write(folder: Path, text: str, name: str = "drive.yaml") -> Path:
@@ -155,7 +170,8 @@ def test_lighting_by_name_by_values_and_by_the_clock() -> None:
 
 
 def test_the_sun_stands_where_almanacs_have_it() -> None:
-    # at noon the elevation is 90 - latitude + declination: 23.45 deg at the solstice, 0 at the equinox (Cooper: within 0.4 deg)
+    # at noon the elevation is 90 - latitude + declination: 23.45 deg at the solstice, 0 at the equinox (Cooper: within
+    # 0.4 deg)
     assert sun_at(12.0, 172, 50.0) == pytest.approx((63.45, 180.0), abs=0.01)
     assert sun_at(12.0, 80, 50.0) == pytest.approx((40.0, 180.0), abs=0.5)
     # at an equinox it rises in the east at 6 and sets in the west at 18, everywhere
@@ -182,28 +198,67 @@ BAD = [
     ("ego:\n  modle: van\n", ScenarioKeyError, 2, "ego.modle", "did you mean 'model'"),
     ("ego:\n  trajectory:\n    kind: rout\n", ScenarioValueError, 3, "ego.trajectory.kind", "did you mean 'route'"),
     ("ego:\n  trajectory:\n    lanes: [a]\n", ScenarioKeyError, 2, "ego.trajectory", "lacks `kind`"),
-    ("ego:\n  trajectory: {kind: route, lanes: [a],\n    speed: 50 km/h}\n", ScenarioValueError, 3,
-     "ego.trajectory.speed", "write 13.8889: numbers are in m/s"),
-    ("actors:\n  - model: van\n    trajectory: {kind: static, parking: 0}\n", ScenarioKeyError, 2, "actors[0].name",
-     "is missing"),
-    ("actors:\n  - {name: a, model: van, trajectory: {kind: static, parking: 0}}\n  - name: a\n    model: van\n"
-     "    trajectory: {kind: static, parking: 1}\n", ScenarioValueError, 3, "actors[1].name", "another actor"),
-    ("actors:\n- name: a\n  model: van\n  trajectory:\n    kind: route\n    lanes: [x]\n    events:\n"
-     "    - {kind: brake, time: 1}\n    - {kind: shift, time: soon, by: 3}\n", ScenarioValueError, 9,
-     "actors[0].trajectory.events[1].time", "a number \\[s\\]"),
-    ("actors:\n- name: a\n  model: van\n  trajectory:\n    kind: waypoints\n    speed: 3\n    positions:\n    - [0, 0]\n"
-     "    - [1, east]\n", ScenarioValueError, 9, "actors[0].trajectory.positions[1][1]", "a number \\[m\\]"),
-    ("actors:\n- name: a\n  model: van\n  mesh: {file: a.ply}\n  trajectory: {kind: static, parking: 0}\n",
-     ScenarioValueError, 2, "actors[0]", "either `model` or `mesh`"),
+    (
+        "ego:\n  trajectory: {kind: route, lanes: [a],\n    speed: 50 km/h}\n",
+        ScenarioValueError,
+        3,
+        "ego.trajectory.speed",
+        "write 13.8889: numbers are in m/s",
+    ),
+    (
+        "actors:\n  - model: van\n    trajectory: {kind: static, parking: 0}\n",
+        ScenarioKeyError,
+        2,
+        "actors[0].name",
+        "is missing",
+    ),
+    (
+        "actors:\n  - {name: a, model: van, trajectory: {kind: static, parking: 0}}\n  - name: a\n    model: van\n"
+        "    trajectory: {kind: static, parking: 1}\n",
+        ScenarioValueError,
+        3,
+        "actors[1].name",
+        "another actor",
+    ),
+    (
+        "actors:\n- name: a\n  model: van\n  trajectory:\n    kind: route\n    lanes: [x]\n    events:\n"
+        "    - {kind: brake, time: 1}\n    - {kind: shift, time: soon, by: 3}\n",
+        ScenarioValueError,
+        9,
+        "actors[0].trajectory.events[1].time",
+        "a number \\[s\\]",
+    ),
+    (
+        "actors:\n- name: a\n  model: van\n  trajectory:\n    kind: waypoints\n    speed: "
+        "3\n    positions:\n    - [0, 0]\n"
+        "    - [1, east]\n",
+        ScenarioValueError,
+        9,
+        "actors[0].trajectory.positions[1][1]",
+        "a number \\[m\\]",
+    ),
+    (
+        "actors:\n- name: a\n  model: van\n  mesh: {file: a.ply}\n  trajectory: {kind: static, parking: 0}\n",
+        ScenarioValueError,
+        2,
+        "actors[0]",
+        "either `model` or `mesh`",
+    ),
     ("traffic:\n  density: 10\n  source: fcd\n", ScenarioValueError, 1, "traffic", "`file`"),
-    ("randomization:\n  placements:\n    along: -1\n", ScenarioValueError, 3, "randomization.placements.along", "0 \\[m\\]"),
+    (
+        "randomization:\n  placements:\n    along: -1\n",
+        ScenarioValueError,
+        3,
+        "randomization.placements.along",
+        "0 \\[m\\]",
+    ),
     ("seed: 1\nscene: a\nseed: 2\n", ScenarioKeyError, 3, "seed", "first in line 1"),
     ("1: 2\n", ScenarioKeyError, 1, "1", "keys are words"),
     ("- 1\n", ScenarioValueError, 1, "", "no mapping"),
     ("scene: a\nactors: [\n", ScenarioFileError, 3, "", "not valid YAML"),
     ("scene: a\n\tseed: 1\n", ScenarioFileError, 2, "", "not valid YAML"),
     ("actors: &a [*a]\n", ScenarioFileError, 1, "", "not valid YAML"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("text", "kind", "line", "key", "message"), BAD, ids=[row[3] or row[4] for row in BAD])
@@ -225,13 +280,20 @@ def test_names_are_name_errors_that_keep_what_is_known(tmp_path) -> None:
 
 
 def test_all_that_is_wrong_is_told_at_once_in_the_order_of_the_lines(tmp_path) -> None:
-    text = "weather: {rain: 3}\nscene: a\nego:\n  modle: van\nactors:\n- name: 3b\n  model: van\n  trajectory: {kind: static}\nspeed: 3\n"
+    text = (
+        "weather: {rain: 3}\nscene: a\nego:\n  modle: van\nactors:\n- name: 3b\n  model: van\n  trajectory: "
+        "{kind: static}\nspeed: 3\n"
+    )
     with pytest.raises(ScenarioError) as caught:
         ScenarioSpec.load(write(tmp_path, text))
     error = caught.value
     assert [(one.line, one.key) for one in error.problems] == [
-        (1, "weather.rain"), (4, "ego.modle"), (6, "actors[0].name"), (8, "actors[0].trajectory"), (9, "speed"),
-    ]  # fmt: skip
+        (1, "weather.rain"),
+        (4, "ego.modle"),
+        (6, "actors[0].name"),
+        (8, "actors[0].trajectory"),
+        (9, "speed"),
+    ]
     assert error is error.problems[0]
     assert "5 problems" in str(error) and all(one.text in str(error) for one in error.problems)
 
@@ -251,7 +313,10 @@ def test_a_scenario_made_in_python_names_the_key() -> None:
 
 
 def test_anchors_and_merged_keys_keep_their_lines(tmp_path) -> None:
-    text = "actors:\n- &a\n  name: a\n  model: van\n  trajectory: {kind: static, parking: 0}\n- <<: *a\n  name: b\n  colour: 3\n"
+    text = (
+        "actors:\n- &a\n  name: a\n  model: van\n  trajectory: {kind: static, parking: 0}\n- <<: *a\n  name: b\n  "
+        "colour: 3\n"
+    )
     with pytest.raises(ScenarioKeyError) as caught:
         ScenarioSpec.load(write(tmp_path, text))
     assert (caught.value.line, caught.value.key) == (8, "actors[1].colour")

@@ -1,4 +1,7 @@
-"""The configuration of a dataset holds all that decides its frames: another value, another hash; another folder, the same."""
+"""The configuration of a dataset holds all that decides its frames: another value, another hash.
+
+Another folder, the same.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The cache of scenes and actors: read-only and full disks, killed and concurrent processes, and what is removed when."""
+"""The cache of scenes and actors.
+
+Read-only and full disks, killed and concurrent processes, and what is removed when.
+"""
 
 from __future__ import annotations
 

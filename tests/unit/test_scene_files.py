@@ -131,8 +131,8 @@ def test_meshes_are_finite_and_sound(name):
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-4)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     cross = np.cross(b - a, c - a)
-    # the builder drops triangles below 2e-9 m2; float32 rounds coordinates up to 2.5 km, but small parts stay within 500 m
-    # (step 3e-5 m), where leaf cards of 1 m and tufts of 3 mm x 5 cm keep well above 1e-10 m2
+    # the builder drops triangles below 2e-9 m2; float32 rounds coordinates up to 2.5 km, but small parts stay within
+    # 500 m (step 3e-5 m), where leaf cards of 1 m and tufts of 3 mm x 5 cm keep well above 1e-10 m2
     assert (np.linalg.norm(cross, axis=1) / 2 > 1e-10).all()
     _, index = np.unique(np.round(vertices / 1e-5).astype(np.int64), axis=0, return_inverse=True)
     corners = np.sort(index.reshape(-1)[faces], axis=1)
@@ -156,7 +156,8 @@ def test_the_ground_faces_up():
         vertices, faces = _placed(SHAPES[name])
         a, b, c = (vertices[faces[:, k]] for k in range(3))
         z = np.cross(b - a, c - a)[:, 2]
-        # only the pavement's vertical edges have no upward part; they are exactly vertical up to rounding of 1e-5 m in 2 m
+        # only the pavement's vertical edges have no upward part; they are exactly vertical up to rounding of 1e-5 m in
+        # 2 m
         assert (z > -1e-4).all() and (z > 1e-3).mean() > 0.7, name
 
 

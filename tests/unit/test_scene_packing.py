@@ -95,12 +95,20 @@ def test_any_file_comes_back_as_it_was():
     noise = generator.integers(0, 256, (40, 40, 3), dtype=np.uint8)
     grid = np.round(generator.normal(size=(3, 3)), 5)
     files = {
-        "grid.ply": _ply(grid), "off_grid.ply": _ply(generator.normal(size=(3, 3))), "minus_zero.ply": _ply(-0.0 * grid),
-        "huge.ply": _ply(1e9 * grid), "broken.ply": b"ply\nelement vertex 7\n", "nan.ply": _ply(np.full((3, 3), np.nan)),
-        "few_colors.png": _png(noise // 128 * 255, optimize=True), "many_colors.png": _png(noise, optimize=True),
-        "grey.png": _png(noise[..., 0], optimize=True), "other_level.png": _png(noise, compress_level=1),
-        "alpha.png": _png(np.dstack([noise, noise[..., :1]])), "note.txt": b"\n\n", "empty": b"",
-    }  # fmt: skip
+        "grid.ply": _ply(grid),
+        "off_grid.ply": _ply(generator.normal(size=(3, 3))),
+        "minus_zero.ply": _ply(-0.0 * grid),
+        "huge.ply": _ply(1e9 * grid),
+        "broken.ply": b"ply\nelement vertex 7\n",
+        "nan.ply": _ply(np.full((3, 3), np.nan)),
+        "few_colors.png": _png(noise // 128 * 255, optimize=True),
+        "many_colors.png": _png(noise, optimize=True),
+        "grey.png": _png(noise[..., 0], optimize=True),
+        "other_level.png": _png(noise, compress_level=1),
+        "alpha.png": _png(np.dstack([noise, noise[..., :1]])),
+        "note.txt": b"\n\n",
+        "empty": b"",
+    }
     packed = packing.pack(files)
     assert packing.unpack(packed) == files
     assert packing.pack(dict(reversed(files.items()))) == packed
@@ -224,7 +232,8 @@ def test_an_installed_package_works_outside_of_a_checkout(tmp_path):
     assert done.returncode == 0, done.stderr
     code = (
         "import scarl_sionna as ss, scenes_xml; print(scenes_xml.__file__);"
-        "print(len(ss.load_scene('tunnel').actors), scenes_xml.scene_path('tunnel', 3, 'light'), scenes_xml.actor_path('bus'))"
+        "print(len(ss.load_scene('tunnel').actors), scenes_xml.scene_path('tunnel', 3, 'light'), "
+        "scenes_xml.actor_path('bus'))"
     )
     environment = {
         "PATH": "/usr/bin:/bin",

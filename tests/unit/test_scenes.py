@@ -1,4 +1,7 @@
-"""Every scene of the package: classes, lanes, actors on the ground and apart, variants and light levels, the same bytes again."""
+"""Every scene of the package.
+
+Classes, lanes, actors on the ground and apart, variants and light levels, the same bytes again.
+"""
 
 from __future__ import annotations
 
@@ -99,7 +102,7 @@ def _ray_down(state, starts, actors):
 
 @pytest.mark.parametrize("name", NEW)
 def test_actors_stand_on_the_ground(name):
-    """A ray down from 5 cm above the origin of each actor, which lies below its bodywork, in a world without its actors."""
+    """A ray down from 5 cm above the origin of each actor, below its bodywork, in a world without its actors."""
     world = world_of(name)
     for time in TIMES[::4]:
         state = world.at(time)
@@ -130,7 +133,10 @@ def test_nobody_runs_into_anybody_or_into_a_wall(name):
 
 
 def _is_solid(box) -> bool:
-    """Return whether a thing that stands fills its box and is no longer than a car: not crowns, arms of lamps, or what bends."""
+    """Return whether a thing that stands fills its box and is no longer than a car.
+
+    Not crowns, arms of lamps, or what bends.
+    """
     return bool(
         box.size[:2].max() < 6.0
         and SEMANTIC_CLASSES[box.semantic] in ("Car", "Static", "Dynamic", "TrafficSign", "Motorcycle", "Bicycle")
@@ -217,8 +223,13 @@ def test_variants_are_other_places_of_the_same_kind(name, cache_root):
 def test_a_variant_passes_what_the_scene_passes(name, variant, detail, cache_root, monkeypatch):
     world = ss.load_scene(name, variant=variant, detail=detail)
     monkeypatch.setitem(globals(), "world_of", lambda _: world)
-    for check in (test_lanes_are_a_network_and_lie_on_the_ground, test_actors_stand_on_the_ground, test_nobody_runs_into_anybody_or_into_a_wall,
-                  test_no_two_parts_of_the_place_overlap_in_a_plane, test_motion_is_smooth):  # fmt: skip
+    for check in (
+        test_lanes_are_a_network_and_lie_on_the_ground,
+        test_actors_stand_on_the_ground,
+        test_nobody_runs_into_anybody_or_into_a_wall,
+        test_no_two_parts_of_the_place_overlap_in_a_plane,
+        test_motion_is_smooth,
+    ):
         check(name)
 
 

@@ -64,8 +64,12 @@ def test_shapes_types_and_labels(state) -> None:
     for name, kind in (("instance", np.int32), ("interaction", np.int32), ("depth", np.int32), ("semantic", np.uint8)):
         assert getattr(paths, name).dtype == kind
     assert paths.instance.tolist() == [
-        [1, -1, -1, -1, -1], [77, -1, -1, -1, -1], [77, 1, -1, -1, -1], [1, 77, -1, -1, -1], [1, 77, 1, -1, -1]
-    ]  # fmt: skip
+        [1, -1, -1, -1, -1],
+        [77, -1, -1, -1, -1],
+        [77, 1, -1, -1, -1],
+        [1, 77, -1, -1, -1],
+        [1, 77, 1, -1, -1],
+    ]
     assert paths.interaction[4].tolist() == [1, 0, 1, -1, -1] and paths.depth.tolist() == [1, 1, 2, 2, 3]
     assert np.isfinite(paths.rx_image[0]).all() and np.isnan(paths.rx_image[1:]).all()
     assert set(paths.diagnostics) >= {"method", "num_samples", "max_depth", "overflow", "num_candidates", "seconds"}
@@ -166,8 +170,9 @@ def test_diffuse_scattering_has_lambert_power(tmp_path) -> None:
     # Mean of both polarisations, all that is received: half of the sum of the squared transfer
     expected = np.sum((te + tm) / 2 * pattern / distance**4) * cell * (RADAR.wavelength / (4 * np.pi)) ** 2
     found = 0.5 * np.sum(np.abs(rough.a) ** 2)
-    # Rays sample the sphere evenly and the kind of interaction at random. The weights cos / d^2 of the paths vary over the
-    # wall, so the relative error is the root of their mean square over their mean, over the root of their number: 5 of it.
+    # Rays sample the sphere evenly and the kind of interaction at random. The weights cos / d^2 of the paths vary over
+    # the wall, so the relative error is the root of their mean square over their mean, over the root of their number: 5
+    # of it.
     weights = np.sum(np.abs(rough.a) ** 2, axis=(1, 2))
     error = np.sqrt(np.mean(weights**2)) / np.mean(weights) / np.sqrt(len(weights))
     assert abs(found / expected - 1.0) < 5 * error < 0.15, found / expected
@@ -186,9 +191,14 @@ def test_bad_options_are_refused(state) -> None:
     with pytest.raises(UnknownNameError, match="setting of method 'sionna' 'num_sample'.*did you mean 'num_samples'"):
         solve(state, num_sample=3)
     for name, value in (
-        ("num_samples", 0), ("max_depth", -1), ("max_num_paths", 0), ("max_distance", 0.0), ("seed", -1),
-        ("on_overflow", "ignore"), ("max_depth", 1.5),
-    ):  # fmt: skip
+        ("num_samples", 0),
+        ("max_depth", -1),
+        ("max_num_paths", 0),
+        ("max_distance", 0.0),
+        ("seed", -1),
+        ("on_overflow", "ignore"),
+        ("max_depth", 1.5),
+    ):
         with pytest.raises(ParameterRangeError, match=name):
             solve(state, **{name: value})
     with pytest.raises(ParameterRangeError, match="max_depth.*give a state"):

@@ -93,12 +93,18 @@ OWN = [
     # Sionna's naming, as Blender exports it; a name of our table; Sionna's radio materials
     ('<bsdf type="diffuse" id="mat-itu_brick"/>', "mat-itu_brick", "brick"),
     pytest.param('<bsdf type="diffuse" id="asphalt_wet"/>', "asphalt_wet", "asphalt_wet", marks=SLOW),
-    ('<bsdf type="itu-radio-material" id="road"><string name="type" value="asphalt_concrete"/></bsdf>', "road", "asphalt_concrete"),
+    (
+        '<bsdf type="itu-radio-material" id="road"><string name="type" value="asphalt_concrete"/></bsdf>',
+        "road",
+        "asphalt_concrete",
+    ),
     pytest.param(
-        '<bsdf type="itu-radio-material" id="pane"><string name="type" value="clear_acrylic"/></bsdf>', "pane", "clear_acrylic",
+        '<bsdf type="itu-radio-material" id="pane"><string name="type" value="clear_acrylic"/></bsdf>',
+        "pane",
+        "clear_acrylic",
         marks=SLOW,
     ),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("bsdf", "used", "expected"), OWN)

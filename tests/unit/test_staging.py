@@ -1,4 +1,4 @@
-"""Actor models put into a scene are the same bodies as actors that are written in it by hand, and cost no BSDF twice."""
+"""Actor models put into a scene are the same bodies as actors written in it by hand, and cost no BSDF twice."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ TABLE = {
     "yaw_deg": 7.0,
     "angular_velocity_z": 0.2,
 }
-TOML = 'kind = "constant_twist"\nposition = [3.0, 1.0, 0.0]\nvelocity = [2.0, 0.3, 0.0]\nyaw_deg = 7.0\nangular_velocity_z = 0.2\n'
+TOML = (
+    'kind = "constant_twist"\nposition = [3.0, 1.0, 0.0]\nvelocity = [2.0, 0.3, 0.0]\nyaw_deg = '
+    "7.0\nangular_velocity_z = 0.2\n"
+)
 """The same motion for `trajectory_from_table` and in a scene.toml."""
 
 
@@ -159,7 +162,8 @@ def test_a_scene_toml_names_models(tmp_path):
     toml.write_text(
         toml.read_text().replace('name = "synthetic"', 'name = "synthetic"\nego = "ego"')
         + f'\n[[actors]]\nname = "ego"\nmodel = "saloon"\nvariant = "red"\n[actors.trajectory]\n{TOML}'
-        + f'\n[[actors]]\nname = "walker"\nmodel = "child"\ndetail = "light"\nphase = 0.25\n[actors.trajectory]\n{TOML.replace("2.0, 0.3", "1.0, 0.1")}'
+        + '\n[[actors]]\nname = "walker"\nmodel = "child"\ndetail = "light"\nphase = '
+        f"0.25\n[actors.trajectory]\n{TOML.replace('2.0, 0.3', '1.0, 0.1')}"
     )
     document = read_document(path, "light")
     again = stage(
@@ -204,7 +208,7 @@ def test_the_phase_moves_the_legs(tmp_path):
         ({"model": "saloone"}, UnknownNameError, "did you mean 'saloon'"),
         ({"model": "models/tractor"}, SceneError, "no actor model lies here"),
     ],
-)  # fmt: skip
+)
 def test_wrong_actors_are_told(change, error, words):
     with pytest.raises(error, match=words):
         StagedActor(**{"name": "car", "model": read_actor_model("saloon"), "trajectory": drive(), **change})

@@ -134,8 +134,12 @@ def test_plain_readers_understand_images_and_manifest(dataset_path) -> None:
     manifest = json.loads((dataset_path / "manifest.json").read_text())
     assert manifest["calibration"]["front/camera"]["intrinsics"] == CAMERA.intrinsics.tolist()
     assert manifest["schema"]["lidar"]["distance"] == {
-        "dtype": "float32", "axes": ["point"], "unit": "m", "description": "length along the ray", "storage": "array",
-    }  # fmt: skip
+        "dtype": "float32",
+        "axes": ["point"],
+        "unit": "m",
+        "description": "length along the ray",
+        "storage": "array",
+    }
     assert "a frame" not in (dataset_path / "README.md").read_text()
 
 
@@ -199,7 +203,10 @@ def test_a_chunk_is_one_frame_and_its_damage_is_seen() -> None:
 
 
 def test_compression_does_not_depend_on_the_thread() -> None:
-    """In the main thread Blosc uses threads of its own and orders its blocks by who is ready first: frames are never there."""
+    """In the main thread Blosc uses threads of its own and orders its blocks by who is ready first.
+
+    Frames are never there.
+    """
     info = ArrayInfo("int16", (1 << 20,), ("sample",))
     values = np.random.default_rng(0).normal(scale=300.0, size=1 << 20).astype(np.int16)
     with ThreadPoolExecutor(4) as pool:

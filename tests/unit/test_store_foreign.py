@@ -1,4 +1,7 @@
-"""Nothing of the user's is ever touched: foreign files stay byte for byte, and where they stand in the way nothing begins."""
+"""Nothing of the user's is ever touched.
+
+Foreign files stay byte for byte, and where they stand in the way nothing begins.
+"""
 
 from __future__ import annotations
 
@@ -64,17 +67,22 @@ def plant(out: Path, files: dict[str, str]) -> None:
 def tree(out: Path) -> dict[str, bytes | str | None]:
     """Return all that is in a folder: bytes of files, targets of links, None for folders."""
     return {
-        path.relative_to(out).as_posix(): os.readlink(path) if path.is_symlink() else path.read_bytes() if path.is_file() else None
+        path.relative_to(out).as_posix(): os.readlink(path)
+        if path.is_symlink()
+        else path.read_bytes()
+        if path.is_file()
+        else None
         for path in out.rglob("*")
-    }  # fmt: skip
+    }
 
 
 def ours(out: Path) -> dict[str, bytes | str | None]:
     """Return the files of the dataset."""
     return {
-        name: data for name, data in tree(out).items()
+        name: data
+        for name, data in tree(out).items()
         if data is not None and name not in OF_THE_USER and not name.startswith(".locks")
-    }  # fmt: skip
+    }
 
 
 def assert_the_users_files_are_there(out: Path) -> None:
@@ -139,7 +147,7 @@ FOREIGN_FOLDERS = {
     "a contact sheet": ({"contact_sheet.png": "of my photographs"}, "contact_sheet.png"),
     "a file where a folder belongs": ({"images": "a list of images"}, "images"),
     "work of somebody": ({".work": "a file"}, ".work"),
-}  # fmt: skip
+}  # fmt: skip # a table
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -248,7 +256,7 @@ LOSSES = [
     ["shards"], ["shards/a"], ["arrays"], ["arrays/a"], ["images"], ["images/a"], ["arrays", "images"],
     ["shards", "arrays", "images"], ["shards/a/000000.json", "shards/a/000001.json", "shards/a/000002.json"],
     ["arrays/a/zarr.json", "shards/a"],
-]  # fmt: skip
+]  # fmt: skip # a table
 
 
 @pytest.mark.parametrize("lost", LOSSES, ids=" ".join)
@@ -266,8 +274,18 @@ def test_repair_of_a_scene_that_lost_all_of_its_shards(whole, tmp_path, lost) ->
     assert ours(out) == ours(whole)
 
 
-@pytest.mark.parametrize("name", [PNG, "shards/a/000001.json", "shards/a/000001.frames.json", "arrays/a/radar/adc/c/1/0/0/0/0",
-                                  "arrays/a/radar/adc/zarr.json", "manifest.json", "manifest.backup.json"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name",
+    [
+        PNG,
+        "shards/a/000001.json",
+        "shards/a/000001.frames.json",
+        "arrays/a/radar/adc/c/1/0/0/0/0",
+        "arrays/a/radar/adc/zarr.json",
+        "manifest.json",
+        "manifest.backup.json",
+    ],
+)
 def test_repair_of_an_empty_folder_in_the_place_of_a_file(whole, tmp_path, name) -> None:
     out = tmp_path / "out"
     shutil.copytree(whole, out)

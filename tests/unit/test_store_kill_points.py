@@ -1,7 +1,9 @@
-"""A process that is killed at any step of its work on the disk: the next run loses nothing, makes the same bytes and cleans up.
+"""A process that is killed at any step of its work on the disk.
 
-Each step (a rename, a removal, a new folder) is one kill point: all of them are tried, so that what a kill at a random moment
-finds only now and then is found every time.
+The next run loses nothing, makes the same bytes and cleans up.
+
+Each step (a rename, a removal, a new folder) is one kill point: all of them are tried, so that what a kill at a random
+moment finds only now and then is found every time.
 """
 
 from __future__ import annotations
@@ -99,8 +101,10 @@ def contents(out: Path) -> dict[str, bytes]:
     """Return every file, that of the two locks that stay left out."""
     names = [path for path in out.rglob("*") if path.is_file()]
     return {
-        path.relative_to(out).as_posix(): path.read_bytes() for path in names if path.name not in ("run.lock", "manifest.lock")
-    }  # fmt: skip
+        path.relative_to(out).as_posix(): path.read_bytes()
+        for path in names
+        if path.name not in ("run.lock", "manifest.lock")
+    }
 
 
 def assert_tidy(out: Path, expected: dict[str, bytes]) -> None:
@@ -177,7 +181,10 @@ def test_killed_at_every_step_of_tidying_up(frames, expected, tmp_path, monkeypa
 
 @pytest.mark.parametrize("lost", [(), ("manifest.json", "manifest.backup.json")])
 def test_killed_at_every_eighth_step_of_an_overwrite(frames, expected, tmp_path, lost) -> None:
-    """A later run without it either goes on rightly or refuses; with it, only the new dataset and the user's files are there."""
+    """A later run without it either goes on rightly or refuses.
+
+    With it, only the new dataset and the user's files are there.
+    """
     old = tmp_path / "old"
     run(old, frames, seed=7)
     foreign_files = {".work/mine": "mine"} if lost else FOREIGN

@@ -1,4 +1,7 @@
-"""verify finds every planted fault, repair removes what is damaged, the next export makes it again; and nothing leads out."""
+"""verify finds every planted fault, repair removes what is damaged, the next export makes it again.
+
+And nothing leads out.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +92,11 @@ FAULTS = {
     "a byte of a radar shard": (flip(ADC), ADC, "checksum is wrong"),
     "the first byte of an index": (flip(ADC, 1.0), ADC, "checksum is wrong"),
     "a truncated shard": (cut(ADC), ADC, "bytes"),
-    "a lost shard": (remove("arrays/a/front/lidar/position/c/2/0/0"), "arrays/a/front/lidar/position/c/2/0/0", "not there"),
+    "a lost shard": (
+        remove("arrays/a/front/lidar/position/c/2/0/0"),
+        "arrays/a/front/lidar/position/c/2/0/0",
+        "not there",
+    ),
     "a byte of an image": (flip(PNG), PNG, "checksum is wrong"),
     "a lost image": (remove(PNG), PNG, "is not there"),
     "two images that changed places": (swap(PNG, PNG.replace("4.png", "5.png")), PNG, "bytes|checksum is wrong"),
@@ -98,29 +105,55 @@ FAULTS = {
     "a record that is no JSON": (cut(RECORD), RECORD, "the record of a shard is damaged"),
     "a record of fewer frames": (edit(RECORD, lambda d: d["frames"].pop()), RECORD, "holds the frames"),
     "a record of another configuration": (
-        edit(RECORD, lambda d: d.update(configuration="0" * 64)), RECORD, "made with another configuration"),
+        edit(RECORD, lambda d: d.update(configuration="0" * 64)),
+        RECORD,
+        "made with another configuration",
+    ),
     "a record that leads out": (
-        edit(RECORD, lambda d: d["files"].update({"../../../etc/passwd": [1, "x"]})), RECORD, "could lead out of the dataset"),
+        edit(RECORD, lambda d: d["files"].update({"../../../etc/passwd": [1, "x"]})),
+        RECORD,
+        "could lead out of the dataset",
+    ),
     "a record with an absolute path": (
-        edit(RECORD, lambda d: d["files"].update({"/etc/passwd": [1, "x"]})), RECORD, "could lead out of the dataset"),
+        edit(RECORD, lambda d: d["files"].update({"/etc/passwd": [1, "x"]})),
+        RECORD,
+        "could lead out of the dataset",
+    ),
     "a record that names a file of no shard": (
-        edit(RECORD, lambda d: d["files"].update({"README.md": [1, "x"]})), "README.md", "no place for data of a shard"),
+        edit(RECORD, lambda d: d["files"].update({"README.md": [1, "x"]})),
+        "README.md",
+        "no place for data of a shard",
+    ),
     "a checksum in the manifest": (
-        edit("manifest.json", lambda d: d["shards"]["a"][1].__setitem__(0, "0" * 64)), RECORD, "not that of the manifest"),
+        edit("manifest.json", lambda d: d["shards"]["a"][1].__setitem__(0, "0" * 64)),
+        RECORD,
+        "not that of the manifest",
+    ),
     "a count in the manifest": (
-        edit("manifest.json", lambda d: d["shards"]["a"][1].__setitem__(1, 2)), "manifest.json", "not what follows"),
+        edit("manifest.json", lambda d: d["shards"]["a"][1].__setitem__(1, 2)),
+        "manifest.json",
+        "not what follows",
+    ),
     "units in the metadata of an array": (
         edit("arrays/a/front/lidar/distance/zarr.json", lambda d: d["attributes"].update(units="km")),
-        "arrays/a/front/lidar/distance/zarr.json", "not what the schema says"),
+        "arrays/a/front/lidar/distance/zarr.json",
+        "not what the schema says",
+    ),
     "lost metadata of an array": (
-        remove("arrays/a/radar/adc/zarr.json"), "arrays/a/radar/adc/zarr.json", "is not there"),
+        remove("arrays/a/radar/adc/zarr.json"),
+        "arrays/a/radar/adc/zarr.json",
+        "is not there",
+    ),
     "a picture of a frame that its shard does not hold": (
-        edit(RECORD, lambda d: d["files"].pop(PNG)), PNG, "belongs to no finished shard"),
+        edit(RECORD, lambda d: d["files"].pop(PNG)),
+        PNG,
+        "belongs to no finished shard",
+    ),
     "a lost card": (remove("README.md"), "README.md", "is not there"),
     "a lost manifest": (remove("manifest.json"), "manifest.json", "its copy manifest.backup.json is whole"),
     "a manifest that is cut": (cut("manifest.json"), "manifest.json", "its copy manifest.backup.json is whole"),
     "a copy of the manifest that is cut": (cut("manifest.backup.json"), "manifest.backup.json", "cannot read"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("fault", FAULTS)

@@ -13,7 +13,7 @@ from scarl_sionna.core.errors import ScarlWarning, SimulatorError, TrajectoryFil
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.checks.motion import check_ground, check_motion
-from scarl_sionna.scenario.motion.bodies import Body
+from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.tables import read_table
 from scarl_sionna.scenario.spec.actors import TrafficSpec
@@ -23,9 +23,9 @@ from scarl_sionna.scene.document.find import find_scene
 from scarl_sionna.scene.document.scene_file import read_document
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
-BODIES = {name: Body() for name in ("saloon", "small_car", "suv", "van")} | {
-    "bus": Body(12.0, 2.5, 3.0, 6.0, -3.0),
-    "adult_man": Body(0.55, 0.6, 1.75, 0.0, 0.0, "walk"),
+BODIES = {name: ActorBody() for name in ("saloon", "small_car", "suv", "van")} | {
+    "bus": ActorBody(12.0, 2.5, 3.0, 6.0, -3.0),
+    "adult_man": ActorBody(0.55, 0.6, 1.75, 0.0, 0.0, "walk"),
 }
 
 
@@ -34,11 +34,14 @@ def fcd(rows: str) -> str:
 
 
 def north(step: float = 0.5, stop: float = 6.0) -> str:
-    """Return a car that goes north at 10 m/s and a person who goes east at 1.5 m/s, as SUMO writes them (two decimals)."""
+    """Return a car going north at 10 m/s and a person going east at 1.5 m/s, as SUMO writes them (two decimals)."""
     text = ""
     for time in np.arange(0.0, stop + 1e-9, step):
         text += f'<timestep time="{time:.2f}">'
-        text += f'<vehicle id="c" x="100.00" y="{10.0 * time:.2f}" angle="0.00" type="city_bus" speed="10.00" pos="1" lane="e_0"/>'
+        text += (
+            f'<vehicle id="c" x="100.00" y="{10.0 * time:.2f}" angle="0.00" type="city_bus" speed="10.00" '
+            'pos="1" lane="e_0"/>'
+        )
         text += f'<person id="p" x="{1.5 * time:.2f}" y="3.00" angle="90.00" type="ped" speed="1.50"/></timestep>'
     return fcd(text)
 
@@ -102,7 +105,8 @@ def test_a_wrong_file_is_told(tmp_path: Path, text: str, message: str) -> None:
 
 def test_teleports_and_single_instants_are_left_out(tmp_path: Path) -> None:
     text = "".join(
-        f'<timestep time="{time}"><vehicle id="t" x="{10.0 * time + (900.0 if time > 2 else 0.0)}" y="0" angle="90" type="car"/></timestep>'
+        f'<timestep time="{time}"><vehicle id="t" x="{10.0 * time + (900.0 if time > 2 else 0.0)}" y="0" angle="90" '
+        'type="car"/></timestep>'
         for time in range(5)
     )
     path = tmp_path / "f.xml"
@@ -114,7 +118,7 @@ def test_teleports_and_single_instants_are_left_out(tmp_path: Path) -> None:
     )
 
 
-def _inside(actors: list[PlannedActor], times: np.ndarray) -> list[tuple[str, PathTrajectory, Body, np.ndarray]]:
+def _inside(actors: list[PlannedActor], times: np.ndarray) -> list[tuple[str, PathTrajectory, ActorBody, np.ndarray]]:
     rows = []
     for actor in actors:
         present = times[(times >= actor.active[0] + 0.01) & (times <= actor.active[1] - 0.01)]
@@ -219,11 +223,13 @@ def test_configuration_of_sumo(tmp_path: Path) -> None:
     )
     assert roads.entries == ("a",)
     (tmp_path / "r.rou.xml").write_text(
-        '<routes><vType id="my_bus" length="12" maxSpeed="10"/><vehicle id="b" type="my_bus" depart="0" departSpeed="max">'
+        '<routes><vType id="my_bus" length="12" maxSpeed="10"/><vehicle id="b" type="my_bus" depart="0" '
+        'departSpeed="max">'
         '<route edges="a"/></vehicle></routes>'
     )
     (tmp_path / "s.sumocfg").write_text(
-        '<configuration><input><net-file value="lanes.net.xml"/><route-files value="r.rou.xml"/></input></configuration>'
+        '<configuration><input><net-file value="lanes.net.xml"/><route-files '
+        'value="r.rou.xml"/></input></configuration>'
     )
     (bus,) = run_sumo(tmp_path / "s.sumocfg", (0.0, 5.0), conversion=Conversion(models=BODIES))
     assert bus.model == "bus" and bus.trajectory.twist(2.0).linear == pytest.approx([10.0, 0.0, 0.0], abs=0.5)
@@ -237,18 +243,22 @@ def test_configuration_of_sumo(tmp_path: Path) -> None:
 
 
 COMMONROAD = """<?xml version='1.0' encoding='UTF-8'?>
-<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" author="" affiliation="" source="" benchmarkID="ZAM_Tiny-1_1_T-1" date="2026-01-01">
-<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location><scenarioTags><urban/></scenarioTags>
+<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" author="" affiliation="" source=""
+benchmarkID="ZAM_Tiny-1_1_T-1" date="2026-01-01">
+<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>
+<scenarioTags><urban/></scenarioTags>
 <lanelet id="1"><leftBound><point><x>0</x><y>2</y></point><point><x>200</x><y>2</y></point></leftBound>
 <rightBound><point><x>0</x><y>-2</y></point><point><x>200</x><y>-2</y></point></rightBound><laneletType>urban</laneletType></lanelet>
 <dynamicObstacle id="10"><type>bus</type><shape><rectangle><length>12</length><width>2.5</width></rectangle></shape>
 <initialState>{first}<velocity><exact>10</exact></velocity></initialState><trajectory>{states}</trajectory></dynamicObstacle>
-<planningProblem id="100"><initialState>{first}<velocity><exact>1</exact></velocity><yawRate><exact>0</exact></yawRate><slipAngle><exact>0</exact></slipAngle>
+<planningProblem id="100"><initialState>{first}<velocity><exact>1</exact></velocity>
+<yawRate><exact>0</exact></yawRate><slipAngle><exact>0</exact></slipAngle>
 </initialState><goalState><time><intervalStart>10</intervalStart><intervalEnd>20</intervalEnd></time></goalState></planningProblem></commonRoad>"""
 
 
 def commonroad_state(step: int) -> str:
-    return f"<position><point><x>{5 + step}.0</x><y>0</y></point></position><orientation><exact>0</exact></orientation><time><exact>{step}</exact></time>"
+    place = f"<position><point><x>{5 + step}.0</x><y>0</y></point></position>"
+    return f"{place}<orientation><exact>0</exact></orientation><time><exact>{step}</exact></time>"
 
 
 def test_commonroad(tmp_path: Path) -> None:

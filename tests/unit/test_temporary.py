@@ -20,9 +20,12 @@ def test_what_a_killed_process_left_is_removed_and_nothing_else(tmp_path, monkey
     (left,) = tmp_path.iterdir()
     prefix = left.name.split(str(process))[0]
     others = [
-        f"{prefix}{os.getppid()}_running1", f"{prefix}notes", "scarl_sionna_elsewhere_999999999_x", f"my_{prefix}999999999_x",
+        f"{prefix}{os.getppid()}_running1",
+        f"{prefix}notes",
+        "scarl_sionna_elsewhere_999999999_x",
+        f"my_{prefix}999999999_x",
         f"{prefix}999999999_a.b",
-    ]  # fmt: skip
+    ]
     for name in others:
         (tmp_path / name).mkdir()
     (tmp_path / f"{prefix}999999999_file").write_text("a file")

@@ -11,7 +11,7 @@ import pytest
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.scenario.checks.collisions import find_collisions
 from scarl_sionna.scenario.checks.motion import check_motion
-from scarl_sionna.scenario.motion.bodies import WALKER, Body
+from scarl_sionna.scenario.motion.bodies import WALKER, ActorBody
 from scarl_sionna.scenario.motion.paths import PathTrajectory, sample_motion
 from scarl_sionna.scenario.motion.profiles import SpeedProfile
 from scarl_sionna.scenario.motion.routes import Route
@@ -22,10 +22,16 @@ from scarl_sionna.scenario.traffic.simulated import simulate_traffic
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
 BODIES = {
-    "saloon": Body(), "small_car": Body(3.9, 1.7, 1.5, 2.5, -1.25), "suv": Body(4.7, 1.9, 1.7, 2.8, -1.4),
-    "van": Body(5.6, 2.0, 2.4, 3.4, -1.6), "lorry": Body(9.0, 2.5, 3.6, 5.2, -2.6), "bicycle": Body(1.8, 0.6, 1.75, 1.1, -0.55, "cycle"),
-    "adult_man": WALKER, "adult_woman": WALKER, "child": WALKER,
-}  # fmt: skip
+    "saloon": ActorBody(),
+    "small_car": ActorBody(3.9, 1.7, 1.5, 2.5, -1.25),
+    "suv": ActorBody(4.7, 1.9, 1.7, 2.8, -1.4),
+    "van": ActorBody(5.6, 2.0, 2.4, 3.4, -1.6),
+    "lorry": ActorBody(9.0, 2.5, 3.6, 5.2, -2.6),
+    "bicycle": ActorBody(1.8, 0.6, 1.75, 1.1, -0.55, "cycle"),
+    "adult_man": WALKER,
+    "adult_woman": WALKER,
+    "child": WALKER,
+}
 Table = dict[str, object]
 
 
@@ -54,8 +60,10 @@ def crossing(signals: bool = True) -> LaneNetwork:
         ]
         ways = {"straight": (arm + 2) % 4, "right": (arm + 3) % 4, "left": (arm + 1) % 4}
         inbound: Table = {
-            "name": f"in_{arm}", "points": [[*pose[1], 0.0], [*pose[0], 0.0]], "next": [f"{way}_{arm}" for way in ways],
-        }  # fmt: skip
+            "name": f"in_{arm}",
+            "points": [[*pose[1], 0.0], [*pose[0], 0.0]],
+            "next": [f"{way}_{arm}" for way in ways],
+        }
         if signals:
             inbound["signal"] = "main" if arm % 2 == 0 else "side"
         elif arm % 2 == 1:
@@ -88,7 +96,7 @@ def bytes_of(actors: list[PlannedActor]) -> bytes:
     return b"".join(rows)
 
 
-def boxes(actors: list[PlannedActor]) -> list[tuple[str, object, Body]]:
+def boxes(actors: list[PlannedActor]) -> list[tuple[str, object, ActorBody]]:
     return [(actor.name, actor.trajectory, actor.body) for actor in actors]
 
 
@@ -134,7 +142,7 @@ def test_who_is_there(busy: list[PlannedActor]) -> None:
 
 
 def test_nobody_passes_a_red_signal(busy: list[PlannedActor]) -> None:
-    """Whoever crosses a stop line does so by green, or within the time in which a driver could not have stopped any more."""
+    """A stop line is crossed by green, or within the time in which a driver could not have stopped any more."""
     network = crossing()
     assert network.signals is not None
     crossed = 0
@@ -179,8 +187,8 @@ def test_right_of_way_without_signals() -> None:
 
 
 def test_idm_equilibrium() -> None:
-    """In equilibrium behind a leader of the same speed, the gap is (s0 + v T) / sqrt(1 - (v / v0)^4) (Treiber 2000, Eq. 4)."""
-    driver = Driver(Body(), [0], 0.0, 10.0, 1.5, 1.4, 2.0, 2.0, 1.0, 60.0)
+    """In equilibrium behind a leader the gap is (s0 + v T) / sqrt(1 - (v / v0)^4) (Treiber 2000, Eq. 4)."""
+    driver = Driver(ActorBody(), [0], 0.0, 10.0, 1.5, 1.4, 2.0, 2.0, 1.0, 60.0)
     gap = (2.0 + 10.0 * 1.5) / np.sqrt(1.0 - (10.0 / 15.0) ** 4)
     assert driver.follow(gap, 0.0, 15.0) == pytest.approx(0.0, abs=1e-12)
     assert driver.follow(0.8 * gap, 0.0, 15.0) < 0.0 < driver.follow(1.2 * gap, 0.0, 15.0)
@@ -188,11 +196,11 @@ def test_idm_equilibrium() -> None:
 
 def test_traffic_follows_a_given_actor() -> None:
     network = lanes_from_tables([{"name": "a", "points": [[0.0, 0.0, 0.0], [300.0, 0.0, 0.0]]}])
-    ego = Route(network, ["a"]).trajectory(60.0, SpeedProfile(3.0), model=Body(), duration=20.0)
+    ego = Route(network, ["a"]).trajectory(60.0, SpeedProfile(3.0), model=ActorBody(), duration=20.0)
     actors = simulate_traffic(
-        network, TrafficSpec(density=20.0, seed=5), (0.0, 20.0), models=BODIES, others=[(ego, Body())]
+        network, TrafficSpec(density=20.0, seed=5), (0.0, 20.0), models=BODIES, others=[(ego, ActorBody())]
     )
-    assert find_collisions([("ego", ego, Body()), *boxes(actors)], np.linspace(0.0, 20.0, 401)) == []  # type: ignore[list-item]
+    assert find_collisions([("ego", ego, ActorBody()), *boxes(actors)], np.linspace(0.0, 20.0, 401)) == []  # type: ignore[list-item]
     behind = [one for one in actors if one.trajectory.pose(0.0).position[0] < 60.0]
     assert behind and all(one.trajectory.pose(20.0).position[0] < ego.pose(20.0).position[0] for one in behind)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError, TrajectoryFileError, UnknownNameError
-from scarl_sionna.scenario.motion.bodies import WALKER, Body
+from scarl_sionna.scenario.motion.bodies import WALKER, ActorBody
 from scarl_sionna.scenario.motion.paths import LateralShift, PathTrajectory, SmoothPath, quintic_step
 from scarl_sionna.scenario.motion.profiles import SpeedProfile, constant_way, smooth_way
 from scarl_sionna.scenario.motion.recorded import Record, smooth_record
@@ -17,7 +17,7 @@ from scarl_sionna.scenario.motion.routes import Route, route_points, vehicle_tra
 from scarl_sionna.scenario.motion.tables import read_table, read_table_actors, write_table
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 
-CAR = Body(4.6, 1.8, 1.45, 2.7, -1.35)
+CAR = ActorBody(4.6, 1.8, 1.45, 2.7, -1.35)
 
 
 def hill_and_bend() -> LaneNetwork:
@@ -84,7 +84,7 @@ def test_rear_axle_has_no_slip_and_both_axles_stand_on_the_road() -> None:
 
 
 def test_turning_circle() -> None:
-    """In the middle of a bend of radius R the yaw rate is v / R, and the middle of the car is outside by the lever's square / 2R."""
+    """Mid-bend of radius R the yaw rate is v / R, and the car's middle is outside by the lever's square / 2R."""
     radius, speed = 15.0, 6.0
     angle = np.linspace(0.0, np.pi, 40)
     points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros_like(angle)])
@@ -179,7 +179,8 @@ def test_lane_change_in_one_step_is_drawn_out() -> None:
     fine = np.linspace(0.0, 10.0, 2001)
     position, _, _, velocity, angular = motion.sample(fine)
     assert position[0, 1] == pytest.approx(0.0, abs=0.01) and position[-1, 1] == pytest.approx(3.2, abs=0.01)
-    # quintic over 3 s: lateral speed at most 1.875 * 3.2 / 3 s = 2 m/s, lateral acceleration at most 5.77 * 3.2 / 9 = 2.05 m/s2
+    # quintic over 3 s: lateral speed at most 1.875 * 3.2 / 3 s = 2 m/s, lateral acceleration at most 5.77 * 3.2 / 9 =
+    # 2.05 m/s2
     assert np.abs(velocity[:, 1]).max() == pytest.approx(2.0, rel=0.1)
     assert np.abs(angular[:, 2] * motion.speed(fine)).max() < 2.05 * 1.25
     assert np.abs(np.diff(position, axis=0)).max() < 13.0 * 0.005

@@ -1,4 +1,7 @@
-"""Meshes of a user's own as actors: read, turned upright, put on the ground, and refused with a remedy where they cannot be right."""
+"""Meshes of a user's own as actors.
+
+Read, turned upright, put on the ground, and refused with a remedy where they cannot be right.
+"""
 
 from __future__ import annotations
 
@@ -210,7 +213,8 @@ def test_a_kept_folder_can_be_named_in_a_scene(tmp_path):
     toml = path.parent / "scene.toml"
     toml.write_text(
         toml.read_text()
-        + '\n[[actors]]\nname = "mine"\nmodel = "models/wedge"\n[actors.trajectory]\nkind = "static"\nposition = [0.0, 0.0, 0.0]\n'
+        + '\n[[actors]]\nname = "mine"\nmodel = "models/wedge"\n[actors.trajectory]\nkind = "static"\nposition = '
+        "[0.0, 0.0, 0.0]\n"
     )
     assert ss.load_scene(path).at(0.0).boxes()[-1].name == "mine"
 
@@ -230,9 +234,13 @@ def test_the_same_mesh_gives_the_same_folder():
         ({"scale": 0.0}, ParameterRangeError, "scale"),
         ({"up": "w"}, UnknownNameError, "axis `up`"),
         ({"up": "z", "forward": "-z"}, ParameterRangeError, "across"),
-        ({"joints": [{"kind": "wheel", "shapes": ["weel"], "center": [0, 0, 0], "radius": 1}]}, UnknownNameError, "part in the joints"),
+        (
+            {"joints": [{"kind": "wheel", "shapes": ["weel"], "center": [0, 0, 0], "radius": 1}]},
+            UnknownNameError,
+            "part in the joints",
+        ),
     ],
-)  # fmt: skip
+)
 def test_wrong_options_are_told(options, error, words):
     with pytest.raises(error, match=words):
         ss.actor_from_mesh(body(), **{"name": "wedge", **options})

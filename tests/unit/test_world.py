@@ -258,10 +258,14 @@ def test_bad_meshes(tmp_path: Path) -> None:
         ('[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]\ncolour="red"', UnknownNameError, "colour"),
         ('[scene]\nego="x"\n[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]', UnknownNameError, "ego"),
         ('[scene]\nname="n"', SceneError, "belong to no instance: box"),
-        ('[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]\n[materials.concrete]\nradio="concrete"\n'
-         "lidar_reflectance=1.5", MaterialError, "1.5"),
+        (
+            '[[instances]]\nname="x"\nclass="Car"\nshapes=["box"]\n[materials.concrete]\nradio="concrete"\n'
+            "lidar_reflectance=1.5",
+            MaterialError,
+            "1.5",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_toml(tmp_path: Path, toml: str, error: type[Exception], message: str) -> None:
     path = _write(tmp_path)
     (tmp_path / "scene.toml").write_text(toml)

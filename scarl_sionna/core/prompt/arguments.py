@@ -24,7 +24,7 @@ LEAST_FREQUENCY = 1e6
 """No carrier is lower [Hz]: 77 is 77 GHz written in another unit."""
 
 
-def expect(name: str, value: Any, kind: type | tuple[type, ...], remedy: str) -> None:
+def expect(name: str, value: object, kind: type | tuple[type, ...], remedy: str) -> None:
     """Raise if an argument is not of a type.
 
     Parameters
@@ -46,7 +46,7 @@ def expect(name: str, value: Any, kind: type | tuple[type, ...], remedy: str) ->
         raise InputTypeError(name, value, " or ".join(f"a {one.__name__}" for one in kinds), remedy)
 
 
-def number(name: str, value: Any, remedy: str) -> float:
+def number(name: str, value: object, remedy: str) -> float:
     """Return one number, whatever numeric type it has.
 
     Raises
@@ -54,12 +54,13 @@ def number(name: str, value: Any, remedy: str) -> float:
     InputTypeError
         If it is a text, a list or no number at all.
     """
-    if isinstance(value, bool | str) or np.ndim(value) or not np.isreal(value):
+    known: Any = value  # NumPy says what it is
+    if isinstance(value, bool | str) or np.ndim(known) or not np.isreal(known):
         raise InputTypeError(name, value, "one number", remedy)
-    return float(value)
+    return float(known)
 
 
-def numbers(name: str, values: Any, count: int, what: str, remedy: str = "") -> npt.NDArray[np.float64]:
+def numbers(name: str, values: object, count: int, what: str, remedy: str = "") -> npt.NDArray[np.float64]:
     """Return `count` finite numbers as a new array.
 
     Raises
@@ -107,6 +108,6 @@ def check_frequency(name: str, frequency: npt.ArrayLike) -> None:
         raise ParameterRangeError(name, f"{value} Hz", f">= {LEAST_FREQUENCY:g} Hz and finite", remedy)
 
 
-def _shown(values: Any) -> str:
+def _shown(values: object) -> str:
     text = repr(values.tolist() if isinstance(values, np.ndarray) else values)
     return text if len(text) <= 60 else text[:57] + "..."

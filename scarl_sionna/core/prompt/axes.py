@@ -1,4 +1,7 @@
-"""Axes of plots: made where none are given, with units, colour bars and the same look everywhere. Matplotlib is imported here, late."""
+"""Axes of plots: made where none are given, with units, colour bars and the same look everywhere.
+
+Matplotlib is imported here, late.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,8 @@ from scarl_sionna.core.errors import ParameterRangeError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colorbar import Colorbar
 
 DYNAMIC_RANGE_DB = 60.0
 """Powers farther below the peak have the darkest colour [dB]."""
@@ -33,7 +38,7 @@ def axes_or_new(ax: Axes | None, width: float = 7.0, height: float = 4.6) -> Axe
     return made
 
 
-def colour_bar(axis: Axes, image: Any, label: str, extend: str = "neither") -> Any:
+def colour_bar(axis: Axes, image: ScalarMappable, label: str, extend: str = "neither") -> Colorbar:
     """Return a colour bar to the right of axes, as high as they are."""
     bar = axis.figure.colorbar(image, cax=axis.inset_axes((1.02, 0.0, 0.028, 1.0)), extend=extend)
     bar.set_label(label)
@@ -60,9 +65,16 @@ def draw_power(
 ) -> None:
     """Draw a power map [dBm] with its colour bar; `x` and `y` are lines of cell centres, or grids of them."""
     image = axis.pcolormesh(
-        x, y, power_dbm, cmap=POWER_MAP, vmin=limits[0], vmax=limits[1], shading="nearest" if x.ndim == 1 else "gouraud",
-        rasterized=True, antialiased=False,
-    )  # fmt: skip
+        x,
+        y,
+        power_dbm,
+        cmap=POWER_MAP,
+        vmin=limits[0],
+        vmax=limits[1],
+        shading="nearest" if x.ndim == 1 else "gouraud",
+        rasterized=True,
+        antialiased=False,
+    )
     axis.set_facecolor(image.get_cmap()(0.0))
     colour_bar(axis, image, "power [dBm]", extend="min")
 

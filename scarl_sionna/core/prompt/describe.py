@@ -6,9 +6,12 @@ import html
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import PurePath
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Row = tuple[str, str]
 """Name of a fact, and the fact."""
@@ -25,20 +28,20 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, 
 class Described:
     """An object that shows itself as a table; a dataclass gives its fields.
 
-    ``class Echo(Described, units={"range": "m"})`` states the units of fields. A dataclass needs ``repr=False``, since it would
-    write a ``__repr__`` of its own.
+    ``class Echo(Described, units={"range": "m"})`` states the units of fields. A dataclass needs ``repr=False``, since
+    it would write a ``__repr__`` of its own.
     """
 
     _units: ClassVar[Mapping[str, str]] = {}
 
-    def __init_subclass__(cls, units: Mapping[str, str] | None = None, **others: Any) -> None:
+    def __init_subclass__(cls, units: Mapping[str, str] | None = None, **others: object) -> None:
         super().__init_subclass__(**others)
         if units is not None:
             cls._units = dict(units)
 
     def _facts(self) -> Iterable[Row]:
         """Return the rows of the table; by default the fields that are not None."""
-        return field_rows(self)
+        return field_rows(self)  # type: ignore[arg-type]  # a subclass that is no dataclass has rows of its own
 
     def __repr__(self) -> str:
         return text_table(type(self).__name__, self._facts())
@@ -47,7 +50,7 @@ class Described:
         return html_table(type(self).__name__, self._facts())
 
 
-def field_rows(item: Any, without: Iterable[str] = ()) -> list[Row]:
+def field_rows(item: DataclassInstance, without: Iterable[str] = ()) -> list[Row]:
     """Return a row for every field of a dataclass that is not None."""
     units, left_out = getattr(item, "_units", {}), set(without)
     names = (entry.name for entry in fields(item) if entry.name not in left_out and not entry.name.startswith("_"))
@@ -84,7 +87,7 @@ def clipped(text: str, width: int = MAX_WIDTH) -> str:
     return line if len(line) <= width else line[: width - 3] + "..."
 
 
-def value_text(value: Any, unit: str = "") -> str:
+def value_text(value: object, unit: str = "") -> str:
     """Return a value in a few words: shape and type of an array, never its numbers but for the ends of an axis."""
     if isinstance(value, np.ndarray):
         return array_text(value, unit)
@@ -102,7 +105,10 @@ def value_text(value: Any, unit: str = "") -> str:
 
 
 def array_text(values: np.ndarray, unit: str = "") -> str:
-    """Return type and shape of an array, and the ends of a line of numbers: ``float64 (512,), 0 to 255.5 m``; up to four as such."""
+    """Return type and shape of an array, and the ends of a line of numbers: ``float64 (512,), 0 to 255.5 m``.
+
+    Up to four as such.
+    """
     after = f" [{unit}]" if unit else ""
     text = f"{values.dtype} {values.shape}"
     if values.ndim != 1 or not len(values) or values.dtype.kind not in "fiu":
@@ -134,7 +140,7 @@ def vector(values: Iterable[float], unit: str = "") -> str:
     return f"[{inside}]" + (f" {unit}" if unit else "")
 
 
-def short(value: Any) -> str:
+def short(value: object) -> str:
     """Return a value in one line: its own repr where that is one, else the name of its type."""
     if isinstance(value, np.ndarray):
         return array_text(value)

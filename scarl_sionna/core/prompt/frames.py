@@ -19,7 +19,10 @@ class _Known:
 
 
 def plot_frames_with(plot: FramePlot) -> None:
-    """Let `Frame.plot` call a function from now on. The radar maps of a contact sheet need packages that `core` does not know."""
+    """Let `Frame.plot` call a function from now on.
+
+    The radar maps of a contact sheet need packages that `core` does not know.
+    """
     _Known.plot = plot
 
 

@@ -15,15 +15,21 @@ from .axes import DARK, DEPTH_MAP, NOTHING, VELOCITY_MAP, axes_or_new, centred, 
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Colormap, Normalize
 
     from scarl_sionna.core.specs.camera import CameraSpec
 
 NEAREST_DEPTH = 1.0
 """First colour of the depth maps [m]."""
 LIDAR_COLORS: Mapping[str, str] = {
-    "radial_velocity": "radial velocity [m/s], opening is positive", "distance": "distance [m]", "intensity": "intensity [dB]",
-    "reflectance": "reflectance", "height": "z, up [m]", "time": "time of the shot [s]",
-}  # fmt: skip
+    "radial_velocity": "radial velocity [m/s], opening is positive",
+    "distance": "distance [m]",
+    "intensity": "intensity [dB]",
+    "reflectance": "reflectance",
+    "height": "z, up [m]",
+    "time": "time of the shot [s]",
+}
 """What a point's colour can stand for, and the label of its bar."""
 
 
@@ -107,9 +113,18 @@ def draw_classes(
     by_size = [int(i) for i in ids[np.argsort(-counts)] if i != SKY][:most]
     patches = [Patch(facecolor=SEMANTIC_COLORS[i] / 255.0, edgecolor="0.3", label=SEMANTIC_CLASSES[i]) for i in by_size]
     axis.legend(
-        handles=patches, loc="lower center", ncols=5, fontsize=7.0, framealpha=0.85, handlelength=0.9, handletextpad=0.5,
-        columnspacing=0.9, labelspacing=0.25, borderpad=0.4, borderaxespad=0.3,
-    )  # fmt: skip
+        handles=patches,
+        loc="lower center",
+        ncols=5,
+        fontsize=7.0,
+        framealpha=0.85,
+        handlelength=0.9,
+        handletextpad=0.5,
+        columnspacing=0.9,
+        labelspacing=0.25,
+        borderpad=0.4,
+        borderaxespad=0.3,
+    )
 
 
 def outlines(instance: npt.NDArray[np.uint16]) -> npt.NDArray[np.bool_]:
@@ -120,14 +135,14 @@ def outlines(instance: npt.NDArray[np.uint16]) -> npt.NDArray[np.bool_]:
     return out
 
 
-def depth_colors() -> Any:
+def depth_colors() -> Colormap:
     """Return the colours of depths, with one for what is not there."""
     import matplotlib as mpl
 
     return mpl.colormaps[DEPTH_MAP].with_extremes(bad=NOTHING)
 
 
-def depth_bar(axis: Axes, image: Any, norm: Any) -> None:
+def depth_bar(axis: Axes, image: ScalarMappable, norm: Normalize) -> None:
     """Draw the bar of a depth map."""
     bar = colour_bar(axis, image, "depth [m]", extend="both")
     ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if norm.vmin <= tick <= norm.vmax]
@@ -155,9 +170,16 @@ def _draw_flow(axis: Axes, flow: npt.NDArray[np.float32]) -> None:
     step = max(flow.shape[0] // 18, 1)
     rows, columns = np.mgrid[step // 2 : flow.shape[0] : step, step // 2 : flow.shape[1] : step]
     axis.quiver(
-        columns, rows, flow[rows, columns, 0], flow[rows, columns, 1], color="white", angles="xy", scale_units="xy", scale=1.0,
+        columns,
+        rows,
+        flow[rows, columns, 0],
+        flow[rows, columns, 1],
+        color="white",
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
         width=0.0018,
-    )  # fmt: skip
+    )
 
 
 def plot_image(frame: Images, image: str | None = None, ax: Axes | None = None) -> Axes:
@@ -207,9 +229,16 @@ def plot_lidar(scan: Returns, color: str | None = None, ax: Axes | None = None) 
     axis = axes_or_new(ax, 7.0, 6.0)
     low, high = centred(values) if chosen == "radial_velocity" else _ends(values)
     points = axis.scatter(
-        scan.position[:, 1], scan.position[:, 0], c=values, s=2.5, linewidths=0, rasterized=True, vmin=low, vmax=high,
+        scan.position[:, 1],
+        scan.position[:, 0],
+        c=values,
+        s=2.5,
+        linewidths=0,
+        rasterized=True,
+        vmin=low,
+        vmax=high,
         cmap=VELOCITY_MAP if chosen == "radial_velocity" else "viridis",
-    )  # fmt: skip
+    )
     axis.plot([0.0], [0.0], marker="^", color="white", markersize=7)
     axis.set_facecolor(DARK)
     aside = float(np.abs(scan.position[:, 1]).max(initial=10.0)) * 1.05

@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
 from scarl_sionna.core.errors import ParameterRangeError, SpecError, UnknownFieldError, did_you_mean
 from scarl_sionna.core.units import Unit
@@ -21,13 +22,16 @@ Parts = Mapping[str, tuple[type[BaseModel], ...]]
 
 _UNITS: Mapping[str, tuple[str, float]] = {
     "km/h": ("m/s", 1.0 / 3.6), "kmh": ("m/s", 1.0 / 3.6), "kph": ("m/s", 1.0 / 3.6), "mph": ("m/s", 0.44704),
-    "kn": ("m/s", 0.514444), "km": ("m", 1e3), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "nm": ("m", 1e-9),
-    "ft": ("m", 0.3048), "ms": ("s", 1e-3), "us": ("s", 1e-6), "ns": ("s", 1e-9), "min": ("s", 60.0), "h": ("s", 3600.0),
-    "rad": ("deg", 57.29577951308232), "khz": ("Hz", 1e3), "mhz": ("Hz", 1e6), "ghz": ("Hz", 1e9), "g": ("m/s2", 9.80665),
+    "kn": ("m/s", 0.514444), "km": ("m", 1e3), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "nm": ("m",
+    1e-9),
+    "ft": ("m", 0.3048), "ms": ("s", 1e-3), "us": ("s", 1e-6), "ns": ("s", 1e-9), "min": ("s", 60.0), "h": ("s",
+    3600.0),
+    "rad": ("deg", 57.29577951308232), "khz": ("Hz", 1e3), "mhz": ("Hz", 1e6), "ghz": ("Hz", 1e9), "g": ("m/s2",
+    9.80665),
     "mw": ("W", 1e-3), "w": ("W", 1.0), "m/s": ("m/s", 1.0), "m": ("m", 1.0), "s": ("s", 1.0), "deg": ("deg", 1.0),
     "hz": ("Hz", 1.0), "m/s2": ("m/s2", 1.0), "mm/h": ("mm/h", 1.0), "1/km": ("1/km", 1.0), "db": ("dB", 1.0),
     "dbm": ("dBm", 1.0), "dbi": ("dBi", 1.0), "k": ("K", 1.0),
-}  # fmt: skip
+}  # fmt: skip # a table
 """Units that people write, in small letters: the project's unit, and the factor to it."""
 _NUMBER_WITH_UNIT = re.compile(r"^\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z][A-Za-z0-9/^]*)\s*$")
 _SCALES: Mapping[str, tuple[tuple[float, str], ...]] = {
@@ -39,13 +43,17 @@ _SCALES: Mapping[str, tuple[tuple[float, str], ...]] = {
 """Units in which people think where the project's own is far from a usual value."""
 _ALLOWED: Mapping[str, str] = {
     "greater_than": "greater than {gt:.12g}", "greater_than_equal": "greater than or equal to {ge:.12g}",
-    "less_than": "less than {lt:.12g}", "less_than_equal": "less than or equal to {le:.12g}", "finite_number": "a finite number",
-    "float_type": "a number", "float_parsing": "a number", "int_type": "a whole number", "int_parsing": "a whole number",
-    "int_from_float": "a whole number", "bool_type": "true or false", "bool_parsing": "true or false", "string_type": "a text",
-    "string_too_short": "a text of at least {min_length} characters", "string_pattern_mismatch": "a text of the form {pattern}",
+    "less_than": "less than {lt:.12g}", "less_than_equal": "less than or equal to {le:.12g}",
+    "finite_number": "a finite number",
+    "float_type": "a number", "float_parsing": "a number", "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number", "bool_type": "true or false", "bool_parsing": "true or false",
+    "string_type": "a text",
+    "string_too_short": "a text of at least {min_length} characters", "string_pattern_mismatch": "a text of the form "
+                                                                                                 "{pattern}",
     "too_short": "a list of at least {min_length} items", "too_long": "a list of at most {max_length} items",
     "tuple_type": "a list", "list_type": "a list", "dict_type": "a mapping", "missing": "a value: it has no default",
-}  # fmt: skip
+}  # fmt: skip # a table
 """What pydantic's kinds of errors ask for, with the numbers of their context."""
 
 
@@ -77,7 +85,10 @@ def parts_of(model: type[BaseModel]) -> dict[str, tuple[type[BaseModel], ...]]:
 
 
 def home_of(name: str, parts: Parts) -> tuple[str, type[BaseModel]] | None:
-    """Return the part that has a field of a name, and what it is; None if no part has it. Every part may have a `kind`."""
+    """Return the part that has a field of a name, and what it is; None if no part has it.
+
+    Every part may have a `kind`.
+    """
     homes = ((part, kind) for part, kinds in parts.items() for kind in kinds if name in kind.model_fields)
     return next(homes, None) if name != "kind" else None
 
@@ -85,7 +96,9 @@ def home_of(name: str, parts: Parts) -> tuple[str, type[BaseModel]] | None:
 def unknown_field(
     model: type[BaseModel], path: Path, value: object, parts: Parts | None = None, short_form: Names | None = None
 ) -> SpecError:
-    """Return the error about a name that a specification does not have: the part where it stands, or the name that was meant.
+    """Return the error about a name that a specification does not have.
+
+    It says in which part the name stands, or which name was meant.
 
     Parameters
     ----------
@@ -98,7 +111,8 @@ def unknown_field(
     parts : mapping, optional
         Those that are there; default: all that the class allows, see :func:`parts_of`.
     short_form : mapping, optional
-        For a specification whose `with_` takes the fields of its parts: other names of such fields, and their names there.
+        For a specification whose `with_` takes the fields of its parts: other names of such fields, and their names
+        there.
     """
     parts, name, shown = parts_of(model) if parts is None else parts, str(path[-1]), f"{value!r:.80}"
     field = (short_form or {}).get(name, name)
@@ -136,14 +150,14 @@ def _units_in(parts: tuple[Any, ...]) -> Iterator[Unit]:
             yield from _units_in(get_args(part))
 
 
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def _models_in(annotation: object) -> Iterator[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
         yield from _models_in(part)
 
 
-def choices_of(annotation: Any) -> tuple[str, ...]:
+def choices_of(annotation: object) -> tuple[str, ...]:
     """Return the texts that a field takes, if it takes only some."""
     if get_origin(annotation) is Literal:
         return tuple(value for value in get_args(annotation) if isinstance(value, str))
@@ -160,7 +174,7 @@ def tags_of(info: FieldInfo | None) -> tuple[str, tuple[str, ...]]:
     return "", ()
 
 
-def allowed_text(item: Any, info: FieldInfo | None) -> str:
+def allowed_text(item: ErrorDetails, info: FieldInfo | None) -> str:
     """Return what a value should have been, without its unit."""
     kind, context = item["type"], item.get("ctx", {})
     if kind == "value_error":
@@ -178,7 +192,7 @@ def allowed_text(item: Any, info: FieldInfo | None) -> str:
         return str(item["msg"])  # pydantic's own words, for people only
 
 
-def remedy_of(item: Any, info: FieldInfo | None) -> str:
+def remedy_of(item: ErrorDetails, info: FieldInfo | None) -> str:
     """Return what was probably meant, or nothing."""
     value, unit = item.get("input"), unit_of(info)
     if isinstance(value, str):

@@ -25,8 +25,8 @@ _OPTICAL_BAND = (400e-9, 2000e-9)
 class Atmosphere(Spec):
     """Fog, rain and snow, homogeneous along every ray.
 
-    `lidar_ratio` is extinction over backscatter: about 18 to 20 sr for the droplets of fog and clouds (O'Connor, Illingworth
-    and Hogan, J. Atmos. Ocean. Technol. 21, 2004); rain and snow are taken alike, within a factor of two.
+    `lidar_ratio` is extinction over backscatter: about 18 to 20 sr for the droplets of fog and clouds (O'Connor,
+    Illingworth and Hogan, J. Atmos. Ocean. Technol. 21, 2004); rain and snow are taken alike, within a factor of two.
     """
 
     visibility: Metres | None = Field(
@@ -69,15 +69,15 @@ def fog_extinction(visibility: float, wavelength: float) -> float:
     -----
     .. math:: \alpha = \frac{\ln 20}{V} \left(\frac{\lambda}{550\,\text{nm}}\right)^{-q(V')}
 
-    with Kim's exponent q: 1.6 above 50 km, 1.3 from 6 to 50 km, 0.16 V' + 0.34 from 1 to 6 km, V' - 0.5 from 0.5 to 1 km and 0
-    below: dense fog takes all wavelengths alike. V' [km] is the range for a contrast of 2 % that these are given for,
-    ``V' = V ln 50 / ln 20``. *Validity*: haze and fog; the exponent is empirical, measured fog
+    with Kim's exponent q: 1.6 above 50 km, 1.3 from 6 to 50 km, 0.16 V' + 0.34 from 1 to 6 km, V' - 0.5 from 0.5 to 1
+    km and 0 below: dense fog takes all wavelengths alike. V' [km] is the range for a contrast of 2 % that these are
+    given for, ``V' = V ln 50 / ln 20``. *Validity*: haze and fog; the exponent is empirical, measured fog
     scatters around it by a factor of about 2.
 
     References
     ----------
-    .. [1] I. I. Kim, B. McArthur, E. Korevaar, "Comparison of laser beam propagation at 785 nm and 1550 nm in fog and haze
-       for optical wireless communications", Proc. SPIE 4214, 2001.
+    .. [1] I. I. Kim, B. McArthur, E. Korevaar, "Comparison of laser beam propagation at 785 nm and 1550 nm in fog and
+       haze for optical wireless communications", Proc. SPIE 4214, 2001.
     .. [2] P. W. Kruse et al., *Elements of Infrared Technology*, Wiley, 1962.
     """
     if not visibility > 0.0:
@@ -106,12 +106,17 @@ def rain_extinction(rain_rate: float) -> float:
     rain_rate : float
         [mm/h], >= 0.
 
+    Raises
+    ------
+    ParameterRangeError
+        If the rain rate is negative.
+
     Notes
     -----
     .. math:: \gamma = 1.076 \, R^{0.67} \ \text{dB/km}
 
-    Drops are far larger than the wavelength, so that it does not matter which. *Validity*: fitted to European rain; the Japanese
-    set of Recommendation ITU-R P.1814 (1.58, 0.63) is 1.2 to 1.5 times as large.
+    Drops are far larger than the wavelength, so that it does not matter which. *Validity*: fitted to European rain; the
+    Japanese set of Recommendation ITU-R P.1814 (1.58, 0.63) is 1.2 to 1.5 times as large.
 
     References
     ----------
@@ -145,12 +150,13 @@ def snow_extinction(snow_rate: float, wavelength: float, snow: Literal["dry", "w
         a, b = \begin{cases} 5.42 \cdot 10^{-5} \lambda + 5.4958776, \ 1.38 & \text{dry} \\
         1.023 \cdot 10^{-4} \lambda + 3.7855466, \ 0.72 & \text{wet} \end{cases}
 
-    with the wavelength in nm. *Validity*: an empirical fit; measured snowfalls scatter by a factor of about 3 around it.
+    with the wavelength in nm. *Validity*: an empirical fit; measured snowfalls scatter by a factor of about 3 around
+    it.
 
     References
     ----------
-    .. [1] Recommendation ITU-R P.1814, "Prediction methods required for the design of terrestrial free-space optical links", 2007,
-       section 5.
+    .. [1] Recommendation ITU-R P.1814, "Prediction methods required for the design of terrestrial free-space optical
+       links", 2007, section 5.
     """
     if not snow_rate >= 0.0:
         raise ParameterRangeError("snow_rate", f"{snow_rate} mm/h", ">= 0 mm/h")

@@ -32,10 +32,12 @@ class CameraSpec(Spec):
     height: Annotated[int, Unit("px")] = Field(540, ge=1, le=16384, description="rows [px]")
     lens: Annotated[Lens, Field(discriminator="model")] = Pinhole()
     horizontal_fov_deg: Degrees | None = Field(
-        None, gt=0.0, le=360.0,
+        None,
+        gt=0.0,
+        le=360.0,
         description="angle that the width shows through the lens, were the principal point in the middle [deg]; "
         "90 where no focal length is given either",
-    )  # fmt: skip
+    )
     focal_length_px: Pixels | tuple[Pixels, Pixels] | None = Field(
         None, description="instead of the field of view: focal length, or that of columns and of rows [px]"
     )
@@ -89,7 +91,8 @@ class CameraSpec(Spec):
         radius = self.lens.field_radius * min(fx, fy)
         if radius < nearest:
             raise ValueError(
-                f"a distortion that can be inverted up to the image's nearest edge, {nearest:.0f} px from the principal "
+                "a distortion that can be inverted up to the image's nearest edge, "
+                f"{nearest:.0f} px from the principal "
                 f"point; this one folds back at {radius:.0f} px"
             )
         return self
@@ -143,7 +146,7 @@ class CameraSpec(Spec):
         Returns
         -------
         ndarray of float64, shape (..., 3)
-            NaN outside of the lens' field.
+            Unit vectors; NaN outside of the lens' field.
         """
         direction = self._plane_directions(pixel)
         return direction / np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -161,7 +164,7 @@ class CameraSpec(Spec):
         Returns
         -------
         ndarray of float64, shape (..., 3)
-            NaN outside of the lens' field.
+            [m]; NaN outside of the lens' field.
         """
         direction = self._plane_directions(pixel)
         return direction * (np.asarray(depth, dtype=np.float64) / direction[..., 2])[..., None]

@@ -1,7 +1,7 @@
-"""Lens models: from a direction to the image plane at focal length 1 and back, and the field in which that can be undone.
+"""Lens models: from a direction to the image plane at focal length 1 and back, and the field where that is possible.
 
-A direction is a vector in `camera_optical` (x right, y down, z forward) of any length. The image plane is in units of the
-focal length, its origin is the principal point. Pure numpy, float64.
+A direction is a vector in `camera_optical` (x right, y down, z forward) of any length. The image plane is in units of
+the focal length, its origin is the principal point. Pure numpy, float64.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Pinhole(Spec):
 
     @property
     def field_radius(self) -> float:
-        """Radius on the image plane within which the model can be undone: infinite."""
+        """Radius on the image plane, in units of the focal length, within which the model can be undone: infinite."""
         return np.inf
 
     def image_radius(self, angle: float) -> float:
@@ -51,7 +51,7 @@ class Pinhole(Spec):
         return _perspective(direction)
 
     def undistort(self, image_points: npt.ArrayLike) -> Array:
-        """Return directions with z = 1, shape (..., 3), of points on the image plane."""
+        """Return directions with z = 1, shape (..., 3), of points on the image plane, in units of the focal length."""
         points = np.asarray(image_points, dtype=np.float64)
         return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
 
@@ -67,8 +67,8 @@ class BrownConrady(Spec):
         d(r) = \frac{1 + k_1 r^2 + k_2 r^4 + k_3 r^6}{1 + k_4 r^2 + k_5 r^4 + k_6 r^6} \\
         x' = x\,d + 2 p_1 x y + p_2 (r^2 + 2 x^2), \quad y' = y\,d + p_1 (r^2 + 2 y^2) + 2 p_2 x y
 
-    *Validity*: up to the radius where :math:`r\,d(r)` stops to grow: beyond it the image folds back and a pixel would show
-    two directions. There, and where the Jacobian with the tangential terms is not positive, nothing is imaged.
+    *Validity*: up to the radius where :math:`r\,d(r)` stops to grow: beyond it the image folds back and a pixel would
+    show two directions. There, and where the Jacobian with the tangential terms is not positive, nothing is imaged.
 
     References
     ----------
@@ -88,7 +88,7 @@ class BrownConrady(Spec):
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """(k1, k2, p1, p2, k3, k4, k5, k6): OpenCV's order."""
+        """(k1, k2, p1, p2, k3, k4, k5, k6): OpenCV's order, dimensionless."""
         return (self.k1, self.k2, self.p1, self.p2, self.k3, self.k4, self.k5, self.k6)
 
     def _radial(self, r2: Array) -> tuple[Array, Array]:
@@ -112,14 +112,17 @@ class BrownConrady(Spec):
 
     @property
     def field_radius(self) -> float:
-        """Radius on the image plane within which the radial part can be undone."""
+        """Radius on the image plane, in units of the focal length, within which the radial part can be undone."""
         return np.inf if np.isinf(self._limit) else self._image_radius_of(self._limit)
 
     def _image_radius_of(self, r: float) -> float:
         return float(r * self._radial(np.asarray(r * r))[0])
 
     def image_radius(self, angle: float) -> float:
-        """Return the distance from the principal point of a direction at an angle [rad]; infinite outside of the field."""
+        """Return the distance from the principal point of a direction at an angle [rad].
+
+        Infinite outside of the field.
+        """
         r = np.tan(angle) if angle < np.pi / 2 else np.inf
         return self._image_radius_of(r) if r < self._limit else np.inf
 
@@ -159,6 +162,8 @@ class BrownConrady(Spec):
         """Return directions with z = 1, shape (..., 3); NaN for a point of the image plane that shows nothing.
 
         The radial part is undone by a table, then Newton's method solves for both coordinates.
+
+        Points are in units of the focal length.
         """
         goal = np.asarray(image_points, dtype=np.float64)
         radius = np.hypot(goal[..., 0], goal[..., 1])
@@ -207,8 +212,8 @@ class KannalaBrandt(Spec):
 
     References
     ----------
-    .. [1] J. Kannala, S. Brandt, "A Generic Camera Model and Calibration Method for Conventional, Wide-Angle, and Fish-Eye
-       Lenses", IEEE Trans. PAMI 28(8), 2006, Eq. (6).
+    .. [1] J. Kannala, S. Brandt, "A Generic Camera Model and Calibration Method for Conventional, Wide-Angle, and
+       Fish-Eye Lenses", IEEE Trans. PAMI 28(8), 2006, Eq. (6).
     """
 
     model: Literal["kannala_brandt"] = "kannala_brandt"
@@ -220,7 +225,7 @@ class KannalaBrandt(Spec):
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """(k1, k2, k3, k4): OpenCV's order."""
+        """(k1, k2, k3, k4): OpenCV's order, dimensionless."""
         return (self.k1, self.k2, self.k3, self.k4)
 
     def _radius(self, angle: npt.ArrayLike) -> Array:
@@ -244,11 +249,17 @@ class KannalaBrandt(Spec):
 
     @property
     def field_radius(self) -> float:
-        """Radius on the image plane within which the polynomial can be undone; infinite where it always can."""
+        """Radius on the image plane, in units of the focal length, where the polynomial can be undone.
+
+        Infinite where it always can.
+        """
         return float(self._radius(self._fold)) if self._fold < np.radians(self.max_angle_deg) else np.inf
 
     def image_radius(self, angle: float) -> float:
-        """Return the distance from the principal point of a direction at an angle [rad]; infinite outside of the field."""
+        """Return the distance from the principal point of a direction at an angle [rad].
+
+        Infinite outside of the field.
+        """
         return float(self._radius(angle)) if angle <= self._limit else np.inf
 
     def distort(self, directions: npt.ArrayLike) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -26,8 +26,8 @@ class LidarSpec(Spec):
     Parameters of a raster scan and of SCaRL's receiver may also be given directly: ``LidarSpec(num_azimuth=300)`` is
     ``LidarSpec(scan=RasterScan(num_azimuth=300))``.
 
-    The defaults are an ideal lidar with a flash of all shots, one thin ray a shot, as in SCaRL; noise, scan motion, beam footprint,
-    several returns and weather are added by the fields that name them.
+    The defaults are an ideal lidar with a flash of all shots, one thin ray a shot, as in SCaRL; noise, scan motion,
+    beam footprint, several returns and weather are added by the fields that name them.
     """
 
     scan: ScanPattern = RasterScan()
@@ -56,7 +56,7 @@ class LidarSpec(Spec):
 
     @model_validator(mode="before")
     @classmethod
-    def _take_direct(cls, data: Any) -> Any:
+    def _take_direct(cls, data: object) -> object:
         """Move parameters of a raster and of SCaRL's receiver that were given directly to where they belong."""
         if not isinstance(data, Mapping):
             return data
@@ -78,7 +78,8 @@ class LidarSpec(Spec):
     def _check(self) -> LidarSpec:
         if self.divergence < self.diffraction_limit * (1.0 - 1e-9):
             raise ValueError(
-                f"beam_divergence of at least the diffraction limit of the aperture, {self.diffraction_limit:.3g} rad at "
+                "beam_divergence of at least the diffraction limit of the aperture, "
+                f"{self.diffraction_limit:.3g} rad at "
                 f"{self.aperture_diameter * 1e3:g} mm, not {self.beam_divergence:.3g} rad"
             )
         receiver = self.receiver
@@ -87,7 +88,8 @@ class LidarSpec(Spec):
                 raise ValueError(f"16 or more samples a chirp; chirp_time * sampling_frequency is {self.num_samples}")
             if receiver.raw_signal and self.raw_bytes > MAX_RAW_BYTES:
                 raise ValueError(
-                    f"raw_signal of at most {MAX_RAW_BYTES >> 20} MiB; {self.num_shots} shots of 2 x {self.num_samples} samples "
+                    f"raw_signal of at most {MAX_RAW_BYTES >> 20} MiB; "
+                    f"{self.num_shots} shots of 2 x {self.num_samples} samples "
                     f"take {self.raw_bytes / 2**20:.0f} MiB; shoot at most {MAX_RAW_BYTES // (16 * self.num_samples)}"
                 )
         return self
@@ -96,9 +98,15 @@ class LidarSpec(Spec):
     def preset(cls, name: str) -> LidarSpec:
         """Return a named lidar.
 
-        ``"spinning_64"``: 64 beams from -24.33 to 2 deg that turn at 10 Hz, 1800 columns, with the beam table of a common
-        64-beam scanner (1/3 deg apart in the upper, 1/2 deg in the lower half). ``"fmcw_forward"``: 120 x 28 deg, eight beams
-        in parallel, 400 x 200 shots in 50 ms. Both receive by heterodyning, see glass and edges, and follow the motion.
+        ``"spinning_64"``: 64 beams from -24.33 to 2 deg that turn at 10 Hz, 1800 columns, with the beam table of a
+        common 64-beam scanner (1/3 deg apart in the upper, 1/2 deg in the lower half). ``"fmcw_forward"``: 120 x 28
+        deg, eight beams in parallel, 400 x 200 shots in 50 ms. Both receive by heterodyning, see glass and edges, and
+        follow the motion.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no lidar of this name.
         """
         presets = {"spinning_64": _spinning_64, "fmcw_forward": _fmcw_forward}
         if name not in presets:
@@ -130,7 +138,10 @@ class LidarSpec(Spec):
 
     @property
     def diffraction_limit(self) -> float:
-        """Full divergence of a collimated Gaussian beam of this aperture [rad], to 1/e2: 4 wavelength / (pi diameter)."""
+        """Full divergence of a collimated Gaussian beam of this aperture [rad], to 1/e2.
+
+        4 wavelength / (pi diameter).
+        """
         return 4.0 * self.wavelength / (math.pi * self.aperture_diameter)
 
     @property

@@ -33,9 +33,10 @@ def _check_count(number: int) -> None:
 class RasterScan(Spec):
     """Straight lines over a field of view, as a MEMS or galvanometer mirror draws them.
 
-    Shot number = elevation line * num_azimuth + azimuth column; line 0 is the lowest, column 0 the first azimuth. Both ends of
-    a field of view are shot at, but for a full turn, whose end is its start; a single column or line looks along the middle.
-    `scan_time` 0 is a flash of all shots, as in SCaRL; otherwise the shots follow each other evenly, line after line.
+    Shot number = elevation line * num_azimuth + azimuth column; line 0 is the lowest, column 0 the first azimuth. Both
+    ends of a field of view are shot at, but for a full turn, whose end is its start; a single column or line looks
+    along the middle. `scan_time` 0 is a flash of all shots, as in SCaRL; otherwise the shots follow each other evenly,
+    line after line.
     """
 
     kind: Literal["raster"] = "raster"
@@ -104,7 +105,7 @@ class RasterScan(Spec):
         return (sweep * self.num_azimuth + column) * (self.scan_time / slots)
 
     def cells(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return row and column of every shot in the upright range view."""
+        """Return row and column of every shot in the upright range view, shape (num_shots,) each."""
         line, column = np.divmod(np.arange(self.num_shots), self.num_azimuth)
         azimuth = self.column_azimuth
         if azimuth[-1] > azimuth[0]:
@@ -115,8 +116,8 @@ class RasterScan(Spec):
 class SpinningScan(Spec):
     """Beams in a vertical fan that turns about z: an elevation table, firing times, a rate.
 
-    Shot number = column * number of beams + beam. Beam b of column c fires at ``c / (rate * num_azimuth) + firing_time[b]``, and
-    the fan keeps turning between the beams.
+    Shot number = column * number of beams + beam. Beam b of column c fires at
+    ``c / (rate * num_azimuth) + firing_time[b]``, and the fan keeps turning between the beams.
     """
 
     kind: Literal["spinning"] = "spinning"
@@ -185,8 +186,8 @@ class SpinningScan(Spec):
 class RisleyScan(Spec):
     """Two thin turning prisms: a rosette over a round field of view.
 
-    In the approximation of thin prisms the deflections add as vectors of `wedge_angles_deg` that turn at `rotation_rates`
-    (Marshall, "Risley prism scan patterns", Proc. SPIE 3787, 1999).
+    In the approximation of thin prisms the deflections add as vectors of `wedge_angles_deg` that turn at
+    `rotation_rates` (Marshall, "Risley prism scan patterns", Proc. SPIE 3787, 1999).
     """
 
     kind: Literal["risley"] = "risley"
@@ -218,7 +219,7 @@ class RisleyScan(Spec):
         return np.cos(turned) @ deflection, np.sin(turned) @ deflection
 
     def cells(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return row and column of every shot in an upright range view over the field of view."""
+        """Return row and column of every shot in an upright view of the field of view, shape (num_shots,) each."""
         return _binned(*self.angles(), self.grid_shape)
 
 
@@ -250,8 +251,8 @@ class TableScan(Spec):
         Parameters
         ----------
         path : path
-            A .csv with a head line or a .npz, with columns ``azimuth_deg, elevation_deg`` [deg] or ``x, y, z`` (sensor frame, of
-            any length), and ``time`` [s] if the shots are not at one instant.
+            A .csv with a head line or a .npz, with columns ``azimuth_deg, elevation_deg`` [deg] or ``x, y, z`` (sensor
+            frame, of any length), and ``time`` [s] if the shots are not at one instant.
 
         Raises
         ------
@@ -304,7 +305,7 @@ class TableScan(Spec):
         return np.radians(self.azimuth_deg), np.radians(self.elevation_deg)
 
     def cells(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return row and column of every shot in an upright range view over the field of view."""
+        """Return row and column of every shot in an upright view of the field of view, shape (num_shots,) each."""
         return _binned(*self.angles(), self.grid_shape)
 
 

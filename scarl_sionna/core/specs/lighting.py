@@ -60,5 +60,5 @@ LIGHTING_PRESETS: Mapping[str, Mapping[str, Any]] = {
         "cloud_cover": 1.0, "sun_elevation_deg": 25.0, "visibility": 2500.0, "wetness": 1.0, "headlamps": True,
         "exposure": 6.0,
     },
-}  # fmt: skip
+}  # fmt: skip # a table
 """Lightings by name."""

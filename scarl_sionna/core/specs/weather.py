@@ -20,11 +20,12 @@ KUNKEL = (144.7, 0.88)
 """Extinction [1/km] of fog is the first times its liquid water [g/m3] to the power of the second (Kunkel 1984)."""
 
 FULL_FILM = 0.5e-3
-"""Depth of the water on a surface of wetness 1 [m]: of the order of what Gallaway's rule gives for a lane of asphalt in moderate
-rain (0.4 mm at 5 mm/h, 1.5 mm at 50 mm/h, with the part that stands in the texture)."""
+"""Depth of the water on a surface of wetness 1 [m]: of the order of what Gallaway's rule gives for a lane of asphalt in
+moderate rain (0.4 mm at 5 mm/h, 1.5 mm at 50 mm/h, with the part that stands in the texture)."""
 
 WETTING_RATE = 2.0
-"""Rain that wets a surface to 1 - 1/e [mm/h] (engineering estimate): damp in a drizzle, closed from moderate rain on."""
+"""Rain that wets a surface to 1 - 1/e [mm/h] (engineering estimate): damp in a drizzle, closed from moderate rain
+on."""
 
 FOG_RANGE = 1000.0
 """Haze with a shorter range is called fog [m] (WMO-No. 8); it hides the sun."""
@@ -33,8 +34,8 @@ FOG_RANGE = 1000.0
 class Spray(Spec):
     """Water that the tyres of moving vehicles throw up from a wet road.
 
-    The defaults are engineering estimates from the mass of water that tyres meet; no measurement of water content behind cars was
-    at hand. Use it to see what spray can do, not for an absolute level.
+    The defaults are engineering estimates from the mass of water that tyres meet; no measurement of water content
+    behind cars was at hand. Use it to see what spray can do, not for an absolute level.
     """
 
     airborne_share: float = Field(
@@ -51,8 +52,8 @@ class Spray(Spec):
 
         .. math:: M = \rho_w \, s \, h b / (w H)
 
-        with the share s in the air, the film's depth h, the width b of the tracks, and the cloud's cross-section w H. The speed
-        cancels: a faster vehicle throws up more in a second and leaves it over a longer way.
+        with the share s in the air, the film's depth h, the width b of the tracks, and the cloud's cross-section w H.
+        The speed cancels: a faster vehicle throws up more in a second and leaves it over a longer way.
 
         Parameters
         ----------
@@ -167,16 +168,19 @@ class Weather(Spec):
 
     @property
     def meteorological_range(self) -> float:
-        """Range at which a black target has a contrast of 5 % through fog, rain and snow together [m]; inf in clear air."""
+        """Range at which a black target has a contrast of 5 % through fog, rain and snow together [m].
+
+        Infinite in clear air.
+        """
         extinction = self.atmosphere.weather_extinction(REFERENCE_WAVELENGTH)
         return -math.log(CONTRAST) / extinction if extinction > 0.0 else math.inf
 
     def over(self, lighting: Lighting | None) -> Lighting | None:
         """Return a lighting as it is in this weather; in clear and dry weather the given one.
 
-        Haze adds up, the ground is as wet as the wetter of the two says, and where it rains, snows or a fog is denser than
-        `FOG_RANGE` the sky is overcast, with the exposure raised as cameras do. Without a lighting, that of the preset
-        ``"overcast"`` is taken.
+        Haze adds up, the ground is as wet as the wetter of the two says, and where it rains, snows or a fog is denser
+        than `FOG_RANGE` the sky is overcast, with the exposure raised as cameras do. Without a lighting, that of the
+        preset ``"overcast"`` is taken.
         """
         hazy, wet = math.isfinite(self.meteorological_range), self.surface_wetness > 0.0
         if not hazy and not wet:
@@ -219,7 +223,15 @@ def fog_water_of(visibility: float) -> float:
 
 
 def visibility_of(fog_water: float) -> float:
-    """Return the visibility [m] of a fog's liquid water content [g/m3], the inverse of :func:`fog_water_of`."""
+    """Return the visibility [m] of a fog's liquid water content [g/m3], the inverse of :func:`fog_water_of`.
+
+    By Kunkel's law, source as there; by definition its inverse.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the water content is not positive.
+    """
     if not fog_water > 0.0:
         raise ParameterRangeError("fog_water", f"{fog_water} g/m3", "> 0 g/m3")
     factor, power = KUNKEL

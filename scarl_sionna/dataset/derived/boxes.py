@@ -16,7 +16,8 @@ EGO_OFFSET = 0.5
 OCCLUSION_MARGIN = 0.1
 """A surface hides a box if it is nearer than the box by more than this [m]."""
 SURFACE_MARGIN = 0.01
-"""A point this far outside of a box counts as on its surface: half of the returns of a flat side are, by rounding [m]."""
+"""A point this far outside of a box counts as on its surface: half of the returns of a flat side are, by rounding
+[m]."""
 _GRID = 96  # at most this many rays a side of a box's bounding rectangle: visibility to about 1 %
 
 
@@ -49,9 +50,9 @@ def visible_fraction(item: ObjectState, image: ImageFrame) -> float:
     Returns
     -------
     float
-        0 to 1. Rays through a grid over the box's bounding rectangle on the plane in front of the camera, also outside of
-        the image, are cut with the box: the share of those that hit it and that the image shows with no surface 0.1 m or more
-        in front of the box. What is behind the camera's plane does not count.
+        0 to 1. Rays through a grid over the box's bounding rectangle on the plane in front of the camera, also outside
+        of the image, are cut with the box: the share of those that hit it and that the image shows with no surface 0.1
+        m or more in front of the box. What is behind the camera's plane does not count.
     """
     camera_from_box = image.world_from_sensor.inverse().compose(item.world_from_box)
     bounds = rectangle(camera_from_box.apply(CORNERS * item.size) @ CAMERA_OPTICAL_FROM_SENSOR.T)

@@ -12,8 +12,8 @@ from scarl_sionna.core.results import Frame, LidarScan
 def world_points(frame: Frame, scan: LidarScan) -> npt.NDArray[np.float64]:
     """Return the returns of a scan in the world [m], shape (num_points, 3).
 
-    A position that refers to the shot's own time (no `deskew`) is taken from where the sensor was then: the vehicle goes on
-    with its twist during the scan. What moves in the world stays where its shot met it.
+    A position that refers to the shot's own time (no `deskew`) is taken from where the sensor was then: the vehicle
+    goes on with its twist during the scan. What moves in the world stays where its shot met it.
     """
     if scan.spec.deskew or scan.time is None or not np.any(scan.time):
         return scan.world_from_sensor.apply(scan.position)

@@ -46,7 +46,10 @@ def radar_points(radar: RadarFrame, pfa: float = 1e-6) -> RadarPoints:
 
 
 def _window(num_bins: int, training: int) -> tuple[int, int]:
-    """Return guard and training cells on each side that fit into an axis; fewer than 3 bins are left to the detector."""
+    """Return guard and training cells on each side that fit into an axis.
+
+    Fewer than 3 bins are left to the detector.
+    """
     guard = GUARD
     while 2 * (guard + training) + 1 > num_bins and (training > 1 or guard > 0):
         training, guard = (training - 1, guard) if training > 1 else (training, guard - 1)
@@ -63,8 +66,8 @@ def sensor_velocity(frame: Frame, world_from_sensor: Pose) -> Array:
 def sensed_points(frame: Frame, radar: RadarFrame, pfa: float = 1e-6) -> SensedPoints:
     """Return the detections of a radar of a frame, with radial velocities over ground.
 
-    The compensated velocity is folded to the radar's unambiguous interval about 0: what stands still is near 0 also where the
-    vehicle is faster than that interval.
+    The compensated velocity is folded to the radar's unambiguous interval about 0: what stands still is near 0 also
+    where the vehicle is faster than that interval.
     """
     points = radar_points(radar, pfa)
     direction = points.position / np.maximum(points.range, 1e-9)[:, None]

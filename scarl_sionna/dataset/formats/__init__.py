@@ -1,4 +1,4 @@
-"""Exporters to the formats that people use, one a file, and a table of them."""
+"""Exporters to common formats, one a file, and a table of them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from scarl_sionna.core.errors import UnknownNameError
 
-from .source import FrameSource, SceneFrames, as_source
+from .source import Convertible, FrameSource, SceneFrames, as_source
 
 __all__ = ["FORMATS", "Format", "FrameSource", "SceneFrames", "as_source", "convert"]
 
@@ -36,7 +35,7 @@ FORMATS: Mapping[str, Format] = {
 """Formats by name."""
 
 
-def convert(data: Any, form: str, out: str | Path, **options: Any) -> Path:
+def convert(data: Convertible, form: str, out: str | Path, **options: object) -> Path:
     """Write a dataset in another format.
 
     Parameters

@@ -2,8 +2,8 @@
 
 References
 ----------
-.. [1] Texas Instruments, *Mmwave Radar Device ADC Raw Data Capture*, SWRA581B, 2018: xWR16xx, xWR18xx and xWR68xx, complex,
-   2 LVDS lanes, receivers not interleaved.
+.. [1] Texas Instruments, *Mmwave Radar Device ADC Raw Data Capture*, SWRA581B, 2018: xWR16xx, xWR18xx and xWR68xx,
+   complex, 2 LVDS lanes, receivers not interleaved.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.dataset.store.manifest import hash_of
 
 from .output import whole_folder
-from .source import FrameSource, OnProgress, as_source, no_progress
+from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
 
 FORMAT = "dca1000"
 CAPTURE, DESCRIPTION = "adc_data.bin", "adc_data.json"
@@ -97,7 +97,7 @@ def read_dca1000(folder: str | Path, frame: int = 0) -> npt.NDArray[np.int16]:
 
 
 def export_dca1000(
-    data: Any,
+    data: Convertible,
     out: str | Path,
     *,
     radars: Sequence[str] = (),
@@ -182,12 +182,25 @@ class _Capture:
         """Write what a reader has to know."""
         spec = self.first.spec
         data = {
-            "format": FORMAT, "layout": LAYOUT, "sensor": self.name, "num_frames": len(self.times), "num_rx": spec.num_rx,
-            "num_tx": spec.num_tx, "num_chirps": spec.num_chirps, "num_chirps_total": spec.num_chirps_total,
-            "num_samples": spec.num_samples, "bytes_per_frame": int(self.first.adc_int.nbytes),
-            "scale": float(self.first.adc_scale), "scale_unit": "sqrt(W)", "timestamp_ns": self.times,
-            "start_frequency": spec.waveform.start_frequency, "chirp_slope": spec.waveform.chirp_slope, "sample_rate": spec.sample_rate,
-            "doppler_interval": spec.doppler_interval, "range_resolution": spec.range_resolution,
-            "velocity_resolution": spec.velocity_resolution, "spec": spec.model_dump(mode="json"),
-        }  # fmt: skip
+            "format": FORMAT,
+            "layout": LAYOUT,
+            "sensor": self.name,
+            "num_frames": len(self.times),
+            "num_rx": spec.num_rx,
+            "num_tx": spec.num_tx,
+            "num_chirps": spec.num_chirps,
+            "num_chirps_total": spec.num_chirps_total,
+            "num_samples": spec.num_samples,
+            "bytes_per_frame": int(self.first.adc_int.nbytes),
+            "scale": float(self.first.adc_scale),
+            "scale_unit": "sqrt(W)",
+            "timestamp_ns": self.times,
+            "start_frequency": spec.waveform.start_frequency,
+            "chirp_slope": spec.waveform.chirp_slope,
+            "sample_rate": spec.sample_rate,
+            "doppler_interval": spec.doppler_interval,
+            "range_resolution": spec.range_resolution,
+            "velocity_resolution": spec.velocity_resolution,
+            "spec": spec.model_dump(mode="json"),
+        }
         (self.folder / DESCRIPTION).write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,10 @@ from scarl_sionna.dataset.readers.samples import kind_of
 from scarl_sionna.dataset.schema import Field
 
 from .output import whole_output_file
-from .source import FrameSource, OnProgress, as_source, no_progress
+from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
+
+if TYPE_CHECKING:
+    import h5py
 
 FORMAT, FORMAT_VERSION = "scarl-hdf5", 1
 _RAGGED_AXES = (schema.POINT, schema.OBJECT)
@@ -28,7 +32,7 @@ _COUNTS = ("num_points", "num_objects")
 
 
 def export_hdf5(
-    data: Any,
+    data: Convertible,
     out: str | Path,
     *,
     compression: Literal["gzip", "lzf"] | None = "gzip",
@@ -51,8 +55,9 @@ def export_hdf5(
     Returns
     -------
     Path
-        `out`: ``/scene/sensor/field`` with the frame as first axis. Fields of different length in each frame (lidar returns,
-        objects) are written one frame after the other, those of frame k are rows ``offsets[k]`` to ``offsets[k + 1]``.
+        `out`: ``/scene/sensor/field`` with the frame as first axis. Fields of different length in each frame (lidar
+        returns, objects) are written one frame after the other, those of frame k are rows ``offsets[k]`` to
+        ``offsets[k + 1]``.
 
     Raises
     ------
@@ -97,8 +102,8 @@ def is_ours(path: Path) -> bool:
 class _Sink:
     """A file for the HDF5 library that keeps a failed write to itself until `check`.
 
-    The library cannot close a file whose last writes failed (full disk): it leaves it open and crashes at the end of the
-    process. So it is told that they worked, and the export ends with the first error after the frame.
+    The library cannot close a file whose last writes failed (full disk): it leaves it open and crashes at the end of
+    the process. So they are reported as done, and the export ends with the first error after the frame.
     """
 
     def __init__(self, path: Path) -> None:
@@ -117,7 +122,7 @@ class _Sink:
         if self.error is not None:
             raise self.error
 
-    def write(self, data: Any) -> int:
+    def write(self, data: bytes | memoryview) -> int:
         """Write all bytes."""
         view = memoryview(data).cast("B")
         done = 0
@@ -136,7 +141,7 @@ class _Sink:
             self.error = self.error or error
             return size or 0
 
-    def readinto(self, buffer: Any) -> int:
+    def readinto(self, buffer: bytearray | memoryview) -> int:
         """Read into a buffer."""
         return self.file.readinto(buffer) or 0
 
@@ -156,7 +161,7 @@ class _Sink:
         """Do nothing: there is no buffer."""
 
 
-def _describe(file: Any, source: FrameSource) -> None:
+def _describe(file: h5py.File, source: FrameSource) -> None:
     file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
     file.attrs["schema_version"] = schema.SCHEMA_VERSION
     file.attrs["rig"] = json.dumps(plain(source.rig))
@@ -166,7 +171,7 @@ def _describe(file: Any, source: FrameSource) -> None:
 class _SceneWriter:
     """Appends frames to the arrays of one scene."""
 
-    def __init__(self, h5py: Any, group: Any, compression: str | None) -> None:
+    def __init__(self, h5py: ModuleType, group: h5py.Group, compression: str | None) -> None:
         self.h5py, self.group, self.compression = h5py, group, compression
         self.length = 0
         self.fields: set[str] | None = None
@@ -223,9 +228,15 @@ class _SceneWriter:
         pack = self.compression if value.nbytes > 1024 and not is_text else None
         options = {"compression_opts": 1} if pack == "gzip" else {}
         array = self.group.create_dataset(
-            path, (0, *shape), self.h5py.string_dtype() if is_text else value.dtype, maxshape=(None, *shape), chunks=chunk,
-            compression=pack, shuffle=pack is not None, **options,
-        )  # fmt: skip
+            path,
+            (0, *shape),
+            self.h5py.string_dtype() if is_text else value.dtype,
+            maxshape=(None, *shape),
+            chunks=chunk,
+            compression=pack,
+            shuffle=pack is not None,
+            **options,
+        )
         axes = item.axes if ragged else ("frame", *item.axes)
         for dimension, name in zip(array.dims, axes, strict=False):
             dimension.label = name
@@ -236,7 +247,7 @@ class _SceneWriter:
             offsets.attrs["long_name"] = "rows of frame k: offsets[k] to offsets[k + 1]"
 
 
-def _is_ragged_path(path: str, group: Any) -> bool:
+def _is_ragged_path(path: str, group: h5py.Group) -> bool:
     return f"{path.rpartition('/')[0]}/offsets" in group and path.rpartition("/")[2] != "world_from_sensor"
 
 
@@ -261,7 +272,7 @@ def _frame_rows(frame: Frame) -> Iterable[tuple[str, tuple[Field, npt.NDArray[An
                 yield f"{name}/{item.name}", (item, value)
 
 
-def _value(holder: Any, item: Field) -> npt.NDArray[Any]:
+def _value(holder: object, item: Field) -> npt.NDArray[Any]:
     """Return a field as an array; an object array of None where it was not made."""
     value = getattr(holder, "adc_int" if item.name == "adc" else item.name)
     if item.axes == schema.POSE_AXES:
@@ -281,7 +292,7 @@ def _object_column(objects: tuple[ObjectState, ...], item: Field) -> npt.NDArray
     return np.array(rows, dtype=item.dtype).reshape((-1, width) if width else (-1,))
 
 
-def _object_value(entry: ObjectState, name: str) -> Any:
+def _object_value(entry: ObjectState, name: str) -> object:
     value = getattr(entry, name)
     if name == "world_from_box":
         return [*value.position, *value.quaternion]

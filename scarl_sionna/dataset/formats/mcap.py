@@ -11,7 +11,7 @@ import base64
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +29,10 @@ from . import pictures
 from .mcap_schemas import NUMBER_TYPES, SCHEMAS
 from .nuscenes_files import encode_image
 from .output import whole_output_file
-from .source import FrameSource, OnProgress, as_source, no_progress
+from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
 
 Message = tuple[str, str, dict[str, Any]]
 """Topic, schema name and content."""
@@ -51,7 +54,7 @@ def is_ours(path: Path) -> bool:
 
 
 def export_mcap(
-    data: Any,
+    data: Convertible,
     out: str | Path,
     *,
     raw_radar: bool = False,
@@ -66,7 +69,7 @@ def export_mcap(
     data : FrameSource, dataset or path
         See `as_source`. Scenes follow each other.
     out : path
-        File to write, by custom ``.mcap``.
+        File to write, usually with the suffix ``.mcap``.
     raw_radar : bool
         Also the raw radar data, as messages of the type ``scarl.RadarFrame`` (int16 in base64).
     pfa : float
@@ -109,7 +112,7 @@ def export_mcap(
 class _Channels:
     """Registers schemas and channels when they are first used."""
 
-    def __init__(self, writer: Any) -> None:
+    def __init__(self, writer: Writer) -> None:
         self.writer = writer
         self.schemas: dict[str, int] = {}
         self.channels: dict[str, int] = {}
@@ -148,9 +151,12 @@ def _transforms(source: FrameSource, frame: Frame, time: Mapping[str, int]) -> I
     def transform(parent: str, child: str, pose: Pose) -> dict[str, Any]:
         place = _pose(pose)
         return {
-            "timestamp": time, "parent_frame_id": parent, "child_frame_id": child, "translation": place["position"],
+            "timestamp": time,
+            "parent_frame_id": parent,
+            "child_frame_id": child,
+            "translation": place["position"],
             "rotation": place["orientation"],
-        }  # fmt: skip
+        }
 
     yield transform(WORLD, VEHICLE, frame.world_from_vehicle)
     for name in frame.results:
@@ -172,13 +178,20 @@ def _entities(frame: Frame, time: Mapping[str, int]) -> Iterator[dict[str, Any]]
             kind: [] for kind in ("arrows", "spheres", "cylinders", "lines", "triangles", "texts", "models")
         }
         cube = {
-            "pose": _pose(item.world_from_box), "size": _xyz(item.size),
+            "pose": _pose(item.world_from_box),
+            "size": _xyz(item.size),
             "color": {"r": red, "g": green, "b": blue, "a": BOX_ALPHA},
-        }  # fmt: skip
+        }
         yield {
-            "timestamp": time, "frame_id": WORLD, "id": item.name, "lifetime": {"sec": 0, "nsec": 0}, "frame_locked": False,
-            "metadata": [{"key": key, "value": str(value)} for key, value in details.items()], "cubes": [cube], **empty,
-        }  # fmt: skip
+            "timestamp": time,
+            "frame_id": WORLD,
+            "id": item.name,
+            "lifetime": {"sec": 0, "nsec": 0},
+            "frame_locked": False,
+            "metadata": [{"key": key, "value": str(value)} for key, value in details.items()],
+            "cubes": [cube],
+            **empty,
+        }
 
 
 def _image_messages(name: str, image: ImageFrame, time: Mapping[str, int]) -> Iterator[Message]:
@@ -199,20 +212,30 @@ def _image_messages(name: str, image: ImageFrame, time: Mapping[str, int]) -> It
         f"/{name}/calibration",
         "foxglove.CameraCalibration",
         {
-            "timestamp": time, "frame_id": frame_id, "width": spec.width, "height": spec.height,
-            "distortion_model": models.get(spec.lens.model, ""), "D": list(spec.distortion_coefficients),
-            "K": matrix.ravel().tolist(), "R": np.eye(3).ravel().tolist(),
+            "timestamp": time,
+            "frame_id": frame_id,
+            "width": spec.width,
+            "height": spec.height,
+            "distortion_model": models.get(spec.lens.model, ""),
+            "D": list(spec.distortion_coefficients),
+            "K": matrix.ravel().tolist(),
+            "R": np.eye(3).ravel().tolist(),
             "P": np.hstack([matrix, np.zeros((3, 1))]).ravel().tolist(),
         },
-    )  # fmt: skip
+    )
 
 
 def _lidar(name: str, frame: Frame, scan: LidarScan, time: Mapping[str, int]) -> dict[str, Any]:
     place = scan.world_from_sensor.inverse().apply(world_points(frame, scan))
     columns: dict[str, npt.NDArray[Any]] = {
-        "x": place[:, 0], "y": place[:, 1], "z": place[:, 2], "intensity": scan.intensity,
-        "radial_velocity": np.nan_to_num(scan.radial_velocity), "semantic": scan.semantic, "instance": scan.instance,
-    }  # fmt: skip
+        "x": place[:, 0],
+        "y": place[:, 1],
+        "z": place[:, 2],
+        "intensity": scan.intensity,
+        "radial_velocity": np.nan_to_num(scan.radial_velocity),
+        "semantic": scan.semantic,
+        "instance": scan.instance,
+    }
     return _cloud(name, columns, time)
 
 
@@ -220,10 +243,14 @@ def _detections(name: str, frame: Frame, radar: RadarFrame, time: Mapping[str, i
     sensed = sensed_points(frame, radar, pfa)
     points = sensed.points
     columns = {
-        "x": points.position[:, 0], "y": points.position[:, 1], "z": points.position[:, 2],
-        "radial_velocity": points.radial_velocity, "velocity_over_ground": sensed.compensated_velocity,
-        "snr_db": points.snr_db, "rcs_dbsm": power_to_db(points.rcs),
-    }  # fmt: skip
+        "x": points.position[:, 0],
+        "y": points.position[:, 1],
+        "z": points.position[:, 2],
+        "radial_velocity": points.radial_velocity,
+        "velocity_over_ground": sensed.compensated_velocity,
+        "snr_db": points.snr_db,
+        "rcs_dbsm": power_to_db(points.rcs),
+    }
     return _cloud(name, columns, time)
 
 
@@ -237,9 +264,13 @@ def _cloud(frame_id: str, columns: Mapping[str, npt.NDArray[Any]], time: Mapping
         {"name": k, "offset": offsets[k][1], "type": NUMBER_TYPES[np.dtype(kind).str[1:]]} for k, kind in kinds.items()
     ]
     return {
-        "timestamp": time, "frame_id": frame_id, "pose": _pose(Pose()), "point_stride": rows.dtype.itemsize,
-        "fields": fields, "data": _base64(rows.tobytes()),
-    }  # fmt: skip
+        "timestamp": time,
+        "frame_id": frame_id,
+        "pose": _pose(Pose()),
+        "point_stride": rows.dtype.itemsize,
+        "fields": fields,
+        "data": _base64(rows.tobytes()),
+    }
 
 
 def _compressed(frame_id: str, data: bytes, form: str, time: Mapping[str, int]) -> dict[str, Any]:
@@ -248,10 +279,15 @@ def _compressed(frame_id: str, data: bytes, form: str, time: Mapping[str, int]) 
 
 def _raw(name: str, radar: RadarFrame, time: Mapping[str, int]) -> dict[str, Any]:
     return {
-        "timestamp": time, "frame_id": name, "shape": list(radar.adc_int.shape), "dtype": "int16",
-        "axes": ["receiver", "chirp * num_tx + transmitter", "sample", "I/Q"], "scale": float(radar.adc_scale),
-        "unit": "sqrt(W)", "data": _base64(radar.adc_int.astype("<i2").tobytes()),
-    }  # fmt: skip
+        "timestamp": time,
+        "frame_id": name,
+        "shape": list(radar.adc_int.shape),
+        "dtype": "int16",
+        "axes": ["receiver", "chirp * num_tx + transmitter", "sample", "I/Q"],
+        "scale": float(radar.adc_scale),
+        "unit": "sqrt(W)",
+        "data": _base64(radar.adc_int.astype("<i2").tobytes()),
+    }
 
 
 def _pose(pose: Pose) -> dict[str, Any]:

@@ -11,7 +11,7 @@ _NUMBER, _INTEGER, _TEXT, _FLAG = {"type": "number"}, {"type": "integer"}, {"typ
 _BYTES = {"type": "string", "contentEncoding": "base64"}
 
 
-def _object(**properties: Any) -> dict[str, Any]:
+def _object(**properties: object) -> dict[str, Any]:
     return {"type": "object", "properties": properties}
 
 
@@ -29,33 +29,62 @@ _ANY = {"type": "object"}
 SCHEMAS: dict[str, dict[str, Any]] = {
     "foxglove.FrameTransforms": _object(
         transforms=_list(
-            _object(timestamp=_TIME, parent_frame_id=_TEXT, child_frame_id=_TEXT, translation=_VECTOR, rotation=_QUATERNION)
+            _object(
+                timestamp=_TIME, parent_frame_id=_TEXT, child_frame_id=_TEXT, translation=_VECTOR, rotation=_QUATERNION
+            )
         )
     ),
     "foxglove.CompressedImage": _object(timestamp=_TIME, frame_id=_TEXT, data=_BYTES, format=_TEXT),
     "foxglove.CameraCalibration": _object(
-        timestamp=_TIME, frame_id=_TEXT, width=_INTEGER, height=_INTEGER, distortion_model=_TEXT, D=_list(_NUMBER),
-        K=_list(_NUMBER), R=_list(_NUMBER), P=_list(_NUMBER),
+        timestamp=_TIME,
+        frame_id=_TEXT,
+        width=_INTEGER,
+        height=_INTEGER,
+        distortion_model=_TEXT,
+        D=_list(_NUMBER),
+        K=_list(_NUMBER),
+        R=_list(_NUMBER),
+        P=_list(_NUMBER),
     ),
     "foxglove.PointCloud": _object(
-        timestamp=_TIME, frame_id=_TEXT, pose=_POSE, point_stride=_INTEGER,
-        fields=_list(_object(name=_TEXT, offset=_INTEGER, type=_INTEGER)), data=_BYTES,
+        timestamp=_TIME,
+        frame_id=_TEXT,
+        pose=_POSE,
+        point_stride=_INTEGER,
+        fields=_list(_object(name=_TEXT, offset=_INTEGER, type=_INTEGER)),
+        data=_BYTES,
     ),
     "foxglove.SceneUpdate": _object(
         deletions=_list(_object(timestamp=_TIME, type=_INTEGER, id=_TEXT)),
         entities=_list(
             _object(
-                timestamp=_TIME, frame_id=_TEXT, id=_TEXT, lifetime=_TIME, frame_locked=_FLAG,
-                metadata=_list(_object(key=_TEXT, value=_TEXT)), cubes=_list(_object(pose=_POSE, size=_VECTOR, color=_COLOR)),
-                arrows=_list(_ANY), spheres=_list(_ANY), cylinders=_list(_ANY), lines=_list(_ANY), triangles=_list(_ANY),
-                texts=_list(_ANY), models=_list(_ANY),
+                timestamp=_TIME,
+                frame_id=_TEXT,
+                id=_TEXT,
+                lifetime=_TIME,
+                frame_locked=_FLAG,
+                metadata=_list(_object(key=_TEXT, value=_TEXT)),
+                cubes=_list(_object(pose=_POSE, size=_VECTOR, color=_COLOR)),
+                arrows=_list(_ANY),
+                spheres=_list(_ANY),
+                cylinders=_list(_ANY),
+                lines=_list(_ANY),
+                triangles=_list(_ANY),
+                texts=_list(_ANY),
+                models=_list(_ANY),
             )
         ),
     ),
     "scarl.Scene": _object(timestamp=_TIME, scene=_TEXT, frame=_INTEGER, seed=_INTEGER),
     "scarl.RadarFrame": _object(
-        timestamp=_TIME, frame_id=_TEXT, shape=_list(_INTEGER), dtype=_TEXT, axes=_list(_TEXT), scale=_NUMBER, unit=_TEXT,
+        timestamp=_TIME,
+        frame_id=_TEXT,
+        shape=_list(_INTEGER),
+        dtype=_TEXT,
+        axes=_list(_TEXT),
+        scale=_NUMBER,
+        unit=_TEXT,
         data=_BYTES,
     ),
-}  # fmt: skip
+}
 """Schema of each message type, without its title."""

@@ -2,14 +2,15 @@
 
 References
 ----------
-.. [1] H. Caesar et al., "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020; schema of nuscenes-devkit 1.2.
+.. [1] H. Caesar et al., "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020; schema of nuscenes-devkit
+   1.2.
 """
 
 from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -28,7 +29,7 @@ from . import nuscenes_files as files
 from . import nuscenes_tables as tables
 from .nuscenes_tables import token
 from .output import whole_folder
-from .source import FrameSource, OnProgress, SceneFrames, as_source, no_progress
+from .source import Convertible, FrameSource, OnProgress, SceneFrames, as_source, no_progress
 
 LIDAR_CHANNEL = "LIDAR_TOP"
 FORMAT = "nuscenes"
@@ -37,7 +38,7 @@ SCENE_GAP_US = 1_000_000
 
 
 def export_nuscenes(
-    data: Any,
+    data: Convertible,
     out: str | Path,
     *,
     version: str = "v1.0-mini",
@@ -125,7 +126,10 @@ class _Options:
 
 @dataclass(frozen=True, eq=False)
 class _Stream:
-    """Where a file belongs: its channel, of which kind, `mount` (vehicle_from_sensor), how its name ends; of a camera also intrinsics and size [px]."""
+    """Where a file belongs: its channel, of which kind, `mount` (vehicle_from_sensor), how its name ends.
+
+    Of a camera also intrinsics and size [px].
+    """
 
     channel: str
     modality: str
@@ -172,15 +176,22 @@ class _Writer:
             self.delay = max(0, self._last_time + SCENE_GAP_US - timestamp)
         timestamp += self.delay
         self.poses.append(
-            {"token": pose_token, "timestamp": timestamp, "rotation": pose.quaternion.tolist(),
-             "translation": pose.position.tolist()}
-        )  # fmt: skip
+            {
+                "token": pose_token,
+                "timestamp": timestamp,
+                "rotation": pose.quaternion.tolist(),
+                "translation": pose.position.tolist(),
+            }
+        )
         self.map.add(frame)
         if is_key:
             self.samples.append(
-                {"token": token("sample", scene.name, frame.index), "timestamp": timestamp,
-                 "scene_token": token("scene", scene.name)}
-            )  # fmt: skip
+                {
+                    "token": token("sample", scene.name, frame.index),
+                    "timestamp": timestamp,
+                    "scene_token": token("scene", scene.name),
+                }
+            )
         base = {"ego_pose_token": pose_token, "timestamp": timestamp, "is_key_frame": is_key}
         cloud = self._lidar(scene, frame, base)
         echoes = self._radars(scene, frame, base)
@@ -197,10 +208,14 @@ class _Writer:
                 {"token": self._sensors[channel], "channel": channel, "modality": stream.modality}
             )
             self.table["calibrated_sensor"].append(
-                {"token": token("calibrated_sensor", channel), "sensor_token": self._sensors[channel],
-                 "translation": mount.position.tolist(), "rotation": mount.quaternion.tolist(),
-                 "camera_intrinsic": [] if stream.intrinsics is None else stream.intrinsics.tolist()}
-            )  # fmt: skip
+                {
+                    "token": token("calibrated_sensor", channel),
+                    "sensor_token": self._sensors[channel],
+                    "translation": mount.position.tolist(),
+                    "rotation": mount.quaternion.tolist(),
+                    "camera_intrinsic": [] if stream.intrinsics is None else stream.intrinsics.tolist(),
+                }
+            )
         kind = "samples" if base["is_key_frame"] else "sweeps"
         name = f"{kind}/{channel}/{scene.name}__{channel}__{base['timestamp']:016d}.{stream.suffix}"
         (self.root / name).parent.mkdir(parents=True, exist_ok=True)
@@ -265,10 +280,16 @@ class _Writer:
         (self.root / path).parent.mkdir(parents=True, exist_ok=True)
         np.save(self.root / path, radar.adc_int)
         self.raw_radar.append(
-            {"token": token("scarl_radar", record["token"]), "sample_data_token": record["token"], "filename": path,
-             "sensor": name, "scale": float(radar.adc_scale), "unit": "sqrt(W)",
-             "axes": ["receiver", "chirp * num_tx + transmitter", "sample", "I/Q"]}
-        )  # fmt: skip
+            {
+                "token": token("scarl_radar", record["token"]),
+                "sample_data_token": record["token"],
+                "filename": path,
+                "sensor": name,
+                "scale": float(radar.adc_scale),
+                "unit": "sqrt(W)",
+                "axes": ["receiver", "chirp * num_tx + transmitter", "sample", "I/Q"],
+            }
+        )
 
     def _cameras(self, scene: SceneFrames, frame: Frame, base: dict[str, Any]) -> None:
         image: ImageFrame
@@ -304,14 +325,19 @@ class _Writer:
             length, width, height = item.size.tolist()
             self.instances.setdefault(item.instance, item)
             self.annotations[item.instance].append(
-                {"token": token("sample_annotation", scene.name, frame.index, item.instance),
-                 "sample_token": self.samples[-1]["token"], "instance_token": token("instance", scene.name, item.instance),
-                 "visibility_token": tables.visibility_token(fraction),
-                 "attribute_tokens": tables.attribute_tokens(category, speed, item.is_actor),
-                 "translation": item.world_from_box.position.tolist(), "size": [width, length, height],
-                 "rotation": item.world_from_box.quaternion.tolist(),
-                 "num_lidar_pts": num_lidar, "num_radar_pts": num_radar}
-            )  # fmt: skip
+                {
+                    "token": token("sample_annotation", scene.name, frame.index, item.instance),
+                    "sample_token": self.samples[-1]["token"],
+                    "instance_token": token("instance", scene.name, item.instance),
+                    "visibility_token": tables.visibility_token(fraction),
+                    "attribute_tokens": tables.attribute_tokens(category, speed, item.is_actor),
+                    "translation": item.world_from_box.position.tolist(),
+                    "size": [width, length, height],
+                    "rotation": item.world_from_box.quaternion.tolist(),
+                    "num_lidar_pts": num_lidar,
+                    "num_radar_pts": num_radar,
+                }
+            )
 
     # -- scenes ------------------------------------------------------------------------------------------------------
 
@@ -338,32 +364,54 @@ class _Writer:
             item = self.instances[instance]
             category = tables.CATEGORY_OF_CLASS[SEMANTIC_CLASSES[item.semantic]]
             self.table["instance"].append(
-                {"token": rows[0]["instance_token"], "category_token": token("category", category),
-                 "nbr_annotations": len(rows), "first_annotation_token": rows[0]["token"],
-                 "last_annotation_token": rows[-1]["token"], "scarl_name": item.name, "scarl_instance": int(instance),
-                 "scarl_class": SEMANTIC_CLASSES[item.semantic]}
-            )  # fmt: skip
+                {
+                    "token": rows[0]["instance_token"],
+                    "category_token": token("category", category),
+                    "nbr_annotations": len(rows),
+                    "first_annotation_token": rows[0]["token"],
+                    "last_annotation_token": rows[-1]["token"],
+                    "scarl_name": item.name,
+                    "scarl_instance": int(instance),
+                    "scarl_class": SEMANTIC_CLASSES[item.semantic],
+                }
+            )
             self.table["sample_annotation"] += rows
         self._last_time = self.poses[-1]["timestamp"]
         self.table["ego_pose"] += self.poses
         self.table["sample"] += self.samples
         self.table["scene"].append(
-            {"token": scene_token, "name": scene.name, "description": f"simulated by scarl-sionna: {scene.name}",
-             "log_token": log_token, "nbr_samples": len(self.samples), "first_sample_token": self.samples[0]["token"],
-             "last_sample_token": self.samples[-1]["token"], "scarl_world_from_map": origin.tolist(),
-             "scarl_delay_us": self.delay}
-        )  # fmt: skip
+            {
+                "token": scene_token,
+                "name": scene.name,
+                "description": f"simulated by scarl-sionna: {scene.name}",
+                "log_token": log_token,
+                "nbr_samples": len(self.samples),
+                "first_sample_token": self.samples[0]["token"],
+                "last_sample_token": self.samples[-1]["token"],
+                "scarl_world_from_map": origin.tolist(),
+                "scarl_delay_us": self.delay,
+            }
+        )
         self.table["log"].append(
-            {"token": log_token, "logfile": scene.name, "vehicle": self.source.rig["name"],
-             "date_captured": "1970-01-01", "location": scene.name}
-        )  # fmt: skip
+            {
+                "token": log_token,
+                "logfile": scene.name,
+                "vehicle": self.source.rig["name"],
+                "date_captured": "1970-01-01",
+                "location": scene.name,
+            }
+        )
         self.table["map"].append(
-            {"token": token("map", scene.name), "log_tokens": [log_token], "category": "semantic_prior",
-             "filename": map_file}
-        )  # fmt: skip
+            {
+                "token": token("map", scene.name),
+                "log_tokens": [log_token],
+                "category": "semantic_prior",
+                "filename": map_file,
+            }
+        )
         return self._begin_scene()
 
-    def save(self, splits: Any) -> None:
+    def save(self, splits: Mapping[str, Sequence[str]]) -> None:
         """Write all tables."""
         if not self.table["sample_data"]:
             raise ParameterRangeError(

@@ -23,7 +23,7 @@ RADAR_FIELDS = (
     ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("dyn_prop", "i1"), ("id", "<i2"), ("rcs", "<f4"), ("vx", "<f4"),
     ("vy", "<f4"), ("vx_comp", "<f4"), ("vy_comp", "<f4"), ("is_quality_valid", "i1"), ("ambig_state", "i1"),
     ("x_rms", "i1"), ("y_rms", "i1"), ("invalid_state", "i1"), ("pdh0", "i1"), ("vx_rms", "i1"), ("vy_rms", "i1"),
-)  # fmt: skip
+)  # fmt: skip # a table
 """The 18 fields of a radar point."""
 MOVING, STATIONARY, ONCOMING, UNAMBIGUOUS, VALID, LEAST_FALSE = 0, 1, 2, 3, 0, 1
 
@@ -190,7 +190,10 @@ def _same_pose(a: ImageFrame, b: ImageFrame) -> bool:
 
 
 def undistorted(image: ImageFrame) -> npt.NDArray[np.uint8]:
-    """Return the RGB image as a pinhole camera with the same matrix K would show it; black where the lens sees nothing."""
+    """Return the RGB image as a pinhole camera with the same matrix K would show it.
+
+    Black where the lens sees nothing.
+    """
     assert image.rgb is not None
     spec = image.spec
     if spec.lens.model == "pinhole":

@@ -16,9 +16,20 @@ import numpy as np
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 
 TABLES = (
-    "category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose", "log", "scene",
-    "sample", "sample_data", "sample_annotation", "map",
-)  # fmt: skip
+    "category",
+    "attribute",
+    "visibility",
+    "instance",
+    "sensor",
+    "calibrated_sensor",
+    "ego_pose",
+    "log",
+    "scene",
+    "sample",
+    "sample_data",
+    "sample_annotation",
+    "map",
+)
 """Tables that the reader of nuScenes requires."""
 
 CATEGORIES = (
@@ -29,7 +40,7 @@ CATEGORIES = (
     "vehicle.bus.bendy", "vehicle.bus.rigid", "vehicle.car", "vehicle.construction", "vehicle.emergency.ambulance",
     "vehicle.emergency.police", "vehicle.motorcycle", "vehicle.trailer", "vehicle.truck", "flat.driveable_surface",
     "flat.other", "flat.sidewalk", "flat.terrain", "static.manmade", "static.other", "static.vegetation", "vehicle.ego",
-)  # fmt: skip
+)  # fmt: skip # a table
 """Category names; the index is the lidarseg label."""
 
 CATEGORY_OF_CLASS = {
@@ -41,7 +52,7 @@ CATEGORY_OF_CLASS = {
     "Bicycle": "vehicle.bicycle", "Static": "static.other", "Dynamic": "movable_object.pushable_pullable",
     "Other": "static.other", "Water": "flat.other", "RoadLine": "flat.driveable_surface", "Ground": "flat.other",
     "Bridge": "static.manmade", "RailTrack": "flat.other", "GuardRail": "static.manmade",
-}  # fmt: skip
+}  # fmt: skip # a table
 """Category of each of our semantic classes."""
 
 LIDARSEG_LABEL = np.array([CATEGORIES.index(CATEGORY_OF_CLASS[name]) for name in SEMANTIC_CLASSES], dtype=np.uint8)
@@ -53,14 +64,14 @@ ATTRIBUTES = {
     "pedestrian.moving": "faster than 0.5 m/s", "pedestrian.standing": "slower than 0.5 m/s",
     "vehicle.moving": "faster than 0.5 m/s", "vehicle.stopped": "slower than 0.5 m/s, of an object that can move",
     "vehicle.parked": "a static object of the scene",
-}  # fmt: skip
+}  # fmt: skip # a table
 MOVING_SPEED = 0.5
 """An object faster than this counts as moving [m/s]."""
 
 CHANNEL_PLACES = {
     "front_left": "FRONT_LEFT", "front_center": "FRONT", "front_right": "FRONT_RIGHT",
     "back_left": "BACK_LEFT", "back_center": "BACK", "back_right": "BACK_RIGHT", "front": "FRONT", "back": "BACK",
-}  # fmt: skip
+}  # fmt: skip # a table
 
 
 def token(*parts: object) -> str:

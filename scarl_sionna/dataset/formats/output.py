@@ -41,7 +41,8 @@ def whole_folder(out: str | Path, mark: Mapping[str, Any], overwrite: bool = Fal
     Raises
     ------
     OutputError
-        If `out` is there, or holds files that no exporter wrote, or the folder cannot be written; what was there stays then.
+        If `out` is there, or holds files that no exporter wrote, or the folder cannot be written; what was there stays
+        then.
     """
     out = Path(out)
     _clear_stale(out)

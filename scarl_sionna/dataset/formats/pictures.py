@@ -34,7 +34,10 @@ def semantic_picture(semantic: npt.NDArray[np.uint8]) -> Picture:
 
 
 def range_doppler_picture(radar: RadarFrame) -> Picture:
-    """Return the range-Doppler map as a picture: range upwards, radial velocity to the right, power over noise as colour."""
+    """Return the range-Doppler map as a picture.
+
+    Range upwards, radial velocity to the right, power over noise as colour.
+    """
     rd = range_doppler(virtual_cube(radar.adc, radar.spec), radar.spec)
     low, high = SNR_RANGE_DB
     level = (power_to_db(rd.power / rd.noise_power) - low) / (high - low)

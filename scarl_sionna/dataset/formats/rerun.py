@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +19,21 @@ from scarl_sionna.dataset.derived.radar_points import sensed_points
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 from .output import whole_output_file
-from .source import OnProgress, SceneFrames, as_source, no_progress
+from .source import Convertible, OnProgress, SceneFrames, as_source, no_progress
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
 
 APPLICATION = "scarl-sionna"
 
 
 def export_rerun(
-    data: Any, out: str | Path, *, pfa: float = 1e-6, overwrite: bool = False, on_progress: OnProgress = no_progress
+    data: Convertible,
+    out: str | Path,
+    *,
+    pfa: float = 1e-6,
+    overwrite: bool = False,
+    on_progress: OnProgress = no_progress,
 ) -> Path:
     """Write frames as an ``.rrd`` file; ``rerun FILE`` opens it.
 
@@ -53,7 +62,7 @@ def is_ours(path: Path) -> bool:
     return head.startswith(b"RRF") and APPLICATION.encode() in head
 
 
-def view_rerun(data: Any, *, pfa: float = 1e-6, on_progress: OnProgress = no_progress) -> None:
+def view_rerun(data: Convertible, *, pfa: float = 1e-6, on_progress: OnProgress = no_progress) -> None:
     """Open the viewer and show frames in it while they are read.
 
     Raises
@@ -68,7 +77,9 @@ def view_rerun(data: Any, *, pfa: float = 1e-6, on_progress: OnProgress = no_pro
     recording.flush()
 
 
-def log_frames(recording: Any, data: Any, *, pfa: float = 1e-6, on_progress: OnProgress = no_progress) -> None:
+def log_frames(
+    recording: RecordingStream, data: Convertible, *, pfa: float = 1e-6, on_progress: OnProgress = no_progress
+) -> None:
     """Log all frames to a recording: one root a scene, timelines ``time`` and ``frame``."""
     rr = require("rerun", "viewer")
     source = as_source(data)
@@ -90,7 +101,7 @@ def log_frames(recording: Any, data: Any, *, pfa: float = 1e-6, on_progress: OnP
             on_progress(done, source.num_frames)
 
 
-def _log_frame(rr: Any, recording: Any, scene: SceneFrames, frame: Frame, pfa: float) -> None:
+def _log_frame(rr: ModuleType, recording: RecordingStream, scene: SceneFrames, frame: Frame, pfa: float) -> None:
     root = f"{scene.name}/vehicle"
     _log_pose(rr, recording, root, frame.world_from_vehicle)
     objects = other_objects(frame)
@@ -113,7 +124,7 @@ def _log_frame(rr: Any, recording: Any, scene: SceneFrames, frame: Frame, pfa: f
         _log_map(rr, recording, f"{scene.name}/maps/{name}", radar)
 
 
-def _log_camera(rr: Any, recording: Any, path: str, image: ImageFrame) -> None:
+def _log_camera(rr: ModuleType, recording: RecordingStream, path: str, image: ImageFrame) -> None:
     """Log once where a camera looks."""
     spec = image.spec
     _log_pose(rr, recording, path, Pose.from_rotation(np.zeros(3), CAMERA_OPTICAL_FROM_SENSOR.T), static=True)
@@ -129,7 +140,7 @@ def _log_camera(rr: Any, recording: Any, path: str, image: ImageFrame) -> None:
         )
 
 
-def _log_image(rr: Any, recording: Any, path: str, image: ImageFrame) -> None:
+def _log_image(rr: ModuleType, recording: RecordingStream, path: str, image: ImageFrame) -> None:
     optical = f"{path}/optical"
     if image.rgb is not None:
         recording.log(f"{optical}/rgb", rr.Image(image.rgb).compress(jpeg_quality=90))
@@ -141,12 +152,14 @@ def _log_image(rr: Any, recording: Any, path: str, image: ImageFrame) -> None:
         recording.log(f"{optical}/semantic", rr.SegmentationImage(image.semantic))
 
 
-def _log_lidar(rr: Any, recording: Any, path: str, frame: Frame, scan: LidarScan) -> None:
+def _log_lidar(rr: ModuleType, recording: RecordingStream, path: str, frame: Frame, scan: LidarScan) -> None:
     place = scan.world_from_sensor.inverse().apply(world_points(frame, scan))
     recording.log(f"{path}/points", rr.Points3D(place, class_ids=scan.semantic, radii=0.03))
 
 
-def _log_detections(rr: Any, recording: Any, path: str, frame: Frame, radar: RadarFrame, pfa: float) -> None:
+def _log_detections(
+    rr: ModuleType, recording: RecordingStream, path: str, frame: Frame, radar: RadarFrame, pfa: float
+) -> None:
     sensed = sensed_points(frame, radar, pfa)
     points = sensed.points
     recording.log(f"{path}/detections", rr.Points3D(points.position, colors=(255, 80, 0), radii=0.15))
@@ -156,12 +169,12 @@ def _log_detections(rr: Any, recording: Any, path: str, frame: Frame, radar: Rad
     )
 
 
-def _log_map(rr: Any, recording: Any, path: str, radar: RadarFrame) -> None:
+def _log_map(rr: ModuleType, recording: RecordingStream, path: str, radar: RadarFrame) -> None:
     rd = range_doppler(virtual_cube(radar.adc, radar.spec), radar.spec)
     level = power_to_db(rd.power / rd.noise_power).astype(np.float32)
     recording.log(path, rr.Tensor(level.T[::-1], dim_names=("range", "radial_velocity")))
 
 
-def _log_pose(rr: Any, recording: Any, path: str, pose: Pose, static: bool = False) -> None:
+def _log_pose(rr: ModuleType, recording: RecordingStream, path: str, pose: Pose, static: bool = False) -> None:
     rotation = rr.Quaternion(xyzw=np.roll(pose.quaternion, -1))
     recording.log(path, rr.Transform3D(translation=pose.position, quaternion=rotation), static=static)

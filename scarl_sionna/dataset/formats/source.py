@@ -6,11 +6,14 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, overload
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from scarl_sionna.core.errors import DatasetError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import Frame
+
+if TYPE_CHECKING:
+    from scarl_sionna.dataset.readers.reader import Dataset
 
 OnProgress = Callable[[int, int], None]
 """Called with the number of finished frames and of all frames."""
@@ -21,6 +24,10 @@ def no_progress(done: int, total: int) -> None:
 
 
 _SCENE_NAME = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_\-.]*")
+
+
+Convertible: TypeAlias = "FrameSource | Dataset | str | Path"
+"""What an exporter takes, see :func:`as_source`."""
 
 
 class Frames(Protocol):
@@ -148,11 +155,7 @@ class _DatasetFrames:
         return Frame(item.index, item.timestamp_ns, item.seed, pose, twist, {}, item.labels)
 
 
-@overload
-def as_source(data: FrameSource) -> FrameSource: ...
-@overload
-def as_source(data: Any) -> FrameSource: ...
-def as_source(data: Any) -> FrameSource:
+def as_source(data: Convertible) -> FrameSource:
     """Return what an exporter reads.
 
     Parameters

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,14 +15,18 @@ from scarl_sionna.dataset.readers.samples import FrameSamples
 from scarl_sionna.dataset.readers.tf_data import tensorflow
 
 from .output import whole_folder
-from .source import OnProgress, as_source, no_progress
+from .source import Convertible, OnProgress, as_source, no_progress
+
+if TYPE_CHECKING:
+    import tensorflow as tf
+    from tensorflow import Tensor
 
 FORMAT, FORMAT_VERSION = "scarl-tfrecord", 1
 INFO = "dataset_info.json"
 
 
 def export_tfrecord(
-    data: Any,
+    data: Convertible,
     out: str | Path,
     items: Sequence[str] | Mapping[str, str] | None = None,
     *,
@@ -37,7 +42,8 @@ def export_tfrecord(
     data : FrameSource, dataset or path
         See `as_source`.
     out : path
-        Folder to make: ``scene-00000-of-00002.tfrecord`` and so on, and `dataset_info.json` with the type of every item.
+        Folder to make: ``scene-00000-of-00002.tfrecord`` and so on, and `dataset_info.json` with the type of every
+        item.
     items : sequence or mapping of str, optional
         See `FrameSamples`; left out: all that is there.
     frames_per_file : int
@@ -81,10 +87,15 @@ def export_tfrecord(
                         done += 1
                         on_progress(done, source.num_frames)
         info = {
-            "format": FORMAT, "format_version": FORMAT_VERSION, "compression": compression, "items": signature, "files": files,
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "compression": compression,
+            "items": signature,
+            "files": files,
             "encoding": "each item is a bytes feature: tf.io.serialize_tensor of an array of this type and shape",
-            "rig": source.rig, "splits": {name: list(scenes) for name, scenes in source.splits.items()},
-        }  # fmt: skip
+            "rig": source.rig,
+            "splits": {name: list(scenes) for name, scenes in source.splits.items()},
+        }
         (folder / INFO).write_text(json.dumps(info, indent=1) + "\n", encoding="utf-8")
     return Path(out)
 
@@ -96,7 +107,7 @@ def read_tfrecord(
     batch_size: int | None = None,
     num_threads: int = 4,
     prefetch: int = 4,
-) -> Any:
+) -> tf.data.Dataset:
     """Return the frames of an exported folder as a `tf.data.Dataset` of dictionaries, in order.
 
     Parameters
@@ -127,7 +138,7 @@ def read_tfrecord(
     items = info["items"]
     features = {key: tf.io.FixedLenFeature([], tf.string) for key in items}
 
-    def parse(record: Any) -> dict[str, Any]:
+    def parse(record: Tensor) -> dict[str, Any]:
         raw = tf.io.parse_single_example(record, features)
         out = {}
         for key, item in items.items():
@@ -158,7 +169,7 @@ def _info(folder: Path) -> dict[str, Any]:
     return info  # type: ignore[no-any-return]
 
 
-def _example(tf: Any, sample: Mapping[str, Any]) -> bytes:
+def _example(tf: ModuleType, sample: Mapping[str, Any]) -> bytes:
     features = {}
     for key, value in sample.items():
         data = tf.io.serialize_tensor(tf.constant(np.asarray(value))).numpy()

@@ -18,7 +18,7 @@ from scarl_sionna.core.errors import DatasetError, ScarlWarning, UnknownNameErro
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity
 from scarl_sionna.core.results import Frame, ObjectState, SensorResult
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.dataset.encoding import mount_today, spec_of
 from scarl_sionna.dataset.store.files import Files, open_files
 from scarl_sionna.dataset.store.manifest import (
@@ -117,13 +117,25 @@ class Dataset(Described, Sequence["StoredFrame"]):
         return {split: list(names) for split, names in self.manifest["splits"].items()}
 
     def scene(self, name: str) -> Scene:
-        """Return a scene (sequence) by name."""
+        """Return a scene (sequence) by name.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such scene.
+        """
         if name not in self._scenes:
             raise UnknownNameError("scene", name, self._scenes)
         return self._scenes[name]
 
     def spec(self, sensor: str) -> Spec:
-        """Return the specification of a sensor."""
+        """Return the specification of a sensor.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such sensor.
+        """
         if sensor not in self._specs:
             mounts = {mount["name"]: mount for mount in self.plan.rig["sensors"]}
             if sensor not in mounts:
@@ -163,7 +175,13 @@ class Scene(Described, Sequence["StoredFrame"]):
         return StoredFrame(self, self.frames[index])
 
     def frame(self, index: int) -> StoredFrame:
-        """Return the frame of a number (`Frame.index`)."""
+        """Return the frame of a number (`Frame.index`).
+
+        Raises
+        ------
+        DatasetError
+            If the frame is not there (yet).
+        """
         if index not in self.frames:
             raise DatasetError(
                 f"scene {self.name} has no frame {index}", self.dataset.place, "run the export again to make it"
@@ -177,14 +195,25 @@ class Scene(Described, Sequence["StoredFrame"]):
 
     @cached_property
     def group(self) -> zarr.Group:
-        """The scene's Zarr group: lazy arrays over all frames, for slices; ``group["front_left/radar/adc"][3, :, :16]``."""
+        """The scene's Zarr group: lazy arrays over all frames, for slices.
+
+        ``group["front_left/radar/adc"][3, :, :16]``.
+        """
         import zarr
 
         place = self.dataset.place.rstrip("/")
         return zarr.open_group(f"{place}/{ARRAYS}/{self.name}", mode="r")
 
     def array(self, name: str) -> npt.NDArray[Any]:
-        """Return a small array for all frames that are there, shape (num_frames, ...), for instance ``"timestamp_ns"``."""
+        """Return a small array, for instance ``"timestamp_ns"``, over all frames, shape (num_frames, ...).
+
+        In the unit that the schema states, see docs/dataset.md.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such array.
+        """
         rows = [self.read_array(index, name) for index in self.frames]
         if any(row is None for row in rows):
             raise UnknownNameError("array", name, self.arrays(self.frames[0]) if self.frames else ())
@@ -196,6 +225,8 @@ class Scene(Described, Sequence["StoredFrame"]):
 
     def read_array(self, index: int, name: str) -> npt.NDArray[Any] | None:
         """Return one array of one frame, or None if the frame does not have it.
+
+        With the shape and in the unit that the schema states, see docs/dataset.md.
 
         Raises
         ------
@@ -222,7 +253,13 @@ class Scene(Described, Sequence["StoredFrame"]):
             raise self._damaged(key, error) from error
 
     def read_file(self, name: str) -> bytes:
-        """Return a file of the dataset."""
+        """Return a file of the dataset.
+
+        Raises
+        ------
+        DatasetError
+            If the file is missing or cannot be read.
+        """
         try:
             return self.dataset.files.read(name)
         except OSError as error:
@@ -364,7 +401,10 @@ class StoredFrame(Described):
 
     @cached_property
     def label_arrays(self) -> dict[str, Any]:
-        """Columns of the objects: instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6), counts, name."""
+        """Columns of the objects.
+
+        Instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6), counts, name.
+        """
         from scarl_sionna.dataset.schema import OBJECTS
 
         count = int(self._array("objects/num_objects"))
@@ -377,7 +417,10 @@ class StoredFrame(Described):
 
     @cached_property
     def labels(self) -> tuple[ObjectState, ...]:
-        """Ground truth of every object of the scene: oriented box, velocity, class, instance, what the sensors see of it."""
+        """Ground truth of every object of the scene.
+
+        Oriented box, velocity, class, instance, what the sensors see of it.
+        """
         columns = self.label_arrays
         return tuple(
             ObjectState(**{name: _object_value(name, column[row]) for name, column in columns.items()})
@@ -402,7 +445,7 @@ class StoredFrame(Described):
         return values
 
 
-def _object_value(name: str, value: Any) -> Any:
+def _object_value(name: str, value: FieldValue) -> FieldValue:
     if name == "world_from_box":
         return Pose(value[:3], value[3:])
     if name == "twist":

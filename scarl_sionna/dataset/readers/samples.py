@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,13 +13,23 @@ from scipy.spatial.transform import Rotation
 
 from scarl_sionna.core.errors import DatasetError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.results import Frame
+from scarl_sionna.core.spec import FieldValue
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.dataset.derived.boxes import EGO_OFFSET
+from scarl_sionna.dataset.formats.source import Frames
 from scarl_sionna.dataset.schema import CAMERA, LIDAR
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
+if TYPE_CHECKING:
+    from .reader import Dataset, Scene, StoredFrame
+
+    pass
+
 Array = npt.NDArray[Any]
+AnyFrame: TypeAlias = "Frame | StoredFrame"
+FrameData: TypeAlias = "Dataset | Scene | Frames | str | Path"
+"""Frames, or the place of a dataset that holds them."""
 
 FRAME_ITEMS = ("boxes", "box_semantic", "box_instance", "timestamp_ns", "world_from_vehicle")
 RADAR_ITEMS = ("adc", "adc_int", "cube", "range_doppler", "range_azimuth")
@@ -47,22 +57,25 @@ class FrameSamples:
     ----------
     data : dataset of `open_dataset`, scene of it, path or URL of a dataset, or sequence of Frame
     items : sequence of str, or mapping of str to str, optional
-        What to read: ``"sensor:field"`` (``"front_left/radar:range_doppler"``), or a field of the frame (``"boxes"``). A mapping
-        gives keys of its own: ``{"map": "front_left/radar:range_doppler", "boxes": "boxes"}``. Left out: all that is stored.
+        What to read: ``"sensor:field"`` (``"front_left/radar:range_doppler"``), or a field of the frame (``"boxes"``).
+        A mapping gives keys of its own: ``{"map": "front_left/radar:range_doppler", "boxes": "boxes"}``. Left out: all
+        that is stored.
 
-        =============  ==================================================================================================
+        =============  =================================================================================================
         radar          ``adc`` complex64 (num_rx, num_chirps_total, num_samples) [sqrt(W)]; ``adc_int`` int16 (..., 2);
                        ``cube`` complex64 (num_virtual, num_chirps, num_samples) [sqrt(W)];
                        ``range_doppler`` float32 (num_doppler, num_range) [dBm]; ``range_azimuth`` float32
                        (num_range, num_azimuth) [dBm]
         camera         ``rgb`` uint8 (height, width, 3); ``depth`` float32 [m]; ``semantic`` uint8; ``instance`` uint16;
                        ``normal``, ``flow`` float32
-        lidar          ``points`` float32 (N, 5): x, y, z [m, sensor frame], intensity, radial velocity [m/s]; or a field of
+        lidar          ``points`` float32 (N, 5): x, y, z [m, sensor frame], intensity, radial velocity [m/s]; or a
+        field of
                        `LidarScan`, one row a return
-        frame          ``boxes`` float32 (M, 10): x, y, z, length, width, height [m], yaw [rad], velocity over ground [m/s], along the
-                       axes of the vehicle frame, without the vehicle itself; ``box_semantic`` uint8; ``box_instance`` int32;
-                       ``timestamp_ns`` int64; ``world_from_vehicle`` float64 (7,)
-        =============  ==================================================================================================
+        frame          ``boxes`` float32 (M, 10): x, y, z, length, width, height [m], yaw [rad], velocity over ground
+        [m/s], along the
+                       axes of the vehicle frame, without the vehicle itself; ``box_semantic`` uint8; ``box_instance``
+                       int32; ``timestamp_ns`` int64; ``world_from_vehicle`` float64 (7,)
+        =============  =================================================================================================
 
     Raises
     ------
@@ -72,7 +85,7 @@ class FrameSamples:
         If a sensor or a field is unknown.
     """
 
-    def __init__(self, data: Any, items: Sequence[str] | Mapping[str, str] | None = None) -> None:
+    def __init__(self, data: FrameData, items: Sequence[str] | Mapping[str, str] | None = None) -> None:
         if isinstance(data, str | Path):
             from .reader import open_dataset
 
@@ -102,8 +115,11 @@ class FrameSamples:
         return {key: _spec_of(self.items[key], value) for key, value in self[0].items()}
 
 
-def frame_objects(frame: Any) -> dict[str, Array]:
-    """Return the objects of a frame as columns: instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6)."""
+def frame_objects(frame: AnyFrame) -> dict[str, Array]:
+    """Return the objects of a frame as columns.
+
+    Instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6).
+    """
     if not isinstance(frame, Frame):
         columns = frame.label_arrays
         return {
@@ -123,7 +139,7 @@ def frame_objects(frame: Any) -> dict[str, Array]:
     }
 
 
-def box_arrays(frame: Any) -> dict[str, Array]:
+def box_arrays(frame: AnyFrame) -> dict[str, Array]:
     """Return the boxes of a frame's objects in the vehicle frame, without the vehicle itself; see `FrameSamples`."""
     columns = frame_objects(frame)
     vehicle = frame.world_from_vehicle
@@ -144,7 +160,7 @@ def box_arrays(frame: Any) -> dict[str, Array]:
     }
 
 
-def kind_of(result: Any) -> str:
+def kind_of(result: object) -> str:
     """Return the kind of a sensor's result, stored or in memory; "" for a kind of another package."""
     for kind, name in (("radar", "adc_scale"), ("camera", "rgb"), ("lidar", "shot")):
         if name in _field_names(result):
@@ -152,12 +168,12 @@ def kind_of(result: Any) -> str:
     return ""
 
 
-def _field_names(result: Any) -> set[str]:
+def _field_names(result: object) -> set[str]:
     stored = getattr(result, "table", None)
     return {item.name for item in stored} if stored else set(getattr(result, "__dataclass_fields__", ()))
 
 
-def _all_items(frame: Any) -> list[str]:
+def _all_items(frame: AnyFrame) -> list[str]:
     """Return all that a frame holds: raw radar data, images, lidar points, boxes, time and pose."""
     out = []
     for name, result in frame.results.items():
@@ -169,7 +185,7 @@ def _all_items(frame: Any) -> list[str]:
     return [*out, *FRAME_ITEMS]
 
 
-def _check_item(frame: Any, item: str) -> None:
+def _check_item(frame: AnyFrame, item: str) -> None:
     sensor, colon, field = item.rpartition(":")
     if not colon:
         if item not in FRAME_ITEMS:
@@ -182,7 +198,7 @@ def _check_item(frame: Any, item: str) -> None:
         raise UnknownNameError(f"field of {sensor}", field, known)
 
 
-def _read(frame: Any, item: str, cache: dict[str, Any]) -> Array:
+def _read(frame: AnyFrame, item: str, cache: dict[str, Any]) -> Array:
     sensor, colon, field = item.rpartition(":")
     if not colon:
         if item in _BOX_ITEMS:
@@ -203,7 +219,7 @@ def _read(frame: Any, item: str, cache: dict[str, Any]) -> Array:
     return np.asarray(value)
 
 
-def _derived(result: Any, field: str, cube_key: str, cache: dict[str, Any]) -> Any:
+def _derived(result: FieldValue, field: str, cube_key: str, cache: dict[str, Any]) -> FieldValue:
     """Return a field of a result, or what is computed from its fields."""
     if field in ("cube", "range_doppler", "range_azimuth"):
         if cube_key not in cache:

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.registry import sensor_class
-from scarl_sionna.core.results import ImageFrame, LidarScan, RadarFrame
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.results import ImageFrame, LidarScan, RadarFrame, SensorResult
+from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.dataset import schema
 from scarl_sionna.dataset.codec import decode_depth
 from scarl_sionna.dataset.encoding import decode_png, foreign_fields
@@ -22,11 +22,39 @@ from scarl_sionna.dataset.encoding import decode_png, foreign_fields
 Result = TypeVar("Result")
 
 
+class SpecsOfDataset(Protocol):
+    """What a stored result asks of its dataset; see :class:`scarl_sionna.dataset.readers.reader.Dataset`."""
+
+    def spec(self, sensor: str) -> Spec:
+        """Return the specification of a sensor."""
+
+
+class SceneInDataset(Protocol):
+    """What a stored result asks of its scene; see :class:`scarl_sionna.dataset.readers.reader.Scene`."""
+
+    @property
+    def dataset(self) -> SpecsOfDataset:
+        """The dataset that the scene belongs to."""
+        raise NotImplementedError
+
+    def read_array(self, index: int, name: str) -> npt.NDArray[Any] | None:
+        """Return one array of one frame, or None if the frame does not have it."""
+
+    def read_file(self, name: str) -> bytes:
+        """Return a file of the dataset."""
+
+    def image_file(self, index: int, sensor: str, image: str) -> str | None:
+        """Return the name of an image's file, or None if the frame does not have it."""
+
+    def meta(self, index: int) -> dict[str, Any]:
+        """Return what of a frame stands in JSON."""
+
+
 class FrameInDataset(Protocol):
     """What a stored result asks of its frame; see :class:`scarl_sionna.dataset.readers.reader.StoredFrame`."""
 
     @property
-    def scene(self) -> Any:
+    def scene(self) -> SceneInDataset:
         """The scene of the dataset that it belongs to."""
 
     @property
@@ -54,7 +82,7 @@ class StoredResult:
         return f"<{type(self).__name__} {self.name} of frame {self._frame.index}>"
 
     @property
-    def spec(self) -> Any:
+    def spec(self) -> FieldValue:
         """Specification of the sensor."""
         spec: Spec = self._frame.scene.dataset.spec(self.name)
         return spec
@@ -75,29 +103,32 @@ class StoredResult:
         count = scene.read_array(index, "objects/num_objects")
         return value[: int(count)]  # type: ignore[arg-type]
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> FieldValue:
         if name.startswith("_") or name not in self._by_name:
             raise AttributeError(f"{type(self).__name__} has no field '{name}' (fields: {', '.join(self._by_name)})")
         value = self.field(name)
         self.__dict__[name] = value
         return value
 
-    def field(self, name: str) -> Any:
+    def field(self, name: str) -> FieldValue:
         """Return a field as the sensor gave it."""
         value = self.read(name)
         return value.item() if value is not None and value.ndim == 0 else value
 
-    def to_result(self) -> Any:
+    def to_result(self) -> SensorResult:
         """Return the result with all arrays in memory."""
         raise NotImplementedError
 
 
 class StoredRadar(StoredResult):
-    """A radar: `adc` complex64 [sqrt(W)], `adc_int` the converter's codes, `adc_scale`, `num_saturated`, `num_paths`."""
+    """A stored radar frame.
+
+    `adc` complex64 [sqrt(W)], `adc_int` the converter's codes, `adc_scale`, `num_saturated`, `num_paths`.
+    """
 
     table = schema.RADAR
 
-    def field(self, name: str) -> Any:
+    def field(self, name: str) -> FieldValue:
         """Return a field as the sensor gave it."""
         if name == "diagnostics":
             meta = self._frame.scene.meta(self._frame.index)
@@ -130,7 +161,7 @@ class StoredLidar(StoredResult):
 
     table = schema.LIDAR
 
-    def field(self, name: str) -> Any:
+    def field(self, name: str) -> FieldValue:
         """Return a field as the sensor gave it."""
         value = self.read(name)
         if value is not None and schema.POINT in self._by_name[name].axes:
@@ -144,11 +175,14 @@ class StoredLidar(StoredResult):
 
 
 class StoredImage(StoredResult):
-    """A camera: `rgb`, `depth` [m], `semantic`, `instance`, `normal`, `flow`; None where the camera does not make it."""
+    """A camera: `rgb`, `depth` [m], `semantic`, `instance`, `normal`, `flow`.
+
+    None where the camera does not make it.
+    """
 
     table = schema.CAMERA
 
-    def field(self, name: str) -> Any:
+    def field(self, name: str) -> FieldValue:
         """Return a field as the sensor gave it."""
         scene, index = self._frame.scene, self._frame.index
         if self._by_name[name].storage == "png":
@@ -172,7 +206,7 @@ class StoredImages:
     def __init__(self, cameras: Mapping[str, StoredImage]) -> None:
         self.cameras = dict(cameras)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> FieldValue:
         if name.startswith("_") or name not in {item.name for item in schema.CAMERA}:
             raise AttributeError(name)
         return next((image for item in self.cameras.values() if (image := getattr(item, name)) is not None), None)
@@ -187,7 +221,7 @@ class StoredForeign(StoredResult):
         self._kind = kind
         super().__init__(frame, name)
 
-    def to_result(self) -> Any:
+    def to_result(self) -> SensorResult:
         """Return the result as the sensor's class gives it."""
         result_type: Callable[..., Any] = sensor_class(self._kind).result_type  # type: ignore[attr-defined]
         values = {item.name: getattr(self, item.name) for item in self.table}
@@ -195,7 +229,10 @@ class StoredForeign(StoredResult):
 
 
 class SuiteMapping(Mapping[str, Result], Generic[Result]):
-    """Sensors of one kind by name; the name of a suite (the part before the last ``/``) stands for its sensor of this kind."""
+    """Sensors of one kind by name.
+
+    The name of a suite (the part before the last ``/``) stands for its sensor of this kind.
+    """
 
     def __init__(
         self, kind: str, sensors: Mapping[str, Any], merge: Callable[[Mapping[str, Any]], Any] | None = None

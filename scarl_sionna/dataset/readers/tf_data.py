@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from scarl_sionna.core.errors import EngineError, ParameterRangeError
 from scarl_sionna.core.packages import require
 
-from .samples import FrameSamples, ItemSpec
+from .samples import Array, FrameData, FrameSamples, ItemSpec
+
+if TYPE_CHECKING:
+    import tensorflow as tf
+    from tensorflow import Tensor
 
 
-def tensorflow() -> Any:
+def tensorflow() -> ModuleType:
     """Return TensorFlow, imported after Dr.Jit where that is usable: the other way round crashes the process later.
 
     Raises
@@ -34,7 +40,7 @@ def tensorflow() -> Any:
 
 
 def tf_dataset(
-    data: Any,
+    data: FrameData,
     items: Sequence[str] | Mapping[str, str] | None = None,
     *,
     batch_size: int | None = None,
@@ -42,7 +48,7 @@ def tf_dataset(
     repeat: bool = False,
     num_threads: int = 4,
     prefetch: int = 4,
-) -> Any:
+) -> tf.data.Dataset:
     """Return a `tf.data.Dataset` of dictionaries of tensors.
 
     Parameters
@@ -50,8 +56,8 @@ def tf_dataset(
     data, items
         See `FrameSamples`.
     batch_size : int, optional
-        Frames a batch; items whose length differs from frame to frame (lidar, boxes) become ragged tensors then. Left out: one
-        frame an element.
+        Frames a batch; items whose length differs from frame to frame (lidar, boxes) become ragged tensors then. Left
+        out: one frame an element.
     shuffle_seed : int, optional
         Read the frames in random order, another one in every epoch; left out: in their order.
     repeat : bool
@@ -86,14 +92,16 @@ def tf_dataset(
     return dataset.prefetch(prefetch)
 
 
-def _reader(tf: Any, samples: FrameSamples, signature: Mapping[str, ItemSpec]) -> Any:
+def _reader(
+    tf: ModuleType, samples: FrameSamples, signature: Mapping[str, ItemSpec]
+) -> Callable[[Tensor], dict[str, Tensor]]:
     """Return the function from an index tensor to a dictionary of tensors with their static shapes."""
     types = [tf.as_dtype(spec.dtype) for spec in signature.values()]
 
-    def read(index: Any) -> list[Any]:
+    def read(index: npt.NDArray[np.int64]) -> list[Array]:
         return [np.asarray(value, order="C") for value in samples[int(index)].values()]
 
-    def element(index: Any) -> dict[str, Any]:
+    def element(index: Tensor) -> dict[str, Tensor]:
         tensors = tf.numpy_function(read, [index], types)
         for tensor, spec in zip(tensors, signature.values(), strict=True):
             tensor.set_shape(spec.shape)

@@ -12,7 +12,7 @@ import numpy as np
 
 from scarl_sionna.core.packages import require
 
-from .samples import FrameSamples
+from .samples import FrameData, FrameSamples
 
 _AS = {np.dtype(np.uint16): np.int32, np.dtype(np.uint32): np.int64, np.dtype(np.uint64): np.int64}
 """Types that PyTorch computes little with."""
@@ -32,7 +32,7 @@ class TorchFrames:
         If PyTorch is not installed.
     """
 
-    def __init__(self, data: Any, items: Sequence[str] | Mapping[str, str] | None = None) -> None:
+    def __init__(self, data: FrameData, items: Sequence[str] | Mapping[str, str] | None = None) -> None:
         require("torch", "torch")
         self.samples = FrameSamples(data, items)
         self._ragged = {key for key, spec in self.samples.signature().items() if None in spec.shape}
@@ -53,7 +53,8 @@ class TorchFrames:
     def collate(self, batch: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         """Return a batch for ``DataLoader(frames, collate_fn=frames.collate)``.
 
-        Items of one shape are stacked; those whose length differs from frame to frame (lidar, boxes) are lists of tensors.
+        Items of one shape are stacked; those whose length differs from frame to frame (lidar, boxes) are lists of
+        tensors.
         """
         torch = require("torch", "torch")
         values = {key: [sample[key] for sample in batch] for key in self.samples.items}

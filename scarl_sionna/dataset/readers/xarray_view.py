@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scarl_sionna.core.errors import DatasetError
 from scarl_sionna.core.packages import require
+from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.dataset.store.manifest import ARRAYS
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 from .reader import Dataset, Scene, open_dataset
+from .stored import StoredRadar
+
+if TYPE_CHECKING:
+    import xarray
 
 _COMPONENTS = {
     "pose": ["x", "y", "z", "qw", "qx", "qy", "qz"],
@@ -25,7 +30,7 @@ _COMPONENTS = {
 """Names along axes of components."""
 
 
-def open_xarray(data: Dataset | Scene | str | Path, scene: str | None = None) -> Any:
+def open_xarray(data: Dataset | Scene | str | Path, scene: str | None = None) -> xarray.DataTree:
     """Return a scene as an `xarray.DataTree`: one node a sensor, lazy arrays over all frames.
 
     Parameters
@@ -37,9 +42,10 @@ def open_xarray(data: Dataset | Scene | str | Path, scene: str | None = None) ->
     Returns
     -------
     xarray.DataTree
-        Axes are named as in ``docs/dataset.md``; coordinates are ``time`` [s] along ``frame``, ``fast_time`` [s], ``slow_time`` [s] and
-        ``transmitter`` along a radar's ``sample`` and ``chirp``, and the names of components. Units are in ``attrs["units"]``; a sensor's
-        node has its specification in ``attrs``. The axis of linear and angular velocity is named ``velocity``.
+        Axes are named as in ``docs/dataset.md``; coordinates are ``time`` [s] along ``frame``, ``fast_time`` [s],
+        ``slow_time`` [s] and ``transmitter`` along a radar's ``sample`` and ``chirp``, and the names of components.
+        Units are in ``attrs["units"]``; a sensor's node has its specification in ``attrs``. The axis of linear and
+        angular velocity is named ``velocity``.
 
     Raises
     ------
@@ -81,14 +87,15 @@ def open_xarray(data: Dataset | Scene | str | Path, scene: str | None = None) ->
     return xarray.DataTree.from_dict(out, name=data.name)
 
 
-def radar_maps_xarray(radar: Any) -> Any:
+def radar_maps_xarray(radar: RadarFrame | StoredRadar) -> xarray.Dataset:
     """Return the maps of a radar frame, stored or in memory, as an `xarray.Dataset`.
 
     Returns
     -------
     xarray.Dataset
-        ``range_doppler`` (radial_velocity, range): mean power of the channels [W]; ``range_azimuth`` (range, azimuth): power of the
-        strongest Doppler bin and elevation [W]; ``channels`` complex (channel, radial_velocity, range) [sqrt(W)].
+        ``range_doppler`` (radial_velocity, range): mean power of the channels [W]; ``range_azimuth`` (range, azimuth):
+        power of the strongest Doppler bin and elevation [W]; ``channels`` complex (channel, radial_velocity, range)
+        [sqrt(W)].
 
     Raises
     ------
@@ -119,13 +126,13 @@ def radar_maps_xarray(radar: Any) -> Any:
     )
 
 
-def _plain_names(node: Any) -> Any:
+def _plain_names(node: xarray.Dataset) -> xarray.Dataset:
     """Return a node in which no variable has the name of one of its axes with several."""
     node = node.reset_coords(drop=False)
     return node.rename_dims({"twist": "velocity"}) if "twist" in node.dims else node
 
 
-def _radar_axes(node: Any, spec: RadarSpec) -> Any:
+def _radar_axes(node: xarray.Dataset, spec: RadarSpec) -> xarray.Dataset:
     row = np.arange(spec.num_chirps_total)
     delay = np.array([spec.tx_delay(tx) for tx in range(spec.num_tx)])
     sent = row // spec.num_tx * spec.doppler_interval + delay[row % spec.num_tx]

@@ -26,7 +26,10 @@ def _mark(text: str) -> str:
 
 
 def dataset_card(manifest: Mapping[str, Any]) -> str:
-    """Return the text of the dataset's ``README.md``; its last line is a mark that tells it from a file of the user's."""
+    """Return the text of the dataset's ``README.md``.
+
+    Its last line is a mark that tells it from a file of the user's.
+    """
     text = unmarked_card(manifest)
     return text + _mark(text)
 
@@ -56,7 +59,8 @@ def unmarked_card(manifest: Mapping[str, Any]) -> str:
         "|---|---|---|---|",
         *(f"| {name} | {item['num_frames']} | {item['split']} | {item['seed']} |" for name, item in scenes.items()),
         "",
-        "Reading: `scarl_sionna.open_dataset(folder)`, or any Zarr v3 reader for the arrays and any PNG reader for the images.",
+        "Reading: `scarl_sionna.open_dataset(folder)`, "
+        "or any Zarr v3 reader for the arrays and any PNG reader for the images.",
         "`manifest.json` holds calibration, units, axes, conventions, the depth formula and a checksum of every shard.",
         "`scarl-sionna verify` checks all of it.",
         "",

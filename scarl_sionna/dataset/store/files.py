@@ -1,4 +1,4 @@
-"""Read access to the files of a dataset, in a folder or behind an fsspec URL, and whole writes that survive a power cut."""
+"""Read access to the files of a dataset, in a folder or behind an fsspec URL, and writes that survive a power cut."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """What in a dataset's folder is ours: the one place that knows, asked by all that replaces or removes a file.
 
-Ours is what a record names, what has a name that the format gives to something of the plan in *our* manifest, and a file that
-says so itself (manifest, dataset card, log, contact sheet). All else is foreign: it stays byte for byte, and where it stands in
-the way of a file of ours, an export stops before it begins.
+Ours is what a record names, what has a name that the format gives to something of the plan in *our* manifest, and a
+file that says so itself (manifest, dataset card, log, contact sheet). All else is foreign: it stays byte for byte, and
+where it stands in the way of a file of ours, an export stops before it begins.
 
 ::
 
@@ -136,7 +136,9 @@ class Layout:
 
 
 def _fields(plan: DatasetPlan) -> tuple[dict[str, int], set[str]]:
-    """Return the arrays that the sensors of a plan can give, with their number of axes after the frame, and the folders of images.
+    """Return the arrays that the sensors of a plan can give, and the folders of images.
+
+    With the number of axes of each array after the frame.
 
     Names are relative to a scene.
     """
@@ -181,7 +183,9 @@ def clear_temporaries(root: Path, sheet: bool) -> None:
 
 
 def clear_work(folder: Path, keep: Iterable[str] = ()) -> None:
-    """Remove our files, but those of the names in `keep`, from the folder of a shard that is in work, and the folder if it is empty then.
+    """Remove our files from the folder of a shard that is in work, and the folder if it is empty then.
+
+    Those of the names in `keep` stay.
 
     The caller holds the shard's lock.
     """
@@ -224,7 +228,10 @@ def prune(root: Path, names: Iterable[str]) -> None:
 
 
 def is_manifest(path: Path, in_dataset: bool = False) -> bool:
-    """Return whether a file is a manifest of ours, perhaps a damaged one; in a dataset that is what is no JSON at all."""
+    """Return whether a file is a manifest of ours, perhaps a damaged one.
+
+    In a dataset that is what is no JSON at all.
+    """
     data = _read(path)
     try:
         found = json.loads(data)
@@ -286,7 +293,9 @@ def blocked_folders(root: Path, scenes: Iterable[str]) -> list[str]:
 
 
 def files_under(root: Path, folders: Iterable[str]) -> Iterator[tuple[str, bool]]:
-    """Yield the name of every file and link in folders of a dataset, and of every folder; links are not followed. Sorted.
+    """Yield the name of every file and link in folders of a dataset, and of every folder; links are not followed.
+
+    Sorted.
 
     The second value tells whether it is a folder.
     """

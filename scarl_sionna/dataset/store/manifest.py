@@ -37,10 +37,19 @@ FROM_PLAN = ("configuration", "configuration_hash", "scenes", "splits", "shards"
 _SCENE_NAME = re.compile(r"[A-Za-z0-9_\-]+")
 _RESERVED = frozenset({"objects", *(item.name for item in schema.FRAME)})
 _RADAR_NUMBERS = (
-    "num_tx", "num_rx", "num_virtual", "num_chirps_total", "num_samples", "sample_rate",
-    "doppler_interval", "center_frequency", "range_resolution", "max_range", "velocity_resolution",
+    "num_tx",
+    "num_rx",
+    "num_virtual",
+    "num_chirps_total",
+    "num_samples",
+    "sample_rate",
+    "doppler_interval",
+    "center_frequency",
+    "range_resolution",
+    "max_range",
+    "velocity_resolution",
     "unambiguous_velocity",
-)  # fmt: skip
+)
 
 
 class ManifestDamage(DatasetError):
@@ -59,14 +68,16 @@ CONVENTIONS = {
     "units": "SI: metres, seconds, radians, watts; another unit stands as suffix of the name",
     "poses": "world_from_sensor maps points of the sensor frame into the world; stored as x, y, z, qw, qx, qy, qz",
     "vehicle, sensor frames": "x forward (boresight, optical axis), y left, z up; vehicle origin on the ground",
-    "camera_optical frame": "x right, y down, z forward; pixel ~ intrinsics @ point; centre of the first pixel (0.5, 0.5)",
+    "camera_optical frame": "x right, y down, z forward; pixel ~ intrinsics @ point; "
+    "centre of the first pixel (0.5, 0.5)",
     "radial_velocity": "positive when the distance opens",
     "twist": "linear velocity of the frame's origin and angular velocity, world axes",
     "depth": f"distance along the optical axis; {DEPTH_FORMULA}",
     "semantic": "8-bit ids, index into semantic_classes; the PNG palette holds semantic_colors",
     "instance": "16-bit ids, 0 where nothing is hit",
     "adc": "adc * adc_scale = beat signal [sqrt(W)], axes receiver, chirp * num_tx + transmitter, sample, I/Q",
-    "lengths that differ": "the axes point and object are filled with zeros; num_points and num_objects tell the valid length",
+    "lengths that differ": "the axes point and object are filled with zeros; "
+    "num_points and num_objects tell the valid length",
 }
 
 
@@ -170,7 +181,7 @@ class DatasetPlan:
         return hash_of({**whole, "scenes": whole["scenes"][name]})
 
     def merged(self, there: DatasetPlan) -> DatasetPlan:
-        """Return this plan with the scenes of another one that it lacks, and the larger number of frames of common ones."""
+        """Return this plan with the scenes of another one that it lacks, and the larger number of common frames."""
         old = {scene.name: scene for scene in there.scenes}
         scenes = []
         for scene in self.scenes:
@@ -181,7 +192,10 @@ class DatasetPlan:
         )
 
     def changes(self, there: DatasetPlan) -> list[str]:
-        """Return what makes the frames of a dataset differ from this plan's, as texts; scenes of one only do not count."""
+        """Return what makes the frames of a dataset differ from this plan's, as texts.
+
+        Scenes of one only do not count.
+        """
         old, new = there.configuration, self.configuration
         common = old["scenes"].keys() & new["scenes"].keys()
         for configuration in (old, new):
@@ -269,8 +283,9 @@ def read_manifest(files: Files, name: str = MANIFEST) -> dict[str, Any]:
     if not isinstance(found, int) or found > schema.SCHEMA_VERSION:
         raise DatasetError(
             f"schema version {found} is newer than {schema.SCHEMA_VERSION}, the newest that this program reads",
-            files.url, "update scarl-sionna",
-        )  # fmt: skip
+            files.url,
+            "update scarl-sionna",
+        )
     try:
         for name in (*data["scenes"], *data["shards"], *data["configuration"]["scenes"]):
             if not _SCENE_NAME.fullmatch(name):
@@ -293,17 +308,21 @@ def plan_of(data: Mapping[str, Any]) -> DatasetPlan:
         for name, item in data["scenes"].items()
     ]
     return DatasetPlan(
-        configuration["rig"], tuple(scenes), StoreOptions(**configuration["storage"]), configuration["software"],
-        data["licence"], data["description"],
-    )  # fmt: skip
+        configuration["rig"],
+        tuple(scenes),
+        StoreOptions(**configuration["storage"]),
+        configuration["software"],
+        data["licence"],
+        data["description"],
+    )
 
 
-def hash_of(data: Any) -> str:
+def hash_of(data: object) -> str:
     """Return the SHA-256 of plain data, whatever the order of its keys."""
     return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def differences(old: Any, new: Any, name: str = "") -> list[str]:
+def differences(old: object, new: object, name: str = "") -> list[str]:
     """Return the entries in which two plain values differ, as texts."""
     if isinstance(old, dict) and isinstance(new, dict):
         keys = [*old, *(key for key in new if key not in old)]

@@ -1,7 +1,9 @@
-"""One shard of a scene on its way to the disk: frames are kept as they are finished, and the whole is put in place at once.
+"""One shard of a scene on its way to the disk.
 
-The shard's record (``shards/000003.json``) is written last. Without its record a shard is not there; with it, every file of
-the shard is whole.
+Frames are kept as they are finished, and the whole is put in place at once.
+
+The shard's record (``shards/000003.json``) is written last. Without its record a shard is not there; with it, every
+file of the shard is whole.
 """
 
 from __future__ import annotations
@@ -184,7 +186,8 @@ class ShardWriter:
         """
         if frame.index not in self.frames:
             raise OutputError(
-                f"frame {frame.index} does not belong to shard {self.shard} ({self.frames.start} to {self.frames.stop - 1})"
+                f"frame {frame.index} does not belong to shard {self.shard} "
+                f"({self.frames.start} to {self.frames.stop - 1})"
             )
         path = self._pack(frame.index)
         try:
@@ -259,7 +262,8 @@ class ShardWriter:
             for name, info in pack.arrays.items():
                 if arrays.setdefault(name, info) != info:
                     raise OutputError(
-                        f"array {name} of scene {self.scene.name} changes its shape from frame to frame: {arrays[name].shape}, {info.shape}"
+                        f"array {name} of scene {self.scene.name} changes its shape from frame to frame: "
+                        f"{arrays[name].shape}, {info.shape}"
                     )
         written: dict[str, tuple[int, str]] = {}
         make_folder(self.work)
@@ -347,7 +351,7 @@ def unpack(
 
 
 def tidy_shard(root: Path, scene: ScenePlan, shard: int, options: StoreOptions) -> None:
-    """Remove what a killed process left of a shard beside its files, if nobody works on it; finished frames stay.
+    """Remove what a killed process left of a shard beside its files, if no process works on it; finished frames stay.
 
     Raises
     ------

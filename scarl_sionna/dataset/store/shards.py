@@ -1,12 +1,12 @@
 """The bytes of Zarr v3 arrays: one chunk a frame, several chunks a shard file.
 
-Written here and not by the library so that a frame can be compressed alone, in any process and any order, and a shard is
-put together from finished chunks; any Zarr v3 reader opens the result.
+Written here and not by the library so that a frame can be compressed alone, in any process and any order, and a shard
+is put together from finished chunks; any Zarr v3 reader opens the result.
 
 References
 ----------
-.. [1] Zarr core specification version 3.0; codec ``sharding_indexed`` 1.0: the chunks one after the other, then an index of
-   (offset, length) as little-endian uint64 and its CRC-32C; a missing chunk is (2**64 - 1, 2**64 - 1).
+.. [1] Zarr core specification version 3.0; codec ``sharding_indexed`` 1.0: the chunks one after the other, then an
+   index of (offset, length) as little-endian uint64 and its CRC-32C; a missing chunk is (2**64 - 1, 2**64 - 1).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import numpy.typing as npt
 from numcodecs import Blosc  # type: ignore[import-untyped]
 
 from scarl_sionna.core.errors import DatasetError
+from scarl_sionna.dataset.codec import JsonValue
 
 COMPRESSION = {"cname": "zstd", "clevel": 5, "shuffle": "bitshuffle", "blocksize": 0}
 SMALL = 256
@@ -68,8 +69,8 @@ class ArrayInfo:
 def encode_chunk(values: npt.NDArray[Any], info: ArrayInfo) -> bytes:
     """Return the chunk of one frame: little-endian values, compressed, with a CRC-32C at the end.
 
-    Outside of the main thread the same values give the same bytes. In it, Blosc uses threads of its own and orders its blocks by
-    which is ready first.
+    Outside of the main thread the same values give the same bytes. In it, Blosc uses threads of its own and orders its
+    blocks by which is ready first.
     """
     raw = np.asarray(values, dtype=np.dtype(info.dtype).newbyteorder("<"), order="C")
     if raw.shape != info.shape:
@@ -147,20 +148,19 @@ def array_metadata(info: ArrayInfo, num_frames: int, shard_frames: int) -> str:
         "index_codecs": [{"name": "bytes", "configuration": {"endian": "little"}}, {"name": "crc32c"}],
         "index_location": "end",
     }
-    return _json(
-        {
-            "zarr_format": 3,
-            "node_type": "array",
-            "shape": [num_frames, *info.shape],
-            "data_type": info.dtype,
-            "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": [shard_frames, *info.shape]}},
-            "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
-            "fill_value": _fill_value(info.dtype),
-            "codecs": [{"name": "sharding_indexed", "configuration": sharding}],
-            "dimension_names": ["frame", *info.axes],
-            "attributes": dict(info.attributes),
-        }
-    )
+    document: dict[str, object] = {
+        "zarr_format": 3,
+        "node_type": "array",
+        "shape": [num_frames, *info.shape],
+        "data_type": info.dtype,
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": [shard_frames, *info.shape]}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+        "fill_value": _fill_value(info.dtype),
+        "codecs": [{"name": "sharding_indexed", "configuration": sharding}],
+        "dimension_names": ["frame", *info.axes],
+        "attributes": dict(info.attributes),
+    }
+    return _json(document)
 
 
 def group_metadata(attributes: Mapping[str, Any] | None = None) -> str:
@@ -168,14 +168,15 @@ def group_metadata(attributes: Mapping[str, Any] | None = None) -> str:
     return _json({"zarr_format": 3, "node_type": "group", "attributes": dict(attributes or {})})
 
 
-def _fill_value(dtype: str) -> Any:
+def _fill_value(dtype: str) -> JsonValue:
     kind = np.dtype(dtype).kind
-    return {"f": "NaN", "c": ["NaN", "NaN"], "b": False}.get(kind, 0)
+    known: dict[str, JsonValue] = {"f": "NaN", "c": ["NaN", "NaN"], "b": False}
+    return known.get(kind, 0)
 
 
 def _crc(data: bytes) -> bytes:
     return int(google_crc32c.value(data)).to_bytes(_CRC_LENGTH, "little")
 
 
-def _json(data: Any) -> str:
+def _json(data: object) -> str:
     return json.dumps(data, indent=1) + "\n"

@@ -83,9 +83,9 @@ class DatasetFolder:
     Raises
     ------
     OutputError
-        On entering, if the folder cannot be written, is in use, is no dataset but not empty, holds something that is not ours
-        where a file of the dataset belongs (nothing is written then), or holds frames of another configuration; the files or
-        the difference are named.
+        On entering, if the folder cannot be written, is in use, is no dataset but not empty, holds something that is
+        not ours where a file of the dataset belongs (nothing is written then), or holds frames of another
+        configuration; the files or the difference are named.
     """
 
     def __init__(
@@ -132,7 +132,9 @@ class DatasetFolder:
         return _is_full(self.rows[scene][shard], self.plan.scene(scene), shard, self.plan.options)
 
     def finalize(self, *, afresh: bool = False) -> dict[str, Any]:
-        """Write the manifest with the checksums of all shards that are there, and the dataset card; return the manifest.
+        """Write the manifest with the checksums of all shards that are there, and the dataset card.
+
+        Return the manifest.
 
         `afresh` reads the records of all shards, not only of those that the manifest lacks.
         """
@@ -202,7 +204,8 @@ class DatasetFolder:
         if found:
             shown = ", ".join(found[:5]) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
             raise OutputError(
-                f"{self.root} holds other files ({shown}) {where}; they are kept: choose another folder, or move them away"
+                f"{self.root} holds other files ({shown}) {where}; they are kept: choose another folder, "
+                "or move them away"
             )
         return there
 
@@ -223,7 +226,10 @@ class DatasetFolder:
         return [scene.name for scene in self.plan.scenes if old.get(scene.name, 0) < scene.num_frames]
 
     def _plan_of_shards(self, records: Mapping[tuple[str, int], ShardRecord]) -> DatasetPlan | None:
-        """Return this plan if the shards that are there are of it, None if there are none: for a manifest lost with its copy."""
+        """Return this plan if the shards that are there are of it, None if there are none.
+
+        For a manifest lost with its copy.
+        """
         known = {scene.name: self.plan.scene_hash(scene.name) for scene in self.plan.scenes}
         for (scene, shard), record in records.items():
             name = record_name(scene, shard)
@@ -239,8 +245,8 @@ class DatasetFolder:
     def _clear(self, there: _There) -> None:
         """Remove a dataset's own files; what is foreign stays.
 
-        Records go first: without its record a shard is not there. The manifest stays until it is replaced, and tells what is
-        ours; where it is lost the records tell that, and go last.
+        Records go first: without its record a shard is not there. The manifest stays until it is replaced, and tells
+        what is ours; where it is lost the records tell that, and go last.
         """
         if there.is_empty:
             return
@@ -258,7 +264,10 @@ class DatasetFolder:
             remove_file(self.root / name)  # the log is ours, else this export would not have begun
 
     def _tidy_work(self) -> None:
-        """Remove what killed runs left of shards on which nobody works: all of a finished one, else what has no name yet."""
+        """Remove what killed runs left of shards on which no process works.
+
+        All of a finished one, else what has no name yet.
+        """
         scenes = {scene.name: scene for scene in self.plan.scenes}
         work = self.root / WORK_FOLDER
         left = {(path.parent.name, path.name) for path in work.glob("*/*")}
@@ -274,7 +283,10 @@ class DatasetFolder:
             remove_empty(folder)
 
     def _write_manifest(self, known: Mapping[str, list[Row]], there: dict[str, Any] | None) -> dict[str, Any]:
-        """Write card, manifest, its copy, and what of the arrays' metadata differs; `there`: the manifest that is there."""
+        """Write card, manifest, its copy, and what of the arrays' metadata differs.
+
+        `there`: the manifest that is there.
+        """
         texts: dict[str, str] = {}
         for scene in self.plan.scenes:
             self.rows[scene.name], arrays = shard_rows(self.root, scene, self.plan.options, known.get(scene.name, []))
@@ -387,10 +399,12 @@ def _write_if_other(root: Path, name: str, text: str) -> None:
 def shard_rows(
     root: Path, scene: ScenePlan, options: StoreOptions, known: Sequence[Row] = ()
 ) -> tuple[list[Row], dict[str, Any]]:
-    """Return checksum, frames, failed frames and bytes of each finished shard (None where there is none), and the arrays.
+    """Return checksum, frames, failed frames and bytes of each finished shard, and the arrays.
 
-    A shard that `known` lists with all of its frames is not read again: its record is the largest part of a large dataset's
-    bookkeeping. The arrays are those of the shards that were read.
+    None for a shard that is not finished.
+
+    A shard that `known` lists with all of its frames is not read again: its record is the largest part of a large
+    dataset's bookkeeping. The arrays are those of the shards that were read.
     """
     rows: list[Row] = []
     arrays: dict[str, Any] = {}

@@ -3,31 +3,44 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from types import ModuleType
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 PLUGIN = "scarl_haze"
 
 CONTRAST_AT_VISIBILITY = 3.0
-"""Extinction coefficient times meteorological range: exp(-3) = 5 % of the contrast is left (WMO-No. 8, vol. I, chapter 9)."""
+"""Extinction coefficient times meteorological range: exp(-3) = 5 % of the contrast is left (WMO-No. 8, vol. I, chapter
+9)."""
 LAYER_HEIGHT = 400.0
 """Thickness of the haze [m]: a ray into the sky leaves it there."""
 
 
 @lru_cache(maxsize=4)
-def _plugin(mi: Any, variant_name: str) -> type:
+def _plugin(mi: ModuleType, variant_name: str) -> type:
     """Define and register the integrator for the variant that runs."""
     import drjit as dr
 
     class HazeIntegrator(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
         """L = T L0 + (1 - T) A along the camera's ray, T = exp(-extinction * distance)."""
 
-        def place(self, inner: Any, extinction: float, airlight: Any) -> None:
-            """Take the integrator for what is behind the haze, the extinction coefficient [1/m] and the haze's radiance."""
+        def place(self, inner: MitsubaObject, extinction: float, airlight: npt.ArrayLike) -> None:
+            """Take the integrator behind the haze, the extinction coefficient [1/m] and the haze's radiance."""
             self._inner = inner
             self._extinction = dr.opaque(mi.Float, float(extinction))
-            self._airlight = mi.Color3f(*(dr.opaque(mi.Float, float(value)) for value in airlight))
+            self._airlight = mi.Color3f(*(dr.opaque(mi.Float, float(value)) for value in np.asarray(airlight)))
 
-        def sample(self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True) -> Any:
+        def sample(
+            self,
+            scene: MitsubaObject,
+            sampler: MitsubaObject,
+            ray: MitsubaObject,
+            medium: MitsubaObject = None,
+            active: DeviceArray = True,
+        ) -> tuple[DeviceArray, DeviceArray, list[DeviceArray]]:
             """Return radiance, validity and no further channels."""
             hit = scene.ray_intersect_preliminary(mi.Ray3f(ray), coherent=True, active=active)
             radiance, valid, aovs = self._inner.sample(scene, sampler, ray, medium, active)
@@ -40,7 +53,7 @@ def _plugin(mi: Any, variant_name: str) -> type:
     return HazeIntegrator
 
 
-def haze_integrator(mi: Any, inner: Any, visibility: float, airlight: Any) -> Any:
+def haze_integrator(mi: ModuleType, inner: MitsubaObject, visibility: float, airlight: npt.ArrayLike) -> MitsubaObject:
     """Return an integrator that sees `inner` through haze; inside ``variant.optical()``.
 
     Parameters
@@ -50,12 +63,12 @@ def haze_integrator(mi: Any, inner: Any, visibility: float, airlight: Any) -> An
     visibility : float
         Meteorological range [m].
     airlight : array_like of float, shape (3,)
-        Radiance of haze without end.
+        Radiance of haze without end, in the unit of the scenes (`UNIT_LUMINANCE`).
 
     Notes
     -----
-    H. Koschmieder, "Theorie der horizontalen Sichtweite", 1924: homogeneous haze of the brightness of the horizon. Light is
-    attenuated between camera and surface only; glows around lamps are not modelled.
+    H. Koschmieder, "Theorie der horizontalen Sichtweite", 1924: homogeneous haze of the brightness of the horizon.
+    Light is attenuated between camera and surface only; glows around lamps are not modelled.
     """
     _plugin(mi, mi.variant())
     integrator = mi.load_dict({"type": PLUGIN})

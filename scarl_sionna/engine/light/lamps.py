@@ -1,7 +1,8 @@
 """Lamps of vehicles and streets as emitters: glowing surfaces, and the low beams of head lamps.
 
-A surface of a material with ``lamp = "headlamp" | "taillamp" | "street_lamp"`` in scene.toml glows when the lighting says so, those
-of `ALWAYS_ON` (rooms and tunnels, traffic lights) under every lighting. In front of each half (left, right) of a head lamp's surface hangs a projector with the light distribution of a low beam.
+A surface of a material with ``lamp = "headlamp" | "taillamp" | "street_lamp"`` in scene.toml glows when the lighting
+says so, those of `ALWAYS_ON` (rooms and tunnels, traffic lights) under every lighting. In front
+of each half (left, right) of a head lamp's surface hangs a projector with the light distribution of a low beam.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.scene.document.model import SceneDocument
 
 from .sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
@@ -26,9 +29,10 @@ STREET_LAMP_FLUX = 9000.0
 """Of one luminaire [lm]: an LED of 75 W."""
 _COLORS = {
     "headlamp": (1.0, 0.93, 0.82), "taillamp": (1.0, 0.0, 0.0), "street_lamp": (1.0, 0.86, 0.66),
-    "indoor": (1.0, 0.93, 0.82), "signal_red": (1.0, 0.02, 0.01), "signal_amber": (1.0, 0.36, 0.0), "signal_green": (0.0, 1.0, 0.32),
+    "indoor": (1.0, 0.93, 0.82), "signal_red": (1.0, 0.02, 0.01), "signal_amber": (1.0, 0.36, 0.0),
+    "signal_green": (0.0, 1.0, 0.32),
     "lane_red": (1.0, 0.02, 0.01), "lane_green": (0.0, 1.0, 0.32),
-}  # fmt: skip
+}  # fmt: skip # a table
 """Linear RGB: LED of 5000 K, red, LED of 4000 K, LED of 5000 K, signals, before they are scaled to luminance 1."""
 ALWAYS_ON = {
     "indoor": 8000.0,
@@ -38,14 +42,15 @@ ALWAYS_ON = {
     "lane_red": 300.0,
     "lane_green": 300.0,
 }
-"""Luminance of lamps that shine by day, too [cd/m2]: a fluorescent tube or LED panel; a signal of 200 cd (EN 12368, class 2) over its
-lens of 200 mm; a lane signal dimmed for a tunnel (engineering estimate)."""
+"""Luminance of lamps that shine by day, too [cd/m2]: a fluorescent tube or LED panel; a signal of 200 cd (EN 12368,
+class 2) over its lens of 200 mm; a lane signal dimmed for a tunnel (engineering estimate)."""
 _GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 8.0}
-"""Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear position
-lamp gives 4 to 17 cd (UN Regulations 149 and 148)."""
+"""Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear
+position lamp gives 4 to 17 cd (UN Regulations 149 and 148)."""
 _WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0, "indoor": 3.0}
 _SIGNAL_WEIGHT = 0.05
-"""How often a light path asks a surface for light; beams ask at weight 1. Signals are bright to look at and light little."""
+"""How often a light path asks a surface for light; beams ask at weight 1. Signals are bright to look at and light
+little."""
 
 BEAM_FOV_DEG = 100.0
 _BEAM_SIZE = (256, 768)
@@ -63,11 +68,20 @@ def is_on(lamp: str | None, lighting: Lighting | None) -> bool:
 def low_beam(azimuth_deg: Array, elevation_deg: Array) -> Array:
     """Return the intensity [cd] of a low beam for traffic on the right; azimuth to the right, elevation up [deg].
 
+    Parameters
+    ----------
+    azimuth_deg, elevation_deg : ndarray of float64, any shape
+
+    Returns
+    -------
+    ndarray of float64, same shape
+        [cd].
+
     Notes
     -----
-    A hot spot of 18,000 cd below a cut-off at -0.57 deg that rises by 15 deg to the right, a wide foreground, and 250 cd of
-    scattered light above. It keeps within UN Regulation 112's limits for passing beams: B50L below 350 cd, 75R above 10,100 cd
-    (class B), 50L below 13,200 cd. A smooth model, not a measured lamp.
+    A hot spot of 18,000 cd below a cut-off at -0.57 deg that rises by 15 deg to the right, a wide foreground, and 250
+    cd of scattered light above. It keeps within UN Regulation 112's limits for passing beams: B50L below 350 cd, 75R
+    above 10,100 cd (class B), 50L below 13,200 cd. A smooth model, not a measured lamp.
     """
     cutoff = -0.57 + np.where(azimuth_deg > 0.0, np.minimum(azimuth_deg * np.tan(np.radians(15.0)), 1.6), 0.0)
     below = 1.0 / (1.0 + np.exp(np.clip((elevation_deg - cutoff) / 0.12, -60.0, 60.0)))
@@ -77,7 +91,7 @@ def low_beam(azimuth_deg: Array, elevation_deg: Array) -> Array:
     return (spot + wide) * below + 250.0 * np.exp(-((azimuth_deg / 30.0) ** 2 + (elevation_deg / 12.0) ** 2))
 
 
-def _beam_texture(path: Path, mi: Any) -> None:
+def _beam_texture(path: Path, mi: ModuleType) -> None:
     """Write the irradiance of the beam on the plane at 1 m, in the scenes' units."""
     rows, columns = _BEAM_SIZE
     half = np.tan(np.radians(BEAM_FOV_DEG / 2.0))
@@ -86,7 +100,8 @@ def _beam_texture(path: Path, mi: Any) -> None:
     x, y = np.meshgrid(right, up)
     cosine = 1.0 / np.sqrt(1.0 + x * x + y * y)
     intensity = low_beam(np.degrees(np.arctan(x)), np.degrees(np.arctan(y / np.sqrt(1.0 + x * x))))
-    # pi: the projector takes the radiance of a white diffuser on that plane for its irradiance (tested against E = I / d^2)
+    # pi: the projector takes the radiance of a white diffuser on that plane for its irradiance (tested against E = I /
+    # d^2)
     light = (intensity * cosine**3 / (np.pi * UNIT_LUMINANCE))[..., None] * _unit_color("headlamp")
     mi.Bitmap(light.astype(np.float32)).write(str(path))
 
@@ -97,7 +112,7 @@ def _unit_color(lamp: str) -> Array:
 
 
 def lamp_elements(
-    document: SceneDocument, lighting: Lighting | None, folder: Path, mi: Any
+    document: SceneDocument, lighting: Lighting | None, folder: Path, mi: ModuleType
 ) -> tuple[dict[str, ET.Element], list[ET.Element]]:
     """Return the emitters of glowing shapes by shape id, and the beams; their strength and place are set after loading.
 
@@ -142,7 +157,7 @@ class Lamps:
     """
 
     def __init__(
-        self, params: Any, document: SceneDocument, lighting: Lighting | None, meshes: Mapping[str, Any]
+        self, params: MitsubaObject, document: SceneDocument, lighting: Lighting | None, meshes: Mapping[str, Any]
     ) -> None:
         self._mounts: dict[str, dict[str, Pose]] = {}
         for shape, bsdf in document.bsdf_of_shape.items():
@@ -161,7 +176,7 @@ class Lamps:
         """Shapes that carry beams."""
         return tuple(self._mounts)
 
-    def move(self, params: Any, shape: str, world_from_part: Pose) -> None:
+    def move(self, params: MitsubaObject, shape: str, world_from_part: Pose) -> None:
         """Put the beams of a shape where it is now."""
         for side, mount in self._mounts[shape].items():
             pose = world_from_part.compose(mount)

@@ -6,13 +6,14 @@ import copy
 import xml.etree.ElementTree as ET
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.scene.document.model import MaterialEntry, SceneDocument
 from scarl_sionna.scene.materials.wet import WET_DARKENING
 
@@ -25,7 +26,7 @@ _WATER_SPECULAR = 0.25
 """`specular` of Mitsuba's principled BSDF for n = 1.33: 0.08 s = ((n - 1) / (n + 1))^2 = 0.02."""
 
 
-def sky_elements(lighting: Lighting, folder: Path, mi: Any) -> list[ET.Element]:
+def sky_elements(lighting: Lighting, folder: Path, mi: ModuleType) -> list[ET.Element]:
     """Return the emitters of sun and sky; an environment map is written into `folder`."""
     if lighting.cloud_cover == 0.0 and lighting.sun_elevation_deg > 0.0:
         element = ET.Element("emitter", {"type": "sunsky"})
@@ -50,7 +51,7 @@ def sky_elements(lighting: Lighting, folder: Path, mi: Any) -> list[ET.Element]:
 
 
 @lru_cache(maxsize=4)
-def _sky_of(mi: Any, lighting: Lighting) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
+def _sky_of(mi: ModuleType, lighting: Lighting) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
     """Return the environment map and the sun's irradiance; kept, since worlds are often loaded again."""
     clear, sun = clear_sky(mi, lighting)
     return sky_image(lighting, clear, sun), sun
@@ -65,8 +66,8 @@ def wet_bsdfs(
 ) -> dict[str, ET.Element]:
     """Return the BSDFs with a film of water on those that take it; textures are written into `folder`.
 
-    A principled BSDF gets darker, smoother and the reflectance of water; where its material names a map of puddles, smooth water
-    stands there. Other BSDFs stay dry.
+    A principled BSDF gets darker, smoother and the reflectance of water; where its material names a map of puddles,
+    smooth water stands there. Other BSDFs stay dry.
     """
     wet = {}
     for bsdf_id, element in bsdfs.items():
@@ -120,10 +121,14 @@ def _take(element: ET.Element, name: str) -> str | None:
     return None
 
 
-def airlight(mi: Any, scene: Any) -> npt.NDArray[np.float64]:
+def airlight(mi: ModuleType, scene: MitsubaObject) -> npt.NDArray[np.float64]:
     """Return the mean radiance of the sky just above the horizon, shape (3,): what haze far away looks like.
 
-    Zero for a scene without sky. Run it inside ``variant.optical()``.
+    In the unit of the scenes. Zero for a scene without sky. Run it inside ``variant.optical()``.
+
+    Notes
+    -----
+    H. Koschmieder, "Theorie der horizontalen Sichtweite", 1924: haze of the brightness of the horizon.
     """
     environment = scene.environment()
     if environment is None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
+
+from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 PLUGIN = "scarl_ray_table"
 
@@ -32,7 +34,7 @@ class RayTable:
 
 
 @lru_cache(maxsize=4)
-def _plugin(mi: Any, variant_name: str) -> type:
+def _plugin(mi: ModuleType, variant_name: str) -> type:
     """Define and register the sensor for the variant that runs; an object belongs to the variant that made it."""
     import drjit as dr
 
@@ -48,7 +50,14 @@ def _plugin(mi: Any, variant_name: str) -> type:
             self._columns = dr.opaque(mi.UInt32, width)
             self._origin = mi.Point3f(*(dr.opaque(mi.Float, float(value)) for value in table.origin))
 
-        def sample_ray(self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True) -> Any:
+        def sample_ray(
+            self,
+            time: DeviceArray,
+            sample1: DeviceArray,
+            sample2: DeviceArray,
+            sample3: DeviceArray,
+            active: DeviceArray = True,
+        ) -> tuple[MitsubaObject, DeviceArray]:
             """Return the ray through a point of the film (`sample2`, 0 to 1) and its weight."""
             position = mi.Point2f(sample2) * self._size
             last = mi.Point2u(self._size) - 1
@@ -58,7 +67,7 @@ def _plugin(mi: Any, variant_name: str) -> type:
             stride = self._columns + 2
             first = corner.y * stride + corner.x
 
-            def direction(index: Any) -> Any:
+            def direction(index: DeviceArray) -> DeviceArray:
                 return dr.gather(mi.Vector3f, self._directions, index)
 
             upper = dr.lerp(direction(first), direction(first + 1), part.x)
@@ -68,13 +77,18 @@ def _plugin(mi: Any, variant_name: str) -> type:
             return ray, mi.Color3f(dr.gather(mi.Float, self._seen, pixel.y * self._columns + pixel.x))
 
         def sample_ray_differential(
-            self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
-        ) -> Any:
+            self,
+            time: DeviceArray,
+            sample1: DeviceArray,
+            sample2: DeviceArray,
+            sample3: DeviceArray,
+            active: DeviceArray = True,
+        ) -> tuple[MitsubaObject, DeviceArray]:
             """Return :meth:`sample_ray` without differentials."""
             ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
             return mi.RayDifferential3f(ray), weight
 
-        def bbox(self) -> Any:
+        def bbox(self) -> MitsubaObject:
             """Return an empty box: a camera takes no room."""
             return mi.ScalarBoundingBox3f()
 
@@ -82,17 +96,22 @@ def _plugin(mi: Any, variant_name: str) -> type:
     return RayTableSensor
 
 
-def ray_table_sensor(mi: Any, table: RayTable, samples_per_pixel: int) -> Any:
+def ray_table_sensor(mi: ModuleType, table: RayTable, samples_per_pixel: int) -> MitsubaObject:
     """Return the Mitsuba sensor of a table of rays; inside ``variant.optical()``.
 
-    The box filter keeps every sample in its own pixel, so that a pixel of the image and of the labels mean the same square.
+    The box filter keeps every sample in its own pixel, so that a pixel of the image and of the labels mean the same
+    square.
     """
     _plugin(mi, mi.variant())
     height, width = table.seen.shape
     film = {
-        "type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgb", "component_format": "float32",
+        "type": "hdrfilm",
+        "width": width,
+        "height": height,
+        "pixel_format": "rgb",
+        "component_format": "float32",
         "rfilter": {"type": "box"},
-    }  # fmt: skip
+    }
     sensor = mi.load_dict(
         {"type": PLUGIN, "film": film, "sampler": {"type": "multijitter", "sample_count": samples_per_pixel}}
     )

@@ -1,24 +1,26 @@
 """Radiance of the sky with clouds, at twilight and at night, for an environment map.
 
-One unit of radiance of the scenes is `UNIT_LUMINANCE` cd/m2: under Mitsuba's `sunsky` (turbidity 3, sun 45 deg high) a white
-horizontal diffuser has the radiance 0.36, and in nature 80.8 klx [1]_ fall on it.
+One unit of radiance of the scenes is `UNIT_LUMINANCE` cd/m2: under Mitsuba's `sunsky` (turbidity 3, sun 45 deg high) a
+white horizontal diffuser has the radiance 0.36, and in nature 80.8 klx [1]_ fall on it.
 
 References
 ----------
-.. [1] Illuminating Engineering Society, *Recommended Practice for the Calculation of Daylight Availability*, RP-21, 1984: clear
-   sky 127.5 exp(-0.21 m) klx (normal) from the sun and 0.8 + 15.5 sqrt(sin h) from the sky, overcast 0.3 + 21 sin h klx.
+.. [1] Illuminating Engineering Society, *Recommended Practice for the Calculation of Daylight Availability*, RP-21,
+   1984: clear sky 127.5 exp(-0.21 m) klx (normal) from the sun and 0.8 + 15.5 sqrt(sin h) from the sky, overcast 0.3 +
+   21 sin h klx.
 .. [2] CIE S 011, *Spatial Distribution of Daylight - CIE Standard General Sky*, 2003: overcast (1 + 2 sin g) / 3.
 .. [3] *Explanatory Supplement to the Astronomical Almanac*, 1992, section 9.3: illuminance at twilight.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.engine.types import MitsubaObject
 
 Array = npt.NDArray[np.float64]
 
@@ -52,7 +54,7 @@ def twilight_factor(elevation_deg: float) -> float:
 
 
 def sun_direction(lighting: Lighting) -> Array:
-    """Return the unit vector towards the sun [world], not below the horizon."""
+    """Return the unit vector (3,) towards the sun [world], not below the horizon."""
     elevation, azimuth = np.radians(max(lighting.sun_elevation_deg, 0.0)), np.radians(lighting.sun_azimuth_deg)
     return np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
 
@@ -85,14 +87,14 @@ def sky_image(lighting: Lighting, clear: Array, sun_irradiance: Array) -> npt.ND
     ----------
     lighting : Lighting
     clear : ndarray, shape (rows, columns, 3)
-        Radiance of the clear sky without the sun's disc.
+        Radiance of the clear sky without the sun's disc, in the unit of the scenes.
     sun_irradiance : ndarray, shape (3,)
-        Of a surface that faces the sun.
+        Of a surface that faces the sun, in the unit of the scenes.
 
     Returns
     -------
     ndarray of float32, shape (rows, columns, 3)
-        Radiance. The sun's disc is not in it.
+        Radiance, in the unit of the scenes. The sun's disc is not in it.
     """
     horizon = SKY_SIZE[0] // 2
     directions = sky_directions()[:horizon]
@@ -148,10 +150,11 @@ def _clouds(directions: Array, cover: float) -> tuple[Array, Array]:
     return opacity * fade, shade
 
 
-def clear_sky(mi: Any, lighting: Lighting) -> tuple[Array, Array]:
+def clear_sky(mi: ModuleType, lighting: Lighting) -> tuple[Array, Array]:
     """Return the clear sky's radiance without the sun, shape (rows, columns, 3), and the sun's irradiance, shape (3,).
 
-    Zero below the horizon. Evaluated with Mitsuba's `sunsky` emitter; run it inside ``variant.optical()``.
+    In the unit of the scenes, `UNIT_LUMINANCE`. Zero below the horizon. Evaluated with Mitsuba's `sunsky` emitter; run
+    it inside ``variant.optical()``.
     """
     toward = sun_direction(lighting)
     base = {"type": "sunsky", "sun_direction": toward.tolist(), "turbidity": lighting.turbidity}
@@ -175,7 +178,7 @@ def clear_sky(mi: Any, lighting: Lighting) -> tuple[Array, Array]:
     return sky, sun.mean(axis=0) * np.pi * half**2
 
 
-def _evaluate(mi: Any, emitter: Any, directions: Array) -> Array:
+def _evaluate(mi: ModuleType, emitter: MitsubaObject, directions: Array) -> Array:
     """Return the radiance that an environment emitter sends from directions, shape (n, 3)."""
     interaction = mi.SurfaceInteraction3f()
     interaction.wi = mi.Vector3f(-directions.T.astype(np.float32))

@@ -1,15 +1,15 @@
 """Derivatives of Sionna RT's own path gains by Dr.Jit's automatic differentiation through ``PathSolver``.
 
-The solver runs with evaluated loops, materials carry a gradient in forward mode, and geometry does not depend on them. What
-comes out is float32 and of Sionna's model, in which every material is a slab: a check of, and an alternative to, the derivatives
-in float64 of :mod:`scarl_sionna.calibration`.
+The solver runs with evaluated loops, materials carry a gradient in forward mode, and geometry does not depend on them.
+What comes out is float32 and of Sionna's model, in which every material is a slab: a check of, and an alternative to,
+the derivatives in float64 of :mod:`scarl_sionna.calibration`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from scarl_sionna.core.errors import EngineError, UnknownNameError
 from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 from scarl_sionna.engine.world import WorldState
 
 from .tracing import endpoints, solver_options
@@ -98,8 +99,8 @@ def path_slopes(
 
     References
     ----------
-    .. [1] J. Hoydis et al., "Learning Radio Environments by Differentiable Ray Tracing", IEEE Trans. Mach. Learn. Commun.
-       Netw. 2, 2024.
+    .. [1] J. Hoydis et al., "Learning Radio Environments by Differentiable Ray Tracing", IEEE Trans. Mach. Learn.
+       Commun. Netw. 2, 2024.
     """
     names = parameters.names
     chosen = [_bsdfs(state, material, field) for material, field in names]
@@ -156,14 +157,14 @@ def _bsdfs(state: WorldState, material: str, field: str) -> list[str]:
     return found
 
 
-def _forward(dr: Any, seed: Any, gains: tuple[Any, Any]) -> Complex:
+def _forward(dr: ModuleType, seed: DeviceArray, gains: tuple[DeviceArray, DeviceArray]) -> Complex:
     """Return the derivative of both parts to a seed."""
     dr.set_grad(seed, 1.0)
     dr.forward_to(*gains)
     return np.array(dr.grad(gains[0])).astype(np.complex128) + 1j * np.array(dr.grad(gains[1]))
 
 
-def _rows(found: Any, slopes: list[Complex]) -> PathSlopes:
+def _rows(found: MitsubaObject, slopes: list[Complex]) -> PathSlopes:
     """Return one row a path."""
     valid = np.array(found.valid, dtype=bool)
     rx, tx, path = np.nonzero(valid)
@@ -173,6 +174,8 @@ def _rows(found: Any, slopes: list[Complex]) -> PathSlopes:
     pick = (rx[order], slice(None), tx[order], slice(None), path[order])
     stacked = [slope[pick].reshape(-1, 2, 2) for slope in slopes]
     return PathSlopes(
-        rx[order].astype(np.int64), length[order], gains[pick].reshape(-1, 2, 2),
+        rx[order].astype(np.int64),
+        length[order],
+        gains[pick].reshape(-1, 2, 2),
         np.stack(stacked, axis=-1) if stacked else np.zeros((len(order), 2, 2, 0), np.complex128),
-    )  # fmt: skip
+    )

@@ -1,14 +1,18 @@
-"""Which surfaces propagation paths touch, from Sionna RT's PathSolver; their planes in float64 for whoever needs a phase.
+"""Which surfaces propagation paths touch, from Sionna RT's PathSolver.
 
-The solver works in float32: the surfaces, their order and the kinds of interaction are right, lengths are not good enough
-at 77 GHz (2.6 deg rms at 200 m). So only the former are taken from it, with the float64 planes of the triangles that it met.
+Their planes are in float64, as phases need them.
+
+The solver works in float32: the surfaces, their order and the kinds of interaction are right, lengths are not good
+enough at 77 GHz (2.6 deg rms at 200 m). So only the former are taken from it, with the float64 planes of the triangles
+that it met.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +22,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scarl_sionna.core.errors import EngineError
 from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.engine import variant
+from scarl_sionna.engine.types import MitsubaObject
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -81,10 +86,10 @@ class TracedPaths:
 class _CountingGenerator:
     """The solver's generator of candidates, which also tells how many it found: the solver itself drops that number."""
 
-    def __init__(self, inner: Any) -> None:
+    def __init__(self, inner: Callable[..., MitsubaObject]) -> None:
         self.inner, self.num_candidates = inner, 0
 
-    def __call__(self, *args: Any, **options: Any) -> Any:
+    def __call__(self, *args: object, **options: object) -> MitsubaObject:
         buffer = self.inner(*args, **options)
         self.num_candidates = int(np.array(buffer.paths_counter).ravel()[0])
         return buffer
@@ -118,9 +123,9 @@ def trace_paths(
     targets : array_like of float, shape (num_targets, 3)
         [m, world]. Between a source and a target at the same place there is no line of sight.
     settings : SionnaSettings
-        Rays that look for candidates, the solver's buffer of them for each call of it, and the interactions that are looked for:
-        diffraction at most once in a path, at edges between faces and at ends of sheets, in the light and in the shadow. Its
-        `on_overflow` and `double_bounce` are the caller's.
+        Rays that look for candidates, the solver's buffer of them for each call of it, and the interactions that are
+        looked for: diffraction at most once in a path, at edges between faces and at ends of sheets, in the light and
+        in the shadow. Its `on_overflow` and `double_bounce` are the caller's.
 
     Returns
     -------
@@ -166,7 +171,7 @@ def trace_paths(
 
 
 @contextmanager
-def endpoints(mi: Any, scene: Any, source: Array, targets: Array) -> Iterator[None]:
+def endpoints(mi: ModuleType, scene: MitsubaObject, source: Array, targets: Array) -> Iterator[None]:
     """Put a transmitter and receivers of both polarisations into the scene, world axes, and take them out again."""
     import sionna.rt as rt
 
@@ -191,7 +196,7 @@ def endpoints(mi: Any, scene: Any, source: Array, targets: Array) -> Iterator[No
             scene.rx_array = before[1]
 
 
-def _solve(scene: Any, options: dict[str, Any]) -> tuple[dict[str, npt.NDArray[Any]], int]:
+def _solve(scene: MitsubaObject, options: dict[str, Any]) -> tuple[dict[str, npt.NDArray[Any]], int]:
     """Return one row a path, and the number of candidates."""
     import sionna.rt as rt
 

@@ -1,7 +1,7 @@
 """All moving bodies of a scene apart from each other, for rays that each have a time of their own.
 
-A ray that is carried into a body's frame at its own time meets the body where it stands still. Here every body stands alone, below
-the scene, so that such a ray meets nothing else, and rays above meet the static scene only.
+A ray that is carried into a body's frame at its own time meets the body where it stands still. Here every body stands
+alone, below the scene, so that such a ray meets nothing else, and rays above meet the static scene only.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _REACH = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class RigidPart:
     """Parts of an actor that move as one rigid body: the actor itself, a wheel, a limb.
 
     Attributes
@@ -54,7 +54,7 @@ class Apart:
 
     Attributes
     ----------
-    bodies : tuple of Body
+    bodies : tuple of RigidPart
     body_of_part : ndarray of int32, shape (num_parts,)
         Index into `bodies`; -1 for a static part.
     centre : ndarray of float64, shape (num_bodies, 3)
@@ -63,7 +63,7 @@ class Apart:
         Static parts in their places, bodies apart.
     """
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[RigidPart, ...]
     body_of_part: npt.NDArray[np.int32]
     centre: Array
     state: StateView
@@ -120,8 +120,8 @@ def stand_apart(world: WorldView) -> Apart:
     return _kept[world]
 
 
-def _bodies(world: WorldView) -> tuple[tuple[Body, ...], npt.NDArray[np.int32]]:
-    bodies: list[Body] = []
+def _bodies(world: WorldView) -> tuple[tuple[RigidPart, ...], npt.NDArray[np.int32]]:
+    bodies: list[RigidPart] = []
     body_of_part = np.full(len(world.parts.name), -1, dtype=np.int32)
     for index, actor in enumerate(world.actors):
         start = actor.trajectory.start
@@ -137,6 +137,6 @@ def _bodies(world: WorldView) -> tuple[tuple[Body, ...], npt.NDArray[np.int32]]:
             radius = float(np.linalg.norm(vertices - centre, axis=1).max()) * (1.0 + 1e-6) + 1e-5
             body_of_part[parts] = len(bodies)
             bodies.append(
-                Body(actor, world.parts.name[parts[0]] if key else None, centre, radius, (upper - lower) / 2.0)
+                RigidPart(actor, world.parts.name[parts[0]] if key else None, centre, radius, (upper - lower) / 2.0)
             )
     return tuple(bodies), body_of_part

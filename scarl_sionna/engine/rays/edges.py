@@ -54,9 +54,11 @@ class Wedge:
         """Return the same wedge with its 0-face lit from a point, or None where the point is within the body."""
         angle = self.cylindrical(point)[1]
         if self.exterior > 2.0 * np.pi - 1e-9:  # a sheet: the side that the point sees is the 0-face
-            return self if angle <= np.pi else Wedge(
-                self.origin, self.direction, self.length, self.tangent, -self.normal, self.exterior
-            )  # fmt: skip
+            return (
+                self
+                if angle <= np.pi
+                else Wedge(self.origin, self.direction, self.length, self.tangent, -self.normal, self.exterior)
+            )
         if angle > self.exterior:
             return None
         if angle <= np.pi:
@@ -81,8 +83,8 @@ def wedge_at(state: WorldState, part: int, face: int, point: Array) -> Wedge | N
     Returns
     -------
     Wedge or None
-        None where no edge is: the neighbour is in the same plane, more than two faces meet, or the corner is concave for
-        all that surrounds the body (there is then no outside of more than pi).
+        None where no edge is: the neighbour is in the same plane, more than two faces meet, or the corner is concave
+        for all that surrounds the body (there is then no outside of more than pi).
     """
     triangles = state._triangles
     rows = np.arange(triangles.first[part], triangles.first[part + 1])

@@ -19,8 +19,8 @@ Index = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
 SAME_PLANE = 1e-6
-"""Faces of one part whose unit normals and offsets agree within this have one plane number; offsets in metres for a scene, in radii of
-the mesh for one mesh: 1 um of a metre."""
+"""Faces of one part whose unit normals and offsets agree within this have one plane number; offsets in metres for a
+scene, in radii of the mesh for one mesh: 1 um of a metre."""
 
 _numbers: WeakKeyDictionary[World, tuple[Index, Flags]] = WeakKeyDictionary()
 
@@ -70,7 +70,9 @@ def _repeated(world: World, part: Index) -> Flags:
 
 
 def plane_numbers(normal: Array, offset: Array, part: Index) -> Index:
-    """Return the number of each face's plane, shape (num_faces,); both sides of a plane have one number, two parts never.
+    """Return the number of each face's plane, shape (num_faces,).
+
+    Both sides of a plane have one number, two parts never.
 
     Parameters
     ----------

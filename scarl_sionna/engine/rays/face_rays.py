@@ -1,19 +1,22 @@
 """Rays against triangles inside Dr.Jit kernels: which face is met first, and whether anything is met.
 
-The triangles are those of a state of the world, or of one mesh. Geometry is float64 up to the ray itself, which the engine takes in
-float32: the face that it finds is right, its distance is not used.
+The triangles are those of a state of the world, or of one mesh. Geometry is float64 up to the ray itself, which the
+engine takes in float32: the face that it finds is right, its distance is not used.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any
+from contextlib import AbstractContextManager
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.device import Device
+from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -27,8 +30,8 @@ STATE_LIFT = 4e-7
 SMALLEST_LIFT = 1e-6
 """[m]."""
 MESH_LIFT = 2e-5
-"""The same for one mesh, in radii of it: some hundred float32 steps of a coordinate, so that a ray does not meet its own surface
-again."""
+"""The same for one mesh, in radii of it: some hundred float32 steps of a coordinate, so that a ray does not meet its
+own surface again."""
 
 
 class FaceRays(Device, ABC):
@@ -49,15 +52,15 @@ class FaceRays(Device, ABC):
         Dr.Jit arrays that are fine enough for the many points of a lattice on each tube.
     """
 
-    Fine: Any
-    FinePoint: Any
+    Fine: type[DeviceArray]
+    FinePoint: type[DeviceArray]
 
-    def __init__(self, mi: Any, scene: Any, twin: str) -> None:
+    def __init__(self, mi: ModuleType, scene: MitsubaObject, twin: str) -> None:
         super().__init__(mi)
         self._scene = scene
         self.twin = twin
 
-    def active(self) -> Any:
+    def active(self) -> AbstractContextManager[ModuleType]:
         """Return the context manager of the variant in which these rays work."""
         return variant.use(self.twin)
 
@@ -66,14 +69,14 @@ class FaceRays(Device, ABC):
         """Return points (..., 3) [m] in the frame of the rays."""
 
     @abstractmethod
-    def lifted(self, point: Any, normal: Any) -> Any:
+    def lifted(self, point: DeviceArray, normal: DeviceArray) -> DeviceArray:
         """Return points moved along unit normals so far that a ray does not meet the face again on which it starts."""
 
     @abstractmethod
-    def _face(self, found: Any) -> Any:
+    def _face(self, found: MitsubaObject) -> DeviceArray:
         """Return the face of each of the engine's intersections, or `MISS`."""
 
-    def first(self, origin: Any, direction: Any) -> Any:
+    def first(self, origin: DeviceArray, direction: DeviceArray) -> DeviceArray:
         """Return the face that each ray meets first, or `MISS`.
 
         Parameters
@@ -84,7 +87,7 @@ class FaceRays(Device, ABC):
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
         return self._face(self._scene.ray_intersect_preliminary(ray, coherent=False))
 
-    def blocked(self, origin: Any, direction: Any, distance: Any = None) -> Any:
+    def blocked(self, origin: DeviceArray, direction: DeviceArray, distance: DeviceArray | None = None) -> DeviceArray:
         """Return whether each ray meets anything, before a distance in the frame of the rays if one is given."""
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
         if distance is not None:
@@ -103,7 +106,7 @@ class StateRays(FaceRays):
     twin : {"optical", "radio"}
     """
 
-    def __init__(self, mi: Any, state: WorldState, twin: str = "optical") -> None:
+    def __init__(self, mi: ModuleType, state: WorldState, twin: str = "optical") -> None:
         engine = state._applied(twin)
         super().__init__(mi, engine.mi_scene, twin)
         self.Fine, self.FinePoint = self.Real, self.Vector  # far from the origin float32 is not fine enough
@@ -115,12 +118,12 @@ class StateRays(FaceRays):
         """Return points as they are: the frame is the world's [m]."""
         return points
 
-    def lifted(self, point: Any, normal: Any) -> Any:
+    def lifted(self, point: DeviceArray, normal: DeviceArray) -> DeviceArray:
         """Return points moved along unit normals by `STATE_LIFT`."""
         dr = self.dr
         return point + dr.maximum(STATE_LIFT * dr.max(dr.abs(point)), SMALLEST_LIFT) * normal
 
-    def _face(self, found: Any) -> Any:
+    def _face(self, found: MitsubaObject) -> DeviceArray:
         dr, mi = self.dr, self.mi
         number = dr.reinterpret_array(mi.UInt32, found.shape)
         valid = found.is_valid()
@@ -142,7 +145,7 @@ class MeshRays(FaceRays):
     twin : {"optical", "radio"}
     """
 
-    def __init__(self, mi: Any, corners: Array, twin: str = "radio") -> None:
+    def __init__(self, mi: ModuleType, corners: Array, twin: str = "radio") -> None:
         self._center, self._radius = center_and_radius(corners)
         super().__init__(mi, _scene_of(self.placed(corners.reshape(-1, 3)), mi), twin)
         self.Fine, self.FinePoint = mi.Float, mi.Point3f  # as fine as the rays themselves
@@ -151,11 +154,11 @@ class MeshRays(FaceRays):
         """Return points in radii from the middle of the mesh."""
         return (points - self._center) / self._radius
 
-    def lifted(self, point: Any, normal: Any) -> Any:
+    def lifted(self, point: DeviceArray, normal: DeviceArray) -> DeviceArray:
         """Return points moved along unit normals by `MESH_LIFT`."""
         return self.mi.Point3f(point) + self.mi.Vector3f(MESH_LIFT * normal)
 
-    def _face(self, found: Any) -> Any:
+    def _face(self, found: MitsubaObject) -> DeviceArray:
         return self.dr.select(found.is_valid(), self.mi.Int32(found.prim_index), MISS)
 
     def first_faces(self, origins: Array, directions: Array, normal: Array) -> npt.NDArray[np.int64]:
@@ -178,7 +181,7 @@ def center_and_radius(corners: Array) -> tuple[Array, float]:
     return center, float(np.linalg.norm(points - center, axis=1).max())
 
 
-def _scene_of(points: Array, mi: Any) -> Any:
+def _scene_of(points: Array, mi: ModuleType) -> MitsubaObject:
     mesh = mi.Mesh("body", vertex_count=len(points), face_count=len(points) // 3)
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = mi.Float(points.astype(np.float32).ravel())

@@ -17,7 +17,8 @@ from scarl_sionna.core.pose import Pose
 Array = npt.NDArray[np.float64]
 
 _PLANE_MISMATCH = 1e-3
-"""A plane hit farther than this from the engine's (relative to 1 m + distance) is not trusted: the ray grazes the plane."""
+"""A plane hit farther than this from the engine's (relative to 1 m + distance) is not trusted: the ray grazes the
+plane."""
 _ENCLOSED = 0.75
 """Winding number from which a point counts as inside. A closed mesh gives 1, an open half space at most 0.5."""
 
@@ -125,11 +126,14 @@ def refine_distance(
 
 
 def winding_number(point: Array, corners: Array) -> float:
-    """Return how many times a triangle mesh encloses a point: 1 inside a closed mesh, 0 outside, parts between when open.
+    """Return how many times a triangle mesh encloses a point.
+
+    1 inside a closed mesh, 0 outside, parts between when open.
 
     References
     ----------
-    .. [1] A. van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Trans. Biomed. Eng. 30(2), 1983, Eq. (8).
+    .. [1] A. van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Trans. Biomed. Eng. 30(2), 1983,
+       Eq. (8).
     """
     a, b, c = (corners[:, index] - point for index in range(3))
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))

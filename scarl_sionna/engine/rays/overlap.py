@@ -1,4 +1,7 @@
-"""Parts whose faces overlap in one plane: nothing tells which of them is in front, so a solver that meets both counts both."""
+"""Parts whose faces overlap in one plane.
+
+Nothing tells which of them is in front, so a solver that meets both counts both.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ VISIBLE = 1e-4
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two parts that overlap, and a place on the smaller one of two of their faces, in the frame of the first part [m]."""
+    """Two parts that overlap, and a place on the smaller of two of their faces, in the first part's frame [m]."""
 
     first: int
     second: int
@@ -38,7 +41,8 @@ _known: WeakKeyDictionary[World, tuple[Overlap, ...]] = WeakKeyDictionary()
 def overlapping_parts(world: World) -> tuple[Overlap, ...]:
     """Return the pairs of parts of one body (or of what stands still) that overlap in a plane, each pair once, sorted.
 
-    Only faces that look the same way are told: where two solids touch, their faces look at each other and hide in between.
+    Only faces that look the same way are reported: where two solids touch, their faces look at each other and hide in
+    between.
     """
     if world not in _known:
         found = _search(world)

@@ -21,16 +21,18 @@ COVERS = frozenset(map(semantic_id, ("Vegetation", "Bridge", "Pole", "TrafficLig
 """Classes that the plan looks through where they are higher than the cut."""
 
 GROUND_COLORS = {
-    "Roads": (74, 76, 80), "RoadLine": (226, 226, 218), "SideWalks": (158, 156, 150), "Building": (112, 92, 84), "Wall": (128, 126, 122),
+    "Roads": (74, 76, 80), "RoadLine": (226, 226, 218), "SideWalks": (158, 156, 150), "Building": (112, 92, 84),
+    "Wall": (128, 126, 122),
     "Vegetation": (84, 118, 66), "Terrain": (128, 148, 96), "Ground": (146, 142, 128), "Bridge": (150, 148, 146),
     "GuardRail": (196, 200, 206), "Fence": (122, 100, 80), "Water": (86, 122, 150),
-}  # fmt: skip
+}  # fmt: skip # a table
 OTHER_COLOR = (104, 102, 108)
 NOTHING_COLOR = (36, 38, 42)
 ACTOR_COLORS = {
-    "Car": (86, 156, 240), "Truck": (240, 160, 60), "Bus": (232, 196, 60), "Pedestrian": (236, 88, 120), "Rider": (200, 110, 230),
+    "Car": (86, 156, 240), "Truck": (240, 160, 60), "Bus": (232, 196, 60), "Pedestrian": (236, 88, 120), "Rider": (200,
+    110, 230),
     "Bicycle": (200, 110, 230), "Motorcycle": (170, 90, 220),
-}  # fmt: skip
+}  # fmt: skip # a table
 EGO_COLOR = (70, 220, 130)
 
 

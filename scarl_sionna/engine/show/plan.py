@@ -139,9 +139,16 @@ def _draw_actor(axis: Axes, item: ObjectState, color: tuple[float, ...]) -> None
             "", start + way, start, arrowprops={"arrowstyle": "->", "color": "white", "linewidth": 1.1}, zorder=4
         )
     axis.annotate(
-        item.name.replace("_", " "), start, xytext=(6, 6), textcoords="offset points", fontsize=7.5, color="white", zorder=5,
-        annotation_clip=True, bbox={"boxstyle": "round,pad=0.15", "facecolor": (0, 0, 0, 0.45), "edgecolor": "none"},
-    )  # fmt: skip
+        item.name.replace("_", " "),
+        start,
+        xytext=(6, 6),
+        textcoords="offset points",
+        fontsize=7.5,
+        color="white",
+        zorder=5,
+        annotation_clip=True,
+        bbox={"boxstyle": "round,pad=0.15", "facecolor": (0, 0, 0, 0.45), "edgecolor": "none"},
+    )
 
 
 def sensor_poses(state: StateView, rig: Sensors) -> list[tuple[Mounted, Pose]]:
@@ -191,7 +198,10 @@ def _draw_sensors(axis: Axes, state: StateView, rig: Sensors) -> None:
 
 
 def _field_of_view(spec: Spec) -> tuple[float, float]:
-    """Return the first and the last azimuth of a sensor's field of view [deg], left positive; a narrow fan for other kinds."""
+    """Return the first and the last azimuth of a sensor's field of view [deg], left positive.
+
+    A narrow fan for other kinds.
+    """
     if isinstance(spec, LidarSpec):
         first, last = spec.view_deg[:2]
         return min(first, last), max(first, last)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,9 @@ from scarl_sionna.signal.detection import RadarPoints
 
 from .plan import OTHER_SENSOR, SENSOR_COLORS, Sensors, sensor_poses
 from .view import StateView
+
+if TYPE_CHECKING:
+    from sionna.rt.preview import Previewer
 
 Array = npt.NDArray[np.float64]
 
@@ -51,7 +54,7 @@ class Drawn(Protocol):
 Points = RadarPoints | LidarScan | npt.NDArray[np.floating]
 
 
-def preview_state(state: StateView, rig: Sensors | None, paths: Drawn | None, points: Points | None) -> Any:
+def preview_state(state: StateView, rig: Sensors | None, paths: Drawn | None, points: Points | None) -> Previewer:
     """Return the previewer of a state, see `World.preview`."""
     with variant.radio():
         from sionna.rt.preview import Previewer
@@ -69,7 +72,7 @@ def preview_state(state: StateView, rig: Sensors | None, paths: Drawn | None, po
     return view
 
 
-def _add_sensors(view: Any, state: StateView, rig: Sensors) -> None:
+def _add_sensors(view: Previewer, state: StateView, rig: Sensors) -> None:
     """Draw a ball and the boresight of every sensor, and what the colours mean."""
     from matplotlib.colors import to_rgb
 
@@ -83,7 +86,7 @@ def _add_sensors(view: Any, state: StateView, rig: Sensors) -> None:
     view._add_legend_items([(kind, view._circular_legend_item(shown)) for kind, shown in kinds.items()])
 
 
-def _add_paths(view: Any, paths: Drawn) -> None:
+def _add_paths(view: Previewer, paths: Drawn) -> None:
     """Draw the strongest paths as lines from the receiver to where it sees them, brighter where they are stronger."""
     import matplotlib as mpl
 

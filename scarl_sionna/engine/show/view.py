@@ -1,9 +1,9 @@
-"""What is read of a world and its states where they are drawn or taken apart, so that these modules do not import the world."""
+"""What is read of a world and its states to draw them: protocols, so that these modules do not import the world."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.engine.twins import MeshData
+from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.scene.document.model import SceneDocument
 from scarl_sionna.scene.tables import Actor, PartTable, RayHits
 
@@ -37,7 +38,7 @@ class StateView(Protocol):
     def cast(self, origins: npt.ArrayLike, directions: npt.ArrayLike, max_distance: float = np.inf) -> RayHits:
         """Intersect rays with the scene [m, world]."""
 
-    def radio_scene(self) -> Any:
+    def radio_scene(self) -> MitsubaObject:
         """Return the Sionna RT scene in this state."""
 
 

@@ -68,11 +68,11 @@ class CellLabels(Described, units={"power": "W"}):
     ghost_share : ndarray of float32, same shape
         Part of the power of all instances that came by multipath.
     power : ndarray of float32, same shape
-        Sum over instances of their power, averaged over the channels [W]. Compare with `RangeDoppler.noise_power` to leave out
-        cells of noise.
+        Sum over instances of their power, averaged over the channels [W]. Compare with `RangeDoppler.noise_power` to
+        leave out cells of noise.
     cell, entry_instance, entry_semantic, entry_is_ghost, entry_share : ndarray, shape (num_entries,)
-        All that is in the cells, sorted by `cell`, the flat index into the map, then by instance, direct first. The shares of
-        one cell sum to 1.
+        All that is in the cells, sorted by `cell`, the flat index into the map, then by instance, direct first. The
+        shares of one cell sum to 1.
     """
 
     instance: Ids
@@ -114,7 +114,8 @@ class PointLabels(Described):
     mirror : ndarray of int32, shape (num_points,)
         First mirror of the strongest path of a ghost; -1 for the others.
     explained : ndarray of float64, shape (num_points,)
-        Power of all paths together there, with their phases, over the detected power: near 1 for a target, near 0 for noise.
+        Power of all paths together there, with their phases, over the detected power, dimensionless: near 1 for a
+        target, near 0 for noise.
     """
 
     instance: Ids
@@ -133,8 +134,8 @@ def label_paths(paths: RadarPaths, state: WorldState | None = None) -> PathLabel
     ----------
     paths : RadarPaths
     state : WorldState, optional
-        Gives the class of the scattering instance where the last instance of the path is a mirror. Left out, it is looked up
-        among the paths that end at that instance, and 0 if there is none.
+        Gives the class of the scattering instance where the last instance of the path is a mirror. Left out, it is
+        looked up among the paths that end at that instance, and 0 if there is none.
 
     Returns
     -------
@@ -142,9 +143,10 @@ def label_paths(paths: RadarPaths, state: WorldState | None = None) -> PathLabel
 
     Notes
     -----
-    The scattering instance is the last one that scatters (a point, a scattering centre, a rough or physical-optics patch). A
-    path of mirror reflections and edges only has none: then it is the middle one of a chain that reads the same both ways
-    (it turns back there), else the last. A chain within one instance, such as the corner of a guardrail, is direct.
+    The scattering instance is the last one that scatters (a point, a scattering centre, a rough or physical-optics
+    patch). A path of mirror reflections and edges only has none: then it is the middle one of a chain that reads the
+    same both ways (it turns back there), else the last. A chain within one instance, such as the corner of a guardrail,
+    is direct.
     """
     kind, touched = paths.interaction, paths.instance
     step = np.arange(touched.shape[1])
@@ -209,8 +211,8 @@ def label_cells(
     state : WorldState, optional
         See :func:`label_paths`.
     method : {"spread", "synthesis"}
-        ``"spread"`` puts each path's field onto the cells of the windows' main lobes. ``"synthesis"`` makes the raw data of
-        each instance alone and transforms it: exact, sidelobes included, one synthesis for each instance.
+        ``"spread"`` puts each path's field onto the cells of the windows' main lobes. ``"synthesis"`` makes the raw
+        data of each instance alone and transforms it: exact, sidelobes included, one synthesis for each instance.
 
     Returns
     -------
@@ -227,12 +229,12 @@ def label_cells(
 
     .. math:: X_{gc} = \sum_{p \in g} A_{pc} e^{j \phi_{pc}} W_r(k - k_p) W_d(l - l_p)
 
-    with the beat amplitude (antenna gains and power included) and exact phase of the path at the middle of the frame, and the
-    transforms W of the windows, cut at their first minimum. The power of a group is the mean over channels of
+    with the beat amplitude (antenna gains and power included) and exact phase of the path at the middle of the frame,
+    and the transforms W of the windows, cut at their first minimum. The power of a group is the mean over channels of
     :math:`|X_{gc}|^2`, its share that over the sum of all groups: interference between groups belongs to none of them.
 
-    *Not modelled* by ``"spread"``: sidelobes, the smear of range migration within the frame and of the delay's acceleration.
-    Cells that hold only sidelobes of what is elsewhere are empty. Measured errors: docs/radar_labels.md.
+    *Not modelled* by ``"spread"``: sidelobes, the smear of range migration within the frame and of the delay's
+    acceleration. Cells that hold only sidelobes of what is elsewhere are empty. Measured errors: docs/radar_labels.md.
     """
     if method not in ("spread", "synthesis"):
         raise ParameterRangeError("method", repr(method), "'spread' or 'synthesis'")
@@ -255,7 +257,10 @@ def label_cells(
 
 @dataclass(frozen=True, eq=False)
 class _Groups:
-    """Paths by instance and directness: `key` (instance, multipath), rising, shape (num_groups, 2), and `member`, the group of every path."""
+    """Paths by instance and directness.
+
+    `key` (instance, multipath), rising, shape (num_groups, 2), and `member`, the group of every path.
+    """
 
     key: npt.NDArray[np.int64]
     member: npt.NDArray[np.int64]
@@ -351,9 +356,10 @@ def label_points(
 
     Notes
     -----
-    The field of a group at a point is that of :func:`label_cells` at the point's own range and velocity, summed over the
-    channels with the beam's weights towards the point's direction. So a ghost that leaves in one direction and arrives from
-    another counts as the virtual array sees it, and paths in another direction count by the beam's sidelobe there.
+    The field of a group at a point is that of :func:`label_cells` at the point's own range and velocity, summed over
+    the channels with the beam's weights towards the point's direction. So a ghost that leaves in one direction and
+    arrives from another counts as the virtual array sees it, and paths in another direction count by the beam's
+    sidelobe there.
     """
     labels = label_paths(paths, state)
     groups = _groups(labels)

@@ -1,4 +1,7 @@
-"""Where paths lie in a range-Doppler map, and their fields in the cells around: the transform, local to the main lobe."""
+"""Where paths lie in a range-Doppler map, and their fields in the cells around.
+
+The transform, local to the main lobe.
+"""
 
 from __future__ import annotations
 
@@ -49,8 +52,8 @@ class PathCells:
     Attributes
     ----------
     beat_bin, doppler_bin : ndarray of float64, shape (num_paths,)
-        Beat frequency before the compensation of motion, and Doppler, in bins of the map without zero padding; Doppler is within
-        [0, num_chirps), 0 at rest.
+        Beat frequency before the compensation of motion, and Doppler, in bins of the map without zero padding; Doppler
+        is within [0, num_chirps), 0 at rest.
     kept : ndarray of bool, shape (num_paths,)
         False for paths that the receiver's filter removes.
     """
@@ -88,7 +91,7 @@ class PathCells:
         )
 
     def range_bin(self, index: Index, doppler: float | Array) -> Array:
-        """Return the places over range in a row of the map of a Doppler frequency [Hz], without padding, modulo num_samples."""
+        """Return the places over range in the row of a Doppler frequency [Hz], not padded, modulo num_samples."""
         radar = self.radar
         coupling = 1.0 + radar.waveform.chirp_slope * FrameGrid(radar).center_time(0) / radar.center_frequency
         removed = np.asarray(doppler) * coupling * radar.num_samples / radar.sample_rate
@@ -96,7 +99,7 @@ class PathCells:
         return np.mod(beat - removed, radar.num_samples)
 
     def fields(self, index: Index, doppler: float | Array) -> npt.NDArray[np.complex128]:
-        """Return beat amplitudes with their phases at the middle of the frame [sqrt(W)], shape (len(index), num_virtual).
+        """Return beat amplitudes with their phases at mid-frame [sqrt(W)], shape (len(index), num_virtual).
 
         `doppler` [Hz] is that of the map's row, whose motion between the transmitters is removed.
         """

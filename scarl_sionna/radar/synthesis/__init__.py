@@ -68,9 +68,9 @@ def synthesize(
         e^{j 2 \pi (f_0 \tau + S \tau t_s - S \tau^2 / 2)}, \quad
         \tau(t) = (L_{ij} + L' t + L'' t^2 / 2) / (c + L'/2)
 
-    *Kept*: exact delay of each pair (spherical wavefronts), motion within a ramp, range migration, residual video phase.
-    *Not modelled*: gains and length rates differ between antennas only by the array's extent over the distance and are
-    taken at the array's centre; derivatives of the length above the second.
+    *Kept*: exact delay of each pair (spherical wavefronts), motion within a ramp, range migration, residual video
+    phase. *Not modelled*: gains and length rates differ between antennas only by the array's extent over the distance
+    and are taken at the array's centre; derivatives of the length above the second.
 
     References
     ----------

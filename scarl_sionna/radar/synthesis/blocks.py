@@ -1,11 +1,14 @@
-"""Beat signal of a frame whose paths are traced again for blocks of chirps: wheels, limbs, all that turns or bends its way."""
+"""Beat signal of a frame whose paths are traced again for blocks of chirps.
+
+Wheels, limbs, all that turns or bends its way.
+"""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -68,14 +71,15 @@ def synthesize_blocks(
     Warns
     -----
     ScarlWarning
-        If blocks do not follow the motion. Each block is carried on to the middle of the next and compared with what is found
-        there; a quarter of the difference stands for the error at the border, half as far (it grows with the square of time).
+        If blocks do not follow the motion. Each block is carried on to the middle of the next and compared with what is
+        found there; a quarter of the difference stands for the error at the border, half as far (it grows with the
+        square of time).
 
     Notes
     -----
-    Within a block, lengths are quadratic in time about its middle. With the true rate and acceleration the phase is off by
-    at most :math:`2\pi f_0/c \cdot \dddot L (T/2)^3/6` at the borders of a block that lasts T; where a solver takes turning
-    parts as moving straight, by :math:`2\pi f_0/c \cdot \ddot L (T/2)^2/2`. Amplitudes are kept over a block.
+    Within a block, lengths are quadratic in time about its middle. With the true rate and acceleration the phase is off
+    by at most :math:`2\pi f_0/c \cdot \dddot L (T/2)^3/6` at the borders of a block that lasts T; where a solver takes
+    turning parts as moving straight, by :math:`2\pi f_0/c \cdot \ddot L (T/2)^2/2`. Amplitudes are kept over a block.
 
     References
     ----------
@@ -101,7 +105,8 @@ def synthesize_blocks(
     error = 0.25 * apart / size if size > 0.0 else 0.0
     if error > block_tolerance:
         warnings.warn(
-            f"blocks of {chirps_per_block} chirps do not follow the motion: the signal is off by about {error:.2g} of its largest at "
+            f"blocks of {chirps_per_block} chirps do not follow the motion: "
+            f"the signal is off by about {error:.2g} of its largest at "
             "their borders. Parts turn too fast, or paths come and go; use fewer chirps_per_block",
             ScarlWarning,
             stacklevel=2,
@@ -113,6 +118,8 @@ def shifted(paths: RadarPaths, time: float) -> RadarPaths:
     """Return paths as they are some time later [s], or earlier if negative, by their own rates and accelerations.
 
     Directions and amplitudes stay. Lengths change by the same amount for every antenna, as :func:`synthesize` takes it.
+
+    By definition of a second-order series in time.
     """
     change = paths.length_rate * time + 0.5 * paths.length_acceleration * time**2
     image = paths.rx_image
@@ -139,9 +146,11 @@ def retraced(
     method: str | None = None,
     *,
     settings: RadarSettings | None = None,
-    **fields: Any,
+    **fields: object,
 ) -> PathsAt:
     """Return what solves the paths of a world at any time, for :func:`synthesize_blocks`.
+
+    Exact geometry: each call solves the paths anew.
 
     Parameters
     ----------
@@ -149,8 +158,8 @@ def retraced(
         Its trajectories must cover the frame.
     radar : RadarSpec
     mount : Mount or Pose
-        At the frame's start. One that rides on an actor follows the actor; another moves straight on and turns about its own
-        origin.
+        At the frame's start. One that rides on an actor follows the actor; another moves straight on and turns about
+        its own origin.
     time : float
         Of the frame's start [s].
     method, settings, **fields
@@ -166,7 +175,7 @@ def retraced(
             moved = Mount(_moved(start.pose, start.twist, after), start.twist)
         else:
             moved = state.mount(start.actor, start.actor_from_sensor)
-        return solve_paths(state, radar, moved, method, settings=settings, **fields)
+        return solve_paths(state, radar, moved, method, settings=settings, **cast("dict[str, Any]", fields))
 
     return paths_at
 

@@ -1,15 +1,16 @@
 r"""The beat signal of straight paths with one spreading: range migration by a chirp-z transform for every sample.
 
-About the middle of a frame, at ``q = x + y`` and with the Doppler frequency ``alpha = u (f_c - S tau)`` [Hz], a path without
-bend has the phase, in cycles,
+About the middle of a frame, at ``q = x + y`` and with the Doppler frequency ``alpha = u (f_c - S tau)`` [Hz], a path
+without bend has the phase, in cycles,
 
 .. math:: const + S \tau x + \alpha q (1 + S x / f_{ref}) + v\, x q - S u^2 q^2 / 2, \quad
           v = \alpha S (1 / (f_c - S \tau) - 1 / f_{ref}), \quad f_{ref} = f_c - S \tau_{ref}
 
-so migration stretches slow time by a factor that depends on the sample alone. The points are spread once onto a grid over
-(S tau, alpha), where alpha is not folded at the Doppler ambiguity; an FFT goes over fast time, and a chirp-z transform of
-each sample's row evaluates the stretched slow times exactly. The last two terms, at most 5e-4 rad at 70 m/s and 250 m, are
-held to first order by terms of their own (weight of the path times a known screen) or left out if the tolerance allows.
+so migration stretches slow time by a factor that depends on the sample alone. The points are spread once onto a grid
+over (S tau, alpha), where alpha is not folded at the Doppler ambiguity; an FFT goes over fast time, and a chirp-z
+transform of each sample's row evaluates the stretched slow times exactly. The last two terms, at most 5e-4 rad at 70
+m/s and 250 m, are held to first order by terms of their own (weight of the path times a known screen) or left out if
+the tolerance allows.
 """
 
 from __future__ import annotations
@@ -31,15 +32,16 @@ from .phase import FrameGrid, delay_terms, phasor
 Array = npt.NDArray[np.float64]
 
 SPREAD_SHARE, CORRECTION_SHARE, PHASE_SHARE, BEND_SHARE, ROUNDING_SHARE = 0.3, 0.1, 0.43, 0.02, 0.15
-"""Shares of the tolerance: spreading of the main term, of the corrections, the phase that no term holds, the bend of paths
-that count as straight, and rounding."""
+"""Shares of the tolerance: spreading of the main term, of the corrections, the phase that no term holds, the bend of
+paths that count as straight, and rounding."""
 EPS_TO_ERROR = 8.0
 """Measured largest error of a lone tone over the spreader's `eps`."""
 SINGLE_ROUNDING = 1.2e-5
-"""Measured largest error of a lone tone from float32 transforms after spreading: rounding, raised by the deconvolution."""
+"""Measured largest error of a lone tone from float32 transforms after spreading: rounding, raised by the
+deconvolution."""
 SINGLE_POINT_ERROR = 2.2e-7
-"""Error of a lone tone from float32 points over the cells of both axes: they are rounded to 2**-25 of a turn, two times.
-Measured: 2.3e-4 for 768 + 1084 cells."""
+"""Error of a lone tone from float32 points over the cells of both axes: they are rounded to 2**-25 of a turn, two
+times. Measured: 2.3e-4 for 768 + 1084 cells."""
 MIN_TOLERANCE = 1e-9
 """Smallest tolerance of the method: float64 phases and the table of the kernel's transform hold no more."""
 MAX_CELLS = 8_000_000
@@ -215,7 +217,10 @@ class Transform:
         self._local = threading.local()
 
     def _chirps(self, stretch: Array) -> tuple[npt.NDArray[np.complexfloating], npt.NDArray[np.complexfloating]]:
-        """Return Bluestein's factors before the convolution (samples, cells) and the kernel's spectrum (samples, length)."""
+        """Return Bluestein's factors before the convolution (samples, cells) and the kernel's spectrum.
+
+        The spectrum has the shape (samples, length).
+        """
         num_columns, num_chirps = self._layout.shape[1], self._radar.num_chirps
         step = self._layout.cell * self._radar.doppler_interval * stretch[:, None]
         column = np.arange(num_columns) - num_columns // 2
@@ -278,7 +283,10 @@ class Transform:
         return out.T
 
     def _plans(self) -> list[finufft.Plan]:
-        """Return the calling thread's plans. They run on that thread alone, so that sums keep their order: same bytes."""
+        """Return the calling thread's plans.
+
+        They run on that thread alone, so that sums keep their order: same bytes.
+        """
         if not hasattr(self._local, "plans"):
             self._local.plans = [spreader.plan(self._layout.shape) for spreader in self._spreaders]
         return self._local.plans

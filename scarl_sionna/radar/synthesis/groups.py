@@ -21,7 +21,8 @@ MAX_CHUNK_PATHS = 200_000
 MAX_BINS = 16
 """Most velocity bins tried."""
 MAX_TERMS = 24
-"""Longest series; a group of paths that needs more is split. Bounds the memory: a term's screen has the frame's size."""
+"""Longest series; a group of paths that needs more is split. Bounds the memory: a term's screen has the frame's
+size."""
 SPREAD_COST, FFT_COST, DIRECT_COST = 110e-9, 4.0e-8, 4.0e-8
 """Measured seconds: a path of one transform, a sample of one transform, a sample of a path of the plain sum. Only their
 ratios matter."""
@@ -44,8 +45,8 @@ def partition(
 ) -> list[tuple[Index, Method | None]]:
     """Return groups of paths, each with its transform, or None where the plain sum is cheaper.
 
-    `length` is that between the array centres [m]. Straight paths go to the chirp-z method where it holds the tolerance and
-    is cheaper than the series; paths that bend (their length has a second derivative) go to the series.
+    `length` is that between the array centres [m]. Straight paths go to the chirp-z method where it holds the tolerance
+    and is cheaper than the series; paths that bend (their length has a second derivative) go to the series.
     """
     straight = chirpz.is_straight(radar, acceleration, tolerance)
     groups: list[tuple[Index, Method | None]] = []

@@ -2,10 +2,10 @@ r"""The beat signal by non-uniform FFT, with range migration kept to a known bou
 
 Each path is a tone over fast and slow time, times a residual phase that depends on the rate u of its delay (and on its
 bend b) and on the sample only: at 70 m/s some 2 rad at the corners of a frame. For every sample that factor is a smooth
-function of (u, b), so it is a short series of Chebyshev polynomials in (u, b) with one known screen over the samples each,
-and each term of the series is one transform of the same points. With k the largest residual phase [rad] about the middle of
-a box, terms from K on hold at most ``2 sum_{n >= K} |J_n(k)|`` of a path's amplitude. A term whose screen is small needs
-few digits, so it runs in float32 with a narrow kernel.
+function of (u, b), so it is a short series of Chebyshev polynomials in (u, b) with one known screen over the samples
+each, and each term of the series is one transform of the same points. With k the largest residual phase [rad] about the
+middle of a box, terms from K on hold at most ``2 sum_{n >= K} |J_n(k)|`` of a path's amplitude. A term whose screen is
+small needs few digits, so it runs in float32 with a narrow kernel.
 """
 
 from __future__ import annotations
@@ -30,13 +30,15 @@ TRANSFORM_SHARE, SERIES_SHARE = 0.6, 0.4
 EPS_TO_ERROR = {"complex128": 13.0, "complex64": 15.0}
 """Measured largest error of a lone tone over the transform's `eps`, at upsampling 1.25."""
 SINGLE_ERROR = 4e-4
-"""Smallest error that a float32 transform is trusted with: its points are rounded to 2**-24 of a turn, times 512 modes."""
+"""Smallest error that a float32 transform is trusted with: its points are rounded to 2**-24 of a turn, times 512
+modes."""
 COARSE_ERROR = 5e-3
 """Terms that allow this error go to a transform of their own with a narrower kernel."""
 
 
 FFTW_ESTIMATE = 64
-"""Plans chosen without timing: 0 (measure) is 1.7 times faster but takes over 1 s a size and may differ between two runs."""
+"""Plans chosen without timing: 0 (measure) is 1.7 times faster but takes over 1 s a size and may differ between two
+runs."""
 
 
 @lru_cache(maxsize=512)
@@ -158,7 +160,10 @@ class Transform:
         return batches
 
     def _plans(self) -> list[finufft.Plan]:
-        """Return the calling thread's plans. They run on that thread alone, so that sums keep their order: same bytes."""
+        """Return the calling thread's plans.
+
+        They run on that thread alone, so that sums keep their order: same bytes.
+        """
         if not hasattr(self._local, "plans"):
             self._local.plans = [
                 finufft.Plan(

@@ -1,6 +1,7 @@
 r"""Phase of the beat signal of one path, exact and expanded about the middle of the frame.
 
-The delay of a path of length L, rate L' and acceleration L'' is, at the time t of reception since the first ramp's start,
+The delay of a path of length L, rate L' and acceleration L'' is, at the time t of reception since the first ramp's
+start,
 
 .. math:: \tau(t) = \tau_0 + u t + b t^2 / 2, \quad
           (\tau_0, u, b) = (L, L', L'') / (c + L'/2)

@@ -54,8 +54,8 @@ def find_collisions(
     Parameters
     ----------
     actors : sequence of (name, trajectory, measures)
-        `measures`: (length, width) or (length, width, height) [m] of a box round the origin on the ground, or a body with these.
-        Where a trajectory is not known, its body is not there.
+        `measures`: (length, width) or (length, width, height) [m] of a box round the origin on the ground, or a body
+        with these. Where a trajectory is not known, its body is not there.
     times : array_like of float, shape (N,)
         Instants [s]; a gap of 0.1 s misses less than 1 m at a closing speed of 10 m/s.
     tolerance : float
@@ -73,8 +73,8 @@ def find_collisions(
 
     Notes
     -----
-    Pairs nearer than their half diagonals (k-d tree) are compared along the four axes of their boxes; heights must overlap, too.
-    Exact for boxes that stand upright. *Not modelled*: motion between the times, shapes other than boxes.
+    Pairs nearer than their half diagonals (k-d tree) are compared along the four axes of their boxes; heights must
+    overlap, too. Exact for boxes that stand upright. *Not modelled*: motion between the times, shapes other than boxes.
     """
     instants = np.atleast_1d(np.asarray(times, dtype=np.float64))
     if instants.ndim != 1 or not instants.size or not np.isfinite(instants).all():
@@ -96,8 +96,8 @@ def find_collisions(
 class _Boxes:
     """Boxes of A bodies at N instants.
 
-    `position` (A, N, 3) [m], NaN where a body is not there; `heading` (A, N) [rad]; `half`: half length and half width (A, 2) [m];
-    `height` (A,) [m].
+    `position` (A, N, 3) [m], NaN where a body is not there; `heading` (A, N) [rad]; `half`: half length and half width
+    (A, 2) [m]; `height` (A,) [m].
     """
 
     position: Array
@@ -108,7 +108,10 @@ class _Boxes:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Pairs of bodies at instants: rows `first` and `second` of the bodies, column `moment` of the instants, each (P,)."""
+    """Pairs of bodies at instants.
+
+    Rows `first` and `second` of the bodies, column `moment` of the instants, each (P,).
+    """
 
     first: Index
     second: Index

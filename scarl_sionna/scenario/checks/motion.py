@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.engine.world import World, WorldState
-from scarl_sionna.scenario.motion.bodies import Body, BodyLike
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scenario.motion.paths import sample_motion
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
@@ -29,7 +29,10 @@ _GUST = 2e-3
 
 @dataclass(frozen=True)
 class GroundFault:
-    """An actor that does not stand on the ground at a time [s]: `height` of its contact above it [m], negative below; infinite: no ground."""
+    """An actor that does not stand on the ground at a time [s]: `height` of its contact above it [m], negative below.
+
+    Infinite: no ground.
+    """
 
     name: str
     time: float
@@ -38,7 +41,10 @@ class GroundFault:
 
 @dataclass(frozen=True)
 class MotionFault:
-    """A motion that is not possible: `what` (``speed``, ``acceleration`` or ``jump``), its `value` [m/s, m/s^2 or m], the `limit` and the time [s]."""
+    """A motion that is not possible.
+
+    `what` (``speed``, ``acceleration`` or ``jump``), its `value` [m/s, m/s^2 or m], the `limit` and the time [s].
+    """
 
     name: str
     time: float
@@ -49,7 +55,7 @@ class MotionFault:
 
 def contacts(body: BodyLike) -> Array:
     """Return the points (C, 3) [m, actor's frame] with which a body stands: its wheels, or its middle."""
-    whole = Body.of(body)
+    whole = ActorBody.of(body)
     if whole.wheelbase <= 0.0:
         return np.zeros((1, 3))
     half = 0.4 * whole.width if whole.wheelbase > 1.6 else 0.0
@@ -58,7 +64,9 @@ def contacts(body: BodyLike) -> Array:
 
 
 def ground_heights(world: World, points: npt.ArrayLike, time: float | None = None) -> Array:
-    """Return the heights (N,) [m] of what stands still below points (N, 3) [m, world]; minus infinity where there is nothing.
+    """Return the heights (N,) [m] of what stands still below points (N, 3) [m, world].
+
+    Minus infinity where there is nothing.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Whether what a scenario states can be: motions that last, bodies that do not overlap, actors on the scene's ground."""
+"""Whether what a scenario states can be.
+
+Motions that last, bodies that do not overlap, actors on the scene's ground.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from scarl_sionna.core.errors import (
     ScenarioValueError,
 )
 from scarl_sionna.scenario.cast import Member
-from scarl_sionna.scenario.motion.bodies import WALKER, Body
+from scarl_sionna.scenario.motion.bodies import WALKER, ActorBody
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scene.document.model import InstanceEntry, SceneDocument
 from scarl_sionna.scene.motion.trajectory import Trajectory
@@ -32,7 +35,8 @@ if TYPE_CHECKING:
     from scarl_sionna.engine.world import World
 
 STEP = 0.05
-"""Time between the instants at which bodies are compared [s]: at a closing speed of 60 m/s they move 3 m, less than a car's length."""
+"""Time between the instants at which bodies are compared [s]: at a closing speed of 60 m/s they move 3 m, less than a
+car's length."""
 TOUCH = 0.05
 """Overlap of boxes that still counts as passing by [m]: bodies are rounder than their boxes."""
 GROUND_STEP = 0.25
@@ -48,9 +52,9 @@ _LONGEST = 2000
 Moving = tuple[str, Trajectory, Measures]
 
 
-def body_of_entry(entry: InstanceEntry) -> Body:
+def body_of_entry(entry: InstanceEntry) -> ActorBody:
     """Return the usual measures of a class, for an actor of the scene whose model is not known."""
-    return WALKER if entry.semantic == "Pedestrian" else Body()
+    return WALKER if entry.semantic == "Pedestrian" else ActorBody()
 
 
 def moving_of(document: SceneDocument) -> Iterator[tuple[InstanceEntry, Trajectory]]:
@@ -71,9 +75,12 @@ def check_times(spec: ScenarioSpec, members: Sequence[Member], document: SceneDo
     problems: list[ScenarioError] = []
     for member in members:
         problem = _time_problem(
-            spec, member.actor.trajectory, f"'{member.actor.name}'", spec.place(*member.path, "trajectory"),
+            spec,
+            member.actor.trajectory,
+            f"'{member.actor.name}'",
+            spec.place(*member.path, "trajectory"),
             "name more lanes, let it drive slower or stop, or make the scenario shorter",
-        )  # fmt: skip
+        )
         problems += [problem] if problem is not None else []
     for entry, trajectory in moving_of(document):
         problem = _time_problem(
@@ -95,8 +102,8 @@ def _time_problem(
     for time, words in ((first, "first"), (last, "last")):
         if not trajectory.start <= time <= trajectory.stop:
             return ScenarioTimeError(
-                f"the {words} frame, at {time:.6g} s, is outside the motion of {what} ({trajectory.start:.6g} to "
-                f"{trajectory.stop:.6g} s)",
+                f"the {words} frame, at {time:.6g} s, "
+                f"is outside the motion of {what} ({trajectory.start:.6g} to {trajectory.stop:.6g} s)",
                 place,
                 remedy,
                 value=time,
@@ -128,10 +135,12 @@ def check_gaits(spec: ScenarioSpec, members: Sequence[Member], document: SceneDo
         except ParameterRangeError as error:
             problems.append(
                 ScenarioValueError(
-                    f"'{member.actor.name}' at {time:.4g} s: {error}", spec.place(*member.path, "trajectory"),
-                    "let it move more slowly", value=error.value,
+                    f"'{member.actor.name}' at {time:.4g} s: {error}",
+                    spec.place(*member.path, "trajectory"),
+                    "let it move more slowly",
+                    value=error.value,
                 )
-            )  # fmt: skip
+            )
     if problems:
         raise ScenarioError.first_of(problems)
 
@@ -153,10 +162,13 @@ def check_speeds(spec: ScenarioSpec, members: Sequence[Member]) -> None:
             unit = "m/s" if fault.what == "speed" else "m/s^2"
             problems.append(
                 ScenarioValueError(
-                    f"the {fault.what} of '{name}' is {fault.value:.3g} {unit} at {fault.time:.4g} s (allowed: up to {fault.limit:g} {unit})",
-                    spec.place(*member.path, "trajectory"), "give it more time between the points", value=fault.value,
+                    f"the {fault.what} of '{name}' is {fault.value:.3g} {unit} at {fault.time:.4g} s (allowed: "
+                    f"up to {fault.limit:g} {unit})",
+                    spec.place(*member.path, "trajectory"),
+                    "give it more time between the points",
+                    value=fault.value,
                 )
-            )  # fmt: skip
+            )
     if problems:
         raise ScenarioError.first_of(problems)
 
@@ -223,9 +235,13 @@ def _collision(spec: ScenarioSpec, hit: Collision, names: dict[str, Member]) -> 
     words = "overlaps with" if at_start else "collides with"
     return CollisionError(
         f"'{blamed}' {words} '{other}'{where} at {hit.time:.4g} s, by up to {hit.depth:.2g} m until {hit.last:.4g} s",
-        spec.place(*names[blamed].path), "change a start, a speed or an offset, or set `collisions: allow`",
-        value=blamed, time=hit.time, other=other, depth=hit.depth,
-    )  # fmt: skip
+        spec.place(*names[blamed].path),
+        "change a start, a speed or an offset, or set `collisions: allow`",
+        value=blamed,
+        time=hit.time,
+        other=other,
+        depth=hit.depth,
+    )
 
 
 def check_places(spec: ScenarioSpec, members: Sequence[Member], world: World) -> None:

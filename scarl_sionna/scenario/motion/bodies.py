@@ -10,7 +10,10 @@ from scarl_sionna.core.errors import ParameterRangeError
 
 
 class BodyLike(Protocol):
-    """What planning asks of an actor model: measures [m], and how it moves (``vehicle``, ``cycle``, ``walk``, ``stand``)."""
+    """What planning asks of an actor model.
+
+    Measures [m], and how it moves (``vehicle``, ``cycle``, ``walk``, ``stand``).
+    """
 
     @property
     def length(self) -> float:
@@ -38,7 +41,7 @@ class BodyLike(Protocol):
 
 
 @dataclass(frozen=True)
-class Body:
+class ActorBody:
     """Measures of a body: origin on the ground below the middle, x forward.
 
     Attributes
@@ -46,7 +49,7 @@ class Body:
     length, width, height : float
         [m]
     wheelbase : float
-        Distance of the axles, 0 for one that walks [m].
+        Distance of the axles, 0 for a pedestrian [m].
     rear_axle : float
         X of the rear axle, <= 0 [m].
     motion : str
@@ -63,27 +66,33 @@ class Body:
     def __post_init__(self) -> None:
         for name in ("length", "width", "height"):
             if not 0.0 < getattr(self, name) < 100.0:
-                raise ParameterRangeError(f"Body.{name}", getattr(self, name), "above 0 to 100 m")
+                raise ParameterRangeError(f"ActorBody.{name}", getattr(self, name), "above 0 to 100 m")
         if not 0.0 <= self.wheelbase <= self.length:
-            raise ParameterRangeError("Body.wheelbase", self.wheelbase, f"0 to the length of {self.length:g} m")
+            raise ParameterRangeError("ActorBody.wheelbase", self.wheelbase, f"0 to the length of {self.length:g} m")
         if not -self.length / 2.0 <= self.rear_axle <= 0.0:
-            raise ParameterRangeError("Body.rear_axle", self.rear_axle, f"{-self.length / 2.0:g} to 0 m")
+            raise ParameterRangeError("ActorBody.rear_axle", self.rear_axle, f"{-self.length / 2.0:g} to 0 m")
 
     @classmethod
-    def of(cls, model: BodyLike) -> Body:
+    def of(cls, model: BodyLike) -> ActorBody:
         """Return the measures of an actor model."""
         return cls(
-            float(model.length), float(model.width), float(model.height), float(model.wheelbase or 0.0),
-            float(model.rear_axle or 0.0), str(model.motion),
-        )  # fmt: skip
+            float(model.length),
+            float(model.width),
+            float(model.height),
+            float(model.wheelbase or 0.0),
+            float(model.rear_axle or 0.0),
+            str(model.motion),
+        )
 
 
-WALKER = Body(0.55, 0.60, 1.75, 0.0, 0.0, "walk")
+WALKER = ActorBody(0.55, 0.60, 1.75, 0.0, 0.0, "walk")
 """An adult on foot: length includes the step."""
 
 
-def body_of(model: BodyLike | str | None, bodies: Mapping[str, BodyLike] | None = None) -> Body:
-    """Return the body of a model: given, by its name (looked up in `bodies`, then among the actor models), or a saloon for None.
+def body_of(model: BodyLike | str | None, bodies: Mapping[str, BodyLike] | None = None) -> ActorBody:
+    """Return the body of a model.
+
+    Given, by its name (looked up in `bodies`, then among the actor models), or a saloon for None.
 
     Raises
     ------
@@ -91,11 +100,11 @@ def body_of(model: BodyLike | str | None, bodies: Mapping[str, BodyLike] | None 
         If no model has that name.
     """
     if model is None:
-        return Body()
+        return ActorBody()
     if isinstance(model, str):
         if bodies and model in bodies:
-            return Body.of(bodies[model])
+            return ActorBody.of(bodies[model])
         from scarl_sionna.scene.actors.model import read_actor_model
 
-        return Body.of(read_actor_model(model))
-    return Body.of(model)
+        return ActorBody.of(read_actor_model(model))
+    return ActorBody.of(model)

@@ -43,7 +43,7 @@ from scarl_sionna.scene.motion.trajectory import (
     WaypointTrajectory,
 )
 
-from .bodies import Body
+from .bodies import ActorBody
 from .paths import LateralShift, PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
 from .routes import Route, smoothing_of, vehicle_trajectory
@@ -54,11 +54,12 @@ PlaceOf = Callable[..., ScenarioPlace]
 """Returns the place of a key of the trajectory: ``place("lanes", 0)``."""
 
 MARGIN = 0.5
-"""How long a motion goes on after the last frame where its path allows it [s]: sensors look at instants within a frame."""
+"""How long a motion goes on after the last frame where its path allows it [s]: sensors look at instants within a
+frame."""
 _GAIT = (1.5, 4.0)
-"""Acceleration [m/s2] and jerk [m/s3] with which one who walks sets off and stops."""
+"""Acceleration [m/s2] and jerk [m/s3] with which a pedestrian sets off and stops."""
 _PACE = 0.2
-"""Distance of the points between those of one who walks [m]."""
+"""Distance of the points between those of a pedestrian [m]."""
 _REST = 0.1
 """How far from the end of a lane people stop [m]."""
 
@@ -102,7 +103,7 @@ class Setting:
 
 
 def trajectory_of(
-    spec: TrajectorySpec, name: str, body: Body, setting: Setting, place: PlaceOf, jitter: Jitter | None = None
+    spec: TrajectorySpec, name: str, body: ActorBody, setting: Setting, place: PlaceOf, jitter: Jitter | None = None
 ) -> Trajectory:
     """Return the trajectory that a specification states.
 
@@ -111,7 +112,7 @@ def trajectory_of(
     spec : TrajectorySpec
     name : str
         Of the actor.
-    body : Body
+    body : ActorBody
         Its measures.
     setting : Setting
     place : callable
@@ -143,7 +144,7 @@ def trajectory_of(
         raise ScenarioValueError(str(error), place(), value=error.value) from error
 
 
-def _route(spec: RouteSpec, name: str, body: Body, setting: Setting, place: PlaceOf, jitter: Jitter) -> Trajectory:
+def _route(spec: RouteSpec, name: str, body: ActorBody, setting: Setting, place: PlaceOf, jitter: Jitter) -> Trajectory:
     lanes = [setting.lane(lane, place("lanes", index)) for index, lane in enumerate(spec.lanes)]
     for index in range(1, len(lanes)):
         if lanes[index].name not in lanes[index - 1].next:
@@ -151,8 +152,11 @@ def _route(spec: RouteSpec, name: str, body: Body, setting: Setting, place: Plac
             raise ScenarioNameError(
                 f"lane '{lanes[index].name}' does not continue '{lanes[index - 1].name}' (that is continued by: "
                 f"{', '.join(known) or 'none'})",
-                place("lanes", index), value=lanes[index].name, kind="lane", known=known,
-            )  # fmt: skip
+                place("lanes", index),
+                value=lanes[index].name,
+                kind="lane",
+                known=known,
+            )
     whole = sum(lane.length for lane in lanes)
     start = min(max(spec.start + jitter.along, body.length / 2.0), whole)
     if spec.start > whole:
@@ -203,22 +207,27 @@ def _profile(spec: RouteSpec, speed: float, start: float, begin: float, place: P
         if wait < -1e-9:
             raise ScenarioValueError(
                 f"= {event.time:g} s is before the event before it ends, at {begin + profile.duration:.4g} s",
-                place("events", index, "time"), value=event.time,
-            )  # fmt: skip
+                place("events", index, "time"),
+                value=event.time,
+            )
         profile = profile.hold(max(wait, 0.0))
         if isinstance(event, BrakeSpec):
             if event.speed > profile.final_speed:
                 raise ScenarioValueError(
                     f"= {event.speed:g} m/s is faster than the {profile.final_speed:.4g} m/s before it",
-                    place("events", index, "speed"), "use an event of kind accelerate", value=event.speed,
-                )  # fmt: skip
+                    place("events", index, "speed"),
+                    "use an event of kind accelerate",
+                    value=event.speed,
+                )
             profile = profile.reach(event.speed, event.deceleration, event.jerk)
         elif isinstance(event, AccelerateSpec):
             if event.speed < profile.final_speed:
                 raise ScenarioValueError(
                     f"= {event.speed:g} m/s is slower than the {profile.final_speed:.4g} m/s before it",
-                    place("events", index, "speed"), "use an event of kind brake", value=event.speed,
-                )  # fmt: skip
+                    place("events", index, "speed"),
+                    "use an event of kind brake",
+                    value=event.speed,
+                )
             profile = profile.reach(event.speed, event.acceleration, event.jerk)
     return profile
 
@@ -231,7 +240,7 @@ def _shift(event: ShiftSpec, profile: SpeedProfile, start: float, begin: float) 
     return LateralShift(start + first, max(last - first, 1e-3), event.by)
 
 
-def _waypoints(spec: WaypointsSpec, name: str, body: Body, setting: Setting, jitter: Jitter) -> Trajectory:
+def _waypoints(spec: WaypointsSpec, name: str, body: ActorBody, setting: Setting, jitter: Jitter) -> Trajectory:
     points = np.array([setting.ground(point) for point in spec.positions])
     step = next((part for part in np.diff(points[:, :2], axis=0) if np.linalg.norm(part) > 1e-3), np.array([1.0, 0.0]))
     points = points + _shifted(jitter, float(np.arctan2(step[1], step[0])))
@@ -248,8 +257,8 @@ def _times(points: Array, speed: float, depart: float) -> Array:
     return depart + way / speed
 
 
-def _paced(points: Array, spec: WaypointsSpec, name: str, body: Body, setting: Setting) -> Trajectory:
-    """Return the motion at one speed; one who walks stops at the last point and stays."""
+def _paced(points: Array, spec: WaypointsSpec, name: str, body: ActorBody, setting: Setting) -> Trajectory:
+    """Return the motion at one speed; a pedestrian stops at the last point and stays."""
     assert spec.speed is not None
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     if steps.min() < 1e-3:
@@ -297,9 +306,12 @@ def _static(spec: StaticSpec, setting: Setting, place: PlaceOf, jitter: Jitter) 
         if spec.parking >= len(places):
             has = f"has {len(places)}, from 0 to {len(places) - 1}" if places else "has none"
             raise ScenarioNameError(
-                f"no parking place {spec.parking}: scene '{setting.scene}' {has}", place("parking"), value=spec.parking,
-                kind="parking place", known=[str(number) for number in range(len(places))],
-            )  # fmt: skip
+                f"no parking place {spec.parking}: scene '{setting.scene}' {has}",
+                place("parking"),
+                value=spec.parking,
+                kind="parking place",
+                known=[str(number) for number in range(len(places))],
+            )
         chosen = places[spec.parking]
         position, yaw = np.array(chosen.position), yaw + float(np.radians(chosen.yaw_deg))
     else:

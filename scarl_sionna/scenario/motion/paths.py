@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import ParameterRangeError, TimeRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
-from .bodies import Body
+from .bodies import ActorBody
 
 Array = npt.NDArray[np.float64]
 
@@ -70,15 +70,15 @@ class SmoothPath:
     smoothing : float
         Distance of the knots of the least-squares spline [m]: what is shorter is smoothed away.
     extend : (float, float)
-        Length of straight, level pieces before the first and after the last point [m]. Ways count from the first point, so
-        that those before it are negative.
+        Length of straight, level pieces before the first and after the last point [m]. Ways count from the first point,
+        so that those before it are negative.
     offset : float
         Distance of the curve to the left of the points [m].
     shifts : sequence of LateralShift
         Lateral shifts, their ways counted along the points.
     sparse : bool
-        Whether the points are few and the curve between them is the cubic spline through them; otherwise they lie as close as
-        those of a lane, and straight stays straight between them (Akima).
+        Whether the points are few and the curve between them is the cubic spline through them; otherwise they lie as
+        close as those of a lane, and straight stays straight between them (Akima).
 
     Attributes
     ----------
@@ -89,9 +89,9 @@ class SmoothPath:
 
     Notes
     -----
-    Quintic B-spline, fitted by least squares to points 0.1 `smoothing` apart, sampled again by arc length and interpolated: the
-    length of its tangent differs from 1 by some 1e-5. *Error*: where a straight meets an arc of radius R, of the
-    order of `smoothing`^2 / (100 R).
+    Quintic B-spline, fitted by least squares to points 0.1 `smoothing` apart, sampled again by arc length and
+    interpolated: the length of its tangent differs from 1 by some 1e-5. *Error*: where a straight meets an arc of
+    radius R, of the order of `smoothing`^2 / (100 R).
     """
 
     def __init__(
@@ -197,14 +197,16 @@ def _by_arc_length(fitted: BSpline, way: Array, smoothing: float) -> tuple[BSpli
 
 
 class PathTrajectory:
-    """A body whose rear axle follows a path: the kinematic bicycle without slip [1]_; one that walks follows it with its origin.
+    """A body whose rear axle follows a path: the kinematic bicycle without slip [1]_.
+
+    A pedestrian follows it with its origin.
 
     Parameters
     ----------
     path : SmoothPath
     way : scipy.interpolate.PPoly
         Way of the rear axle along the path [m] over time [s], C2 for a continuous acceleration.
-    body : Body
+    body : ActorBody
         Wheelbase and rear axle place the origin and pitch the body on slopes.
     start, stop : float or None
         Times at which the motion is known [s]; None: those of `way`.
@@ -214,9 +216,9 @@ class PathTrajectory:
     Notes
     -----
     With the way s(t), the path r(s) and the wheelbase L: heading psi = direction of dr/ds in plan, slope
-    gamma = atan((z(s + L) - z(s)) / L), orientation R = R_z(psi) R_y(-gamma), origin p = r(s) + R (-rear_axle, 0, 0), so that
-    both axles stand on the path's ground. The twist is the exact derivative: omega = psi' z - gamma' R_z(psi) y,
-    v = dr/ds s' + omega x R (-rear_axle, 0, 0). *Not modelled*: slip, roll, suspension, banked roads.
+    gamma = atan((z(s + L) - z(s)) / L), orientation R = R_z(psi) R_y(-gamma), origin p = r(s) + R (-rear_axle, 0, 0),
+    so that both axles stand on the path's ground. The twist is the exact derivative: omega = psi' z - gamma' R_z(psi)
+    y, v = dr/ds s' + omega x R (-rear_axle, 0, 0). *Not modelled*: slip, roll, suspension, banked roads.
 
     References
     ----------
@@ -227,12 +229,12 @@ class PathTrajectory:
         self,
         path: SmoothPath,
         way: PPoly,
-        body: Body | None = None,
+        body: ActorBody | None = None,
         start: float | None = None,
         stop: float | None = None,
         name: str = "actor",
     ) -> None:
-        self.path, self.way, self.body, self.name = path, way, body or Body(), name
+        self.path, self.way, self.body, self.name = path, way, body or ActorBody(), name
         self.start = float(way.x[0] if start is None else start)
         self.stop = float(way.x[-1] if stop is None else stop)
         if not self.start < self.stop:
@@ -255,7 +257,10 @@ class PathTrajectory:
         return self.body.wheelbase
 
     def sample(self, times: npt.ArrayLike) -> tuple[Array, Array, Array, Array, Array]:
-        """Return position (N, 3) [m], heading, slope (N,) [rad], linear and angular velocity (N, 3) [m/s, rad/s] at times (N,) [s]."""
+        """Return position, heading, slope, linear and angular velocity at times (N,) [s].
+
+        Shapes and units: (N, 3) [m], (N,) [rad], (N,) [rad], (N, 3) [m/s], (N, 3) [rad/s].
+        """
         time = np.atleast_1d(np.asarray(times, dtype=np.float64))
         if time.min() < self.start or time.max() > self.stop:
             wrong = time.min() if time.min() < self.start else time.max()
@@ -312,7 +317,10 @@ class PathTrajectory:
 
 @dataclass(frozen=True, eq=False)
 class PlanMotion:
-    """Motion in plan, sampled: `position` (N, 3) [m], `heading` (N,) [rad] and `velocity` (N, 3) [m/s] at `times` (N,) [s]."""
+    """Motion in plan, sampled.
+
+    `position` (N, 3) [m], `heading` (N,) [rad] and `velocity` (N, 3) [m/s] at `times` (N,) [s].
+    """
 
     times: Array
     position: Array

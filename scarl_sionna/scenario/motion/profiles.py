@@ -104,7 +104,10 @@ class SpeedProfile:
         return way, speed, pull
 
     def way(self, duration: float, start_time: float = 0.0, offset: float = 0.0) -> PPoly:
-        """Return the way [m] as a piecewise cubic of time [s], from `start_time` on for `duration`, and `offset` at the beginning."""
+        """Return the way [m] as a piecewise cubic of time [s] from `start_time` on.
+
+        For `duration` [s], with `offset` [m] at the beginning.
+        """
         times, rows, state = [start_time], [], (float(offset), float(self.initial), 0.0)
         rest = max(duration - self.duration, 0.0) + 1e-9
         for time, jerk in (*self.pieces, (rest, 0.0)):
@@ -127,7 +130,7 @@ def constant_way(speed: float, start_time: float, stop_time: float, offset: floa
 
 
 def way_from_states(times: Array, ways: Array, speeds: Array, accelerations: Array) -> PPoly:
-    """Return the C2 piecewise quintic with given ways [m], speeds [m/s] and accelerations [m/s^2] at times [s], shape (N,)."""
+    """Return the C2 piecewise quintic with given ways [m], speeds [m/s] and accelerations [m/s^2] at times (N,) [s]."""
     step = np.diff(times)
     way = np.diff(ways) - speeds[:-1] * step - accelerations[:-1] * step**2 / 2.0
     speed = (np.diff(speeds) - accelerations[:-1] * step) * step
@@ -148,9 +151,9 @@ def smooth_way(times: npt.ArrayLike, ways: npt.ArrayLike) -> PPoly:
 
     Notes
     -----
-    The cubic spline, whose slopes are limited as Fritsch and Carlson ask for a monotone curve [1]_ and are zero where the body
-    stands; with the slopes and the spline's accelerations (zero where a slope was limited) as a piecewise quintic. Where nothing
-    is limited the result is the cubic spline itself.
+    The cubic spline, whose slopes are limited as Fritsch and Carlson ask for a monotone curve [1]_ and are zero where
+    the body stands; with the slopes and the spline's accelerations (zero where a slope was limited) as a piecewise
+    quintic. Where nothing is limited the result is the cubic spline itself.
 
     References
     ----------

@@ -1,4 +1,7 @@
-"""From recorded positions to smooth motion: lane changes that jump are drawn out, steps become a C2 way along a C2 path."""
+"""From recorded positions to smooth motion.
+
+Lane changes that jump are drawn out, steps become a C2 way along a C2 path.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
-from .bodies import Body
+from .bodies import ActorBody
 from .paths import PathTrajectory, SmoothPath, quintic_step
 from .profiles import smooth_way
 from .routes import smoothing_of
@@ -19,7 +22,8 @@ from .routes import smoothing_of
 Array = npt.NDArray[np.float64]
 
 KNOT_TIME = 0.5
-"""Least time between the knots of the way [s]: shorter steps of a simulator hold its random acceleration and its rounding."""
+"""Least time between the knots of the way [s]: shorter steps of a simulator hold its random acceleration and its
+rounding."""
 CHANGE_TIME, CHANGE_LENGTH = 3.0, 12.0
 """Time that a lane change takes [s], and the shortest way [m] that it is drawn out over."""
 CRUISE = 13.9
@@ -27,7 +31,8 @@ CRUISE = 13.9
 _JUMP = 0.8
 """Sideways step between two samples that no vehicle makes [m]."""
 _FAST, _FAST_SMOOTHING = 12.0, 0.75
-"""Above this speed [m/s] the knots of a path are further apart, by this time [s]: a lane change at 30 m/s begins within some 14 m."""
+"""Above this speed [m/s] the knots of a path are further apart, by this time [s]: a lane change at 30 m/s begins within
+some 14 m."""
 _FASTEST = 90.0
 """Speed between two samples above which a record was carried elsewhere [m/s]."""
 
@@ -65,17 +70,17 @@ class Smoothed:
     num_lane_changes: int
 
 
-def smooth_record(record: Record, body: Body, span: tuple[float, float] | None = None) -> Smoothed:
+def smooth_record(record: Record, body: ActorBody, span: tuple[float, float] | None = None) -> Smoothed:
     """Return a smooth motion for recorded samples.
 
     Parameters
     ----------
     record : Record
-    body : Body
+    body : ActorBody
         Its rear axle follows the path of the record's reference point.
     span : (float, float) or None
-        Times [s] at which the motion shall be known at least; outside those of the record, the body goes straight on with
-        the speed that it has; vehicles come to the same speed within 3 s. None: the times of the record.
+        Times [s] at which the motion shall be known at least; outside those of the record, the body goes straight on
+        with the speed that it has; vehicles come to the same speed within 3 s. None: the times of the record.
 
     Returns
     -------
@@ -89,8 +94,9 @@ def smooth_record(record: Record, body: Body, span: tuple[float, float] | None =
 
     Notes
     -----
-    A sideways step of more than 0.8 m between two samples is a lane change: it is replaced by the quintic step over the way driven in
-    3 s (at least 12 m) round it. The way is a monotone C2 curve (:func:`smooth_way`) through samples at least 0.5 s apart.
+    A sideways step of more than 0.8 m between two samples is a lane change: it is replaced by the quintic step over the
+    way driven in 3 s (at least 12 m) round it. The way is a monotone C2 curve (:func:`smooth_way`) through samples at
+    least 0.5 s apart.
     """
     times, points = np.asarray(record.times, dtype=np.float64), np.asarray(record.points, dtype=np.float64)
     headings = np.unwrap(np.asarray(record.headings, dtype=np.float64))
@@ -140,9 +146,11 @@ def _way_and_jumps(name: str, times: Array, points: Array, headings: Array, on_w
     if np.any((along > far) | (np.abs(jumps) > 8.0)):
         index = int(np.flatnonzero((along > far) | (np.abs(jumps) > 8.0))[0])
         raise ParameterRangeError(
-            f"step of '{name}'", f"{np.linalg.norm(steps[index]):.4g} m from {times[index]:g} to {times[index + 1]:g} s",
-            f"at most {_FASTEST:g} m/s and a lane to the side", "it was carried elsewhere; in SUMO set time-to-teleport to -1",
-        )  # fmt: skip
+            f"step of '{name}'",
+            f"{np.linalg.norm(steps[index]):.4g} m from {times[index]:g} to {times[index + 1]:g} s",
+            f"at most {_FASTEST:g} m/s and a lane to the side",
+            "it was carried elsewhere; in SUMO set time-to-teleport to -1",
+        )
     along[along < 2e-3 * np.diff(times)] = 0.0
     return np.concatenate([[0.0], np.cumsum(along)]), jumps
 
@@ -165,7 +173,10 @@ def _drawn_out(times: Array, way: Array, headings: Array, sideways: Array) -> tu
 def _continued(
     times: Array, way: Array, points: Array, headings: Array, span: tuple[float, float], cruise: float | None
 ) -> tuple[Array, Array, Array]:
-    """Return the samples with straight ones before and after up to a span [s], at the speed of the ends, or from there to a cruising speed [m/s]."""
+    """Return the samples with straight ones before and after, up to a span [s].
+
+    At the speed of the ends, or from there to a cruising speed [m/s].
+    """
     for index, stop, sign in ((0, span[0], -1.0), (-1, span[1], 1.0)):
         lack = sign * (stop - times[index])
         if lack < 1e-9:

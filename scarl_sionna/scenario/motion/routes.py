@@ -12,7 +12,7 @@ from scipy.interpolate import PPoly
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.scene.lanes import LaneNetwork
 
-from .bodies import Body, BodyLike, body_of
+from .bodies import ActorBody, BodyLike, body_of
 from .paths import SMOOTHING, LateralShift, PathTrajectory, SmoothPath
 from .profiles import SpeedProfile, constant_way, smooth_way
 
@@ -22,13 +22,13 @@ WALK_SMOOTHING = 1.5
 """Distance of the knots of a walker's path [m]: about two steps; a corner is taken in three."""
 
 
-def smoothing_of(body: Body) -> float:
+def smoothing_of(body: ActorBody) -> float:
     """Return the distance of the knots of a body's path [m]: longer for what steers than for what walks."""
     return SMOOTHING if body.wheelbase > 0.8 else WALK_SMOOTHING
 
 
 def route_points(network: LaneNetwork, lanes: Sequence[str]) -> tuple[Array, Array]:
-    """Return the centre line (N, 3) [m] of lanes that continue each other, and the distance along it at which each lane begins.
+    """Return the centre line (N, 3) [m] of consecutive lanes, and the distance along it at which each begins.
 
     Raises
     ------
@@ -82,7 +82,8 @@ class Route:
         Parameters
         ----------
         start : float
-            Where the actor's origin is at `start_time`: distance along the lanes' centre lines from the start of the first [m].
+            Where the actor's origin is at `start_time`: distance along the lanes' centre lines from the start of the
+            first [m].
         speed : float or SpeedProfile
             [m/s]
         model : actor model, str or None
@@ -154,7 +155,9 @@ def vehicle_trajectory(
     start_time: float = 0.0,
     name: str = "actor",
 ) -> PathTrajectory:
-    """Return the motion of a vehicle through waypoints, by the kinematic bicycle: its rear axle follows the curve through them.
+    """Return the motion of a vehicle through waypoints, by the kinematic bicycle.
+
+    Its rear axle follows the curve through them.
 
     Parameters
     ----------
@@ -173,7 +176,8 @@ def vehicle_trajectory(
 
     Notes
     -----
-    The knots of the path are 3 m apart, for a walker 1.5 m, and less between waypoints that lie closer. In a bend the origin is some ``rear_axle**2 / (2 R)`` outside the waypoints, as a vehicle's middle is.
+    The knots of the path are 3 m apart, for a walker 1.5 m, and less between waypoints that lie closer. In a bend the
+    origin is some ``rear_axle**2 / (2 R)`` outside the waypoints, as a vehicle's middle is.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ from scarl_sionna.scenario.traffic.planned import Ground, PlannedActor, lane_gro
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory, WaypointTrajectory
 
-from .bodies import Body, BodyLike, body_of
+from .bodies import ActorBody, BodyLike, body_of
 from .paths import sample_motion
 from .routes import vehicle_trajectory
 
@@ -51,9 +51,9 @@ def read_table(
     Parameters
     ----------
     path : str or Path
-        ``.csv`` or ``.parquet`` with the columns ``time`` [s], ``id``, ``x``, ``y`` [m], and, where wanted, ``z`` [m], ``yaw_deg`` [deg], ``speed``
-        [m/s] (not used: speeds are derivatives) and ``model``; floating car data of SUMO (``.xml``, ``.xml.gz``); or a scenario of
-        CommonRoad (``.xml``).
+        ``.csv`` or ``.parquet`` with the columns ``time`` [s], ``id``, ``x``, ``y`` [m], and, where wanted, ``z`` [m],
+        ``yaw_deg`` [deg], ``speed`` [m/s] (not used: speeds are derivatives) and ``model``; floating car data of SUMO
+        (``.xml``, ``.xml.gz``); or a scenario of CommonRoad (``.xml``).
     ground, models
         Heights where a table has none, and bodies by model name, as for :func:`read_fcd`.
 
@@ -83,9 +83,9 @@ def read_table_actors(
 
     Notes
     -----
-    With ``yaw_deg`` the motion is the cubic spline (C2) through positions and headings; without, the rear axle of the model
-    (a saloon where none is named) follows the smooth curve through the positions (:func:`vehicle_trajectory`). An actor
-    that never moves more than 1 cm stands.
+    With ``yaw_deg`` the motion is the cubic spline (C2) through positions and headings; without, the rear axle of the
+    model (a saloon where none is named) follows the smooth curve through the positions (:func:`vehicle_trajectory`). An
+    actor that never moves more than 1 cm stands.
     """
     path = Path(path)
     suffixes = "".join(path.suffixes[-2:]).lower()
@@ -110,7 +110,9 @@ def read_table_actors(
 def write_table(
     path: str | Path, actors: Sequence[tuple[str, Trajectory] | PlannedActor], times: npt.ArrayLike
 ) -> None:
-    """Write the motion of actors at times (N,) [s] as a table (``.csv`` or ``.parquet``), with headings, speeds and, if known, models.
+    """Write the motion of actors at times (N,) [s] as a table (``.csv`` or ``.parquet``).
+
+    With headings, speeds and, if known, models.
 
     Raises
     ------
@@ -163,7 +165,7 @@ def _root_tag(path: Path) -> str:
         raise TrajectoryFileError(f"cannot be read as XML ({error})", path) from error
 
 
-def _pandas() -> Any:
+def _pandas() -> ModuleType:
     try:
         import pandas
         import pyarrow  # noqa: F401
@@ -230,7 +232,7 @@ def _actors(
         height = numbers["z"][rows] if "z" in numbers else ground(plan) if ground is not None else np.zeros(len(rows))
         kind = str(columns["model"][listed[0]] or "").strip() if "model" in columns else ""
         model = model_of_type(kind) if not (models and kind in models) else kind
-        body = body_of(model, models) if kind else Body()
+        body = body_of(model, models) if kind else ActorBody()
         try:
             yaw = numbers["yaw_deg"][rows] if "yaw_deg" in numbers else None
             trajectory = _trajectory(name, times, np.column_stack([plan, height]), yaw, body)
@@ -252,7 +254,7 @@ def _floats(path: Path, name: str, values: Sequence[object]) -> Array:
     return numbers
 
 
-def _trajectory(name: str, times: Array, points: Array, yaw_deg: Array | None, body: Body) -> Trajectory:
+def _trajectory(name: str, times: Array, points: Array, yaw_deg: Array | None, body: ActorBody) -> Trajectory:
     if np.ptp(points, axis=0).max() < 0.01 and (yaw_deg is None or np.ptp(np.unwrap(np.radians(yaw_deg))) < 1e-3):
         pose = Pose.from_euler(points.mean(0), yaw=0.0 if yaw_deg is None else float(np.radians(yaw_deg[0])))
         return StaticTrajectory(

@@ -1,8 +1,8 @@
-"""Who takes part in a scenario, as plain data: the ego vehicle, actors, traffic, and what is drawn by lot."""
+"""Who takes part in a scenario, as plain data: the ego vehicle, actors, traffic, and what is drawn at random."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -102,7 +102,7 @@ class JitterSpec(Spec):
 
 
 class RandomizationSpec(Spec):
-    """What is drawn by lot from the scenario's seed; each switch leaves the draws of the others as they are."""
+    """What is drawn at random from the scenario's seed; each switch leaves the draws of the others as they are."""
 
     colors: bool = Field(False, description="of actors and traffic, from palettes")
     materials: bool = Field(False, description="radio and lidar values of all materials within their uncertainty")
@@ -111,7 +111,7 @@ class RandomizationSpec(Spec):
 
     @model_validator(mode="before")
     @classmethod
-    def _switch(cls, data: Any) -> Any:
+    def _switch(cls, data: object) -> object:
         if isinstance(data, dict) and isinstance(data.get("placements"), bool):
             return {**data, "placements": {} if data["placements"] else None}
         return data

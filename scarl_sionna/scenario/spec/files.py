@@ -97,9 +97,11 @@ def read_marked(path: Path) -> tuple[Any, Origin]:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise ScenarioFileError(
-            f"scenario file = {path} cannot be read ({reason})", ScenarioPlace("", file), "give a readable YAML or JSON file",
+            f"scenario file = {path} cannot be read ({reason})",
+            ScenarioPlace("", file),
+            "give a readable YAML or JSON file",
             value=path,
-        ) from error  # fmt: skip
+        ) from error
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
@@ -125,9 +127,13 @@ def read_marked(path: Path) -> tuple[Any, Origin]:
 
 
 def _walk(
-    loader: _Loader, node: yaml.Node, path: KeyPath, marks: dict[KeyPath, tuple[int, int]],
-    problems: list[ScenarioError], file: str,
-) -> None:  # fmt: skip
+    loader: _Loader,
+    node: yaml.Node,
+    path: KeyPath,
+    marks: dict[KeyPath, tuple[int, int]],
+    problems: list[ScenarioError],
+    file: str,
+) -> None:
     """Note line and column of every key and list item below a node."""
     if len(path) > _DEEPEST:
         raise yaml.MarkedYAMLError(problem="is nested too deeply", problem_mark=node.start_mark)

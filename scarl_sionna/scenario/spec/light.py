@@ -23,8 +23,8 @@ from scarl_sionna.core.specs.weather import Weather
 CLOCK = ("time_of_day", "day_of_year", "latitude_deg", "north_deg")
 """Keys of a lighting that give the sun's place by the clock."""
 _EXPOSURE = ((-12.0, 700.0), (-6.0, 400.0), (0.0, 10.0), (3.5, 4.0), (38.0, 1.5), (90.0, 1.0))
-"""Sun elevation [deg] and exposure: those of the presets night, dusk and day, and between them as the illuminance falls in
-twilight (about 400 lx at 0 deg, 3.4 lx at -6 deg) until street lamps take over."""
+"""Sun elevation [deg] and exposure: those of the presets night, dusk and day, and between them as the illuminance falls
+in twilight (about 400 lx at 0 deg, 3.4 lx at -6 deg) until street lamps take over."""
 LAMPS_ON_BELOW = 5.0
 """Sun elevation below which lamps burn by default [deg]."""
 
@@ -43,7 +43,8 @@ def sun_at(hour: float, day_of_year: int = 80, latitude_deg: float = 50.0) -> tu
 
     Notes
     -----
-    Declination to 0.4 deg by P. I. Cooper, "The absorption of radiation in solar stills", Solar Energy 12(3), 1969, eq. (1).
+    Declination to 0.4 deg by P. I. Cooper, "The absorption of radiation in solar stills", Solar Energy 12(3), 1969, eq.
+    (1).
     """
     declination = np.radians(23.45) * np.sin(2.0 * np.pi * (284 + day_of_year) / 365.0)
     angle, latitude = np.radians(15.0 * (hour - 12.0)), np.radians(latitude_deg)
@@ -54,7 +55,7 @@ def sun_at(hour: float, day_of_year: int = 80, latitude_deg: float = 50.0) -> tu
 
 
 def lighting_at(
-    hour: float, day_of_year: int = 80, latitude_deg: float = 50.0, north_deg: float = 90.0, **changes: Any
+    hour: float, day_of_year: int = 80, latitude_deg: float = 50.0, north_deg: float = 90.0, **changes: object
 ) -> Lighting:
     """Return the lighting at a time of day: the sun's place, lamps when it is low, and an exposure that suits.
 
@@ -82,7 +83,7 @@ def lighting_at(
     return Lighting(**{**values, **changes})
 
 
-def _lighting(value: Any) -> Any:
+def _lighting(value: object) -> object:
     """Return the lighting of a preset's name or of a mapping; anything else is left to the model."""
     if isinstance(value, str):
         return _preset(Lighting, value, ())
@@ -108,8 +109,11 @@ def _lighting(value: Any) -> Any:
     return {**lighting_at(_hour(value["time_of_day"]), **numbers).model_dump(), **changes}
 
 
-def _weather(value: Any) -> Any:
-    """Return the weather of a preset's name or of a mapping that begins with one; anything else is left to the model."""
+def _weather(value: object) -> object:
+    """Return the weather of a preset's name or of a mapping that begins with one.
+
+    Anything else is left to the model.
+    """
     if isinstance(value, str):
         return _preset(Weather, value, ())
     if not isinstance(value, Mapping) or "preset" not in value:

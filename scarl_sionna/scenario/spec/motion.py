@@ -1,4 +1,7 @@
-"""How an actor of a scenario moves, as plain data: routes along lanes with events, waypoints, tables, and what stands."""
+"""How an actor of a scenario moves, as plain data.
+
+Routes along lanes with events, waypoints, tables, and what stands.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +60,10 @@ Event = Annotated[BrakeSpec | AccelerateSpec | StopSpec | ShiftSpec, Field(discr
 
 
 class RouteSpec(Spec):
-    """Driving, cycling or walking along lanes of the scene. `start` and `speed` hold at time `since`, before the first event."""
+    """Driving, cycling or walking along lanes of the scene.
+
+    `start` and `speed` hold at time `since`, before the first event.
+    """
 
     kind: Literal["route"] = "route"
     lanes: tuple[str, ...] = Field(min_length=1, description="names of lanes, each one continues the one before")

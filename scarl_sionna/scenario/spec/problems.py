@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from scarl_sionna.core.errors import (
     ParameterRangeError,
@@ -16,11 +16,12 @@ from scarl_sionna.core.errors import (
     UnknownNameError,
 )
 from scarl_sionna.core.prompt.refusals import allowed_text, remedy_of, tags_of, unit_of
+from scarl_sionna.core.spec import FieldValue
 
 from .files import KeyPath, Origin, path_of, place_of
 
 
-def problems_of(error: ParameterRangeError, origin: Origin | None, data: Any = None) -> list[ScenarioError]:
+def problems_of(error: ParameterRangeError, origin: Origin | None, data: object = None) -> list[ScenarioError]:
     """Return all that pydantic found wrong when a specification refused `data`.
 
     Parameters
@@ -40,7 +41,7 @@ def problems_of(error: ParameterRangeError, origin: Origin | None, data: Any = N
 
 
 def _expand(
-    error: ParameterRangeError, cause: ValidationError, prefix: KeyPath, origin: Origin | None, data: Any
+    error: ParameterRangeError, cause: ValidationError, prefix: KeyPath, origin: Origin | None, data: object
 ) -> Iterator[ScenarioError]:
     """Yield the problems of an error and of those inside it."""
     model = error.model if isinstance(error, SpecError) else None
@@ -62,7 +63,7 @@ def _inside(path: tuple[int | str, ...], other: tuple[int | str, ...]) -> bool:
     return len(path) > len(other) and path[: len(other)] == other
 
 
-def _written(path: KeyPath, data: Any) -> KeyPath:
+def _written(path: KeyPath, data: FieldValue) -> KeyPath:
     """Return a path without the names that pydantic puts into it for the choices of a union."""
     out: list[str | int] = []
     for position, part in enumerate(path):
@@ -76,7 +77,7 @@ def _written(path: KeyPath, data: Any) -> KeyPath:
     return tuple(out)
 
 
-def _problem(item: Any, path: KeyPath, model: type[BaseModel] | None, origin: Origin | None) -> ScenarioError:
+def _problem(item: ErrorDetails, path: KeyPath, model: type[BaseModel] | None, origin: Origin | None) -> ScenarioError:
     """Return the error of one of pydantic's."""
     kind, value = item["type"], item.get("input")
     place = place_of(path, origin)

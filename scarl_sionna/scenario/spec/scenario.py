@@ -20,7 +20,7 @@ from scarl_sionna.core.errors import (
     UnknownNameError,
 )
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.core.units import Hertz, Seconds
 
 from .actors import ActorSpec, EgoSpec, RandomizationSpec, TrafficSpec
@@ -39,9 +39,16 @@ class ScenarioSpec(Spec):
 
     Numbers are in SI units; times are those of the scene's motion. See docs/scenarios.md for the whole format.
 
+    Raises
+    ------
+    ScenarioError
+        If a value is not allowed or a key unknown; it names all of them, with file and line where it was read from
+        one.
+
     Notes
     -----
-    Give `num_frames` or `duration`; frames stand at ``start_time + k / frame_rate``. `duration` is kept as whole frames.
+    Give `num_frames` or `duration`; frames stand at ``start_time + k / frame_rate``. `duration` is kept as whole
+    frames.
     """
 
     scene: str = Field("highway_guardrail", min_length=1, description="scene name or path of an XML file")
@@ -69,15 +76,16 @@ class ScenarioSpec(Spec):
     actors: tuple[ActorSpec, ...] = Field((), description="with names of their own")
     keep_default_actors: bool | None = Field(
         None,
-        description="whether the scene's own actors stay; default: if there are no others. Its ego leaves only for another",
+        description="whether the scene's own actors stay; default: if there are no others. Its ego leaves only for "
+        "another",
     )
     traffic: TrafficSpec | None = None
-    randomization: RandomizationSpec = Field(RandomizationSpec(), description="what is drawn by lot")
+    randomization: RandomizationSpec = Field(RandomizationSpec(), description="what is drawn at random")
     collisions: Literal["error", "warn", "allow"] = Field("error", description="what bodies that overlap do")
 
     _origin: Origin | None = PrivateAttr(None)
 
-    def __init__(self, **data: Any) -> None:
+    def __init__(self, **data: object) -> None:
         try:
             super().__init__(**data)
         except ParameterRangeError as error:
@@ -134,19 +142,25 @@ class ScenarioSpec(Spec):
         return self.ego is None and not self.actors and self.traffic is None
 
     def place(self, *path: str | int) -> ScenarioPlace:
-        """Return where a key of this scenario stands, for an error about it; without a line if it was made in Python."""
+        """Return where a key of this scenario stands, for an error about it.
+
+        Without a line if it was made in Python.
+        """
         return place_of(path, self._origin)
 
     def find(self, path: str) -> Path:
-        """Return a file that the scenario names: relative to the folder of the scenario's own file, else to the working one."""
+        """Return a file that the scenario names.
+
+        Relative to the folder of the scenario's own file, else to the working one.
+        """
         if self._origin is not None and (beside := self._origin.folder / path).exists():
             return beside
         return Path(path)
 
     def resolved(self) -> ScenarioSpec:
-        """Return the scenario with absolute paths of all files, so that it means the same in another process and folder."""
+        """Return the scenario with absolute paths of files, the same in another process and folder."""
 
-        def walk(value: Any, key: str = "") -> Any:
+        def walk(value: FieldValue, key: str = "") -> FieldValue:
             if isinstance(value, dict):
                 return {name: walk(item, name) for name, item in value.items()}
             if isinstance(value, list):
@@ -160,8 +174,11 @@ class ScenarioSpec(Spec):
         other._origin = self._origin
         return other
 
-    def with_(self, **changes: Any) -> ScenarioSpec:
-        """Return a copy with some fields changed; the copy is validated again. A `duration` replaces the number of frames."""
+    def with_(self, **changes: object) -> ScenarioSpec:
+        """Return a copy with some fields changed; the copy is validated again.
+
+        A `duration` replaces the number of frames.
+        """
         values = {name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set}
         values |= {"num_frames": self.num_frames}
         values.pop("duration", None)
@@ -179,7 +196,8 @@ class ScenarioSpec(Spec):
         Raises
         ------
         ScenarioError
-            If the file is not readable, or a key or value is not allowed. It names file, line and key, and all that was found.
+            If the file is not readable, or a key or value is not allowed. It names file, line and key, and all that was
+            found.
         """
         data, origin = read_marked(Path(path))
         if not isinstance(data, dict):
@@ -222,6 +240,11 @@ class ScenarioSpec(Spec):
         """Write the scenario to a YAML file (``.yaml``, ``.yml``) or a JSON file.
 
         What is given as a preset stands there with its values, so that the file keeps its meaning.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
         """
         path = Path(path)
         data = self.to_dict()

@@ -6,7 +6,7 @@ import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,10 +19,14 @@ from scarl_sionna.scene.motion.trajectory import StaticTrajectory
 
 from .planned import Conversion, Ground, PlannedActor
 
+if TYPE_CHECKING:
+    from commonroad.scenario.obstacle import Obstacle
+
 MODELS: Mapping[str, str] = {
-    "car": "saloon", "truck": "lorry", "bus": "bus", "bicycle": "bicycle", "pedestrian": "adult_man", "priorityVehicle": "van",
+    "car": "saloon", "truck": "lorry", "bus": "bus", "bicycle": "bicycle", "pedestrian": "adult_man",
+    "priorityVehicle": "van",
     "parkedVehicle": "saloon", "motorcycle": "motorcycle", "taxi": "saloon",
-}  # fmt: skip
+}  # fmt: skip # a table
 """Actor models of CommonRoad's types of obstacles; others (buildings, pillars, trains) are left out."""
 
 
@@ -61,11 +65,13 @@ def read_commonroad(
     Warns
     -----
     ScarlWarning
-        If an obstacle is left out: a type without a model, no trajectory, states that are sets instead of values, or a jump.
+        If an obstacle is left out: a type without a model, no trajectory, states that are sets instead of values, or a
+        jump.
 
     References
     ----------
-    .. [1] M. Althoff, M. Koschi, S. Manzinger, CommonRoad: composable benchmarks for motion planning on roads, IEEE IV 2017.
+    .. [1] M. Althoff, M. Koschi, S. Manzinger, CommonRoad: composable benchmarks for motion planning on roads, IEEE IV
+       2017.
     """
     path = Path(path)
     try:  # the reader of XML alone: the one of both formats needs an old protobuf, with which TensorFlow does not run
@@ -98,7 +104,7 @@ def read_commonroad(
 
 
 def _actor(
-    obstacle: Any, step: float, span: tuple[float, float] | None, height: Ground | None, conversion: Conversion
+    obstacle: Obstacle, step: float, span: tuple[float, float] | None, height: Ground | None, conversion: Conversion
 ) -> PlannedActor:
     name, kind = f"obstacle_{obstacle.obstacle_id}", str(obstacle.obstacle_type.value)
     model = (conversion.types or {}).get(kind) or MODELS.get(kind)

@@ -2,8 +2,8 @@
 
 References
 ----------
-.. [1] M. Treiber, A. Hennecke, D. Helbing, Congested traffic states in empirical observations and microscopic simulations,
-   Phys. Rev. E 62, 1805, 2000 (the model and its parameters).
+.. [1] M. Treiber, A. Hennecke, D. Helbing, Congested traffic states in empirical observations and microscopic
+   simulations, Phys. Rev. E 62, 1805, 2000 (the model and its parameters).
 .. [2] Highway Capacity Manual, 2010, ch. 21: a critical headway of 4.1 to 5.2 s of drivers who enter a roundabout.
 """
 
@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.scenario.motion.bodies import Body
+from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scene.lanes import Signals
 
 from .tracks import Track, TrackGraph, curve_speed
@@ -30,19 +30,20 @@ HARDEST_BRAKING, FIRM_BRAKING = 8.0, 4.0
 """What brakes can give, and what a driver brakes with at a signal that has just turned red [m/s^2]."""
 _JERK, _EMERGENCY_JERK = 6.0, 25.0
 _SETTING_OFF = 1.5
-"""Acceleration that is expected of one who has the right of way and may set off [m/s^2]."""
+"""Acceleration that is expected of a driver who has the right of way and may set off [m/s^2]."""
 _HORIZON = 120.0
 """How far ahead a driver looks for others [m]."""
 
 
 @dataclass
 class Driver:
-    """One who moves along a route of tracks; `way` is that of the front, along the route [m].
+    """A vehicle or a pedestrian on a route of tracks; `way` is that of the front, along the route [m].
 
-    `headway` T [s], `acceleration` a, `braking` b [m/s^2], `gap` s0 [m] and `share` of the speed limit are those of the model.
+    `headway` T [s], `acceleration` a, `braking` b [m/s^2], `gap` s0 [m] and `share` of the speed limit are those of the
+    model.
     """
 
-    body: Body
+    body: ActorBody
     route: list[int]
     way: float
     speed: float
@@ -96,7 +97,10 @@ class Driver:
         return self.acceleration * (free - (wished / max(gap, 0.1)) ** 2)
 
     def advance(self, wish: float, step: float) -> None:
-        """Move on for a step of time [s]: the acceleration goes linearly to what is wished, as far as the jerk lets it."""
+        """Move on for a step of time [s].
+
+        The acceleration goes linearly to what is wished, as far as the jerk lets it.
+        """
         jerk = _EMERGENCY_JERK if wish < -FIRM_BRAKING or self.pull < -FIRM_BRAKING else _JERK
         pull = min(max(wish, -HARDEST_BRAKING), self.acceleration)
         pull = min(max(pull, self.pull - jerk * step), self.pull + max(jerk, 12.0 if self.pull < 0.0 else 0.0) * step)
@@ -225,7 +229,10 @@ class Crowd:
         return best
 
     def _stop_line(self, number: int, driver: Driver, leader: _Leader | None, time: float) -> float | None:
-        """Return the distance of the front [m] to where it must stop, None where it may go on; takes the zones that are free."""
+        """Return the distance of the front [m] to where it must stop, None where it may go on.
+
+        Takes the zones that are free.
+        """
         tracks = self.graph.tracks
         reach = driver.speed**2 / (2.0 * 1.5) + driver.speed + 12.0
         if driver.speed < 0.3:
@@ -265,7 +272,10 @@ class Crowd:
         return True
 
     def _give_back(self, number: int, driver: Driver, line: float, tracks: Sequence[Track]) -> float:
-        """Give back zones beyond a stop line, and those before it in which the body would stand; return the stop line then [m]."""
+        """Give back zones beyond a stop line, and those before it in which the body would stand.
+
+        Return the stop line then [m].
+        """
         spans = []
         for place in range(driver.place, len(driver.route)):
             base = driver.starts[place] - driver.way
@@ -287,7 +297,7 @@ class Crowd:
         return line
 
     def _must_wait(self, driver: Driver, track: Track, line: float, end: float, time: float) -> bool:
-        """Return whether a signal or the right of way of others stops a driver at a line before the end of a track [m]."""
+        """Return whether a signal or others' right of way stops a driver at a line before the end of a track [m]."""
         can_stop = driver.speed**2 / (2.0 * max(line, 0.1)) <= FIRM_BRAKING
         if track.signal is not None and self.signals is not None:
             left = self.signals.green_left(track.signal, time)
@@ -300,7 +310,10 @@ class Crowd:
         )
 
     def _comes(self, goal: int, index: int, time: float, base: float, depth: int) -> bool:
-        """Return whether someone on a track, `base` [m] before the end of another one, gets there within the critical headway."""
+        """Return whether someone on a track gets to its crossing with another within the critical headway.
+
+        The crossing is `base` [m] before the end of the other track.
+        """
         track = self.graph.tracks[index]
         if track.signal is not None and self.signals is not None and not self.signals.is_green(track.signal, time):
             return False

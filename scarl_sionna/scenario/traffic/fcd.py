@@ -20,13 +20,28 @@ from scarl_sionna.scene.lanes import LaneNetwork
 from .planned import Conversion, Ground, PlannedActor, draw_variant
 
 _WORDS = (
-    ("bus", "bus"), ("coach", "bus"), ("truck", "lorry"), ("lorry", "lorry"), ("trailer", "lorry"), ("delivery", "van"), ("van", "van"),
-    ("emergency", "van"), ("motorcycle", "motorcycle"), ("moped", "scooter"), ("scooter", "scooter"), ("bike", "bicycle"), ("bicycle", "bicycle"),
-    ("suv", "suv"), ("small", "small_car"), ("child", "child"), ("ped", "adult_man"), ("person", "adult_man"), ("woman", "adult_woman"),
-)  # fmt: skip
+    ("bus", "bus"), ("coach", "bus"), ("truck", "lorry"), ("lorry", "lorry"), ("trailer", "lorry"), ("delivery",
+    "van"), ("van", "van"),
+    ("emergency", "van"), ("motorcycle", "motorcycle"), ("moped", "scooter"), ("scooter", "scooter"), ("bike",
+    "bicycle"), ("bicycle", "bicycle"),
+    ("suv", "suv"), ("small", "small_car"), ("child", "child"), ("ped", "adult_man"), ("person", "adult_man"),
+    ("woman", "adult_woman"),
+)  # fmt: skip # a table
 MODELS = (
-    "small_car", "saloon", "suv", "van", "lorry", "bus", "motorcycle", "bicycle", "scooter", "adult_man", "adult_woman", "child", "standing_adult",
-)  # fmt: skip
+    "small_car",
+    "saloon",
+    "suv",
+    "van",
+    "lorry",
+    "bus",
+    "motorcycle",
+    "bicycle",
+    "scooter",
+    "adult_man",
+    "adult_woman",
+    "child",
+    "standing_adult",
+)
 """Names of the package's actor models."""
 
 Samples = dict[str, list[tuple[float, float, float, float, float]]]
@@ -34,7 +49,10 @@ Samples = dict[str, list[tuple[float, float, float, float, float]]]
 
 
 def model_of_type(kind: str, is_person: bool = False) -> str:
-    """Return the actor model for the name of a type of another program: the model of that name, or what its words say; else a saloon."""
+    """Return the actor model for the name of a type of another program: the model of that name, or by its words.
+
+    Else a saloon.
+    """
     name = kind.lower()
     if name in MODELS:
         return name
@@ -65,12 +83,14 @@ def read_fcd(
     path : str or Path
         XML, also compressed (``.gz``).
     span : (float, float) or None
-        Times [s] at which all actors shall be known: one that is in the file for a part of it goes straight on before and after.
-        None: each for the time that it is in the file.
+        Times [s] at which all actors shall be known: one that is in the file for a part of it goes straight on before
+        and after. None: each for the time that it is in the file.
     ground : LaneNetwork, callable or None
-        Gives the heights: that of the nearest lane, or a function of points, (N, 3) where the file has heights, else (N, 2). None: the file's, 0 where it has none.
+        Gives the heights: that of the nearest lane, or a function of points, (N, 3) where the file has heights, else
+        (N, 2). None: the file's, 0 where it has none.
     types : mapping or None
-        Actor models by SUMO's type names; None, or a type that it lacks: by the words in its name (:func:`model_of_type`).
+        Actor models by SUMO's type names; None, or a type that it lacks: by the words in its name
+        (:func:`model_of_type`).
     models : mapping or None
         Bodies by model name; None, or a name that it lacks: the actor model of that name.
     offset : (float, float)
@@ -93,7 +113,8 @@ def read_fcd(
 
     Notes
     -----
-    SUMO's positions are those of the middle of the front bumper; the origin of an actor is half its model's length behind, along the path.
+    SUMO's positions are those of the middle of the front bumper; the origin of an actor is half its model's length
+    behind, along the path.
     """
     samples, kinds = _read(Path(path))
     return planned_from_samples(samples, kinds, span, Conversion(ground, types, models, offset))
@@ -105,7 +126,10 @@ def planned_from_samples(
     span: tuple[float, float] | None,
     conversion: Conversion,
 ) -> list[PlannedActor]:
-    """Return the actors of samples as SUMO gives them; `kinds` holds each one's type name and whether it is a person."""
+    """Return the actors of samples as SUMO gives them.
+
+    `kinds` holds each one's type name and whether it is a person.
+    """
     models, offset = conversion.models, conversion.offset
     with_heights = any(row[3] != 0.0 for rows in samples.values() for row in rows)
     height = conversion.heights()

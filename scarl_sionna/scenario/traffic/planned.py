@@ -11,13 +11,14 @@ from scipy.spatial import cKDTree
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.scenario.motion.bodies import Body, BodyLike
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import Trajectory, forward_speeds
 
 Array = npt.NDArray[np.float64]
 Ground = Callable[[Array], Array]
-"""Returns the heights (N,) [m] of the ground at points (N, 2) [m], or (N, 3) where a source knows about what height they are."""
+"""Returns the heights (N,) [m] of the ground at points (N, 2) [m], or (N, 3) where a source knows about what height
+they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +34,16 @@ class PlannedActor:
         Name of the model's variant; None: its first.
     trajectory : Trajectory
         Known for the whole duration.
-    body : Body
+    body : ActorBody
         Measures that it was planned with.
     phase : float
         Phase of the gait at the start, 0 to 1.
     active : (float, float)
-        Times at which its middle is on the lanes [s]; before and after, it is on the straight continuation of a lane beyond
-        the scene. Empty (start = stop) where it never is.
+        Times at which its middle is on the lanes [s]; before and after, it is on the straight continuation of a lane
+        beyond the scene. Empty (start = stop) where it never is.
     deviation : float
-        Of recorded motion: largest distance from the record [m], but for lane changes that the record makes in one step.
+        Of recorded motion: largest distance from the record [m], but for lane changes that the record makes in one
+        step.
     num_lane_changes : int
         Of recorded motion: lane changes of the record that jumped and were drawn out.
     """
@@ -50,7 +52,7 @@ class PlannedActor:
     model: str
     variant: str | None
     trajectory: Trajectory
-    body: Body
+    body: ActorBody
     phase: float = 0.0
     active: tuple[float, float] = field(default=(-np.inf, np.inf))
     deviation: float = 0.0
@@ -63,10 +65,12 @@ DEPTH, BETWEEN = 500.0, 10.0
 
 @dataclass(frozen=True, eq=False)
 class PresentTrajectory:
-    """A motion that takes place deep below the scene while the actor is not on the lanes: there is no road for it beyond their ends.
+    """A motion that takes place deep below the scene while the actor is not on the lanes.
 
-    Only the height jumps, and only where the actor comes and goes; velocities are those of the motion at all times, so that Doppler
-    and wheels know nothing of it.
+    There is no road for it beyond their ends.
+
+    Only the height jumps, and only where the actor comes and goes; velocities are those of the motion at all times, so
+    that Doppler and wheels know nothing of it.
 
     Attributes
     ----------
@@ -114,7 +118,8 @@ class PresentTrajectory:
 def lane_ground(network: LaneNetwork) -> Ground:
     """Return the ground of a network of lanes: the height of the nearest point of a centre line, these 0.25 m apart.
 
-    Points with two coordinates get that of the lane nearest in plan; with three, a road under a bridge and the one on it are told apart.
+    Points with two coordinates get that of the lane nearest in plan; with three, a road under a bridge and the one on
+    it are told apart.
     """
     if not network.lanes:
         raise ParameterRangeError("network", "no lanes", "one lane or more")
@@ -137,8 +142,8 @@ class Conversion:
     Attributes
     ----------
     ground : LaneNetwork, callable or None
-        Gives the heights: that of the nearest lane, or a function of points, (N, 3) where the record has heights, else (N, 2).
-        None: the record's, 0 where it has none.
+        Gives the heights: that of the nearest lane, or a function of points, (N, 3) where the record has heights, else
+        (N, 2). None: the record's, 0 where it has none.
     types : mapping or None
         Actor models by the other program's type names; None, or a type that it lacks: the reader's own choice.
     models : mapping or None

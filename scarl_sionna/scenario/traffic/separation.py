@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.scenario.checks.collisions import find_collisions
-from scarl_sionna.scenario.motion.bodies import Body, BodyLike
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
 from .planned import PlannedActor
@@ -39,7 +39,7 @@ def without_collisions(
     ScarlWarning
         If an actor is left out.
     """
-    bodies = [(f"given {number}", trajectory, Body.of(body)) for number, (trajectory, body) in enumerate(others)]
+    bodies = [(f"given {number}", trajectory, ActorBody.of(body)) for number, (trajectory, body) in enumerate(others)]
     bodies += [(actor.name, actor.trajectory, actor.body) for actor in actors]
     rank = {name: number for number, (name, _, _) in enumerate(bodies)}
     present = {actor.name: actor.active for actor in actors}
@@ -54,7 +54,9 @@ def without_collisions(
             dropped.add(later)
     if dropped:
         warnings.warn(
-            f"{len(dropped)} of {len(actors)} planned actors would have touched another one and are left out: {', '.join(sorted(dropped)[:5])}",
-            ScarlWarning, stacklevel=3,
-        )  # fmt: skip
+            f"{len(dropped)} of {len(actors)} planned actors would have touched another one and are left out: "
+            f"{', '.join(sorted(dropped)[:5])}",
+            ScarlWarning,
+            stacklevel=3,
+        )
     return [actor for actor in actors if actor.name not in dropped]

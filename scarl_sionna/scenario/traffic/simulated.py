@@ -1,4 +1,7 @@
-"""Traffic without another simulator: vehicles by a car-following model on the lanes of a scene, people on foot, parked cars."""
+"""Traffic without another simulator.
+
+Vehicles by a car-following model on the lanes of a scene, people on foot, parked cars.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.seeds import generator
-from scarl_sionna.scenario.motion.bodies import Body, BodyLike, body_of
+from scarl_sionna.scenario.motion.bodies import ActorBody, BodyLike, body_of
 from scarl_sionna.scenario.motion.paths import PathTrajectory, SmoothPath, sample_motion
 from scarl_sionna.scenario.motion.profiles import way_from_states
 from scarl_sionna.scenario.motion.routes import smoothing_of
@@ -52,10 +55,10 @@ def simulate_traffic(
     ----------
     network : LaneNetwork
     traffic : TrafficSpec
-        How much of it: `density`, vehicles for each kilometre of a drive lane [1/km]; `mix`, shares of actor models among them, by
-        name (None: `DEFAULT_MIX`); `pedestrians` on walkways and `cyclists` on cycle lanes or else on drive lanes; `parked`, share
-        of the parking places that are taken; `seed`, root of all random numbers (None: 0): same arguments, same bytes. Its `source`
-        and `file` are not looked at.
+        How much of it: `density`, vehicles for each kilometre of a drive lane [1/km]; `mix`, shares of actor models
+        among them, by name (None: `DEFAULT_MIX`); `pedestrians` on walkways and `cyclists` on cycle lanes or else on
+        drive lanes; `parked`, share of the parking places that are taken; `seed`, root of all random numbers (None: 0):
+        same arguments, same bytes. Its `source` and `file` are not looked at.
     span : (float, float)
         First and last time at which the motion is known [s], at most an hour.
     models : mapping or None
@@ -68,7 +71,8 @@ def simulate_traffic(
     Returns
     -------
     list of PlannedActor
-        Vehicles, cyclists, people and parked cars, in this order, without a collision among each other and with `others`.
+        Vehicles, cyclists, people and parked cars, in this order, without a collision among each other and with
+        `others`.
 
     Raises
     ------
@@ -84,10 +88,11 @@ def simulate_traffic(
 
     Notes
     -----
-    Intelligent Driver Model [1]_ with a jerk limit, in steps of 0.1 s after 5 s of warm-up; bends at 2 m/s^2; a critical headway
-    of 4.5 s where lanes yield; signals; stretches that two lanes share are used by one of them at a time. Random routes at
-    forks. At open ends, lanes go on straight and level beyond the scene, so that vehicles come and go. People walk at
-    1.34 +- 0.2 m/s [2]_ on the right of walkways and stand where these end. *Not modelled*: lane changes, overtaking, turning back.
+    Intelligent Driver Model [1]_ with a jerk limit, in steps of 0.1 s after 5 s of warm-up; bends at 2 m/s^2; a
+    critical headway of 4.5 s where lanes yield; signals; stretches that two lanes share are used by one of them at a
+    time. Random routes at forks. At open ends, lanes go on straight and level beyond the scene, so that vehicles come
+    and go. People walk at 1.34 +- 0.2 m/s [2]_ on the right of walkways and stand where these end. *Not modelled*: lane
+    changes, overtaking, turning back.
 
     References
     ----------
@@ -104,7 +109,7 @@ def simulate_traffic(
     graph = track_graph(network, duration + WARM_UP, width, longest, on_foot=traffic.pedestrians > 0)
     start, num_steps = start_time - WARM_UP, round((duration + WARM_UP) / STEP + 0.5)
     instants: Array = start + STEP * np.arange(num_steps + 1, dtype=np.float64)
-    obstacles = [_obstacle(graph, trajectory, Body.of(body), instants) for trajectory, body in others]
+    obstacles = [_obstacle(graph, trajectory, ActorBody.of(body), instants) for trajectory, body in others]
     planner = _Planner(graph, generator(seed, "traffic"), duration + WARM_UP, obstacles)
 
     wanted = [("drive", shares, round(traffic.density * planner.kilometres("drive")), chosen)]
@@ -137,7 +142,7 @@ def simulate_traffic(
     return without_collisions(actors, times, others)
 
 
-def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: Body, instants: Array) -> Obstacle:
+def _obstacle(graph: TrackGraph, trajectory: Trajectory, body: ActorBody, instants: Array) -> Obstacle:
     """Return where a given motion is on the tracks at each instant; before and after its time it stands."""
     motion = sample_motion(trajectory, np.clip(instants, trajectory.start, trajectory.stop))
     along = np.stack([np.cos(motion.heading), np.sin(motion.heading)], axis=1)
@@ -190,7 +195,7 @@ class _Planner:
         ]
         return sum(track.length for track in entering) / 1000.0
 
-    def add(self, kind: str, shares: Mapping[str, float], count: int, bodies: Mapping[str, Body]) -> int:
+    def add(self, kind: str, shares: Mapping[str, float], count: int, bodies: Mapping[str, ActorBody]) -> int:
         """Place up to `count` drivers; return how many found a place."""
         if not count:
             return 0
@@ -215,7 +220,7 @@ class _Planner:
                 placed += 1
         return placed
 
-    def _is_free(self, index: int, front: float, body: Body) -> bool:
+    def _is_free(self, index: int, front: float, body: ActorBody) -> bool:
         track = self.graph.tracks[index]
         room = 0.4 if track.kind == "walk" else 2.5
         rear = front - body.length
@@ -225,7 +230,7 @@ class _Planner:
             return False
         return all(front + room < low or rear - room > high for low, high in self.taken.get(index, ()))
 
-    def _driver(self, index: int, front: float, body: Body, model: str) -> Driver:
+    def _driver(self, index: int, front: float, body: ActorBody, model: str) -> Driver:
         track = self.graph.tracks[index]
         spread = self.draw.normal(size=4).clip(-2.0, 2.0)
         if track.kind == "walk":
@@ -236,9 +241,17 @@ class _Planner:
             heavy = body.length > 7.0
             share = float(1.0 + 0.06 * spread[0])
             driver = Driver(
-                body, [index], front, 0.7 * min(top, track.speed), float(1.5 + 0.2 * spread[2]), 0.8 if heavy else float(1.4 + 0.2 * spread[3]),
-                2.0, 2.0, share, top,
-            )  # fmt: skip
+                body,
+                [index],
+                front,
+                0.7 * min(top, track.speed),
+                float(1.5 + 0.2 * spread[2]),
+                0.8 if heavy else float(1.4 + 0.2 * spread[3]),
+                2.0,
+                2.0,
+                share,
+                top,
+            )
         needed = (
             front + self.duration * min(driver.top_speed, max(one.speed for one in self.graph.tracks) * 1.15) + 40.0
         )
@@ -257,7 +270,10 @@ class _Planner:
 
 @dataclass(frozen=True, eq=False)
 class _Drive:
-    """What was simulated: tracks, instants (N,) [s], the span that motions shall be known for [s], and bodies by model name."""
+    """What was simulated.
+
+    Tracks, instants (N,) [s], the span that motions shall be known for [s], and bodies by model name.
+    """
 
     tracks: Sequence[Track]
     instants: Array

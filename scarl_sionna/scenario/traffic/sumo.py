@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -49,8 +49,9 @@ def run_sumo(
     span : (float, float)
         First and last time of the record [s].
     traffic : TrafficSpec or None
-        `seed` of SUMO and of the random vehicles (same seed, same bytes). For lanes also `density` of the vehicles that enter,
-        vehicles/km at the speed limit [1/km], and `mix`, shares of actor models by name. Its other fields are not looked at.
+        `seed` of SUMO and of the random vehicles (same seed, same bytes). For lanes also `density` of the vehicles that
+        enter, vehicles/km at the speed limit [1/km], and `mix`, shares of actor models by name. Its other fields are
+        not looked at.
     step : float
         Step of SUMO [s], 0.01 to 1.
     warm_up : float or None
@@ -80,7 +81,8 @@ def run_sumo(
 
     Notes
     -----
-    Krauss's car following and SUMO's lane changes, drawn out over 3 s (``lanechange.duration``), without teleports [1]_.
+    Krauss's car following and SUMO's lane changes, drawn out over 3 s (``lanechange.duration``), without teleports
+    [1]_.
 
     References
     ----------
@@ -133,7 +135,7 @@ def run_sumo(
     return without_collisions(actors, np.arange(start_time, start_time + duration, 0.1), tolerance=_TOUCH)
 
 
-def _libsumo() -> Any:
+def _libsumo() -> ModuleType:
     try:
         import libsumo
     except ImportError as error:
@@ -142,7 +144,7 @@ def _libsumo() -> Any:
 
 
 def _record(
-    libsumo: Any, options: list[str], warm_up: float, duration: float, step: float, start_time: float
+    libsumo: ModuleType, options: list[str], warm_up: float, duration: float, step: float, start_time: float
 ) -> tuple[Samples, dict[str, tuple[str, bool]]]:
     """Run SUMO and return the samples of vehicles and people."""
     samples: Samples = {}
@@ -186,11 +188,20 @@ def _write_routes(
     for model in names:
         body = body_of(model, models)
         values = {
-            "id": model, "vClass": "bicycle" if model == "bicycle" else "truck" if model in ("lorry", "bus") else "passenger",
-            "length": f"{body.length:.3f}", "width": f"{body.width:.3f}", "height": f"{body.height:.3f}", "minGap": "2.0",
-            "accel": "1.2" if body.length > 7.0 else "2.0", "decel": "4.0", "emergencyDecel": "8.0", "sigma": "0.4", "tau": "1.2",
-            "maxSpeed": f"{_TOP_SPEED.get(model, 55.0):g}", "speedFactor": "normc(1,0.06,0.85,1.15)",
-        }  # fmt: skip
+            "id": model,
+            "vClass": "bicycle" if model == "bicycle" else "truck" if model in ("lorry", "bus") else "passenger",
+            "length": f"{body.length:.3f}",
+            "width": f"{body.width:.3f}",
+            "height": f"{body.height:.3f}",
+            "minGap": "2.0",
+            "accel": "1.2" if body.length > 7.0 else "2.0",
+            "decel": "4.0",
+            "emergencyDecel": "8.0",
+            "sigma": "0.4",
+            "tau": "1.2",
+            "maxSpeed": f"{_TOP_SPEED.get(model, 55.0):g}",
+            "speedFactor": "normc(1,0.06,0.85,1.15)",
+        }
         ET.SubElement(root, "vType", values)
     weights = np.array([mix[name] for name in names], dtype=np.float64)
     entries = roads.entries or tuple(sorted(roads.length))

@@ -32,7 +32,10 @@ _AMBER = 3.0
 
 @dataclass(frozen=True)
 class SumoNetwork:
-    """A network file of SUMO: `path`; for each edge its length [m], speed [m/s] and following edges; and where vehicles enter."""
+    """A network file of SUMO: `path`; for each edge its length [m], speed [m/s] and following edges.
+
+    And where vehicles enter.
+    """
 
     path: Path
     length: dict[str, float]
@@ -83,8 +86,9 @@ def write_sumo_network(network: LaneNetwork, folder: str | Path) -> SumoNetwork:
     Notes
     -----
     A lane becomes an edge, lanes side by side become the lanes of one edge, and lanes that cross others become the ways
-    across one junction, with the shape of their centre line. Lanes that yield get a lower priority; signals become fixed-time
-    programs with 3 s of amber at the end of green. Names of edges are those of (rightmost) lanes. *Not written*: walkways, cycle lanes.
+    across one junction, with the shape of their centre line. Lanes that yield get a lower priority; signals become
+    fixed-time programs with 3 s of amber at the end of green. Names of edges are those of (rightmost) lanes. *Not
+    written*: walkways, cycle lanes.
     """
     lanes = {lane.name: lane for lane in network.of_kind("drive")}
     if not lanes:
@@ -122,7 +126,10 @@ def write_sumo_network(network: LaneNetwork, folder: str | Path) -> SumoNetwork:
 def _ways_across(
     network: LaneNetwork, lanes: dict[str, Lane]
 ) -> tuple[set[str], list[list[str]], dict[str, tuple[float, float]]]:
-    """Return the lanes that are ways across junctions, the pairs of lanes that cross, and what others share of each lane's start and end [m]."""
+    """Return the lanes across junctions, the pairs of lanes that cross, and what others share of each.
+
+    The last: of each lane's start and end [m].
+    """
     graph = track_graph(LaneNetwork(tuple(network.lanes), (), network.signals), 0.0, 0.9, 4.6, on_foot=False)
     before: dict[str, list[str]] = {name: [] for name in lanes}
     for name, lane in lanes.items():
@@ -155,9 +162,12 @@ def _ways_across(
     across = {name for pair in crossing for name in pair if all(map(is_short, pair))}
     while True:  # those that begin beside one of them go across the same junction
         beside = {
-            other for name in across for source in before[name] for other in lanes[source].next
+            other
+            for name in across
+            for source in before[name]
+            for other in lanes[source].next
             if other in lanes and is_short(other) and source not in across
-        }  # fmt: skip
+        }
         if beside <= across:
             return across, crossing, shared
         across |= beside
@@ -166,7 +176,10 @@ def _ways_across(
 def _cut(
     lanes: dict[str, Lane], across: set[str], shared: dict[str, tuple[float, float]]
 ) -> tuple[dict[str, Lane], set[str]]:
-    """Return lanes without what they share with others where they fork or merge: those pieces become ways across the junction there."""
+    """Return lanes without what they share with others where they fork or merge.
+
+    Those pieces become ways across the junction there.
+    """
     neighbours = {lane.left for lane in lanes.values() if lane.left} | {
         name for name, lane in lanes.items() if lane.left
     }
@@ -206,7 +219,10 @@ def _cut(
 
 
 def _split(lanes: dict[str, Lane], across: set[str]) -> dict[str, Lane]:
-    """Return lanes cut where bends ask for another speed, as SUMO keeps one speed along an edge; the first piece keeps the name."""
+    """Return lanes cut where bends ask for another speed, as SUMO keeps one speed along an edge.
+
+    The first piece keeps the name.
+    """
     neighbours = {lane.left for lane in lanes.values() if lane.left} | {
         name for name, lane in lanes.items() if lane.left
     }
@@ -239,9 +255,16 @@ def _split(lanes: dict[str, Lane], across: set[str]) -> dict[str, Lane]:
         for index, (first, last, speed) in enumerate(pieces):
             is_last = index == len(pieces) - 1
             found[names[index]] = Lane(
-                names[index], lane.points[first : last + 1], "drive", lane.width, speed, lane.next if is_last else (names[index + 1],),
-                None, lane.yield_to if is_last else (), lane.signal if is_last else None,
-            )  # fmt: skip
+                names[index],
+                lane.points[first : last + 1],
+                "drive",
+                lane.width,
+                speed,
+                lane.next if is_last else (names[index + 1],),
+                None,
+                lane.yield_to if is_last else (),
+                lane.signal if is_last else None,
+            )
     return {
         name: replace(lane, yield_to=tuple(last_of[one] for one in lane.yield_to if one in last_of))
         for name, lane in found.items()
@@ -294,7 +317,10 @@ class _Link:
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """What netconvert is given: lanes by name, the lanes of each edge from right to left, ends joined to nodes, and the nodes with signals."""
+    """What netconvert is given.
+
+    Lanes by name, the lanes of each edge from right to left, ends joined to nodes, and the nodes with signals.
+    """
 
     lanes: dict[str, Lane]
     roads: list[list[str]]
@@ -351,7 +377,8 @@ def _write_nodes(folder: Path, plan: _Plan) -> None:
         ):  # lanes go on: netconvert shall not cut them back to round the node off
             element.set(
                 "shape",
-                f"{x - 0.1:.3f},{y - 0.1:.3f} {x + 0.1:.3f},{y - 0.1:.3f} {x + 0.1:.3f},{y + 0.1:.3f} {x - 0.1:.3f},{y + 0.1:.3f}",
+                f"{x - 0.1:.3f},{y - 0.1:.3f} {x + 0.1:.3f},{y - 0.1:.3f} "
+                f"{x + 0.1:.3f},{y + 0.1:.3f} {x - 0.1:.3f},{y + 0.1:.3f}",
             )
     _save(root, folder / "lanes.nod.xml")
 
@@ -368,10 +395,15 @@ def _write_edges(folder: Path, plan: _Plan) -> None:
     for road in plan.roads:
         first = lanes[road[0]]
         values = {
-            "id": first.name, "from": _number(nodes.of(f"{first.name} start")), "to": _number(nodes.of(f"{first.name} end")),
-            "numLanes": str(len(road)), "speed": f"{first.speed:.3f}", "spreadType": "center",
-            "priority": "1" if any(_yields(lanes, name) for name in road) else "5", "shape": _shape(first.points),
-        }  # fmt: skip
+            "id": first.name,
+            "from": _number(nodes.of(f"{first.name} start")),
+            "to": _number(nodes.of(f"{first.name} end")),
+            "numLanes": str(len(road)),
+            "speed": f"{first.speed:.3f}",
+            "spreadType": "center",
+            "priority": "1" if any(_yields(lanes, name) for name in road) else "5",
+            "shape": _shape(first.points),
+        }
         edge = ET.SubElement(root, "edge", values)
         for index, name in enumerate(road):
             lane = lanes[name]
@@ -390,8 +422,11 @@ def _write_links(
     for link in links:
         source, target = link.source, link.target
         ends = {
-            "from": edge_of[source][0], "to": edge_of[target][0], "fromLane": str(edge_of[source][1]), "toLane": str(edge_of[target][1]),
-        }  # fmt: skip
+            "from": edge_of[source][0],
+            "to": edge_of[target][0],
+            "fromLane": str(edge_of[source][1]),
+            "toLane": str(edge_of[target][1]),
+        }
         curve = {}
         if link.across:
             curve = {

@@ -1,4 +1,7 @@
-"""Lanes as traffic drives them: run-ins and run-outs at open ends, both directions of walkways, and where ways cross or merge."""
+"""Lanes as traffic drives them.
+
+Run-ins and run-outs at open ends, both directions of walkways, and where ways cross or merge.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +28,8 @@ _COMFORTABLE_TURN = 2.0
 class Track:
     """One way to go: a lane, a walkway in one direction, or the straight continuation of a lane beyond the scene.
 
-    `lane` is the lane's name, None beyond the scene; `zones` holds (zone, first, last way [m], whether both tracks merge there) in the order
-    of travel; `right` is how far to the right of the points one keeps [m].
+    `lane` is the lane's name, None beyond the scene; `zones` holds (zone, first, last way [m], whether both tracks
+    merge there) in the order of travel; `right` is how far to the right of the points one keeps [m].
     """
 
     points: Array
@@ -150,7 +153,10 @@ def _continue(graph: TrackGraph, index: int, run_out: float) -> None:
 
 
 def curve_speed(points: Array, chord: Array, ways: Array) -> Array:
-    """Return the speed [m/s] at which bends of a polyline are taken at ease, at rising ways (N,) [m]; infinite where straight."""
+    """Return the speed [m/s] at which bends of a polyline are taken at ease, at rising ways (N,) [m].
+
+    Infinite where straight.
+    """
     line = np.stack([np.interp(ways, chord, points[:, axis]) for axis in range(2)], axis=1)
     reach = max(int(round(3.0 / max(ways[1] - ways[0], 1e-6))), 1)  # noqa: RUF046  (a NumPy number)
     bend = np.zeros(len(ways))
@@ -205,7 +211,8 @@ def _reach(track: Track, way: Array, half_width: float, longest: float) -> Array
 def _add_zones(graph: TrackGraph, ways: list[Array], pair: tuple[int, int], one: Array, other: Array) -> None:
     """Add a zone for each contiguous stretch of a track that is close to another one.
 
-    `ways` [m] are those of the points of each track of the graph; `one` and `other` are the points of the pair's tracks that are close.
+    `ways` [m] are those of the points of each track of the graph; `one` and `other` are the points of the pair's tracks
+    that are close.
     """
     first, second = pair
     touched = np.unique(one)

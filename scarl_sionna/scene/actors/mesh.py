@@ -1,4 +1,7 @@
-"""Meshes of a user's own (glTF, OBJ, PLY, STL) as actor models: checked, turned upright, put on the ground and written to a folder."""
+"""Meshes of a user's own (glTF, OBJ, PLY, STL) as actor models.
+
+Checked, turned upright, put on the ground and written to a folder.
+"""
 
 from __future__ import annotations
 
@@ -72,14 +75,15 @@ def actor_from_mesh(
     semantic : str
         Class, one of `scarl_sionna.core.semantics.SEMANTIC_CLASSES`.
     materials : str or mapping
-        A radio material for all; or a table with ``radio`` and, optional, ``lidar_reflectance``, ``lidar_transmittance`` (0 to 1),
-        ``color`` (linear RGB, 0 to 1; left out: that of the file, else grey), ``roughness``, ``lamp``, ``source``; or such names or
-        tables by the name of a part or of a material of the file, with ``"*"`` for the rest.
+        A radio material for all; or a table with ``radio`` and, optional, ``lidar_reflectance``,
+        ``lidar_transmittance`` (0 to 1), ``color`` (linear RGB, 0 to 1; left out: that of the file, else grey),
+        ``roughness``, ``lamp``, ``source``; or such names or tables by the name of a part or of a material of the file,
+        with ``"*"`` for the rest.
     scale : float
         Metres in a unit of the file: 0.001 for millimetres.
     up, forward : str, optional
-        Axes of the file that point up and forward: ``"x"``, ``"-x"``, ``"y"``, ... None: ``"y"`` and ``"z"`` for glTF, which defines them
-        so, else ``"z"`` and ``"x"``.
+        Axes of the file that point up and forward: ``"x"``, ``"-x"``, ``"y"``, ... None: ``"y"`` and ``"z"`` for glTF,
+        which defines them so, else ``"z"`` and ``"x"``.
     motion : str, optional
         ``"vehicle"``, ``"cycle"``, ``"walk"`` or ``"stand"``; None: by the class.
     wheelbase, rear_axle : float, optional
@@ -92,8 +96,8 @@ def actor_from_mesh(
     Returns
     -------
     ActorModel
-        With its origin on the ground below the middle, x forward, z up. It refers to files and can be sent to other processes of
-        the machine.
+        With its origin on the ground below the middle, x forward, z up. It refers to files and can be sent to other
+        processes of the machine.
 
     Raises
     ------
@@ -138,10 +142,14 @@ def actor_from_mesh(
     ids = _ids(parts)
     tables = _material_tables(materials, parts, model)
     head = {
-        "name": model, "title": f"{model}, a mesh of your own", "class": semantic, "motion": kind,
+        "name": model,
+        "title": f"{model}, a mesh of your own",
+        "class": semantic,
+        "motion": kind,
         **dict(zip(("length", "width", "height"), np.maximum(high - low, 1e-3).round(4).tolist(), strict=True)),
-        **({} if wheelbase is None else {"wheelbase": float(wheelbase)}), **({} if rear_axle is None else {"rear_axle": float(rear_axle)}),
-    }  # fmt: skip
+        **({} if wheelbase is None else {"wheelbase": float(wheelbase)}),
+        **({} if rear_axle is None else {"rear_axle": float(rear_axle)}),
+    }
     rows = [_joint(row, ids, model) for row in joints]
     written = _Written(head, {ids[name]: (part.body, name) for name, part in parts.items()}, tables, rows)
     return read_actor_model(written.into(Path(folder)) if folder is not None else written.cached())
@@ -182,7 +190,7 @@ def _parts(mesh: str | Path | trimesh.Trimesh | trimesh.Scene, model: str) -> di
     return found
 
 
-def _loaded(path: Path) -> Any:
+def _loaded(path: Path) -> trimesh.Scene:
     """Return the `trimesh.Scene` of a file; raises `MeshError` where it cannot be read."""
     if path.suffix.lower() not in FORMATS:
         raise MeshError(f"a '{path.suffix}' file cannot be read", path, f"give one of {', '.join(FORMATS)}")
@@ -190,8 +198,9 @@ def _loaded(path: Path) -> Any:
         raise MeshError("mesh file not found", path, "check the path")
     try:
         if path.suffix.lower() == ".obj":  # its objects and materials are its parts
-            return trimesh.load(path, force="scene", split_object=True, group_material=True)
-        scene: Any = trimesh.load(path, force="scene")
+            scene: Any = trimesh.load(path, force="scene", split_object=True, group_material=True)
+            return scene
+        scene = trimesh.load(path, force="scene")
     except Exception as error:  # trimesh raises what its parsers do
         raise MeshError(f"cannot be read ({type(error).__name__}: {error})", path, "export it again") from error
     if path.suffix.lower() in (".ply", ".stl"):  # one surface without a name
@@ -219,8 +228,10 @@ def _warn_if_open(model: str, parts: Mapping[str, trimesh.Trimesh]) -> None:
             f"'{part}' {number}" for part, number in sorted(counts.items(), key=lambda item: -item[1])[:5]
         )
         warnings.warn(
-            f"mesh '{model}' is not closed: {sum(counts.values())} open edges ({listed}{' ...' if len(counts) > 5 else ''}). Radar rays "
-            "that enter through the gaps are mirrored inside of the body and come back later than they should, and a sensor that stands "
+            f"mesh '{model}' is not closed: {sum(counts.values())} open edges "
+            f"({listed}{' ...' if len(counts) > 5 else ''}). Radar rays "
+            "that enter through the gaps are mirrored inside of the body and come back later than they should, "
+            "and a sensor that stands "
             "inside is not always found; close the holes, or make panes and openings parts of materials of their own",
             ScarlWarning,
             stacklevel=3,
@@ -350,7 +361,10 @@ class _Written:
             (folder / name).write_bytes(content)
 
     def cached(self) -> Path:
-        """Write the files into the cache folder, unless they lie there: all or nothing, so that several processes may do it at once."""
+        """Write the files into the cache folder, unless they lie there.
+
+        All or nothing, so that several processes may do it at once.
+        """
         from scenes_xml.cache import kept_folder
 
         digest = hashlib.sha256(str(_VERSION).encode())
@@ -377,12 +391,13 @@ def _ply(body: trimesh.Trimesh) -> bytes:
 def _bsdf(name: str, table: Mapping[str, Any]) -> str:
     color = " ".join(f"{value:.6g}" for value in table["color"])
     return (
-        f'\t<bsdf type="twosided" id="{name}">\n\t\t<bsdf type="principled">\n\t\t\t<rgb name="base_color" value="{color}"/>\n'
+        f'\t<bsdf type="twosided" id="{name}">\n\t\t<bsdf type="principled">\n\t\t\t<rgb name="base_color" '
+        f'value="{color}"/>\n'
         f'\t\t\t<float name="roughness" value="{float(table.get("roughness", 0.4)):g}"/>\n\t\t</bsdf>\n\t</bsdf>'
     )
 
 
-def _toml(value: Any) -> str:
+def _toml(value: object) -> str:
     if isinstance(value, list | tuple | np.ndarray):
         return "[" + ", ".join(_toml(one) for one in value) + "]"
     return json.dumps(value)

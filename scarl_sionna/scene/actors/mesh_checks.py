@@ -13,9 +13,10 @@ from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlWarnin
 Array = npt.NDArray[np.float64]
 
 LONGEST_SIDE = {
-    "Car": (1.5, 8.0), "Truck": (3.0, 30.0), "Bus": (4.0, 30.0), "Train": (5.0, 400.0), "Motorcycle": (1.0, 4.0), "Bicycle": (0.7, 3.0),
+    "Car": (1.5, 8.0), "Truck": (3.0, 30.0), "Bus": (4.0, 30.0), "Train": (5.0, 400.0), "Motorcycle": (1.0, 4.0),
+    "Bicycle": (0.7, 3.0),
     "Pedestrian": (0.4, 2.6), "Rider": (0.4, 2.6),
-}  # fmt: skip
+}  # fmt: skip # a table
 """Shortest and longest that the longest side of a class may be [m]."""
 _ANY = (0.02, 500.0)
 _UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet", 1000.0: "kilometres"}
@@ -94,18 +95,23 @@ def check_measures(model: str, semantic: str, size: Array, scale: float, up: str
     axes = f"taken with up='{up}', forward='{forward}'"
     if semantic in _UPRIGHT and height < max(length, width):
         raise ParameterRangeError(
-            f"height of mesh '{model}'", f"{height:.3g} m ({measures} m, {axes})", "the largest measure of a body that stands",
+            f"height of mesh '{model}'",
+            f"{height:.3g} m ({measures} m, {axes})",
+            "the largest measure of a body that stands",
             f"give another `up`, for instance up='{'y' if up != 'y' else 'z'}'",
-        )  # fmt: skip
+        )
     if semantic in _LONG and length < max(width, height):
         problem = "up" if height > max(length, width) else "forward"
         raise ParameterRangeError(
-            f"length of mesh '{model}'", f"{length:.3g} m ({measures} m, {axes})", f"the largest measure of a {semantic}",
+            f"length of mesh '{model}'",
+            f"{length:.3g} m ({measures} m, {axes})",
+            f"the largest measure of a {semantic}",
             f"give another `{problem}`: the longest side must point forward",
-        )  # fmt: skip
+        )
     if semantic == "Car" and height > 1.1 * width:
         warnings.warn(
             f"mesh '{model}' is higher ({height:.3g} m) than wide ({width:.3g} m), which few cars are ({axes}); "
             f"if it lies on its side, give another `up`, for instance up='{'y' if up != 'y' else 'z'}'",
-            ScarlWarning, stacklevel=3,
-        )  # fmt: skip
+            ScarlWarning,
+            stacklevel=3,
+        )

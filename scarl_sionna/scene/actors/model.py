@@ -1,4 +1,4 @@
-"""Actor models: a vehicle or a person as a folder of Mitsuba files and an ``actor.toml``, to be put into scenes any number of times."""
+"""Actor models: folders of Mitsuba files and an ``actor.toml`` each, put into scenes any number of times."""
 
 from __future__ import annotations
 
@@ -86,7 +86,13 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
     title: str = ""
 
     def level(self, detail: str) -> ModelLevel:
-        """Return the geometry at a level of detail, ``"detailed"`` or ``"light"``."""
+        """Return the geometry at a level of detail, ``"detailed"`` or ``"light"``.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such level of detail.
+        """
         if detail not in DETAILS:
             raise UnknownNameError(f"detail of actor model '{self.name}'", str(detail), DETAILS)
         return self.levels[detail]
@@ -97,7 +103,13 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
         return tuple(sorted(self.materials))
 
     def colors(self, variant: str | None = None) -> Mapping[str, Color]:
-        """Return the colours of a variant by BSDF id; None: the first one's."""
+        """Return the colours of a variant by BSDF id; None: the first one's.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such variant.
+        """
         if variant is None:
             return next(iter(self.variants.values()), {})
         if variant not in self.variants:
@@ -232,7 +244,10 @@ def _level(path: Path) -> ModelLevel:
 
 
 def check_colors(colors: Mapping[str, Any], known: Mapping[str, Any], where: str) -> dict[str, Color]:
-    """Return colours of BSDFs as tuples of three floats, linear RGB within 0 to 1; raises where a BSDF or a value is not allowed."""
+    """Return colours of BSDFs as tuples of three floats, linear RGB within 0 to 1.
+
+    Raises where a BSDF or a value is not allowed.
+    """
     checked = {}
     for bsdf, color in colors.items():
         if bsdf not in known:

@@ -13,8 +13,16 @@ from .model import MaterialEntry
 from .xml_file import property_of
 
 LAMP_KINDS = (
-    "headlamp", "taillamp", "street_lamp", "indoor", "signal_red", "signal_amber", "signal_green", "lane_red", "lane_green",
-)  # fmt: skip
+    "headlamp",
+    "taillamp",
+    "street_lamp",
+    "indoor",
+    "signal_red",
+    "signal_amber",
+    "signal_green",
+    "lane_red",
+    "lane_green",
+)
 """What a material's `lamp` may be."""
 
 

@@ -20,8 +20,8 @@ from scarl_sionna.scene.motion.trajectory import Trajectory
 class MaterialEntry(Described):
     """Radio material and lidar reflectance that stand behind a BSDF id; None: what the radio material's entry says.
 
-    `lamp` is the kind of lamp that surfaces of this material are (:mod:`scarl_sionna.engine.light.lamps`), `wets` how much of the
-    lighting's wetness they take, and `puddles` a texture of where the water stands.
+    `lamp` is the kind of lamp that surfaces of this material are (:mod:`scarl_sionna.engine.light.lamps`), `wets` how
+    much of the lighting's wetness they take, and `puddles` a texture of where the water stands.
     """
 
     radio: str
@@ -49,8 +49,8 @@ class InstanceEntry(Described):
 class SceneDocument(Described):
     """A scene's description.
 
-    `root` is the parsed XML, with file names made absolute; `is_foreign` is true where no scene.toml states the classes.
-    `lanes` are the lanes, parking places and signals; None where the scene.toml has none.
+    `root` is the parsed XML, with file names made absolute; `is_foreign` is true where no scene.toml states the
+    classes. `lanes` are the lanes, parking places and signals; None where the scene.toml has none.
     `files` are further files that the description was read from.
     """
 

@@ -30,7 +30,7 @@ _CLASS_HINTS = {
     "street": "Roads", "sidewalk": "SideWalks", "car": "Car", "truck": "Truck", "bus": "Bus", "tree": "Vegetation",
     "wall": "Wall", "fence": "Fence", "pole": "Pole", "sign": "TrafficSign", "guard": "GuardRail", "bridge": "Bridge",
     "water": "Water", "ground": "Ground", "floor": "Ground", "terrain": "Terrain", "plane": "Ground",
-}  # fmt: skip
+}  # fmt: skip # a table
 """Word in a shape's id -> class, for scenes without a scene.toml."""
 
 
@@ -165,7 +165,10 @@ def _instance(
 
 
 def _lighting(table: dict[str, Any]) -> Lighting | None:
-    """Return the lighting of a [lighting] table: a `preset`, and values that differ from it; None where there is no table."""
+    """Return the lighting of a [lighting] table: a `preset`, and values that differ from it.
+
+    None where there is no table.
+    """
     if not table:
         return None
     base = Lighting.preset(str(table["preset"])) if "preset" in table else Lighting()

@@ -21,6 +21,7 @@ from scarl_sionna.scene.motion.trajectory import Trajectory
 from .model import InstanceEntry, MaterialEntry, SceneDocument
 
 _NAME = re.compile(r"[A-Za-z0-9_\-]+")
+_STAGED_ID = re.compile(r"^(actor-.*?)-\d+$")
 _COLOR_SLOTS = ("base_color", "reflectance", "diffuse_reflectance", "specular_reflectance", "color")
 """Parameters of Mitsuba's BSDFs that are their colour, the first one found is set."""
 _PHASED = ("walk", "pedal")
@@ -104,8 +105,8 @@ def stage(document: SceneDocument, actors: Sequence[StagedActor], ego: str | Non
 
     Notes
     -----
-    BSDFs that look alike and have the same radio and lidar properties are one, whichever model they come from: the engine's
-    cost of a ray grows with their number.
+    BSDFs that look alike and have the same radio and lidar properties are one, whichever model they come from: the
+    engine's cost of a ray grows with their number.
     """
     root = ET.Element(document.root.tag, dict(document.root.attrib))
     root.extend(document.root)
@@ -187,16 +188,25 @@ class _Stager:
         own.tail = None
         key = ET.tostring(own), entry
         if key not in self._shared:
-            name, number = f"actor-{bsdf}", 1
-            while name in self._used:
+            number = 1
+            while (name := _staged_id(bsdf, number)) in self._used:
                 number += 1
-                name = f"actor-{bsdf}-{number}"
             own.set("id", name)
             self._used.add(name)
             self.root.append(own)
             self.materials[name] = entry
             self._shared[key] = name
         return self._shared[key]
+
+
+def _staged_id(bsdf: str, number: int) -> str:
+    """Return the id in a scene of the n-th BSDF that actor models name alike, from 1."""
+    return f"actor-{bsdf}" + (f"-{number}" if number > 1 else "")
+
+
+def without_number(staged_id: str) -> str:
+    """Return the id without the number that tells BSDFs of one name apart; others as they are."""
+    return _STAGED_ID.sub(r"\1", staged_id)
 
 
 def _recolored(element: ET.Element, color: Color, actor: StagedActor) -> ET.Element:
@@ -214,7 +224,8 @@ def _recolored(element: ET.Element, color: Color, actor: StagedActor) -> ET.Elem
                     )
                     return own
     raise MaterialError(
-        f"BSDF '{element.get('id')}' of model '{actor.model.name}' has no colour to set; leave it out of the colours of '{actor.name}'"
+        f"BSDF '{element.get('id')}' of model '{actor.model.name}' has no colour to set; "
+        f"leave it out of the colours of '{actor.name}'"
     )
 
 

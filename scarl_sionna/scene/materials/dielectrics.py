@@ -1,7 +1,8 @@
 """Models behind entries of materials.toml: water, ice, snow, skin, and mixtures, as complex relative permittivities.
 
-Time dependence e^{+j 2 pi f t}: losses are a negative imaginary part. The table holds numbers; these functions are where
-those numbers come from, and make entries for another temperature, density or wetness. Nothing here imports an engine.
+Time dependence e^{+j 2 pi f t}: losses are a negative imaginary part. The table holds numbers; these functions are
+where those numbers come from, and make entries for another temperature, density or wetness. Nothing here imports an
+engine.
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ def water_permittivity(frequency: float, temperature: float = CELSIUS + 20.0) ->
     .. math:: \varepsilon = \varepsilon_2 + \frac{\varepsilon_0 - \varepsilon_1}{1 + j f/f_1}
               + \frac{\varepsilon_1 - \varepsilon_2}{1 + j f/f_2}
 
-    It is the only model of liquid water here: films on surfaces, drops, fog and melting snow all take it. An earlier form, with
-    :math:`\varepsilon_2` falling with the temperature [2]_, differs by 0.1 % at 20 degrees C and 0.9 % at 0.
+    It is the only model of liquid water here: films on surfaces, drops, fog and melting snow all take it. An earlier
+    form, with :math:`\varepsilon_2` falling with the temperature [2]_, differs by 0.1 % at 20 degrees C and 0.9 % at 0.
     *Not modelled*: salt (de-icing brine).
 
     References
@@ -126,7 +127,8 @@ def snow_permittivity(
     References
     ----------
     .. [1] C. Maetzler (ed.), *Thermal Microwave Radiation: Applications for Remote Sensing*, IET, 2006, section 5.4.
-    .. [2] M. Tiuri et al., *The complex dielectric constant of snow at microwave frequencies*, IEEE J. Oceanic Eng. 9(5), 1984.
+    .. [2] M. Tiuri et al., *The complex dielectric constant of snow at microwave frequencies*, IEEE J. Oceanic Eng.
+       9(5), 1984.
     """
     _within("density", density, 0.0, 400.0, "kg/m3")
     _within("wetness", wetness, 0.0, 0.2, "")
@@ -161,8 +163,8 @@ def skin_permittivity(frequency: float) -> complex:
 
     References
     ----------
-    .. [1] S. Gabriel, R. W. Lau, C. Gabriel, *The dielectric properties of biological tissues: III*, Phys. Med. Biol. 41,
-       1996, Table 1.
+    .. [1] S. Gabriel, R. W. Lau, C. Gabriel, *The dielectric properties of biological tissues: III*, Phys. Med. Biol.
+       41, 1996, Table 1.
     """
     _within("frequency", frequency, 1e7, 1e11, "Hz")
     omega = 2.0 * math.pi * frequency
@@ -191,7 +193,8 @@ def refractive_mixture(shares: Iterable[tuple[float, complex]]) -> complex:
 
     References
     ----------
-    .. [1] J. R. Birchak et al., *High dielectric constant microwave probes for sensing soil moisture*, Proc. IEEE 62(1), 1974.
+    .. [1] J. R. Birchak et al., *High dielectric constant microwave probes for sensing soil moisture*, Proc. IEEE
+       62(1), 1974.
     """
     parts = list(shares)
     total = sum(share for share, _ in parts)

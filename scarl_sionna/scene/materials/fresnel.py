@@ -24,12 +24,12 @@ def halfspace_reflection(permittivity: complex, cos_incidence: npt.ArrayLike) ->
     ----------
     permittivity : complex
         Relative permittivity, imaginary part <= 0.
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
 
     Returns
     -------
-    te, tm : ndarray of complex128
+    te, tm : ndarray of complex128, shape of `cos_incidence`
         Electric field perpendicular to, and in, the plane of incidence. The sign of `tm` is that of a field which keeps
         its direction along the surface in the ray's own frame (+1 for a perfect conductor).
 
@@ -59,7 +59,7 @@ def layer_reflection(
     ----------
     permittivity : complex
         Relative permittivity, imaginary part <= 0.
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
     thickness : float
         [m].
@@ -112,7 +112,7 @@ def film_coefficients(
         [m].
     thickness : float or None
         Of the layer below, with air behind [m]; None: a half space, which lets nothing through.
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal in air, 0 to 1.
     frequency : float
         [Hz].
@@ -163,7 +163,13 @@ def _interface(first: Complex, second: Complex) -> Complex:
 
 
 def film_of(material: RadioMaterial, frequency: float) -> tuple[complex, float] | None:
-    """Return relative permittivity and depth [m] of the water on the face of a material at a frequency [Hz]; None where it is dry."""
+    """Return relative permittivity and depth [m] of the water on the face of a material at a frequency [Hz].
+
+    None where it is dry.
+
+    Permittivity as of :func:`~scarl_sionna.scene.materials.dielectrics.water_permittivity`, by definition at the
+    film's temperature.
+    """
     if material.water_film == 0.0:
         return None
     return water_permittivity(frequency, material.water_temperature), material.water_film
@@ -176,7 +182,7 @@ def stack_reflection(
     cos_incidence: npt.ArrayLike,
     frequency: float,
 ) -> tuple[Complex, Complex]:
-    """Return the reflection coefficients, TE and TM, of a half space or a layer in air, with or without a film on its face.
+    """Return the TE and TM reflection coefficients of a half space or layer in air, dry or with a film of water.
 
     Parameters
     ----------
@@ -186,10 +192,14 @@ def stack_reflection(
         Of a layer with air behind [m]; None: a half space.
     film : tuple of (complex, float) or None
         Relative permittivity and depth [m] of a film, see :func:`film_coefficients`.
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
     frequency : float
         [Hz].
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.2040-3, section 2.2.2.
     """
     if film is not None:
         return film_coefficients(*film, permittivity, thickness, cos_incidence, frequency)[0]
@@ -199,7 +209,9 @@ def stack_reflection(
 
 
 def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
-    """Return the reflection coefficients of a material, TE and TM: of one layer if it has a thickness, else a half space.
+    """Return the reflection coefficients of a material, TE and TM.
+
+    Of one layer if it has a thickness, else a half space.
 
     A film of water lies on its face where the material has one, see :func:`film_coefficients`.
 
@@ -208,13 +220,17 @@ def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.Arr
     material : RadioMaterial
     frequency : float
         [Hz].
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
 
     Raises
     ------
     MaterialRangeError
         If the material has no data at this frequency.
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.2040-3, section 2.2.2.
     """
     cosine = np.asarray(cos_incidence, dtype=np.float64)
     return stack_reflection(material.at(frequency), material.thickness, film_of(material, frequency), cosine, frequency)
@@ -223,14 +239,15 @@ def reflection(material: RadioMaterial, frequency: float, cos_incidence: npt.Arr
 def transmission(material: RadioMaterial, frequency: float, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
     r"""Return the transmission coefficients of a material, TE and TM; zero for a half space.
 
-    They stand for the layer in place of the same thickness of air along the straight ray, so 1 is a layer that is not there.
+    They stand for the layer in place of the same thickness of air along the straight ray, so 1 is a layer that is not
+    there.
 
     Parameters
     ----------
     material : RadioMaterial
     frequency : float
         [Hz].
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
 
     Raises
@@ -242,8 +259,8 @@ def transmission(material: RadioMaterial, frequency: float, cos_incidence: npt.A
     -----
     .. math:: T = \frac{(1 - \Gamma^2) e^{-jq}}{1 - \Gamma^2 e^{-2jq}} e^{j k d \cos\theta}
 
-    with Gamma of the half space and q as in :func:`layer_reflection`. The last factor takes away the phase of the air that
-    the layer replaces. *Not modelled*: the sideways shift of the ray.
+    with Gamma of the half space and q as in :func:`layer_reflection`. The last factor takes away the phase of the air
+    that the layer replaces. *Not modelled*: the sideways shift of the ray.
 
     References
     ----------
@@ -278,13 +295,17 @@ def power_reflectance(material: RadioMaterial, frequency: float, cos_incidence: 
         With a thickness it reflects as one layer with air behind, without as a half space.
     frequency : float
         [Hz].
-    cos_incidence : array_like of float
+    cos_incidence : array_like of float, any shape
         Cosine of the angle from the normal, 0 to 1.
 
     Raises
     ------
     MaterialRangeError
         If the material has no data at this frequency.
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.2040-3, section 2.2.2.
     """
     te, tm = reflection(material, frequency, cos_incidence)
     return np.abs(te) ** 2, np.abs(tm) ** 2
@@ -307,7 +328,8 @@ def te_fraction_of_h(sine_elevation: Real, cos_incidence: Real, normal_up: Real)
     Returns
     -------
     ndarray of float64, shape (num_hits,)
-        0 to 1; 1 where the incidence is normal or the ray runs along z, since there the two do not differ or have no meaning.
+        0 to 1; 1 where the incidence is normal or the ray runs along z, since there the two do not differ or have no
+        meaning.
 
     Notes
     -----

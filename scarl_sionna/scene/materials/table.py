@@ -1,7 +1,7 @@
 """Radio materials: complex permittivity, layer thickness and roughness at 76-81 GHz, each value with its source.
 
-The table is plain data (``materials.toml`` beside this file); a user adds or replaces entries with a TOML file of the same
-form. Nothing here imports Mitsuba or Sionna.
+The table is plain data (``materials.toml`` beside this file); a user adds or replaces entries with a TOML file of the
+same form. Nothing here imports Mitsuba or Sionna.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class RadioMaterial(Spec):
         Returns
         -------
         complex
-            Negative imaginary part for losses (time dependence e^{+j 2 pi f t}).
+            Dimensionless; negative imaginary part for losses (time dependence e^{+j 2 pi f t}).
 
         Raises
         ------

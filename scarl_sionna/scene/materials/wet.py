@@ -12,11 +12,13 @@ from .dielectrics import CELSIUS
 from .table import MaterialTable
 
 WET_DARKENING = 0.5
-"""Diffuse reflectance of a wet rough surface relative to the dry one. J. Lekner, M. C. Dorf, "Why some things are darker when
-wet", Applied Optics 27(7), 1988: internal reflection in the film gives about 0.5 for the reflectances of asphalt and soil."""
+"""Diffuse reflectance of a wet rough surface relative to the dry one. J. Lekner, M. C. Dorf, "Why some things are
+darker when wet", Applied Optics 27(7), 1988: internal reflection in the film gives about 0.5 for the reflectances of
+asphalt and soil."""
 
 WATER_ABSORPTION = 1.0e3
-"""Absorption coefficient of liquid water at 1550 nm [1/m], within about 20 %: L. Kou, D. Labrie, P. Chylek, Appl. Opt. 32(19), 1993."""
+"""Absorption coefficient of liquid water at 1550 nm [1/m], within about 20 %: L. Kou, D. Labrie, P. Chylek, Appl. Opt.
+32(19), 1993."""
 LEAST_FILM = 1e-7
 """A thinner film [m] changes no reflectance by 0.01 dB and is left out."""
 
@@ -34,9 +36,10 @@ def wet_surfaces(
 
     Notes
     -----
-    A material of the scene takes the share `wets` of the wetness: a film of water of that share of ``weather.film_thickness`` lies on
-    its radio material, which gets a name of its own ("asphalt, 0.50 mm of water"). Its diffuse reflectance at the lidar's wavelength
-    falls as that of a rough surface in visible light (:data:`WET_DARKENING`), and by two passes through the film:
+    A material of the scene takes the share `wets` of the wetness: a film of water of that share of
+    ``weather.film_thickness`` lies on its radio material, which gets a name of its own ("asphalt, 0.50 mm of water").
+    Its diffuse reflectance at the lidar's wavelength falls as that of a rough surface in visible light
+    (:data:`WET_DARKENING`), and by two passes through the film:
 
     .. math:: \rho_w = \rho \, [1 - w (1 - 0.5)] \, e^{-2 \alpha d}
 

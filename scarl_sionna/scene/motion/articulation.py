@@ -1,7 +1,7 @@
 """Moving parts of an actor: rigid segments whose motion relative to the actor follows from how the actor moves.
 
-A wheel turns by the way that the car has travelled, a walker's limbs by the distance walked: no motion of a part is an input
-of its own, so that ground contact and Doppler always agree with the trajectory.
+A wheel turns by the way that the car has travelled, a walker's limbs by the distance walked: no motion of a part is an
+input of its own, so that ground contact and Doppler always agree with the trajectory.
 """
 
 from __future__ import annotations
@@ -136,7 +136,10 @@ class Wheel:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A walking person: `shapes` holds the segment of each shape, which is modelled in that segment's frame, see `gait.SEGMENTS`."""
+    """A walking person.
+
+    `shapes` holds the segment of each shape, which is modelled in that segment's frame, see `gait.SEGMENTS`.
+    """
 
     shapes: Mapping[str, str]
     gait: WalkingGait
@@ -158,7 +161,10 @@ class Walk:
 
 @dataclass(frozen=True, eq=False)
 class Pedal:
-    """A pedalling cyclist: `shapes` holds the part of each shape, which is modelled in that part's frame, see `pedalling`."""
+    """A pedalling cyclist.
+
+    `shapes` holds the part of each shape, which is modelled in that part's frame, see `pedalling`.
+    """
 
     shapes: Mapping[str, str]
     legs: PedallingLegs
@@ -183,9 +189,10 @@ def joints_from_tables(
     Parameters
     ----------
     tables : sequence of mapping
-        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius), ``walk`` (height[, phase]) and ``pedal``
-        (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The shapes of the last two are those of the actor
-        whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for instance ``walker_head_hair``.
+        ``[[actors.joints]]`` of a scene.toml. Kinds: ``wheel`` (shapes, center, radius), ``walk`` (height[, phase]) and
+        ``pedal`` (measures of :class:`.pedalling.PedallingLegs`, wheel_radius, gear[, ...]). The shapes of the last two
+        are those of the actor whose id ends in ``_<segment>`` or ``_<segment>_<detail>``, for instance
+        ``walker_head_hair``.
     actor : str
         Whose joints they are, for error messages.
     shapes : sequence of str
@@ -246,9 +253,12 @@ def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory
     found = _segments(shapes, _SEGMENT, SEGMENTS, what)
     gait = walking_gait(float(table["height"]))
     return Walk(
-        found, gait, trajectory,
-        Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))), float(table.get("phase", 0.0)),
-    )  # fmt: skip
+        found,
+        gait,
+        trajectory,
+        Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))),
+        float(table.get("phase", 0.0)),
+    )
 
 
 def _segments(shapes: Sequence[str], pattern: re.Pattern[str], segments: Sequence[str], what: str) -> dict[str, str]:
@@ -274,10 +284,16 @@ def _pedal(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajector
     lengths = {name: float(table[name]) for name in ("crank", "foot_y", "upper_leg", "lower_leg")}
     turns = {name.removesuffix("_deg"): np.radians(float(table[name])) for name in angles & set(table)}
     cadence = Cadence(
-        float(table["wheel_radius"]), float(table["gear"]), float(table.get("cadence_limit", np.inf)) / 60.0,
+        float(table["wheel_radius"]),
+        float(table["gear"]),
+        float(table.get("cadence_limit", np.inf)) / 60.0,
         float(table.get("coast_above", np.inf)),
-    )  # fmt: skip
+    )
     return Pedal(
-        _segments(shapes, _PEDALLING, PEDALLING_SEGMENTS, what), _legs(**pairs, **lengths, **turns), cadence, trajectory,
-        Accumulated(trajectory, cadence.rate), 2.0 * np.pi * float(table.get("phase", 0.0)),
-    )  # fmt: skip
+        _segments(shapes, _PEDALLING, PEDALLING_SEGMENTS, what),
+        _legs(**pairs, **lengths, **turns),
+        cadence,
+        trajectory,
+        Accumulated(trajectory, cadence.rate),
+        2.0 * np.pi * float(table.get("phase", 0.0)),
+    )

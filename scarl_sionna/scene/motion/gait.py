@@ -2,10 +2,10 @@
 
 References
 ----------
-.. [1] R. Boulic, N. Magnenat-Thalmann, D. Thalmann, "A global human walking model with real-time kinematic personification",
-   The Visual Computer 6, 1990, pp. 344-358: trajectories and their control points.
-.. [2] V. C. Chen, *The Micro-Doppler Effect in Radar*, 2nd ed., Artech House, 2019, section 4.1: the same model for radar, and the
-   segments' lengths as fractions of the body's height.
+.. [1] R. Boulic, N. Magnenat-Thalmann, D. Thalmann, "A global human walking model with real-time kinematic
+   personification", The Visual Computer 6, 1990, pp. 344-358: trajectories and their control points.
+.. [2] V. C. Chen, *The Micro-Doppler Effect in Radar*, 2nd ed., Artech House, 2019, section 4.1: the same model for
+   radar, and the segments' lengths as fractions of the body's height.
 """
 
 from __future__ import annotations
@@ -27,11 +27,22 @@ from .trajectory import Motion
 Array = npt.NDArray[np.float64]
 
 SEGMENTS = (
-    "head", "torso", "pelvis", "left_upper_arm", "left_lower_arm", "right_upper_arm", "right_lower_arm", "left_upper_leg",
-    "left_lower_leg", "left_foot", "right_upper_leg", "right_lower_leg", "right_foot",
-)  # fmt: skip
-"""Rigid parts of a body. The frame of each has its origin at the joint nearer to the pelvis (head: neck; torso, pelvis: lower end of
-the spine), x forward, y left, z up, in which a straight limb hangs along -z and a foot points along x."""
+    "head",
+    "torso",
+    "pelvis",
+    "left_upper_arm",
+    "left_lower_arm",
+    "right_upper_arm",
+    "right_lower_arm",
+    "left_upper_leg",
+    "left_lower_leg",
+    "left_foot",
+    "right_upper_leg",
+    "right_lower_leg",
+    "right_foot",
+)
+"""Rigid parts of a body. The frame of each has its origin at the joint nearer to the pelvis (head: neck; torso, pelvis:
+lower end of the spine), x forward, y left, z up, in which a straight limb hangs along -z and a foot points along x."""
 
 FASTEST = 3.0
 """Largest speed over leg length [1/s] that the model was made for (2.6 m/s for 1.75 m)."""
@@ -58,7 +69,7 @@ class BodyLengths:
 _FRACTIONS = {
     "head": 0.130, "half_shoulder": 0.1295, "torso": 0.288, "half_hip": 0.0955, "upper_leg": 0.245, "lower_leg": 0.246,
     "foot": 0.143, "upper_arm": 0.188, "lower_arm": 0.152,
-}  # fmt: skip
+}  # fmt: skip # a table
 
 
 class WalkingGait:
@@ -71,8 +82,9 @@ class WalkingGait:
 
     Notes
     -----
-    Phase 0 is the right heel's strike; one cycle is two steps. At rest all amplitudes are zero and the body stands. The curves
-    are piecewise cubic (C1) in the phase, so velocities are continuous. The ground is where the lowest sole of the cycle is.
+    Phase 0 is the right heel's strike; one cycle is two steps. At rest all amplitudes are zero and the body stands. The
+    curves are piecewise cubic (C1) in the phase, so velocities are continuous. The ground is where the lowest sole of
+    the cycle is.
     """
 
     def __init__(self, height: float) -> None:
@@ -87,7 +99,7 @@ class WalkingGait:
         Raises
         ------
         ParameterRangeError
-            If nobody walks that fast.
+            If it is faster than people walk.
         """
         relative = speed / self.lengths.leg
         if not 0.0 <= relative <= FASTEST:
@@ -115,8 +127,8 @@ class WalkingGait:
         Returns
         -------
         dict
-            Pose of each segment in the walker's frame (on the ground below the pelvis, x forward, z up), and its velocity
-            relative to that frame, in that frame's axes.
+            Pose of each segment in the walker's frame (on the ground below the pelvis, x forward, z up), and its
+            velocity relative to that frame, in that frame's axes.
         """
         relative = self.relative_speed(speed)
         values, rates = self._curves(phase % 1.0, relative)
@@ -185,9 +197,12 @@ class WalkingGait:
             arm = torso.then(at([0.0, sign * lengths.half_shoulder, lengths.torso])).then(turn((f"{side}_shoulder", Y)))
             hand = arm.then(at([0.0, 0.0, -lengths.upper_arm])).then(turn((f"{side}_elbow", Y)))
             moved |= {
-                f"{side}_upper_leg": upper, f"{side}_lower_leg": lower, f"{side}_foot": foot, f"{side}_upper_arm": arm,
+                f"{side}_upper_leg": upper,
+                f"{side}_lower_leg": lower,
+                f"{side}_foot": foot,
+                f"{side}_upper_arm": arm,
                 f"{side}_lower_arm": hand,
-            }  # fmt: skip
+            }
         return moved
 
     def _curves(self, phase: float, relative: float) -> tuple[dict[str, float], dict[str, float]]:
@@ -257,7 +272,9 @@ def _pelvis_fall(phase: float, amplitude: float) -> tuple[float, float]:
 
 
 def _control_points(rv: float, support: float) -> dict[str, tuple[list[tuple[float, float]], float]]:
-    """Return the control points (phase, angle [deg]) of appendices C and D of [1], and the sign of the turn about its axis.
+    """Return the control points (phase, angle [deg]) of appendices C and D of [1].
+
+    And the sign of the turn about its axis.
 
     A limb flexes forward by a negative turn about y, a knee backward by a positive one.
     """
@@ -266,22 +283,31 @@ def _control_points(rv: float, support: float) -> dict[str, tuple[list[tuple[flo
     if fast == 0.0:
         hip = hip[1:]  # the first and the last are the same point, a cycle apart
     knee = [
-        (0.17 - 0.05 * fast, 3.0 + 22.0 * fast), (0.4, 3.0), (0.75 - 0.05 * fast, 3.0 + 134.0 * slow - 5.0 * fast),
+        (0.17 - 0.05 * fast, 3.0 + 22.0 * fast),
+        (0.4, 3.0),
+        (0.75 - 0.05 * fast, 3.0 + 134.0 * slow - 5.0 * fast),
         (1.0 - 0.03 * fast, 3.0 + 3.0 * fast),
-    ]  # fmt: skip
+    ]
     ankle = [
-        (0.0, -3.0 + 5.0 * fast), (0.08, -3.0 - 30.0 * slow + 4.0 * fast), (0.5 - 0.1 * fast, -3.0 + 22.0 * slow - 3.0 * fast),
-        (support, -3.0 - 34.0 * slow - 8.0 * fast), (0.85, -3.0 + 5.0 * fast),
-    ]  # fmt: skip
+        (0.0, -3.0 + 5.0 * fast),
+        (0.08, -3.0 - 30.0 * slow + 4.0 * fast),
+        (0.5 - 0.1 * fast, -3.0 + 22.0 * slow - 3.0 * fast),
+        (support, -3.0 - 34.0 * slow - 8.0 * fast),
+        (0.85, -3.0 + 5.0 * fast),
+    ]
     elbow = [
-        (0.05, 3.0 + 6.0 * slow + 8.0 * middle - 6.0 * fast), (0.5 + 0.01 * middle + 0.04 * fast, 3.0 + 34.0 * slow + 24.0 * middle + 26.0 * fast),
+        (0.05, 3.0 + 6.0 * slow + 8.0 * middle - 6.0 * fast),
+        (0.5 + 0.01 * middle + 0.04 * fast, 3.0 + 34.0 * slow + 24.0 * middle + 26.0 * fast),
         (0.9 - 0.1 * fast, 3.0 + 10.0 * slow + 9.0 * middle - 6.0 * fast),
-    ]  # fmt: skip
+    ]
     thorax = [(0.1, 4.0 / 3.0 * rv), (0.4, -1.5 * rv), (0.6, -4.0 / 3.0 * rv), (0.9, 1.5 * rv)]
     return {
-        "hip": (hip, -1.0), "knee": (knee, 1.0), "ankle": (ankle, -1.0), "elbow": (elbow, -1.0),
+        "hip": (hip, -1.0),
+        "knee": (knee, 1.0),
+        "ankle": (ankle, -1.0),
+        "elbow": (elbow, -1.0),
         "thorax_torsion": (thorax, -1.0),
-    }  # fmt: skip
+    }
 
 
 def _periodic(points: list[tuple[float, float]]) -> PchipInterpolator:
@@ -313,7 +339,10 @@ class _Periodic:
         return y0 + step * (d0 + step * (c + step * b)), d0 + step * (2.0 * c + 3.0 * step * b)
 
     def _derivative(self, number: int) -> float:
-        """Return the derivative at a knot by Fritsch and Butland: the weighted harmonic mean of the slopes on both sides."""
+        """Return the derivative at a knot by Fritsch and Butland.
+
+        The weighted harmonic mean of the slopes on both sides.
+        """
         (x0, y0), (x1, y1) = self._knots[number], self._knots[number + 1]
         x2, y2 = self._knots[number + 2]
         before, after = x1 - x0, x2 - x1

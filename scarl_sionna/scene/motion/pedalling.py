@@ -1,12 +1,14 @@
-"""How a cyclist's legs move: crank, pedal, foot, lower and upper leg as a planar five-bar linkage with the hip fixed on the saddle.
+"""How a cyclist's legs move.
+
+Crank, pedal, foot, lower and upper leg as a planar five-bar linkage with the hip fixed on the saddle.
 
 References
 ----------
-.. [1] R. Redfield, M. L. Hull, "On the relation between joint moments and pedalling rates at constant power in bicycling",
-   Journal of Biomechanics 19(4), 1986, pp. 317-329: the five-bar linkage (seat tube, crank, foot, lower and upper leg), whose motion
-   follows from the crank's angle and the pedal's.
-.. [2] F. Bolourchi, M. L. Hull, "Measurement of rider induced loads during simulated bicycling", International Journal of Sport
-   Biomechanics 1, 1985, pp. 308-329: the pedal's angle over a turn, close to a sine of the crank's angle.
+.. [1] R. Redfield, M. L. Hull, "On the relation between joint moments and pedalling rates at constant power in
+   bicycling", Journal of Biomechanics 19(4), 1986, pp. 317-329: the five-bar linkage (seat tube, crank, foot, lower and
+   upper leg), whose motion follows from the crank's angle and the pedal's.
+.. [2] F. Bolourchi, M. L. Hull, "Measurement of rider induced loads during simulated bicycling", International Journal
+   of Sport Biomechanics 1, 1985, pp. 308-329: the pedal's angle over a turn, close to a sine of the crank's angle.
 """
 
 from __future__ import annotations
@@ -24,11 +26,19 @@ from .trajectory import Motion
 Array = npt.NDArray[np.float64]
 
 PEDALLING_SEGMENTS = (
-    "cranks", "left_pedal", "left_foot", "left_lower_leg", "left_upper_leg", "right_pedal", "right_foot", "right_lower_leg",
+    "cranks",
+    "left_pedal",
+    "left_foot",
+    "left_lower_leg",
+    "left_upper_leg",
+    "right_pedal",
+    "right_foot",
+    "right_lower_leg",
     "right_upper_leg",
-)  # fmt: skip
-"""Rigid parts that pedalling moves. Frames: x forward, y left, z up; legs and feet as in `gait.SEGMENTS` (origin at the hip, the knee,
-the ankle; a straight limb hangs along -z); cranks with their origin at the axle and the left crank along x; pedals at their own axle."""
+)
+"""Rigid parts that pedalling moves. Frames: x forward, y left, z up; legs and feet as in `gait.SEGMENTS` (origin at the
+hip, the knee, the ankle; a straight limb hangs along -z); cranks with their origin at the axle and the left crank along
+x; pedals at their own axle."""
 
 STRAIGHTEST = np.radians(5.0)
 """Smallest flexion of the knee over a turn [rad]: nearer to a straight leg, the knee's speed grows without bound."""
@@ -89,9 +99,11 @@ class PedallingLegs:
         for value in (distance.max(), distance.min()):
             if not shortest <= value <= longest:
                 raise ParameterRangeError(
-                    "distance of hip and ankle over a turn of the crank", f"{value:.3f} m",
-                    f"{shortest:.3f} to {longest:.3f} m for these legs: move the hip, or change the crank or the foot's angle",
-                )  # fmt: skip
+                    "distance of hip and ankle over a turn of the crank",
+                    f"{value:.3f} m",
+                    f"{shortest:.3f} to {longest:.3f} m for these legs: move the hip, "
+                    "or change the crank or the foot's angle",
+                )
 
     def motions(self, angle: float, rate: float) -> dict[str, Motion]:
         """Return the motion of every part relative to the actor.
@@ -106,7 +118,8 @@ class PedallingLegs:
         Returns
         -------
         dict
-            Pose of each part in the actor's frame and its velocity relative to that, by the names of `PEDALLING_SEGMENTS`.
+            Pose of each part in the actor's frame and its velocity relative to that, by the names of
+            `PEDALLING_SEGMENTS`.
         """
         axle = Motion(Pose(np.array([self.axle[0], 0.0, self.axle[1]])))
         cranks = axle.then(Motion.about(_Y, angle, rate))
@@ -176,7 +189,8 @@ class Cadence:
     limit : float
         Fastest cadence [turns/s]: above, the rider changes up; inf for none.
     coast_above : float
-        Speed above which the legs rest while the bicycle rolls [m/s]; they slow down over the last tenth. inf for never.
+        Speed above which the legs rest while the bicycle rolls [m/s]; they slow down over the last tenth. inf for
+        never.
     """
 
     wheel_radius: float

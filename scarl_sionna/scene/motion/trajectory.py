@@ -21,8 +21,9 @@ _REST_SPEED = 1e-3
 class Trajectory(Protocol):
     """Pose and velocity of a rigid body over time; `start` and `stop` bound the times that may be asked for [s].
 
-    A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for many times at once,
-    and a method ``is_present(time)``, which is False while the body is not in the scene: it then has no box.
+    A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for
+    many times at once, and a method ``is_present(time)``, which is False while the body is not in the scene: it then
+    has no box.
     """
 
     @property
@@ -63,7 +64,10 @@ class Motion(Described):
 
     @classmethod
     def about(cls, axis: npt.ArrayLike, angle: float, rate: float) -> Motion:
-        """Return the turn about an axis through the parent's origin by an angle [rad] that grows with a rate [rad/s]."""
+        """Return the turn about an axis through the parent's origin, of an angle [rad] and its rate [rad/s].
+
+        The axis has the shape (3,) and any length.
+        """
         unit = np.asarray(axis, dtype=np.float64)
         quaternion = np.concatenate([[np.cos(angle / 2.0)], np.sin(angle / 2.0) * unit])
         return cls(Pose(np.zeros(3), quaternion), Twist(np.zeros(3), rate * unit))
@@ -78,22 +82,22 @@ class Motion(Described):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StaticTrajectory(Described):
-    """A body that stays where it is."""
+    """A body that stays where it is; `start` and `stop` [s] bound the times that may be asked for."""
 
     world_from_actor: Pose
     start: float = -np.inf
     stop: float = np.inf
 
     def pose(self, time: float) -> Pose:
-        """Return the constant pose."""
+        """Return the constant pose at a time [s]."""
         return self.world_from_actor
 
     def twist(self, time: float) -> Twist:
-        """Return zero velocity."""
+        """Return zero velocity at a time [s]."""
         return _REST
 
     def forward_speeds(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Return zeros."""
+        """Return zeros [m/s] at times (N,) [s]."""
         return np.zeros(times.shape)
 
 
@@ -115,7 +119,7 @@ class ConstantTwistTrajectory(Described):
         return Pose.from_rotation(origin, turn @ self.pose_at_zero.rotation)
 
     def twist(self, time: float) -> Twist:
-        """Return the constant velocity."""
+        """Return the constant velocity at a time [s]."""
         return self.velocity
 
 
@@ -136,6 +140,11 @@ class WaypointTrajectory:
         next distinct waypoint where the body rests.
     name : str
         Whose motion it is, for error messages.
+
+    Raises
+    ------
+    ParameterRangeError
+        If times do not rise, or shapes do not fit or hold values that are not finite.
     """
 
     def __init__(
@@ -233,6 +242,11 @@ def trajectory_from_table(table: Mapping[str, Any], actor: str) -> Trajectory:
 
     Kinds: ``waypoints`` (times, positions[, yaw_deg]), ``static`` (position[, yaw_deg]), ``constant_twist``
     (position, velocity[, yaw_deg, angular_velocity_z]).
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such kind.
     """
     kind = table.get("kind", "waypoints")
     if kind == "waypoints":

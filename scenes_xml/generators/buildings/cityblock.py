@@ -1,4 +1,6 @@
-"""Town buildings with flat roofs: street fronts with windows set into the wall, shops at the foot, cornices and parapets.
+"""Town buildings with flat roofs.
+
+Street fronts with windows set into the wall, shops at the foot, cornices and parapets.
 
 Local frame: the middle of the ground plan at the origin, the street front looks to -y.
 """
@@ -17,7 +19,10 @@ REVEAL = 0.16
 
 @dataclass(frozen=True)
 class Block:
-    """Measures [m]: width along the street, depth, storeys above the shops, their height, width of a window, and its height."""
+    """Measures of a house front [m].
+
+    Width along the street, depth, storeys above the shops, their height, width of a window, and its height.
+    """
 
     width: float
     depth: float
@@ -98,7 +103,10 @@ def _front(b: Block, width: float, is_light: bool) -> dict[str, list[Mesh]]:
 
 
 def block(b: Block, is_light: bool = False) -> dict[str, Mesh]:
-    """Return ``walls``, ``panes`` and ``trim`` of a building; `sides` are the fronts that have windows (front, right, back, left)."""
+    """Return ``walls``, ``panes`` and ``trim`` of a building.
+
+    `sides` are the fronts that have windows (front, right, back, left).
+    """
     parts: dict[str, list[Mesh]] = {"walls": [], "panes": [], "trim": []}
     for k, side in enumerate(("front", "right", "back", "left")):
         width, reach = (b.width, b.depth / 2) if k % 2 == 0 else (b.depth, b.width / 2)

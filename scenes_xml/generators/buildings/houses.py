@@ -1,4 +1,7 @@
-"""Detached houses from a random generator: ground plan, storeys, windows, walls, roof, doors, and whether there is a garage."""
+"""Detached houses from a random generator.
+
+Ground plan, storeys, windows, walls, roof, doors, and whether there is a garage.
+"""
 
 from __future__ import annotations
 
@@ -48,9 +51,12 @@ def family_house(generator: np.random.Generator, walls: str | None = None, has_g
     windows += [(side, 0.0, eaves + 0.5, 0.9, 1.0) for side in ("left", "right")]
     surface = walls or str(generator.choice(WALLS))
     bsdfs = {
-        "walls": surface, "roof": str(generator.choice(("tiles_red", "tiles_red", "tiles_dark"))), "frames": "painted_wood",
-        "panes": "window_pane", "doors": str(generator.choice(DOORS)),
-    }  # fmt: skip
+        "walls": surface,
+        "roof": str(generator.choice(("tiles_red", "tiles_red", "tiles_dark"))),
+        "frames": "painted_wood",
+        "panes": "window_pane",
+        "doors": str(generator.choice(DOORS)),
+    }
     garage = 3.4 if (generator.uniform() < 0.6 if has_garage is None else has_garage) else 0.0
     overhang = float(np.round(generator.uniform(0.35, 0.5), 3))
     tile = 1.3 if surface == "wall_brick" else 3.0

@@ -236,7 +236,10 @@ def levelled(mesh: Mesh, share: float) -> Mesh:
 
 
 def _crease_normals(faces: Faces, normal: Array, area: Array, cos_crease: float) -> Array:
-    """Return one normal for each corner, shape (3 num_faces, 3): area-weighted over the neighbours within the crease."""
+    """Return one normal for each corner, shape (3 num_faces, 3).
+
+    Area-weighted over the neighbours within the crease.
+    """
     corner_vertex = faces.reshape(-1)
     corner_face = np.repeat(np.arange(len(faces)), 3)
     order = np.argsort(corner_vertex, kind="stable")

@@ -23,7 +23,7 @@ def resample(line: Array, step: float) -> Array:
 
 
 def normals(line: Array) -> Array:
-    """Return the unit normals to the left at the points of a plane polyline, shape (n, 2), scaled so that offsets stay parallel."""
+    """Return the unit normals to the left of a plane polyline, shape (n, 2), scaled so that offsets stay parallel."""
     step = np.diff(line[:, :2], axis=0)
     step /= np.linalg.norm(step, axis=1)[:, None]
     before, after = np.vstack([step[:1], step]), np.vstack([step, step[-1:]])
@@ -40,7 +40,7 @@ def shifted(line: Array, offset: float | Array) -> Array:
 
 
 def fillet(line: Sequence[Sequence[float]] | Array, radius: float | Sequence[float], step: float = 0.7) -> Array:
-    """Return a polyline whose corners are arcs of `radius` [m] (one for all or one a corner), points `step` apart in them."""
+    """Return a polyline with corners rounded by `radius` [m], one or one a corner, points `step` [m] apart in them."""
     corners = np.asarray(line, float)
     radii = np.broadcast_to(radius, (len(corners) - 2,))
     points = [corners[:1]]
@@ -67,7 +67,10 @@ def area(outline: Array) -> float:
 
 
 def triangles(outline: Array) -> Faces:
-    """Return the triangles of a simple polygon, shape (n - 2, 3), counter-clockwise, by clipping ears (the roundest first)."""
+    """Return the triangles of a simple polygon, shape (n - 2, 3), counter-clockwise, by ear clipping.
+
+    The roundest ears first.
+    """
     points = np.asarray(outline, float)[:, :2]
     ring = list(range(len(points)))
     if area(points) < 0.0:
@@ -75,7 +78,10 @@ def triangles(outline: Array) -> Faces:
     faces = []
 
     def quality(k: int) -> float:
-        """Return the smallest height over the longest side of the ear at a place of the ring; negative where it is none."""
+        """Return the smallest height over the longest side of the ear at a place of the ring.
+
+        Negative where it is none.
+        """
         i, j, m = ring[k - 1], ring[k], ring[(k + 1) % len(ring)]
         a, b, c = points[i], points[j], points[m]
         cross = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -107,7 +113,10 @@ def triangles(outline: Array) -> Faces:
 
 
 def sheet(outline: Array, height: float | Array = 0.0, tile: float = 1.0) -> Mesh:
-    """Return a polygon as a surface that looks up, at a height or with one for each corner [m]; uv in tiles of `tile` [m]."""
+    """Return a polygon as a surface that looks up, at a height or with one for each corner [m].
+
+    Its uv is in tiles of `tile` [m].
+    """
     points = np.asarray(outline, float)[:, :2]
     z = np.broadcast_to(height, (len(points),))
     return Mesh(np.column_stack([points, z]), triangles(points), points / tile)
@@ -143,7 +152,10 @@ def _looks_up(part: Mesh) -> bool:
 
 
 def band(line: Array, offsets: Sequence[float], heights: Array, tile: float) -> Mesh:
-    """Return a strip along a plane line with `offsets` to the left [m] and heights (num_offsets,) or (num_points, num_offsets)."""
+    """Return a strip along a plane line with `offsets` to the left [m].
+
+    Heights have the shape (num_offsets,) or (num_points, num_offsets).
+    """
     heights = np.broadcast_to(heights, (len(line), len(offsets)))
     along = length_along(line[:, :2])
     points = np.stack([np.column_stack([shifted(line, d), heights[:, k]]) for k, d in enumerate(offsets)], 1)
@@ -157,8 +169,8 @@ def kerb_and_pavement(
 ) -> tuple[Mesh, Mesh]:
     """Return kerb stones and pavement along a plane kerb line, shape (n, 2) [m].
 
-    `side` is +1 if the pavement lies to the left of the line; `drop`, shape (n,), is the share of the height that is left
-    (0 to 1) where the kerb is lowered.  The pavement reaches `width` from the line, and its outer edge is level.
+    `side` is +1 if the pavement lies to the left of the line; `drop`, shape (n,), is the share of the height that is
+    left (0 to 1) where the kerb is lowered.  The pavement reaches `width` from the line, and its outer edge is level.
     """
     left = np.ones(len(line)) if drop is None else drop
     profile = height * left[:, None] * np.array([0.0, 0.75, 1.0, 1.0])

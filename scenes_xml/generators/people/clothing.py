@@ -1,4 +1,7 @@
-"""What people wear and carry, in the frames of the segments of a body that carry it (see pedestrian.py); in its heights."""
+"""Clothes and bags of people, in the frames of the body segments that carry them (see pedestrian.py).
+
+In its heights.
+"""
 
 from __future__ import annotations
 
@@ -21,18 +24,20 @@ def _skirt(rows: list[tuple[float, float, float, float]], shape: BodyShape, ligh
 def jacket_hem(shape: BodyShape, light: bool = False) -> Mesh:
     """Return the lower part of a jacket, over the hips; it goes with the pelvis."""
     rows = [
-        (-0.072, 0.092, 0.123, 0.004), (-0.065, 0.094, 0.125, 0.004), (-0.03, 0.086, 0.125, 0.002), (0.015, 0.073, 0.116, 0.0),
+        (-0.072, 0.092, 0.123, 0.004), (-0.065, 0.094, 0.125, 0.004), (-0.03, 0.086, 0.125, 0.002), (0.015, 0.073,
+        0.116, 0.0),
         (0.050, 0.064, 0.096, 0.0), (0.075, 0.058, 0.081, 0.0), (0.085, 0.050, 0.070, 0.0),
-    ]  # fmt: skip
+    ]  # fmt: skip # a table
     return _skirt([rows[k] for k in (0, 3, 6)] if light else rows, shape, light)
 
 
 def coat_hem(shape: BodyShape, light: bool = False) -> Mesh:
     """Return the lower part of a coat that ends above the knees; it goes with the pelvis."""
     rows = [
-        (-0.155, 0.124, 0.124, 0.008), (-0.147, 0.125, 0.125, 0.008), (-0.08, 0.104, 0.124, 0.004), (-0.03, 0.088, 0.122, 0.002),
+        (-0.155, 0.124, 0.124, 0.008), (-0.147, 0.125, 0.125, 0.008), (-0.08, 0.104, 0.124, 0.004), (-0.03, 0.088,
+        0.122, 0.002),
         (0.015, 0.073, 0.113, 0.0), (0.050, 0.064, 0.095, 0.0), (0.075, 0.058, 0.081, 0.0), (0.085, 0.050, 0.070, 0.0),
-    ]  # fmt: skip
+    ]  # fmt: skip # a table
     return _skirt([rows[k] for k in (0, 3, 7)] if light else rows, shape, light)
 
 
@@ -56,9 +61,10 @@ def long_hair(shape: BodyShape, light: bool = False) -> Mesh:
         (-0.003 * h, 0.0, 0.084 * h), (0.0550 * h, 0.0490 * h, 0.0640 * h), low=0.05, rows=rows, segments=segments
     )
     fall = [
-        (0.100, 0.034, 0.047, -0.022), (0.06, 0.037, 0.049, -0.024), (0.01, 0.032, 0.050, -0.028), (-0.03, 0.024, 0.050, -0.034),
+        (0.100, 0.034, 0.047, -0.022), (0.06, 0.037, 0.049, -0.024), (0.01, 0.032, 0.050, -0.028), (-0.03, 0.024,
+        0.050, -0.034),
         (-0.055, 0.016, 0.044, -0.038), (-0.062, 0.006, 0.030, -0.038),
-    ]  # fmt: skip
+    ]  # fmt: skip # a table
     if light:
         fall = [fall[k] for k in (0, 2, 4)]
     back = loft(np.array([(z * h, a * h, b * h, x * h, 0.0) for z, a, b, x in fall]), segments, 2.3)
@@ -69,9 +75,10 @@ def backpack(shape: BodyShape, light: bool = False) -> Mesh:
     """Return a backpack with its straps; it goes with the torso."""
     h, g = shape.height, shape.height * shape.build
     rows = [
-        (0.045, 0.020, 0.050, -0.108), (0.055, 0.042, 0.074, -0.108), (0.12, 0.052, 0.080, -0.112), (0.20, 0.047, 0.078, -0.106),
+        (0.045, 0.020, 0.050, -0.108), (0.055, 0.042, 0.074, -0.108), (0.12, 0.052, 0.080, -0.112), (0.20, 0.047,
+        0.078, -0.106),
         (0.255, 0.034, 0.066, -0.096), (0.270, 0.015, 0.045, -0.090),
-    ]  # fmt: skip
+    ]  # fmt: skip # a table
     if light:
         rows = [rows[k] for k in (1, 3, 5)]
     sack = loft(np.array([(z * h, a * h, b * h, x * g, 0.0) for z, a, b, x in rows]), 8 if light else 22, 3.2)
@@ -109,7 +116,7 @@ def shoulder_bag(shape: BodyShape, light: bool = False) -> Mesh:
     way = [
         (0.0, 0.128, 0.01), (0.045, 0.105, 0.08), (0.071, 0.045, 0.17), (0.070, -0.02, 0.245), (0.020, -0.068, 0.303),
         (-0.030, -0.062, 0.300), (-0.072, -0.01, 0.24), (-0.072, 0.05, 0.16), (-0.045, 0.108, 0.08), (0.0, 0.128, 0.01),
-    ]  # fmt: skip
+    ]  # fmt: skip # a table
     return merge([sack, tube(np.array([(x * g, y * g, z * h) for x, y, z in way]), 0.005 * h, 6)])
 
 
@@ -134,9 +141,23 @@ def bicycle_helmet(shape: BodyShape, light: bool = False) -> Mesh:
             )
         )
     strap = tube(
-        np.array([(0.012, s * y, z) for s, y, z in ((1, 0.052, 0.08), (1, 0.046, 0.03), (1, 0.02, 0.006), (-1, 0.02, 0.006), (-1, 0.046, 0.03), (-1, 0.052, 0.08))]) * h,
-        0.003 * h, 5,
-    )  # fmt: skip
+        np.array(
+            [
+                (0.012, s * y, z)
+                for s, y, z in (
+                    (1, 0.052, 0.08),
+                    (1, 0.046, 0.03),
+                    (1, 0.02, 0.006),
+                    (-1, 0.02, 0.006),
+                    (-1, 0.046, 0.03),
+                    (-1, 0.052, 0.08),
+                )
+            ]
+        )
+        * h,
+        0.003 * h,
+        5,
+    )
     return merge([shell, *ribs, strap])
 
 

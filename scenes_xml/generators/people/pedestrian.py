@@ -1,8 +1,8 @@
 """People: a body of rigid segments, each in its own frame, as the walking model of the simulator moves them.
 
-Frames: origin at the joint nearer to the pelvis (head: neck; torso and pelvis: lower end of the spine), x forward, y left, z up;
-straight limbs hang along -z, a foot points along x. Lengths are fractions of the body's height, from V. C. Chen, *The Micro-Doppler
-Effect in Radar*, 2nd ed., 2019, section 4.1; girths are drawn.
+Frames: origin at the joint nearer to the pelvis (head: neck; torso and pelvis: lower end of the spine), x forward, y
+left, z up; straight limbs hang along -z, a foot points along x. Lengths are fractions of the body's height, from V. C.
+Chen, *The Micro-Doppler Effect in Radar*, 2nd ed., 2019, section 4.1; girths are drawn.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class BodyShape:
     shoulders, hips : float
         Widths of the upper and of the lower trunk over those of the average adult.
     leg_inset, arm_inset : float
-        By how much the limbs are drawn nearer to the middle than their joints [heights]: the model's joints stand as far apart as
-        the outer measures of pelvis and shoulders. Limbs turn about y, so the motion is the same.
+        By how much the limbs are drawn nearer to the middle than their joints [heights]: the model's joints stand as
+        far apart as the outer measures of pelvis and shoulders. Limbs turn about y, so the motion is the same.
     """
 
     height: float = 1.75
@@ -100,7 +100,10 @@ def _limb(stations: Stations, length: float, scale: float, few: tuple[float, ...
 
 
 def _six_sided(stations: Stations, length: float, scale: float, at: tuple[float, ...]) -> Mesh:
-    """Return a limb of six sides; its girth, and by Cauchy its mean width over the directions around it, is the round limb's."""
+    """Return a limb of six sides.
+
+    Its girth, and by Cauchy its mean width over the directions around it, is the round limb's.
+    """
     t, rx, ry = np.array(stations).T
     share = np.array(at)
     girth = scale * np.pi / 3.0
@@ -113,10 +116,12 @@ def _six_sided(stations: Stations, length: float, scale: float, at: tuple[float,
 
 
 def body(shape: BodyShape, light: bool = False) -> dict[str, tuple[Mesh, str]]:
-    """Return the shapes of a body, name -> (mesh, role); a name is a segment's, with a suffix where it has several shapes.
+    """Return the shapes of a body, name -> (mesh, role).
 
-    Roles: ``skin``, ``hair``, ``top``, ``trousers``, ``shoes``. A `light` body has one shape for each of the 13 segments and the hair,
-    of a twentieth of the triangles.
+    a name is a segment's, with a suffix where it has several shapes.
+
+    Roles: ``skin``, ``hair``, ``top``, ``trousers``, ``shoes``. A `light` body has one shape for each of the 13
+    segments and the hair, of a twentieth of the triangles.
     """
     h, g = shape.height, shape.height * shape.build
     parts: dict[str, tuple[Mesh, str]] = {
@@ -159,10 +164,12 @@ def _rows(table: list[tuple[float, float, float, float]], h: float, g: float) ->
 
 def _torso(h: float, g: float, shoulders: float, light: bool) -> Mesh:
     table = [
-        (0.000, 0.056, 0.078, 0.000), (0.05, 0.056, 0.079, 0.000), (0.11, 0.061, 0.087, 0.002), (0.19, 0.068, 0.099, 0.004),
-        (0.240, 0.064, 0.116, 0.000), (0.272, 0.053, 0.127, -0.003), (0.297, 0.040, 0.118, -0.006), (0.312, 0.032, 0.070, -0.006),
+        (0.000, 0.056, 0.078, 0.000), (0.05, 0.056, 0.079, 0.000), (0.11, 0.061, 0.087, 0.002), (0.19, 0.068, 0.099,
+        0.004),
+        (0.240, 0.064, 0.116, 0.000), (0.272, 0.053, 0.127, -0.003), (0.297, 0.040, 0.118, -0.006), (0.312, 0.032,
+        0.070, -0.006),
         (0.320, 0.026, 0.035, -0.005),
-    ]  # fmt: skip
+    ]  # fmt: skip # a table
     table = [(z, depth, width * (1.0 + (shoulders - 1.0) * min(z / 0.24, 1.0)), x) for z, depth, width, x in table]
     if light:
         return loft(_rows([table[k] for k in (0, 3, 5, 8)], h, g), 8, 2.4)
@@ -171,9 +178,10 @@ def _torso(h: float, g: float, shoulders: float, light: bool) -> Mesh:
 
 def _pelvis(h: float, g: float, hips: float, light: bool) -> Mesh:
     table = [
-        (-0.055, 0.030, 0.050, -0.004), (-0.035, 0.056, 0.086, -0.006), (0.0, 0.064, 0.097, -0.006), (0.03, 0.060, 0.090, -0.002),
+        (-0.055, 0.030, 0.050, -0.004), (-0.035, 0.056, 0.086, -0.006), (0.0, 0.064, 0.097, -0.006), (0.03, 0.060,
+        0.090, -0.002),
         (0.055, 0.057, 0.080, 0.0),
-    ]  # fmt: skip
+    ]  # fmt: skip # a table
     table = [
         (z, depth, width * (hips if z <= 0.0 else 1.0 + (hips - 1.0) * (1.0 - z / 0.055)), x)
         for z, depth, width, x in table
@@ -229,9 +237,12 @@ def _hair(h: float, light: bool) -> Mesh:
 def _hand(h: float) -> Mesh:
     tip = LOWER_ARM * h * 0.95
     rows = [
-        (-tip, 0.014, 0.010), (-tip - 0.02 * h, 0.021, 0.011), (-tip - 0.045 * h, 0.021, 0.012), (-tip - 0.075 * h, 0.017, 0.010),
+        (-tip, 0.014, 0.010),
+        (-tip - 0.02 * h, 0.021, 0.011),
+        (-tip - 0.045 * h, 0.021, 0.012),
+        (-tip - 0.075 * h, 0.017, 0.010),
         (-tip - 0.088 * h, 0.008, 0.006),
-    ]  # fmt: skip
+    ]
     return loft(np.array([(z, a * h, b * h, 0.004 * h, 0.0) for z, a, b in rows]), 12, 2.3)
 
 

@@ -1,4 +1,7 @@
-"""A body in a fixed posture: one who stands, sits on a saddle or holds a handlebar. Limbs reach their ends by two-link geometry."""
+"""A body in a fixed posture: standing, on a saddle, or holding a handlebar.
+
+Limbs reach their ends by two-link geometry.
+"""
 
 from __future__ import annotations
 

@@ -13,7 +13,10 @@ from .vegetation import TreeShape, blob, tree, tufts
 def hedge(
     line: Array, height: float = 1.3, width: float = 0.7, seed: int = 0, step: float = 0.22, rough: float = 0.05
 ) -> Mesh:
-    """Return a clipped hedge along a line, shape (n, 3) [m] on the ground; its faces are uneven by `rough` [m], uv in 1.5 m."""
+    """Return a clipped hedge along a line, shape (n, 3) [m] on the ground.
+
+    Its faces are uneven by `rough` [m], uv in 1.5 m.
+    """
     line = resample(np.asarray(line, float), step)
     half = width / 2
     side = np.linspace(-0.15, height - 0.08, max(3, int(height / step) + 1))
@@ -74,7 +77,7 @@ def flowers(places: Array, seed: int, height: float = 0.28) -> tuple[Mesh, Mesh]
 
 
 def street_tree(shape: TreeShape, seed: int, is_light: bool) -> dict[str, Mesh]:
-    """Return a tree as `vegetation.tree`, or with `is_light` its ``trunk`` and ``core`` alone, the crown of four blobs."""
+    """Return a tree as `vegetation.tree`, or with `is_light` its ``trunk`` and ``core``, a crown of four blobs."""
     if not is_light:
         return tree(shape, seed)
     generator = np.random.default_rng(seed)

@@ -69,7 +69,7 @@ def _cards(centres: Array, normals: Array, outward: Array, sizes: Array, generat
 
 
 def tree(shape: TreeShape, seed: int) -> dict[str, Mesh]:
-    """Return ``trunk``, ``core`` (the shaded inside of the crown) and ``leaves`` of a broad-leaved tree, foot at the origin."""
+    """Return ``trunk``, ``core`` (inside of the crown) and ``leaves`` of a broad-leaved tree, foot at the origin."""
     generator = np.random.default_rng(seed)
     crown_height = shape.height - shape.crown_base
     middle = np.array([0.0, 0.0, shape.crown_base + 0.5 * crown_height])

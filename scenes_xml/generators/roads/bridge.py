@@ -16,9 +16,14 @@ DECK = 0.30
 
 
 def overpass(
-    piers: Sequence[float], abutment: float, clearance: float = 5.0, width: float = 10.0, girder: float = 0.9, reach: float = 80.0,
+    piers: Sequence[float],
+    abutment: float,
+    clearance: float = 5.0,
+    width: float = 10.0,
+    girder: float = 0.9,
+    reach: float = 80.0,
     is_light: bool = False,
-) -> dict[str, Mesh]:  # fmt: skip
+) -> dict[str, Mesh]:
     """Return ``road``, ``deck``, ``girders``, ``piers``, ``railing`` and ``bank`` of a bridge.
 
     Parameters

@@ -1,4 +1,7 @@
-"""Waypoints of what moves: a way along joined centre lines at a speed that changes smoothly, on the ground as it is built."""
+"""Waypoints of what moves.
+
+A way along joined centre lines at a speed that changes smoothly, on the ground as it is built.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,10 @@ def joined(*lines: Array) -> Array:
 
 
 def smooth(line: Array, sigma: float) -> Array:
-    """Return a plane line without jumps of curvature: averaged over some `sigma` [m], in steps of `STEP`; the ends stay straight."""
+    """Return a plane line without jumps of curvature: averaged over some `sigma` [m], in steps of `STEP`.
+
+    The ends stay straight.
+    """
     s = length_along(line)
     even = np.arange(0.0, s[-1], STEP)
     points = np.column_stack([np.interp(even, s, line[:, k]) for k in (0, 1)])
@@ -36,9 +42,14 @@ def smooth(line: Array, sigma: float) -> Array:
 
 
 def drive(
-    line: Array, times: Array, speeds: Sequence[tuple[float, float]], start: float = 0.0, ground: Ground | None = None,
-    sigma: float = 1.5, offset: float = 0.0,
-) -> tuple[Array, Array]:  # fmt: skip
+    line: Array,
+    times: Array,
+    speeds: Sequence[tuple[float, float]],
+    start: float = 0.0,
+    ground: Ground | None = None,
+    sigma: float = 1.5,
+    offset: float = 0.0,
+) -> tuple[Array, Array]:
     """Return positions (n, 3) [m] and headings (n,) [deg] at `times` [s].
 
     Parameters

@@ -59,7 +59,10 @@ class Ground:
 
 
 def far_field(radius: float, seed: int, base: float, start: float = 120.0) -> Mesh:
-    """Return land from `start` to `radius` [m] about the origin: level at `base` [m], hills beyond 330 m; uv in 11 m."""
+    """Return land from `start` to `radius` [m] about the origin: level at `base` [m], hills beyond 330 m.
+
+    Its uv is in tiles of 11 m.
+    """
     r = np.concatenate([[start, 200.0, 300.0], np.geomspace(370.0, radius, 10)])
     angle = np.linspace(0, 2 * np.pi, 61)
     x, y = r[:, None] * np.cos(angle), r[:, None] * np.sin(angle)

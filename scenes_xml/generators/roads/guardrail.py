@@ -8,9 +8,10 @@ from ..geometry.mesh import Array, Mesh, extrude, grid, merge, outward
 from .road import RoadCurve
 
 BEAM_FRONT = np.array(
-    [(-0.155, 0.004), (-0.148, 0.012), (-0.122, 0.066), (-0.110, 0.078), (-0.095, 0.081), (-0.080, 0.078), (-0.068, 0.066),
+    [(-0.155, 0.004), (-0.148, 0.012), (-0.122, 0.066), (-0.110, 0.078), (-0.095, 0.081), (-0.080, 0.078), (-0.068,
+    0.066),
      (-0.030, 0.012), (-0.016, 0.002), (0.0, 0.0)]
-)  # fmt: skip
+)  # fmt: skip # a table
 """Lower half of the beam's front line: height about the middle and depth towards the road [m] (310 x 83 mm beam)."""
 
 SHEET = 0.004

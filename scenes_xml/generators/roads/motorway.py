@@ -1,4 +1,7 @@
-"""Parts of a motorway: guardrails that follow wide bends with few triangles, median barrier, noise wall, emergency telephone."""
+"""Parts of a motorway.
+
+Guardrails that follow wide bends with few triangles, median barrier, noise wall, emergency telephone.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,10 @@ SHEET = 0.004
 
 
 def rail(curve: RoadCurve, s: Array, offset: float, side: int, height: float = 0.60) -> Mesh:
-    """Return a W-beam along the arc lengths `s` whose back lies at `offset`; `side` is +1 if the road lies to its left [m]."""
+    """Return a W-beam along the arc lengths `s` whose back lies at `offset`.
+
+    `side` is +1 if the road lies to its left [m].
+    """
     profile = np.vstack([BEAM, BEAM[::-1] - [SHEET, 0.0], BEAM[:1]])
     ring = np.column_stack([offset + side * profile[:, 0], height + profile[:, 1]])
     return sweep(curve, s, ring if side < 0 else ring[::-1])

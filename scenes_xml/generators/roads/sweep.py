@@ -20,10 +20,13 @@ def stations(curve: RoadCurve, start: float, stop: float, step: float = 4.0) -> 
 
 
 def sweep(curve: RoadCurve, s: Array, profile: Array, tile: tuple[float, float] = (1.0, 1.0)) -> Mesh:
-    """Return the surface of an open `profile`, shape (n, 2): offset to the left and height [m], along the arc lengths `s` [m].
+    """Return the surface of an open `profile`, shape (n, 2).
 
-    Texture: u = arc length / tile[0], v = way along the profile / tile[1] [m]. The front looks to the right of the profile's direction
-    as seen along the road: a profile over the road from the left foot to the right one faces inwards.
+    Offset to the left and height [m], along the arc lengths `s` [m].
+
+    Texture: u = arc length / tile[0], v = way along the profile / tile[1] [m]. The front looks to the right of the
+    profile's direction as seen along the road: a profile over the road from the left foot to the right one faces
+    inwards.
     """
     profile = np.asarray(profile, float)
     points = curve.point(s[:, None], profile[None, :, 0], profile[None, :, 1])
@@ -66,6 +69,9 @@ def row(
 def lane_line(
     curve: RoadCurve, start: float, stop: float, offset: float, height: float = 0.0, step: float = 2.0
 ) -> Array:
-    """Return the centre line of a lane from `start` to `stop` (against the road where it is smaller), points `step` apart, shape (n, 3)."""
+    """Return the centre line of a lane from `start` to `stop`, points `step` [m] apart, shape (n, 3).
+
+    Against the road where `stop` is smaller.
+    """
     s = np.linspace(start, stop, max(2, int(np.ceil(abs(stop - start) / step)) + 1))
     return curve.point(s, offset, height)

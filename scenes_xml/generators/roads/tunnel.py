@@ -20,7 +20,10 @@ LOWER = 2.8
 
 @dataclass(frozen=True)
 class Bore:
-    """Inner shape: half width between the walls, whether it is an arch, height of the crown or ceiling, and of the walkway [m]."""
+    """Inner shape of a tunnel [m].
+
+    Half width between the walls, whether it is an arch, height of the crown or ceiling, and of the walkway.
+    """
 
     half: float
     is_arch: bool
@@ -157,7 +160,10 @@ def luminaire(length: float = 1.5) -> dict[str, Mesh]:
 
 
 def lane_signal() -> dict[str, Mesh]:
-    """Return ``case``, ``front`` and ``hanger`` of a lane signal over a lane that faces -x; its lower edge is at the origin."""
+    """Return ``case``, ``front`` and ``hanger`` of a lane signal over a lane that faces -x.
+
+    Its lower edge is at the origin.
+    """
     plate = np.array([[(-0.161, -0.4, 0.05), (-0.161, 0.4, 0.05)], [(-0.161, -0.4, 0.85), (-0.161, 0.4, 0.85)]])
     uv = np.array([[(1.0, 1.0), (0.0, 1.0)], [(1.0, 0.0), (0.0, 0.0)]])
     hanger = merge([box((0.05, 0.05, 1.2), (0.0, y, 1.5)) for y in (-0.3, 0.3)])
@@ -216,7 +222,10 @@ def exit_door() -> dict[str, Mesh]:
 
 
 def box_sign(width: float = 0.6, height: float = 0.6) -> dict[str, Mesh]:
-    """Return ``case`` and ``faces`` of a lit sign that stands out from a wall: it reaches from the origin to +y, faces +-x."""
+    """Return ``case`` and ``faces`` of a lit sign that stands out from a wall.
+
+    It reaches from the origin to +y, faces +-x.
+    """
     faces = []
     for x, flip in ((-0.061, False), (0.061, True)):
         corners = np.array([[(x, 0.05, 0.0), (x, 0.05 + width, 0.0)], [(x, 0.05, height), (x, 0.05 + width, height)]])

@@ -37,7 +37,10 @@ def walk_lanes(
 
 
 def split_near(line: Array, places: Array) -> list[Array]:
-    """Return the pieces of a plane line between the points nearest to `places`, in the order of the line; the places become ends."""
+    """Return the pieces of a plane line between the points nearest to `places`, in the order of the line.
+
+    The places become ends.
+    """
     line = np.asarray(line, float)[:, :2]
     cuts = sorted(
         (int(np.argmin(np.linalg.norm(line - place, axis=1))), tuple(place))

@@ -19,7 +19,8 @@ class Way(RoadCurve):
     Attributes
     ----------
     bends : sequence of (start, stop, radius)
-        Arc lengths between which it bends, and the radius [m], positive = to the left; the curvature grows and falls over `transition`.
+        Arc lengths between which it bends, and the radius [m], positive = to the left; the curvature grows and falls
+        over `transition`.
     heights : sequence of (arc length, height)
         Points of a natural cubic spline [m]; none = level.
     crown : float
@@ -36,7 +37,7 @@ class Way(RoadCurve):
     step: float = 0.05
 
     def __post_init__(self) -> None:
-        """Integrate as the base does, then move the line so that it runs along +x through the origin at arc length 0."""
+        """Integrate as the base does, then move the line: along +x through the origin at arc length 0."""
         super().__post_init__()
         s, x, y, heading = self._table  # type: ignore[attr-defined]
         x0, y0, turn = (float(np.interp(0.0, s, column)) for column in (x, y, heading))
@@ -70,7 +71,10 @@ class Way(RoadCurve):
         return points
 
     def line(self, start: float, stop: float, offset: float = 0.0, step: float = 2.0) -> Array:
-        """Return points at `offset`, shape (n, 3) [m], from one arc length to another (against the road where it is smaller)."""
+        """Return points at `offset` from one arc length to another, shape (n, 3) [m].
+
+        Against the road where the second is smaller.
+        """
         s = np.linspace(start, stop, max(2, int(np.ceil(abs(stop - start) / step)) + 1))
         return self.point(s, offset)
 

@@ -1,4 +1,7 @@
-"""A bus stop: shelter with glass walls, bench, lit poster and a post with its sign. It is open to -y, its back stands at y = 0."""
+"""A bus stop: shelter with glass walls, bench, lit poster and a post with its sign.
+
+It is open to -y, its back stands at y = 0.
+"""
 
 from __future__ import annotations
 

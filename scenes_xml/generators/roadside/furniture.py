@@ -26,7 +26,10 @@ def delineator() -> dict[str, Mesh]:
 
 
 def _face(outline: Array, z: float, x: float, thickness: float = 0.012) -> tuple[Mesh, Mesh]:
-    """Return the printed front (at -x) and the rest of a flat sign; `outline` (n, 2) in y and z about its middle [m]."""
+    """Return the printed front (at -x) and the rest of a flat sign.
+
+    `outline` (n, 2) in y and z about its middle [m].
+    """
     outline = np.asarray(outline, float)
     n = len(outline)
     ring = np.column_stack([np.full(n, x - thickness), outline[:, 0], outline[:, 1] + z])
@@ -49,7 +52,10 @@ def _face(outline: Array, z: float, x: float, thickness: float = 0.012) -> tuple
 
 
 def sign(kind: str, height: float = 2.15) -> dict[str, Mesh]:
-    """Return ``face``, ``back`` and ``pole`` of a sign: ``round``, ``triangle``, ``square`` or ``board``; `height` of its middle [m]."""
+    """Return ``face``, ``back`` and ``pole`` of a sign: ``round``, ``triangle``, ``square`` or ``board``.
+
+    `height` of its middle [m].
+    """
     if kind == "round":
         angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
         outline = 0.32 * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -155,7 +161,9 @@ def street_lamp(height: float = 5.2) -> dict[str, Mesh]:
 
 
 def sign_stack(*signs: tuple[str, float]) -> dict[str, Mesh]:
-    """Return ``face_0``, ``face_1`` ..., ``back`` and ``pole`` of signs (kind, height of the middle [m]) on one pole, the highest first.
+    """Return ``face_0``, ``face_1`` ..., ``back`` and ``pole`` of signs on one pole, the highest first.
+
+    Signs are pairs of kind and height of the middle [m].
 
     A kind ``yield`` is a triangle on its tip.
     """
@@ -176,6 +184,9 @@ def sign_stack(*signs: tuple[str, float]) -> dict[str, Mesh]:
 
 
 def _upside_down(part: Mesh, height: float) -> Mesh:
-    """Return a part of a sign at height 0, turned by 180 deg about x and lifted; the picture turns with it, so uv is turned back."""
+    """Return a part of a sign at height 0, turned by 180 deg about x and lifted.
+
+    The picture turns with it, so uv is turned back.
+    """
     uv = None if part.uv is None else np.column_stack([1.0 - part.uv[:, 0], 1.0 - part.uv[:, 1]])
     return Mesh(part.vertices * [1.0, -1.0, -1.0] + [0.0, 0.0, height], part.faces, uv)

@@ -8,7 +8,10 @@ from ..geometry.mesh import Mesh, box, merge
 
 
 def gantry(right: float, left: float, height: float = 6.6, is_light: bool = False) -> dict[str, Mesh]:
-    """Return ``frame`` of a portal of lattice beams between feet at y = `right` and y = `left`; `height` of the lower chord [m]."""
+    """Return ``frame`` of a portal of lattice beams between feet at y = `right` and y = `left`.
+
+    `height` of the lower chord [m].
+    """
     span, middle = left - right, 0.5 * (left + right)
     bars = [box((0.10, span, 0.10), (x, middle, z)) for x in (-0.4, 0.4) for z in (height, height + 0.9)]
     for y in (right, left):

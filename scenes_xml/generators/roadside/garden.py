@@ -1,4 +1,7 @@
-"""Things of streets and gardens: fences, walls, bins, manhole covers, post boxes. Foot at the origin, or along a line on the ground."""
+"""Things of streets and gardens: fences, walls, bins, manhole covers, post boxes.
+
+Foot at the origin, or along a line on the ground.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Things of the country: power poles with wires, straw bales, and land beside a road whose cells have different surfaces."""
+"""Things of the country.
+
+Power poles with wires, straw bales, and land beside a road whose cells have different surfaces.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ def power_pole() -> dict[str, Mesh]:
 
 
 def wires(feet: Array, headings: Array, sag: float = 0.9, pieces: int = 8) -> Mesh:
-    """Return three wires that sag between poles with `feet`, shape (n, 3) [m], whose lines run along `headings` [rad]."""
+    """Return three wires that sag between poles with `feet`, shape (n, 3) [m], and `headings` [rad] of the lines."""
     parts = []
     for a, b, turn_a, turn_b in zip(feet, feet[1:], headings, headings[1:], strict=False):
         for y in (-ARM_REACH, 0.0, ARM_REACH):

@@ -33,7 +33,10 @@ def _visor(z: float, x: float, segments: int = 9) -> Mesh:
 
 
 def head(is_light: bool = False) -> dict[str, Mesh]:
-    """Return ``case``, ``red``, ``amber`` and ``green`` of a head 0.96 m high with a backing board; its lower edge is at the origin."""
+    """Return ``case``, ``red``, ``amber`` and ``green`` of a head 0.96 m high with a backing board.
+
+    Its lower edge is at the origin.
+    """
     x = -0.20
     case = [box((0.19, 0.30, 0.96), (-0.105, 0.0, 0.48)), box((0.012, 0.62, 1.25), (-0.05, 0.0, 0.48))]
     heights = {"red": 0.80, "amber": 0.48, "green": 0.16}
@@ -44,7 +47,10 @@ def head(is_light: bool = False) -> dict[str, Mesh]:
 
 
 def walker_head() -> dict[str, Mesh]:
-    """Return ``case``, ``red`` and ``green`` of a head for people on foot, 0.55 m high; its lower edge is at the origin."""
+    """Return ``case``, ``red`` and ``green`` of a head for people on foot, 0.55 m high.
+
+    Its lower edge is at the origin.
+    """
     case = merge(
         [
             Mesh(m.vertices, m.faces)

@@ -1,4 +1,7 @@
-"""Textures by file name: tileable surfaces of 256 to 512 pixels, which builders of scenes share; each is made from a seed."""
+"""Textures by file name: tileable surfaces of 256 to 512 pixels, which builders of scenes share.
+
+Each is made from a seed.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,10 @@ Colour = tuple[float, float, float]
 
 
 def save(path: Path, image: Array | Image.Image, levels: int = 32) -> None:
-    """Write a PNG: an image as it is, an array (h, w[, 3]) of sRGB 0 to 1 rounded to `levels` steps, so that files stay small."""
+    """Write a PNG: an image as it is, or sRGB 0 to 1 of shape (h, w[, 3]).
+
+    Arrays are rounded to `levels` steps, so that files stay small.
+    """
     if isinstance(image, Image.Image):
         image.save(path, optimize=True)
     else:
@@ -166,9 +172,12 @@ def sign_crossing(seed: int, size: int = 192) -> Image.Image:
     draw.polygon([(big * 0.5, big * 0.12), (big * 0.90, big * 0.84), (big * 0.10, big * 0.84)], fill=_WHITE)
     draw.ellipse((big * 0.485, big * 0.30, big * 0.565, big * 0.38), fill=_BLACK)
     for line in (
-        [(0.52, 0.39), (0.49, 0.56)], [(0.49, 0.56), (0.56, 0.64), (0.57, 0.75)], [(0.49, 0.56), (0.44, 0.65), (0.37, 0.73)],
-        [(0.52, 0.42), (0.45, 0.47), (0.41, 0.54)], [(0.52, 0.42), (0.58, 0.49), (0.64, 0.50)],
-    ):  # fmt: skip
+        [(0.52, 0.39), (0.49, 0.56)],
+        [(0.49, 0.56), (0.56, 0.64), (0.57, 0.75)],
+        [(0.49, 0.56), (0.44, 0.65), (0.37, 0.73)],
+        [(0.52, 0.42), (0.45, 0.47), (0.41, 0.54)],
+        [(0.52, 0.42), (0.58, 0.49), (0.64, 0.50)],
+    ):
         draw.line([(x * big, y * big) for x, y in line], fill=_BLACK, width=big // 26, joint="curve")
     for x in np.arange(0.24, 0.76, 0.13):
         draw.rectangle((x * big, 0.77 * big, (x + 0.065) * big, 0.82 * big), fill=_BLACK)
@@ -215,7 +224,9 @@ def sign_chevron(seed: int) -> Image.Image:
     return textures.chevrons(256, 64)
 
 
-def _surface(function: Callable[[int, int], Any], shift: int, size: int, seed: int) -> Any:
+def _surface(
+    function: Callable[[int, int], Image.Image | Array], shift: int, size: int, seed: int
+) -> Image.Image | Array:
     return function(size, seed + shift)
 
 

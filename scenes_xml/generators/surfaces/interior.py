@@ -58,7 +58,7 @@ MATERIALS: dict[str, Bsdf] = {
     "sign_70": _printed("sign_70.png", "metal", 0.6),
     "sign_parking": _printed("sign_parking.png"),
     "sign_height": _printed("sign_height.png", "metal", 0.6),
-}  # fmt: skip
+}
 """Name of the bsdf -> its properties."""
 
 
@@ -78,7 +78,10 @@ def lining_concrete(seed: int, size: int = 256) -> Array:
 
 
 def lining_coated(seed: int, size: int = 256) -> Array:
-    """Return a light coating in panels of 1.25 m x half the wall's height, dirty at the foot, shape (size, size, 3); v = 0 is the foot."""
+    """Return a light coating in panels of 1.25 m x half the wall's height, dirty at the foot, shape (size, size, 3).
+
+    v = 0 is the foot.
+    """
     tone = mottled(size, seed + 311, 0.86, 0.012, 0.02)
     k = np.arange(size)
     up = 1.0 - (k + 0.5) / size
@@ -101,7 +104,7 @@ def garage_floor(seed: int, size: int = 512) -> Array:
     return textures.tinted(tone, (0.16, 0.17, 0.175), (0.80, 0.81, 0.81))
 
 
-def font(size: float) -> Any:
+def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Return the type of signs."""
     return ImageFont.load_default(size)
 
@@ -133,9 +136,12 @@ def running_man(size: int, ground: tuple[int, int, int] = (0, 120, 60)) -> Image
     draw.rectangle([0.60 * s, 0.12 * s, 0.88 * s, 0.90 * s], fill=white)
     draw.ellipse([0.36 * s, 0.12 * s, 0.48 * s, 0.24 * s], fill=white)
     for line in (
-        [(0.40, 0.28), (0.34, 0.52)], [(0.34, 0.52), (0.46, 0.62), (0.42, 0.84)], [(0.34, 0.52), (0.28, 0.70), (0.12, 0.74)],
-        [(0.38, 0.32), (0.24, 0.36), (0.18, 0.48)], [(0.40, 0.32), (0.50, 0.42), (0.58, 0.38)],
-    ):  # fmt: skip
+        [(0.40, 0.28), (0.34, 0.52)],
+        [(0.34, 0.52), (0.46, 0.62), (0.42, 0.84)],
+        [(0.34, 0.52), (0.28, 0.70), (0.12, 0.74)],
+        [(0.38, 0.32), (0.24, 0.36), (0.18, 0.48)],
+        [(0.40, 0.32), (0.50, 0.42), (0.58, 0.38)],
+    ):
         draw.line([(x * s, y * s) for x, y in line], fill=white, width=int(0.075 * s), joint="curve")
     return image.resize((size, size), Image.Resampling.LANCZOS)
 

@@ -54,7 +54,10 @@ def asphalt(size: int, seed: int, tracks: tuple[float, ...], span: float) -> Arr
 
 
 def puddles(size: int, seed: int, tracks: tuple[float, ...], span: float) -> Array:
-    """Return where water stands on a road, shape (size, size), 0 dry to 1 deep: worn wheel tracks and dips; see `asphalt`."""
+    """Return where water stands on a road, shape (size, size), 0 dry to 1 deep: worn wheel tracks and dips.
+
+    See `asphalt`.
+    """
     across = (np.arange(size) + 0.5) / size * span
     ruts = sum(np.exp(-(((across - t) / 0.22) ** 2)) for t in tracks)
     dips = periodic_noise(size, seed, 1.5, 1.0, 60.0)
@@ -63,7 +66,10 @@ def puddles(size: int, seed: int, tracks: tuple[float, ...], span: float) -> Arr
 
 
 def crack_lines(size: int, seed: int) -> Array:
-    """Return a mask, shape (size, size), of sealed cracks: thin level sets of smooth noise where a second noise is high."""
+    """Return a mask, shape (size, size), of sealed cracks.
+
+    Thin level sets of smooth noise where a second noise is high.
+    """
     field = periodic_noise(size, seed, 1.6, 1.0, 60.0)
     where = periodic_noise(size, seed + 1, 1.5, 1.0, 6.0)
     return (np.abs(field) < 0.012) & (where > 0.9)

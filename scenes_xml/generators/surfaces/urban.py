@@ -38,7 +38,9 @@ MATERIALS: dict[str, Bsdf] = {
     "facade_brick": _wall("facade_brick.png", lidar=0.4),
     "facade_stone": _wall("facade_stone.png", "concrete", 0.4),
     "facade_trim": Bsdf("principled", "concrete", 0.5, TYPICAL, color=(0.52, 0.50, 0.46), floats={"roughness": 0.6}),
-    "shelter_glass": Bsdf("principled", "glass", 0.05, TYPICAL, color=(0.10, 0.14, 0.15), floats={"roughness": 0.05, "specular": 0.6}),
+    "shelter_glass": Bsdf(
+        "principled", "glass", 0.05, TYPICAL, color=(0.10, 0.14, 0.15), floats={"roughness": 0.05, "specular": 0.6}
+    ),
     "manhole_iron": Bsdf("principled", "metal", 0.2, TYPICAL, texture="manhole.png", floats={"roughness": 0.6}),
     "poster": Bsdf("principled", "glass", 0.3, TYPICAL, texture="poster.png", floats=COATED),
     "sign_directions": _sign("sign_directions.png"),
@@ -48,7 +50,7 @@ MATERIALS: dict[str, Bsdf] = {
     "sign_ahead": _sign("sign_ahead.png"),
     "sign_exit_way": _sign("sign_exit_way.png"),
     "noise_panel": Bsdf("principled", "wood", 0.4, TYPICAL, texture="noise_panel.png", floats=ROUGH, wets=0.4),
-}  # fmt: skip
+}
 """Name of the bsdf -> its properties."""
 
 

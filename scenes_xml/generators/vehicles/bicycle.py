@@ -1,7 +1,8 @@
 """A city bicycle: diamond frame, fork, wheels with spokes, cranks and pedals, from its measures.
 
-Frame: origin on the ground below the middle, x forward, y left, z up; the chain is on the right. Cranks and pedals are in the frames
-in which the simulator's pedalling model turns them: origin at the axle, left crank along x; pedals at their own axle, level.
+Frame: origin on the ground below the middle, x forward, y left, z up; the chain is on the right. Cranks and pedals are
+in the frames in which the simulator's pedalling model turns them: origin at the axle, left crank along x; pedals at
+their own axle, level.
 """
 
 from __future__ import annotations
@@ -79,7 +80,10 @@ def without_ends(bar: Mesh, segments: int) -> Mesh:
 
 
 def spokes(hub: float, rim: float, flange: float, number: int, thickness: float) -> Mesh:
-    """Return tangential wire spokes from the flanges of a hub to a rim, as three-sided wires [m]; those up to 8 without end faces."""
+    """Return tangential wire spokes from the flanges of a hub to a rim, as three-sided wires [m].
+
+    Those up to 8 without end faces.
+    """
     wires = []
     for k in range(number):
         at = 2.0 * np.pi * k / number
@@ -112,11 +116,12 @@ def _frame(shape: BicycleShape, segments: int) -> Mesh:
     bracket, seat_top = shape.seat_tube(0.0), shape.seat_tube(0.50)
     low, high = shape.steering(0.42), shape.steering(0.56)
     tubes = [
-        _line(bracket, seat_top, radius=0.016, segments=segments), _line(low, high, radius=0.020, segments=segments),
+        _line(bracket, seat_top, radius=0.016, segments=segments),
+        _line(low, high, radius=0.020, segments=segments),
         _line(shape.seat_tube(0.47), high - 0.02 * (high - low), radius=0.015, segments=segments),
         _line(bracket, low + 0.2 * (high - low), radius=0.019, segments=segments),
         tube(bracket + np.array([[0.0, -0.037, 0.0], [0.0, 0.037, 0.0]]), 0.023, segments),
-    ]  # fmt: skip
+    ]
     for side in (-1.0, 1.0):
         out = np.array([0.0, side * 0.058, 0.0])
         near = np.array([0.0, side * 0.030, 0.0])
@@ -178,10 +183,12 @@ def mudguard(axle: Array, radius: float, start_deg: float, stop_deg: float, widt
     away = radius - 0.010 * across**2
     points = np.stack(
         [
-            axle[0] + np.cos(angle)[:, None] * away, np.broadcast_to(width * across, (rows, 5)), axle[2] + np.sin(angle)[:, None] * away,
+            axle[0] + np.cos(angle)[:, None] * away,
+            np.broadcast_to(width * across, (rows, 5)),
+            axle[2] + np.sin(angle)[:, None] * away,
         ],
         axis=-1,
-    )  # fmt: skip
+    )
     return grid(points)
 
 
@@ -212,8 +219,9 @@ def cranks(shape: BicycleShape, light: bool) -> Mesh:
     segments = 4 if light else 10
     axle = tube(np.array([[0.0, -0.066, 0.0], [0.0, 0.066, 0.0]]), 0.011, segments)
     arms = [
-        tube(np.array([[0.0, s * 0.062, 0.0], [s * shape.crank, s * 0.074, 0.0]]), np.array([0.015, 0.011]), segments) for s in (1.0, -1.0)
-    ]  # fmt: skip
+        tube(np.array([[0.0, s * 0.062, 0.0], [s * shape.crank, s * 0.074, 0.0]]), np.array([0.015, 0.011]), segments)
+        for s in (1.0, -1.0)
+    ]
     teeth = (
         light_disc(0.088, 0.004, 8)
         if light
@@ -239,8 +247,8 @@ def pedal(shape: BicycleShape, side: float, light: bool) -> Mesh:
 def build(shape: BicycleShape, light: bool = False) -> Parts:
     """Return the parts of a bicycle, name -> (mesh, role).
 
-    Roles: ``paint``, ``tyre``, ``rim``, ``chrome``, ``trim``, ``headlamp``, ``taillamp``. The parts ``cranks``, ``left_pedal`` and
-    ``right_pedal`` are in their own frames.
+    Roles: ``paint``, ``tyre``, ``rim``, ``chrome``, ``trim``, ``headlamp``, ``taillamp``. The parts ``cranks``,
+    ``left_pedal`` and ``right_pedal`` are in their own frames.
     """
     segments = 4 if light else 10
     bar, grips = _handlebar(shape, segments)
@@ -274,8 +282,14 @@ def build(shape: BicycleShape, light: bool = False) -> Parts:
     if not light:
         guard = shape.wheel_radius + 0.025
         parts["mudguards"] = (
-            merge([mudguard(shape.front, guard, 35.0, 165.0, 0.026, 18), mudguard(shape.rear, guard, 20.0, 190.0, 0.026, 22)]), "trim",
-        )  # fmt: skip
+            merge(
+                [
+                    mudguard(shape.front, guard, 35.0, 165.0, 0.026, 18),
+                    mudguard(shape.rear, guard, 20.0, 190.0, 0.026, 22),
+                ]
+            ),
+            "trim",
+        )
         parts["rack"] = (_rack(shape), "trim")
         parts["chain"] = (_chain(shape), "rim")
     return parts

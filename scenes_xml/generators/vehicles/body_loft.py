@@ -1,4 +1,6 @@
-"""Bodies of vans, buses and cabs of lorries: rounded cross-sections along x with wheel arches, and panels that lie on them.
+"""Bodies of vans, buses and cabs of lorries.
+
+Rounded cross-sections along x with wheel arches, and panels that lie on them.
 
 Local frame: origin on the ground below the middle of the vehicle, x forward, y left, z up.
 """
@@ -105,10 +107,14 @@ def _ring(shape: BodyShape, x: float, inset: float, top: float, lean: PchipInter
     y_top, z_top = y[-1] - edge + edge * np.cos(turn), shoulder + edge * np.sin(turn)
     inner = y_top[-1] * np.array([0.7, 0.35, 0.0] if fine else [0.0])
     tunnel = min(shape.tunnel, y[0] - 0.01)
-    half = np.concatenate([
-        [[0.0, low], [tunnel, low], [tunnel, arch]], np.column_stack([y, z]), np.column_stack([y_top, z_top]),
-        np.column_stack([inner, np.full(len(inner), top)]),
-    ])  # fmt: skip
+    half = np.concatenate(
+        [
+            [[0.0, low], [tunnel, low], [tunnel, arch]],
+            np.column_stack([y, z]),
+            np.column_stack([y_top, z_top]),
+            np.column_stack([inner, np.full(len(inner), top)]),
+        ]
+    )
     ring = np.concatenate([half, half[-2:0:-1] * [-1.0, 1.0]])
     return np.column_stack([np.full(len(ring), x), ring])
 
@@ -118,8 +124,9 @@ def _deform(shape: BodyShape, p: Array) -> Array:
     x, y, z = p[..., 0], np.abs(p[..., 1]) / (shape.width / 2), p[..., 2]
     moved = x.copy()
     for end, bow, line, sign in (
-        (shape.front, shape.front_bow, shape.front_shift, -1.0), (shape.rear, shape.rear_bow, shape.rear_shift, 1.0),
-    ):  # fmt: skip
+        (shape.front, shape.front_bow, shape.front_shift, -1.0),
+        (shape.rear, shape.rear_bow, shape.rear_shift, 1.0),
+    ):
         share = np.clip(1.0 - np.abs(end - x) / shape.bow_reach, 0.0, 1.0)
         share = share * share * (3 - 2 * share)
         moved = moved + sign * share * (bow * y**shape.bow_power + _curve(line)(z))

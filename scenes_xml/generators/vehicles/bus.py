@@ -28,13 +28,15 @@ BODY = BodyShape(
     top=((-6.0, 2.90), (-5.6, 2.90), (5.3, 2.90), (6.0, 2.88)),
     arches=((FRONT_AXLE, 0.478, 0.56), (REAR_AXLE, 0.478, 0.56)), tunnel=0.55, edge=0.12,
     lean=((0.0, 1.0), (1.2, 1.0), (2.9, 0.975)),
-    front_shift=((0.0, 0.05), (0.45, 0.0), (1.0, 0.01), (2.9, 0.20)), rear_shift=((0.0, 0.10), (0.5, 0.0), (1.6, 0.0), (2.9, 0.06)),
+    front_shift=((0.0, 0.05), (0.45, 0.0), (1.0, 0.01), (2.9, 0.20)), rear_shift=((0.0, 0.10), (0.5, 0.0), (1.6, 0.0),
+    (2.9, 0.06)),
     front_bow=0.22, rear_bow=0.07, bow_power=4.0, bow_reach=0.75, end_radius=0.07,
     more_stations=(5.8, 5.65, 5.5, 5.35, -5.8, -5.6, -5.4),
-)  # fmt: skip
+)  # fmt: skip # a table
 LIGHT_BODY = replace(
-    BODY, more_stations=(5.3, -5.4, *(x + sign * (radius + 0.004) for x, _, radius in BODY.arches for sign in (-1.0, 1.0)))
-)  # fmt: skip
+    BODY,
+    more_stations=(5.3, -5.4, *(x + sign * (radius + 0.004) for x, _, radius in BODY.arches for sign in (-1.0, 1.0))),
+)
 """Body of the light level. It keeps the upright end walls of the wheel houses."""
 DOORS = ((4.22, 5.46), (-0.35, 0.95), (-4.62, -3.36))
 """Doors on the right side, from and to x [m]."""
@@ -98,10 +100,13 @@ def _trim(body: Mesh) -> Mesh:
         panel(body, _rectangle((-1.19, 1.19), (0.94, 2.80)), FRONT, 1.0, 0.004, cells=(11, 17)),
         panel(body, _rectangle((-1.04, 1.04), (1.56, 2.46)), REAR, 1.0, 0.004, cells=(2, 9)),
         panel(body, _rectangle((-1.18, 1.18), (0.36, 0.46)), FRONT, 1.0, 0.006, cells=(2, 13)),
-        *(panel(body, _rectangle((-0.70, 0.70), (z, z + 0.045)), REAR, 1.0, 0.006, cells=(2, 5)) for z in np.arange(0.92, 1.36, 0.075)),
+        *(
+            panel(body, _rectangle((-0.70, 0.70), (z, z + 0.045)), REAR, 1.0, 0.006, cells=(2, 5))
+            for z in np.arange(0.92, 1.36, 0.075)
+        ),
         *(panel(body, _rectangle((0.70, 1.15), (0.52, 0.82)), FRONT, s, 0.006, cells=(3, 5)) for s in (1.0, -1.0)),
         *(panel(body, _rectangle((0.97, 1.17), (0.76, 1.60)), REAR, s, 0.006, cells=(3, 4)) for s in (1.0, -1.0)),
-    ]  # fmt: skip
+    ]
     for a, b in DOORS:
         parts.append(side_panel(body, _rectangle((a, b), (0.34, 1.18)), 0.009, (4, 2), "right"))
     lines = [np.array([(x, 0.36), (x, 1.14)]) for x in (-5.0, -3.35, -1.7, -0.4, 1.0, 2.3, 4.2)]
@@ -143,7 +148,8 @@ def _roof_units(fine: bool) -> Mesh:
 def underbody(fine: bool) -> Mesh:
     """Return floor plate, axles, gearbox and frame of the bus; at the light level without differential and drive shaft.
 
-    The axles stay at the light level: with the inner walls of the wheel houses they are corners that carry most of a bus's echo.
+    The axles stay at the light level: with the inner walls of the wheel houses they are corners that carry most of a
+    bus's echo.
     """
     floor = box((9.0, 1.06, 0.03), (0.3, 0.0, 0.278))
     parts = [floor, box((1.4, 1.6, 0.10), (-4.6, 0.0, 0.255)), box((1.0, 0.9, 0.12), (-3.9, 0.0, 0.245))]
@@ -178,9 +184,12 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     x = LENGTH / 2 - 0.003
     plates = merge([box((0.06, 0.52, 0.11), (s * (x - 0.03), 0.0, z)) for s, z in ((1.0, 0.55), (-1.0, 0.66))])
     parts: dict[str, tuple[Mesh, str]] = {
-        "body": (painted, "paint"), "glass": (_glass(body, fine), "glass"), "roof_units": (_roof_units(fine), "roof_cover"),
-        **_lamps(body, fine), "underbody": (merge([floor, underbody(fine)]), "underbody"),
-    }  # fmt: skip
+        "body": (painted, "paint"),
+        "glass": (_glass(body, fine), "glass"),
+        "roof_units": (_roof_units(fine), "roof_cover"),
+        **_lamps(body, fine),
+        "underbody": (merge([floor, underbody(fine)]), "underbody"),
+    }
     if not fine:
         return parts | {"plates": (plates, "plate"), **wheels(True)}
     mirrors, mirror_glass = _mirrors()
@@ -188,8 +197,13 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     ends = [panel(body, _rectangle((1.0, 1.14), (1.40, 1.56)), REAR, s, 0.010, cells=(2, 3)) for s in (1.0, -1.0)]
     stripe = [side_panel(body, _rectangle(a, (0.62, 0.74)), 0.006, (2, 3)) for a in ((-5.3, -3.24), (-2.0, 2.66))]
     return parts | {
-        "trim": (_trim(body), "trim"), "plates": (plates, "plate"),
+        "trim": (_trim(body), "trim"),
+        "plates": (plates, "plate"),
         "plate_text": (merge([plate_text(s * x, z, s > 0, 7) for s, z in ((1.0, 0.55), (-1.0, 0.66))]), "trim"),
-        "indicators": (merge([*markers, *ends]), "indicator"), "signs": (_sign(body), "led_sign"), "stripe": (merge(stripe), "stripe_paint"),
-        "mirrors": (mirrors, "trim"), "mirror_glass": (mirror_glass, "mirror_glass"), **wheels(),
-    }  # fmt: skip
+        "indicators": (merge([*markers, *ends]), "indicator"),
+        "signs": (_sign(body), "led_sign"),
+        "stripe": (merge(stripe), "stripe_paint"),
+        "mirrors": (mirrors, "trim"),
+        "mirror_glass": (mirror_glass, "mirror_glass"),
+        **wheels(),
+    }

@@ -76,7 +76,10 @@ def _smoothstep(x: Array) -> Array:
 
 
 def deform(shape: CarShape, p: Array) -> Array:
-    """Return points with the nose and tail bowed in plan and sloped in side view; x = +-half length stays on the axis."""
+    """Return points with the nose and tail bowed in plan and sloped in side view.
+
+    x = +-half length stays on the axis.
+    """
     x, y, z = p[..., 0], p[..., 1] / (shape.width / 2), p[..., 2]
     front = _smoothstep((x - (shape.front_axle + 0.30)) / (shape.half_length - shape.front_axle - 0.30))
     rear = _smoothstep((shape.rear_axle - 0.38 - x) / (shape.half_length + shape.rear_axle - 0.38))
@@ -196,7 +199,10 @@ def cabin_breaks(shape: CarShape) -> Array:
 
 
 def cabin_points(shape: CarShape) -> tuple[Array, Array, int]:
-    """Return the grid of the cabin (rows, columns, 3) [m], the kind of each cell (`_cabin_kinds`), and the columns of its left half."""
+    """Return the grid of the cabin (rows, columns, 3) [m], the kind of each cell, and the columns of its left half.
+
+    Kinds are those of `_cabin_kinds`.
+    """
     breaks = cabin_breaks(shape)
     low = _cabin_outline(shape.cabin_base, shape.cabin_base_width, 0.20, breaks, 0.10)
     high = _cabin_outline(shape.cabin_top, shape.cabin_top_width, 0.10, breaks, 0.06)
@@ -225,12 +231,21 @@ def cabin_points(shape: CarShape) -> tuple[Array, Array, int]:
 
 
 def cabin(shape: CarShape) -> tuple[Mesh, Mesh, Mesh]:
-    """Return the painted, the glazed and the black part of the cabin; together a closed surface with the shell below."""
+    """Return the painted, the glazed and the black part of the cabin.
+
+    Together a closed surface with the shell below.
+    """
     full, kind, _ = cabin_points(shape)
     centre_x = 0.5 * (shape.cabin_top[0] + shape.cabin_top[1])
     surface = grid(full, close_columns=True)
-    flip = np.einsum("i,i->", surface.vertices[surface.faces[0]].mean(0) - [centre_x, 0, 1.0], np.cross(
-        *(surface.vertices[surface.faces[0]][1:] - surface.vertices[surface.faces[0]][0]))) < 0  # fmt: skip
+    flip = (
+        np.einsum(
+            "i,i->",
+            surface.vertices[surface.faces[0]].mean(0) - [centre_x, 0, 1.0],
+            np.cross(*(surface.vertices[surface.faces[0]][1:] - surface.vertices[surface.faces[0]][0])),
+        )
+        < 0
+    )
     surface = surface.flipped() if flip else surface
     pieces = [weld(Mesh(surface.vertices, surface.faces[np.repeat(kind.ravel() == k, 2)])) for k in range(3)]
     return pieces[0], pieces[1], pieces[2]
@@ -259,9 +274,20 @@ def wheel(shape: CarShape, x: float, left: bool) -> tuple[Mesh, Mesh, Mesh]:
     """Return tyre, bright rim and dark wheel well of one wheel (left: outer side at +y)."""
     r, half = shape.wheel_radius, 0.105
     rim = r - 0.095
-    tyre = np.array([
-        (rim, -half * 0.9), (rim + 0.02, -half), (r - 0.03, -half), (r - 0.008, -half * 0.86), (r, -half * 0.6), (r, half * 0.6),
-        (r - 0.008, half * 0.86), (r - 0.03, half), (rim + 0.02, half), (rim, half * 0.9)])  # fmt: skip
+    tyre = np.array(
+        [
+            (rim, -half * 0.9),
+            (rim + 0.02, -half),
+            (r - 0.03, -half),
+            (r - 0.008, -half * 0.86),
+            (r, -half * 0.6),
+            (r, half * 0.6),
+            (r - 0.008, half * 0.86),
+            (r - 0.03, half),
+            (rim + 0.02, half),
+            (rim, half * 0.9),
+        ]
+    )
     dark = np.array([(0.0005, -0.07), (rim, -0.075), (rim, 0.03), (0.0005, 0.035)])
     lip = np.array(
         [(rim - 0.022, 0.06), (rim - 0.006, 0.099), (rim + 0.006, 0.099), (rim + 0.004, 0.085), (rim - 0.022, 0.03)]
@@ -330,9 +356,9 @@ def build(shape: CarShape, turning_wheels: bool = False, mirrors_apart: bool = F
     """Return the parts of a car: name -> (mesh, role); the role names the kind of material.
 
     Roles: ``paint``, ``glass``, ``trim``, ``tyre``, ``rim``, ``headlamp``, ``taillamp``, ``chrome``, ``plate``. With
-    `turning_wheels` each tyre and rim is a part of its own (``wheel_front_left_tyre``), about the centre of `wheel_centre`;
-    else all tyres are one part and all rims another. With `mirrors_apart` the outside mirrors are a part of their own, not of the
-    body.
+    `turning_wheels` each tyre and rim is a part of its own (``wheel_front_left_tyre``), about the centre of
+    `wheel_centre`; else all tyres are one part and all rims another. With `mirrors_apart` the outside mirrors are a
+    part of their own, not of the body.
     """
     lower, dark = shell(shape)
     painted, glazed, black = cabin(shape)

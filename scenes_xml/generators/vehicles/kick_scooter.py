@@ -1,4 +1,7 @@
-"""An electric kick scooter: deck, steering column, small wheels, lamps. Frame: origin on the ground below the middle, x forward, y left."""
+"""An electric kick scooter: deck, steering column, small wheels, lamps.
+
+Frame: origin on the ground below the middle, x forward, y left.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,10 @@ def _wheel(shape: KickScooterShape, light: bool) -> tuple[Mesh, Mesh]:
 
 
 def build(shape: KickScooterShape, light: bool = False) -> Parts:
-    """Return the parts of a kick scooter, name -> (mesh, role): ``paint``, ``trim``, ``chrome``, ``tyre``, ``rim``, ``headlamp``, ``taillamp``."""
+    """Return the parts of a kick scooter, name -> (mesh, role).
+
+    ``paint``, ``trim``, ``chrome``, ``tyre``, ``rim``, ``headlamp``, ``taillamp``.
+    """
     segments, half, radius = 4 if light else 12, shape.wheelbase / 2.0, shape.wheel_radius
     x, y, z = shape.grip
     base, top = np.array([half - 0.035, 0.0, 0.30]), np.array([x + 0.02, 0.0, z - 0.02])

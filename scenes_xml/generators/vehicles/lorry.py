@@ -31,15 +31,18 @@ CAB = BodyShape(
     front_shift=((0.0, 0.03), (0.9, 0.0), (1.7, 0.03), (3.0, 0.26)), rear_shift=((0.0, 0.0), (3.2, 0.0)),
     front_bow=0.22, rear_bow=0.0, bow_power=4.0, bow_reach=0.7, end_radius=0.06,
     more_stations=(4.6, 4.45, 4.3, 4.15),
-)  # fmt: skip
+)  # fmt: skip # a table
 LIGHT_STATIONS = (4.2,)
 panel = partial(decal.panel, reach=7.0)
 FRONT, REAR = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
 WHEELS = {
-    "front_left": (FRONT_AXLE, True), "front_right": (FRONT_AXLE, False),
-    "middle_left": (REAR_AXLES[0], True), "middle_right": (REAR_AXLES[0], False),
-    "rear_left": (REAR_AXLES[1], True), "rear_right": (REAR_AXLES[1], False),
-}  # fmt: skip
+    "front_left": (FRONT_AXLE, True),
+    "front_right": (FRONT_AXLE, False),
+    "middle_left": (REAR_AXLES[0], True),
+    "middle_right": (REAR_AXLES[0], False),
+    "rear_left": (REAR_AXLES[1], True),
+    "rear_right": (REAR_AXLES[1], False),
+}
 """Name of each wheel -> x of its axle [m], and whether it is on the left."""
 
 
@@ -70,19 +73,26 @@ def _cab_trim(body: Mesh, floor: Mesh) -> Mesh:
     rows = np.arange(0.98, 1.50, 0.13)
     visor = np.array([(4.72, 2.80), (4.86, 2.74), (4.86, 2.77), (4.72, 2.84)])
     steps = [box((0.34, 0.10, 0.12), (4.23, 1.17, 0.50)), box((0.34, 0.06, 0.04), (4.23, 1.205, 0.82))]
-    return merge([
-        floor,
-        *(panel(body, _rectangle((-0.80, 0.80), (z, z + 0.09)), FRONT, 1.0, 0.012, cells=(2, 9)) for z in rows),
-        panel(body, _rectangle((-1.20, 1.20), (0.66, 0.72)), FRONT, 1.0, 0.014, cells=(2, 15)),
-        panel(body, ((-1.16, 1.60), (1.16, 1.60), (1.11, 2.72), (-1.11, 2.72)), FRONT, 1.0, 0.004, cells=(9, 15)),
-        *(panel(body, _rectangle((0.74, 1.17), (0.76, 1.02)), FRONT, s, 0.006, cells=(3, 6)) for s in (1.0, -1.0)),
-        prism([(float(x), float(z)) for x, z in visor - [0.14, 0.0]], -1.0, 1.0),
-        *(_both(step) for step in steps),
-        strips(body, [np.array([(3.22, 1.20), (3.22, 2.66), (4.30, 2.66), (4.54, 1.60), (4.56, 1.00), (4.10, 1.00)])], 0.014, 0.003),
-        strips(body, [np.array([(3.30, 1.46), (3.50, 1.46)])], 0.045, 0.03),
-        *(bar((4.76, y0, 1.62), (4.71, y1, 2.05), 0.012, 5) for y0, y1 in ((0.1, 0.62), (-0.7, -0.18), (0.9, 1.0))),
-        box((0.10, 2.2, 1.9), (2.58, 0.0, 2.05)),
-    ])  # fmt: skip
+    return merge(
+        [
+            floor,
+            *(panel(body, _rectangle((-0.80, 0.80), (z, z + 0.09)), FRONT, 1.0, 0.012, cells=(2, 9)) for z in rows),
+            panel(body, _rectangle((-1.20, 1.20), (0.66, 0.72)), FRONT, 1.0, 0.014, cells=(2, 15)),
+            panel(body, ((-1.16, 1.60), (1.16, 1.60), (1.11, 2.72), (-1.11, 2.72)), FRONT, 1.0, 0.004, cells=(9, 15)),
+            *(panel(body, _rectangle((0.74, 1.17), (0.76, 1.02)), FRONT, s, 0.006, cells=(3, 6)) for s in (1.0, -1.0)),
+            prism([(float(x), float(z)) for x, z in visor - [0.14, 0.0]], -1.0, 1.0),
+            *(_both(step) for step in steps),
+            strips(
+                body,
+                [np.array([(3.22, 1.20), (3.22, 2.66), (4.30, 2.66), (4.54, 1.60), (4.56, 1.00), (4.10, 1.00)])],
+                0.014,
+                0.003,
+            ),
+            strips(body, [np.array([(3.30, 1.46), (3.50, 1.46)])], 0.045, 0.03),
+            *(bar((4.76, y0, 1.62), (4.71, y1, 2.05), 0.012, 5) for y0, y1 in ((0.1, 0.62), (-0.7, -0.18), (0.9, 1.0))),
+            box((0.10, 2.2, 1.9), (2.58, 0.0, 2.05)),
+        ]
+    )
 
 
 def _mirrors() -> tuple[Mesh, Mesh]:
@@ -218,8 +228,11 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     ends = ((1.0, 0.80), (-1.0, 0.62))
     plates = merge([box((0.04, 0.52, 0.11), (s * (x - 0.02), 0.0, z)) for s, z in ends])
     parts: dict[str, tuple[Mesh, str]] = {
-        "cab": (merge([painted, _deflector()]), "paint"), "load_box": (panels, "box_panel"), "glass": (_glass(body, fine), "glass"), **_lamps(body, fine),
-    }  # fmt: skip
+        "cab": (merge([painted, _deflector()]), "paint"),
+        "load_box": (panels, "box_panel"),
+        "glass": (_glass(body, fine), "glass"),
+        **_lamps(body, fine),
+    }
     if not fine:
         (x0, x1), (z0, z1) = BOX
         whole = box((x1 - x0, WIDTH, z1 - z0), (0.5 * (x0 + x1), 0.0, 0.5 * (z0 + z1)))
@@ -240,8 +253,16 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     markers = [_both(box((0.10, 0.012, 0.04), (x, 1.240, 0.84))) for x in (-0.4, 1.3, -4.0)]
     markers += [box((0.05, 0.12, 0.12), (-4.766, s * 1.208, 0.86)) for s in (1.0, -1.0)]
     return parts | {
-        "frame": (frame, "frame_aluminium"), "marking": (marking, "contour_marking"), "chassis": (_chassis(), "chassis"),
-        "tank": (_tank(), "frame_aluminium"), "mudguards": (merge(guards), "trim"), "trim": (_cab_trim(body, floor), "trim"),
-        "plates": (plates, "plate"), "plate_text": (merge([plate_text(s * x, z, s > 0, 9) for s, z in ends]), "trim"),
-        "indicators": (merge(markers), "indicator"), "mirrors": (mirrors, "trim"), "mirror_glass": (mirror_glass, "mirror_glass"), **wheels(),
-    }  # fmt: skip
+        "frame": (frame, "frame_aluminium"),
+        "marking": (marking, "contour_marking"),
+        "chassis": (_chassis(), "chassis"),
+        "tank": (_tank(), "frame_aluminium"),
+        "mudguards": (merge(guards), "trim"),
+        "trim": (_cab_trim(body, floor), "trim"),
+        "plates": (plates, "plate"),
+        "plate_text": (merge([plate_text(s * x, z, s > 0, 9) for s, z in ends]), "trim"),
+        "indicators": (merge(markers), "indicator"),
+        "mirrors": (mirrors, "trim"),
+        "mirror_glass": (mirror_glass, "mirror_glass"),
+        **wheels(),
+    }

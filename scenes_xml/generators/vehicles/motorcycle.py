@@ -56,9 +56,10 @@ def _mirror(point: tuple[float, float, float], side: float) -> Array:
 
 def _tank(light: bool) -> Mesh:
     rows = [
-        (0.70, 0.15, 0.10, 0.06), (0.74, 0.24, 0.135, 0.08), (0.82, 0.275, 0.155, 0.10), (0.90, 0.25, 0.150, 0.12), (0.955, 0.18, 0.115, 0.13),
+        (0.70, 0.15, 0.10, 0.06), (0.74, 0.24, 0.135, 0.08), (0.82, 0.275, 0.155, 0.10), (0.90, 0.25, 0.150, 0.12),
+        (0.955, 0.18, 0.115, 0.13),
         (0.975, 0.10, 0.06, 0.13),
-    ]  # fmt: skip
+    ]  # fmt: skip # a table
     if light:
         rows = [rows[k] for k in (0, 2, 5)]
     return loft(np.array([(z, a, b, x, 0.0) for z, a, b, x in rows]), 8 if light else 26, 2.4)
@@ -133,9 +134,13 @@ def _front(shape: MotorcycleShape, segments: int) -> Mesh:
     half, radius = shape.wheelbase / 2.0, shape.wheel_radius
     x, y, z = shape.grip
     tubes = [
-        tube(np.array([[half, s * 0.098, radius], [half - 0.09, s * 0.098, 0.55], [0.475, s * 0.098, 0.98]]), np.array([0.032, 0.030, 0.022]), segments)
+        tube(
+            np.array([[half, s * 0.098, radius], [half - 0.09, s * 0.098, 0.55], [0.475, s * 0.098, 0.98]]),
+            np.array([0.032, 0.030, 0.022]),
+            segments,
+        )
         for s in (-1.0, 1.0)
-    ]  # fmt: skip
+    ]
     tubes += [box((0.07, 0.24, 0.035), (0.49, 0.0, height)) for height in (0.80, 0.965)]
     bar = [
         (x, y + 0.09, z),
@@ -174,7 +179,14 @@ def build(shape: MotorcycleShape, light: bool = False) -> Parts:
         )
         for s in (-1.0, 1.0)
     ]
-    pegs = [tube(np.array([_mirror(shape.peg, s) - [0.0, s * 0.05, 0.0], _mirror(shape.peg, s) + [0.0, s * 0.05, 0.0]]), 0.014, 3 if light else 6) for s in (-1.0, 1.0)]  # fmt: skip
+    pegs = [
+        tube(
+            np.array([_mirror(shape.peg, s) - [0.0, s * 0.05, 0.0], _mirror(shape.peg, s) + [0.0, s * 0.05, 0.0]]),
+            0.014,
+            3 if light else 6,
+        )
+        for s in (-1.0, 1.0)
+    ]
     guard = mudguard(np.array([half, 0.0, radius]), radius + 0.03, 35.0, 150.0, 0.065, 4 if light else 14)
     lamp = ellipsoid((0.565, 0.0, 0.86), (0.075, 0.10, 0.10), rows=3 if light else 12, segments=6 if light else 22)
     parts: Parts = {
@@ -194,12 +206,29 @@ def build(shape: MotorcycleShape, light: bool = False) -> Parts:
         holder = tube(np.array([[-0.80, 0.0, 0.74], [-0.925, 0.0, 0.63], [-0.925, 0.0, 0.50]]), 0.02, 8)
         hugger = mudguard(np.array([-half, 0.0, radius]), radius + 0.025, 20.0, 110.0, 0.085, 12)
         radiator = box((0.035, 0.28, 0.26), (0.385, 0.0, 0.55))
-        stalks = [tube(np.array([(x + 0.02, s * (y - 0.06), z), (x + 0.03, s * (y + 0.02), z + 0.13), (x + 0.02, s * (y + 0.05), z + 0.16)]), 0.006, 6) for s in (-1.0, 1.0)]  # fmt: skip
+        stalks = [
+            tube(
+                np.array(
+                    [
+                        (x + 0.02, s * (y - 0.06), z),
+                        (x + 0.03, s * (y + 0.02), z + 0.13),
+                        (x + 0.02, s * (y + 0.05), z + 0.16),
+                    ]
+                ),
+                0.006,
+                6,
+            )
+            for s in (-1.0, 1.0)
+        ]
         mirrors = [
             ellipsoid((x + 0.02, s * (y + 0.07), z + 0.17), (0.018, 0.065, 0.042), rows=8, segments=14)
             for s in (-1.0, 1.0)
         ]
-        blinkers = [ellipsoid((bx, s * by, bz), (0.03, 0.028, 0.022), rows=6, segments=10) for s in (-1.0, 1.0) for bx, by, bz in ((0.55, 0.19, 0.83), (-0.80, 0.16, 0.70))]  # fmt: skip
+        blinkers = [
+            ellipsoid((bx, s * by, bz), (0.03, 0.028, 0.022), rows=6, segments=10)
+            for s in (-1.0, 1.0)
+            for bx, by, bz in ((0.55, 0.19, 0.83), (-0.80, 0.16, 0.70))
+        ]
         parts["trim"] = (merge([holder, hugger, radiator, *stalks, *mirrors]), "trim")
         parts["blinkers"] = (merge(blinkers), "indicator")
     return parts

@@ -20,13 +20,15 @@ OUTER = WIDTH / 2 - 0.035
 
 BODY = BodyShape(
     front=LENGTH / 2 - 0.03, rear=-LENGTH / 2 + 0.02, width=WIDTH - 0.02, floor=0.27,
-    top=((-2.95, 2.52), (-2.5, 2.585), (-1.0, 2.60), (0.3, 2.60), (0.85, 2.545), (1.12, 2.36), (1.95, 1.33), (2.1, 1.255), (2.55, 1.13), (2.95, 0.98)),
+    top=((-2.95, 2.52), (-2.5, 2.585), (-1.0, 2.60), (0.3, 2.60), (0.85, 2.545), (1.12, 2.36), (1.95, 1.33), (2.1,
+    1.255), (2.55, 1.13), (2.95, 0.98)),
     arches=((FRONT_AXLE, 0.345, 0.42), (REAR_AXLE, 0.345, 0.42)), tunnel=0.70, edge=0.13,
     lean=((0.0, 0.93), (0.45, 0.985), (0.9, 1.0), (1.3, 0.995), (2.0, 0.955), (2.6, 0.915)),
-    front_shift=((0.0, 0.10), (0.45, 0.0), (0.75, 0.02), (1.2, 0.16), (2.6, 0.3)), rear_shift=((0.0, 0.04), (0.5, 0.0), (1.2, 0.0), (2.6, 0.07)),
+    front_shift=((0.0, 0.10), (0.45, 0.0), (0.75, 0.02), (1.2, 0.16), (2.6, 0.3)), rear_shift=((0.0, 0.04), (0.5, 0.0),
+    (1.2, 0.0), (2.6, 0.07)),
     front_bow=0.27, rear_bow=0.03, bow_power=2.4, bow_reach=0.9, end_radius=0.08,
     more_stations=(2.25, 2.1, 1.95, 1.8, 1.6, 1.4, 1.25, 1.12, 1.0, 0.85, 0.65),
-)  # fmt: skip
+)  # fmt: skip # a table
 LIGHT = (2.1, 1.95, 1.12, 0.75)
 """Stations of the light level."""
 WINDSCREEN = ((-0.80, 1.33), (0.80, 1.33), (0.70, 2.28), (-0.70, 2.28))
@@ -79,22 +81,42 @@ def _lamps(body: Mesh, fine: bool) -> dict[str, tuple[Mesh, str]]:
 
 def _trim(body: Mesh) -> Mesh:
     """Return bumpers, grille, rubbing strips, door gaps, wipers and the rear step."""
-    return merge([
-        _across(body, ((-0.93, 0.30), (0.93, 0.30), (0.95, 0.56), (-0.95, 0.56)), FRONT, (4, 15), 0.014),
-        _pair(body, ((0.50, 0.77), (0.925, 0.82), (0.885, 1.14), (0.57, 0.99)), FRONT, (4, 6), 0.004),
-        *(_across(body, ((-0.50, z), (0.50, z), (0.50, z + 0.045), (-0.50, z + 0.045)), FRONT, (2, 9), 0.012) for z in (0.70, 0.765, 0.83)),
-        _across(body, ((-0.97, 0.33), (0.97, 0.33), (0.97, 0.55), (-0.97, 0.55)), REAR, (2, 9), 0.012),
-        side_panel(body, ((-1.20, 0.66), (1.46, 0.66), (1.46, 0.76), (-1.20, 0.76)), 0.010, (2, 8)),
-        side_panel(body, ((-2.86, 0.66), (-2.16, 0.66), (-2.16, 0.76), (-2.86, 0.76)), 0.010, (2, 4)),
-        side_panel(body, ((-1.24, 0.30), (1.50, 0.30), (1.50, 0.38), (-1.24, 0.38)), 0.006, (2, 6)),
-        strips(body, [
-            np.array([(0.50, 0.40), (0.50, 2.28)]), np.array([(1.48, 0.80), (1.50, 1.05), (1.72, 1.30), (1.72, 1.36), (1.06, 2.16), (0.50, 2.16)]),
-            np.array([(-0.85, 0.80), (-0.85, 2.28)]), np.array([(-0.85, 2.28), (0.50, 2.28)]), np.array([(-2.75, 1.35), (-0.85, 1.35)]),
-        ], 0.010, 0.002),
-        panel(body, ((-0.008, 0.58), (0.008, 0.58), (0.008, 2.42), (-0.008, 2.42)), REAR, 1.0, 0.002, cells=(10, 2)),
-        strips(body, [np.array([(0.56, 1.12), (0.74, 1.12)]), np.array([(0.30, 1.12), (0.46, 1.12)])], 0.035, 0.025),
-        *(bar((x0, y0, 1.31), (x1, y1, 1.37), 0.010, 5) for x0, y0, x1, y1 in ((2.06, -0.10, 1.945, -0.68), (2.06, 0.62, 1.945, 0.06))),
-    ])  # fmt: skip
+    return merge(
+        [
+            _across(body, ((-0.93, 0.30), (0.93, 0.30), (0.95, 0.56), (-0.95, 0.56)), FRONT, (4, 15), 0.014),
+            _pair(body, ((0.50, 0.77), (0.925, 0.82), (0.885, 1.14), (0.57, 0.99)), FRONT, (4, 6), 0.004),
+            *(
+                _across(body, ((-0.50, z), (0.50, z), (0.50, z + 0.045), (-0.50, z + 0.045)), FRONT, (2, 9), 0.012)
+                for z in (0.70, 0.765, 0.83)
+            ),
+            _across(body, ((-0.97, 0.33), (0.97, 0.33), (0.97, 0.55), (-0.97, 0.55)), REAR, (2, 9), 0.012),
+            side_panel(body, ((-1.20, 0.66), (1.46, 0.66), (1.46, 0.76), (-1.20, 0.76)), 0.010, (2, 8)),
+            side_panel(body, ((-2.86, 0.66), (-2.16, 0.66), (-2.16, 0.76), (-2.86, 0.76)), 0.010, (2, 4)),
+            side_panel(body, ((-1.24, 0.30), (1.50, 0.30), (1.50, 0.38), (-1.24, 0.38)), 0.006, (2, 6)),
+            strips(
+                body,
+                [
+                    np.array([(0.50, 0.40), (0.50, 2.28)]),
+                    np.array([(1.48, 0.80), (1.50, 1.05), (1.72, 1.30), (1.72, 1.36), (1.06, 2.16), (0.50, 2.16)]),
+                    np.array([(-0.85, 0.80), (-0.85, 2.28)]),
+                    np.array([(-0.85, 2.28), (0.50, 2.28)]),
+                    np.array([(-2.75, 1.35), (-0.85, 1.35)]),
+                ],
+                0.010,
+                0.002,
+            ),
+            panel(
+                body, ((-0.008, 0.58), (0.008, 0.58), (0.008, 2.42), (-0.008, 2.42)), REAR, 1.0, 0.002, cells=(10, 2)
+            ),
+            strips(
+                body, [np.array([(0.56, 1.12), (0.74, 1.12)]), np.array([(0.30, 1.12), (0.46, 1.12)])], 0.035, 0.025
+            ),
+            *(
+                bar((x0, y0, 1.31), (x1, y1, 1.37), 0.010, 5)
+                for x0, y0, x1, y1 in ((2.06, -0.10, 1.945, -0.68), (2.06, 0.62, 1.945, 0.06))
+            ),
+        ]
+    )
 
 
 def _mirrors() -> tuple[Mesh, Mesh]:
@@ -129,8 +151,11 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     x = LENGTH / 2 - 0.003
     plates = merge([box((0.06, 0.52, 0.11), (s * (x - 0.03), 0.0, z)) for s, z in ((1.0, 0.45), (-1.0, 0.66))])
     parts: dict[str, tuple[Mesh, str]] = {
-        "body": (painted, "paint"), "glass": (_glass(body, fine), "glass"), **_lamps(body, fine), "plates": (plates, "plate"),
-    }  # fmt: skip
+        "body": (painted, "paint"),
+        "glass": (_glass(body, fine), "glass"),
+        **_lamps(body, fine),
+        "plates": (plates, "plate"),
+    }
     if not fine:
         return parts | {"trim": (floor, "trim"), "underbody": (under["floor"], "underbody"), **wheels(True)}
     mirrors, mirror_glass = _mirrors()
@@ -138,6 +163,8 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
         "trim": (merge([floor, _trim(body)]), "trim"),
         "plate_text": (merge([plate_text(s * x, z, s > 0, 5) for s, z in ((1.0, 0.45), (-1.0, 0.66))]), "trim"),
         "indicators": (side_panel(body, ((1.42, 0.90), (1.50, 0.90), (1.50, 0.94), (1.42, 0.94)), 0.008), "indicator"),
-        "mirrors": (mirrors, "trim"), "mirror_glass": (mirror_glass, "mirror_glass"),
-        "underbody": (merge(list(under.values())), "underbody"), **wheels(),
-    }  # fmt: skip
+        "mirrors": (mirrors, "trim"),
+        "mirror_glass": (mirror_glass, "mirror_glass"),
+        "underbody": (merge(list(under.values())), "underbody"),
+        **wheels(),
+    }

@@ -12,7 +12,7 @@ Point = tuple[float, float, float]
 
 
 def plate_text(x: float, z: float, forward: bool, seed: int, size: tuple[float, float] = (0.52, 0.11)) -> Mesh:
-    """Return seven block letters, 2 mm thick, on a number plate whose outer face is at `x`, about the height `z` [m]."""
+    """Return seven block letters, 2 mm thick, on a number plate with its outer face at `x`, about height `z` [m]."""
     generator = np.random.default_rng(seed)
     width, height = size
     sign = 1.0 if forward else -1.0
@@ -45,7 +45,10 @@ def lens(
 
 
 def prism(outline: Sequence[tuple[float, float]], low: float, high: float) -> Mesh:
-    """Return the prism of an x-z `outline` [m] between y = `low` and `high`; the outline is star-shaped about its mean."""
+    """Return the prism of an x-z `outline` [m] between y = `low` and `high`.
+
+    The outline is star-shaped about its mean.
+    """
     points = np.array(outline, float)
     n = len(points)
     k = np.arange(n)
@@ -61,17 +64,29 @@ def prism(outline: Sequence[tuple[float, float]], low: float, high: float) -> Me
 def car_underbody(
     front_axle: float, rear_axle: float, width: float, length: float, floor: float, radius: float
 ) -> dict[str, Mesh]:
-    """Return the floor plate, subframes, axles, silencer and exhaust of a car; floor = height of the bodywork's lower edge [m]."""
+    """Return the floor plate, subframes, axles, silencer and exhaust of a car.
+
+    Floor = height of the bodywork's lower edge [m].
+    """
     low, half = floor - 0.008, 0.42 * width
     parts = {
-        "floor": box((front_axle - rear_axle - 2 * radius - 0.24, 2 * half, 0.012), (0.5 * (front_axle + rear_axle), 0.0, low - 0.006)),
+        "floor": box(
+            (front_axle - rear_axle - 2 * radius - 0.24, 2 * half, 0.012),
+            (0.5 * (front_axle + rear_axle), 0.0, low - 0.006),
+        ),
         "tunnel": box((front_axle - rear_axle + 0.1, 0.20, 0.03), (0.5 * (front_axle + rear_axle), 0.0, low - 0.03)),
         "subframe": box((0.62, 0.82, 0.05), (front_axle, 0.0, low - 0.026)),
-        "silencer": outward(revolve(np.array([(0.0, -0.26), (0.07, -0.26), (0.08, -0.23), (0.08, 0.23), (0.07, 0.26), (0.0, 0.26)]), 10, "y")).moved((-length / 2 + 0.42, 0.1, floor + 0.01)),
+        "silencer": outward(
+            revolve(
+                np.array([(0.0, -0.26), (0.07, -0.26), (0.08, -0.23), (0.08, 0.23), (0.07, 0.26), (0.0, 0.26)]), 10, "y"
+            )
+        ).moved((-length / 2 + 0.42, 0.1, floor + 0.01)),
         "exhaust": bar((front_axle - 0.1, 0.16, low - 0.03), (-length / 2 + 0.42, 0.16, low - 0.02), 0.025),
-        "tail_pipe": bar((-length / 2 + 0.40, 0.34, floor + 0.01), (-length / 2 + 0.035, 0.52, floor + 0.035), 0.028, 8),
+        "tail_pipe": bar(
+            (-length / 2 + 0.40, 0.34, floor + 0.01), (-length / 2 + 0.035, 0.52, floor + 0.035), 0.028, 8
+        ),
         "beam": bar((rear_axle, -width / 2 + 0.24, radius - 0.06), (rear_axle, width / 2 - 0.24, radius - 0.06), 0.035),
-    }  # fmt: skip
+    }
     for side in (1.0, -1.0):
         inner, outer = 0.30 * side, (width / 2 - 0.20) * side
         parts[f"arm_{side:+.0f}"] = bar((front_axle + 0.03, inner, floor), (front_axle, outer, radius - 0.10), 0.022)

@@ -12,7 +12,10 @@ from ..geometry.mesh import Array, Mesh, merge, outward, revolve
 
 @dataclass(frozen=True)
 class WheelShape:
-    """Measures of a wheel [m]: outer radius, radius of the rim, width of a tyre, distance of the middles of twin tyres (0: one)."""
+    """Measures of a wheel [m].
+
+    Outer radius, radius of the rim, width of a tyre, distance of the middles of twin tyres (0: one).
+    """
 
     radius: float
     rim_radius: float
@@ -25,22 +28,45 @@ class WheelShape:
 def _tyre(shape: WheelShape) -> Mesh:
     r, rim, half = shape.radius, shape.rim_radius, shape.tyre_width / 2
     wall = r - rim
-    profile = np.array([
-        (rim, -0.80 * half), (rim + 0.25 * wall, -half), (r - 0.28 * wall, -half), (r - 0.05 * wall, -0.86 * half), (r, -0.70 * half),
-        (r, 0.70 * half), (r - 0.05 * wall, 0.86 * half), (r - 0.28 * wall, half), (rim + 0.25 * wall, half), (rim, 0.80 * half),
-    ])  # fmt: skip
+    profile = np.array(
+        [
+            (rim, -0.80 * half),
+            (rim + 0.25 * wall, -half),
+            (r - 0.28 * wall, -half),
+            (r - 0.05 * wall, -0.86 * half),
+            (r, -0.70 * half),
+            (r, 0.70 * half),
+            (r - 0.05 * wall, 0.86 * half),
+            (r - 0.28 * wall, half),
+            (rim + 0.25 * wall, half),
+            (rim, 0.80 * half),
+        ]
+    )
     return outward(revolve(np.vstack([profile, profile[:1]]), shape.segments, "y"))
 
 
 def _disk(shape: WheelShape) -> Mesh:
-    """Return rim, disk, hub and bolts; the outside looks along +y. The disk of twin wheels lies deep, with a hub that stands out."""
+    """Return rim, disk, hub and bolts; the outside looks along +y.
+
+    The disk of twin wheels lies deep, with a hub that stands out.
+    """
     rim, half, s = shape.rim_radius, shape.tyre_width / 2, shape.segments // 2
     deep = 0.15 * half if shape.twin else 0.72 * half
     hub = 0.92 * half if shape.twin else 1.0 * half
-    profile = np.array([
-        (0.0, -0.7 * half), (rim * 0.97, -0.8 * half), (rim * 0.99, 0.84 * half), (rim * 0.93, 0.86 * half), (rim * 0.88, deep * 0.75),
-        (rim * 0.62, deep), (rim * 0.46, deep * 1.02), (rim * 0.40, hub * 0.9), (rim * 0.30, hub), (0.0, hub),
-    ])  # fmt: skip
+    profile = np.array(
+        [
+            (0.0, -0.7 * half),
+            (rim * 0.97, -0.8 * half),
+            (rim * 0.99, 0.84 * half),
+            (rim * 0.93, 0.86 * half),
+            (rim * 0.88, deep * 0.75),
+            (rim * 0.62, deep),
+            (rim * 0.46, deep * 1.02),
+            (rim * 0.40, hub * 0.9),
+            (rim * 0.30, hub),
+            (0.0, hub),
+        ]
+    )
     parts = [outward(revolve(profile, s * 2, "y"))]
     for k in range(shape.bolts):
         angle = 2 * np.pi * k / shape.bolts
@@ -85,7 +111,9 @@ def wheel_parts(
     light: bool,
     light_role: str = "wheel",
 ) -> dict[str, tuple[Mesh, str]]:
-    """Return the shapes of a vehicle's wheels with their roles; `places`: name -> x of the axle [m], and whether it is on the left.
+    """Return the shapes of a vehicle's wheels with their roles.
+
+    `places`: name -> x of the axle [m], and whether it is on the left.
 
     Axles with x > 0 have `front` wheels, the others `rear` ones; outer walls are at abs(y) = `outer` [m].
     At the light level a wheel is one closed disk of the role `light_role`.

@@ -1,4 +1,7 @@
-"""Makes the fixture of a schema version, once, when it is released: ``python -m tests.regression.schema.make VERSION``."""
+"""Makes the fixture of a schema version, once, when it is released.
+
+``python -m tests.regression.schema.make VERSION``.
+"""
 
 from __future__ import annotations
 

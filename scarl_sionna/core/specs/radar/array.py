@@ -29,8 +29,9 @@ def uniform_line(count: int, spacing: float) -> tuple[Position, ...]:
 class AntennaArray(Spec):
     """Transmit and receive antennas, all alike. Positions are in the radar frame: x boresight, y left, z up.
 
-    The default is Table 1 of SCaRL: 3 transmitters and 4 receivers that make a line of 12 virtual elements half a wavelength
-    apart at 77 GHz, half-power beam width +-45 deg in azimuth. The paper gives none in elevation; +-15 deg are this project's.
+    The default is Table 1 of SCaRL: 3 transmitters and 4 receivers that make a line of 12 virtual elements half a
+    wavelength apart at 77 GHz, half-power beam width +-45 deg in azimuth. The paper gives none in elevation; +-15 deg
+    are this project's.
 
     Raises
     ------

@@ -1,12 +1,12 @@
 """Multiplexing: how the chirps of several transmitters share a frame.
 
-Raw data has one row a chirp of any transmitter: chirp m of transmitter i is row ``m * num_tx + i``. Only this module knows
-one kind from another; the others ask :class:`Multiplexing` when a transmitter sends.
+Raw data has one row a chirp of any transmitter: chirp m of transmitter i is row ``m * num_tx + i``. Only this module
+knows one kind from another; the others ask :class:`Multiplexing` when a transmitter sends.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Literal, Protocol
 
 from pydantic import BeforeValidator, Field
 
@@ -25,7 +25,7 @@ class Multiplexing(Protocol):
         """Return the rows of a receiver's raw data in a frame of `num_chirps` chirps a transmitter."""
 
     def doppler_interval(self, chirp_interval: float, num_tx: int) -> float:
-        """Return the time between two chirps of the same transmitter [s], with `chirp_interval` [s] from chirp to chirp."""
+        """Return the time between two chirps of a transmitter [s]; `chirp_interval` [s] is from chirp to chirp."""
 
     def tx_delay(self, tx: int, chirp_interval: float) -> float:
         """Return the start of a transmitter's chirps after the first transmitter's [s]."""
@@ -71,7 +71,7 @@ KINDS: tuple[str, ...] = tuple(item.model_fields["kind"].default for item in (Id
 """Names of all kinds."""
 
 
-def _by_name(value: Any) -> Any:
+def _by_name(value: object) -> object:
     """Return the fields of a multiplexing that was given by its name alone."""
     if not isinstance(value, str):
         return value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -55,13 +55,16 @@ class RadarSpec(Spec):
     elevation_fov_deg: Degrees = Field(30.0, gt=0.0, le=180.0, description="full height that rays are sent over [deg]")
 
     _derived = (
-        ("range_resolution", "m"), ("max_range", "m"), ("velocity_resolution", "m/s"), ("unambiguous_velocity", "m/s"),
+        ("range_resolution", "m"),
+        ("max_range", "m"),
+        ("velocity_resolution", "m/s"),
+        ("unambiguous_velocity", "m/s"),
         ("num_virtual", ""),
-    )  # fmt: skip
+    )
 
     @model_validator(mode="before")
     @classmethod
-    def _refuse_misplaced(cls, data: Any) -> Any:
+    def _refuse_misplaced(cls, data: object) -> object:
         if isinstance(data, Mapping):
             for name, value in data.items():
                 if name not in cls.model_fields:
@@ -84,7 +87,7 @@ class RadarSpec(Spec):
             raise UnknownNameError("radar preset", name, PRESETS)
         return cls(**PRESETS[name])
 
-    def with_(self: RadarT, **changes: Any) -> RadarT:
+    def with_(self: RadarT, **changes: object) -> RadarT:
         """Return a copy with some parts or fields changed; the copy is validated again.
 
         Parameters
@@ -102,7 +105,7 @@ class RadarSpec(Spec):
 
     if not TYPE_CHECKING:  # a type checker reports names that are not there by itself
 
-        def __getattr__(self, name: str) -> Any:
+        def __getattr__(self, name: str) -> object:
             """Say where a field is that stands in a part."""
             place = place_of(type(self), name)
             if place is None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.spec import FieldValue
 
 from .spec import RadarSpec
 
@@ -13,15 +14,19 @@ _PARTS: Mapping[str, Mapping[str, str]] = {
     "waveform": {
         name: name
         for name in (
-            "start_frequency", "bandwidth", "ramp_time", "idle_time", "num_chirps", "num_samples", "sampling_frequency",
+            "start_frequency",
+            "bandwidth",
+            "ramp_time",
+            "idle_time",
+            "num_chirps",
+            "num_samples",
+            "sampling_frequency",
         )
     },
-    "array": {
-        name: name for name in ("tx_positions", "rx_positions", "pattern", "polarization", "max_array_extent")
-    },
+    "array": {name: name for name in ("tx_positions", "rx_positions", "pattern", "polarization", "max_array_extent")},
     "front_end": {name: name for name in ("tx_power_dbm", "noise_figure_db", "source_temperature")},
     "adc": {"adc_bits": "bits", "adc_full_scale_dbm": "full_scale_dbm"},
-}  # fmt: skip
+}
 _LEFT = ("num_rays", "cell_labels")
 """Settings of the simulation that stood among the properties of the radar."""
 
@@ -71,7 +76,7 @@ def read_radar(data: Mapping[str, Any]) -> RadarSpec:
     return RadarSpec(**split_version_0_1(data)[0])
 
 
-def lift_version_0_1(spec: Mapping[str, Any], settings: Any = None) -> tuple[dict[str, Any], Any]:
+def lift_version_0_1(spec: Mapping[str, Any], settings: FieldValue = None) -> tuple[dict[str, Any], FieldValue]:
     """Return the fields of :class:`RadarSpec` and of `RadarSettings` of a radar in a file, in parts or of version 0.1.
 
     Raises

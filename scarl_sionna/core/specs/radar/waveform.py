@@ -1,8 +1,8 @@
 """Waveforms: what a radar sends in a frame, and where the receiver samples it.
 
-A receiver's raw data is a matrix of slow time (chirps: ramps, code periods or symbols) by fast time (complex samples of a
-chirp). :class:`Waveform` is what the rest of the program needs to know of any of them; what only one of them has, the slope of
-a ramp for instance, is read from the waveform itself (``radar.waveform.chirp_slope``).
+A receiver's raw data is a matrix of slow time (chirps: ramps, code periods or symbols) by fast time (complex samples of
+a chirp). :class:`Waveform` is what the rest of the program needs to know of any of them; what only one of them has, the
+slope of a ramp for instance, is read from the waveform itself (``radar.waveform.chirp_slope``).
 """
 
 from __future__ import annotations
@@ -52,7 +52,9 @@ class Waveform(Protocol):
 
 
 class Fmcw(Spec):
-    """Linear frequency modulation: ramps that rise by `bandwidth` in `ramp_time`, de-chirped and sampled from their start.
+    """Linear frequency modulation.
+
+    Ramps that rise by `bandwidth` in `ramp_time`, de-chirped and sampled from their start.
 
     The defaults are Table 1 of SCaRL, at 77 GHz.
 
