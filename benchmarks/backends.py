@@ -3,9 +3,9 @@
     python benchmarks/backends.py [--scene highway_guardrail] [--repeats 3] [--rays 1000000]
     python benchmarks/backends.py --against llvm     LLVM twice: what two runs differ by, of themselves
 
-Each backend has a process of its own. The work: radar paths by several methods, an image with labels, a lidar's scan. Printed for
-each is by how much the numbers of the second process depart from those of the first: a single number relatively, values by the
-largest difference, labels by the share that is another.
+Each backend has a process of its own. The work: radar paths by several methods, an image with labels, a lidar's scan.
+Printed for each is by how much the numbers of the second process depart from those of the first: a single number
+relatively, values by the largest difference, labels by the share that is another.
 """
 
 from __future__ import annotations

@@ -1,7 +1,10 @@
-"""Sample one-line mutants of the code and count how many the tests notice: an answer to "would a test fail if this were wrong?".
+"""Sample one-line mutants of the code and count how many the tests notice.
 
-On demand, not in CI: ``python scripts/mutants.py --count 120 --seed 0`` (needs ``pip install cosmic-ray``, which finds and makes
-the mutants). Works in a copy, runs for each module only the tests that exercise it, and lists the survivors for a person to judge.
+An answer to "would a test fail if this were wrong?".
+
+On demand, not in CI: ``python scripts/mutants.py --count 120 --seed 0`` (needs ``pip install cosmic-ray``, which finds
+and makes the mutants). Works in a copy, runs for each module only the tests that exercise it, and lists the survivors
+for a person to judge.
 """
 
 from __future__ import annotations
@@ -27,33 +30,53 @@ REPO = Path(__file__).resolve().parents[1]
 
 TESTS: dict[str, str] = {
     "signal/plots": "unit/test_prompt_plots",
-    "signal/detection": "unit/test_detection unit/test_radar_chain physics/test_radar_recovery statistics/test_radar_noise",
+    "signal/detection": (
+        "unit/test_detection unit/test_radar_chain physics/test_radar_recovery statistics/test_radar_noise"
+    ),
     "radar/path_plot": "unit/test_prompt_plots",
     "radar/synthesis/blocks": "stability/test_methods physics/test_micro_doppler",
-    "signal/": "unit/test_radar_chain physics/test_radar_recovery statistics/test_radar_noise physics/test_radar_link "
-    "stability/test_wide_array",
+    "signal/": (
+        "unit/test_radar_chain physics/test_radar_recovery statistics/test_radar_noise physics/test_radar_link "
+        "stability/test_wide_array"
+    ),
     "radar/labels/": "physics/test_radar_labels",
     "radar/weather/": "physics/test_weather_clutter physics/test_radar_weather physics/test_weather_drops",
-    "radar/channel/compose/": "unit/test_auto physics/test_hybrid unit/test_channel_plan stability/test_methods "
-    "unit/test_enclosed_scenes",
+    "radar/channel/compose/": (
+        "unit/test_auto physics/test_hybrid unit/test_channel_plan stability/test_methods unit/test_enclosed_scenes"
+    ),
     "radar/channel/raycast/": "unit/test_thinning physics/test_raycast stability/test_raycast unit/test_channel",
-    "radar/channel/multipath/": "physics/test_multipath physics/test_diffraction stability/test_multipath unit/test_sionna_paths "
-    "physics/test_refraction",
+    "radar/channel/multipath/": (
+        "physics/test_multipath physics/test_diffraction stability/test_multipath unit/test_sionna_paths "
+        "physics/test_refraction"
+    ),
     "radar/channel/scatterers": "unit/test_scatterers physics/test_scatterers",
-    "radar/channel/sbr/": "physics/test_sbr_channel stability/test_sbr_channel physics/test_sbr_channel_bistatic unit/test_channel "
-    "physics/test_sbr_channel_diffuse physics/test_sbr_layers",
-    "radar/optics/": "unit/test_tube_shape unit/test_optics unit/test_rcs physics/test_rcs_shapes physics/test_rcs_parts physics/test_rcs_fields "
-    "physics/test_sbr_channel physics/test_radar_near_field",
-    "radar/channel/": "unit/test_channel stability/test_sbr_channel physics/test_sbr_channel physics/test_refraction unit/test_sionna_paths",
+    "radar/channel/sbr/": (
+        "physics/test_sbr_channel stability/test_sbr_channel physics/test_sbr_channel_bistatic unit/test_channel "
+        "physics/test_sbr_channel_diffuse physics/test_sbr_layers"
+    ),
+    "radar/optics/": (
+        "unit/test_tube_shape unit/test_optics unit/test_rcs physics/test_rcs_shapes physics/test_rcs_parts "
+        "physics/test_rcs_fields physics/test_sbr_channel physics/test_radar_near_field"
+    ),
+    "radar/channel/": (
+        "unit/test_channel stability/test_sbr_channel physics/test_sbr_channel physics/test_refraction "
+        "unit/test_sionna_paths"
+    ),
     "radar/scatterers/": "unit/test_scatterers physics/test_scatterers",
-    "radar/synthesis/": "unit/test_radar_chain stability/test_synthesis properties/test_radar_properties physics/test_radar_motion",
+    "radar/synthesis/": (
+        "unit/test_radar_chain stability/test_synthesis properties/test_radar_properties physics/test_radar_motion"
+    ),
     "radar/micro_doppler": "physics/test_micro_doppler physics/test_limb_doppler",
     "radar/rcs": "unit/test_rcs physics/test_rcs_shapes physics/test_rcs_fields",
-    "radar/": "unit/test_radar_chain physics/test_radar_link physics/test_radar_near_field physics/test_radar_motion "
-    "properties/test_radar_properties unit/test_channel physics/test_radar_labels physics/test_multipath",
+    "radar/": (
+        "unit/test_radar_chain physics/test_radar_link physics/test_radar_near_field physics/test_radar_motion "
+        "properties/test_radar_properties unit/test_channel physics/test_radar_labels physics/test_multipath"
+    ),
     "fusion/": "unit/test_rig physics/test_visibility integration/test_demo_frame",
-    "calibration/": "statistics/test_calibration_covariance unit/test_calibration physics/test_calibration_gradients "
-    "physics/test_calibration_body",
+    "calibration/": (
+        "statistics/test_calibration_covariance unit/test_calibration physics/test_calibration_gradients "
+        "physics/test_calibration_body"
+    ),
     "batch/": "unit/test_store unit/test_scenario_hash integration/test_export integration/test_scenario_export",
 }
 """Test files by the beginning of a module's path; the first that fits counts, the quickest tests stand first."""
@@ -70,8 +93,9 @@ OPERATORS = (
     "ReplaceAndWithOr", "ReplaceOrWithAnd", "ReplaceTrueWithFalse", "ReplaceFalseWithTrue", "AddNot", "NumberReplacer",
     "ReplaceUnaryOperator_USub_UAdd", "ReplaceUnaryOperator_Delete_Invert", "ReplaceUnaryOperator_Delete_Not",
     "ReplaceBreakWithContinue", "ReplaceContinueWithBreak", "ZeroIterationForLoop",
-)  # fmt: skip
-"""Of cosmic-ray: those whose result is a plausible slip. Others, such as + for |, fail on floats at once and flatter the rate."""
+)  # fmt: skip # a list of names
+"""Of cosmic-ray: those whose result is a plausible slip. Others, such as + for |, fail on floats at once and flatter
+the rate."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +130,8 @@ def tests_of(path: str) -> list[str]:
 def silent_spans(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     """Return the spans that are left out.
 
-    These are annotations, decorators, texts of errors and warnings, checks that zip's inputs are as long as each other, and
-    numbers at the top of a module: choices that have a chart or a source.
+    These are annotations, decorators, texts of errors and warnings, checks that zip's inputs are as long as each other,
+    and numbers at the top of a module: choices that have a chart or a source.
     """
     module = ast.parse(source)
     quiet: list[ast.AST | None] = [node.value for node in module.body if isinstance(node, (ast.Assign, ast.AnnAssign))]
@@ -184,7 +208,10 @@ def copy_of_repo(folder: Path) -> Path:
 
 
 def run_tests(repo: Path, tests: Sequence[str], cpu_seconds: int) -> tuple[str, float]:
-    """Run tests in a fork of this process, which holds the slow imports; return "killed", "survived" or "time", and the seconds."""
+    """Run tests in a fork of this process, which holds the slow imports.
+
+    Return "killed", "survived" or "time", and the seconds.
+    """
     start = time.monotonic()
     child = os.fork()
     if child == 0:

@@ -21,11 +21,11 @@ if os.environ.get("CI"):
     settings.load_profile("ci")
 
 GOAL_MEMORY, MOST_MEMORY = 1.5e9, 4e9
-"""Bytes that a process of the tests should take at most, and those above which a session fails. A world that a module keeps too long, or a
-cache without a bound, shows here first."""
+"""Bytes that a process of the tests should take at most, and those above which a session fails. A world that a module
+keeps too long, or a cache without a bound, shows here first."""
 MUCH_MEMORY, MORE_MEMORY = 0.6e9, 0.1e9
-"""A process with more than the first gives back what it no longer uses whenever it has grown by the second; the engine takes 0.3 GB,
-TensorFlow 0.5 GB more."""
+"""A process with more than the first gives back what it no longer uses whenever it has grown by the second; the engine
+takes 0.3 GB, TensorFlow 0.5 GB more."""
 PEAKS = pytest.StashKey[dict[str, int]]()
 """Peak of each file's tests [bytes]."""
 
@@ -85,7 +85,7 @@ def _note_peak() -> None:
 
 
 class _Memory:
-    """The file whose tests run, what this process had when it last gave memory back [bytes], and the peaks of the files before."""
+    """The file whose tests run, what the process had when it last gave memory back [bytes], the peaks before."""
 
     file = ""
     after_release = 0

@@ -1,6 +1,7 @@
-"""Tests marked `own_process` run in a process of their own, one for all of them in a file, and are reported where they stand.
+"""Tests marked `own_process` run in a process of their own, one for all of a file, and are reported where they stand.
 
-TensorFlow stays in a process for ever and takes 0.5 GB; with it and a detailed scene a worker would pass the goal of 1.5 GB.
+TensorFlow stays in a process for ever and takes 0.5 GB; with it and a detailed scene a worker would pass the goal of
+1.5 GB.
 """
 
 from __future__ import annotations
@@ -57,8 +58,12 @@ def _run(nodeids: list[str], options: list[str]) -> dict[str, tuple[str, str]]:
         results.touch()
         done = subprocess.run(
             [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options, *nodeids],
-            cwd=REPO, env={**os.environ, RESULTS: str(results)}, capture_output=True, text=True, check=False,
-        )  # fmt: skip
+            cwd=REPO,
+            env={**os.environ, RESULTS: str(results)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         found = {
             "": (
                 "failed",

@@ -27,8 +27,8 @@ TOPIC = "scarl-export"
 CONNECT_SECONDS = 10.0
 _AHEAD, _LEAST_AHEAD = 3, 256  # shards that are handed out at once: for each worker, and in all
 _SILENT = logging.CRITICAL + 1
-"""Level of a local cluster's own log. It writes tracebacks of its connections, at the highest level, when it is stopped in the middle of
-their work; what concerns the export comes as an exception."""
+"""Level of a local cluster's own log. It writes tracebacks of its connections, at the highest level, when it is stopped
+in the middle of their work; what concerns the export comes as an exception."""
 _KEPT = "finished frames are kept; the same command goes on from there"
 
 

@@ -284,8 +284,8 @@ def ensure_engine() -> str:
     Warns
     -----
     ScarlWarning
-        If ``DRJIT_LIBLLVM_PATH`` names a library that is too old and another one is taken, or if Dr.Jit cannot start on a CUDA
-        device that nobody asked for and LLVM is taken.
+        If ``DRJIT_LIBLLVM_PATH`` names a library that is too old and another one is taken, or if Dr.Jit cannot start on
+        a CUDA device that nobody asked for and LLVM is taken.
     """
     wanted = _wanted_backend()
     if wanted == "cuda" and cuda_device() is None:

@@ -1,7 +1,7 @@
 """Whether Dr.Jit can use the CUDA device of this machine, found out before Dr.Jit is imported.
 
-Dr.Jit 1.5 leaves its CUDA backend off without an exception, or fails at the first scene, where the driver or the device is too old for
-it or OptiX is not there. The rules of :attr:`Cuda.refusal` are those that it states in its messages.
+Dr.Jit 1.5 leaves its CUDA backend off without an exception, or fails at the first scene, where the driver or the device
+is too old for it or OptiX is not there. The rules of :attr:`Cuda.refusal` are those that it states in its messages.
 
 Environment: ``DRJIT_LIBCUDA_PATH`` and ``DRJIT_LIBOPTIX_PATH`` name the libraries, as for Dr.Jit.
 """
@@ -119,5 +119,8 @@ def cuda_device() -> str | None:
 
 
 def activate_cuda() -> None:
-    """Tell Dr.Jit which library to load: it looks for ``libcuda.so``, which a driver without development files does not have."""
+    """Tell Dr.Jit which library to load.
+
+    It looks for ``libcuda.so``, which a driver without development files does not have.
+    """
     os.environ[_LIBCUDA] = _cuda_name()

@@ -18,7 +18,8 @@ from .twins import MeshData
 Array = npt.NDArray[np.float64]
 
 SMALLEST_ROOM = 2.0
-"""In a scene without scene.toml, a mesh with all sides at least this long [m] that holds everything is taken for a room."""
+"""In a scene without scene.toml, a mesh with all sides at least this long [m] that holds everything is taken for a
+room."""
 
 
 class Shapes:
@@ -33,7 +34,7 @@ class Shapes:
         return tuple(int(part) for part in np.flatnonzero(self.parts.instance == number))
 
     def vertices(self, parts: Sequence[int], moved: Mapping[str, Motion]) -> Array:
-        """Return the vertices of parts in the frame of their instance, those with a joint in the place where that has them.
+        """Return the vertices of parts in the frame of their instance, those with a joint where that has them.
 
         Parameters
         ----------

@@ -25,16 +25,17 @@ def load_scene(
     Parameters
     ----------
     name_or_path : str or Path
-        A scene of ``scenes_xml`` (``"highway_guardrail"``), a scene of Sionna RT (``"simple_street_canyon_with_cars"``),
-        or the path of a Mitsuba or Sionna XML; a ``scene.toml`` beside it states classes, materials and actors.
+        A scene of ``scenes_xml`` (``"highway_guardrail"``), a scene of Sionna RT
+        (``"simple_street_canyon_with_cars"``), or the path of a Mitsuba or Sionna XML; a ``scene.toml`` beside it
+        states classes, materials and actors.
     materials : MaterialTable, optional
         Radio materials; default: the built-in table. See :func:`scarl_sionna.scene.materials.table.load_materials`.
     variant : int
-        Of a scene of ``scenes_xml``: 0 is the one of the package, any other number the seed of another place of its kind,
-        which is built on first use into a cache folder.
+        Of a scene of ``scenes_xml``: 0 is the one of the package, any other number the seed of another place of its
+        kind, which is built on first use into a cache folder.
     detail : str
-        Level of geometry: ``"detailed"`` or ``"light"`` (few shapes and triangles). It goes for actors that name a model, too;
-        of a scene given by its path only for those.
+        Level of geometry: ``"detailed"`` or ``"light"`` (few shapes and triangles). It goes for actors that name a
+        model, too; of a scene given by its path only for those.
 
     Returns
     -------

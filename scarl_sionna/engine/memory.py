@@ -8,7 +8,10 @@ import sys
 
 
 def resident_bytes() -> tuple[int, int]:
-    """Return how much memory this process has now and had at most [bytes]; zeros where the system does not tell (not Linux)."""
+    """Return how much memory this process has now and had at most [bytes].
+
+    Zeros where the system does not tell (not Linux).
+    """
     try:
         with open("/proc/self/status", encoding="ascii", errors="replace") as file:
             lines = dict(line.split(":", 1) for line in file if line.startswith(("VmRSS", "VmHWM")))
@@ -19,7 +22,10 @@ def resident_bytes() -> tuple[int, int]:
 
 
 def forget_peak() -> None:
-    """Let the peak of `resident_bytes` begin anew with what this process has now; does nothing where that is not possible (not Linux)."""
+    """Let the peak of `resident_bytes` begin anew with what this process has now.
+
+    Does nothing where that is not possible (not Linux).
+    """
     try:
         with open("/proc/self/clear_refs", "w", encoding="ascii") as file:
             file.write("5")
@@ -30,9 +36,9 @@ def forget_peak() -> None:
 def release_memory() -> None:
     """Give memory that nothing uses back to the system.
 
-    Worlds hang in cycles until Python's collector runs, Dr.Jit keeps freed arrays for the next ones of their size, and the C
-    library keeps freed pages of its threads. Call it between unrelated worlds in a process that loads many. It takes some
-    0.3 s, changes no result, and does nothing to what is still referred to.
+    Worlds hang in cycles until Python's collector runs, Dr.Jit keeps freed arrays for the next ones of their size, and
+    the C library keeps freed pages of its threads. Call it between unrelated worlds in a process that loads many. It
+    takes some 0.3 s, changes no result, and does nothing to what is still referred to.
     """
     gc.collect()
     drjit = sys.modules.get("drjit")

@@ -10,12 +10,19 @@ TIMEOUT = 60.0
 
 
 def run_probe(code: str, *arguments: str) -> list[str]:
-    """Run code in a process of its own, so that a crash in a foreign library cannot end ours; return the words it printed."""
+    """Run code in a process of its own, so that a crash in a foreign library cannot end ours.
+
+    Return the words it printed.
+    """
     try:
         done = subprocess.run(
             [sys.executable, "-I", "-S", "-c", code, *arguments],
-            capture_output=True, text=True, timeout=TIMEOUT, stdin=subprocess.DEVNULL, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT,
+            stdin=subprocess.DEVNULL,
+            check=False,
+        )
     except (OSError, subprocess.TimeoutExpired):
         return []
     return done.stdout.split() if done.returncode == 0 else []

@@ -1,7 +1,7 @@
 """The two twins of a scene: one Mitsuba scene in the RGB variant, one Sionna RT scene in the polarized variant.
 
-Both are made from one :class:`SceneDocument`. Actors are loaded in their own frame and moved by writing vertex positions,
-all at once, before one update of the acceleration structure.
+Both are made from one :class:`SceneDocument`. Actors are loaded in their own frame and moved by writing vertex
+positions, all at once, before one update of the acceleration structure.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ from scarl_sionna.scene.materials.table import MaterialTable
 from . import variant
 from .light.lamps import Lamps, lamp_elements
 from .light.look import airlight, sky_elements, wet_bsdfs
+from .types import MitsubaObject
 
 Array = npt.NDArray[np.float64]
 
@@ -42,8 +43,8 @@ _WRITTEN = re.compile(r".*\.(vertex_positions|vertex_normals|faces|emitter\.radi
 
 
 _PARALLEL = False
-"""Mitsuba 3.9 with several loader threads loses the memory of a texture at each load (12 MB for one of 1024 x 1024), which
-Dr.Jit counts as allocated and never frees; with one thread it does not, and a scene loads as fast."""
+"""Mitsuba 3.9 with several loader threads loses the memory of a texture at each load (12 MB for one of 1024 x 1024),
+which Dr.Jit counts as allocated and never frees; with one thread it does not, and a scene loads as fast."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -80,7 +81,7 @@ class Twin:
     ) -> None:
         self.kind = kind
         self.part_names = part_names
-        self.sionna_scene: Any = None
+        self.sionna_scene: MitsubaObject = None
         with variant.use(kind) as mi:
             try:
                 if kind == "radio":
@@ -107,7 +108,7 @@ class Twin:
                 self._lamps = Lamps(self._params, document, lighting, meshes)
                 self._params.update()
 
-    def _load_optical(self, mi: Any, document: SceneDocument, lighting: Lighting | None) -> None:
+    def _load_optical(self, mi: ModuleType, document: SceneDocument, lighting: Lighting | None) -> None:
         self.airlight = np.zeros(3)
         with temporary_folder() as folder:
             xml = optical_xml(document, lighting, folder, mi)
@@ -122,7 +123,7 @@ class Twin:
         self.sionna_scene.frequency = RADIO_FREQUENCY
         self.mi_scene = self.sionna_scene.mi_scene
 
-    def _registry_table(self, mi: Any) -> npt.NDArray[np.int32]:
+    def _registry_table(self, mi: ModuleType) -> npt.NDArray[np.int32]:
         """Return the part of every shape number that an intersection can report, -1 for none."""
         import drjit as dr
 
@@ -181,7 +182,7 @@ class Twin:
                         self._object(name).velocity = mi.Vector3f(*velocity)
         self._applied = state
 
-    def _rotate_normals(self, mi: Any, name: str, pose: Pose) -> None:
+    def _rotate_normals(self, mi: ModuleType, name: str, pose: Pose) -> None:
         """Turn the shading normals of a part with it; a mesh without any has an empty array."""
         key = f"{name}.vertex_normals"
         if key not in self._params:
@@ -197,7 +198,7 @@ class Twin:
         known = (number >= 0) & (number < len(self._part_of_registry))
         return np.where(known, self._part_of_registry[np.where(known, number, 0)], -1).astype(np.int64)
 
-    def _object(self, name: str) -> Any:
+    def _object(self, name: str) -> MitsubaObject:
         import sionna.rt as rt
 
         return self.sionna_scene.objects[rt.SceneObject.shape_id_to_name(name)]
@@ -229,11 +230,12 @@ class Twin:
         return hit, part, face[hit].astype(np.int64), distance[hit]
 
 
-def optical_xml(document: SceneDocument, lighting: Lighting | None, folder: Path, mi: Any) -> str:
+def optical_xml(document: SceneDocument, lighting: Lighting | None, folder: Path, mi: ModuleType) -> str:
     """Return the XML of the RGB twin.
 
-    Without a lighting: the document's own BSDFs and emitters, and a sky where there is no light. With one: its sun, sky and
-    lamps in place of the document's emitters outside of shapes, and wet BSDFs. Textures made for that go into `folder`.
+    Without a lighting: the document's own BSDFs and emitters, and a sky where there is no light. With one: its sun, sky
+    and lamps in place of the document's emitters outside of shapes, and wet BSDFs. Textures made for that go into
+    `folder`.
     """
     bsdfs = {}
     for element in document.root.iter("bsdf"):

@@ -1,4 +1,7 @@
-"""A driving scene: parts, instances and actors, and its immutable states over time. The two know each other, so they share a file."""
+"""A driving scene: parts, instances and actors, and its immutable states over time.
+
+The two know each other, so they share a file.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +36,7 @@ from .rays.cast import Target, cast_rays
 from .rays.enclosure import is_enclosed, is_left_behind
 from .rays.geometry import Triangles, upright_box
 from .twins import MeshData, Twin
+from .types import MitsubaObject
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,8 +117,8 @@ class World(Described):
         Parameters
         ----------
         lighting : Lighting, str or None
-            Or the name of a preset (``"day"``, ``"dusk"``, ``"night"``, ``"overcast"``, ``"rain"``); None: the emitters of the
-            scene's own XML.
+            Or the name of a preset (``"day"``, ``"dusk"``, ``"night"``, ``"overcast"``, ``"rain"``); None: the emitters
+            of the scene's own XML.
         """
         other = copy.copy(self)
         chosen = Lighting.preset(lighting) if isinstance(lighting, str) else lighting
@@ -126,13 +130,14 @@ class World(Described):
     def with_weather(self, weather: Weather | str) -> World:
         """Return this world in another weather: its materials wet, its lighting as :meth:`Weather.over` has it.
 
-        Sensors read `weather` for what is in the air. It shares everything but the optical twin; geometry and instances stay.
+        Sensors read `weather` for what is in the air. It shares everything but the optical twin; geometry and instances
+        stay.
 
         Parameters
         ----------
         weather : Weather or str
-            Or the name of a preset, one of :data:`scarl_sionna.core.specs.weather.WEATHER_PRESETS`; ``"clear"`` goes back to the scene as
-            it was loaded.
+            Or the name of a preset, one of :data:`scarl_sionna.core.specs.weather.WEATHER_PRESETS`; ``"clear"`` goes
+            back to the scene as it was loaded.
         """
         other = copy.copy(self)
         other.weather = Weather.preset(weather) if isinstance(weather, str) else weather
@@ -151,11 +156,11 @@ class World(Described):
         return staged if self.weather == Weather() else staged.with_weather(self.weather)
 
     def mesh(self, part: int) -> MeshData:
-        """Return the mesh of a part: of a static one in the world's frame, else in the part's own, see `WorldState.part_pose`."""
+        """Return the mesh of a part: of a static one in the world's frame, else in its own (`WorldState.part_pose`)."""
         return self._meshes[self.parts.name[part]]
 
     def part_bounds(self) -> tuple[Array, Array]:
-        """Return the lower and the upper corner of every part's box in the frame of its mesh, each of shape (num_parts, 3) [m]."""
+        """Return lower and upper corner of every part's box in its mesh's frame, each of shape (num_parts, 3) [m]."""
         return self._triangles.bounds()
 
     def actor(self, name: str) -> Actor:
@@ -196,7 +201,7 @@ class World(Described):
         return WorldState(self, time, poses, twists)
 
     def with_parts_at(self, places: Mapping[int, Pose]) -> WorldState:
-        """Return a state at rest in which the parts of actors have given places, world_from_part by the row of the part."""
+        """Return a state at rest in which parts of actors have given places, world_from_part by the row of the part."""
         return _PlacedState(self, places)
 
     def plot(
@@ -239,8 +244,10 @@ class World(Described):
         paths: Drawn | None = None,
         points: Points | None = None,
         time: float | None = None,
-    ) -> Any:
-        """Return a view of the world in three dimensions for a notebook: Sionna RT's previewer, in the colours of radio materials.
+    ) -> MitsubaObject:
+        """Return a view of the world in three dimensions for a notebook.
+
+        Sionna RT's previewer, in the colours of radio materials.
 
         Parameters
         ----------
@@ -249,7 +256,8 @@ class World(Described):
         paths : RadarPaths, optional
             Lines from the receiver to where it sees each path, brighter where they are stronger; the strongest 3,000.
         points : RadarPoints, LidarScan or ndarray of shape (num_points, 3) [m, world], optional
-            Coloured by radial velocity. Detections stand in the frame of the radar of `paths`, else of the rig's first radar.
+            Coloured by radial velocity. Detections stand in the frame of the radar of `paths`, else of the rig's first
+            radar.
         time : float, optional
             [s]; default: the start of the motion, 0 in a static scene.
 
@@ -348,8 +356,9 @@ class WorldState(Described):
         for box in self.boxes():
             if is_left_behind(mount.pose, box):
                 warnings.warn(
-                    f"a sensor is given by a pose, so it stands still, but that is on or in '{box.name}', which moves at "
-                    f"{np.linalg.norm(box.twist.linear):.1f} m/s; state.mount('{box.name}', ss.Pose([x, y, z])) rides on it",
+                    f"a sensor is given by a pose, so it stands still, but that is on or in '{box.name}', "
+                    f"which moves at {np.linalg.norm(box.twist.linear):.1f} m/s; "
+                    f"state.mount('{box.name}', ss.Pose([x, y, z])) rides on it",
                     ScarlWarning,
                     stacklevel=3,
                 )
@@ -423,16 +432,19 @@ class WorldState(Described):
         )
         return twin
 
-    def optical_scene(self) -> Any:
+    def optical_scene(self) -> MitsubaObject:
         """Return the Mitsuba scene of the RGB variant in this state; use it inside ``variant.optical()``."""
         return self._applied("optical").mi_scene
 
     @property
     def airlight(self) -> Array:
-        """Radiance of the sky at the horizon, shape (3,), into which haze fades; zeros where the lighting has no haze."""
+        """Radiance of the sky at the horizon, shape (3,), into which haze fades.
+
+        Zeros where the lighting has no haze.
+        """
         return np.asarray(self.world.twin("optical").airlight)
 
-    def radio_scene(self) -> Any:
+    def radio_scene(self) -> MitsubaObject:
         """Return the Sionna RT scene in this state, with the velocities set; use it inside ``variant.radio()``."""
         return self._applied("radio").sionna_scene
 
@@ -494,8 +506,8 @@ class WorldState(Described):
     def inside(self, point: npt.ArrayLike) -> str | None:
         """Return the name of the instance whose mesh encloses a point [m, world], or None.
 
-        An actor made of several shells (a cabin behind separate panes) encloses a point from which no ray gets out. Rooms
-        (``room = true`` in scene.toml) are there to be stood in and do not count.
+        An actor made of several shells (a cabin behind separate panes) encloses a point from which no ray gets out.
+        Rooms (``room = true`` in scene.toml) are there to be stood in and do not count.
         """
         where = np.asarray(point, dtype=np.float64)
         lower, upper = self._bounds

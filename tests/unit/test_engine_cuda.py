@@ -1,4 +1,7 @@
-"""A CUDA device is taken only where Dr.Jit can use it; the driver and its libraries are played by small ones compiled here."""
+"""A CUDA device is taken only where Dr.Jit can use it.
+
+The driver and its libraries are played by small ones compiled here.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +24,15 @@ static const int major[] = {%(major)s}, minor[] = {%(minor)s};
 int cuInit(unsigned flags) { return 0; }
 int cuDeviceGetCount(int *count) { *count = sizeof(major) / sizeof(int); return 0; }
 int cuDeviceGet(int *device, int index) { *device = index; return 0; }
-int cuDeviceGetName(char *name, int length, int device) { strcpy(name, device ? "Second Card" : "First Card"); return 0; }
+int cuDeviceGetName(char *name, int length, int device) {
+    strcpy(name, device ? "Second Card" : "First Card");
+    return 0;
+}
 int cuDriverGetVersion(int *version) { *version = %(driver)d; return 0; }
-int cuDeviceGetAttribute(int *value, int key, int device) { *value = key == 75 ? major[device] : minor[device]; return 0; }
+int cuDeviceGetAttribute(int *value, int key, int device) {
+    *value = key == 75 ? major[device] : minor[device];
+    return 0;
+}
 """
 """All that the probe asks for and a small part of what Dr.Jit does, so that Dr.Jit leaves its CUDA backend off."""
 
@@ -141,7 +150,7 @@ def test_a_device_that_is_refused_is_passed_over_in_silence(tmp_path: Path, monk
 
 
 def test_dr_jit_gets_the_library_that_was_probed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Alone it asks for ``libcuda.so``, which only development files bring, and looks into some folders of the system."""
+    """Alone it asks for ``libcuda.so``, which only development files bring, and looks into some system folders."""
     install(tmp_path, monkeypatch, 12080, [(8, 9)])
     monkeypatch.delenv(LIBRARIES[0])
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))

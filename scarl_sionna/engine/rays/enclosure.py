@@ -1,4 +1,4 @@
-"""Whether a point stands inside an instance, or so near to a moving one that a sensor there is most likely meant to ride on it."""
+"""Whether a point stands inside an instance, or on a moving one, where a sensor is most likely meant to ride on it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ _WALLED_IN = 0.75
 SLOWEST = 0.1
 """A slower actor [m/s] stands still for a sensor on it: far below a Doppler bin."""
 CARRIED_WITHIN = 0.5
-"""A sensor this near to a moving actor's box [m] is most likely meant to ride on it: depth of a bumper or of a roof rack."""
+"""A sensor this near to a moving actor's box [m] is most likely meant to ride on it: depth of a bumper or of a roof
+rack."""
 
 
 def is_enclosed(
@@ -52,6 +53,6 @@ def is_enclosed(
 
 
 def is_left_behind(pose: Pose, box: ObjectState) -> bool:
-    """Return whether a sensor that stands still at a pose [world] is on or in an object that moves, or within `CARRIED_WITHIN` of it."""
+    """Return whether a sensor at rest at a pose [world] is in or near (`CARRIED_WITHIN`) an object that moves."""
     offset = np.abs(box.world_from_box.inverse().apply(pose.position)) - box.size / 2.0
     return float(np.linalg.norm(box.twist.linear)) > SLOWEST and float(offset.max()) <= CARRIED_WITHIN
