@@ -68,6 +68,16 @@ def pytest_runtest_logstart(nodeid: str) -> None:
     _Memory.file = file
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """After the last test of a module: empty the caches of its helpers, which would keep their worlds."""
+    module = getattr(item, "module", None)
+    if module is not None and getattr(nextitem, "module", None) is not module:
+        for helper in vars(module).values():
+            if getattr(helper, "__module__", None) == module.__name__ and hasattr(helper, "cache_clear"):
+                helper.cache_clear()
+
+
 def pytest_runtest_logfinish() -> None:
     """After a test: the same, once there is more than the last time."""
     if resident_bytes()[0] > max(MUCH_MEMORY, _Memory.after_release + MORE_MEMORY):

@@ -9,7 +9,7 @@ import importlib
 import os
 import subprocess
 import sys
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,7 @@ HOVER = 0.02
 """Largest distance of an actor's origin from the ground below it [m]."""
 
 
-@cache
+@lru_cache(maxsize=1)
 def world_of(name: str) -> ss.World:
     return ss.load_scene(name)
 
@@ -60,7 +60,7 @@ def _triangles(path: Path) -> tuple[int, int]:
     return len(shapes), total
 
 
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 def test_a_scene_has_what_makes_its_kind_of_place(name):
     world = world_of(name)
     found = {SEMANTIC_CLASSES[info.semantic] for info in world.instances.values()}
@@ -76,7 +76,7 @@ def test_a_scene_has_what_makes_its_kind_of_place(name):
     assert size < 5e6
 
 
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 def test_lanes_are_a_network_and_lie_on_the_ground(name):
     world = world_of(name)
     network = world.document.lanes  # joints (0.1 m, 5 deg) were checked when it was made
@@ -100,7 +100,7 @@ def _ray_down(state, starts, actors):
     return gap
 
 
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 def test_actors_stand_on_the_ground(name):
     """A ray down from 5 cm above the origin of each actor, below its bodywork, in a world without its actors."""
     world = world_of(name)
@@ -118,7 +118,7 @@ def test_actors_stand_on_the_ground(name):
         assert free.mean() > 0.5
 
 
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 def test_nobody_runs_into_anybody_or_into_a_wall(name):
     world = world_of(name)
     for time in TIMES:
@@ -145,7 +145,7 @@ def _is_solid(box) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 def test_no_two_parts_of_the_place_overlap_in_a_plane(name):
     world = world_of(name)
     owner = {part: info for info in world.instances.values() for part in info.parts}
@@ -158,7 +158,7 @@ def test_no_two_parts_of_the_place_overlap_in_a_plane(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 def test_a_radar_of_the_ego_car_sees_the_others(name):
     world = world_of(name)
     state = world.at(1.0)
@@ -171,7 +171,7 @@ def test_a_radar_of_the_ego_car_sees_the_others(name):
     assert others & seen
 
 
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 def test_motion_is_smooth(name):
     """Accelerations of cars stay within what tyres give (9 m/s2), and nobody jumps."""
     world = world_of(name)
@@ -199,7 +199,7 @@ def cache_root(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 def test_the_light_level_has_fewer_shapes_and_triangles(name, cache_root):
     light, detailed = _triangles(scene_path(name, 0, "light")), _triangles(scene_path(name))
     assert light[0] < 120
@@ -207,7 +207,7 @@ def test_the_light_level_has_fewer_shapes_and_triangles(name, cache_root):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 def test_variants_are_other_places_of_the_same_kind(name, cache_root):
     first, second = scene_path(name, 1), scene_path(name, 2)
     assert first.read_bytes() != second.read_bytes() != scene_path(name).read_bytes()
@@ -218,7 +218,7 @@ def test_variants_are_other_places_of_the_same_kind(name, cache_root):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NEW)
+@pytest.mark.parametrize("name", NEW, scope="module")
 @pytest.mark.parametrize(("variant", "detail"), [(1, "detailed"), (5, "light")])
 def test_a_variant_passes_what_the_scene_passes(name, variant, detail, cache_root, monkeypatch):
     world = ss.load_scene(name, variant=variant, detail=detail)
