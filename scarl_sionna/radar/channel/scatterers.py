@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +35,32 @@ Columns = dict[str, npt.NDArray[Any]]
 
 _NO_DETUNING = 0.01
 """A model is used without a warning within this part of its frequency."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedModel:
+    """A model that stands for an object of a scene.
+
+    Attributes
+    ----------
+    name : str
+    number : int
+        Instance id.
+    model : ScattererModel
+    frame : Pose
+        Frame of the model in that of the actor, or in the world for a static object.
+    """
+
+    name: str
+    number: int
+    model: ScattererModel
+    frame: Pose
+
+    def world_from_model(self, state: WorldState) -> Pose:
+        """Return the pose of the model's frame."""
+        info = state.world.instances[self.number]
+        body = Pose() if info.actor is None else state.actor_pose(info.actor)
+        return body.compose(self.frame)
 
 
 def solve_scatterers(
@@ -97,8 +124,8 @@ def solve_scatterers(
     check_antennas(state, radar, pose)
     blocks = []
     for name, model in models.items():
-        frame = knobs.placements.get(name, Pose())
-        block = _columns(state, radar, mount, (name, numbers[name]), model, frame)
+        placed = PlacedModel(name, numbers[name], model, knobs.placements.get(name, Pose()))
+        block = _columns(state, radar, mount, placed)
         blocks.append(_in_view(block, radar, pose, reach))
     columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     hidden = _hidden(state, pose, columns, knobs.group_size)
@@ -122,24 +149,21 @@ def _numbers(state: WorldState, models: Mapping[str, ScattererModel]) -> dict[st
     return {name: known[name] for name in models}
 
 
-def _columns(
-    state: WorldState, radar: RadarSpec, mount: Mount, what: tuple[str, int], model: ScattererModel, frame: Pose
-) -> Columns:
+def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedModel) -> Columns:
     """Return the columns of one object's centres."""
-    name, number = what
-    pose = mount.pose
-    info = state.world.instances[number]
+    model, pose = placed.model, mount.pose
+    info = state.world.instances[placed.number]
     body, twist = Pose(), Twist()
     if info.actor is not None:
         body, twist = state.actor_pose(info.actor), state.actor_twist(info.actor)
-    world_from_model = body.compose(frame)
+    world_from_model = placed.world_from_model(state)
     point = world_from_model.apply(model.centers)
     offset = point - pose.position
     distance = np.maximum(np.linalg.norm(offset, axis=1), MIN_DISTANCE)
     direction = offset / distance[:, None]
     toward = -direction @ world_from_model.rotation
     matrix = model.matrices(toward)
-    _warn(name, radar, model, toward, distance, matrix)
+    _warn(placed.name, radar, model, toward, distance, matrix)
     sounding = np.flatnonzero(matrix.any(axis=(1, 2)))
     point, direction, distance = (column[sounding] for column in (point, direction, distance))
     matrix = matrix[sounding]
@@ -159,7 +183,7 @@ def _columns(
         "a": turn @ matrix @ np.swapaxes(turn, 1, 2) * scale[:, None, None],
         "length_rate": 2.0 * radial,
         "length_acceleration": 2.0 * (across / distance + np.einsum("ni,ni->n", direction, centripetal)),
-        "instance": np.full(len(point), number, dtype=np.int32),
+        "instance": np.full(len(point), placed.number, dtype=np.int32),
         "semantic": np.full(len(point), info.semantic, dtype=np.uint8),
     }
 

@@ -12,7 +12,7 @@ from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .body.mesh import Body
-from .fields import HOST, radiating_vector
+from .fields import HOST, Wave, radiating_vector
 from .phase import plane_wave_integral
 from .plane_waves import Bounce, Waves, bounces, unhidden
 from .surfaces import PartSurfaces
@@ -191,9 +191,12 @@ def _radiate(result: Complex, bounce: Bounce, plan: Plan, tube: Index, view: Ind
         return
     tubes = bounce.tubes
     vector = radiating_vector(
-        HOST, tubes.incident[tube], bounce.reflected[tube], tubes.direction[tube], bounce.onward[tube], tubes.normal[tube],
+        HOST,
+        Wave(tubes.incident[tube], tubes.direction[tube]),
+        Wave(bounce.reflected[tube], bounce.onward[tube]),
+        tubes.normal[tube],
         plan.observer[view],
-    )  # fmt: skip
+    )
     amplitude = np.einsum("nri,nit->nrt", plan.receive[view], vector).reshape(-1, 4)
     look, pair, factor = phase_weights(bounce, plan, tube, view, corners)
     for column in range(4):

@@ -18,7 +18,7 @@ field         complex (n, 3, p)                          for each polarisation, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,13 @@ SMALL_SINC = 1e-4
 
 Coefficients = Callable[[Any], tuple[Any, Any]]
 """From cosines of incidence to TE and TM coefficients."""
+
+
+class Wave(NamedTuple):
+    """A plane wave, or a spherical one where its curvature does not count: electric field and unit direction of travel."""
+
+    field: Any
+    direction: Any
 
 
 class Arithmetic(Protocol):
@@ -101,18 +108,16 @@ def reflected_field(on: Arithmetic, coefficients: Coefficients, field: Any, dire
     return on.add(on.along(axis, te_amplitude), on.along(on.cross(onward, axis), tm_amplitude)), onward
 
 
-def radiating_vector(
-    on: Arithmetic, incident: Any, reflected: Any, direction: Any, onward: Any, normal: Any, scattered: Any
-) -> Any:
+def radiating_vector(on: Arithmetic, incident: Wave, reflected: Wave, normal: Any, scattered: Any) -> Any:
     r"""Return eta J - s x M of the physical-optics currents, whose part across s is radiated towards s.
 
     Parameters
     ----------
     on : Arithmetic
-    incident, reflected : field
-        Electric fields on the surface.
-    direction, onward, normal, scattered : vector
-        Directions of travel before and after, normal on the lit side, direction s to the observer.
+    incident, reflected : Wave
+        On the surface.
+    normal, scattered : vector
+        Normal on the lit side, direction s to the observer.
 
     Notes
     -----
@@ -122,8 +127,10 @@ def radiating_vector(
     ----------
     .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical optics).
     """
-    magnetic = on.add(on.cross_field(direction, incident), on.cross_field(onward, reflected))
-    electric = on.add(incident, reflected)
+    magnetic = on.add(
+        on.cross_field(incident.direction, incident.field), on.cross_field(reflected.direction, reflected.field)
+    )
+    electric = on.add(incident.field, reflected.field)
     current = on.cross_field(normal, magnetic)
     return on.add(current, on.cross_field(scattered, on.cross_field(normal, electric)))
 

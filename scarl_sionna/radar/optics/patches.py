@@ -127,8 +127,6 @@ def split(
     size: PatchSize,
     max_patches: int,
     allowed: float = 1.0,
-    *,
-    one_source: bool = False,
 ) -> tuple[Array, Index]:
     """Cut triangles until no side is too long.
 
@@ -138,15 +136,13 @@ def split(
     Parameters
     ----------
     corners : ndarray of float64, shape (num_triangles, 3, 3)
-    source : ndarray of float64, shape (num_triangles, 3)
-        Where the wave comes from (the transmitter or an image of it) [m, world].
+    source : ndarray of float64, shape (num_triangles, 3) or (1, 3)
+        Where the wave comes from (the transmitter or an image of it) [m, world]; one row is that of all.
     receiver : ndarray of float64, shape (3,)
     size : PatchSize
     max_patches : int
     allowed : float
         Pieces may be so many times as long as `size` says.
-    one_source : bool
-        True: `source` holds one row, for all.
 
     Returns
     -------
@@ -160,6 +156,7 @@ def split(
         If there are more than `max_patches` pieces.
     """
     rows = np.arange(len(corners))
+    one_source = len(source) == 1
     done: list[tuple[Array, Index]] = [(corners[:0], rows[:0])]
     count = 0
     while len(rows):

@@ -14,7 +14,7 @@ from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 
 from .body.mesh import Body
 from .far_field import Looks, Plan, footprints_seen, phase_weights, plan_of
-from .fields import HOST, radiating_vector
+from .fields import HOST, Wave, radiating_vector
 from .plane_waves import bounces
 from .surfaces import PartSurfaces
 
@@ -155,10 +155,8 @@ class FixedTubes:
         tube, view = self.tube, self.view
         vector = radiating_vector(
             HOST,
-            incident[tube],
-            reflected[tube],
-            self.direction[tube],
-            onward[tube],
+            Wave(incident[tube], self.direction[tube]),
+            Wave(reflected[tube], onward[tube]),
             self.normal[tube],
             self.plan.observer[view],
         )

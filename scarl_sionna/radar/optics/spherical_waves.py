@@ -184,14 +184,14 @@ class Tracer:
         source, receiver, limit = self.tx.pose.position, self.rx.pose.position, self.settings.max_patches
         size = self._start_size(face)
         corners = self.faces.triangles.corners[face]
-        coarse, rows = split(corners, source[None], receiver, size, limit, _COARSE, one_source=True)
+        coarse, rows = split(corners, source[None], receiver, size, limit, _COARSE)
         pieces = size.pieces(coarse, source, receiver)
         if pieces.sum() > 1.5 * limit:  # the count is an estimate; split() itself counts too
             too_many_patches(limit)
         batch = (np.cumsum(pieces) / self.settings.max_tubes).astype(np.int64)
         first = np.searchsorted(rows, rows)  # the first coarse piece of the same face
         for part in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(batch)) + 1):
-            fine, piece_of = split(coarse[part], source[None], receiver, size, limit, one_source=True)
+            fine, piece_of = split(coarse[part], source[None], receiver, size, limit)
             number = np.arange(len(piece_of)) - np.searchsorted(piece_of, piece_of)
             whole = part[piece_of]
             kept = np.flatnonzero(self.tx.sees(middle(fine)))

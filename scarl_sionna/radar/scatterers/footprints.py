@@ -17,7 +17,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.rays.face_rays import MISS
 from scarl_sionna.radar.optics.body.mesh import Body
 from scarl_sionna.radar.optics.far_field import unit_vectors
-from scarl_sionna.radar.optics.fields import HOST, radiating_vector
+from scarl_sionna.radar.optics.fields import HOST, Wave, radiating_vector
 from scarl_sionna.radar.optics.plane_waves import Bounce, PlaneTubes, Waves, bounces, unhidden
 from scarl_sionna.radar.optics.surfaces import PartSurfaces
 
@@ -116,9 +116,12 @@ def _seen(body: Body, bounce: Bounce, toward: Array, receive: Array, waves: Wave
             pieces.append(tri)
         row, corners = np.concatenate(rows), np.concatenate(pieces)
     vector = radiating_vector(
-        HOST, tubes.incident[row], bounce.reflected[row], tubes.direction[row], bounce.onward[row], tubes.normal[row],
+        HOST,
+        Wave(tubes.incident[row], tubes.direction[row]),
+        Wave(bounce.reflected[row], bounce.onward[row]),
+        tubes.normal[row],
         np.broadcast_to(toward, (len(row), 3)),
-    )  # fmt: skip
+    )
     turn, offset = _unfold(body, tubes, row, corners, bounce.depth, toward)
     return Footprints(corners, turn, offset, np.einsum("ri,nit->nrt", receive, vector))
 

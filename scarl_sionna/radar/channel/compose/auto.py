@@ -12,7 +12,6 @@ import numpy as np
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.plan import ChannelPlan, Share
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SMALLEST_SIZE, SbrSettings
@@ -122,31 +121,41 @@ def _planned(
     state: WorldState, radar: RadarSpec, pose: Pose, settings: RadarSettings
 ) -> tuple[list[_Choice], ChannelPlan]:
     """Return what becomes of each instance, and the plan of it."""
-    reach = radar.max_range if settings.max_distance is None else settings.max_distance
-    models = loaded_models(settings.scatterers.models)
-    choices, mirrors, echoes = _choose(state, radar, pose, reach, settings.accuracy, models)
-    return choices, _plan(choices, mirrors, echoes, settings.scatterers.with_(models=models))
+    view = _View(state, radar, pose, settings, loaded_models(settings.scatterers.models))
+    choices, mirrors, echoes = _choose(view)
+    return choices, _plan(choices, mirrors, echoes, settings.scatterers.with_(models=view.models))
 
 
-def _choose(
-    state: WorldState,
-    radar: RadarSpec,
-    pose: Pose,
-    reach: float,
-    accuracy: Accuracy,
-    models: Mapping[str, ScattererModel],
-) -> tuple[list[_Choice], tuple[int, ...], bool]:
+@dataclass(frozen=True, eq=False)
+class _View:
+    """A radar in a scene, with what its user asks for: all that the choices depend on."""
+
+    state: WorldState
+    radar: RadarSpec
+    pose: Pose
+    settings: RadarSettings
+    models: Mapping[str, ScattererModel]
+
+    @property
+    def reach(self) -> float:
+        """Half of the longest length [m]."""
+        asked = self.settings.max_distance
+        return self.radar.max_range if asked is None else asked
+
+
+def _choose(view: _View) -> tuple[list[_Choice], tuple[int, ...], bool]:
     """Return what becomes of each instance, the mirrors, and whether one of them faces the radar."""
+    state, radar, pose, reach = view.state, view.radar, view.pose, view.reach
     items = [estimate(state, radar, pose, number, reach) for number in state.world.instances]
     items.sort(key=lambda item: (item.info.actor is None, -item.expected_db, item.number))
-    budget = accuracy.tube_budget
+    budget = view.settings.accuracy.tube_budget
     mirrors = _mirrors(state, radar, pose, items)
     flat = {int(state.world.parts.instance[mirror.part]) for mirror in mirrors}
     seen = [item.number for item in items if item.in_view and item.is_coherent and item.info.is_object]
     bounces = own_bounces(state, pose, [number for number in seen if number not in flat])
     choices = []
     for item in items:
-        choice = _one(item, radar, pose, state, accuracy, models, flat, bounces)
+        choice = _one(view, item, flat, bounces)
         if choice.method == "sbr":
             choice = _within(choice, radar, budget)
             budget -= choice.tubes
@@ -174,10 +183,9 @@ def _within(choice: _Choice, radar: RadarSpec, budget: int) -> _Choice:
     return _Choice(choice.item, "raycast", f"{tubes} tubes are over the budget of {budget} that is left: RCS by class")
 
 
-def _one(
-    item: Estimate, radar: RadarSpec, pose: Pose, state: WorldState, accuracy: Accuracy,
-    models: Mapping[str, ScattererModel], flat: set[int], bounces: Mapping[int, int],
-) -> _Choice:  # fmt: skip
+def _one(view: _View, item: Estimate, flat: set[int], bounces: Mapping[int, int]) -> _Choice:
+    """Return what becomes of an instance before the budget is asked; `flat` are the mirrors, `bounces` those on itself."""
+    accuracy = view.settings.accuracy
     semantic = SEMANTIC_CLASSES[item.info.semantic]
     if not item.in_view:
         return _Choice(item, "out of view", "out of the field of view or of range")
@@ -185,16 +193,16 @@ def _one(
         return _Choice(item, "left out", f"at most {item.bound_db:.0f} dB from the noise of a cell")
     if item.distance < TOO_NEAR:
         return _Choice(item, "raycast", "at the radar")
-    if item.name in models:
-        model = models[item.name]
-        toward = _toward(state, item, pose)
+    if item.name in view.models:
+        model = view.models[item.name]
+        toward = _toward(view.state, item, view.pose)
         if item.distance >= model.nearest_distance and bool(model.inside(toward[None])[0]):
             return _Choice(item, "scatterers", "has a model that holds at this distance and aspect")
     if not item.is_coherent or not item.info.is_object:
         return _Choice(item, "raycast", "rough or without an outline: clutter by class")
     if item.number in flat:
         return _Choice(item, "raycast", "large flat faces: a mirror; its rough part by class")
-    if item.size < SMALLEST_SIZE * radar.wavelength:
+    if item.size < SMALLEST_SIZE * view.radar.wavelength:
         return _Choice(item, "raycast", f"smaller than {SMALLEST_SIZE:g} wavelengths: RCS by class")
     settings = sbr_settings(accuracy.channel_tolerance_db)
     depth = bounces[item.number]
@@ -203,7 +211,7 @@ def _one(
     elif item.size > LONG:  # probes are too far apart there, and it sees itself along its length
         depth = settings.max_depth
     settings = settings.with_(max_depth=depth)
-    return _Choice(item, "sbr", "coherent body", settings, num_tubes(item, radar, settings))
+    return _Choice(item, "sbr", "coherent body", settings, num_tubes(item, view.radar, settings))
 
 
 def sbr_settings(tolerance_db: float) -> SbrSettings:

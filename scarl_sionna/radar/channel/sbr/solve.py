@@ -25,7 +25,7 @@ from scarl_sionna.engine.rays.face_planes import face_table
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.radar.channel.antennas import check_antennas
-from scarl_sionna.radar.optics.near_field import radiated
+from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Station, Tracer
 from scarl_sionna.radar.optics.surfaces import FaceSurfaces
@@ -117,10 +117,11 @@ def solve_sbr(
         rays = StateRays(mi, state)
         surfaces = FaceSurfaces(rays, state, faces, used, radar.center_frequency, knobs.coefficient_nodes)
         size = PatchSize.of(radar, knobs)
+        near = NearField(rays, surfaces, tx, rx, size.wavenumber, knobs.integration_phase)
         tracer = Tracer(rays, faces, chosen, tx, rx, reach, size, knobs.for_scene())
         for patches in tracer.bounces(start):
             if len(patches):
-                blocks.append(_rows(state, tracer, patches, surfaces, rough))
+                blocks.append(_rows(state, tracer, near, patches, rough))
     for depth in sorted(rough):
         blocks += _scattered(rough.pop(depth), knobs.seed, tx is rx)
     columns = joined(blocks, knobs.max_depth)
@@ -155,15 +156,11 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
 
 
 def _rows(
-    state: WorldState, tracer: Tracer, patches: ImageTubes, surfaces: FaceSurfaces, rough: dict[int, list[Columns]]
+    state: WorldState, tracer: Tracer, near: NearField, patches: ImageTubes, rough: dict[int, list[Columns]]
 ) -> Columns:
     """Return the columns of patches, without what comes from out of view or too far; add rough pieces to those of their depth."""
-    tx, rx, settings = tracer.tx, tracer.rx, tracer.settings
-    is_rough = surfaces.is_rough[patches.face[:, -1]] & settings.diffuse
-    columns: Columns = radiated(
-        tracer.rays, patches, surfaces, (tx.pose, tx.velocity), (rx.pose, rx.velocity), tracer.size.wavenumber,
-        settings.integration_phase, bool(is_rough.any()),
-    )  # fmt: skip
+    is_rough = near.surfaces.is_rough[patches.face[:, -1]] & tracer.settings.diffuse
+    columns: Columns = radiated(near, patches, bool(is_rough.any()))
     part = tracer.faces.part[patches.face]
     columns["instance"] = state.world.parts.instance[part]
     columns["semantic"] = state.world.parts.semantic[part[:, -1]]
@@ -171,7 +168,7 @@ def _rows(
     columns["diffuse"] = np.zeros(len(patches), dtype=np.int8)
     seen = columns["length"] < 2.0 * tracer.reach
     if patches.depth > 1:
-        seen &= tx.sees(columns["tx_point"])
+        seen &= tracer.tx.sees(columns["tx_point"])
     rows = np.flatnonzero(is_rough & seen)
     if len(rows):
         some = {name: column[rows] for name, column in columns.items()}
