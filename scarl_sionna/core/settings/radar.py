@@ -13,11 +13,15 @@ from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Metres
 
 from .accuracy import Accuracy
+from .auto import AutoSettings
+from .mirrors import MirrorSettings
 from .plan import ChannelPlan, of_mapping
 from .raycast import RaycastSettings
 from .sbr import SbrSettings
 from .scatterers import ScattererSettings
 from .sionna import SionnaSettings
+from .warn import WarningLevels
+from .weather_echoes import WeatherEchoSettings
 
 Method = Literal["auto", "raycast", "sionna", "sbr", "scatterers", "hybrid"]
 METHODS: tuple[str, ...] = get_args(Method)
@@ -60,6 +64,10 @@ class RadarSettings(Spec):
         description="paths are solved again in the middle of every block of so many chirps, for wheels and limbs; None: once a frame",
     )  # fmt: skip
     cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
+    auto: AutoSettings = Field(AutoSettings(), description="rules by which 'auto' chooses for each object")
+    mirrors: MirrorSettings = Field(
+        MirrorSettings(), description="flat mirrors, over which 'hybrid' and 'auto' see objects again"
+    )
     raycast: RaycastSettings = Field(
         RaycastSettings(), description="knobs of 'raycast', also for what 'auto' leaves to it"
     )
@@ -70,6 +78,10 @@ class RadarSettings(Spec):
     scatterers: ScattererSettings = Field(
         ScattererSettings(), description="models of objects, for 'scatterers' and 'auto'"
     )
+    weather_echoes: WeatherEchoSettings = Field(
+        WeatherEchoSettings(), description="points that stand for rain, snow and spray where the weather is not clear"
+    )
+    warn_at: WarningLevels = Field(WarningLevels(), description="thresholds of warnings; they change no result")
     plan: Annotated[
         SkipValidation[ChannelPlan | None], BeforeValidator(_plan), PlainSerializer(_plan_data)
     ] = Field(None, description="who computes what, for 'hybrid'")  # fmt: skip
@@ -153,8 +165,12 @@ def _relevant(cls: type[Spec], method: str, known: list[str], name: str) -> list
 
 _PARTS: Mapping[str, type[Spec]] = {
     "accuracy": Accuracy,
+    "auto": AutoSettings,
+    "mirrors": MirrorSettings,
     "raycast": RaycastSettings,
     "sionna": SionnaSettings,
     "sbr": SbrSettings,
     "scatterers": ScattererSettings,
+    "weather_echoes": WeatherEchoSettings,
+    "warn_at": WarningLevels,
 }

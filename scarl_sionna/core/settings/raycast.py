@@ -39,6 +39,16 @@ class RaycastSettings(Spec):
         description="kept hits of one instance that the radar cannot tell apart (half a bin in range, velocity and direction), with "
         "the power of all; None keeps every hit; docs/raycast.md, kept hits",
     )  # fmt: skip
+    cells_per_resolution: float = Field(
+        2.0, gt=0.0,
+        description="the cells within which hits are thinned are this much finer than the radar's resolution in range, velocity and each "
+        "direction cosine; docs/raycast.md, cells",
+    )  # fmt: skip
+    widest_cosine: float = Field(
+        0.1, gt=0.0, le=2.0,
+        description="widest such cell in a direction cosine, for arrays of little or no aperture: 6 deg, within which gains hardly change; "
+        "not charted",
+    )  # fmt: skip
     grid: GridKind = Field(
         "staggered",
         description="'staggered': elevation shifted within the cell, column by column, so that a road is hit at all distances; "

@@ -111,7 +111,9 @@ class SbrSettings(Spec):
         description="scene: cut the faces in view into about this many first tubes of equal sides, where max_phase does not ask "
         "for smaller ones; None: as few as it allows (docs/sbr.md)",
     )  # fmt: skip
-    max_patches: int = Field(20_000_000, ge=1, description="scene: more patches than this are refused")
+    max_patches: int = Field(
+        20_000_000, ge=1, description="scene: more patches than this are refused: bounds the memory, changes no result"
+    )
     diffuse: bool = Field(
         True, description="scene: whether rough surfaces scatter the part S of their reflection diffusely"
     )

@@ -33,7 +33,7 @@ class ScattererSettings(Spec):
     group_size: Metres = Field(
         0.5,
         gt=0.0,
-        description="centres in a cube of this side share one ray of occlusion [m]; a car has some 30 such groups",
+        description="centres in a cube of this side share one ray of occlusion [m]; a car has some 30 such groups; not charted",
     )
 
     @field_validator("models", mode="before")

@@ -12,13 +12,20 @@ from scarl_sionna.core.spec import Spec
 class SionnaSettings(Spec):
     """Knobs of the multipath solver on Sionna RT's PathSolver."""
 
-    max_depth: int = Field(2, ge=0, le=8, description="most interactions of a path, of each leg for scatterers")
+    max_depth: int = Field(
+        2,
+        ge=0,
+        le=8,
+        description="most interactions of a path, of each leg for scatterers; docs/sionna_paths.md, how many rays",
+    )
     num_samples: int = Field(
         200_000, ge=1, le=100_000_000,
         description="rays over the whole sphere that look for surfaces: one smaller than 3.5 / sqrt(num_samples) rad "
-        "as seen from the radar can be missed",
+        "as seen from the radar can be missed; docs/sionna_paths.md, how many rays",
     )  # fmt: skip
-    max_num_paths: int = Field(1_000_000, ge=1, le=100_000_000, description="candidates that the solver can hold")
+    max_num_paths: int = Field(
+        1_000_000, ge=1, le=100_000_000, description="candidates that the solver can hold; a full buffer is an error"
+    )
     on_overflow: Literal["raise", "warn"] = "raise"
     specular: bool = Field(True, description="mirror reflections")
     diffuse: bool = Field(False, description="diffuse scattering with Sionna RT's patterns, amplitudes in float32")

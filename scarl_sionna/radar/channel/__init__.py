@@ -95,7 +95,7 @@ def solve_paths(
     chosen = _settings(method, settings, fields)
     place = state.as_mount(mount)
     if chosen.method in ("raycast", "sbr", "scatterers"):
-        warn_of_panes(state, radar, place.pose, chosen.method)
+        warn_of_panes(state, radar, place.pose, chosen.method, chosen.warn_at)
     return SOLVERS[chosen.method](state, radar, place, chosen, None if receiver is None else state.as_mount(receiver))
 
 

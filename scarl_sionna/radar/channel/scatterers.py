@@ -18,6 +18,7 @@ from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownN
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import MIN_DISTANCE, POINT_INTERACTION
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]
-
-_NO_DETUNING = 0.01
-"""A model is used without a warning within this part of its frequency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +123,7 @@ def solve_scatterers(
     blocks = []
     for name, model in models.items():
         placed = PlacedModel(name, numbers[name], model, knobs.placements.get(name, Pose()))
-        block = _columns(state, radar, mount, placed)
+        block = _columns(state, radar, mount, placed, settings.warn_at)
         blocks.append(_in_view(block, radar, pose, reach))
     columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     hidden = _hidden(state, pose, columns, knobs.group_size)
@@ -149,7 +147,7 @@ def _numbers(state: WorldState, models: Mapping[str, ScattererModel]) -> dict[st
     return {name: known[name] for name in models}
 
 
-def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedModel) -> Columns:
+def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedModel, levels: WarningLevels) -> Columns:
     """Return the columns of one object's centres."""
     model, pose = placed.model, mount.pose
     info = state.world.instances[placed.number]
@@ -163,10 +161,10 @@ def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedMo
     direction = offset / distance[:, None]
     toward = -direction @ world_from_model.rotation
     matrix = model.matrices(toward)
-    _warn(placed.name, radar, model, toward, distance, matrix)
-    sounding = np.flatnonzero(matrix.any(axis=(1, 2)))
-    point, direction, distance = (column[sounding] for column in (point, direction, distance))
-    matrix = matrix[sounding]
+    echoing = matrix.any(axis=(1, 2))
+    _warn(placed, radar, toward[echoing], distance, levels)
+    point, direction, distance = (column[echoing] for column in (point, direction, distance))
+    matrix = matrix[echoing]
     body_basis = spherical_basis(world_from_model.rotation, -direction)
     radar_basis = spherical_basis(pose.rotation, direction)
     turn = radar_basis @ np.swapaxes(body_basis, 1, 2)
@@ -188,21 +186,14 @@ def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedMo
     }
 
 
-def _warn(
-    name: str,
-    radar: RadarSpec,
-    model: ScattererModel,
-    toward: Array,
-    distance: Array,
-    matrix: npt.NDArray[np.complex128],
-) -> None:
-    """Warn of each way in which a model is used outside of what it is right for."""
-    sounding = np.abs(matrix).any(axis=(1, 2))
-    outside = ~model.inside(toward) & sounding
+def _warn(placed: PlacedModel, radar: RadarSpec, toward: Array, distance: Array, levels: WarningLevels) -> None:
+    """Warn of each way in which a model is used outside of what it is right for; `toward` holds the centres that echo."""
+    model = placed.model
+    outside = ~model.inside(toward)
     reasons = []
     if outside.any():
         reasons.append(
-            f"{outside.sum()} of {sounding.sum()} centres are seen from outside of the model's aspects, whose nearest is used; "
+            f"{outside.sum()} of {len(outside)} centres are seen from outside of the model's aspects, whose nearest is used; "
             "compile more aspects, or use method='sbr'"
         )
     nearest = float(distance.min(initial=np.inf))
@@ -211,7 +202,7 @@ def _warn(
             f"it is {nearest:.3g} m away, nearer than the {model.nearest_distance:.3g} m from which cells of {model.cell:g} m are "
             "in their far field; compile with a smaller voxel, or use method='sbr'"
         )
-    if abs(radar.center_frequency - model.frequency) > _NO_DETUNING * model.frequency:
+    if abs(radar.center_frequency - model.frequency) > levels.detuning * model.frequency:
         reasons.append(
             f"the model is for {model.frequency / 1e9:.4g} GHz and the radar at {radar.center_frequency / 1e9:.4g} GHz; compile it "
             "for the radar's frequency"
@@ -222,7 +213,7 @@ def _warn(
             "compile with a smaller voxel, or use method='sbr'"
         )
     for reason in reasons:
-        warnings.warn(f"scatterers of '{name}': {reason}", ScarlWarning, stacklevel=4)
+        warnings.warn(f"scatterers of '{placed.name}': {reason}", ScarlWarning, stacklevel=4)
 
 
 def _in_view(columns: Columns, radar: RadarSpec, pose: Pose, reach: float) -> Columns:

@@ -96,7 +96,7 @@ def solve_hybrid(
         work.echoes()
     if resolved.mirrors and any(share.through_mirrors for share in plan.shares):
         start = time.perf_counter()
-        mirrors = find_mirrors(state, resolved.mirrors, pose.position, radar.wavelength)
+        mirrors = find_mirrors(state, resolved.mirrors, pose.position, radar.wavelength, settings.mirrors)
         work.clock["mirrors"] = time.perf_counter() - start
         for index in order:
             if plan.shares[index].through_mirrors:
@@ -220,7 +220,7 @@ class _Work:
             names = {self.state.world.instances[number].name: number for number in owned}
             placed = [PlacedModel(name, names[name], model, frames.get(name, Pose())) for name, model in models.items()]
             solve = of_models(self.state, self.radar, placed)
-        view = MirrorView(self.state, self.radar, self.mount, owned, mirrors)
+        view = MirrorView(self.state, self.radar, self.mount, owned, mirrors, self.settings.mirrors)
         found = paths_through_mirrors(view, solve, self.plan.plan.mirror_depth, self.reach)
         self._add(
             _Contribution(

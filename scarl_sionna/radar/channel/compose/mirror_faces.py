@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS
 from scarl_sionna.scene.tables import RayHits
 
 Array = npt.NDArray[np.float64]
@@ -15,19 +16,17 @@ Index = npt.NDArray[np.int64]
 
 NOBODY = -1
 """Of a hit that is on no mirror."""
-AT_THE_PLANE = 1e-2
-"""What lies this near to a mirror's plane [m], such as a road marking, belongs to it."""
 COINCIDENT = 1e-4
-"""Planes this near to each other [m] are as good as one: of several mirrors there, the first is met."""
+"""Planes this near to each other [m] are one up to the rounding of float32 meshes: of several mirrors there, the first is met."""
 _PAIRS = 1 << 20
-"""Points times triangles that are looked at in one piece."""
+"""Points times triangles that are looked at in one piece: bounds the memory, changes no result."""
 
 
 class MirrorFaces:
     """The triangles of mirrors, and who owns a hit.
 
     A reflection over a mirror counts only where the mirror owns the hit, so the same echo is not there twice: not over both planes of
-    a road near its crown, where they are less than `AT_THE_PLANE` apart, and not over two instances that lie in one plane.
+    a road near its crown, where they are less than `thickness` apart, and not over two instances that lie in one plane.
 
     Parameters
     ----------
@@ -40,11 +39,20 @@ class MirrorFaces:
         Planes of the mirrors: normal . x = offset [m, world].
     corners : sequence of ndarray of float64, shape (num_triangles, 3, 3)
         Of each mirror's triangles [m, world].
+    thickness : float
+        What lies this near to a mirror's plane, such as a road marking, belongs to it [m].
     """
 
     def __init__(
-        self, num_faces: int, faces: Sequence[Index], normal: Array, offset: Array, corners: Sequence[Array]
+        self,
+        num_faces: int,
+        faces: Sequence[Index],
+        normal: Array,
+        offset: Array,
+        corners: Sequence[Array],
+        thickness: float = DEFAULT_MIRRORS.thickness,
     ) -> None:
+        self.thickness = thickness
         self._of_face = np.full(num_faces, NOBODY, dtype=np.int64)
         for number, rows in enumerate(faces):
             self._of_face[rows] = number
@@ -54,7 +62,7 @@ class MirrorFaces:
     def owner(self, hits: RayHits, aim: Array) -> Index:
         """Return the number of the mirror that each hit is on, `NOBODY` where it is on none.
 
-        A hit on a mirror's own triangle is on that mirror. One on anything else within `AT_THE_PLANE` of mirrors is on the
+        A hit on a mirror's own triangle is on that mirror. One on anything else within `thickness` of mirrors is on the
         nearest of those that go on where the ray was aimed, or, where none does, of all of them: a marking may fill a hole.
 
         Parameters
@@ -65,7 +73,7 @@ class MirrorFaces:
         """
         own = self._of_face[hits.face]
         height = np.abs(hits.point @ self._normal.T - self._offset)
-        here = np.where(own == NOBODY, AT_THE_PLANE, 0.0)
+        here = np.where(own == NOBODY, self.thickness, 0.0)
         rows = np.flatnonzero(own != NOBODY)
         here[rows] = height[rows, own[rows]] + COINCIDENT
         may = height < here[:, None]

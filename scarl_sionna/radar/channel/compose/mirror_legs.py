@@ -11,11 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.multipath.images import material_coefficients, spherical_basis, transfer
 from scarl_sionna.radar.channel.multipath.station import Station
 
-from .mirror_faces import AT_THE_PLANE, MirrorFaces
+from .mirror_faces import MirrorFaces
 from .mirrors import Mirror, Way, chain_of
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 _LIFT = 1e-4
-"""Rays start this far above a mirror [m], so that they do not meet it again."""
+"""Rays start this far above a mirror [m], so that they do not meet it again: a guard against the rounding of float32 hits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,7 @@ class MirrorView:
         Instances of the objects. They hide nothing here: the solver that made their points has seen to that.
     mirrors : sequence of Mirror
         All of the solve, as of :func:`.mirrors.find_mirrors`.
+    knobs : MirrorSettings
     """
 
     state: WorldState
@@ -74,6 +76,7 @@ class MirrorView:
     mount: Mount
     owned: Sequence[int]
     mirrors: Sequence[Mirror]
+    knobs: MirrorSettings
 
     @cached_property
     def station(self) -> Station:
@@ -86,7 +89,7 @@ class MirrorView:
         return MirrorFaces(
             len(self.state._triangles.normal), [mirror.faces for mirror in self.mirrors],
             np.array([mirror.normal for mirror in self.mirrors]), np.array([mirror.offset for mirror in self.mirrors]),
-            [mirror.corners.reshape(-1, 3, 3) for mirror in self.mirrors],
+            [mirror.corners.reshape(-1, 3, 3) for mirror in self.mirrors], self.knobs.thickness,
         )  # fmt: skip
 
     def leg(self, way: Way, rotation: Array, points: Array) -> Leg:
@@ -147,11 +150,13 @@ class MirrorView:
                 met[hits.ray] = self.faces.owner(hits, end[rows[hits.ray]]) == way[k].number
                 side = np.sign(way[k].height(here[rows]))
                 lift = np.full(len(rows), _LIFT)
-                lift[hits.ray[np.abs(way[k].height(hits.point)) > _LIFT]] = AT_THE_PLANE  # out from under a marking
+                lift[hits.ray[np.abs(way[k].height(hits.point)) > _LIFT]] = (
+                    self.knobs.thickness
+                )  # out from under a marking
                 here[rows] = vertices[rows, k] + (lift * side)[:, None] * way[k].normal
             else:
                 met[:] = True
                 foreign = ~np.isin(state.world.parts.instance[hits.part], self.owned)
-                met[hits.ray[foreign & (hits.distance < distance[hits.ray] - AT_THE_PLANE)]] = False
+                met[hits.ray[foreign & (hits.distance < distance[hits.ray] - self.knobs.thickness)]] = False
             seen[rows] = met & far
         return seen

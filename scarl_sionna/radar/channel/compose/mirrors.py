@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS, MirrorSettings
 from scarl_sionna.engine.paths.tracing import mirror_extent
 from scarl_sionna.engine.rays.face_planes import face_table
 from scarl_sionna.radar.channel.multipath.images import Chain
@@ -18,10 +19,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-SAME_FACE = 1e-3
-"""Faces of a part whose corners are all this near to one plane [m] are one mirror: a quarter of the wavelength at 77 GHz."""
-MOST_MIRRORS = 16
-"""The largest so many are used: the number of pairs of ways grows with the square."""
+SIEVE = 0.1
+"""Mirrors' boxes are widened by this part of their extent where ways are sorted out before they are traced: decides no accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,13 @@ Way = tuple[Mirror, ...]
 """Mirrors in the order from the radar; empty: straight."""
 
 
-def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, wavelength: float) -> list[Mirror]:
+def find_mirrors(
+    state: WorldState,
+    instances: Sequence[int],
+    position: Array,
+    wavelength: float,
+    knobs: MirrorSettings = DEFAULT_MIRRORS,
+) -> list[Mirror]:
     r"""Return the flat regions of instances that are larger than the first Fresnel zone on them, the largest first.
 
     Parameters
@@ -79,6 +84,7 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
         Radar [m, world].
     wavelength : float
         [m].
+    knobs : MirrorSettings
 
     Notes
     -----
@@ -103,7 +109,7 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
     zone = np.sqrt(2.0 * wavelength * nearest)
     taken = np.zeros(len(chosen), dtype=np.bool_)
     for number in np.flatnonzero(total >= zone**2)[np.argsort(-total[total >= zone**2], kind="stable")]:
-        if len(found) == MOST_MIRRORS:
+        if len(found) == knobs.max_mirrors:
             break
         if taken[member := group == number].all():
             continue
@@ -112,7 +118,7 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
         extent = mirror_extent(state, part, int(first - triangles.first[part]))
         if extent < zone[number]:
             continue
-        near = (np.abs(triangles.corners[chosen] @ normal - offset) < SAME_FACE).all(axis=1)
+        near = (np.abs(triangles.corners[chosen] @ normal - offset) < knobs.flatness).all(axis=1)
         near &= ~taken & (faces.part[chosen] == part)
         taken |= near
         rows = chosen[near]
@@ -141,7 +147,7 @@ def may_reach(way: Way, position: Array, points: Array) -> bool:
     images = chain.images(points)
     vertices, right = chain.vertices(position, images)
     return any(
-        bool(ok) and all(mirror.near(vertex, 0.1 * mirror.extent) for mirror, vertex in zip(way, row, strict=True))
+        bool(ok) and all(mirror.near(vertex, SIEVE * mirror.extent) for mirror, vertex in zip(way, row, strict=True))
         for ok, row in zip(right, vertices, strict=True)
     )
 

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-WAVEFRONT_ERROR = 0.1
-"""Phase [rad] that an antenna may be off behind an edge before there is a warning: 20 dB below the path, coherently."""
-
 
 def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
     r"""Return the smaller diameter of the first Fresnel zone at each interaction [m], shape (num_legs, max_depth).
@@ -68,10 +65,13 @@ def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tu
     return num_small
 
 
-def warn_of_edge_wavefronts(wavelength: float, mirrors: list[tuple[Legs, Station]]) -> float:
-    """Warn where the wavefront of an edge is no sphere over the antennas; return the largest error of a length [m]."""
+def warn_of_edge_wavefronts(wavelength: float, mirrors: list[tuple[Legs, Station]], largest: float) -> float:
+    """Warn where the wavefront of an edge is no sphere over the antennas; return the largest error of a length [m].
+
+    `largest` is the phase [rad] that an antenna may be off before there is a warning.
+    """
     error = max((float(legs.spread.max(initial=0.0)) for legs, _ in mirrors), default=0.0)
-    if error * 2.0 * np.pi / wavelength > WAVEFRONT_ERROR:
+    if error * 2.0 * np.pi / wavelength > largest:
         warnings.warn(
             f"an edge's wavefront has two radii, and over this array it is up to {error * 1e3:.2g} mm "
             f"({360.0 * error / wavelength:.0f} deg of phase) off the one sphere that a path holds; solve for parts of the array "

@@ -22,7 +22,8 @@ Coefficients = Callable[[int, Array], tuple[Complex, Complex, Complex, Complex]]
 """``(k, cos_incidence) -> (reflection TE, TM, transmission TE, TM)`` of the k-th interaction of every path."""
 
 SLACK = 0.05
-"""Interaction points may be this far out of order along the ray [m]: small against every Fresnel zone at a radar's range."""
+"""Interaction points may be this far out of order along the ray [m]: small against every Fresnel zone at a radar's range.
+In the edge of a corner they are one point, and rounding may swap them; a path this near to an edge is as right with them swapped."""
 _HEAD_ON = 1e-9
 """Below this sine of the angle of incidence any tangent serves as the TE direction."""
 

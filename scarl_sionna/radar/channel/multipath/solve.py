@@ -42,11 +42,9 @@ Columns = dict[str, npt.NDArray[Any]]
 
 ASIDE = 0.05 / 3.0 * np.array([(2.0, -1.0, 2.0), (2.0, 2.0, -1.0), (-1.0, 2.0, 2.0)])
 """Points beside a monostatic radar [m], 5 cm away: five times the shortest segment that the engine keeps. They are askew to
-the world's axes, along which most corners stand."""
-
-
+the world's axes, along which most corners stand. They only help to find paths, whose lengths are those of the radar itself."""
 RAYS_APART = 3.5
-"""Angle between neighbouring rays times the root of their number [rad]: that of an even grid over the sphere, (4 pi)^0.5."""
+"""Angle between neighbouring rays times the root of their number [rad]: that of an even grid over the sphere, (4 pi)^0.5. Decides a warning only."""
 
 
 class PathBufferOverflowError(ScarlError):
@@ -158,8 +156,8 @@ def solve_sionna(
             raise error
         warnings.warn(str(error), ScarlWarning, stacklevel=2)
     num_small = warn_of_small_mirrors(state, radar.wavelength, solver.mirrors)
-    spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors)
-    num_hidden = warn_of_hidden_antennas(state, solver.mirrors)
+    spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors, settings.warn_at.wavefront_error)
+    num_hidden = warn_of_hidden_antennas(state, solver.mirrors, settings.warn_at.wide_arm)
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     num_missed = (
         _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if sought.environment else 0

@@ -17,7 +17,7 @@ from scarl_sionna.core.errors import ScarlWarning, UnknownNameError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.settings.sbr import SMALLEST_SIZE
+from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
-
-GRAZING_COSINE = 0.1
-"""Cosine of incidence below which a patch counts as grazing."""
 
 
 def solve_sbr(
@@ -130,7 +127,8 @@ def solve_sbr(
         "method": "sbr", "settings": knobs.model_dump(), "max_distance": reach, "num_faces": len(start),
         "num_tubes": dict(tracer.count), "num_patches": len(columns["length"]), "left_out": left_out,
     }  # fmt: skip
-    _warn(state, radar, tx.pose.position, columns, amplitude**2, chosen_instances)
+    _warn_of_bodies(state, radar, tx.pose.position, columns, chosen_instances, settings.warn_at)
+    _warn_of_grazing(columns["cosine"], amplitude**2, settings.warn_at.grazing_incidence)
     columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, knobs.floor_db)
     columns = in_order(columns)
     diagnostics["seconds"] = time.perf_counter() - clock
@@ -186,18 +184,18 @@ def _scattered(pieces: list[Columns], seed: int, monostatic: bool) -> list[Colum
     return [block, way_back(block, first)] if monostatic and block["depth"][0] > 1 else [block]
 
 
-def _warn(
-    state: WorldState, radar: RadarSpec, origin: Array, columns: Columns, power: Array, chosen: list[int]
+def _warn_of_bodies(
+    state: WorldState, radar: RadarSpec, origin: Array, columns: Columns, chosen: list[int], levels: WarningLevels
 ) -> None:
-    """Warn once of each way in which the scene is outside of what physical optics can do."""
+    """Warn once of bodies that are too small for physical optics, and once of parts that both scatter in one place."""
     small = []
     for number in chosen:
         info = state.world.instances[number]
-        if float(info.size.max()) < SMALLEST_SIZE * radar.wavelength and np.any(columns["instance"] == number):
+        if float(info.size.max()) < levels.smallest_body * radar.wavelength and np.any(columns["instance"] == number):
             small.append((info.name, float(info.size.max())))
     if small:
         warnings.warn(
-            f"{len(small)} instance(s) in view are smaller than {SMALLEST_SIZE:g} wavelengths, such as '{small[0][0]}' "
+            f"{len(small)} instance(s) in view are smaller than {levels.smallest_body:g} wavelengths, such as '{small[0][0]}' "
             f"({1e3 * small[0][1]:.3g} mm); physical optics is wrong by decibels there: use method='scatterers' or point targets",
             ScarlWarning, stacklevel=4,
         )  # fmt: skip
@@ -210,11 +208,15 @@ def _warn(
             "strong where they overlap; move one by 0.1 mm, or leave it out with instances=",
             ScarlWarning, stacklevel=4,
         )  # fmt: skip
-    grazing = float(power[columns["cosine"] < GRAZING_COSINE].sum())
+
+
+def _warn_of_grazing(cosine: Array, power: Array, grazing_cosine: float) -> None:
+    """Warn where most of the power comes from patches met at less than a cosine of incidence."""
+    grazing = float(power[cosine < grazing_cosine].sum())
     if grazing > 0.5 * float(power.sum()):
         warnings.warn(
-            f"{100.0 * grazing / float(power.sum()):.0f} % of the patches' power comes from surfaces seen within 6 deg of "
-            "grazing, where diffraction, which 'sbr' does not have, is as strong; method='sionna' has mirror multipath there",
+            f"{100.0 * grazing / float(power.sum()):.0f} % of the patches' power comes from surfaces seen within "
+            f"{np.degrees(np.arcsin(grazing_cosine)):.0f} deg of grazing, where diffraction, which 'sbr' does not have, is as strong; method='sionna' has mirror multipath there",
             ScarlWarning, stacklevel=4,
         )  # fmt: skip
 
