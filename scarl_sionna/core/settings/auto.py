@@ -89,12 +89,12 @@ class AutoSettings(Spec):
     num_probes: int = Field(
         256,
         ge=1,
-        description="rays that find out how often an object reflects to itself; docs/accuracy.md, rules of `auto`",
+        description="rays that find out how often an object reflects to itself; docs/accuracy.md, knobs of the rules",
     )
     bounce_share: float = Field(
         0.01, gt=0.0, le=1.0,
         description="share of those rays that must go on for another bounce to count: a corner reflector on a body is often small; "
-        "docs/accuracy.md, rules of `auto`",
+        "docs/accuracy.md, knobs of the rules",
     )  # fmt: skip
     max_bounces: int = Field(
         3, ge=1, le=8, description="most bounces looked for; 3 covers every corner reflector (docs/rcs.md)"
@@ -103,9 +103,7 @@ class AutoSettings(Spec):
         ("Roads", "SideWalks", "Ground", "Water", "Wall", "Building", "Bridge"),
         description="semantic classes whose large flat static faces act as mirrors; docs/accuracy.md, wall and two-ray",
     )
-    smallest_mirror: Metres = Field(
-        1.0, ge=0.0, description="narrower faces are no mirrors [m]; docs/accuracy.md, rules of `auto`"
-    )
+    smallest_mirror: Metres = Field(1.0, ge=0.0, description="narrower faces are no mirrors [m]; not charted")
 
     @field_validator("levels")
     @classmethod

@@ -13,8 +13,8 @@ class MirrorSettings(Spec):
 
     max_mirrors: int = Field(
         16, ge=1, le=1000,
-        description="the largest so many are used: pairs of ways, and with them the time, grow with the square; docs/accuracy.md, rules of "
-        "`auto`",
+        description="the largest so many are used: pairs of ways, and with them the time, grow with the square; docs/accuracy.md, knobs of the "
+        "rules",
     )  # fmt: skip
     flatness: Metres = Field(
         1e-3, gt=0.0, le=0.1,

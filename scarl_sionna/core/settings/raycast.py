@@ -47,7 +47,7 @@ class RaycastSettings(Spec):
     widest_cosine: float = Field(
         0.1, gt=0.0, le=2.0,
         description="widest such cell in a direction cosine, for arrays of little or no aperture: 6 deg, within which gains hardly change; "
-        "not charted",
+        "docs/raycast.md, cells",
     )  # fmt: skip
     grid: GridKind = Field(
         "staggered",

@@ -40,13 +40,13 @@ class WarningLevels(Spec):
     )  # fmt: skip
     pane_distance: Metres = Field(
         1.0, ge=0.0,
-        description="a pane this close before the radar is part of its mounting: a windscreen, a grille, a bumper [m]; docs/sionna_paths.md",
+        description="a pane this close before the radar is part of its mounting: a windscreen, a grille, a bumper [m]; docs/radar_settings.md, warnings",
     )  # fmt: skip
     pane_share: float = Field(
         0.2,
         ge=0.0,
         le=1.0,
-        description="share of the field of view that such panes must cover for a warning; docs/sionna_paths.md",
+        description="share of the field of view that such panes must cover for a warning; docs/radar_settings.md, warnings",
     )
     pane_directions: int = Field(
         7,

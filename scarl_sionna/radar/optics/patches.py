@@ -18,10 +18,11 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 _FILL = 0.8
-"""Bands are this part of the length allowed, so that the diagonals of their pieces are not too long as well."""
+"""Bands are this part of the length allowed, so that the diagonals of their pieces are not too long as well. What is too
+long is cut again, so this decides the number of cuts, not the accuracy."""
 
 _SPLIT_AGAIN = 1.3
-"""Pieces of pieces that are too long after the second cut; mean over triangles of all shapes."""
+"""Pieces of pieces that are too long after the second cut; mean over triangles of all shapes. Only for the count beforehand."""
 
 
 @dataclass(frozen=True)

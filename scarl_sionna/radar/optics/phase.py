@@ -19,7 +19,7 @@ Complex = npt.NDArray[np.complex128]
 Pair = tuple[Any, Any]
 
 LANES = 1 << 22
-"""Pairs of an aspect and a triangle worked at once: some 300 MB."""
+"""Pairs of an aspect and a triangle worked at once: some 300 MB; changes no result."""
 SINGLE_TERMS = 8
 """Terms of the series in single precision: the first one left out is 2e-8."""
 

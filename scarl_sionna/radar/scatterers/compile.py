@@ -31,16 +31,18 @@ COMPILE_SBR = SbrSettings(max_depth=2, ray_spacing=16.0, edge_spacing=8.0)
 """Rays of 6 cm at 77 GHz, edges followed to 3 cm and then cut. Chosen for time; its error is measured for each model made,
 against the same rays, so it does not hold what these rays miss (docs/scatterers.md)."""
 WEAKEST = 1e-7
-"""A centre is left out of a block of aspects in all of which its power is below this part of all centres' together."""
+"""A centre is left out of a block of aspects in all of which its power is below this part of all centres' together.
+What that costs is inside of the error that is measured for each model made."""
 LARGEST_TABLE = 2**31
-"""Largest table that is made [bytes]."""
+"""Largest table that is made [bytes]; a larger one is refused."""
 HIGHEST_ELEVATION_DEG = 85.0
 """The polarisation basis turns too fast to interpolate closer to the poles."""
 CHECK_CELLS = 32
-"""Frequencies of the range profiles in which the error is measured."""
+"""Frequencies of the range profiles in which the error of a model is measured: how it is reported, not how large it is."""
 CHECK_DEPTH_DB = 20.0
-"""Cells this far below the strongest of their profile count."""
+"""Cells down to this far below the strongest of their profile count in that error."""
 _ORIGIN = 1 << 20
+"""Numbers of voxels are shifted by this, so that they are positive."""
 
 
 @dataclass

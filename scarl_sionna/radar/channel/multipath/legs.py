@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 SAME_POINT = 1e-3
-"""Paths whose interaction points agree within this [m] are one path, found on two triangles or two coincident parts."""
+"""Paths whose interaction points agree within this [m] are one path, found on two triangles or two coincident parts: the
+engine's float32 candidates, not an accuracy."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]
 
 _LARGEST_KEY = 1 << 62
+"""Sort keys above this are numbered anew, so that they stay in 64 bits: changes no order."""
 
 
 def joined(blocks: list[Columns], max_depth: int) -> Columns:

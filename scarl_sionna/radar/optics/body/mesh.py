@@ -23,7 +23,7 @@ Array = npt.NDArray[np.float64]
 _THIN = 1e-9
 """A face whose height is below this part of the mesh's size is degenerate: it has no area and no sure normal."""
 _LARGEST_SEARCH = 200_000_000
-"""Pairs of a face and a corner of the convex hull up to which `free` is searched: 0.5 s; beyond, rays find out."""
+"""Pairs of a face and a corner of the convex hull up to which `free` is searched: 0.5 s; beyond, rays find out, with the same result."""
 
 
 @dataclass(frozen=True, eq=False)
