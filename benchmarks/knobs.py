@@ -103,7 +103,7 @@ def mirrors() -> None:
         whole, _ = ghosts(32)
         loud = whole > whole.max() * 1e-3
         for count in (1, 2, 4, 8, 16):
-            (power, number), cpu = timed(lambda count=count: ghosts(count))  # noqa: B023
+            (power, number), cpu = timed(lambda count=count: ghosts(count))
             error = np.abs(10.0 * np.log10(np.maximum(power[loud], 1e-3 * whole[loud]) / whole[loud]))
             rms = np.sqrt(np.mean(error**2)) if loud.any() else 0.0
             print(f"| {name} | {count} | {rms:.2f} | {number:,} | {cpu:.1f} |", flush=True)
