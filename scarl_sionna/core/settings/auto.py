@@ -57,31 +57,37 @@ class AutoSettings(Spec):
     )
     tubes: TubeEstimate = Field(TubeEstimate(), description="what an object costs in the budget")
     speckle_db: Decibels = Field(
-        10.0, ge=0.0,
+        10.0,
+        ge=0.0,
         description="a rough surface is taken to send back at most this much more than its mean [dB]: 4.5e-5 of exponential speckle "
         "is above; docs/accuracy.md, what `auto` does",
-    )  # fmt: skip
+    )
     smooth_share: float = Field(
-        0.5, ge=0.0, le=1.0,
+        0.5,
+        ge=0.0,
+        le=1.0,
         description="an object is a coherent body if its parts reflect more than this share of the power coherently (1 - S^2); not charted",
-    )  # fmt: skip
+    )
     diffuse_classes: tuple[str, ...] = Field(
         ("Roads", "SideWalks", "RoadLine", "Ground", "Terrain", "Vegetation", "Water", "Pedestrian", "Rider", "Sky"),
         description="semantic classes without coherent bodies: rough or soft, many unresolved scatterers in a resolution cell",
     )
     too_near: Metres = Field(
-        1.0, ge=0.0,
+        1.0,
+        ge=0.0,
         description="what stands nearer than this carries the radar, or fills its view: left to 'raycast' [m]; not charted",
-    )  # fmt: skip
+    )
     smallest_body: Wavelengths = Field(
-        SMALLEST_SIZE, ge=0.0,
+        SMALLEST_SIZE,
+        ge=0.0,
         description="smaller bodies are left to 'raycast' [wavelengths]: physical optics is decibels off; docs/rcs.md, accuracy",
-    )  # fmt: skip
+    )
     long_object: Metres = Field(
-        20.0, gt=0.0,
+        20.0,
+        gt=0.0,
         description="longer things (guardrails, walls) see themselves along their length: two bounces, many more tubes after each [m]; "
         "docs/accuracy.md, whole highway frame",
-    )  # fmt: skip
+    )
     vehicle_classes: tuple[str, ...] = Field(
         ("Car", "Truck", "Bus", "Train", "Motorcycle", "Bicycle"),
         description="semantic classes whose further bounces are weak: the tolerance limits their number; docs/accuracy.md, car",
@@ -92,10 +98,12 @@ class AutoSettings(Spec):
         description="rays that find out how often an object reflects to itself; docs/accuracy.md, knobs of the rules",
     )
     bounce_share: float = Field(
-        0.01, gt=0.0, le=1.0,
+        0.01,
+        gt=0.0,
+        le=1.0,
         description="share of those rays that must go on for another bounce to count: a corner reflector on a body is often small; "
         "docs/accuracy.md, knobs of the rules",
-    )  # fmt: skip
+    )
     max_bounces: int = Field(
         3, ge=1, le=8, description="most bounces looked for; 3 covers every corner reflector (docs/rcs.md)"
     )

@@ -29,7 +29,7 @@ QUALITIES = ("draft", "full")
 """Named levels of effort: ``"full"`` is the default of everything, ``"draft"`` is for a look at a scene."""
 
 
-def _plan(value: Any) -> Any:
+def _plan(value: object) -> ChannelPlan | None:
     if value is None or isinstance(value, ChannelPlan):
         return value
     if isinstance(value, Mapping):
@@ -37,7 +37,7 @@ def _plan(value: Any) -> Any:
     raise InputTypeError("plan", value, "a ChannelPlan")
 
 
-def _plan_data(value: ChannelPlan | None, info: SerializationInfo) -> Any:
+def _plan_data(value: ChannelPlan | None, info: SerializationInfo) -> dict[str, Any] | None:
     return None if value is None else value.to_dict("json" if info.mode == "json" else "python")
 
 
@@ -60,9 +60,10 @@ class RadarSettings(Spec):
     )
     noise: bool = Field(True, description="thermal noise of the receiver; False: the ideal sensor")
     chirps_per_block: int | None = Field(
-        None, ge=1,
+        None,
+        ge=1,
         description="paths are solved again in the middle of every block of so many chirps, for wheels and limbs; None: once a frame",
-    )  # fmt: skip
+    )
     cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
     auto: AutoSettings = Field(AutoSettings(), description="rules by which 'auto' chooses for each object")
     mirrors: MirrorSettings = Field(
@@ -82,9 +83,9 @@ class RadarSettings(Spec):
         WeatherEchoSettings(), description="points that stand for rain, snow and spray where the weather is not clear"
     )
     warn_at: WarningLevels = Field(WarningLevels(), description="thresholds of warnings; they change no result")
-    plan: Annotated[
-        SkipValidation[ChannelPlan | None], BeforeValidator(_plan), PlainSerializer(_plan_data)
-    ] = Field(None, description="who computes what, for 'hybrid'")  # fmt: skip
+    plan: Annotated[SkipValidation[ChannelPlan | None], BeforeValidator(_plan), PlainSerializer(_plan_data)] = Field(
+        None, description="who computes what, for 'hybrid'"
+    )
 
     @classmethod
     def preset(cls, quality: str) -> RadarSettings:
@@ -102,7 +103,7 @@ class RadarSettings(Spec):
         return cls(raycast=RaycastSettings(num_rays=250_000), accuracy=Accuracy(tube_budget=25_000))
 
     @classmethod
-    def of(cls, method: str | None = None, **fields: Any) -> RadarSettings:
+    def of(cls, method: str | None = None, **fields: object) -> RadarSettings:
         """Return settings from fields of any part, the short form of nested settings.
 
         ``RadarSettings.of("raycast", num_rays=1000)`` is ``RadarSettings(method="raycast", raycast=RaycastSettings(num_rays=1000))``.
@@ -124,7 +125,7 @@ class RadarSettings(Spec):
             raise UnknownNameError("channel solver", str(method), METHODS)
         return cls().changed(method, **fields)
 
-    def changed(self, method: str | None = None, **fields: Any) -> RadarSettings:
+    def changed(self, method: str | None = None, **fields: object) -> RadarSettings:
         """Return a copy with fields of any part changed; see :meth:`of`."""
         if method is not None and method not in METHODS:
             raise UnknownNameError("channel solver", str(method), METHODS)
@@ -150,9 +151,11 @@ class RadarSettings(Spec):
             return next(iter(parts))
         if parts:
             raise ParameterRangeError(
-                name, "a field of " + " and of ".join(f"`{part}`" for part in parts), "one field",
+                name,
+                "a field of " + " and of ".join(f"`{part}`" for part in parts),
+                "one field",
                 f"write {next(iter(parts))}={_PARTS[next(iter(parts))].__name__}({name}=...)",
-            )  # fmt: skip
+            )
         known = sorted({*cls.model_fields, *(field for kind in _PARTS.values() for field in kind.model_fields)})
         raise UnknownNameError(f"setting of method '{method}'", name, _relevant(cls, method, known, name))
 

@@ -46,25 +46,33 @@ class SbrSettings(Spec):
         description="largest number of bounces; 3 covers every corner reflector (docs/rcs.md, docs/sbr.md)",
     )
     ray_spacing: Wavelengths | None = Field(
-        None, gt=0.0, le=64.0,
+        None,
+        gt=0.0,
+        le=64.0,
         description="largest distance between the rays that probe a tube [wavelengths]: what is smaller can be missed as an "
         "obstacle or as the next thing hit. None: 1 to 16 by the size of a body (docs/rcs.md), ray_share in a scene",
-    )  # fmt: skip
+    )
     edge_spacing: Wavelengths | None = Field(
-        None, gt=0.0, le=16.0,
+        None,
+        gt=0.0,
+        le=16.0,
         description="tubes that straddle an edge are halved down to this size [wavelengths] and then cut along it. None: 0.25 to 8 "
         "by the size of a body (docs/rcs.md), edge_share in a scene",
-    )  # fmt: skip
+    )
     bisections: int | None = Field(
-        None, ge=1, le=24,
+        None,
+        ge=1,
+        le=24,
         description="the place of an edge is found to 2^-bisections of the tube that it cuts. None: 11 for a body, 5 where its "
         "ray_spacing follows a large size, 9 in a scene (docs/rcs.md)",
-    )  # fmt: skip
+    )
     corner_share: float = Field(
-        0.125, gt=0.0, le=1.0,
+        0.125,
+        gt=0.0,
+        le=1.0,
         description="part of the edge spacing down to which tubes are halved in which more than two things meet; smaller ones are "
         "probed by one ray (docs/rcs.md)",
-    )  # fmt: skip
+    )
     max_rays: int = Field(
         1_000_000, ge=1000, description="rays worked at once: bounds the memory, changes no result (docs/rcs.md)"
     )
@@ -72,45 +80,60 @@ class SbrSettings(Spec):
         125_000, ge=100, description="tubes worked at once: bounds the memory, changes no result (docs/rcs.md)"
     )
     max_phase: Annotated[float, Unit("rad")] = Field(
-        0.2, gt=0.0, le=3.0,
+        0.2,
+        gt=0.0,
+        le=3.0,
         description="scene: largest departure of the phase over a patch from a linear one, at half of its longest side [rad]: size "
         "of what is one path (docs/sbr.md)",
-    )  # fmt: skip
+    )
     integration_phase: Annotated[float, Unit("rad")] = Field(
-        0.01, gt=0.0, le=3.0,
+        0.01,
+        gt=0.0,
+        le=3.0,
         description="scene: the same for the parts over which the field of a patch is integrated with a linear phase [rad] "
         "(docs/sbr.md)",
-    )  # fmt: skip
+    )
     max_ramp: Annotated[float, Unit("rad")] = Field(
-        0.5, gt=0.0, le=3.0,
+        0.5,
+        gt=0.0,
+        le=3.0,
         description="scene: largest change of the phase between the middle and the end of a patch's side that another antenna, or "
         "the end of the band, makes [rad] (docs/sbr.md)",
-    )  # fmt: skip
+    )
     ray_share: float = Field(
-        0.5, gt=0.0, le=4.0,
+        0.5,
+        gt=0.0,
+        le=4.0,
         description="scene: distance of the rays where ray_spacing is None, as a share of the side that max_phase allows "
         "(docs/sbr.md)",
-    )  # fmt: skip
+    )
     edge_share: float = Field(
-        0.125, gt=0.0, le=4.0,
+        0.125,
+        gt=0.0,
+        le=4.0,
         description="scene: size of the tubes cut along edges where edge_spacing is None, as a share of the side that max_phase "
         "allows (docs/sbr.md)",
-    )  # fmt: skip
+    )
     grazing_cosine: float = Field(
-        0.02, ge=0.0, le=1.0,
+        0.02,
+        ge=0.0,
+        le=1.0,
         description="scene: tubes that a face meets at less than this cosine are not cut along edges: their field is 34 dB down, "
         "and float32 rays do not tell a face just behind a silhouette from one just before it (docs/sbr.md)",
-    )  # fmt: skip
+    )
     coefficient_nodes: int = Field(
-        8193, ge=3, le=1_000_001,
+        8193,
+        ge=3,
+        le=1_000_001,
         description="scene: nodes of the table of reflection coefficients over the square root of the cosine of incidence: "
         "linear interpolation is right to 2e-6 for layers of some millimetres (docs/sbr.md)",
-    )  # fmt: skip
+    )
     num_tubes: int | None = Field(
-        None, ge=1,
+        None,
+        ge=1,
         description="scene: cut the faces in view into about this many first tubes of equal sides, where max_phase does not ask "
         "for smaller ones; None: as few as it allows (docs/sbr.md)",
-    )  # fmt: skip
+    )
     max_patches: int = Field(
         20_000_000, ge=1, description="scene: more patches than this are refused: bounds the memory, changes no result"
     )
@@ -124,7 +147,7 @@ class SbrSettings(Spec):
         -10.0,
         description="scene: patches of a range bin are left out as long as the power of all of them in phase stays this far from "
         "the noise of one cell of the range-Doppler-angle cube [dB]; None keeps all (docs/sbr.md)",
-    )  # fmt: skip
+    )
 
     @model_validator(mode="after")
     def _check(self) -> SbrSettings:

@@ -38,12 +38,12 @@ class ScattererSettings(Spec):
 
     @field_validator("models", mode="before")
     @classmethod
-    def _none_is_empty(cls, value: Any) -> Any:
+    def _none_is_empty(cls, value: object) -> object:
         return {} if value is None else value
 
     @field_validator("placements", mode="before")
     @classmethod
-    def _poses(cls, value: Any) -> Any:
+    def _poses(cls, value: object) -> object:
         if not isinstance(value, dict):
             return value
         return {name: Pose(**pose) if isinstance(pose, dict) else pose for name, pose in value.items()}
@@ -53,9 +53,11 @@ class ScattererSettings(Spec):
         for name, model in value.items():
             if not isinstance(model, (str, Path)):
                 raise ParameterRangeError(
-                    f"ScattererSettings.models['{name}']", f"a {type(model).__name__} in memory", "a path or 'tr38901:<target>'",
+                    f"ScattererSettings.models['{name}']",
+                    f"a {type(model).__name__} in memory",
+                    "a path or 'tr38901:<target>'",
                     "save the model with ScattererModel.save(path) and name the file, so that it can be stored",
-                )  # fmt: skip
+                )
         return {name: str(model) for name, model in value.items()}
 
     @field_serializer("placements", when_used="json")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from scarl_sionna.core.errors import InputTypeError
 from scarl_sionna.core.mount import Mount
@@ -44,7 +43,7 @@ def solve_paths(
     *,
     settings: RadarSettings | Spec | None = None,
     receiver: Mount | Pose | None = None,
-    **fields: Any,
+    **fields: object,
 ) -> RadarPaths:
     """Return the propagation paths of a radar in a state of the world.
 
@@ -99,11 +98,11 @@ def solve_paths(
     return SOLVERS[chosen.method](state, radar, place, chosen, None if receiver is None else state.as_mount(receiver))
 
 
-def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, Any]) -> RadarSettings:
+def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:
     """Return the settings of a solve, from their full form or a short one."""
     if settings is None or isinstance(settings, RadarSettings):
         return (settings or RadarSettings()).changed(method, **fields)
     for name, field in RadarSettings.model_fields.items():
         if isinstance(settings, Spec) and field.annotation is type(settings):
-            return RadarSettings.of(method or name, **{name: settings}).changed(**fields)
+            return RadarSettings.of(method or name, **{name: settings}).changed(None, **fields)
     raise InputTypeError("settings", settings, "a RadarSettings, or the settings of one solver")

@@ -114,9 +114,11 @@ def solve_scatterers(
     models = loaded_models(knobs.models)
     if not models:
         raise ParameterRangeError(
-            "models", knobs.models, "at least one name with a ScattererModel",
+            "models",
+            knobs.models,
+            "at least one name with a ScattererModel",
             "compile one with compile_scatterers(mesh), or take ScattererModel.tr38901('car')",
-        )  # fmt: skip
+        )
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     numbers = _numbers(state, models)
     check_antennas(state, radar, pose)
@@ -131,11 +133,19 @@ def solve_scatterers(
     order = np.lexsort((*columns["point"].T, columns["distance"], columns["instance"]))
     columns = {name: column[order] for name, column in columns.items()}
     left_out = [info.name for info in state.world.instances.values() if info.name not in models]
-    return _paths(columns, pose, {
-        "method": "scatterers", "max_distance": reach, "group_size": knobs.group_size, "num_hidden": int(hidden.sum()),
-        "models": {name: dict(model.error) for name, model in models.items()}, "left_out": left_out,
-        "seconds": time.perf_counter() - start,
-    })  # fmt: skip
+    return _paths(
+        columns,
+        pose,
+        {
+            "method": "scatterers",
+            "max_distance": reach,
+            "group_size": knobs.group_size,
+            "num_hidden": int(hidden.sum()),
+            "models": {name: dict(model.error) for name, model in models.items()},
+            "left_out": left_out,
+            "seconds": time.perf_counter() - start,
+        },
+    )
 
 
 def _numbers(state: WorldState, models: Mapping[str, ScattererModel]) -> dict[str, int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.rays.face_rays import StateRays
+from scarl_sionna.engine.types import DeviceArray
 
-from .fields import OnDevice, Wave, radiating_vector, reflected_field
+from .fields import Field, OnDevice, Wave, radiating_vector, reflected_field
 from .phase import spherical_wave_integral
 from .spherical_waves import ImageTubes, Station
 from .surfaces import FaceSurfaces
@@ -110,9 +112,12 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     scale = 0.125 / np.pi / (out * home)
     factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
     columns: dict[str, Any] = {
-        "tx_point": _unfolded(dr, center, plane[:-1]), "rx_point": center, "length_rate": rate, "length": out + home,
+        "tx_point": _unfolded(dr, center, plane[:-1]),
+        "rx_point": center,
+        "length_rate": rate,
+        "length": out + home,
         "cosine": dr.abs(dr.dot(normal, back)),
-    }  # fmt: skip
+    }
     receive = _spherical_basis(rays, near.rx.pose, -back)
     vector = radiating_vector(on, Wave(field, arriving), Wave(reflected, onward), normal, back)
     for r in range(2):
@@ -142,10 +147,15 @@ def _matrices(found: dict[str, npt.NDArray[Any]], real: str, imaginary: str) -> 
 
 
 def _scattered(
-    dr: Any, basis: tuple[Any, Any], field: list[Any], smooth: list[Any], level: Any, turn: list[Any]
-) -> dict[str, Any]:
+    dr: ModuleType,
+    basis: tuple[DeviceArray, DeviceArray],
+    field: Field,
+    smooth: Field,
+    level: DeviceArray,
+    turn: list[DeviceArray],
+) -> dict[str, DeviceArray]:
     """Return the entries of the transfer by diffuse scattering of 1 m2; the polarisation is turned as in Sionna RT."""
-    found = {}
+    found: dict[str, DeviceArray] = {}
     for t in range(2):
         power = dr.squared_norm(field[t][0]) + dr.squared_norm(field[t][1])
         left = dr.squared_norm(smooth[t][0]) + dr.squared_norm(smooth[t][1])
@@ -157,7 +167,9 @@ def _scattered(
     return found
 
 
-def _reflection_points(dr: Any, center: Any, image: list[Any], plane: list[tuple[Any, Any]]) -> list[Any]:
+def _reflection_points(
+    dr: ModuleType, center: DeviceArray, image: list[DeviceArray], plane: list[tuple[DeviceArray, DeviceArray]]
+) -> list[DeviceArray]:
     """Return where the rays to the patches' centres meet the faces of their chains."""
     points = [center]
     for k in range(len(image) - 2, -1, -1):
@@ -168,7 +180,7 @@ def _reflection_points(dr: Any, center: Any, image: list[Any], plane: list[tuple
     return points
 
 
-def _unfolded(dr: Any, center: Any, mirrors: list[tuple[Any, Any]]) -> Any:
+def _unfolded(dr: ModuleType, center: DeviceArray, mirrors: list[tuple[DeviceArray, DeviceArray]]) -> DeviceArray:
     """Return the images of the patches' centres that the transmitter sees."""
     seen = center
     for normal, offset in reversed(mirrors):
@@ -176,7 +188,7 @@ def _unfolded(dr: Any, center: Any, mirrors: list[tuple[Any, Any]]) -> Any:
     return seen
 
 
-def _spherical_basis(rays: StateRays, pose: Pose, direction: Any) -> tuple[Any, Any]:
+def _spherical_basis(rays: StateRays, pose: Pose, direction: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
     """Return theta-hat and phi-hat of unit directions in world axes; phi = 0 along the frame's z axis."""
     dr = rays.dr
     x, y, z = (rays.vector(axis) for axis in pose.rotation.T)

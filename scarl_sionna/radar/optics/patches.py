@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from types import ModuleType
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.device import device
+from scarl_sionna.engine.types import DeviceArray
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -107,7 +109,9 @@ class PatchSize:
         longest, least = excess.max(axis=1), np.maximum(np.ceil(excess.min(axis=1) / _FILL), 1.0)
         return np.where(longest <= 1.0, 1.0, _SPLIT_AGAIN * (2.0 * np.ceil(longest / _FILL) - 1.0) * least)
 
-    def _excess(self, dr: Any, side: Any, legs: list[tuple[Any, Any]], longest: Any) -> Any:
+    def _excess(
+        self, dr: ModuleType, side: DeviceArray, legs: list[tuple[DeviceArray, DeviceArray]], longest: DeviceArray
+    ) -> DeviceArray:
         curvature, turn, along = 0.0, 0.0, 0.0
         square = dr.squared_norm(side)
         for ray, distance in legs:
@@ -185,9 +189,11 @@ def split(
 def too_many_patches(limit: int) -> NoReturn:
     """Raise the error of a scene that needs more patches than allowed."""
     raise ParameterRangeError(
-        "number of patches", f"above {limit}", f"<= {limit}",
+        "number of patches",
+        f"above {limit}",
+        f"<= {limit}",
         "choose fewer `instances`, a larger `max_phase` or a larger `max_patches`",
-    )  # fmt: skip
+    )
 
 
 def _bands(corners: Array, excess: Array, bands: Index) -> tuple[Array, Index]:

@@ -91,10 +91,14 @@ class FixedTubes:
         for bounce in bounces(body, surfaces, numbers, settings):
             own = bounce.reflected[:, 0, 0].real.astype(np.int64)
             _append(
-                columns, own=own, depth=np.full(len(own), bounce.depth), part=bounce.tubes.part,
-                source=bounce.tubes.incident[:, 0, 0].real.astype(np.int64), direction=bounce.tubes.direction,
+                columns,
+                own=own,
+                depth=np.full(len(own), bounce.depth),
+                part=bounce.tubes.part,
+                source=bounce.tubes.incident[:, 0, 0].real.astype(np.int64),
+                direction=bounce.tubes.direction,
                 normal=bounce.tubes.normal,
-            )  # fmt: skip
+            )
             for tube, view, corners in footprints_seen(body, bounce, plan, settings):
                 if not len(tube):
                     continue

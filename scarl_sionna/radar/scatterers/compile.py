@@ -144,21 +144,33 @@ def compile_scatterers(
         size += block.values.nbytes
         if size > LARGEST_TABLE:
             raise ParameterRangeError(
-                "size of the table", f"above {size / 2**30:.2g} GiB ({len(keys)} centres)", "up to 2 GiB",
+                "size of the table",
+                f"above {size / 2**30:.2g} GiB ({len(keys)} centres)",
+                "up to 2 GiB",
                 "take fewer aspects or a larger voxel",
-            )  # fmt: skip
+            )
     centers, amplitude = _assemble(blocks, keys, azimuth, elevation, frequency, voxel)
     wavelength = SPEED_OF_LIGHT / frequency
     corners = body.triangles.corners
     model = ScattererModel(
-        centers, azimuth, elevation, amplitude, float(frequency), float(voxel), 2.0 * voxel**2 / wavelength,
+        centers,
+        azimuth,
+        elevation,
+        amplitude,
+        float(frequency),
+        float(voxel),
+        2.0 * voxel**2 / wavelength,
         elevation_reach=0.0 if len(elevation) > 1 else _reach(body, wavelength),
         provenance={
-            "source": "physical optics of a mesh", "mesh_sha256": hashlib.sha256(corners.tobytes()).hexdigest(),
-            "num_faces": len(corners), "material": ", ".join(dict.fromkeys(material_names(body, material))), "settings": settings.model_dump(),
-            "trace_step_deg": float(trace_step_deg), "extent": np.ptp(corners.reshape(-1, 3), axis=0).tolist(),
+            "source": "physical optics of a mesh",
+            "mesh_sha256": hashlib.sha256(corners.tobytes()).hexdigest(),
+            "num_faces": len(corners),
+            "material": ", ".join(dict.fromkeys(material_names(body, material))),
+            "settings": settings.model_dump(),
+            "trace_step_deg": float(trace_step_deg),
+            "extent": np.ptp(corners.reshape(-1, 3), axis=0).tolist(),
         },
-    )  # fmt: skip
+    )
     error = _measured(model, body, surfaces, settings, num_checks) if num_checks and len(azimuth) > 1 else {}
     return ScattererModel(**{**vars(model), "error": error})
 
@@ -195,8 +207,9 @@ def _warn_of_steps(azimuth: Array, elevation: Array, voxel: float, frequency: fl
                 f"the {name} step of {np.degrees(step):.3g} deg turns the phase at the edge of a {voxel:g} m voxel by "
                 f"{np.degrees(turn):.0f} deg; between compiled aspects only mean powers are right. A step of "
                 f"{np.degrees(np.pi / 2.0 / (k * voxel)):.2g} deg or a voxel of {np.pi / 2.0 / (k * step):.2g} m would follow it",
-                ScarlWarning, stacklevel=3,
-            )  # fmt: skip
+                ScarlWarning,
+                stacklevel=3,
+            )
 
 
 def _blocks(azimuth: Array, elevation: Array, step: float) -> Iterator[_Block]:
@@ -358,6 +371,9 @@ def _measured(
         return {}
     error = np.concatenate(cells)
     return {
-        "median_db": float(np.median(error)), "p95_db": float(np.percentile(error, 95)), "num_cells": len(error),
-        "num_aspects": len(azimuths), "range_cell": float(SPEED_OF_LIGHT / 2.0 / np.ptp(frequencies)),
-    }  # fmt: skip
+        "median_db": float(np.median(error)),
+        "p95_db": float(np.percentile(error, 95)),
+        "num_cells": len(error),
+        "num_aspects": len(azimuths),
+        "range_cell": float(SPEED_OF_LIGHT / 2.0 / np.ptp(frequencies)),
+    }

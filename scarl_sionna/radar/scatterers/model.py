@@ -193,9 +193,11 @@ class ScattererModel(
             direction = direction_of(aspect[1], np.pi / 2.0 - aspect[0])
             if not self.inside(direction)[0]:
                 raise ParameterRangeError(
-                    "aspect", f"theta {np.degrees(aspect[0]):.4g}, phi {np.degrees(aspect[1]):.4g} deg", self._range_text(),
+                    "aspect",
+                    f"theta {np.degrees(aspect[0]):.4g}, phi {np.degrees(aspect[1]):.4g} deg",
+                    self._range_text(),
                     "compile the model over these aspects",
-                )  # fmt: skip
+                )
             rows = np.flatnonzero((columns[0] == aspect[0]) & (columns[1] == aspect[1]))
             wavenumber = 2.0 * np.pi * columns[2][rows] / SPEED_OF_LIGHT
             phase = np.exp(2j * wavenumber[:, None] * (self.centers @ direction)[None])
@@ -223,9 +225,14 @@ class ScattererModel(
         try:
             with Path(path).open("wb") as file:
                 np.savez_compressed(
-                    file, version=FORMAT_VERSION, centers=self.centers, azimuth=self.azimuth, elevation=self.elevation,
-                    numbers=np.array(numbers), **columns,
-                )  # fmt: skip
+                    file,
+                    version=FORMAT_VERSION,
+                    centers=self.centers,
+                    azimuth=self.azimuth,
+                    elevation=self.elevation,
+                    numbers=np.array(numbers),
+                    **columns,
+                )
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error})") from error
 

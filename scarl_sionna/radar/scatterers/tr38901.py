@@ -67,7 +67,9 @@ def tr38901_fields(object_type: str, frequency: float, model_type: int = 2) -> d
         cell=float(max(target.dimensions)),
         nearest_distance=POINT_DISTANCE * float(max(target.dimensions)),
         provenance={
-            "source": "3GPP TR 38.901 v19 clause 7.9.2 by Sionna RT", "object_type": name, "model_type": model_type,
+            "source": "3GPP TR 38.901 v19 clause 7.9.2 by Sionna RT",
+            "object_type": name,
+            "model_type": model_type,
             "random_components": "none: sigma_S = 1, XPR at its mean, phases zero",
         },
-    )  # fmt: skip
+    )

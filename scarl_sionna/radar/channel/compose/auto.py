@@ -91,7 +91,7 @@ def solve_auto(
 
 
 def plan_channel(
-    state: WorldState, radar: RadarSpec, mount: Mount | Pose, *, settings: RadarSettings | None = None, **fields: Any
+    state: WorldState, radar: RadarSpec, mount: Mount | Pose, *, settings: RadarSettings | None = None, **fields: object
 ) -> ChannelPlan:
     """Return the plan that ``method="auto"`` follows, to look at or to change before ``method="hybrid"``.
 
@@ -223,10 +223,13 @@ def _toward(state: WorldState, item: Estimate, pose: Pose) -> np.ndarray:
 def _mirrors(view: _View, items: list[Estimate]) -> list[Mirror]:
     rules = view.settings.auto
     chosen = [
-        item.number for item in items
-        if item.in_view and item.info.actor is None and SEMANTIC_CLASSES[item.info.semantic] in rules.mirror_classes
+        item.number
+        for item in items
+        if item.in_view
+        and item.info.actor is None
+        and SEMANTIC_CLASSES[item.info.semantic] in rules.mirror_classes
         and float(np.sort(item.info.size)[1]) > rules.smallest_mirror
-    ]  # fmt: skip
+    ]
     if not chosen:
         return []
     found = find_mirrors(view.state, chosen, view.pose.position, view.radar.wavelength, view.settings.mirrors)
@@ -275,7 +278,11 @@ def _plan(choices: list[_Choice], mirrors: tuple[int, ...], echoes: bool, scatte
 def _row(choice: _Choice) -> dict[str, Any]:
     item = choice.item
     return {
-        "instance": item.name, "method": choice.method, "reason": choice.reason, "distance": round(item.distance, 3),
-        "bound_to_noise_db": round(item.bound_db, 1), "expected_to_noise_db": round(item.expected_db, 1),
+        "instance": item.name,
+        "method": choice.method,
+        "reason": choice.reason,
+        "distance": round(item.distance, 3),
+        "bound_to_noise_db": round(item.bound_db, 1),
+        "expected_to_noise_db": round(item.expected_db, 1),
         "tubes": choice.tubes,
-    }  # fmt: skip
+    }

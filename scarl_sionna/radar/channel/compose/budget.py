@@ -106,9 +106,17 @@ def estimate(
     triangles = state._triangles
     faces = sum(int(triangles.first[part + 1] - triangles.first[part]) for part in info.parts)
     return Estimate(
-        number, info, distance, float(info.size.max()), area, in_view and distance < reach,
-        _db(scale * largest), _db(scale * mean), faces, coherent,
-    )  # fmt: skip
+        number,
+        info,
+        distance,
+        float(info.size.max()),
+        area,
+        in_view and distance < reach,
+        _db(scale * largest),
+        _db(scale * mean),
+        faces,
+        coherent,
+    )
 
 
 def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrSettings, rules: AutoSettings = DEFAULT_AUTO) -> int:

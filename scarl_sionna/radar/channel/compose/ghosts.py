@@ -155,9 +155,11 @@ def _chained(
     """Return labels along the way: mirrors there, the object's own, mirrors back; -1 behind the last."""
     count = len(own)
     ends = [
-        np.array([[state.world.parts.instance[mirror.part] if kind is None else kind for mirror in way]] * count)
-        .reshape(count, len(way)) for way in both
-    ]  # fmt: skip
+        np.array(
+            [[state.world.parts.instance[mirror.part] if kind is None else kind for mirror in way]] * count
+        ).reshape(count, len(way))
+        for way in both
+    ]
     columns = np.concatenate([ends[0], own, ends[1][:, ::-1]], axis=1)
     return np.take_along_axis(columns, np.argsort(columns == -1, axis=1, kind="stable"), axis=1).astype(np.int32)
 
@@ -196,9 +198,14 @@ def of_models(state: WorldState, radar: RadarSpec, models: Sequence[PlacedModel]
         joined: dict[str, Any] = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
         count = len(joined["semantic"])
         return RadarPaths(
-            **joined, inner_length=np.zeros(count), length_acceleration=np.zeros(count), interaction=np.full((count, 1), POINT_INTERACTION, np.int32),
-            depth=np.ones(count, np.int32), world_from_tx=tx, world_from_rx=rx,
-        )  # fmt: skip
+            **joined,
+            inner_length=np.zeros(count),
+            length_acceleration=np.zeros(count),
+            interaction=np.full((count, 1), POINT_INTERACTION, np.int32),
+            depth=np.ones(count, np.int32),
+            world_from_tx=tx,
+            world_from_rx=rx,
+        )
 
     return solve
 

@@ -182,9 +182,11 @@ class _Work:
         names = [self.state.world.instances[number].name for number in owned]
         if missing := [name for name in names if name not in models]:
             raise ParameterRangeError(
-                "models", f"none for '{missing[0]}'", "a ScattererModel for every instance of the share",
+                "models",
+                f"none for '{missing[0]}'",
+                "a ScattererModel for every instance of the share",
                 "name only instances with a model, or give the others to another solver",
-            )  # fmt: skip
+            )
         return {name: models[name] for name in names}
 
     def echoes(self) -> None:

@@ -87,10 +87,13 @@ class MirrorView:
     def faces(self) -> MirrorFaces:
         """Tells which of the mirrors a ray has met."""
         return MirrorFaces(
-            len(self.state._triangles.normal), [mirror.faces for mirror in self.mirrors],
-            np.array([mirror.normal for mirror in self.mirrors]), np.array([mirror.offset for mirror in self.mirrors]),
-            [mirror.corners.reshape(-1, 3, 3) for mirror in self.mirrors], self.knobs.thickness,
-        )  # fmt: skip
+            len(self.state._triangles.normal),
+            [mirror.faces for mirror in self.mirrors],
+            np.array([mirror.normal for mirror in self.mirrors]),
+            np.array([mirror.offset for mirror in self.mirrors]),
+            [mirror.corners.reshape(-1, 3, 3) for mirror in self.mirrors],
+            self.knobs.thickness,
+        )
 
     def leg(self, way: Way, rotation: Array, points: Array) -> Leg:
         """Return a way to points.

@@ -96,12 +96,16 @@ def find_mirrors(
     found: list[Mirror] = []
     chosen = np.flatnonzero(np.isin(state.world.parts.instance[faces.part], instances) & triangles.normal.any(axis=1))
     _, group = np.unique(faces.plane[chosen], return_inverse=True)
-    area = np.linalg.norm(
-        np.cross(
-            triangles.corners[chosen, 1] - triangles.corners[chosen, 0],
-            triangles.corners[chosen, 2] - triangles.corners[chosen, 0],
-        ), axis=1,
-    ) / 2.0  # fmt: skip
+    area = (
+        np.linalg.norm(
+            np.cross(
+                triangles.corners[chosen, 1] - triangles.corners[chosen, 0],
+                triangles.corners[chosen, 2] - triangles.corners[chosen, 0],
+            ),
+            axis=1,
+        )
+        / 2.0
+    )
     total = np.bincount(group, area)
     distance = np.linalg.norm(triangles.corners[chosen] - position, axis=2).min(axis=1)
     nearest = np.full(len(total), np.inf)

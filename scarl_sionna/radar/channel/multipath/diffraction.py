@@ -118,9 +118,12 @@ def edge_leg(
     basis = spherical_basis(ends.rotation, -travel[1][:, -1])
     velocity = state.point_velocity(part, points)
     rate, acceleration = _motion(
-        wedge, source, target, _seen_velocity(backward, station.velocity, velocity[:where][::-1]) - velocity[where],
+        wedge,
+        source,
+        target,
+        _seen_velocity(backward, station.velocity, velocity[:where][::-1]) - velocity[where],
         _seen_velocity(second, end_velocity, velocity[where + 1 :]) - velocity[where],
-    )  # fmt: skip
+    )
     isometry = _joined_isometry(first, _unfolding(wedge, source, target), second)
     image = isometry[:, :3] @ end + isometry[:, 3]
     along = np.asarray(first.images((edge + wedge.direction)[None])[0, 0] - images[0][0, 0])
@@ -129,9 +132,19 @@ def edge_leg(
     if near <= far:
         image, isometry = front, np.full((3, 4), np.nan)
     return EdgeLeg(
-        points, image, isometry, behind if near <= far else 0.0, front, end - behind * travel[1][0, -1], min(near, far),
-        before + behind, rate, acceleration, np.einsum("pri,pti->prt", basis, field)[0], wedge.length,
-    )  # fmt: skip
+        points,
+        image,
+        isometry,
+        behind if near <= far else 0.0,
+        front,
+        end - behind * travel[1][0, -1],
+        min(near, far),
+        before + behind,
+        rate,
+        acceleration,
+        np.einsum("pri,pti->prt", basis, field)[0],
+        wedge.length,
+    )
 
 
 def _chain(traced: TracedPaths, row: int, columns: slice) -> Chain:

@@ -157,10 +157,23 @@ def _straight(
     rate = np.einsum("pi,pi->p", ahead, relative) / length
     across = np.maximum(np.einsum("pi,pi->p", relative, relative) - rate**2, 0.0)
     legs = Legs(
-        target, traced.kind[rows], part, traced.face[rows], point, images[:, 0], chain.isometry(), length, rate,
-        across / length, through, inner=np.zeros_like(length), front=np.full((len(length), 3), np.nan),
-        rear=np.full((len(length), 3), np.nan), spread=np.zeros_like(length), edge_length=np.full_like(length, np.inf),
-    )  # fmt: skip
+        target,
+        traced.kind[rows],
+        part,
+        traced.face[rows],
+        point,
+        images[:, 0],
+        chain.isometry(),
+        length,
+        rate,
+        across / length,
+        through,
+        inner=np.zeros_like(length),
+        front=np.full((len(length), 3), np.nan),
+        rear=np.full((len(length), 3), np.nan),
+        spread=np.zeros_like(length),
+        edge_length=np.full_like(length, np.inf),
+    )
     return legs.select(right)
 
 

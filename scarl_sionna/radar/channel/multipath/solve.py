@@ -360,6 +360,9 @@ def _no_columns(width: int) -> Columns:
     none |= {name: np.zeros((0, 3)) for name in ("tx_point", "rx_point")}
     none |= {name: np.zeros((0, width), np.int32) for name in ("instance", "interaction")}
     return {
-        **none, "a": np.zeros((0, 2, 2), np.complex128), "depth": np.zeros(0), "semantic": np.zeros(0),
+        **none,
+        "a": np.zeros((0, 2, 2), np.complex128),
+        "depth": np.zeros(0),
+        "semantic": np.zeros(0),
         "rx_image": np.zeros((0, 3, 4)),
-    }  # fmt: skip
+    }

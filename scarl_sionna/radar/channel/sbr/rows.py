@@ -22,10 +22,17 @@ _LARGEST_KEY = 1 << 62
 def joined(blocks: list[Columns], max_depth: int) -> Columns:
     """Return the columns of all bounces, instances padded with -1."""
     columns: Columns = {
-        "tx_point": np.zeros((0, 3)), "rx_point": np.zeros((0, 3)), "a": np.zeros((0, 2, 2), np.complex128),
-        "length_rate": np.zeros(0), "length": np.zeros(0), "cosine": np.zeros(0), "semantic": np.zeros(0, np.uint8),
-        "instance": np.zeros((0, max_depth), np.int32), "depth": np.zeros(0, np.int32), "diffuse": np.zeros(0, np.int8),
-    }  # fmt: skip
+        "tx_point": np.zeros((0, 3)),
+        "rx_point": np.zeros((0, 3)),
+        "a": np.zeros((0, 2, 2), np.complex128),
+        "length_rate": np.zeros(0),
+        "length": np.zeros(0),
+        "cosine": np.zeros(0),
+        "semantic": np.zeros(0, np.uint8),
+        "instance": np.zeros((0, max_depth), np.int32),
+        "depth": np.zeros(0, np.int32),
+        "diffuse": np.zeros(0, np.int8),
+    }
     for block in blocks:
         depth = block["instance"].shape[1]
         block["instance"] = np.pad(block["instance"], [(0, 0), (0, max_depth - depth)], constant_values=-1)

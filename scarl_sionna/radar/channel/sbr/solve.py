@@ -124,9 +124,14 @@ def solve_sbr(
     columns = joined(blocks, knobs.max_depth)
     amplitude = received(columns, radar, tx.pose, rx.pose)
     diagnostics: dict[str, Any] = {
-        "method": "sbr", "settings": knobs.model_dump(), "max_distance": reach, "num_faces": len(start),
-        "num_tubes": dict(tracer.count), "num_patches": len(columns["length"]), "left_out": left_out,
-    }  # fmt: skip
+        "method": "sbr",
+        "settings": knobs.model_dump(),
+        "max_distance": reach,
+        "num_faces": len(start),
+        "num_tubes": dict(tracer.count),
+        "num_patches": len(columns["length"]),
+        "left_out": left_out,
+    }
     _warn_of_bodies(state, radar, tx.pose.position, columns, chosen_instances, settings.warn_at)
     _warn_of_grazing(columns["cosine"], amplitude**2, settings.warn_at.grazing_incidence)
     columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, knobs.floor_db)
@@ -197,8 +202,9 @@ def _warn_of_bodies(
         warnings.warn(
             f"{len(small)} instance(s) in view are smaller than {levels.smallest_body:g} wavelengths, such as '{small[0][0]}' "
             f"({1e3 * small[0][1]:.3g} mm); physical optics is wrong by decibels there: use method='scatterers' or point targets",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
+            ScarlWarning,
+            stacklevel=4,
+        )
     names, of_part = state.world.parts.name, state.world.parts.instance
     double = [o for o in seen_overlaps(state, origin) if {of_part[o.first], of_part[o.second]} <= set(chosen)]
     if double:
@@ -206,8 +212,9 @@ def _warn_of_bodies(
         warnings.warn(
             f"{len(double)} pair(s) of parts overlap in one plane, such as '{first}' and '{second}': both scatter, up to 6 dB too "
             "strong where they overlap; move one by 0.1 mm, or leave it out with instances=",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
+            ScarlWarning,
+            stacklevel=4,
+        )
 
 
 def _warn_of_grazing(cosine: Array, power: Array, grazing_cosine: float) -> None:
@@ -217,8 +224,9 @@ def _warn_of_grazing(cosine: Array, power: Array, grazing_cosine: float) -> None
         warnings.warn(
             f"{100.0 * grazing / float(power.sum()):.0f} % of the patches' power comes from surfaces seen within "
             f"{np.degrees(np.arcsin(grazing_cosine)):.0f} deg of grazing, where diffraction, which 'sbr' does not have, is as strong; method='sionna' has mirror multipath there",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
+            ScarlWarning,
+            stacklevel=4,
+        )
 
 
 def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) -> RadarPaths:
