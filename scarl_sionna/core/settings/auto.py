@@ -1,4 +1,7 @@
-"""What ``method="auto"`` decides by, as numbers: which object is left out, by class, by physical optics, and how finely."""
+"""What ``method="auto"`` decides by, as numbers.
+
+They say which object is left out, which is computed by class and which by physical optics, and how finely.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +31,8 @@ class SbrLevel(Spec):
 class TubeEstimate(Spec):
     """How many ray tubes `sbr` will need for an object: what the budget is counted in.
 
-    num = growth^(bounces - 1) * (least + per_face * faces + per_edge * size / edge spacing * sqrt(faces / 100)), right to a factor of
-    three for the objects of highway_guardrail (docs/accuracy.md, what `auto` does).
+    num = growth^(bounces - 1) * (least + per_face * faces + per_edge * size / edge spacing * sqrt(faces / 100)), right
+    to a factor of three for the objects of highway_guardrail (docs/accuracy.md, what `auto` does).
     """
 
     least: float = Field(1000.0, ge=0.0, description="tubes of an object with no face; fit, not charted")
@@ -53,44 +56,50 @@ class AutoSettings(Spec):
             SbrLevel(tolerance_db=0.2, max_phase=0.4, integration_phase=0.02, vehicle_bounces=3),
             SbrLevel(tolerance_db=0.0, max_phase=0.2, integration_phase=0.01, vehicle_bounces=3),
         ),
-        description="knobs of 'sbr' by tolerance, the coarsest first, the last from 0 dB; docs/accuracy.md, plate and car",
+        description="knobs of 'sbr' by tolerance, the coarsest first, the last from 0 dB; docs/accuracy.md, plate "
+        "and car",
     )
     tubes: TubeEstimate = Field(TubeEstimate(), description="what an object costs in the budget")
     speckle_db: Decibels = Field(
         10.0,
         ge=0.0,
-        description="a rough surface is taken to send back at most this much more than its mean [dB]: 4.5e-5 of exponential speckle "
-        "is above; docs/accuracy.md, what `auto` does",
+        description="a rough surface is taken to send back at most this much more than its mean [dB]: 4.5e-5 of "
+        "exponential speckle is above; docs/accuracy.md, what `auto` does",
     )
     smooth_share: float = Field(
         0.5,
         ge=0.0,
         le=1.0,
-        description="an object is a coherent body if its parts reflect more than this share of the power coherently (1 - S^2); not charted",
+        description="an object is a coherent body if its parts reflect more than this share of the power coherently "
+        "(1 - S^2); not charted",
     )
     diffuse_classes: tuple[str, ...] = Field(
         ("Roads", "SideWalks", "RoadLine", "Ground", "Terrain", "Vegetation", "Water", "Pedestrian", "Rider", "Sky"),
-        description="semantic classes without coherent bodies: rough or soft, many unresolved scatterers in a resolution cell",
+        description="semantic classes without coherent bodies: rough or soft, many unresolved scatterers in a "
+        "resolution cell",
     )
     too_near: Metres = Field(
         1.0,
         ge=0.0,
-        description="what stands nearer than this carries the radar, or fills its view: left to 'raycast' [m]; not charted",
+        description="what stands nearer than this carries the radar, or fills its view: left to 'raycast' [m]; not "
+        "charted",
     )
     smallest_body: Wavelengths = Field(
         SMALLEST_SIZE,
         ge=0.0,
-        description="smaller bodies are left to 'raycast' [wavelengths]: physical optics is decibels off; docs/rcs.md, accuracy",
+        description="smaller bodies are left to 'raycast' [wavelengths]: physical optics is decibels off; "
+        "docs/rcs.md, accuracy",
     )
     long_object: Metres = Field(
         20.0,
         gt=0.0,
-        description="longer things (guardrails, walls) see themselves along their length: two bounces, many more tubes after each [m]; "
-        "docs/accuracy.md, whole highway frame",
+        description="longer things (guardrails, walls) see themselves along their length: two bounces, many more "
+        "tubes after each [m]; docs/accuracy.md, whole highway frame",
     )
     vehicle_classes: tuple[str, ...] = Field(
         ("Car", "Truck", "Bus", "Train", "Motorcycle", "Bicycle"),
-        description="semantic classes whose further bounces are weak: the tolerance limits their number; docs/accuracy.md, car",
+        description="semantic classes whose further bounces are weak: the tolerance limits their number; "
+        "docs/accuracy.md, car",
     )
     num_probes: int = Field(
         256,
@@ -101,8 +110,8 @@ class AutoSettings(Spec):
         0.01,
         gt=0.0,
         le=1.0,
-        description="share of those rays that must go on for another bounce to count: a corner reflector on a body is often small; "
-        "docs/accuracy.md, knobs of the rules",
+        description="share of those rays that must go on for another bounce to count: a corner reflector on a body "
+        "is often small; docs/accuracy.md, knobs of the rules",
     )
     max_bounces: int = Field(
         3, ge=1, le=8, description="most bounces looked for; 3 covers every corner reflector (docs/rcs.md)"

@@ -15,15 +15,15 @@ class MirrorSettings(Spec):
         16,
         ge=1,
         le=1000,
-        description="the largest so many are used: pairs of ways, and with them the time, grow with the square; docs/accuracy.md, knobs of the "
-        "rules",
+        description="the largest so many are used: pairs of ways, and with them the time, grow with the square; "
+        "docs/accuracy.md, knobs of the rules",
     )
     flatness: Metres = Field(
         1e-3,
         gt=0.0,
         le=0.1,
-        description="faces of a part whose corners are all this near to one plane are one mirror [m]: a quarter of the wavelength at "
-        "77 GHz; not charted",
+        description="faces of a part whose corners are all this near to one plane are one mirror [m]: a quarter of "
+        "the wavelength at 77 GHz; not charted",
     )
     thickness: Metres = Field(
         1e-2,

@@ -1,4 +1,6 @@
-"""Who computes what, as plain data: a plan gives every instance of a scene to one solver, and names the mirrors.
+"""Which solver computes what, as plain data.
+
+A plan gives every instance of a scene to one solver, and names the mirrors.
 
 The rule of ownership, and what it does not cover, stands in docs/accuracy.md.
 """
@@ -125,8 +127,8 @@ class ChannelPlan(Described):
     ----------
     shares : sequence of Share
     mirrors : sequence of str or int
-        Instances (names, ids or classes) that act as flat mirrors: `sionna` computes the chains of reflections between them,
-        and the shares that ask for it are seen through them.
+        Instances (names, ids or classes) that act as flat mirrors: `sionna` computes the chains of reflections between
+        them, and the shares that ask for it are seen through them.
     echoes : bool
         Whether chains of mirrors only, from the radar back to itself, are computed.
     mirror_depth : int

@@ -42,12 +42,12 @@ def _plan_data(value: ChannelPlan | None, info: SerializationInfo) -> dict[str, 
 
 
 class RadarSettings(Spec):
-    """How the raw data of a radar are computed. The same fields stand in Python, rig and scenario files and the command line."""
+    """How the raw data of a radar are computed: the same fields in Python, rig and scenario files and commands."""
 
     method: Method = Field(
         "auto",
-        description="channel solver: 'auto' chooses for each object; 'raycast' is SCaRL's own; 'sionna' multipath; 'sbr' physical "
-        "optics; 'scatterers' objects with a model; 'hybrid' several by `plan`",
+        description="channel solver: 'auto' chooses for each object; 'raycast' is SCaRL's own; 'sionna' multipath; "
+        "'sbr' physical optics; 'scatterers' objects with a model; 'hybrid' several by `plan`",
     )
     accuracy: Accuracy = Field(Accuracy(), description="tolerances, floor and budget")
     max_distance: Metres | None = Field(
@@ -55,14 +55,15 @@ class RadarSettings(Spec):
     )
     instances: tuple[str | int, ...] | None = Field(
         None,
-        description="names, ids or semantic classes of what gives paths by 'raycast' and 'sbr', the rest only hides; None: everything "
-        "for 'raycast', actors and objects for 'sbr'",
+        description="names, ids or semantic classes of what gives paths by 'raycast' and 'sbr', the rest only hides; "
+        "None: everything for 'raycast', actors and objects for 'sbr'",
     )
     noise: bool = Field(True, description="thermal noise of the receiver; False: the ideal sensor")
     chirps_per_block: int | None = Field(
         None,
         ge=1,
-        description="paths are solved again in the middle of every block of so many chirps, for wheels and limbs; None: once a frame",
+        description="paths are solved again in the middle of every block of so many chirps, for wheels and limbs; "
+        "None: once a frame",
     )
     cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
     auto: AutoSettings = Field(AutoSettings(), description="rules by which 'auto' chooses for each object")
@@ -89,7 +90,9 @@ class RadarSettings(Spec):
 
     @classmethod
     def preset(cls, quality: str) -> RadarSettings:
-        """Return the settings of a quality: ``"full"`` the defaults, ``"draft"`` a quarter of the rays and of the tubes.
+        """Return the settings of a quality.
+
+        ``"full"`` are the defaults, ``"draft"`` has a quarter of the rays and of the tubes.
 
         Raises
         ------
@@ -106,13 +109,15 @@ class RadarSettings(Spec):
     def of(cls, method: str | None = None, **fields: object) -> RadarSettings:
         """Return settings from fields of any part, the short form of nested settings.
 
-        ``RadarSettings.of("raycast", num_rays=1000)`` is ``RadarSettings(method="raycast", raycast=RaycastSettings(num_rays=1000))``.
+        ``RadarSettings.of("raycast", num_rays=1000)`` is ``RadarSettings(method="raycast",
+        raycast=RaycastSettings(num_rays=1000))``.
 
         Parameters
         ----------
         method : str, optional
         **fields
-            Fields of these settings, of the settings of `method`, or of one other part where no second part has such a field.
+            Fields of these settings, of the settings of `method`, or of one other part where no second part has such a
+            field.
 
         Raises
         ------

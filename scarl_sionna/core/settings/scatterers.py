@@ -23,17 +23,19 @@ class ScattererSettings(Spec):
 
     models: dict[str, Any] = Field(
         default_factory=dict,
-        description="for actors and static objects by their names: a ScattererModel, the path of a saved one, or 'tr38901:' and a "
-        "target of 3GPP TR 38.901; a file of a rig or a scenario takes the last two",
+        description="for actors and static objects by their names: a ScattererModel, the path of a saved one, or "
+        "'tr38901:' and a target of 3GPP TR 38.901; a file of a rig or a scenario takes the last two",
     )
     placements: dict[str, Pose] = Field(
         default_factory=dict,
-        description="frame of the model in that of the actor, or in the world for a static object, where they are not the same",
+        description="frame of the model in that of the actor, or in the world for a static object, where they are "
+        "not the same",
     )
     group_size: Metres = Field(
         0.5,
         gt=0.0,
-        description="centres in a cube of this side share one ray of occlusion [m]; a car has some 30 such groups; not charted",
+        description="centres in a cube of this side share one ray of occlusion [m]; a car has some 30 such groups; "
+        "not charted",
     )
 
     @field_validator("models", mode="before")

@@ -24,35 +24,40 @@ class WarningLevels(Spec):
         0.1,
         ge=0.0,
         le=1.0,
-        description="'sbr' warns if most of the power comes from patches met at less than this cosine: 6 deg, where diffraction is as "
-        "strong; docs/sbr.md, where it breaks",
+        description="'sbr' warns if most of the power comes from patches met at less than this cosine: 6 deg, where "
+        "diffraction is as strong; docs/sbr.md, where it breaks",
     )
     detuning: float = Field(
         0.01,
         ge=0.0,
-        description="'scatterers' warns if model and radar differ in frequency by more than this part; docs/scatterers.md",
+        description="'scatterers' warns if model and radar differ in frequency by more than this part; "
+        "docs/scatterers.md",
     )
     wide_arm: Metres = Field(
         0.1,
         ge=0.0,
-        description="'sionna' tests whether all antennas see a path if one is farther than this from the array's centre [m]: at 77 GHz the "
-        "first Fresnel zone is 0.2 m across half-way to 10 m; docs/sionna_paths.md, where it breaks",
+        description="'sionna' tests whether all antennas see a path if one is farther than this from the array's "
+        "centre [m]: at 77 GHz the first Fresnel zone is 0.2 m across half-way to 10 m; docs/sionna_paths.md, where "
+        "it breaks",
     )
     wavefront_error: Annotated[float, Unit("rad")] = Field(
         0.1,
         gt=0.0,
-        description="'sionna' warns if an antenna is off by more than this behind an edge [rad]: 20 dB below the path; docs/sionna_paths.md",
+        description="'sionna' warns if an antenna is off by more than this behind an edge [rad]: 20 dB below the "
+        "path; docs/sionna_paths.md",
     )
     pane_distance: Metres = Field(
         1.0,
         ge=0.0,
-        description="a pane this close before the radar is part of its mounting: a windscreen, a grille, a bumper [m]; docs/radar_settings.md, warnings",
+        description="a pane this close before the radar is part of its mounting: a windscreen, a grille, a bumper "
+        "[m]; docs/radar_settings.md, warnings",
     )
     pane_share: float = Field(
         0.2,
         ge=0.0,
         le=1.0,
-        description="share of the field of view that such panes must cover for a warning; docs/radar_settings.md, warnings",
+        description="share of the field of view that such panes must cover for a warning; docs/radar_settings.md, "
+        "warnings",
     )
     pane_directions: int = Field(
         7,

@@ -1,4 +1,7 @@
-"""How many points stand for the rain, the snow and the spray in a radar's view; docs/weather.md has their error and time."""
+"""How many points stand for the rain, the snow and the spray in a radar's view.
+
+Their error and time stand in docs/weather.md.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +18,8 @@ class WeatherEchoSettings(Spec):
         20_000,
         ge=1,
         le=10_000_000,
-        description="points that stand for rain and snow: with fewer than about five in a range-Doppler cell its power is no longer "
-        "exponential; docs/weather.md, points",
+        description="points that stand for rain and snow: with fewer than about five in a range-Doppler cell its "
+        "power is no longer exponential; docs/weather.md, points",
     )
     least_per_bin: int = Field(
         8, ge=1, description="points of a range bin at least, for the far ones; docs/weather.md, points"
@@ -27,7 +30,8 @@ class WeatherEchoSettings(Spec):
     nearest: Metres = Field(
         0.25,
         gt=0.0,
-        description="drops nearer than this are left out [m]: there the radome's own water counts, which is not modelled; not charted",
+        description="drops nearer than this are left out [m]: there the radome's own water counts, which is not "
+        "modelled; not charted",
     )
 
 

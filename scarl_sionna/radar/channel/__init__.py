@@ -55,17 +55,17 @@ def solve_paths(
     mount : Mount or Pose
         ``state.mount("ego", pose)`` for a radar that rides on an actor; a bare pose (world_from_radar) stands still.
     method : str, optional
-        Short form of ``settings.method``; ``"auto"`` if neither is given. ``"auto"``: chooses for each object among the others, by
-        the rules of docs/accuracy.md. ``"raycast"``: SCaRL's own. ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``:
-        physical optics on the meshes. ``"scatterers"``: the scattering centres of the objects that have a model. ``"hybrid"``:
-        several of them by a :class:`ChannelPlan`.
+        Short form of ``settings.method``; ``"auto"`` if neither is given. ``"auto"``: chooses for each object among the
+        others, by the rules of docs/accuracy.md. ``"raycast"``: SCaRL's own. ``"sionna"``: multipath by Sionna RT's
+        PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"``: the scattering centres of the objects
+        that have a model. ``"hybrid"``: several of them by a :class:`ChannelPlan`.
     settings : RadarSettings, optional
         Tolerances, budget, reach and the knobs of each solver; or the settings of `method` alone.
     receiver : Mount or Pose, optional
         Of a separate receiver (bistatic), for ``"sbr"`` and ``"sionna"``.
     **fields
-        Short form: fields of the settings, for instance ``solve_paths(state, radar, mount, "raycast", num_rays=10_000)``; see
-        :meth:`scarl_sionna.RadarSettings.of`.
+        Short form: fields of the settings, for instance ``solve_paths(state, radar, mount, "raycast",
+        num_rays=10_000)``; see :meth:`scarl_sionna.RadarSettings.of`.
 
     Returns
     -------

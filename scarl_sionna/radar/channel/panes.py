@@ -1,4 +1,4 @@
-"""Tells where a radar looks through a pane that the solver lets nothing pass."""
+"""Warns where a radar looks through a pane that the solver lets nothing pass."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ def warn_of_panes(state: WorldState, radar: RadarSpec, pose: Pose, method: str, 
         part = near[int(covered.sum(axis=1).argmax())]
         name = state.world.instances[int(table.instance[part])].name
         warnings.warn(
-            f"a pane of '{table.material[part]}' ('{name}') within {levels.pane_distance:g} m covers {100 * share:.0f} % of the radar's field of "
-            f"view; method='{method}' lets nothing pass a surface, so what lies behind is lost. Use method='sionna' with "
-            "refraction=True, or take the pane out of the scene",
+            f"a pane of '{table.material[part]}' ('{name}') within {levels.pane_distance:g} m covers "
+            f"{100 * share:.0f} % of the radar's field of view; method='{method}' lets nothing pass a surface, so "
+            "what lies behind is lost. Use method='sionna' with refraction=True, or take the pane out of the scene",
             ScarlWarning,
             stacklevel=3,
         )
@@ -72,7 +72,10 @@ def warn_of_panes(state: WorldState, radar: RadarSpec, pose: Pose, method: str, 
 
 
 def _meets(origin: Array, directions: Array, corners: Array, reach: float) -> npt.NDArray[np.bool_]:
-    """Return which rays meet one of the triangles within `reach` [m]: Moeller and Trumbore, J. Graphics Tools 2(1), 1997."""
+    """Return which rays meet one of the triangles within `reach` [m].
+
+    By the method of Moeller and Trumbore, J. Graphics Tools 2(1), 1997.
+    """
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     across = np.cross(directions[:, None], second[None])
     volume = np.einsum("dti,ti->dt", across, first)

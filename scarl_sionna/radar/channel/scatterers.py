@@ -73,10 +73,11 @@ def solve_scatterers(
     mount : Mount
         Pose and velocity of the radar. Its rotation within a frame is not modelled.
     settings : RadarSettings
-        Its `scatterers` and `max_distance` (centres beyond are left out; the unambiguous range if None). The body frame of an
-        actor's model is the actor's frame; that of a static object is the world frame, in which its mesh stands, unless
-        `placements` says otherwise: for a model such as ``ScattererModel.tr38901("car")``, whose origin is its centre. What has no
-        model gives no path (it still hides what is behind it) and is named in ``diagnostics["left_out"]``.
+        Its `scatterers` and `max_distance` (centres beyond are left out; the unambiguous range if None). The body frame
+        of an actor's model is the actor's frame; that of a static object is the world frame, in which its mesh stands,
+        unless `placements` says otherwise: for a model such as ``ScattererModel.tr38901("car")``, whose origin is its
+        centre. What has no model gives no path (it still hides what is behind it) and is named in
+        ``diagnostics["left_out"]``.
     receiver : Mount, optional
         Refused: this solver is monostatic.
 
@@ -97,16 +98,17 @@ def solve_scatterers(
     Warns
     -----
     ScarlWarning
-        If an object is seen from outside of its model's aspects, is nearer than the model's ``nearest_distance``, or the model's
-        frequency or cells do not fit the radar: the message names the object and the better method.
+        If an object is seen from outside of its model's aspects, is nearer than the model's ``nearest_distance``, or
+        the model's frequency or cells do not fit the radar: the message names the object and the better method.
 
     Notes
     -----
     .. math:: a = \frac{\lambda}{4 \pi R^2} A_n(u_n), \quad L' = 2 d \cdot v, \quad
               L'' = 2 (|v|^2 - (d \cdot v)^2) / R + 2 d \cdot (\omega \times (\omega \times r))
 
-    with each centre's own distance R, direction u and velocity v relative to the radar, so an object in the near field is right
-    as long as each cell is in its own far field. *Not modelled*: multipath with the surroundings, part-hidden cells.
+    with each centre's own distance R, direction u and velocity v relative to the radar, so an object in the near field
+    is right as long as each cell is in its own far field. *Not modelled*: multipath with the surroundings, part-hidden
+    cells.
     """
     start = time.perf_counter()
     refuse_receiver("scatterers", receiver)
@@ -197,30 +199,33 @@ def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedMo
 
 
 def _warn(placed: PlacedModel, radar: RadarSpec, toward: Array, distance: Array, levels: WarningLevels) -> None:
-    """Warn of each way in which a model is used outside of what it is right for; `toward` holds the centres that echo."""
+    """Warn of each way in which a model is used outside of what it is right for.
+
+    `toward` holds the centres that echo.
+    """
     model = placed.model
     outside = ~model.inside(toward)
     reasons = []
     if outside.any():
         reasons.append(
-            f"{outside.sum()} of {len(outside)} centres are seen from outside of the model's aspects, whose nearest is used; "
-            "compile more aspects, or use method='sbr'"
+            f"{outside.sum()} of {len(outside)} centres are seen from outside of the model's aspects, whose nearest "
+            "is used; compile more aspects, or use method='sbr'"
         )
     nearest = float(distance.min(initial=np.inf))
     if nearest < model.nearest_distance:
         reasons.append(
-            f"it is {nearest:.3g} m away, nearer than the {model.nearest_distance:.3g} m from which cells of {model.cell:g} m are "
-            "in their far field; compile with a smaller voxel, or use method='sbr'"
+            f"it is {nearest:.3g} m away, nearer than the {model.nearest_distance:.3g} m from which cells of "
+            f"{model.cell:g} m are in their far field; compile with a smaller voxel, or use method='sbr'"
         )
     if abs(radar.center_frequency - model.frequency) > levels.detuning * model.frequency:
         reasons.append(
-            f"the model is for {model.frequency / 1e9:.4g} GHz and the radar at {radar.center_frequency / 1e9:.4g} GHz; compile it "
-            "for the radar's frequency"
+            f"the model is for {model.frequency / 1e9:.4g} GHz and the radar at {radar.center_frequency / 1e9:.4g} "
+            "GHz; compile it for the radar's frequency"
         )
     if model.error and model.cell > 2.0 * radar.range_resolution:
         reasons.append(
-            f"its cells of {model.cell:g} m are wider than two range cells of the radar ({radar.range_resolution:.3g} m each); "
-            "compile with a smaller voxel, or use method='sbr'"
+            f"its cells of {model.cell:g} m are wider than two range cells of the radar ({radar.range_resolution:.3g} "
+            "m each); compile with a smaller voxel, or use method='sbr'"
         )
     for reason in reasons:
         warnings.warn(f"scatterers of '{placed.name}': {reason}", ScarlWarning, stacklevel=4)
@@ -235,7 +240,10 @@ def _in_view(columns: Columns, radar: RadarSpec, pose: Pose, reach: float) -> Co
 
 
 def _hidden(state: WorldState, pose: Pose, columns: Columns, group_size: float) -> npt.NDArray[np.bool_]:
-    """Return the centres of groups whose strongest centre is behind another instance; its own body hides nothing here."""
+    """Return the centres of groups whose strongest centre is behind another instance.
+
+    Its own body hides nothing here.
+    """
     count = len(columns["distance"])
     if not count:
         return np.zeros(0, dtype=bool)

@@ -151,7 +151,7 @@ def _expand(first: Index, member: Index) -> tuple[Index, Index]:
 def footprints_seen(
     body: Body, bounce: Bounce, plan: Plan, settings: SbrSettings
 ) -> Iterator[tuple[Index, Index, Array]]:
-    """Yield the parts of a bounce's footprints that their observers see: tubes, views and corners, in bounded batches."""
+    """Yield tubes, views and corners of what observers see of a bounce's footprints, in bounded batches."""
     tubes = bounce.tubes
     looks_of_wave = plan.first_look[plan.first_view[1:]] - plan.first_look[plan.first_view[:-1]]
     work = np.cumsum(looks_of_wave[tubes.wave])
@@ -176,7 +176,10 @@ def footprints_seen(
 
 
 def phase_weights(bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> tuple[Index, Index, Complex]:
-    """Return what turns the currents of footprints into far fields: looks, positions in `tube`, and -jk/4pi times the phase integral."""
+    """Return what turns the currents of footprints into far fields.
+
+    That is: looks, positions in `tube`, and -jk/4pi times the phase integral.
+    """
     tubes = bounce.tubes
     difference = plan.observer[view] - tubes.direction[tube]
     pair, entry = _expand(plan.first_look, view)

@@ -1,8 +1,8 @@
 """The formulas of physical optics, written once for NumPy and for Dr.Jit: reflection, currents, phase over a triangle.
 
-Time dependence e^{+jwt}. A formula takes the arithmetic `on` that it runs on: :data:`HOST` (NumPy, complex128; the far field, whose
-permittivities may be any complex numbers) or :class:`OnDevice` (Dr.Jit; kernels of a scene). What differs between the two is
-how a complex number is held, and nothing else:
+Time dependence e^{+jwt}. A formula takes the arithmetic `on` that it runs on: :data:`HOST` (NumPy, complex128; the far
+field, whose permittivities may be any complex numbers) or :class:`OnDevice` (Dr.Jit; kernels of a scene). What differs
+between the two is how a complex number is held, and nothing else:
 
 ============  =========================================  ==================================================
               HOST                                       OnDevice
@@ -47,7 +47,7 @@ Coefficients = Callable[[Scalar], tuple[Coefficient, Coefficient]]
 
 
 class Wave(NamedTuple):
-    """A plane wave, or a spherical one where its curvature does not count: electric field and unit direction of travel."""
+    """A plane wave, or a spherical one at one point: electric field and unit direction of travel."""
 
     field: Field
     direction: Vector
@@ -139,7 +139,8 @@ def radiating_vector(on: Arithmetic, incident: Wave, reflected: Wave, normal: Ve
 
     References
     ----------
-    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical optics).
+    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical
+           optics).
     """
     magnetic = on.add(
         on.cross_field(incident.direction, incident.field), on.cross_field(reflected.direction, reflected.field)
@@ -156,9 +157,9 @@ def second_difference(
 
     Notes
     -----
-    Twice the area times it is the integral of the phase factor over a triangle (Hermite-Genocchi). It is formed over the
-    two phases that differ most, so nothing cancels, and by the power series of complete symmetric polynomials where all nearly
-    agree; e_1 = 0 since the phases sum to zero.
+    Twice the area times it is the integral of the phase factor over a triangle (Hermite-Genocchi). It is formed over
+    the two phases that differ most, so nothing cancels, and by the power series of complete symmetric polynomials where
+    all nearly agree; e_1 = 0 since the phases sum to zero.
 
     References
     ----------

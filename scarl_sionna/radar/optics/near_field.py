@@ -1,4 +1,4 @@
-"""What lit patches radiate to the receiver: physical optics with spherical waves, one kernel for all patches of one depth."""
+"""What lit patches radiate to the receiver: one kernel for all patches of one depth."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class NearField:
 
 
 def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt.NDArray[Any]]:
-    r"""Return the columns of patches at their centres: end points, transfer, lengths, rate and what diffuse scattering needs.
+    r"""Return the columns of patches: end points, transfer, lengths, rate and what diffuse scattering needs.
 
     Parameters
     ----------
@@ -67,18 +67,20 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
 
     .. math:: J = n \times (H_i + H_r), \quad M = -n \times (E_i + E_r), \quad \eta H = k \times E
 
-    It does not depend on the frequency but through the integral. A rough surface keeps sqrt(1 - S^2) of the reflected field.
-    What it scatters has the power
+    It does not depend on the frequency but through the integral. A rough surface keeps sqrt(1 - S^2) of the reflected
+    field. What it scatters has the power
 
-    .. math:: |a|^2 = \frac{\lambda^2}{(4 \pi)^2 L^2 R^2} S^2 |\Gamma|^2 \cos\theta_i f_s A, \quad f_s = \frac{\cos\theta_s}{\pi}
+    .. math:: |a|^2 = \frac{\lambda^2}{(4 \pi)^2 L^2 R^2} S^2 |\Gamma|^2 \cos\theta_i f_s A, \quad
+              f_s = \frac{\cos\theta_s}{\pi}
 
     for the area A, with Lambert's pattern as in the materials of the solver ``sionna``, and K of it is cross-polar.
 
     References
     ----------
-    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical optics).
-    .. [2] V. Degli-Esposti et al., "Measurement and Modelling of Scattering From Buildings", IEEE Trans. Antennas Propag.
-       55(1), 2007, Eqs. (2), (5).
+    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical
+           optics).
+    .. [2] V. Degli-Esposti et al., "Measurement and Modelling of Scattering From Buildings", IEEE Trans. Antennas
+           Propag. 55(1), 2007, Eqs. (2), (5).
     """
     rays, surfaces, wavenumber = near.rays, near.surfaces, near.wavenumber
     dr, mi, Vector, on = rays.dr, rays.mi, rays.Vector, OnDevice(rays.dr)

@@ -1,4 +1,4 @@
-"""How small a patch must be for its phase to be linear over it, for every antenna and over the whole band; cutting to that size."""
+"""How small a patch must be for its phase to be linear, for all antennas and the whole band; cutting to it."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 _FILL = 0.8
-"""Bands are this part of the length allowed, so that the diagonals of their pieces are not too long as well. What is too
-long is cut again, so this decides the number of cuts, not the accuracy."""
+"""Bands are this part of the length allowed, so that the diagonals of their pieces are not too long as well. What is
+too long is cut again, so this decides the number of cuts, not the accuracy."""
 
 _SPLIT_AGAIN = 1.3
-"""Pieces of pieces that are too long after the second cut; mean over triangles of all shapes. Only for the count beforehand."""
+"""Pieces of pieces that are too long after the second cut; mean over triangles of all shapes. Only for the count
+beforehand."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +73,8 @@ class PatchSize:
         """Return by how much each side is too long, shape (num_patches, 3); 1 is as long as allowed.
 
         With e the part of a side across a leg of length R, the quadratic phase at its half is k e^2 / (8 R); an antenna
-        at a distance D from the centre turns the phase there by k e D / (2 R); at the end of the band it is turned by the
-        difference of wavenumbers times half the difference of path length along the side.
+        at a distance D from the centre turns the phase there by k e D / (2 R); at the end of the band it is turned by
+        the difference of wavenumbers times half the difference of path length along the side.
 
         Parameters
         ----------
@@ -135,8 +136,8 @@ def split(
 ) -> tuple[Array, Index]:
     """Cut triangles until no side is too long.
 
-    A triangle is sliced into bands parallel to its least side, so a sliver gives about twice as many pieces as its length
-    needs; halving would give that number to the power 1.6.
+    A triangle is sliced into bands parallel to its least side, so a sliver gives about twice as many pieces as its
+    length needs; halving would give that number to the power 1.6.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
-"""Integrals of the phase factor over triangles: of a plane wave, exact; of spherical waves; of many plane waves in single precision.
+"""Integrals of the phase factor over triangles: plane wave, spherical waves, many plane waves in single precision.
 
-All three form the divided difference of the exponential over the phases of the corners, :func:`.fields.second_difference`.
+All three form the divided difference of the exponential over the phases of the corners,
+:func:`.fields.second_difference`.
 """
 
 from __future__ import annotations
@@ -136,8 +137,8 @@ def spherical_wave_integral(
 
     Notes
     -----
-    Over each part the linear phase is integrated exactly, and the quadratic one enters by its mean, a 12th of the sum over
-    the corners.
+    Over each part the linear phase is integrated exactly, and the quadratic one enters by its mean, a 12th of the sum
+    over the corners.
     """
     dr, mi, Real = on.dr, on.mi, on.Real
     center = (corner[0] + corner[1] + corner[2]) / 3.0

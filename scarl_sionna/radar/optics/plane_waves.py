@@ -1,4 +1,4 @@
-"""Plane waves on a body: which parts of the mesh each wave lights, and what the reflected tubes meet, fields included."""
+"""Plane waves on a body: which parts of the mesh each wave lights, and what the reflected tubes meet, with fields."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What the rays of tubes meet, in one kernel for all points of all tubes, and where along a side that changes.
 
-A probe labels points of footprints; equal labels are the same thing. Plane waves (the far field) and spherical ones (a scene) differ in
-the direction of the rays only: :class:`ParallelRays` and :class:`CentralRays`.
+A probe labels points of footprints; equal labels are the same thing. Plane waves (the far field) and spherical ones (a
+scene) differ in the direction of the rays only: :class:`ParallelRays` and :class:`CentralRays`.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 SAME_DISTANCE = 1e-6
-"""What is met this near to a point (relative to 1 m + distance) is the point itself: float32 directions are 6e-8 off, which a
-face at grazing incidence makes larger."""
+"""What is met this near to a point (relative to 1 m + distance) is the point itself: float32 directions are 6e-8 off,
+which a face at grazing incidence makes larger."""
 
 
 class Directions(Protocol):
@@ -73,7 +73,8 @@ class Probe:
         rows : ndarray of int64, shape (n,)
             Row of each tube in the tables of the probe.
         count, first : ndarray of int64, shape (n,)
-            Each has `count` points, whose barycentric coordinates are the rows of ``tube_shape.WEIGHTS`` from `first` on.
+            Each has `count` points, whose barycentric coordinates are the rows of ``tube_shape.WEIGHTS`` from `first`
+            on.
         """
         if not len(corners):
             return np.zeros(0, dtype=np.int64)

@@ -25,7 +25,7 @@ Columns: TypeAlias = "dict[str, npt.NDArray[Any]]"
 
 
 class _Numbering(PartSurfaces):
-    """Surfaces that write each tube's number where its field would stand, so that the next bounce knows where it came from."""
+    """Surfaces that write each tube's number in place of its field: the next bounce knows where it came from."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -109,7 +109,10 @@ class FixedTubes:
 
     @classmethod
     def _merged(cls, plan: Plan, table: Columns) -> FixedTubes:
-        """Return the tubes in the order of their bounces; those with the same way over the same planes carry one field and become one."""
+        """Return the tubes in the order of their bounces.
+
+        Those with the same way over the same planes carry one field and become one.
+        """
         if "own" not in table:
             raise ParameterRangeError("looks", "none that lights the body", "at least one")
         kept: list[Columns] = []
@@ -143,7 +146,7 @@ class FixedTubes:
         )
 
     def matrices(self, surfaces: PartSurfaces) -> Complex:
-        """Return the scattering matrices, shape (num_looks, 2, 2) [m], as :func:`.scattering_matrices` does, but for rounding.
+        """Return the scattering matrices, shape (num_looks, 2, 2) [m], as :func:`.scattering_matrices` up to rounding.
 
         The permittivities of `surfaces` may be any complex numbers: the result is holomorphic in them.
         """

@@ -1,8 +1,11 @@
-"""What surfaces reflect like: those of a body in the far field (NumPy), and those of all faces of a scene (on the device).
+"""Reflection of surfaces.
 
-Time dependence e^{+jwt}. A material reflects with Fresnel's coefficients as a half space, or as one layer with air behind where it has a
-thickness; nothing passes through. In the far field each coefficient is computed as it is needed, for any complex permittivity, and
-"metal" is a perfect conductor; in a scene they come from a table over the cosine of incidence, and a metal has its conductivity.
+Those of a body in the far field (NumPy), and those of all faces of a scene (on the device).
+
+Time dependence e^{+jwt}. A material reflects with Fresnel's coefficients as a half space, or as one layer with air
+behind where it has a thickness; nothing passes through. In the far field each coefficient is computed as it is needed,
+for any complex permittivity, and "metal" is a perfect conductor; in a scene they come from a table over the cosine of
+incidence, and a metal has its conductivity.
 """
 
 from __future__ import annotations
@@ -91,7 +94,10 @@ class PartSurfaces:
     def reflect(
         self, part: npt.NDArray[np.int64], field: Complex, direction: Real, normal: Real
     ) -> tuple[Complex, Real]:
-        """Return the reflected field and its direction; `part` (num_tubes,) numbers the surfaces, the rest is as for one."""
+        """Return the reflected field and its direction.
+
+        `part` (num_tubes,) numbers the surfaces, the rest is as for one.
+        """
         if len(set(self.parts)) == 1:
             return self.parts[0].reflect(field, direction, normal)
         reflected, onward = np.empty_like(field), np.empty_like(direction)
@@ -115,8 +121,8 @@ class FaceSurfaces:
     frequency : float
         [Hz].
     nodes : int
-        Of the table of reflection coefficients over the square root of the cosine of incidence, which is fine near grazing,
-        where those of a metal change fast.
+        Of the table of reflection coefficients over the square root of the cosine of incidence, which is fine near
+        grazing, where those of a metal change fast.
 
     Raises
     ------
@@ -175,7 +181,7 @@ class FaceSurfaces:
         return dr.gather(mi.UInt32, self._material_of_part, dr.gather(mi.UInt32, self._part, face))
 
     def coefficients(self, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
-        """Return the TE and the TM reflection coefficient of a surface that is smooth, each as real and imaginary part."""
+        """Return the TE and the TM reflection coefficient of a smooth surface, each as real and imaginary part."""
         dr, rays = self._rays.dr, self._rays
         place = dr.sqrt(dr.clip(cosine, 0.0, 1.0)) * (self._nodes - 1)
         node = dr.minimum(rays.mi.UInt32(place), self._nodes - 2)

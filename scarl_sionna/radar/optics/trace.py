@@ -1,7 +1,10 @@
-"""What the tracers of plane and of spherical waves share: tables of tubes, landing on planes, and the order of the bounces.
+"""What the tracers of plane and of spherical waves share.
 
-A tube is a triangular footprint on a face. Reflected, it goes on to what it meets next and is cut there (:mod:`.refine`); where it lands
-is the projection of the triangle: parallel for a plane wave, central for a spherical one, exact for both.
+Tables of tubes, landing on planes, and the order of the bounces.
+
+A tube is a triangular footprint on a face. Reflected, it goes on to what it meets next and is cut there
+(:mod:`.refine`); where it lands is the projection of the triangle: parallel for a plane wave, central for a spherical
+one, exact for both.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """What every footprint of a body sends back to the radar, as triangles with one complex amplitude each.
 
 A chain of bounces is unfolded: a point r of the last footprint and its image r' through the mirrors before have, for a
-monostatic radar in direction u, the phase of a single reflection at (r + r') / 2. So a chain is a triangle at that place, and stays
-one for directions near the one that was traced.
+monostatic radar in direction u, the phase of a single reflection at (r + r') / 2. So a chain is a triangle at that
+place, and stays one for directions near the one that was traced.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 _SAME_DIRECTION = 1e-5
-"""A chain that is followed back leaves the body within this of the radar's direction; grazing ones may miss their mirror."""
+"""A chain that is followed back leaves the body within this of the radar's direction; grazing ones may miss their
+mirror."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -151,7 +151,10 @@ class TableBuilder:
         self._size = 0
 
     def put(self, row: int, column: int, centre: Index, values: Complex) -> None:
-        """Add the centres of the block whose first aspect is (row, column); values (elevations, azimuths, centres, 2, 2)."""
+        """Add the centres of the block whose first aspect is (row, column).
+
+        `values` have the shape (elevations, azimuths, centres, 2, 2).
+        """
         aspects = values.shape[0] * values.shape[1]
         i, j = np.searchsorted(self._row_start, row), np.searchsorted(self._column_start, column)
         self._held[i, j, centre] = self._size + aspects * np.arange(len(centre))

@@ -82,8 +82,8 @@ def gas_attenuation(frequency: float) -> float:
 
     Notes
     -----
-    Linear between values at every GHz (steps below 0.01 dB/km) of the line-by-line method, for 1013 hPa, 15 degrees C and
-    7.5 g/m3: near the ground in a moderate climate.
+    Linear between values at every GHz (steps below 0.01 dB/km) of the line-by-line method, for 1013 hPa, 15 degrees C
+    and 7.5 g/m3: near the ground in a moderate climate.
 
     References
     ----------
@@ -113,8 +113,8 @@ def rain_attenuation(rain_rate: float, frequency: float, polarization: Literal["
     -----
     .. math:: \gamma = k R^\alpha, \quad \log_{10} k = \sum_j a_j e^{-((\log_{10} f - b_j) / c_j)^2} + m \log_{10} f + c
 
-    and the same sum for :math:`\alpha`, f in GHz. A path at the elevation e differs by ``cos(e)**2`` in the difference between the
-    polarisations, 0.3 % of the attenuation at 20 degrees and 100 mm/h.
+    and the same sum for :math:`\alpha`, f in GHz. A path at the elevation e differs by ``cos(e)**2`` in the difference
+    between the polarisations, 0.3 % of the attenuation at 20 degrees and 100 mm/h.
 
     References
     ----------
@@ -253,11 +253,11 @@ def attenuate_paths(paths: RadarPaths, radar: RadarSpec, atmosphere: Atmosphere,
 
     Notes
     -----
-    A path of length L (there and back) loses ``gamma L`` dB. The way out has the transmitted polarisation, the way back the
-    received one, so the cross-polar elements take the mean of both.
+    A path of length L (there and back) loses ``gamma L`` dB. The way out has the transmitted polarisation, the way back
+    the received one, so the cross-polar elements take the mean of both.
 
-    *Not modelled*: depolarisation by drops, the refractive index of air (0.3 m in 1 km), wet radomes. Echoes of what falls are paths
-    of their own, see :func:`scarl_sionna.radar.weather.clutter.volume_clutter`.
+    *Not modelled*: depolarisation by drops, the refractive index of air (0.3 m in 1 km), wet radomes. Echoes of what
+    falls are paths of their own, see :func:`scarl_sionna.radar.weather.clutter.volume_clutter`.
     """
     v, h = (specific_attenuation(atmosphere, radar.center_frequency, name, gases) for name in ("V", "H"))  # type: ignore[arg-type]
     return attenuate(paths, radar, (v, h))
@@ -268,8 +268,8 @@ def attenuate(paths: RadarPaths, radar: RadarSpec, values: tuple[float, float]) 
     mean = (np.array(values)[:, None] + np.array(values)[None, :]) / 2.0
     length = PathGeometry.of(paths, radar).center_length()
     loss_db = mean * (length / 1e3)[:, None, None]
-    told = {"attenuation_db_per_km": {"V": values[0], "H": values[1]}}
-    return replace(paths, a=paths.a * 10.0 ** (-loss_db / 20.0), diagnostics={**paths.diagnostics, **told})
+    report = {"attenuation_db_per_km": {"V": values[0], "H": values[1]}}
+    return replace(paths, a=paths.a * 10.0 ** (-loss_db / 20.0), diagnostics={**paths.diagnostics, **report})
 
 
 def _require_band(frequency: float, band: tuple[float, float]) -> None:

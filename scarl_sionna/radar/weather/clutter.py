@@ -1,4 +1,7 @@
-"""Echoes of what is in the air, rain, snow and spray: a volume full of drops as random point paths of exact mean power."""
+"""Echoes of what is in the air, rain, snow and spray.
+
+A volume full of drops stands there as random point paths of exact mean power.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +41,8 @@ Array = npt.NDArray[np.float64]
 VOLUME_INTERACTION = 16
 """Kind of interaction written for a scatterer in the air; its instance is 0, since it belongs to no object."""
 _GRID_DEG = 1.0
-"""Cells of the two-way gain [deg], within which directions of points are even. The integral is the same to 1e-12 for cells of 0.25 to 4 deg
-(preset ``awr1843boost``): decides no accuracy."""
+"""Cells of the two-way gain [deg], within which directions of points are even. The integral is the same to 1e-12 for
+cells of 0.25 to 4 deg (preset ``awr1843boost``): decides no accuracy."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,10 @@ class ClutterBudget:
 
 
 def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
-    """Return what falls in a weather: rain, snow, both or nothing. The droplets of fog send back 50 dB less and are left out."""
+    """Return what falls in a weather: rain, snow, both or nothing.
+
+    The droplets of fog send back 50 dB less and are left out.
+    """
     kelvin = weather.temperature_celsius + CELSIUS
     found = []
     if weather.rain_rate > 0.0:
@@ -74,7 +80,7 @@ def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
 
 @lru_cache(maxsize=16)
 def _directions(pattern: AntennaPattern) -> tuple[Array, Array, Array, float]:
-    """Return azimuth and elevation of the cells of the front hemisphere [rad], the cumulated two-way gain and its integral."""
+    """Return azimuth and elevation of cells of the front hemisphere [rad], the cumulated two-way gain, its integral."""
     angle = np.radians(np.arange(-90.0, 90.0, _GRID_DEG) + _GRID_DEG / 2.0)
     azimuth, elevation = (values.ravel() for values in np.meshgrid(angle, angle, indexing="ij"))
     weight = 10.0 ** (pattern.gain_db(azimuth, elevation) / 5.0) * np.cos(elevation) * np.radians(_GRID_DEG) ** 2
@@ -90,8 +96,8 @@ def two_way_gain_integral(pattern: AntennaPattern) -> float:
 def beam_share(radar: RadarSpec) -> float:
     """Return the part of the two-way gain that one beam of the virtual array holds at most, 0 to 1.
 
-    A beam is as wide as the wavelength over the array's extent, in azimuth and in elevation; an array without extent does not tell
-    directions apart.
+    A beam is as wide as the wavelength over the array's extent, in azimuth and in elevation; an array without extent
+    does not tell directions apart.
     """
     cumulated = _directions(radar.array.pattern)[2]
     density = np.diff(cumulated, prepend=0.0).reshape(180, 180)
@@ -156,8 +162,8 @@ def clutter_budget(
 
     Notes
     -----
-    The Doppler of a range bin is taken to be spread by turbulence alone, so a cell holds less than this. Bins that stay below ``Accuracy.channel_floor_db`` against the noise of one cell of the
-    range-Doppler-angle cube are left out.
+    The Doppler of a range bin is taken to be spread by turbulence alone, so a cell holds less than this. Bins that stay
+    below ``Accuracy.channel_floor_db`` against the noise of one cell of the range-Doppler-angle cube are left out.
     """
     settings = settings or RadarSettings()
     eta = sum(item.reflectivity for item in falling(weather, radar.center_frequency))
@@ -233,14 +239,16 @@ def volume_clutter(
 
     Notes
     -----
-    Near range bins get more points than far ones. Ranges are even within each bin, directions are drawn in proportion to the two-way gain. Point i has the mean
-    cross-section :math:`\sigma_i = \eta R_i^2 \cos\theta_i / p(R_i, \phi_i, \theta_i)` with p the density that it was drawn
-    from, so that the mean power of any part of the volume is exactly that of :func:`mean_clutter_power`; its amplitude is circular
-    normal (many drops, fully developed speckle). Points move with the wind, its turbulence (normal, each axis) and their fall, whose speed is drawn from
-    the drops' sizes by what they send back.
+    Near range bins get more points than far ones. Ranges are even within each bin, directions are drawn in proportion
+    to the two-way gain. Point i has the mean cross-section :math:`\sigma_i = \eta R_i^2 \cos\theta_i / p(R_i, \phi_i,
+    \theta_i)` with p the density that it was drawn from, so that the mean power of any part of the volume is exactly
+    that of :func:`mean_clutter_power`; its amplitude is circular normal (many drops, fully developed speckle). Points
+    move with the wind, its turbulence (normal, each axis) and their fall, whose speed is drawn from the drops' sizes by
+    what they send back.
 
-    *Not modelled*: multipath of the rain's echo over the ground, depolarisation, correlation of turbulence, the second order of a
-    point's range within a frame, which would cost 60 times as much and only change which random numbers a cell gets.
+    *Not modelled*: multipath of the rain's echo over the ground, depolarisation, correlation of turbulence, the second
+    order of a point's range within a frame, which would cost 60 times as much and only change which random numbers a
+    cell gets.
     """
     step = radar.range_resolution
     mount = Mount.of(mount)
@@ -287,8 +295,9 @@ def spray_clutter(
 ) -> RadarPaths:
     """Return the echoes of the spray behind vehicles as paths of random points, see :class:`SprayCloud`.
 
-    Parameters and result are those of :func:`volume_clutter`; `num_points` is the number of points of one cloud, `nearest` the distance [m] from
-    which on drops count. The points of a cloud share its whole cross-section, the integral of its reflectivity.
+    Parameters and result are those of :func:`volume_clutter`; `num_points` is the number of points of one cloud,
+    `nearest` the distance [m] from which on drops count. The points of a cloud share its whole cross-section, the
+    integral of its reflectivity.
     """
     mount = Mount.of(mount)
     pose = mount.pose
@@ -327,7 +336,9 @@ def through_weather(
     radar_twist: Twist | None = None,
     settings: RadarSettings | None = None,
 ) -> RadarPaths:
-    """Return the paths of a scene as they are in its weather: attenuated, with the echoes of rain, snow and spray behind them.
+    """Return the paths of a scene as they are in its weather.
+
+    Attenuated, with the echoes of rain, snow and spray behind them.
 
     Parameters
     ----------

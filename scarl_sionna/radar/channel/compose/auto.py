@@ -24,7 +24,7 @@ from scarl_sionna.radar.scatterers.model import ScattererModel, loaded_models
 
 from .budget import Estimate, estimate, num_tubes, own_bounces
 from .hybrid import solve_hybrid
-from .mirrors import SIEVE, Mirror, find_mirrors
+from .mirrors import PRESELECTION_MARGIN, Mirror, find_mirrors
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -54,16 +54,16 @@ def solve_auto(
     mount : Mount
         Pose and velocity of the radar.
     settings : RadarSettings
-        Its `accuracy` (tolerance, floor and budget), `auto` (the rules), `max_distance` (the unambiguous range if None),
-        `mirrors`, `scatterers` (models of objects that have them) and `raycast` (for what falls to it).
+        Its `accuracy` (tolerance, floor and budget), `auto` (the rules), `max_distance` (the unambiguous range if
+        None), `mirrors`, `scatterers` (models of objects that have them) and `raycast` (for what falls to it).
     receiver : Mount, optional
         Refused: this solver is monostatic.
 
     Returns
     -------
     RadarPaths
-        ``diagnostics["choices"]`` says for every instance in view who computes it and why, ``diagnostics["left_out"]`` what is
-        not computed and how much power it can hold.
+        ``diagnostics["choices"]`` says for every instance in view who computes it and why, ``diagnostics["left_out"]``
+        what is not computed and how much power it can hold.
 
     Raises
     ------
@@ -129,8 +129,8 @@ class _View:
     @property
     def reach(self) -> float:
         """Half of the longest length [m]."""
-        asked = self.settings.max_distance
-        return self.radar.max_range if asked is None else asked
+        limit = self.settings.max_distance
+        return self.radar.max_range if limit is None else limit
 
 
 def _choose(view: _View) -> tuple[list[_Choice], tuple[int, ...], bool]:
@@ -161,7 +161,7 @@ def _choose(view: _View) -> tuple[list[_Choice], tuple[int, ...], bool]:
 
 
 def _within(view: _View, choice: _Choice, budget: int) -> _Choice:
-    """Return the choice, a vehicle's with one bounce only, or given to `raycast`, where it would cost more than is left."""
+    """Return the choice, over the budget left a vehicle's with one bounce only, or given to `raycast`."""
     if choice.tubes <= budget or choice.settings is None:
         return choice
     tubes = choice.tubes
@@ -174,7 +174,10 @@ def _within(view: _View, choice: _Choice, budget: int) -> _Choice:
 
 
 def _one(view: _View, item: Estimate, flat: set[int], bounces: Mapping[int, int]) -> _Choice:
-    """Return what becomes of an instance before the budget is asked; `flat` are the mirrors, `bounces` those on itself."""
+    """Return what becomes of an instance before the budget counts.
+
+    `flat` are the mirrors, `bounces` those on itself.
+    """
     accuracy, rules = view.settings.accuracy, view.settings.auto
     semantic = SEMANTIC_CLASSES[item.info.semantic]
     if not item.in_view:
@@ -246,7 +249,7 @@ def _faces_radar(mirrors: list[Mirror], radar: RadarSpec, pose: Pose, reach: flo
         if (
             inside
             and abs(height) < reach
-            and mirror.near(pose.position - height * mirror.normal, SIEVE * mirror.extent)
+            and mirror.near(pose.position - height * mirror.normal, PRESELECTION_MARGIN * mirror.extent)
         ):
             return True
     return False

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 _WIDE_BOX = np.radians(10.0)
-"""Half the angle from which on a box is taken to stand where the antenna is best: only loosens the bound of its power."""
+"""Half the angle from which on a box is taken to stand where the antenna is best: only loosens the bound of its
+power."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +80,13 @@ def estimate(
 
     Notes
     -----
-    A body of projected area A at the distance d has at most the RCS of a flat plate of that area, or of an infinite mirror:
+    A body of projected area A at the distance d has at most the RCS of a flat plate of that area, or of an infinite
+    mirror:
 
     .. math:: \sigma \le \min(4 \pi A^2 / \lambda^2, \pi d^2)
 
-    The second is the image source, :math:`\lambda / (4 \pi \cdot 2 d)`. Concave bodies that focus can exceed it. Of a diffuse
-    class it is its mean, gamma A, and `speckle_db`.
+    The second is the image source, :math:`\lambda / (4 \pi \cdot 2 d)`. Concave bodies that focus can exceed it. Of a
+    diffuse class it is its mean, gamma A, and `speckle_db`.
     """
     info = state.world.instances[number]
     box = info.frame_from_box if info.actor is None else state.actor_pose(info.actor).compose(info.frame_from_box)
@@ -134,8 +136,8 @@ def own_bounces(
 ) -> dict[int, int]:
     """Return how many bounces objects make of a ray from the radar on themselves, 1 to `max_bounces`.
 
-    Rays go to points spread evenly over what of each object's faces looks at the radar, and on in the mirror direction: a plate
-    or a ball has one bounce, a dihedral two, a corner reflector three.
+    Rays go to points spread evenly over what of each object's faces looks at the radar, and on in the mirror direction:
+    a plate or a ball has one bounce, a dihedral two, a corner reflector three.
     """
     targets, owner = [], []
     for number in numbers:
@@ -145,19 +147,19 @@ def own_bounces(
     bounces = dict.fromkeys(numbers, 1)
     if not numbers:
         return bounces
-    who = np.concatenate(owner)
+    owner_of_ray = np.concatenate(owner)
     sight = np.concatenate(targets) - pose.position
     direction = sight / np.linalg.norm(sight, axis=1, keepdims=True)
     origin = np.broadcast_to(pose.position, direction.shape)
     instance = state.world.parts.instance
-    sent = {number: max(int(np.sum(who == number)), 1) for number in numbers}
+    sent = {number: max(int(np.sum(owner_of_ray == number)), 1) for number in numbers}
     for bounce in range(1, rules.max_bounces + 1):
         hits = state.cast(origin, direction)
-        own = instance[hits.part] == who[hits.ray]
+        own = instance[hits.part] == owner_of_ray[hits.ray]
         ray = hits.ray[own]
-        who, direction, normal = who[ray], direction[ray], hits.normal[own]
-        for number in np.unique(who).tolist():
-            if np.sum(who == number) >= rules.bounce_share * sent[number]:
+        owner_of_ray, direction, normal = owner_of_ray[ray], direction[ray], hits.normal[own]
+        for number in np.unique(owner_of_ray).tolist():
+            if np.sum(owner_of_ray == number) >= rules.bounce_share * sent[number]:
                 bounces[number] = max(bounces[number], bounce)
         direction = direction - 2.0 * np.einsum("ij,ij->i", direction, normal)[:, None] * normal
         origin = hits.point[own] + 1e-5 * (1.0 + hits.distance[own, None]) * normal
@@ -165,7 +167,7 @@ def own_bounces(
 
 
 def _lit_points(state: WorldState, pose: Pose, number: int, count: int) -> Array:
-    """Return points on the faces of an instance that look at the radar, evenly over their projected area, shape (count, 3)."""
+    """Return points on an instance's faces, evenly over their area as the radar sees it, shape (count, 3)."""
     triangles = state._triangles
     corners = triangles.of_parts(state.world.instances[number].parts)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
@@ -205,7 +207,7 @@ def _smooth_share(state: WorldState, info: InstanceInfo) -> float:
 
 
 def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) -> tuple[bool, float, float]:
-    """Return whether a box may be in the field of view, the antenna's largest power gain over it, and its width there [m].
+    """Return whether a box may be in view, the antenna's largest power gain over it, and the width in view there [m].
 
     The box is taken as its sphere; one wider than 20 deg as if it stood where the antenna is best.
     """

@@ -1,8 +1,8 @@
 """Objects seen through mirrors: ground bounce and ghosts of whole meshes, solved from the radar's images.
 
-An object is solved alone, seen from the image of the transmitter and that of the receiver, so its scattering is that of the
-aspects under which the mirrored waves meet it. What the mirrors do to polarisation, length and rate, and what hides the way,
-is added path by path.
+An object is solved alone, seen from the image of the transmitter and that of the receiver, so its scattering is that of
+the aspects under which the mirrored waves meet it. What the mirrors do to polarisation, length and rate, and what hides
+the way, is added path by path.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 FromImages = Callable[[Pose, Pose], RadarPaths]
-"""From the poses of two images of the radar, both with the same axes, to the paths of the object alone, nothing moving but it."""
+"""From the poses of two images of the radar, both with the same axes, to the paths of the object alone, nothing moving
+but it."""
 Faces = tuple[tuple[int, ...], tuple[int, ...]]
 """Numbers of the mirrors of a way there and of a way back, each in the order from the radar."""
 STRAIGHT: Faces = ((), ())
@@ -47,7 +48,8 @@ def paths_through_mirrors(
 ) -> list[tuple[RadarPaths, Faces]]:
     """Return the paths of objects over at least one mirror, one block for each pair of a way there and a way back.
 
-    With each block the faces of its ways: mirrors of one instance give the same chain of instances over different faces.
+    With each block the faces of its ways: mirrors of one instance give the same chain of instances over different
+    faces.
 
     Parameters
     ----------
@@ -130,7 +132,10 @@ def _seen(view: MirrorView, found: RadarPaths, both: tuple[Way, Way], image: tup
 
 
 def _acceleration(state: WorldState, found: RadarPaths, station: Station, legs: Sequence[Leg]) -> Array:
-    """Return the second derivative of the lengths to scattering centres; `sbr` itself keeps to first order, so zero for it."""
+    """Return the second derivative of the lengths to scattering centres.
+
+    Paths of `sbr` are of first order in time: theirs is zero.
+    """
     result = np.zeros(found.num_paths)
     rows = np.flatnonzero(found.interaction[:, 0] == POINT_INTERACTION)
     part = np.array([state.world.instances[int(number)].parts[0] for number in found.instance[rows, 0]], dtype=np.int64)

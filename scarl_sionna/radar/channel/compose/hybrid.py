@@ -41,7 +41,7 @@ SOLVERS_OF_OBJECTS = {"sbr": solve_sbr, "scatterers": solve_scatterers, "raycast
 
 
 class DoubleCountError(ScarlError):
-    """Two solvers gave paths with the same chain of instances and interactions over the same mirror faces: a defect of a solver."""
+    """Two solvers gave paths with the same chain over the same mirror faces: a defect of a solver."""
 
 
 def solve_hybrid(
@@ -56,16 +56,18 @@ def solve_hybrid(
     mount : Mount
         Pose and velocity of the radar.
     settings : RadarSettings
-        Its `plan`, `max_distance` (the unambiguous range if None), and the settings of each solver where a share has none.
+        Its `plan`, `max_distance` (the unambiguous range if None), and the settings of each solver where a share has
+        none.
     receiver : Mount, optional
         Refused: this solver is monostatic.
 
     Returns
     -------
     RadarPaths
-        Objects (`sbr`, `scatterers`, `raycast`), then chains of mirrors, then objects through mirrors, each in the order of its
-        solver. ``diagnostics["solvers"]`` has a row for each of them: what it computed, its paths and power, and what it
-        reports itself; ``diagnostics["seconds"]`` the time of each, ``diagnostics["left_out"]`` what nobody computes.
+        Objects (`sbr`, `scatterers`, `raycast`), then chains of mirrors, then objects through mirrors, each in the
+        order of its solver. ``diagnostics["solvers"]`` has a row for each of them: what it computed, its paths and
+        power, and what it reports itself; ``diagnostics["seconds"]`` the time of each, ``diagnostics["left_out"]`` what
+        no solver computes.
 
     Raises
     ------
@@ -274,6 +276,7 @@ def _check_chains(blocks: Sequence[RadarPaths], faces: Sequence[Faces] | None = 
             before = seen.setdefault(chain, set())
             if own in before or STRAIGHT in before or (before and own == STRAIGHT):
                 raise DoubleCountError(
-                    f"the chain {chain} (instance, interaction, ...) over the mirror faces {own} (there, back) was computed twice"
+                    f"the chain {chain} (instance, interaction, ...) over the mirror faces {own} (there, back) was "
+                    "computed twice"
                 )
             before.add(own)

@@ -1,4 +1,7 @@
-"""Legs over mirrors: from a radar to the points of objects, with what mirrors do to polarisation and rate, and what hides the way."""
+"""Legs over mirrors, from a radar to points of objects.
+
+With each leg: what the mirrors do to polarisation and rate, and whether something hides it.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,8 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 _LIFT = 1e-4
-"""Rays start this far above a mirror [m], so that they do not meet it again: a guard against the rounding of float32 hits."""
+"""Rays start this far above a mirror [m], so that they do not meet it again: a guard against the rounding of float32
+hits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +89,7 @@ class MirrorView:
 
     @cached_property
     def faces(self) -> MirrorFaces:
-        """Tells which of the mirrors a ray has met."""
+        """Finds which of the mirrors a ray has met."""
         return MirrorFaces(
             len(self.state._triangles.normal),
             [mirror.faces for mirror in self.mirrors],
@@ -105,8 +109,8 @@ class MirrorView:
         rotation : ndarray of float64, shape (3, 3)
             Axes, as columns, of the frame of the radar's image.
         points : ndarray of float64, shape (num_points, 3)
-            What the length is counted to: points of the object, or their images by its own bounces, which are seen in the
-            direction in which the wave meets the object first [m, world].
+            What the length is counted to: points of the object, or their images by its own bounces, which are seen in
+            the direction in which the wave meets the object first [m, world].
         """
         state, station = self.state, self.station
         chain = chain_of(way, len(points))

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-SIEVE = 0.1
-"""Mirrors' boxes are widened by this part of their extent where ways are sorted out before they are traced: decides no accuracy."""
+PRESELECTION_MARGIN = 0.1
+"""Mirrors' boxes are widened by this part of their extent where ways are sorted out before they are traced: decides no
+accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +152,10 @@ def may_reach(way: Way, position: Array, points: Array) -> bool:
     images = chain.images(points)
     vertices, right = chain.vertices(position, images)
     return any(
-        bool(ok) and all(mirror.near(vertex, SIEVE * mirror.extent) for mirror, vertex in zip(way, row, strict=True))
+        bool(ok)
+        and all(
+            mirror.near(vertex, PRESELECTION_MARGIN * mirror.extent) for mirror, vertex in zip(way, row, strict=True)
+        )
         for ok, row in zip(right, vertices, strict=True)
     )
 

@@ -1,4 +1,4 @@
-"""A plan on a world: which instances each share owns, and that nobody computes an echo twice.
+"""A plan on a world: which instances each share owns, and that no echo is computed twice.
 
 The rule of ownership, and what it does not cover, stands in docs/accuracy.md.
 """

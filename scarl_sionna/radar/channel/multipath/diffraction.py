@@ -1,4 +1,6 @@
-"""Legs over one edge: mirrors and panes, an edge, mirrors and panes again; geometry in float64, amplitude by the uniform theory.
+"""Legs over one edge: mirrors and panes, an edge, mirrors and panes again.
+
+The geometry is float64, the amplitude is that of the uniform theory.
 
 Which edge a path meets is the engine's; where on it, how long, how strong and how fast is computed here.
 """
@@ -182,7 +184,7 @@ def _motion(
 
 
 def _unfolding(wedge: Wedge, source: Array, target: Array) -> Array:
-    """Return the rotation about the edge that takes the target to where the source sees it straight ahead, shape (3, 4)."""
+    """Return the rotation about the edge that brings the target in line with source and edge, shape (3, 4)."""
     turn = wedge.cylindrical(source)[1] + np.pi - wedge.cylindrical(target)[1]
     e, t, n = wedge.direction, wedge.tangent, wedge.normal
     cosine, sine = np.cos(turn), np.sin(turn)
@@ -201,9 +203,10 @@ def _joined_isometry(first: Chain, middle: Array, second: Chain) -> Array:
 def _wavefront_errors(
     arms: Array, edge: Array, ahead: Array, ray: EdgeRay, end_is_station: bool
 ) -> tuple[float, float]:
-    """Return the largest error of a length to an antenna [m] with the edge's point, and with the unfolded end, as the centre.
+    """Return the largest errors of lengths to antennas [m], with the edge's point and the unfolded end as the centre.
 
-    `edge` and `ahead` are the directions of the edge and of travel as the station sees them, `arms` its antennas [m]. An edge's wavefront has two radii: to the edge across it, to the source behind along it. One sphere has one.
+    `edge` and `ahead` are the directions of the edge and of travel as the station sees them, `arms` its antennas [m].
+    An edge's wavefront has two radii: to the edge across it, to the source behind along it. One sphere has one.
     """
     across = np.cross(ahead, edge)
     across /= np.linalg.norm(across)

@@ -1,4 +1,4 @@
-"""Tells where one solve from an array's centre does not hold for all of its antennas: some do not see the path."""
+"""Warns where one solve from an array's centre does not hold for all of its antennas: some do not see the path."""
 
 from __future__ import annotations
 
@@ -22,14 +22,17 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 SURFACE = 2e-3
-"""A ray may meet a surface this far from where it should [m]: round-off, float32 hits are within 1e-4 m at 300 m. Decides a warning only."""
+"""A ray may meet a surface this far from where it should [m]: round-off, float32 hits are within 1e-4 m at 300 m.
+Decides a warning only."""
 
 
 def warn_of_hidden_antennas(state: WorldState, legs: list[tuple[Legs, Station]], wide_arm: float) -> int:
-    """Warn once where outer antennas of a wide array do not see a path that its centre sees; return the number of such legs.
+    """Warn once where outer antennas of a wide array do not see a path that its centre sees.
 
-    Arrays whose antennas are all within `wide_arm` [m] of their centre are not tested: within the first Fresnel zone seen or not
-    seen is no property of a single antenna.
+    Return the number of such legs.
+
+    Arrays whose antennas are all within `wide_arm` [m] of their centre are not tested: within the first Fresnel zone
+    seen or not seen is no property of a single antenna.
     """
     hidden, total = 0, 0
     for block, station in legs:
@@ -38,9 +41,10 @@ def warn_of_hidden_antennas(state: WorldState, legs: list[tuple[Legs, Station]],
             hidden += int(np.count_nonzero(~_seen_by_all(state, block, station)))
     if hidden:
         warnings.warn(
-            f"{hidden} of {total} path(s) are not seen by all antennas: the array is wide, and an edge or the end of a mirror is "
-            "close to where they pass. Visibility is that of the array's centre, so their signal at the outer antennas is wrong; "
-            "solve for parts of the array apart (a RadarSpec with some of the antennas at a pose of their own)",
+            f"{hidden} of {total} path(s) are not seen by all antennas: the array is wide, and an edge or the end of "
+            "a mirror is close to where they pass. Visibility is that of the array's centre, so their signal at the "
+            "outer antennas is wrong; solve for parts of the array apart (a RadarSpec with some of the antennas at a "
+            "pose of their own)",
             ScarlWarning,
             stacklevel=4,
         )

@@ -40,11 +40,13 @@ Array = npt.NDArray[np.float64]
 RAYS_PER_BATCH = 1_000_000
 """Rays cast at once: bounds the memory of a batch to about 300 MB, changes no result."""
 NEAREST_HIT = 1e-3
-"""The radar equation is not used closer than this [m]; a housing touches nothing nearer. A guard against division by zero."""
+"""The radar equation is not used closer than this [m]; a housing touches nothing nearer. A guard against division by
+zero."""
 DIFFUSE = 2
 """Kind of the interaction of a hit, the number of Sionna RT's ``InteractionType.DIFFUSE``."""
 REFERENCE_FOOTPRINT = 4.34e-4
-"""Area of a ray of the default grid (10^6 rays over 120 x 30 deg) at 20 m [m2]: the unit of ``rcs_model="per_hit"``, not its accuracy."""
+"""Area of a ray of the default grid (10^6 rays over 120 x 30 deg) at 20 m [m2]: the unit of ``rcs_model="per_hit"``,
+not its accuracy."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +76,8 @@ def solve_raycast(
     mount : Mount
         Pose and velocity of the radar.
     settings : RadarSettings
-        Its `raycast`, `max_distance` (the unambiguous range if None, since the filter before the converter takes away what lies
-        beyond) and `instances` (what gives paths; the rest hides what is behind it).
+        Its `raycast`, `max_distance` (the unambiguous range if None, since the filter before the converter takes away
+        what lies beyond) and `instances` (what gives paths; the rest hides what is behind it).
     receiver : Mount, optional
         Refused: this solver is monostatic.
 
@@ -104,18 +106,19 @@ def solve_raycast(
     -----
     Radar equation with unit antenna gains; the synthesis applies the angle-dependent gains:
 
-    .. math:: |a|^2 = \frac{\sigma \lambda^2}{(4\pi)^3 d^4}, \quad \sigma = \gamma_{class}\, d^2 \Delta\Omega\, R(\theta)
+    .. math:: |a|^2 = \frac{\sigma \lambda^2}{(4\pi)^3 d^4}, \quad
+              \sigma = \gamma_{class}\, d^2 \Delta\Omega\, R(\theta)
 
-    with the power reflectance R of the part's radio material for the vertical and the horizontal polarisation. The paper
-    prints lambda = f0 / c under its Eq. (4); the wavelength is c / f0.
+    with the power reflectance R of the part's radio material for the vertical and the horizontal polarisation. The
+    paper prints lambda = f0 / c under its Eq. (4); the wavelength is c / f0.
 
-    *Not modelled*: multiple reflections, coherence between neighbouring hits, shadow of the road bounce, rotation of the
-    array about its centre, acceleration.
+    *Not modelled*: multiple reflections, coherence between neighbouring hits, shadow of the road bounce, rotation of
+    the array about its centre, acceleration.
 
     References
     ----------
-    .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for Autonomous
-           Driving", section 2.3, Eq. (4).
+    .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for
+           Autonomous Driving", section 2.3, Eq. (4).
     """
     refuse_receiver("raycast", receiver)
     knobs, pose, instances = settings.raycast, mount.pose, settings.instances
@@ -168,7 +171,7 @@ def _fixed_phases(hit_phase: HitPhase) -> Callable[[int], Array | None]:
 def _columns(
     hits: RayHits, rays: Array, world_rays: Array, state: WorldState, model: _Model, cycles: Array | None
 ) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of :class:`RadarPaths` for the hits of one batch of rays, given in the radar and the world frame."""
+    """Return the columns of :class:`RadarPaths` for the hits of rays, given in the radar's and the world's frame."""
     parts = state.world.parts
     distance = np.maximum(hits.distance, NEAREST_HIT)
     footprint = REFERENCE_FOOTPRINT if model.knobs.rcs_model == "per_hit" else model.solid_angle * distance**2

@@ -62,14 +62,14 @@ def above_floor(
     columns: Columns, amplitude: Array, radar: RadarSpec, floor_db: float | None
 ) -> tuple[Columns, dict[str, float | None]]:
     """Return the rows without the weakest of each range bin, and what was left out."""
-    told: dict[str, float | None] = {
+    report: dict[str, float | None] = {
         "floor_db": floor_db,
         "num_dropped": 0,
         "dropped_power": 0.0,
         "in_phase_to_noise_db": None,
     }
     if floor_db is None or not len(columns["length"]):
-        return columns, told
+        return columns, report
     noise = angle_cell_noise_power(radar)
     bins = np.floor(columns["length"] / (2.0 * radar.range_resolution)).astype(np.int64)
     order = np.lexsort((amplitude, bins))
@@ -79,8 +79,8 @@ def above_floor(
     dropped = np.zeros(len(order), dtype=bool)
     dropped[order] = (total - before) ** 2 <= noise * 10.0 ** (floor_db / 10.0)
     if dropped.any():
-        told["num_dropped"] = int(dropped.sum())
-        told["dropped_power"] = float(np.sum(amplitude[dropped] ** 2))
+        report["num_dropped"] = int(dropped.sum())
+        report["dropped_power"] = float(np.sum(amplitude[dropped] ** 2))
         worst = float(np.bincount(bins[dropped], amplitude[dropped]).max() ** 2 / noise)
-        told["in_phase_to_noise_db"] = 10.0 * float(np.log10(worst)) if worst > 0.0 else None
-    return {name: column[~dropped] for name, column in columns.items()}, told
+        report["in_phase_to_noise_db"] = 10.0 * float(np.log10(worst)) if worst > 0.0 else None
+    return {name: column[~dropped] for name, column in columns.items()}, report

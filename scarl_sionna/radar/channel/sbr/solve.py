@@ -54,9 +54,10 @@ def solve_sbr(
     mount : Mount
         Pose and velocity of the radar.
     settings : RadarSettings
-        Its `sbr` (bounces, size of the patches, rays, and what is too weak to be kept), `max_distance` (paths longer than twice
-        this are left out; the unambiguous range if None) and `instances` (what scatters; every actor and every object if None. The
-        rest, ground, verges, a wood, hides what is behind it and is named in ``diagnostics["left_out"]``).
+        Its `sbr` (bounces, size of the patches, rays, and what is too weak to be kept), `max_distance` (paths longer
+        than twice this are left out; the unambiguous range if None) and `instances` (what scatters; every actor and
+        every object if None. The rest, ground, verges, a wood, hides what is behind it and is named in
+        ``diagnostics["left_out"]``).
     receiver : Mount, optional
         A second radar of the same specification that receives in place of the first.
 
@@ -85,11 +86,12 @@ def solve_sbr(
 
     Notes
     -----
-    The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit: no
-    row is doubled by reciprocity.
+    The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit:
+    no row is doubled by reciprocity.
 
-    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, diffuse scattering between mirrors
-    and, for a bistatic pair, before them, the direct path of such a pair, acceleration of the length. *Convergence and validity*: docs/sbr.md.
+    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, diffuse scattering between
+    mirrors and, for a bistatic pair, before them, the direct path of such a pair, acceleration of the length.
+    *Convergence and validity*: docs/sbr.md.
 
     References
     ----------
@@ -161,7 +163,10 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
 def _rows(
     state: WorldState, tracer: Tracer, near: NearField, patches: ImageTubes, rough: dict[int, list[Columns]]
 ) -> Columns:
-    """Return the columns of patches, without what comes from out of view or too far; add rough pieces to those of their depth."""
+    """Return the columns of patches, without what comes from out of view or too far.
+
+    Rough pieces are added to those of their depth.
+    """
     is_rough = near.surfaces.is_rough[patches.face[:, -1]] & tracer.settings.diffuse
     columns: Columns = radiated(near, patches, bool(is_rough.any()))
     part = tracer.faces.part[patches.face]
@@ -200,8 +205,9 @@ def _warn_of_bodies(
             small.append((info.name, float(info.size.max())))
     if small:
         warnings.warn(
-            f"{len(small)} instance(s) in view are smaller than {levels.smallest_body:g} wavelengths, such as '{small[0][0]}' "
-            f"({1e3 * small[0][1]:.3g} mm); physical optics is wrong by decibels there: use method='scatterers' or point targets",
+            f"{len(small)} instance(s) in view are smaller than {levels.smallest_body:g} wavelengths, such as "
+            f"'{small[0][0]}' ({1e3 * small[0][1]:.3g} mm); physical optics is wrong by decibels there: use "
+            "method='scatterers' or point targets",
             ScarlWarning,
             stacklevel=4,
         )
@@ -210,8 +216,8 @@ def _warn_of_bodies(
     if double:
         first, second = names[double[0].first], names[double[0].second]
         warnings.warn(
-            f"{len(double)} pair(s) of parts overlap in one plane, such as '{first}' and '{second}': both scatter, up to 6 dB too "
-            "strong where they overlap; move one by 0.1 mm, or leave it out with instances=",
+            f"{len(double)} pair(s) of parts overlap in one plane, such as '{first}' and '{second}': both scatter, up "
+            "to 6 dB too strong where they overlap; move one by 0.1 mm, or leave it out with instances=",
             ScarlWarning,
             stacklevel=4,
         )
@@ -223,7 +229,8 @@ def _warn_of_grazing(cosine: Array, power: Array, grazing_cosine: float) -> None
     if grazing > 0.5 * float(power.sum()):
         warnings.warn(
             f"{100.0 * grazing / float(power.sum()):.0f} % of the patches' power comes from surfaces seen within "
-            f"{np.degrees(np.arcsin(grazing_cosine)):.0f} deg of grazing, where diffraction, which 'sbr' does not have, is as strong; method='sionna' has mirror multipath there",
+            f"{np.degrees(np.arcsin(grazing_cosine)):.0f} deg of grazing, where diffraction, which 'sbr' does not "
+            "have, is as strong; method='sionna' has mirror multipath there",
             ScarlWarning,
             stacklevel=4,
         )

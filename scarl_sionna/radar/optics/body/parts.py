@@ -1,4 +1,4 @@
-"""Meshes made ready for shooting and bouncing rays, of one material or of several, and what each of them reflects like."""
+"""Meshes made ready for shooting and bouncing rays, of one material or of several, and their surfaces."""
 
 from __future__ import annotations
 
