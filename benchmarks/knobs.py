@@ -1,13 +1,13 @@
-"""Error and CPU seconds of knobs that no work-precision chart has as its axis: a table each, on two places.
+"""Error and CPU seconds of knobs that no work-precision chart has as its axis, a table each.
 
     python benchmarks/knobs.py cells|probes|mirrors|drops ...
 
-cells     `RaycastSettings.cells_per_resolution` and `widest_cosine`: expected power in a range-azimuth map against every hit of the
-          same rays, so this is the error of thinning alone
-probes    `AutoSettings.num_probes` and `bounce_share`: objects that get another number of bounces than by 16,384 probes
-mirrors   `MirrorSettings.max_mirrors`: power of cars (3GPP models) seen through mirrors against 32 of them, in range bins of 1 m, at
-          most 30 dB off a bin
-drops     `WeatherEchoSettings.num_points` and `least_per_bin`: contrast of a range-Doppler cell, 1 for exponential speckle
+cells     `RaycastSettings.cells_per_resolution` and `widest_cosine`: expected power in a range-azimuth map against
+          every hit of the same rays, so this is the error of thinning alone
+probes    `AutoSettings.num_probes` and `bounce_share`: objects with another number of bounces than by 16,384 probes
+mirrors   `MirrorSettings.max_mirrors`: power of cars (3GPP models) seen through mirrors against 32 of them, in range
+          bins of 1 m, at most 30 dB off a bin
+drops     `WeatherEchoSettings.num_points` and `least_per_bin`: contrast of a range-Doppler cell, 1 for speckle
 """
 
 from __future__ import annotations
@@ -110,31 +110,27 @@ def mirrors() -> None:
 
 
 def drops() -> None:
-    print(
-        "| weather | points | least a bin | contrast, 5 to 20 m | contrast, 60 to 100 m | CPU [s] |\n|---|---|---|---|---|---|"
-    )
+    print("| weather | points | least a bin | contrast, 5 to 20 m | contrast, 60 to 100 m | CPU [s] |")
+    print("|---|---|---|---|---|---|")
     radar = RADAR
     for weather in ("rain", "heavy_rain"):
         state = ss.load_scene("highway_guardrail").with_weather(weather).at(0.0)
         for count, least in ((1_000, 8), (5_000, 8), (20_000, 8), (80_000, 8), (20_000, 2), (20_000, 32)):
             power, start = [], time.process_time()
             for seed in range(12):
-                paths = volume_clutter(
-                    state.world.weather, radar, ss.Pose(), np.random.default_rng(seed), sampling=VolumeSampling(100.0, count, least)
-                )  # fmt: skip
+                rng, sampling = np.random.default_rng(seed), VolumeSampling(100.0, count, least)
+                paths = volume_clutter(state.world.weather, radar, ss.Pose(), rng, sampling=sampling)
                 cube = ss.virtual_cube(ss.synthesize(paths, radar), radar)
                 power.append(np.abs(ss.range_doppler(cube, radar).data) ** 2)
             cpu = (time.process_time() - start) / 12
             found, power = ss.range_doppler(cube, radar), np.array(power)
-            contrast = []
+            contrast: list[float] = []
             for near, far in ((5.0, 20.0), (60.0, 100.0)):
                 bins = (found.range >= near) & (found.range < far)
                 slow = np.abs(found.radial_velocity) < 0.5
                 some = power[..., slow, :][..., bins]
-                mean = some.mean(axis=0)
-                contrast.append(
-                    float(np.mean(some.var(axis=0, ddof=1)) / np.mean(mean**2 - some.var(axis=0, ddof=1) / 12))
-                )
+                mean, spread = some.mean(axis=0), some.var(axis=0, ddof=1)
+                contrast.append(float(np.mean(spread) / np.mean(mean**2 - spread / 12)))
             print(
                 f"| {weather} | {count:,} | {least} | {contrast[0]:.2f} | {contrast[1]:.2f} | {cpu:.2f} |", flush=True
             )

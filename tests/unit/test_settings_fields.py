@@ -1,4 +1,4 @@
-"""Every number of the radar settings says what justifies it, goes through every door, and enters what a dataset is known by."""
+"""Every number of the radar settings names its chart, goes through every door, and enters a dataset's fingerprint."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ from scarl_sionna.radar.channel.compose.auto import sbr_settings
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import RIG
 
-REASONS = r"docs/\w+\.md|not charted|changes no result|None: once a frame|half of the longest length|is an error|as in SbrSettings"
+REASONS = (
+    r"docs/\w+\.md|not charted|changes no result|None: once a frame|half of the longest length|is an error|"
+    r"as in SbrSettings"
+)
 """What a description must say: a chart, that there is none, or why the number is no trade."""
 OF_A_KIND = {"seed", "tolerance_db", "vehicle_bounces", "growth_long", "per_face", "num_tubes", "pane_directions"}
 """Choices of randomness, parts whose class cites the chart, and a count that is asked for."""
