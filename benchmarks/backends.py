@@ -41,9 +41,10 @@ def tasks(scene: str, rays: int) -> dict[str, Callable[[], dict[str, Any]]]:
     front, roof = (state.mount("ego", ss.Pose(place)) for place in ([2.6, 0.0, 0.6], [0.0, 0.0, 2.0]))
 
     bodies = [
-        number for number, info in state.world.instances.items()
+        number
+        for number, info in state.world.instances.items()
         if info.is_object and info.name != "ego" and not info.name.startswith("tree")
-    ]  # fmt: skip
+    ]
     fields: dict[str, dict[str, Any]] = {
         "raycast": {"num_rays": rays},
         "sionna": {},
@@ -127,8 +128,9 @@ def main() -> None:
             files.append(Path(folder) / f"{number}.npz")
             subprocess.run(
                 [sys.executable, __file__, *sys.argv[1:], "--out", files[-1]],
-                env=os.environ | {"SCARL_BACKEND": backend}, check=True,
-            )  # fmt: skip
+                env=os.environ | {"SCARL_BACKEND": backend},
+                check=True,
+            )
         if len(files) == 2:
             compare(*files)
 

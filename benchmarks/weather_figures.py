@@ -14,10 +14,11 @@ import scarl_sionna as ss
 from camera_lidar.camera import Camera
 from camera_lidar.lidar import Lidar
 from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.settings.weather_echoes import DEFAULT_WEATHER_ECHOES
 from scarl_sionna.core.specs.drop_sizes import RAIN_SIZES
 from scarl_sionna.core.specs.weather import FULL_FILM, Spray
 from scarl_sionna.radar.weather.attenuation import rain_attenuation, weather_attenuation
-from scarl_sionna.radar.weather.clutter import NEAREST, beam_share, falling, mean_clutter_power, volume_clutter
+from scarl_sionna.radar.weather.clutter import beam_share, falling, mean_clutter_power, volume_clutter
 from scarl_sionna.radar.weather.hydrometeors import rain, snow
 from scarl_sionna.scene.materials.fresnel import reflection
 from scarl_sionna.scene.materials.table import builtin_materials
@@ -68,7 +69,7 @@ def draw_clutter(path: Path) -> None:
     """
     radar, pose = ss.RadarSpec.preset("awr1843boost"), ss.Pose()
     step = radar.range_resolution
-    edges = np.maximum(np.arange(0.0, 101.0, step), NEAREST)
+    edges = np.maximum(np.arange(0.0, 101.0, step), DEFAULT_WEATHER_ECHOES.nearest)
     middle = (edges[1:] + edges[:-1]) / 2.0
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
     noise = angle_cell_noise_power(radar) * radar.num_virtual  # of one channel's range-Doppler cell

@@ -5,12 +5,16 @@ from .core.mount import Mount
 from .core.pose import Pose, Twist
 from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
 from .core.settings.accuracy import Accuracy
+from .core.settings.auto import AutoSettings
+from .core.settings.mirrors import MirrorSettings
 from .core.settings.plan import ChannelPlan, Share
 from .core.settings.radar import RadarSettings
 from .core.settings.raycast import RaycastSettings
 from .core.settings.sbr import SbrSettings
 from .core.settings.scatterers import ScattererSettings
 from .core.settings.sionna import SionnaSettings
+from .core.settings.warn import WarningLevels
+from .core.settings.weather_echoes import WeatherEchoSettings
 from .core.specs.atmosphere import Atmosphere
 from .core.specs.camera import BrownConrady, CameraSpec, ImageSensor, KannalaBrandt, Pinhole
 from .core.specs.lidar import LidarSpec
@@ -50,7 +54,9 @@ from .simulation import observe, radar_cube, simulate
 
 __all__ = [
     "Accuracy",
+    "AutoSettings",
     "ChannelPlan",
+    "MirrorSettings",
     "Mount",
     "RadarSettings",
     "RaycastSettings",
@@ -58,6 +64,8 @@ __all__ = [
     "ScattererSettings",
     "Share",
     "SionnaSettings",
+    "WarningLevels",
+    "WeatherEchoSettings",
     "plan_channel",
     "ActorModel",
     "Adc",

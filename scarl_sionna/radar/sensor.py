@@ -84,7 +84,7 @@ class Radar:
         settings, place = self.settings, state.as_mount(mount)
         paths = solve_paths(state, self.spec, place, settings=settings)
         drops = None if state.world.weather.is_clear else rng.spawn(1)[0]
-        alone, paths = paths, through_weather(paths, state, self.spec, drops, place.twist)
+        alone, paths = paths, through_weather(paths, state, self.spec, drops, place.twist, settings)
         start = time.perf_counter()
         noise = rng if settings.noise else None
         if settings.chirps_per_block is None:

@@ -13,6 +13,7 @@ from scipy.stats import kstest
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.weather_echoes import DEFAULT_WEATHER_ECHOES
 from scarl_sionna.core.specs.radar.pattern import CosinePattern, IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Spray, Weather
@@ -24,7 +25,6 @@ from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.radar.weather.clutter import (
-    NEAREST,
     VOLUME_INTERACTION,
     VolumeSampling,
     clutter_budget,
@@ -62,7 +62,7 @@ def test_attenuated_mean_is_the_integral() -> None:
 
 def test_mean_power_per_range_is_the_radar_equations() -> None:
     """60 realisations; 5 standard errors of the mean in each of four parts of the range, from the spread itself."""
-    edges = np.array([NEAREST, 4.0, 10.0, 20.0, 40.0])
+    edges = np.array([DEFAULT_WEATHER_ECHOES.nearest, 4.0, 10.0, 20.0, 40.0])
     found = np.zeros((60, 4))
     for seed in range(60):
         paths = volume_clutter(HEAVY, RADAR, Pose(), np.random.default_rng(seed), sampling=VolumeSampling(40.0, 1500))
@@ -246,7 +246,7 @@ def test_rain_fills_the_sphere_evenly() -> None:
     )  # the front half; 1 deg cells
     paths = volume_clutter(HEAVY, radar, Pose(), np.random.default_rng(3), sampling=VolumeSampling(40.0, 40_000))
     power = received_power(paths, radar)
-    exact = float(mean_clutter_power(radar, ETA, NEAREST, 40.0))
+    exact = float(mean_clutter_power(radar, ETA, DEFAULT_WEATHER_ECHOES.nearest, 40.0))
     # Exponential powers of unequal means: the sum's variance is that of the squares, which are twice the squared means.
     error = np.sqrt(np.sum(power**2) / 2.0)
     assert error < 0.02 * exact

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.radar.channel.compose.mirror_faces import NOBODY, MirrorFaces
+from scarl_sionna.radar.channel.compose.mirror_faces import NO_MIRROR, MirrorFaces
 from scarl_sionna.scene.tables import RayHits
 
 OTHER = 4
@@ -43,7 +43,7 @@ def owner(mirrors, face, hit, aim=None) -> int:
         (((6, 8), 0.00002), OTHER, (5, 1, 0.006), None, 0),
         (((6, 8), 0.004), OTHER, (5, 1, 0.009), None, 1),
         (((6, 8), 0.004), OTHER, (5, 1, 0.012), None, 1),  # 8 mm over the second, 12 over the first
-        (((0, 4), 0.004), OTHER, (1, 1, 0.02), None, NOBODY),
+        (((0, 4), 0.004), OTHER, (1, 1, 0.02), None, NO_MIRROR),
     ],
 )
 def test_a_hit_has_one_owner(second, face, hit, aim, expected) -> None:

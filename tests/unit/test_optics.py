@@ -12,6 +12,7 @@ from scarl_sionna.radar.optics.fields import (
     HOST,
     SERIES_BELOW,
     OnDevice,
+    Wave,
     radiating_vector,
     reflected_field,
     second_difference,
@@ -55,7 +56,7 @@ def test_reflection_and_currents_are_the_same_on_both_arithmetics() -> None:
     direction, normal, field = lit(rng)
     scattered = unit(rng)
     expected, onward = GLASS.reflect(field, direction, normal)
-    vector = radiating_vector(HOST, field, expected, direction, onward, normal, scattered)
+    vector = radiating_vector(HOST, Wave(field, direction), Wave(expected, onward), normal, scattered)
     with device() as on:
         kernel = OnDevice(on.dr)
         te, tm = GLASS.coefficients(-np.einsum("ij,ij->i", direction, normal))
@@ -66,7 +67,7 @@ def test_reflection_and_currents_are_the_same_on_both_arithmetics() -> None:
 
         d, n, s = (on.vectors(v) for v in (direction, normal, scattered))
         found, went = reflected_field(kernel, coefficients, on_device(on, field), d, n)
-        currents = radiating_vector(kernel, on_device(on, field), found, d, went, n, s)
+        currents = radiating_vector(kernel, Wave(on_device(on, field), d), Wave(found, went), n, s)
         # head-on any tangent serves: TE and TM differ by their sign only, so the field does not depend on it
         assert np.abs(on_host(found) - expected).max() < 1e-13
         assert np.abs(went.numpy().T - onward).max() < 1e-14

@@ -9,25 +9,31 @@ from scarl_sionna.core.units import Decibels
 
 
 class Accuracy(Spec):
-    """Tolerances of the radar's signal synthesis, and tolerance, floor and budget of ``method="auto"`` of its channel."""
+    """Tolerance of the radar's signal synthesis; tolerance, floor and budget of ``method="auto"`` of its channel."""
 
     synthesis_tolerance: float = Field(
-        1e-4, gt=1e-14, lt=1.0,
+        1e-4,
+        gt=1e-14,
+        lt=1.0,
         description="largest error of the synthesized beat signal relative to its peak; docs/performance_synthesis.md",
-    )  # fmt: skip
+    )
     channel_tolerance_db: Decibels = Field(
-        1.0, gt=0.0, le=20.0,
-        description="error of an object's echo that 'auto' aims at [dB]: sets the knobs of 'sbr'; docs/accuracy.md, car and plate",
-    )  # fmt: skip
+        1.0,
+        gt=0.0,
+        le=20.0,
+        description="error of an object's echo that 'auto' aims at [dB]: sets the knobs of 'sbr'; docs/accuracy.md, "
+        "car and plate",
+    )
     channel_floor_db: Decibels = Field(
         -10.0,
-        description="objects whose power is at most this far from the noise of one range-Doppler-angle cell [dB] are not "
-        "computed by 'auto'; docs/accuracy.md, what is left out",
-    )  # fmt: skip
+        description="objects whose power is at most this far from the noise of one range-Doppler-angle cell [dB] are "
+        "not computed by 'auto'; docs/accuracy.md, what is left out",
+    )
     tube_budget: int = Field(
-        100_000, ge=0,
+        100_000,
+        ge=0,
         description="ray tubes that 'auto' may spend on physical optics in one solve; docs/accuracy.md, highway frame",
-    )  # fmt: skip
+    )
 
 
 DEFAULT_ACCURACY = Accuracy()

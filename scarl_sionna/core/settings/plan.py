@@ -1,4 +1,6 @@
-"""Who computes what, as plain data: a plan gives every instance of a scene to one solver, and names the mirrors.
+"""Which solver computes what, as plain data.
+
+A plan gives every instance of a scene to one solver, and names the mirrors.
 
 The rule of ownership, and what it does not cover, stands in docs/accuracy.md.
 """
@@ -7,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, TypeVar
 
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.prompt.describe import Described
@@ -17,6 +19,8 @@ from .raycast import RaycastSettings
 from .sbr import SbrSettings
 from .scatterers import ScattererSettings
 from .sionna import SionnaSettings
+
+PartOfPlan = TypeVar("PartOfPlan", "ChannelPlan", "Share")
 
 REST = "*"
 """Stands for every instance that no other share of the plan names."""
@@ -39,7 +43,7 @@ def _settings(kind: type[Spec], value: Spec | Mapping[str, Any] | None, name: st
     raise InputTypeError(name, value, f"a {kind.__name__} or a mapping of its fields")
 
 
-def of_mapping(kind: type[Any], data: Mapping[str, Any]) -> Any:
+def of_mapping(kind: type[PartOfPlan], data: Mapping[str, Any]) -> PartOfPlan:
     """Return a :class:`ChannelPlan` or a :class:`Share` of a mapping of its fields.
 
     Raises
@@ -98,9 +102,11 @@ class Share(Described):
         object.__setattr__(self, "settings", _settings(OBJECT_SOLVERS[self.solver], self.settings, "Share.settings"))
         if self.through_mirrors and self.solver not in COHERENT:
             raise ParameterRangeError(
-                "through_mirrors", f"True for '{self.solver}'", f"a coherent solver: {', '.join(COHERENT)}",
+                "through_mirrors",
+                f"True for '{self.solver}'",
+                f"a coherent solver: {', '.join(COHERENT)}",
                 "its paths have random phases, which mirrors cannot turn into a fixed interference",
-            )  # fmt: skip
+            )
 
     def to_dict(self, mode: str = "json") -> dict[str, Any]:
         """Return plain data; ``mode="python"`` keeps models that are in memory as their type's name."""
@@ -121,8 +127,8 @@ class ChannelPlan(Described):
     ----------
     shares : sequence of Share
     mirrors : sequence of str or int
-        Instances (names, ids or classes) that act as flat mirrors: `sionna` computes the chains of reflections between them,
-        and the shares that ask for it are seen through them.
+        Instances (names, ids or classes) that act as flat mirrors: `sionna` computes the chains of reflections between
+        them, and the shares that ask for it are seen through them.
     echoes : bool
         Whether chains of mirrors only, from the radar back to itself, are computed.
     mirror_depth : int

@@ -13,11 +13,15 @@ from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Metres
 
 from .accuracy import Accuracy
+from .auto import AutoSettings
+from .mirrors import MirrorSettings
 from .plan import ChannelPlan, of_mapping
 from .raycast import RaycastSettings
 from .sbr import SbrSettings
 from .scatterers import ScattererSettings
 from .sionna import SionnaSettings
+from .warn import WarningLevels
+from .weather_echoes import WeatherEchoSettings
 
 Method = Literal["auto", "raycast", "sionna", "sbr", "scatterers", "hybrid"]
 METHODS: tuple[str, ...] = get_args(Method)
@@ -25,7 +29,7 @@ QUALITIES = ("draft", "full")
 """Named levels of effort: ``"full"`` is the default of everything, ``"draft"`` is for a look at a scene."""
 
 
-def _plan(value: Any) -> Any:
+def _plan(value: object) -> ChannelPlan | None:
     if value is None or isinstance(value, ChannelPlan):
         return value
     if isinstance(value, Mapping):
@@ -33,17 +37,17 @@ def _plan(value: Any) -> Any:
     raise InputTypeError("plan", value, "a ChannelPlan")
 
 
-def _plan_data(value: ChannelPlan | None, info: SerializationInfo) -> Any:
+def _plan_data(value: ChannelPlan | None, info: SerializationInfo) -> dict[str, Any] | None:
     return None if value is None else value.to_dict("json" if info.mode == "json" else "python")
 
 
 class RadarSettings(Spec):
-    """How the raw data of a radar are computed. The same fields stand in Python, rig and scenario files and the command line."""
+    """How the raw data of a radar are computed: the same fields in Python, rig and scenario files and commands."""
 
     method: Method = Field(
         "auto",
-        description="channel solver: 'auto' chooses for each object; 'raycast' is SCaRL's own; 'sionna' multipath; 'sbr' physical "
-        "optics; 'scatterers' objects with a model; 'hybrid' several by `plan`",
+        description="channel solver: 'auto' chooses for each object; 'raycast' is SCaRL's own; 'sionna' multipath; "
+        "'sbr' physical optics; 'scatterers' objects with a model; 'hybrid' several by `plan`",
     )
     accuracy: Accuracy = Field(Accuracy(), description="tolerances, floor and budget")
     max_distance: Metres | None = Field(
@@ -51,15 +55,21 @@ class RadarSettings(Spec):
     )
     instances: tuple[str | int, ...] | None = Field(
         None,
-        description="names, ids or semantic classes of what gives paths by 'raycast' and 'sbr', the rest only hides; None: everything "
-        "for 'raycast', actors and objects for 'sbr'",
+        description="names, ids or semantic classes of what gives paths by 'raycast' and 'sbr', the rest only hides; "
+        "None: everything for 'raycast', actors and objects for 'sbr'",
     )
     noise: bool = Field(True, description="thermal noise of the receiver; False: the ideal sensor")
     chirps_per_block: int | None = Field(
-        None, ge=1,
-        description="paths are solved again in the middle of every block of so many chirps, for wheels and limbs; None: once a frame",
-    )  # fmt: skip
+        None,
+        ge=1,
+        description="paths are solved again in the middle of every block of so many chirps, for wheels and limbs; "
+        "None: once a frame",
+    )
     cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
+    auto: AutoSettings = Field(AutoSettings(), description="rules by which 'auto' chooses for each object")
+    mirrors: MirrorSettings = Field(
+        MirrorSettings(), description="flat mirrors, over which 'hybrid' and 'auto' see objects again"
+    )
     raycast: RaycastSettings = Field(
         RaycastSettings(), description="knobs of 'raycast', also for what 'auto' leaves to it"
     )
@@ -70,13 +80,19 @@ class RadarSettings(Spec):
     scatterers: ScattererSettings = Field(
         ScattererSettings(), description="models of objects, for 'scatterers' and 'auto'"
     )
-    plan: Annotated[
-        SkipValidation[ChannelPlan | None], BeforeValidator(_plan), PlainSerializer(_plan_data)
-    ] = Field(None, description="who computes what, for 'hybrid'")  # fmt: skip
+    weather_echoes: WeatherEchoSettings = Field(
+        WeatherEchoSettings(), description="points that stand for rain, snow and spray where the weather is not clear"
+    )
+    warn_at: WarningLevels = Field(WarningLevels(), description="thresholds of warnings; they change no result")
+    plan: Annotated[SkipValidation[ChannelPlan | None], BeforeValidator(_plan), PlainSerializer(_plan_data)] = Field(
+        None, description="who computes what, for 'hybrid'"
+    )
 
     @classmethod
     def preset(cls, quality: str) -> RadarSettings:
-        """Return the settings of a quality: ``"full"`` the defaults, ``"draft"`` a quarter of the rays and of the tubes.
+        """Return the settings of a quality.
+
+        ``"full"`` are the defaults, ``"draft"`` has a quarter of the rays and of the tubes.
 
         Raises
         ------
@@ -90,16 +106,18 @@ class RadarSettings(Spec):
         return cls(raycast=RaycastSettings(num_rays=250_000), accuracy=Accuracy(tube_budget=25_000))
 
     @classmethod
-    def of(cls, method: str | None = None, **fields: Any) -> RadarSettings:
+    def of(cls, method: str | None = None, **fields: object) -> RadarSettings:
         """Return settings from fields of any part, the short form of nested settings.
 
-        ``RadarSettings.of("raycast", num_rays=1000)`` is ``RadarSettings(method="raycast", raycast=RaycastSettings(num_rays=1000))``.
+        ``RadarSettings.of("raycast", num_rays=1000)`` is ``RadarSettings(method="raycast",
+        raycast=RaycastSettings(num_rays=1000))``.
 
         Parameters
         ----------
         method : str, optional
         **fields
-            Fields of these settings, of the settings of `method`, or of one other part where no second part has such a field.
+            Fields of these settings, of the settings of `method`, or of one other part where no second part has such a
+            field.
 
         Raises
         ------
@@ -112,7 +130,7 @@ class RadarSettings(Spec):
             raise UnknownNameError("channel solver", str(method), METHODS)
         return cls().changed(method, **fields)
 
-    def changed(self, method: str | None = None, **fields: Any) -> RadarSettings:
+    def changed(self, method: str | None = None, **fields: object) -> RadarSettings:
         """Return a copy with fields of any part changed; see :meth:`of`."""
         if method is not None and method not in METHODS:
             raise UnknownNameError("channel solver", str(method), METHODS)
@@ -138,9 +156,11 @@ class RadarSettings(Spec):
             return next(iter(parts))
         if parts:
             raise ParameterRangeError(
-                name, "a field of " + " and of ".join(f"`{part}`" for part in parts), "one field",
+                name,
+                "a field of " + " and of ".join(f"`{part}`" for part in parts),
+                "one field",
                 f"write {next(iter(parts))}={_PARTS[next(iter(parts))].__name__}({name}=...)",
-            )  # fmt: skip
+            )
         known = sorted({*cls.model_fields, *(field for kind in _PARTS.values() for field in kind.model_fields)})
         raise UnknownNameError(f"setting of method '{method}'", name, _relevant(cls, method, known, name))
 
@@ -153,8 +173,12 @@ def _relevant(cls: type[Spec], method: str, known: list[str], name: str) -> list
 
 _PARTS: Mapping[str, type[Spec]] = {
     "accuracy": Accuracy,
+    "auto": AutoSettings,
+    "mirrors": MirrorSettings,
     "raycast": RaycastSettings,
     "sionna": SionnaSettings,
     "sbr": SbrSettings,
     "scatterers": ScattererSettings,
+    "weather_echoes": WeatherEchoSettings,
+    "warn_at": WarningLevels,
 }

@@ -1,7 +1,7 @@
 """The knobs of physical optics, for a body in the far field and for a scene: what error each one bounds.
 
-docs/rcs.md has the tables of error against time for the far field (:func:`scarl_sionna.rcs`, scattering centres, calibration),
-docs/sbr.md those for a scene (``solve_paths(method="sbr")``).
+docs/rcs.md has the tables of error against time for the far field (:func:`scarl_sionna.rcs`, scattering centres,
+calibration), docs/sbr.md those for a scene (``solve_paths(method="sbr")``).
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ SMALLEST_SIZE = 3.0
 """Largest extent [wavelengths] below which physical optics is more than some 0.2 dB off even for a plate head-on."""
 
 FINE_SIZE = 140.0
-"""Bodies up to 1.4 times this many wavelengths have the finest default; then rays stand twice as far apart with each doubling."""
+"""Bodies up to 1.4 times this many wavelengths have the finest default; then rays stand twice as far apart with each
+doubling."""
 COARSEST = 4
 """Doublings at most: rays 16 wavelengths apart."""
 FINE_BISECTIONS, COARSE_BISECTIONS, SCENE_BISECTIONS = 11, 5, 9
@@ -34,9 +35,9 @@ FINE_BISECTIONS, COARSE_BISECTIONS, SCENE_BISECTIONS = 11, 5, 9
 class SbrSettings(Spec):
     """Knobs of shooting and bouncing rays with physical optics, for a body in the far field and for a scene.
 
-    What is None follows the geometry: in the far field the size of the body, in a scene the distance. Where a description begins with
-    "scene:", the far field does not read the field, since a plane wave's phase is linear over every footprint and its
-    integral exact.
+    What is None follows the geometry: in the far field the size of the body, in a scene the distance. Where a
+    description begins with "scene:", the far field does not read the field, since a plane wave's phase is linear over
+    every footprint and its integral exact.
     """
 
     max_depth: int = Field(
@@ -46,25 +47,34 @@ class SbrSettings(Spec):
         description="largest number of bounces; 3 covers every corner reflector (docs/rcs.md, docs/sbr.md)",
     )
     ray_spacing: Wavelengths | None = Field(
-        None, gt=0.0, le=64.0,
-        description="largest distance between the rays that probe a tube [wavelengths]: what is smaller can be missed as an "
-        "obstacle or as the next thing hit. None: 1 to 16 by the size of a body (docs/rcs.md), ray_share in a scene",
-    )  # fmt: skip
+        None,
+        gt=0.0,
+        le=64.0,
+        description="largest distance between the rays that probe a tube [wavelengths]: what is smaller can be "
+        "missed as an obstacle or as the next thing hit. None: 1 to 16 by the size of a body (docs/rcs.md), "
+        "ray_share in a scene",
+    )
     edge_spacing: Wavelengths | None = Field(
-        None, gt=0.0, le=16.0,
-        description="tubes that straddle an edge are halved down to this size [wavelengths] and then cut along it. None: 0.25 to 8 "
-        "by the size of a body (docs/rcs.md), edge_share in a scene",
-    )  # fmt: skip
+        None,
+        gt=0.0,
+        le=16.0,
+        description="tubes that straddle an edge are halved down to this size [wavelengths] and then cut along it. "
+        "None: 0.25 to 8 by the size of a body (docs/rcs.md), edge_share in a scene",
+    )
     bisections: int | None = Field(
-        None, ge=1, le=24,
-        description="the place of an edge is found to 2^-bisections of the tube that it cuts. None: 11 for a body, 5 where its "
-        "ray_spacing follows a large size, 9 in a scene (docs/rcs.md)",
-    )  # fmt: skip
+        None,
+        ge=1,
+        le=24,
+        description="the place of an edge is found to 2^-bisections of the tube that it cuts. None: 11 for a body, 5 "
+        "where its ray_spacing follows a large size, 9 in a scene (docs/rcs.md)",
+    )
     corner_share: float = Field(
-        0.125, gt=0.0, le=1.0,
-        description="part of the edge spacing down to which tubes are halved in which more than two things meet; smaller ones are "
-        "probed by one ray (docs/rcs.md)",
-    )  # fmt: skip
+        0.125,
+        gt=0.0,
+        le=1.0,
+        description="part of the edge spacing down to which tubes are halved in which more than two things meet; "
+        "smaller ones are probed by one ray (docs/rcs.md)",
+    )
     max_rays: int = Field(
         1_000_000, ge=1000, description="rays worked at once: bounds the memory, changes no result (docs/rcs.md)"
     )
@@ -72,46 +82,64 @@ class SbrSettings(Spec):
         125_000, ge=100, description="tubes worked at once: bounds the memory, changes no result (docs/rcs.md)"
     )
     max_phase: Annotated[float, Unit("rad")] = Field(
-        0.2, gt=0.0, le=3.0,
-        description="scene: largest departure of the phase over a patch from a linear one, at half of its longest side [rad]: size "
-        "of what is one path (docs/sbr.md)",
-    )  # fmt: skip
+        0.2,
+        gt=0.0,
+        le=3.0,
+        description="scene: largest departure of the phase over a patch from a linear one, at half of its longest "
+        "side [rad]: size of what is one path (docs/sbr.md)",
+    )
     integration_phase: Annotated[float, Unit("rad")] = Field(
-        0.01, gt=0.0, le=3.0,
-        description="scene: the same for the parts over which the field of a patch is integrated with a linear phase [rad] "
-        "(docs/sbr.md)",
-    )  # fmt: skip
+        0.01,
+        gt=0.0,
+        le=3.0,
+        description="scene: the same for the parts over which the field of a patch is integrated with a linear phase "
+        "[rad] (docs/sbr.md)",
+    )
     max_ramp: Annotated[float, Unit("rad")] = Field(
-        0.5, gt=0.0, le=3.0,
-        description="scene: largest change of the phase between the middle and the end of a patch's side that another antenna, or "
-        "the end of the band, makes [rad] (docs/sbr.md)",
-    )  # fmt: skip
+        0.5,
+        gt=0.0,
+        le=3.0,
+        description="scene: largest change of the phase between the middle and the end of a patch's side that "
+        "another antenna, or the end of the band, makes [rad] (docs/sbr.md)",
+    )
     ray_share: float = Field(
-        0.5, gt=0.0, le=4.0,
-        description="scene: distance of the rays where ray_spacing is None, as a share of the side that max_phase allows "
-        "(docs/sbr.md)",
-    )  # fmt: skip
-    edge_share: float = Field(
-        0.125, gt=0.0, le=4.0,
-        description="scene: size of the tubes cut along edges where edge_spacing is None, as a share of the side that max_phase "
+        0.5,
+        gt=0.0,
+        le=4.0,
+        description="scene: distance of the rays where ray_spacing is None, as a share of the side that max_phase "
         "allows (docs/sbr.md)",
-    )  # fmt: skip
+    )
+    edge_share: float = Field(
+        0.125,
+        gt=0.0,
+        le=4.0,
+        description="scene: size of the tubes cut along edges where edge_spacing is None, as a share of the side "
+        "that max_phase allows (docs/sbr.md)",
+    )
     grazing_cosine: float = Field(
-        0.02, ge=0.0, le=1.0,
-        description="scene: tubes that a face meets at less than this cosine are not cut along edges: their field is 34 dB down, "
-        "and float32 rays do not tell a face just behind a silhouette from one just before it (docs/sbr.md)",
-    )  # fmt: skip
+        0.02,
+        ge=0.0,
+        le=1.0,
+        description="scene: tubes that a face meets at less than this cosine are not cut along edges: their field is "
+        "34 dB down, and float32 rays do not tell a face just behind a silhouette from one just before it "
+        "(docs/sbr.md)",
+    )
     coefficient_nodes: int = Field(
-        8193, ge=3, le=1_000_001,
-        description="scene: nodes of the table of reflection coefficients over the square root of the cosine of incidence: "
-        "linear interpolation is right to 2e-6 for layers of some millimetres (docs/sbr.md)",
-    )  # fmt: skip
+        8193,
+        ge=3,
+        le=1_000_001,
+        description="scene: nodes of the table of reflection coefficients over the square root of the cosine of "
+        "incidence: linear interpolation is right to 2e-6 for layers of some millimetres (docs/sbr.md)",
+    )
     num_tubes: int | None = Field(
-        None, ge=1,
-        description="scene: cut the faces in view into about this many first tubes of equal sides, where max_phase does not ask "
-        "for smaller ones; None: as few as it allows (docs/sbr.md)",
-    )  # fmt: skip
-    max_patches: int = Field(20_000_000, ge=1, description="scene: more patches than this are refused")
+        None,
+        ge=1,
+        description="scene: cut the faces in view into about this many first tubes of equal sides, where max_phase "
+        "does not ask for smaller ones; None: as few as it allows (docs/sbr.md)",
+    )
+    max_patches: int = Field(
+        20_000_000, ge=1, description="scene: more patches than this are refused: bounds the memory, changes no result"
+    )
     diffuse: bool = Field(
         True, description="scene: whether rough surfaces scatter the part S of their reflection diffusely"
     )
@@ -120,9 +148,9 @@ class SbrSettings(Spec):
     )
     floor_db: Decibels | None = Field(
         -10.0,
-        description="scene: patches of a range bin are left out as long as the power of all of them in phase stays this far from "
-        "the noise of one cell of the range-Doppler-angle cube [dB]; None keeps all (docs/sbr.md)",
-    )  # fmt: skip
+        description="scene: patches of a range bin are left out as long as the power of all of them in phase stays "
+        "this far from the noise of one cell of the range-Doppler-angle cube [dB]; None keeps all (docs/sbr.md)",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> SbrSettings:
@@ -133,8 +161,9 @@ class SbrSettings(Spec):
     def for_size(self, size: float) -> SbrSettings:
         """Return the settings for a body in the far field: what is None follows its largest extent, `size` wavelengths.
 
-        What a cut along one edge can be wrong by is an area of some `edge_spacing` squared, while a body's echo grows with its
-        own size: so rays of a large body stand farther apart. docs/rcs.md has the measured error of a car (1,100 wavelengths).
+        What a cut along one edge can be wrong by is an area of some `edge_spacing` squared, while a body's echo grows
+        with its own size: so rays of a large body stand farther apart. docs/rcs.md has the measured error of a car
+        (1,100 wavelengths).
         """
         doublings = int(min(max(round(math.log2(max(size, 1.0) / FINE_SIZE)), 0), COARSEST))
         follows = self.ray_spacing is None and self.edge_spacing is None
@@ -149,7 +178,10 @@ class SbrSettings(Spec):
         )
 
     def for_scene(self) -> SbrSettings:
-        """Return the settings for a scene: `bisections` filled in; spacings that are None follow the distance, see :meth:`spacings`."""
+        """Return the settings for a scene: `bisections` filled in.
+
+        Spacings that are None follow the distance, see :meth:`spacings`.
+        """
         return self if self.bisections is not None else self.with_(bisections=SCENE_BISECTIONS)
 
     def spacings(self, wavelength: float | Array, side: Array | None = None) -> tuple[Array, Array]:
@@ -160,7 +192,8 @@ class SbrSettings(Spec):
         wavelength : float or ndarray of float64
             [m].
         side : ndarray of float64, optional
-            In a scene: the side of a patch that `max_phase` allows [m]. Left out, the settings are those of :meth:`for_size`.
+            In a scene: the side of a patch that `max_phase` allows [m]. Left out, the settings are those of
+            :meth:`for_size`.
         """
         found = []
         for spacing, share in ((self.ray_spacing, self.ray_share), (self.edge_spacing, self.edge_share)):

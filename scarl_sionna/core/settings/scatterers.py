@@ -23,27 +23,29 @@ class ScattererSettings(Spec):
 
     models: dict[str, Any] = Field(
         default_factory=dict,
-        description="for actors and static objects by their names: a ScattererModel, the path of a saved one, or 'tr38901:' and a "
-        "target of 3GPP TR 38.901; a file of a rig or a scenario takes the last two",
+        description="for actors and static objects by their names: a ScattererModel, the path of a saved one, or "
+        "'tr38901:' and a target of 3GPP TR 38.901; a file of a rig or a scenario takes the last two",
     )
     placements: dict[str, Pose] = Field(
         default_factory=dict,
-        description="frame of the model in that of the actor, or in the world for a static object, where they are not the same",
+        description="frame of the model in that of the actor, or in the world for a static object, where they are "
+        "not the same",
     )
     group_size: Metres = Field(
         0.5,
         gt=0.0,
-        description="centres in a cube of this side share one ray of occlusion [m]; a car has some 30 such groups",
+        description="centres in a cube of this side share one ray of occlusion [m]; a car has some 30 such groups; "
+        "not charted",
     )
 
     @field_validator("models", mode="before")
     @classmethod
-    def _none_is_empty(cls, value: Any) -> Any:
+    def _none_is_empty(cls, value: object) -> object:
         return {} if value is None else value
 
     @field_validator("placements", mode="before")
     @classmethod
-    def _poses(cls, value: Any) -> Any:
+    def _poses(cls, value: object) -> object:
         if not isinstance(value, dict):
             return value
         return {name: Pose(**pose) if isinstance(pose, dict) else pose for name, pose in value.items()}
@@ -53,9 +55,11 @@ class ScattererSettings(Spec):
         for name, model in value.items():
             if not isinstance(model, (str, Path)):
                 raise ParameterRangeError(
-                    f"ScattererSettings.models['{name}']", f"a {type(model).__name__} in memory", "a path or 'tr38901:<target>'",
+                    f"ScattererSettings.models['{name}']",
+                    f"a {type(model).__name__} in memory",
+                    "a path or 'tr38901:<target>'",
                     "save the model with ScattererModel.save(path) and name the file, so that it can be stored",
-                )  # fmt: skip
+                )
         return {name: str(model) for name, model in value.items()}
 
     @field_serializer("placements", when_used="json")

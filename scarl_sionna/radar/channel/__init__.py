@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from scarl_sionna.core.errors import InputTypeError
 from scarl_sionna.core.mount import Mount
@@ -44,7 +43,7 @@ def solve_paths(
     *,
     settings: RadarSettings | Spec | None = None,
     receiver: Mount | Pose | None = None,
-    **fields: Any,
+    **fields: object,
 ) -> RadarPaths:
     """Return the propagation paths of a radar in a state of the world.
 
@@ -56,17 +55,17 @@ def solve_paths(
     mount : Mount or Pose
         ``state.mount("ego", pose)`` for a radar that rides on an actor; a bare pose (world_from_radar) stands still.
     method : str, optional
-        Short form of ``settings.method``; ``"auto"`` if neither is given. ``"auto"``: chooses for each object among the others, by
-        the rules of docs/accuracy.md. ``"raycast"``: SCaRL's own. ``"sionna"``: multipath by Sionna RT's PathSolver. ``"sbr"``:
-        physical optics on the meshes. ``"scatterers"``: the scattering centres of the objects that have a model. ``"hybrid"``:
-        several of them by a :class:`ChannelPlan`.
+        Short form of ``settings.method``; ``"auto"`` if neither is given. ``"auto"``: chooses for each object among the
+        others, by the rules of docs/accuracy.md. ``"raycast"``: SCaRL's own. ``"sionna"``: multipath by Sionna RT's
+        PathSolver. ``"sbr"``: physical optics on the meshes. ``"scatterers"``: the scattering centres of the objects
+        that have a model. ``"hybrid"``: several of them by a :class:`ChannelPlan`.
     settings : RadarSettings, optional
         Tolerances, budget, reach and the knobs of each solver; or the settings of `method` alone.
     receiver : Mount or Pose, optional
         Of a separate receiver (bistatic), for ``"sbr"`` and ``"sionna"``.
     **fields
-        Short form: fields of the settings, for instance ``solve_paths(state, radar, mount, "raycast", num_rays=10_000)``; see
-        :meth:`scarl_sionna.RadarSettings.of`.
+        Short form: fields of the settings, for instance ``solve_paths(state, radar, mount, "raycast",
+        num_rays=10_000)``; see :meth:`scarl_sionna.RadarSettings.of`.
 
     Returns
     -------
@@ -95,15 +94,15 @@ def solve_paths(
     chosen = _settings(method, settings, fields)
     place = state.as_mount(mount)
     if chosen.method in ("raycast", "sbr", "scatterers"):
-        warn_of_panes(state, radar, place.pose, chosen.method)
+        warn_of_panes(state, radar, place.pose, chosen.method, chosen.warn_at)
     return SOLVERS[chosen.method](state, radar, place, chosen, None if receiver is None else state.as_mount(receiver))
 
 
-def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, Any]) -> RadarSettings:
+def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:
     """Return the settings of a solve, from their full form or a short one."""
     if settings is None or isinstance(settings, RadarSettings):
         return (settings or RadarSettings()).changed(method, **fields)
     for name, field in RadarSettings.model_fields.items():
         if isinstance(settings, Spec) and field.annotation is type(settings):
-            return RadarSettings.of(method or name, **{name: settings}).changed(**fields)
+            return RadarSettings.of(method or name, **{name: settings}).changed(None, **fields)
     raise InputTypeError("settings", settings, "a RadarSettings, or the settings of one solver")

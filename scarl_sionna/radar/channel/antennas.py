@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def check_antennas(state: WorldState, radar: RadarSpec, pose: Pose, twin: str = "optical") -> None:
     """Refuse a radar or an antenna inside a mesh; `twin` is the one that rays are cast in.
 
-    An antenna is inside only if the line to it from the radar's origin, which is outside, meets a surface: so only those
-    antennas are tested further.
+    An antenna is inside only if the line to it from the radar's origin, which is outside, meets a surface: so only
+    those antennas are tested further.
     """
     check_placement(state, pose.position, "radar")
     arms = np.concatenate([radar.tx_array, radar.rx_array])

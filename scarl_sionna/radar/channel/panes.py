@@ -1,4 +1,4 @@
-"""Tells where a radar looks through a pane that the solver lets nothing pass."""
+"""Warns where a radar looks through a pane that the solver lets nothing pass."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 if TYPE_CHECKING:
@@ -17,15 +18,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-NEAR = 1.0
-"""A pane this close before the radar [m] is part of its mounting: a windscreen, a grille, a bumper."""
-NUM_DIRECTIONS = 7
-"""Directions over the field of view, in azimuth and in elevation."""
-SHARE = 0.2
-"""Part of the field of view that a pane must cover for a warning."""
 
-
-def warn_of_panes(state: WorldState, radar: RadarSpec, pose: Pose, method: str) -> float:
+def warn_of_panes(state: WorldState, radar: RadarSpec, pose: Pose, method: str, levels: WarningLevels) -> float:
     """Warn where a layer right before the radar hides what lies behind, for solvers without refraction.
 
     Parameters
@@ -35,22 +29,25 @@ def warn_of_panes(state: WorldState, radar: RadarSpec, pose: Pose, method: str) 
     pose : Pose
     method : str
         Named in the warning.
+    levels : WarningLevels
 
     Returns
     -------
     float
-        Part of the field of view that layers within 1 m cover.
+        Part of the field of view that layers within `pane_distance` cover.
     """
     lower, upper = state._bounds
     gap = np.linalg.norm(np.maximum(np.maximum(lower - pose.position, pose.position - upper), 0.0), axis=1)
     table = state.world.parts
     near = [
-        part for part in np.flatnonzero(gap < NEAR) if state.world.materials[table.material[part]].thickness is not None
+        part
+        for part in np.flatnonzero(gap < levels.pane_distance)
+        if state.world.materials[table.material[part]].thickness is not None
     ]
     if not near:
         return 0.0
     azimuth, elevation = (
-        np.radians(0.5 * width) * np.linspace(-0.9, 0.9, NUM_DIRECTIONS)
+        np.radians(0.5 * width) * np.linspace(-0.9, 0.9, levels.pane_directions)
         for width in (radar.azimuth_fov_deg, radar.elevation_fov_deg)
     )
     az, el = (grid.ravel() for grid in np.meshgrid(azimuth, elevation))
@@ -59,23 +56,26 @@ def warn_of_panes(state: WorldState, radar: RadarSpec, pose: Pose, method: str) 
     covered = np.zeros((len(near), len(directions)), dtype=np.bool_)
     for row, part in enumerate(near):
         corners = triangles.corners[triangles.first[part] : triangles.first[part + 1]]
-        covered[row] = _meets(pose.position, directions, corners)
+        covered[row] = _meets(pose.position, directions, corners, levels.pane_distance)
     share = float(covered.any(axis=0).mean())
-    if share >= SHARE:
+    if share >= levels.pane_share:
         part = near[int(covered.sum(axis=1).argmax())]
         name = state.world.instances[int(table.instance[part])].name
         warnings.warn(
-            f"a pane of '{table.material[part]}' ('{name}') within {NEAR:g} m covers {100 * share:.0f} % of the radar's field of "
-            f"view; method='{method}' lets nothing pass a surface, so what lies behind is lost. Use method='sionna' with "
-            "refraction=True, or take the pane out of the scene",
+            f"a pane of '{table.material[part]}' ('{name}') within {levels.pane_distance:g} m covers "
+            f"{100 * share:.0f} % of the radar's field of view; method='{method}' lets nothing pass a surface, so "
+            "what lies behind is lost. Use method='sionna' with refraction=True, or take the pane out of the scene",
             ScarlWarning,
             stacklevel=3,
         )
     return share
 
 
-def _meets(origin: Array, directions: Array, corners: Array) -> npt.NDArray[np.bool_]:
-    """Return which rays meet one of the triangles within `NEAR`: Moeller and Trumbore, J. Graphics Tools 2(1), 1997."""
+def _meets(origin: Array, directions: Array, corners: Array, reach: float) -> npt.NDArray[np.bool_]:
+    """Return which rays meet one of the triangles within `reach` [m].
+
+    By the method of Moeller and Trumbore, J. Graphics Tools 2(1), 1997.
+    """
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     across = np.cross(directions[:, None], second[None])
     volume = np.einsum("dti,ti->dt", across, first)
@@ -85,5 +85,5 @@ def _meets(origin: Array, directions: Array, corners: Array) -> npt.NDArray[np.b
         turned = np.cross(away, first)
         v = directions @ turned.T / volume
         distance = np.einsum("ti,ti->t", turned, second)[None] / volume
-        inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (distance > 0.0) & (distance < NEAR)
+        inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (distance > 0.0) & (distance < reach)
     return np.asarray(inside.any(axis=1))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, UnknownN
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import MIN_DISTANCE, POINT_INTERACTION
@@ -32,8 +34,31 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]
 
-_NO_DETUNING = 0.01
-"""A model is used without a warning within this part of its frequency."""
+
+@dataclass(frozen=True, eq=False)
+class PlacedModel:
+    """A model that stands for an object of a scene.
+
+    Attributes
+    ----------
+    name : str
+    number : int
+        Instance id.
+    model : ScattererModel
+    frame : Pose
+        Frame of the model in that of the actor, or in the world for a static object.
+    """
+
+    name: str
+    number: int
+    model: ScattererModel
+    frame: Pose
+
+    def world_from_model(self, state: WorldState) -> Pose:
+        """Return the pose of the model's frame."""
+        info = state.world.instances[self.number]
+        body = Pose() if info.actor is None else state.actor_pose(info.actor)
+        return body.compose(self.frame)
 
 
 def solve_scatterers(
@@ -48,10 +73,11 @@ def solve_scatterers(
     mount : Mount
         Pose and velocity of the radar. Its rotation within a frame is not modelled.
     settings : RadarSettings
-        Its `scatterers` and `max_distance` (centres beyond are left out; the unambiguous range if None). The body frame of an
-        actor's model is the actor's frame; that of a static object is the world frame, in which its mesh stands, unless
-        `placements` says otherwise: for a model such as ``ScattererModel.tr38901("car")``, whose origin is its centre. What has no
-        model gives no path (it still hides what is behind it) and is named in ``diagnostics["left_out"]``.
+        Its `scatterers` and `max_distance` (centres beyond are left out; the unambiguous range if None). The body frame
+        of an actor's model is the actor's frame; that of a static object is the world frame, in which its mesh stands,
+        unless `placements` says otherwise: for a model such as ``ScattererModel.tr38901("car")``, whose origin is its
+        centre. What has no model gives no path (it still hides what is behind it) and is named in
+        ``diagnostics["left_out"]``.
     receiver : Mount, optional
         Refused: this solver is monostatic.
 
@@ -72,16 +98,17 @@ def solve_scatterers(
     Warns
     -----
     ScarlWarning
-        If an object is seen from outside of its model's aspects, is nearer than the model's ``nearest_distance``, or the model's
-        frequency or cells do not fit the radar: the message names the object and the better method.
+        If an object is seen from outside of its model's aspects, is nearer than the model's ``nearest_distance``, or
+        the model's frequency or cells do not fit the radar: the message names the object and the better method.
 
     Notes
     -----
     .. math:: a = \frac{\lambda}{4 \pi R^2} A_n(u_n), \quad L' = 2 d \cdot v, \quad
               L'' = 2 (|v|^2 - (d \cdot v)^2) / R + 2 d \cdot (\omega \times (\omega \times r))
 
-    with each centre's own distance R, direction u and velocity v relative to the radar, so an object in the near field is right
-    as long as each cell is in its own far field. *Not modelled*: multipath with the surroundings, part-hidden cells.
+    with each centre's own distance R, direction u and velocity v relative to the radar, so an object in the near field
+    is right as long as each cell is in its own far field. *Not modelled*: multipath with the surroundings, part-hidden
+    cells.
     """
     start = time.perf_counter()
     refuse_receiver("scatterers", receiver)
@@ -89,16 +116,18 @@ def solve_scatterers(
     models = loaded_models(knobs.models)
     if not models:
         raise ParameterRangeError(
-            "models", knobs.models, "at least one name with a ScattererModel",
+            "models",
+            knobs.models,
+            "at least one name with a ScattererModel",
             "compile one with compile_scatterers(mesh), or take ScattererModel.tr38901('car')",
-        )  # fmt: skip
+        )
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     numbers = _numbers(state, models)
     check_antennas(state, radar, pose)
     blocks = []
     for name, model in models.items():
-        frame = knobs.placements.get(name, Pose())
-        block = _columns(state, radar, mount, (name, numbers[name]), model, frame)
+        placed = PlacedModel(name, numbers[name], model, knobs.placements.get(name, Pose()))
+        block = _columns(state, radar, mount, placed, settings.warn_at)
         blocks.append(_in_view(block, radar, pose, reach))
     columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     hidden = _hidden(state, pose, columns, knobs.group_size)
@@ -106,11 +135,19 @@ def solve_scatterers(
     order = np.lexsort((*columns["point"].T, columns["distance"], columns["instance"]))
     columns = {name: column[order] for name, column in columns.items()}
     left_out = [info.name for info in state.world.instances.values() if info.name not in models]
-    return _paths(columns, pose, {
-        "method": "scatterers", "max_distance": reach, "group_size": knobs.group_size, "num_hidden": int(hidden.sum()),
-        "models": {name: dict(model.error) for name, model in models.items()}, "left_out": left_out,
-        "seconds": time.perf_counter() - start,
-    })  # fmt: skip
+    return _paths(
+        columns,
+        pose,
+        {
+            "method": "scatterers",
+            "max_distance": reach,
+            "group_size": knobs.group_size,
+            "num_hidden": int(hidden.sum()),
+            "models": {name: dict(model.error) for name, model in models.items()},
+            "left_out": left_out,
+            "seconds": time.perf_counter() - start,
+        },
+    )
 
 
 def _numbers(state: WorldState, models: Mapping[str, ScattererModel]) -> dict[str, int]:
@@ -122,27 +159,24 @@ def _numbers(state: WorldState, models: Mapping[str, ScattererModel]) -> dict[st
     return {name: known[name] for name in models}
 
 
-def _columns(
-    state: WorldState, radar: RadarSpec, mount: Mount, what: tuple[str, int], model: ScattererModel, frame: Pose
-) -> Columns:
+def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedModel, levels: WarningLevels) -> Columns:
     """Return the columns of one object's centres."""
-    name, number = what
-    pose = mount.pose
-    info = state.world.instances[number]
+    model, pose = placed.model, mount.pose
+    info = state.world.instances[placed.number]
     body, twist = Pose(), Twist()
     if info.actor is not None:
         body, twist = state.actor_pose(info.actor), state.actor_twist(info.actor)
-    world_from_model = body.compose(frame)
+    world_from_model = placed.world_from_model(state)
     point = world_from_model.apply(model.centers)
     offset = point - pose.position
     distance = np.maximum(np.linalg.norm(offset, axis=1), MIN_DISTANCE)
     direction = offset / distance[:, None]
     toward = -direction @ world_from_model.rotation
     matrix = model.matrices(toward)
-    _warn(name, radar, model, toward, distance, matrix)
-    sounding = np.flatnonzero(matrix.any(axis=(1, 2)))
-    point, direction, distance = (column[sounding] for column in (point, direction, distance))
-    matrix = matrix[sounding]
+    echoing = matrix.any(axis=(1, 2))
+    _warn(placed, radar, toward[echoing], distance, levels)
+    point, direction, distance = (column[echoing] for column in (point, direction, distance))
+    matrix = matrix[echoing]
     body_basis = spherical_basis(world_from_model.rotation, -direction)
     radar_basis = spherical_basis(pose.rotation, direction)
     turn = radar_basis @ np.swapaxes(body_basis, 1, 2)
@@ -159,46 +193,42 @@ def _columns(
         "a": turn @ matrix @ np.swapaxes(turn, 1, 2) * scale[:, None, None],
         "length_rate": 2.0 * radial,
         "length_acceleration": 2.0 * (across / distance + np.einsum("ni,ni->n", direction, centripetal)),
-        "instance": np.full(len(point), number, dtype=np.int32),
+        "instance": np.full(len(point), placed.number, dtype=np.int32),
         "semantic": np.full(len(point), info.semantic, dtype=np.uint8),
     }
 
 
-def _warn(
-    name: str,
-    radar: RadarSpec,
-    model: ScattererModel,
-    toward: Array,
-    distance: Array,
-    matrix: npt.NDArray[np.complex128],
-) -> None:
-    """Warn of each way in which a model is used outside of what it is right for."""
-    sounding = np.abs(matrix).any(axis=(1, 2))
-    outside = ~model.inside(toward) & sounding
+def _warn(placed: PlacedModel, radar: RadarSpec, toward: Array, distance: Array, levels: WarningLevels) -> None:
+    """Warn of each way in which a model is used outside of what it is right for.
+
+    `toward` holds the centres that echo.
+    """
+    model = placed.model
+    outside = ~model.inside(toward)
     reasons = []
     if outside.any():
         reasons.append(
-            f"{outside.sum()} of {sounding.sum()} centres are seen from outside of the model's aspects, whose nearest is used; "
-            "compile more aspects, or use method='sbr'"
+            f"{outside.sum()} of {len(outside)} centres are seen from outside of the model's aspects, whose nearest "
+            "is used; compile more aspects, or use method='sbr'"
         )
     nearest = float(distance.min(initial=np.inf))
     if nearest < model.nearest_distance:
         reasons.append(
-            f"it is {nearest:.3g} m away, nearer than the {model.nearest_distance:.3g} m from which cells of {model.cell:g} m are "
-            "in their far field; compile with a smaller voxel, or use method='sbr'"
+            f"it is {nearest:.3g} m away, nearer than the {model.nearest_distance:.3g} m from which cells of "
+            f"{model.cell:g} m are in their far field; compile with a smaller voxel, or use method='sbr'"
         )
-    if abs(radar.center_frequency - model.frequency) > _NO_DETUNING * model.frequency:
+    if abs(radar.center_frequency - model.frequency) > levels.detuning * model.frequency:
         reasons.append(
-            f"the model is for {model.frequency / 1e9:.4g} GHz and the radar at {radar.center_frequency / 1e9:.4g} GHz; compile it "
-            "for the radar's frequency"
+            f"the model is for {model.frequency / 1e9:.4g} GHz and the radar at {radar.center_frequency / 1e9:.4g} "
+            "GHz; compile it for the radar's frequency"
         )
     if model.error and model.cell > 2.0 * radar.range_resolution:
         reasons.append(
-            f"its cells of {model.cell:g} m are wider than two range cells of the radar ({radar.range_resolution:.3g} m each); "
-            "compile with a smaller voxel, or use method='sbr'"
+            f"its cells of {model.cell:g} m are wider than two range cells of the radar ({radar.range_resolution:.3g} "
+            "m each); compile with a smaller voxel, or use method='sbr'"
         )
     for reason in reasons:
-        warnings.warn(f"scatterers of '{name}': {reason}", ScarlWarning, stacklevel=4)
+        warnings.warn(f"scatterers of '{placed.name}': {reason}", ScarlWarning, stacklevel=4)
 
 
 def _in_view(columns: Columns, radar: RadarSpec, pose: Pose, reach: float) -> Columns:
@@ -210,7 +240,10 @@ def _in_view(columns: Columns, radar: RadarSpec, pose: Pose, reach: float) -> Co
 
 
 def _hidden(state: WorldState, pose: Pose, columns: Columns, group_size: float) -> npt.NDArray[np.bool_]:
-    """Return the centres of groups whose strongest centre is behind another instance; its own body hides nothing here."""
+    """Return the centres of groups whose strongest centre is behind another instance.
+
+    Its own body hides nothing here.
+    """
     count = len(columns["distance"])
     if not count:
         return np.zeros(0, dtype=bool)

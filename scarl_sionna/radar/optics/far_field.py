@@ -12,7 +12,7 @@ from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .body.mesh import Body
-from .fields import HOST, radiating_vector
+from .fields import HOST, Wave, radiating_vector
 from .phase import plane_wave_integral
 from .plane_waves import Bounce, Waves, bounces, unhidden
 from .surfaces import PartSurfaces
@@ -151,7 +151,7 @@ def _expand(first: Index, member: Index) -> tuple[Index, Index]:
 def footprints_seen(
     body: Body, bounce: Bounce, plan: Plan, settings: SbrSettings
 ) -> Iterator[tuple[Index, Index, Array]]:
-    """Yield the parts of a bounce's footprints that their observers see: tubes, views and corners, in bounded batches."""
+    """Yield tubes, views and corners of what observers see of a bounce's footprints, in bounded batches."""
     tubes = bounce.tubes
     looks_of_wave = plan.first_look[plan.first_view[1:]] - plan.first_look[plan.first_view[:-1]]
     work = np.cumsum(looks_of_wave[tubes.wave])
@@ -176,7 +176,10 @@ def footprints_seen(
 
 
 def phase_weights(bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> tuple[Index, Index, Complex]:
-    """Return what turns the currents of footprints into far fields: looks, positions in `tube`, and -jk/4pi times the phase integral."""
+    """Return what turns the currents of footprints into far fields.
+
+    That is: looks, positions in `tube`, and -jk/4pi times the phase integral.
+    """
     tubes = bounce.tubes
     difference = plan.observer[view] - tubes.direction[tube]
     pair, entry = _expand(plan.first_look, view)
@@ -191,9 +194,12 @@ def _radiate(result: Complex, bounce: Bounce, plan: Plan, tube: Index, view: Ind
         return
     tubes = bounce.tubes
     vector = radiating_vector(
-        HOST, tubes.incident[tube], bounce.reflected[tube], tubes.direction[tube], bounce.onward[tube], tubes.normal[tube],
+        HOST,
+        Wave(tubes.incident[tube], tubes.direction[tube]),
+        Wave(bounce.reflected[tube], bounce.onward[tube]),
+        tubes.normal[tube],
         plan.observer[view],
-    )  # fmt: skip
+    )
     amplitude = np.einsum("nri,nit->nrt", plan.receive[view], vector).reshape(-1, 4)
     look, pair, factor = phase_weights(bounce, plan, tube, view, corners)
     for column in range(4):

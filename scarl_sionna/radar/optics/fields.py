@@ -1,8 +1,8 @@
 """The formulas of physical optics, written once for NumPy and for Dr.Jit: reflection, currents, phase over a triangle.
 
-Time dependence e^{+jwt}. A formula takes the arithmetic `on` that it runs on: :data:`HOST` (NumPy, complex128; the far field, whose
-permittivities may be any complex numbers) or :class:`OnDevice` (Dr.Jit; kernels of a scene). What differs between the two is
-how a complex number is held, and nothing else:
+Time dependence e^{+jwt}. A formula takes the arithmetic `on` that it runs on: :data:`HOST` (NumPy, complex128; the far
+field, whose permittivities may be any complex numbers) or :class:`OnDevice` (Dr.Jit; kernels of a scene). What differs
+between the two is how a complex number is held, and nothing else:
 
 ============  =========================================  ==================================================
               HOST                                       OnDevice
@@ -18,10 +18,10 @@ field         complex (n, 3, p)                          for each polarisation, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from types import ModuleType
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 HEAD_ON = 1e-9
 """Sine of incidence below which any tangent serves as the axis across the plane of incidence."""
@@ -32,54 +32,75 @@ SERIES_TERMS = 15
 SMALL_SINC = 1e-4
 """Argument below which sin(x) / x is 1 - x^2 / 6: the next term is 1e-18."""
 
-Coefficients = Callable[[Any], tuple[Any, Any]]
+Scalar: TypeAlias = Any
+"""Real numbers, one for each tube: what they are made of is up to the arithmetic, see the table above."""
+Vector: TypeAlias = Any
+"""Real vectors."""
+Coefficient: TypeAlias = Any
+"""Complex numbers, such as reflection coefficients."""
+Amplitude: TypeAlias = Any
+"""Complex numbers for each polarisation."""
+Field: TypeAlias = Any
+"""Complex vectors for each polarisation."""
+Coefficients = Callable[[Scalar], tuple[Coefficient, Coefficient]]
 """From cosines of incidence to TE and TM coefficients."""
+
+
+class Wave(NamedTuple):
+    """A plane wave, or a spherical one at one point: electric field and unit direction of travel."""
+
+    field: Field
+    direction: Vector
 
 
 class Arithmetic(Protocol):
     """What the formulas need; see the module's table for the kinds of numbers."""
 
-    def minimum(self, a: Any, b: Any) -> Any:
+    def minimum(self, a: Scalar, b: Scalar) -> Scalar:
         """Return the smaller of two scalars."""
 
-    def maximum(self, a: Any, b: Any) -> Any:
+    def maximum(self, a: Scalar, b: Scalar) -> Scalar:
         """Return the larger of two scalars."""
 
-    def sincos(self, a: Any) -> tuple[Any, Any]:
+    def sincos(self, a: Scalar) -> tuple[Scalar, Scalar]:
         """Return sine and cosine of a scalar."""
 
-    def either(self, condition: Any, first: Callable[..., Any], second: Callable[..., Any], *values: Any) -> Any:
+    def either(
+        self, condition: Scalar, first: Callable[..., Any], second: Callable[..., Any], *values: Scalar
+    ) -> tuple[Scalar, ...]:
         """Return a tuple of scalars by one of two functions of scalars."""
 
-    def dot(self, a: Any, b: Any) -> Any:
+    def dot(self, a: Scalar, b: Scalar) -> Scalar:
         """Return the scalar product of two vectors."""
 
-    def scaled(self, scalar: Any, vector: Any) -> Any:
+    def scaled(self, scalar: Scalar, vector: Vector) -> Vector:
         """Return a scalar times a vector."""
 
-    def across(self, direction: Any, normal: Any) -> Any:
+    def across(self, direction: Vector, normal: Vector) -> Vector:
         """Return unit vectors across the plane of incidence; any tangent where the incidence is normal."""
 
-    def cross(self, vector: Any, other: Any) -> Any:
+    def cross(self, vector: Vector, other: Vector) -> Vector:
         """Return the cross product of a vector with a vector."""
 
-    def cross_field(self, vector: Any, field: Any) -> Any:
+    def cross_field(self, vector: Vector, field: Field) -> Field:
         """Return the cross product of a vector with a field."""
 
-    def component(self, vector: Any, field: Any) -> Any:
+    def component(self, vector: Vector, field: Field) -> Amplitude:
         """Return the amplitude of a field along a vector."""
 
-    def times(self, coefficient: Any, amplitude: Any) -> Any:
+    def times(self, coefficient: Coefficient, amplitude: Amplitude) -> Amplitude:
         """Return a coefficient times an amplitude."""
 
-    def along(self, vector: Any, amplitude: Any) -> Any:
+    def along(self, vector: Vector, amplitude: Amplitude) -> Field:
         """Return the field of an amplitude along a vector."""
 
-    def add(self, first: Any, second: Any) -> Any:
+    def add(self, first: Field, second: Field) -> Field:
         """Return the sum of two fields."""
 
 
-def reflected_field(on: Arithmetic, coefficients: Coefficients, field: Any, direction: Any, normal: Any) -> Any:
+def reflected_field(
+    on: Arithmetic, coefficients: Coefficients, field: Field, direction: Vector, normal: Vector
+) -> tuple[Field, Vector]:
     """Return the reflected field and its direction.
 
     Parameters
@@ -101,18 +122,16 @@ def reflected_field(on: Arithmetic, coefficients: Coefficients, field: Any, dire
     return on.add(on.along(axis, te_amplitude), on.along(on.cross(onward, axis), tm_amplitude)), onward
 
 
-def radiating_vector(
-    on: Arithmetic, incident: Any, reflected: Any, direction: Any, onward: Any, normal: Any, scattered: Any
-) -> Any:
+def radiating_vector(on: Arithmetic, incident: Wave, reflected: Wave, normal: Vector, scattered: Vector) -> Field:
     r"""Return eta J - s x M of the physical-optics currents, whose part across s is radiated towards s.
 
     Parameters
     ----------
     on : Arithmetic
-    incident, reflected : field
-        Electric fields on the surface.
-    direction, onward, normal, scattered : vector
-        Directions of travel before and after, normal on the lit side, direction s to the observer.
+    incident, reflected : Wave
+        On the surface.
+    normal, scattered : vector
+        Normal on the lit side, direction s to the observer.
 
     Notes
     -----
@@ -120,22 +139,27 @@ def radiating_vector(
 
     References
     ----------
-    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical optics).
+    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical
+           optics).
     """
-    magnetic = on.add(on.cross_field(direction, incident), on.cross_field(onward, reflected))
-    electric = on.add(incident, reflected)
+    magnetic = on.add(
+        on.cross_field(incident.direction, incident.field), on.cross_field(reflected.direction, reflected.field)
+    )
+    electric = on.add(incident.field, reflected.field)
     current = on.cross_field(normal, magnetic)
     return on.add(current, on.cross_field(scattered, on.cross_field(normal, electric)))
 
 
-def second_difference(on: Arithmetic, a: Any, b: Any, c: Any, terms: int = SERIES_TERMS) -> tuple[Any, Any]:
+def second_difference(
+    on: Arithmetic, a: Scalar, b: Scalar, c: Scalar, terms: int = SERIES_TERMS
+) -> tuple[Scalar, Scalar]:
     r"""Return the divided difference exp[ja, jb, jc] of three phases that sum to zero, real and imaginary part.
 
     Notes
     -----
-    Twice the area times it is the integral of the phase factor over a triangle (Hermite-Genocchi). It is formed over the
-    two phases that differ most, so nothing cancels, and by the power series of complete symmetric polynomials where all nearly
-    agree; e_1 = 0 since the phases sum to zero.
+    Twice the area times it is the integral of the phase factor over a triangle (Hermite-Genocchi). It is formed over
+    the two phases that differ most, so nothing cancels, and by the power series of complete symmetric polynomials where
+    all nearly agree; e_1 = 0 since the phases sum to zero.
 
     References
     ----------
@@ -143,11 +167,11 @@ def second_difference(on: Arithmetic, a: Any, b: Any, c: Any, terms: int = SERIE
     """
     low, high = on.minimum(on.minimum(a, b), c), on.maximum(on.maximum(a, b), c)
 
-    def by_series(low: Any, high: Any) -> tuple[Any, Any]:
+    def by_series(low: Scalar, high: Scalar) -> tuple[Scalar, Scalar]:
         middle = -(low + high)
         return _series(low * middle + middle * high + high * low, low * middle * high, terms)
 
-    def by_differences(low: Any, high: Any) -> tuple[Any, Any]:
+    def by_differences(low: Scalar, high: Scalar) -> tuple[Scalar, Scalar]:
         middle, spread = -(low + high), high - low
         upper, lower = _first_difference(on, high, middle), _first_difference(on, middle, low)
         return (upper[1] - lower[1]) / spread, (lower[0] - upper[0]) / spread
@@ -156,7 +180,7 @@ def second_difference(on: Arithmetic, a: Any, b: Any, c: Any, terms: int = SERIE
     return real, imaginary
 
 
-def _series(e2: Any, e3: Any, terms: int) -> tuple[Any, Any]:
+def _series(e2: Scalar, e3: Scalar, terms: int) -> tuple[Scalar, Scalar]:
     """Return the sum of j^n h_n / (n + 2)!; h_n are complete symmetric polynomials of phases that sum to zero."""
     h = [1.0 + 0.0 * e2, 0.0 * e2, -e2]
     for order in range(3, terms):
@@ -172,14 +196,14 @@ def _series(e2: Any, e3: Any, terms: int) -> tuple[Any, Any]:
     return real, imaginary
 
 
-def _first_difference(on: Arithmetic, x: Any, y: Any) -> tuple[Any, Any]:
+def _first_difference(on: Arithmetic, x: Scalar, y: Scalar) -> tuple[Scalar, Scalar]:
     """Return exp[j x, j y], which is exp(j (x + y) / 2) times sinc."""
     half = 0.5 * (x - y)
 
-    def small(half: Any) -> tuple[Any]:
+    def small(half: Scalar) -> tuple[Scalar]:
         return (1.0 - half * half / 6.0,)
 
-    def large(half: Any) -> tuple[Any]:
+    def large(half: Scalar) -> tuple[Scalar]:
         return (on.sincos(half)[0] / half,)
 
     sine, cosine = on.sincos(0.5 * (x + y))
@@ -192,10 +216,12 @@ class _Host:
 
     minimum, maximum = staticmethod(np.minimum), staticmethod(np.maximum)
 
-    def sincos(self, a: Any) -> tuple[Any, Any]:
+    def sincos(self, a: Scalar) -> tuple[Scalar, Scalar]:
         return np.sin(a), np.cos(a)
 
-    def either(self, condition: Any, first: Callable[..., Any], second: Callable[..., Any], *values: Any) -> Any:
+    def either(
+        self, condition: Scalar, first: Callable[..., Any], second: Callable[..., Any], *values: Scalar
+    ) -> tuple[Scalar, ...]:
         if condition.all():
             return first(*values)
         if not condition.any():
@@ -208,13 +234,13 @@ class _Host:
             result.append(column)
         return tuple(result)
 
-    def dot(self, a: Any, b: Any) -> Any:
+    def dot(self, a: Scalar, b: Scalar) -> Scalar:
         return np.einsum("ij,ij->i", a, b)
 
-    def scaled(self, scalar: Any, vector: Any) -> Any:
+    def scaled(self, scalar: Scalar, vector: Vector) -> Vector:
         return scalar[:, None] * vector
 
-    def across(self, direction: Any, normal: Any) -> Any:
+    def across(self, direction: Vector, normal: Vector) -> Vector:
         axis = np.cross(direction, normal)
         length = np.sqrt(np.einsum("ij,ij->i", axis, axis))
         head_on = length < HEAD_ON
@@ -224,10 +250,10 @@ class _Host:
             length[head_on] = np.linalg.norm(axis[head_on], axis=1)
         return axis / length[:, None]
 
-    def cross(self, vector: Any, other: Any) -> Any:
+    def cross(self, vector: Vector, other: Vector) -> Vector:
         return np.cross(vector, other)
 
-    def cross_field(self, vector: Any, field: Any) -> Any:
+    def cross_field(self, vector: Vector, field: Field) -> Field:
         result = np.empty_like(field)
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
@@ -235,16 +261,16 @@ class _Host:
             result[:, i] -= vector[:, k, None] * field[:, j]
         return result
 
-    def component(self, vector: Any, field: Any) -> Any:
+    def component(self, vector: Vector, field: Field) -> Amplitude:
         return np.einsum("ij,ijp->ip", vector, field)
 
-    def times(self, coefficient: Any, amplitude: Any) -> Any:
+    def times(self, coefficient: Coefficient, amplitude: Amplitude) -> Amplitude:
         return coefficient[:, None] * amplitude
 
-    def along(self, vector: Any, amplitude: Any) -> Any:
+    def along(self, vector: Vector, amplitude: Amplitude) -> Field:
         return vector[:, :, None] * amplitude[:, None]
 
-    def add(self, first: npt.NDArray[np.complex128], second: npt.NDArray[np.complex128]) -> Any:
+    def add(self, first: Field, second: Field) -> Field:
         return first + second
 
 
@@ -254,21 +280,23 @@ HOST = _Host()
 class OnDevice:
     """Dr.Jit; see :class:`Arithmetic`."""
 
-    def __init__(self, dr: Any) -> None:
+    def __init__(self, dr: ModuleType) -> None:
         self.dr = dr
         self.minimum, self.maximum, self.sincos = dr.minimum, dr.maximum, dr.sincos
         self.dot, self.cross = dr.dot, dr.cross
 
-    def either(self, condition: Any, first: Callable[..., Any], second: Callable[..., Any], *values: Any) -> Any:
+    def either(
+        self, condition: Scalar, first: Callable[..., Any], second: Callable[..., Any], *values: Scalar
+    ) -> tuple[Scalar, ...]:
         """Return a tuple of scalars by one of two functions of scalars; both are computed."""
         pairs = zip(first(*values), second(*values), strict=True)
         return tuple(self.dr.select(condition, one, other) for one, other in pairs)
 
-    def scaled(self, scalar: Any, vector: Any) -> Any:
+    def scaled(self, scalar: Scalar, vector: Vector) -> Vector:
         """Return a scalar times a vector."""
         return scalar * vector
 
-    def across(self, direction: Any, normal: Any) -> Any:
+    def across(self, direction: Vector, normal: Vector) -> Vector:
         """Return unit vectors across the plane of incidence; any tangent where the incidence is normal."""
         dr = self.dr
         axis = dr.cross(direction, normal)
@@ -276,23 +304,23 @@ class OnDevice:
         helper = dr.cross(dr.select(dr.abs(normal.x) < 0.8, type(normal)(1, 0, 0), type(normal)(0, 1, 0)), normal)
         return dr.select(sine < HEAD_ON, dr.normalize(helper), axis / sine)
 
-    def cross_field(self, vector: Any, field: Any) -> Any:
+    def cross_field(self, vector: Vector, field: Field) -> Field:
         """Return the cross product of a vector with a field."""
         return [(self.dr.cross(vector, re), self.dr.cross(vector, im)) for re, im in field]
 
-    def component(self, vector: Any, field: Any) -> Any:
+    def component(self, vector: Vector, field: Field) -> Amplitude:
         """Return the amplitude of a field along a vector."""
         return [(self.dr.dot(vector, re), self.dr.dot(vector, im)) for re, im in field]
 
-    def times(self, coefficient: Any, amplitude: Any) -> Any:
+    def times(self, coefficient: Coefficient, amplitude: Amplitude) -> Amplitude:
         """Return a coefficient times an amplitude."""
         c, s = coefficient
         return [(c * re - s * im, c * im + s * re) for re, im in amplitude]
 
-    def along(self, vector: Any, amplitude: Any) -> Any:
+    def along(self, vector: Vector, amplitude: Amplitude) -> Field:
         """Return the field of an amplitude along a vector."""
         return [(vector * re, vector * im) for re, im in amplitude]
 
-    def add(self, first: Any, second: Any) -> Any:
+    def add(self, first: Field, second: Field) -> Field:
         """Return the sum of two fields."""
         return [(a + c, b + d) for (a, b), (c, d) in zip(first, second, strict=True)]

@@ -1,9 +1,11 @@
-"""What lit patches radiate to the receiver: physical optics with spherical waves, one kernel for all patches of one depth."""
+"""What lit patches radiate to the receiver: one kernel for all patches of one depth."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -11,39 +13,47 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.rays.face_rays import StateRays
+from scarl_sionna.engine.types import DeviceArray
 
-from .fields import OnDevice, radiating_vector, reflected_field
+from .fields import Field, OnDevice, Wave, radiating_vector, reflected_field
 from .phase import spherical_wave_integral
-from .spherical_waves import ImageTubes
+from .spherical_waves import ImageTubes, Station
 from .surfaces import FaceSurfaces
 
 Array = npt.NDArray[np.float64]
 
 
-def radiated(
-    rays: StateRays,
-    tubes: ImageTubes,
-    surfaces: FaceSurfaces,
-    tx: tuple[Pose, Array],
-    rx: tuple[Pose, Array],
-    wavenumber: float,
-    integration_phase: float,
-    diffuse: bool,
-) -> dict[str, npt.NDArray[Any]]:
-    r"""Return the columns of patches at their centres: end points, transfer, lengths, rate and what diffuse scattering needs.
+@dataclass(frozen=True, eq=False)
+class NearField:
+    """Two stations and the surfaces of a scene: what is the same for all patches of a solve.
 
-    Parameters
+    Attributes
     ----------
     rays : StateRays
-    tubes : ImageTubes
-        Patches over each of which the phase is all but linear.
     surfaces : FaceSurfaces
-    tx, rx : tuple
-        world_from_radar and velocity (3,) [m/s] of the two stations.
+    tx, rx : Station
     wavenumber : float
         At which the phase is integrated over a patch [rad/m].
     integration_phase : float
         See :func:`.phase.spherical_wave_integral` [rad].
+    """
+
+    rays: StateRays
+    surfaces: FaceSurfaces
+    tx: Station
+    rx: Station
+    wavenumber: float
+    integration_phase: float
+
+
+def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt.NDArray[Any]]:
+    r"""Return the columns of patches: end points, transfer, lengths, rate and what diffuse scattering needs.
+
+    Parameters
+    ----------
+    near : NearField
+    tubes : ImageTubes
+        Patches over each of which the phase is all but linear.
     diffuse : bool
         Whether to return what a rough surface scatters, column ``scattered``: the transfer of a patch of 1 m2.
 
@@ -57,19 +67,22 @@ def radiated(
 
     .. math:: J = n \times (H_i + H_r), \quad M = -n \times (E_i + E_r), \quad \eta H = k \times E
 
-    It does not depend on the frequency but through the integral. A rough surface keeps sqrt(1 - S^2) of the reflected field.
-    What it scatters has the power
+    It does not depend on the frequency but through the integral. A rough surface keeps sqrt(1 - S^2) of the reflected
+    field. What it scatters has the power
 
-    .. math:: |a|^2 = \frac{\lambda^2}{(4 \pi)^2 L^2 R^2} S^2 |\Gamma|^2 \cos\theta_i f_s A, \quad f_s = \frac{\cos\theta_s}{\pi}
+    .. math:: |a|^2 = \frac{\lambda^2}{(4 \pi)^2 L^2 R^2} S^2 |\Gamma|^2 \cos\theta_i f_s A, \quad
+              f_s = \frac{\cos\theta_s}{\pi}
 
     for the area A, with Lambert's pattern as in the materials of the solver ``sionna``, and K of it is cross-polar.
 
     References
     ----------
-    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical optics).
-    .. [2] V. Degli-Esposti et al., "Measurement and Modelling of Scattering From Buildings", IEEE Trans. Antennas Propag.
-       55(1), 2007, Eqs. (2), (5).
+    .. [1] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., section 6.8 (far field) and 7.10 (physical
+           optics).
+    .. [2] V. Degli-Esposti et al., "Measurement and Modelling of Scattering From Buildings", IEEE Trans. Antennas
+           Propag. 55(1), 2007, Eqs. (2), (5).
     """
+    rays, surfaces, wavenumber = near.rays, near.surfaces, near.wavenumber
     dr, mi, Vector, on = rays.dr, rays.mi, rays.Vector, OnDevice(rays.dr)
     count, depth = tubes.face.shape
     tube = dr.arange(mi.UInt32, count)
@@ -81,12 +94,11 @@ def radiated(
     image = [dr.gather(Vector, images, depth * tube + k) for k in range(depth)]
     plane = [surfaces.plane(number) for number in face]
     point = _reflection_points(dr, center, image, plane)
-    (tx_pose, tx_velocity), (rx_pose, rx_velocity) = tx, rx
-    receiver = rays.vector(rx_pose.position)
-    line = [rays.vector(tx_pose.position), *point, receiver]
+    receiver = rays.vector(near.rx.pose.position)
+    line = [rays.vector(near.tx.pose.position), *point, receiver]
     travel = [dr.normalize(stop - start) for start, stop in pairwise(line)]
-    rate = dr.dot(travel[-1], rays.vector(rx_velocity)) - dr.dot(travel[0], rays.vector(tx_velocity))
-    reflected = [(axis, dr.zeros(Vector, count)) for axis in _spherical_basis(rays, tx_pose, travel[0])]
+    rate = dr.dot(travel[-1], rays.vector(near.rx.velocity)) - dr.dot(travel[0], rays.vector(near.tx.velocity))
+    reflected = [(axis, dr.zeros(Vector, count)) for axis in _spherical_basis(rays, near.tx.pose, travel[0])]
     onward = travel[0]
     for k in range(depth):
         field, arriving = reflected, travel[k]
@@ -98,15 +110,18 @@ def radiated(
         rate += dr.dot(surfaces.velocity(face[k], point[k]), arriving - travel[k + 1])
     back = travel[-1]
     out, home = dr.norm(center - image[-1]), dr.norm(receiver - center)
-    integral = spherical_wave_integral(rays, corner, image[-1], receiver, wavenumber, integration_phase)
+    integral = spherical_wave_integral(rays, corner, image[-1], receiver, wavenumber, near.integration_phase)
     scale = 0.125 / np.pi / (out * home)
     factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
     columns: dict[str, Any] = {
-        "tx_point": _unfolded(dr, center, plane[:-1]), "rx_point": center, "length_rate": rate, "length": out + home,
+        "tx_point": _unfolded(dr, center, plane[:-1]),
+        "rx_point": center,
+        "length_rate": rate,
+        "length": out + home,
         "cosine": dr.abs(dr.dot(normal, back)),
-    }  # fmt: skip
-    receive = _spherical_basis(rays, rx_pose, -back)
-    vector = radiating_vector(on, field, reflected, arriving, onward, normal, back)
+    }
+    receive = _spherical_basis(rays, near.rx.pose, -back)
+    vector = radiating_vector(on, Wave(field, arriving), Wave(reflected, onward), normal, back)
     for r in range(2):
         for t, (re, im) in enumerate(on.component(receive[r], vector)):
             columns[f"re{r}{t}"] = re * factor[0] - im * factor[1]
@@ -114,7 +129,7 @@ def radiated(
     if diffuse:
         cosines = dr.abs(dr.dot(normal, arriving)) * columns["cosine"] / np.pi
         level = 0.5 / wavenumber / (out * home) * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
-        columns |= _scattered(rays, tx_pose, arriving, field, smooth, level, turn)
+        columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, smooth, level, turn)
     dr.eval(*columns.values())
     found = {name: column.numpy() for name, column in columns.items()}
     found["a"] = _matrices(found, "re", "im")
@@ -134,11 +149,15 @@ def _matrices(found: dict[str, npt.NDArray[Any]], real: str, imaginary: str) -> 
 
 
 def _scattered(
-    rays: StateRays, pose: Pose, arriving: Any, field: list[Any], smooth: list[Any], level: Any, turn: list[Any]
-) -> dict[str, Any]:
+    dr: ModuleType,
+    basis: tuple[DeviceArray, DeviceArray],
+    field: Field,
+    smooth: Field,
+    level: DeviceArray,
+    turn: list[DeviceArray],
+) -> dict[str, DeviceArray]:
     """Return the entries of the transfer by diffuse scattering of 1 m2; the polarisation is turned as in Sionna RT."""
-    dr, found = rays.dr, {}
-    basis = _spherical_basis(rays, pose, arriving)
+    found: dict[str, DeviceArray] = {}
     for t in range(2):
         power = dr.squared_norm(field[t][0]) + dr.squared_norm(field[t][1])
         left = dr.squared_norm(smooth[t][0]) + dr.squared_norm(smooth[t][1])
@@ -150,7 +169,9 @@ def _scattered(
     return found
 
 
-def _reflection_points(dr: Any, center: Any, image: list[Any], plane: list[tuple[Any, Any]]) -> list[Any]:
+def _reflection_points(
+    dr: ModuleType, center: DeviceArray, image: list[DeviceArray], plane: list[tuple[DeviceArray, DeviceArray]]
+) -> list[DeviceArray]:
     """Return where the rays to the patches' centres meet the faces of their chains."""
     points = [center]
     for k in range(len(image) - 2, -1, -1):
@@ -161,7 +182,7 @@ def _reflection_points(dr: Any, center: Any, image: list[Any], plane: list[tuple
     return points
 
 
-def _unfolded(dr: Any, center: Any, mirrors: list[tuple[Any, Any]]) -> Any:
+def _unfolded(dr: ModuleType, center: DeviceArray, mirrors: list[tuple[DeviceArray, DeviceArray]]) -> DeviceArray:
     """Return the images of the patches' centres that the transmitter sees."""
     seen = center
     for normal, offset in reversed(mirrors):
@@ -169,7 +190,7 @@ def _unfolded(dr: Any, center: Any, mirrors: list[tuple[Any, Any]]) -> Any:
     return seen
 
 
-def _spherical_basis(rays: StateRays, pose: Pose, direction: Any) -> tuple[Any, Any]:
+def _spherical_basis(rays: StateRays, pose: Pose, direction: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
     """Return theta-hat and phi-hat of unit directions in world axes; phi = 0 along the frame's z axis."""
     dr = rays.dr
     x, y, z = (rays.vector(axis) for axis in pose.rotation.T)

@@ -1,9 +1,10 @@
-"""How small a patch must be for its phase to be linear over it, for every antenna and over the whole band; cutting to that size."""
+"""How small a patch must be for its phase to be linear, for all antennas and the whole band; cutting to it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from types import ModuleType
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -13,15 +14,18 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.device import device
+from scarl_sionna.engine.types import DeviceArray
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 _FILL = 0.8
-"""Bands are this part of the length allowed, so that the diagonals of their pieces are not too long as well."""
+"""Bands are this part of the length allowed, so that the diagonals of their pieces are not too long as well. What is
+too long is cut again, so this decides the number of cuts, not the accuracy."""
 
 _SPLIT_AGAIN = 1.3
-"""Pieces of pieces that are too long after the second cut; mean over triangles of all shapes."""
+"""Pieces of pieces that are too long after the second cut; mean over triangles of all shapes. Only for the count
+beforehand."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +73,8 @@ class PatchSize:
         """Return by how much each side is too long, shape (num_patches, 3); 1 is as long as allowed.
 
         With e the part of a side across a leg of length R, the quadratic phase at its half is k e^2 / (8 R); an antenna
-        at a distance D from the centre turns the phase there by k e D / (2 R); at the end of the band it is turned by the
-        difference of wavenumbers times half the difference of path length along the side.
+        at a distance D from the centre turns the phase there by k e D / (2 R); at the end of the band it is turned by
+        the difference of wavenumbers times half the difference of path length along the side.
 
         Parameters
         ----------
@@ -106,7 +110,9 @@ class PatchSize:
         longest, least = excess.max(axis=1), np.maximum(np.ceil(excess.min(axis=1) / _FILL), 1.0)
         return np.where(longest <= 1.0, 1.0, _SPLIT_AGAIN * (2.0 * np.ceil(longest / _FILL) - 1.0) * least)
 
-    def _excess(self, dr: Any, side: Any, legs: list[tuple[Any, Any]], longest: Any) -> Any:
+    def _excess(
+        self, dr: ModuleType, side: DeviceArray, legs: list[tuple[DeviceArray, DeviceArray]], longest: DeviceArray
+    ) -> DeviceArray:
         curvature, turn, along = 0.0, 0.0, 0.0
         square = dr.squared_norm(side)
         for ray, distance in legs:
@@ -127,26 +133,22 @@ def split(
     size: PatchSize,
     max_patches: int,
     allowed: float = 1.0,
-    *,
-    one_source: bool = False,
 ) -> tuple[Array, Index]:
     """Cut triangles until no side is too long.
 
-    A triangle is sliced into bands parallel to its least side, so a sliver gives about twice as many pieces as its length
-    needs; halving would give that number to the power 1.6.
+    A triangle is sliced into bands parallel to its least side, so a sliver gives about twice as many pieces as its
+    length needs; halving would give that number to the power 1.6.
 
     Parameters
     ----------
     corners : ndarray of float64, shape (num_triangles, 3, 3)
-    source : ndarray of float64, shape (num_triangles, 3)
-        Where the wave comes from (the transmitter or an image of it) [m, world].
+    source : ndarray of float64, shape (num_triangles, 3) or (1, 3)
+        Where the wave comes from (the transmitter or an image of it) [m, world]; one row is that of all.
     receiver : ndarray of float64, shape (3,)
     size : PatchSize
     max_patches : int
     allowed : float
         Pieces may be so many times as long as `size` says.
-    one_source : bool
-        True: `source` holds one row, for all.
 
     Returns
     -------
@@ -160,6 +162,7 @@ def split(
         If there are more than `max_patches` pieces.
     """
     rows = np.arange(len(corners))
+    one_source = len(source) == 1
     done: list[tuple[Array, Index]] = [(corners[:0], rows[:0])]
     count = 0
     while len(rows):
@@ -187,9 +190,11 @@ def split(
 def too_many_patches(limit: int) -> NoReturn:
     """Raise the error of a scene that needs more patches than allowed."""
     raise ParameterRangeError(
-        "number of patches", f"above {limit}", f"<= {limit}",
+        "number of patches",
+        f"above {limit}",
+        f"<= {limit}",
         "choose fewer `instances`, a larger `max_phase` or a larger `max_patches`",
-    )  # fmt: skip
+    )
 
 
 def _bands(corners: Array, excess: Array, bands: Index) -> tuple[Array, Index]:

@@ -1,4 +1,4 @@
-"""Plane waves on a body: which parts of the mesh each wave lights, and what the reflected tubes meet, fields included."""
+"""Plane waves on a body: which parts of the mesh each wave lights, and what the reflected tubes meet, with fields."""
 
 from __future__ import annotations
 
@@ -109,10 +109,15 @@ def _facing(body: Body, waves: Waves, settings: SbrSettings) -> Iterator[PlaneTu
         side = -np.sign(cosine[wave, face])
         wave += first
         yield PlaneTubes(
-            body.triangles.corners[face], wave, waves.direction[wave], normal[face] * side[:, None],
-            np.zeros(len(wave)), waves.field[wave].astype(np.complex128), body.free[face, (side < 0).astype(np.int64)],
+            body.triangles.corners[face],
+            wave,
+            waves.direction[wave],
+            normal[face] * side[:, None],
+            np.zeros(len(wave)),
+            waves.field[wave].astype(np.complex128),
+            body.free[face, (side < 0).astype(np.int64)],
             body.part[face],
-        )  # fmt: skip
+        )
 
 
 def unhidden(
@@ -183,7 +188,12 @@ def _landed(body: Body, bounce: Bounce, pieces: Pieces, of_plane: Index) -> Plan
     # the reflected wave has the incident one's phase where it leaves: path + direction . r is the same there
     turn = np.einsum("ij,ij->i", tubes.direction[rows] - direction, corners[:, 0])
     return PlaneTubes(
-        corners + share[:, :, None] * direction[:, None], tubes.wave[rows], direction,
-        -normal * np.sign(cosine)[:, None], tubes.path[rows] + turn, bounce.reflected[rows],
-        body.free[face, (cosine > 0).astype(np.int64)], body.part[face],
-    )  # fmt: skip
+        corners + share[:, :, None] * direction[:, None],
+        tubes.wave[rows],
+        direction,
+        -normal * np.sign(cosine)[:, None],
+        tubes.path[rows] + turn,
+        bounce.reflected[rows],
+        body.free[face, (cosine > 0).astype(np.int64)],
+        body.part[face],
+    )

@@ -1,17 +1,18 @@
 """What the rays of tubes meet, in one kernel for all points of all tubes, and where along a side that changes.
 
-A probe labels points of footprints; equal labels are the same thing. Plane waves (the far field) and spherical ones (a scene) differ in
-the direction of the rays only: :class:`ParallelRays` and :class:`CentralRays`.
+A probe labels points of footprints; equal labels are the same thing. Plane waves (the far field) and spherical ones (a
+scene) differ in the direction of the rays only: :class:`ParallelRays` and :class:`CentralRays`.
 """
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
+from scarl_sionna.engine.types import DeviceArray
 
 from .tube_shape import WEIGHTS, inset
 
@@ -19,14 +20,14 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 SAME_DISTANCE = 1e-6
-"""What is met this near to a point (relative to 1 m + distance) is the point itself: float32 directions are 6e-8 off, which a
-face at grazing incidence makes larger."""
+"""What is met this near to a point (relative to 1 m + distance) is the point itself: float32 directions are 6e-8 off,
+which a face at grazing incidence makes larger."""
 
 
 class Directions(Protocol):
     """Directions of the rays of tubes."""
 
-    def at(self, point: Any, row: Any) -> Any:
+    def at(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         """Return the unit directions of rays that leave points of the tubes with some row numbers."""
 
 
@@ -36,7 +37,7 @@ class ParallelRays:
     def __init__(self, rays: FaceRays, direction: Array) -> None:
         self._rays, self._direction = rays, rays.reals(direction)
 
-    def at(self, point: Any, row: Any) -> Any:
+    def at(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         """Return the unit directions; see :class:`Directions`."""
         return self._rays.dr.gather(self._rays.Vector, self._direction, row)
 
@@ -47,7 +48,7 @@ class CentralRays:
     def __init__(self, rays: FaceRays, source: Array) -> None:
         self._rays, self._source = rays, rays.reals(rays.placed(source))
 
-    def at(self, point: Any, row: Any) -> Any:
+    def at(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         """Return the unit directions; see :class:`Directions`."""
         dr = self._rays.dr
         return dr.normalize(point - dr.gather(self._rays.Vector, self._source, row))
@@ -59,7 +60,7 @@ class Probe:
     def __init__(self, rays: FaceRays) -> None:
         self.rays = rays
 
-    def _label(self, point: Any, row: Any) -> Any:
+    def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         raise NotImplementedError
 
     def within(self, corners: Array, rows: Index, count: Index, first: Index) -> Index:
@@ -72,7 +73,8 @@ class Probe:
         rows : ndarray of int64, shape (n,)
             Row of each tube in the tables of the probe.
         count, first : ndarray of int64, shape (n,)
-            Each has `count` points, whose barycentric coordinates are the rows of ``tube_shape.WEIGHTS`` from `first` on.
+            Each has `count` points, whose barycentric coordinates are the rows of ``tube_shape.WEIGHTS`` from `first`
+            on.
         """
         if not len(corners):
             return np.zeros(0, dtype=np.int64)
@@ -108,14 +110,18 @@ class Probe:
             own, other = dr.gather(mi.Int32, known, 3 * tube), dr.gather(mi.Int32, known, 3 * tube + 1 + side % 2)
             steps = dr.opaque(mi.UInt32, bisections)
 
-            def step(count: Any, low: Any, high: Any, beyond: Any) -> tuple[Any, ...]:
+            def step(
+                count: DeviceArray, low: DeviceArray, high: DeviceArray, beyond: DeviceArray
+            ) -> tuple[DeviceArray, ...]:
                 middle = 0.5 * (low + high)
                 found = self._label(start + middle * along, row)
                 inside = found == own
                 return (
-                    count + 1, dr.select(inside, middle, low), dr.select(inside, high, middle),
+                    count + 1,
+                    dr.select(inside, middle, low),
+                    dr.select(inside, high, middle),
                     dr.select(inside, beyond, found),
-                )  # fmt: skip
+                )
 
             state = (mi.UInt32(0), dr.zeros(rays.Real, 2 * len(rows)), dr.ones(rays.Real, 2 * len(rows)), other)
             _, low, high, beyond = dr.while_loop(
@@ -141,7 +147,7 @@ class ShadowProbe(Probe):
         super().__init__(rays)
         self._directions, self._lift = directions, rays.reals(lift)
 
-    def _label(self, point: Any, row: Any) -> Any:
+    def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
         start = rays.lifted(point, dr.gather(rays.Vector, self._lift, row))
         return dr.select(rays.blocked(start, self._directions.at(point, row)), mi.Int32(1), mi.Int32(0))
@@ -154,7 +160,7 @@ class ScreenedProbe(Probe):
         super().__init__(rays)
         self._station = rays.vector(rays.placed(station))
 
-    def _label(self, point: Any, row: Any) -> Any:
+    def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi = self.rays.dr, self.rays.mi
         ray = point - self._station
         distance = dr.norm(ray)
@@ -183,7 +189,7 @@ class PlaneProbe(Probe):
         super().__init__(rays)
         self._directions, self._lift = directions, rays.reals(lift)
         self._plane, self._own = rays.label(plane_of_face), None if own is None else rays.label(own)
-        self._faces: tuple[Any, Any, Any] | None = None
+        self._faces: tuple[DeviceArray, DeviceArray, DeviceArray] | None = None
 
     def only_towards(self, station: Array, normal: Array, offset: Array) -> None:
         """Let planes of which the lit side is turned away from a station count as missed, as on the last bounce.
@@ -197,7 +203,7 @@ class PlaneProbe(Probe):
         rays = self.rays
         self._faces = rays.vector(station), rays.reals(normal), rays.reals(offset)
 
-    def _label(self, point: Any, row: Any) -> Any:
+    def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
         ray = self._directions.at(point, row)
         face = rays.first(rays.lifted(point, dr.gather(rays.Vector, self._lift, row)), ray)

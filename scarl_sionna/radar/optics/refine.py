@@ -1,10 +1,12 @@
 """Cutting ray tubes until each one meets a single thing.
 
 A tube has a triangular footprint. Rays probe it on a lattice; where all of them meet the same thing (the same plane, or
-nothing), the tube stays whole, however large it is. Where they do not, it is halved, and a small tube that straddles an edge is
-cut along that edge, whose place is found by bisection with further rays. So partly hit tubes do not set the error.
+nothing), the tube stays whole, however large it is. Where they do not, it is halved, and a small tube that straddles an
+edge is cut along that edge, whose place is found by bisection with further rays. So partly hit tubes do not set the
+error.
 
-Tubes wait in pools, one for each number of halvings and one for those to cut, so that every call of the engine has many rays.
+Tubes wait in pools, one for each number of halvings and one for those to cut, so that every call of the engine has many
+rays.
 """
 
 from __future__ import annotations
@@ -127,7 +129,8 @@ class _Waiting:
 class _Pools:
     """Tubes by the number of times that they were halved, in batches of at most `limit` rays.
 
-    The pool of the smallest tubes that fills a batch goes first, which bounds the memory; where none does, that of the largest.
+    The pool of the smallest tubes that fills a batch goes first, which bounds the memory; where none does, that of the
+    largest.
     """
 
     limit: int
@@ -213,8 +216,8 @@ class _Refinement:
     def cut(self, tubes: _Waiting) -> tuple[list[Pieces], _Waiting]:
         """Cut tubes one corner of which (`odd`) has another label than the other two.
 
-        A cut is clean where beyond it the other two corners' label begins at once; the second result are the tubes where it does
-        not, which are halved once more.
+        A cut is clean where beyond it the other two corners' label begins at once; the second result are the tubes
+        where it does not, which are halved once more.
         """
         assert tubes.label is not None and tubes.odd is not None and self.settings.bisections is not None
         order = (tubes.odd[:, None] + np.arange(3)) % 3

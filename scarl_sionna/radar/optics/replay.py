@@ -14,7 +14,7 @@ from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 
 from .body.mesh import Body
 from .far_field import Looks, Plan, footprints_seen, phase_weights, plan_of
-from .fields import HOST, radiating_vector
+from .fields import HOST, Wave, radiating_vector
 from .plane_waves import bounces
 from .surfaces import PartSurfaces
 
@@ -25,7 +25,7 @@ Columns: TypeAlias = "dict[str, npt.NDArray[Any]]"
 
 
 class _Numbering(PartSurfaces):
-    """Surfaces that write each tube's number where its field would stand, so that the next bounce knows where it came from."""
+    """Surfaces that write each tube's number in place of its field: the next bounce knows where it came from."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -91,10 +91,14 @@ class FixedTubes:
         for bounce in bounces(body, surfaces, numbers, settings):
             own = bounce.reflected[:, 0, 0].real.astype(np.int64)
             _append(
-                columns, own=own, depth=np.full(len(own), bounce.depth), part=bounce.tubes.part,
-                source=bounce.tubes.incident[:, 0, 0].real.astype(np.int64), direction=bounce.tubes.direction,
+                columns,
+                own=own,
+                depth=np.full(len(own), bounce.depth),
+                part=bounce.tubes.part,
+                source=bounce.tubes.incident[:, 0, 0].real.astype(np.int64),
+                direction=bounce.tubes.direction,
                 normal=bounce.tubes.normal,
-            )  # fmt: skip
+            )
             for tube, view, corners in footprints_seen(body, bounce, plan, settings):
                 if not len(tube):
                     continue
@@ -105,7 +109,10 @@ class FixedTubes:
 
     @classmethod
     def _merged(cls, plan: Plan, table: Columns) -> FixedTubes:
-        """Return the tubes in the order of their bounces; those with the same way over the same planes carry one field and become one."""
+        """Return the tubes in the order of their bounces.
+
+        Those with the same way over the same planes carry one field and become one.
+        """
         if "own" not in table:
             raise ParameterRangeError("looks", "none that lights the body", "at least one")
         kept: list[Columns] = []
@@ -139,7 +146,7 @@ class FixedTubes:
         )
 
     def matrices(self, surfaces: PartSurfaces) -> Complex:
-        """Return the scattering matrices, shape (num_looks, 2, 2) [m], as :func:`.scattering_matrices` does, but for rounding.
+        """Return the scattering matrices, shape (num_looks, 2, 2) [m], as :func:`.scattering_matrices` up to rounding.
 
         The permittivities of `surfaces` may be any complex numbers: the result is holomorphic in them.
         """
@@ -155,10 +162,8 @@ class FixedTubes:
         tube, view = self.tube, self.view
         vector = radiating_vector(
             HOST,
-            incident[tube],
-            reflected[tube],
-            self.direction[tube],
-            onward[tube],
+            Wave(incident[tube], self.direction[tube]),
+            Wave(reflected[tube], onward[tube]),
             self.normal[tube],
             self.plan.observer[view],
         )

@@ -1,9 +1,11 @@
-"""Spherical waves in a scene: which patches the transmitter lights and the receiver sees, directly and behind mirrors of ray tubes.
+"""Spherical waves in a scene.
 
-A tube is a triangle on a face with the image of the transmitter from which its rays seem to come. Its reflection is cast onward
-from the image of that image; the footprint where it lands is the central projection of the triangle, exact in float64.
-Tubes are cut where the thing that they meet changes (:func:`.refine.refine`). Fields are computed once a chain of faces is known, at the
-exact reflection points (:mod:`.near_field`).
+They say which patches the transmitter lights and the receiver sees, directly and over mirrors of ray tubes.
+
+A tube is a triangle on a face with the image of the transmitter from which its rays seem to come. Its reflection is
+cast onward from the image of that image; the footprint where it lands is the central projection of the triangle, exact
+in float64. Tubes are cut where the thing that they meet changes (:func:`.refine.refine`). Fields are computed once a
+chain of faces is known, at the exact reflection points (:mod:`.near_field`).
 """
 
 from __future__ import annotations
@@ -32,11 +34,13 @@ Index = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 _COARSE = 16.0
-"""Faces are first cut into pieces so many times as long as patches, so that a batch of them is no more than some patches."""
+"""Faces are first cut into pieces so many times as long as patches, so that a batch of them is no more than some
+patches. Bounds the memory, decides no accuracy."""
 _BEHIND = 1e-6
 """A tube may land this part of its length before its footprint: the rounding of faces that touch."""
 WIDE_FACE = 0.5
-"""Faces that look wider than this [rad] are never sorted out before they are cut into patches."""
+"""Faces that look wider than this [rad] are never sorted out before they are cut into patches, which are tested alone:
+decides the time, not the accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +52,11 @@ class ImageTubes(Tubes):
     face : ndarray of int64, shape (num_tubes, depth)
         Faces in the order in which they are met; the footprint is on the last one.
     image : ndarray of float64, shape (num_tubes, depth, 3)
-        The transmitter and its images behind all faces but the last: where the rays come from on their way to each face [m].
+        The transmitter and its images behind all faces but the last: where the rays come from on their way to each face
+        [m].
     origin : ndarray of int64, shape (num_tubes,)
-        Number on its first face of the patch from which a tube comes, the same for all pieces into which it is cut later.
+        Number on its first face of the patch from which a tube comes, the same for all pieces into which it is cut
+        later.
     """
 
     face: Index
@@ -88,7 +94,7 @@ class Station:
         return cls(pose, velocity, np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg))
 
     def outside(self, points: Array) -> tuple[Array, Array, Array]:
-        """Return by how much points are outside of the field of view in azimuth and elevation [rad], and their distance."""
+        """Return by how much points are outside of the view in azimuth and elevation [rad], and their distance [m]."""
         local = (points - self.pose.position) @ self.pose.rotation
         distance = np.sqrt(np.einsum("ij,ij->i", local, local))
         azimuth = np.abs(np.arctan2(local[:, 1], local[:, 0])) - self.azimuth_fov / 2.0
@@ -184,14 +190,14 @@ class Tracer:
         source, receiver, limit = self.tx.pose.position, self.rx.pose.position, self.settings.max_patches
         size = self._start_size(face)
         corners = self.faces.triangles.corners[face]
-        coarse, rows = split(corners, source[None], receiver, size, limit, _COARSE, one_source=True)
+        coarse, rows = split(corners, source[None], receiver, size, limit, _COARSE)
         pieces = size.pieces(coarse, source, receiver)
         if pieces.sum() > 1.5 * limit:  # the count is an estimate; split() itself counts too
             too_many_patches(limit)
         batch = (np.cumsum(pieces) / self.settings.max_tubes).astype(np.int64)
         first = np.searchsorted(rows, rows)  # the first coarse piece of the same face
         for part in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(batch)) + 1):
-            fine, piece_of = split(coarse[part], source[None], receiver, size, limit, one_source=True)
+            fine, piece_of = split(coarse[part], source[None], receiver, size, limit)
             number = np.arange(len(piece_of)) - np.searchsorted(piece_of, piece_of)
             whole = part[piece_of]
             kept = np.flatnonzero(self.tx.sees(middle(fine)))
@@ -201,7 +207,7 @@ class Tracer:
             yield from ImageTubes(fine, face[rows[whole], None], start, origin).batches(self.settings.max_tubes)
 
     def _start_size(self, face: Index) -> PatchSize:
-        """Return the size of the first tubes, so that there are about `num_tubes` of them if that is asked for."""
+        """Return the size of the first tubes, so that there are about `num_tubes` of them if it is set."""
         wanted = self.settings.num_tubes
         if wanted is None:
             return self.size

@@ -1,20 +1,24 @@
-"""What surfaces reflect like: those of a body in the far field (NumPy), and those of all faces of a scene (on the device).
+"""Reflection of surfaces.
 
-Time dependence e^{+jwt}. A material reflects with Fresnel's coefficients as a half space, or as one layer with air behind where it has a
-thickness; nothing passes through. In the far field each coefficient is computed as it is needed, for any complex permittivity, and
-"metal" is a perfect conductor; in a scene they come from a table over the cosine of incidence, and a metal has its conductivity.
+Those of a body in the far field (NumPy), and those of all faces of a scene (on the device).
+
+Time dependence e^{+jwt}. A material reflects with Fresnel's coefficients as a half space, or as one layer with air
+behind where it has a thickness; nothing passes through. In the far field each coefficient is computed as it is needed,
+for any complex permittivity, and "metal" is a perfect conductor; in a scene they come from a table over the cosine of
+incidence, and a metal has its conductivity.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import FaceRays
+from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection
 
 from .fields import HOST, reflected_field
@@ -90,7 +94,10 @@ class PartSurfaces:
     def reflect(
         self, part: npt.NDArray[np.int64], field: Complex, direction: Real, normal: Real
     ) -> tuple[Complex, Real]:
-        """Return the reflected field and its direction; `part` (num_tubes,) numbers the surfaces, the rest is as for one."""
+        """Return the reflected field and its direction.
+
+        `part` (num_tubes,) numbers the surfaces, the rest is as for one.
+        """
         if len(set(self.parts)) == 1:
             return self.parts[0].reflect(field, direction, normal)
         reflected, onward = np.empty_like(field), np.empty_like(direction)
@@ -114,8 +121,8 @@ class FaceSurfaces:
     frequency : float
         [Hz].
     nodes : int
-        Of the table of reflection coefficients over the square root of the cosine of incidence, which is fine near grazing,
-        where those of a metal change fast.
+        Of the table of reflection coefficients over the square root of the cosine of incidence, which is fine near
+        grazing, where those of a metal change fast.
 
     Raises
     ------
@@ -157,24 +164,24 @@ class FaceSurfaces:
             motion[part] = np.concatenate([moved.twist.linear, moved.twist.angular, moved.pose.position])
         self._motion = rays.reals(motion)
 
-    def plane(self, face: Any) -> tuple[Any, Any]:
+    def plane(self, face: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the unit normals and offsets of faces."""
         dr, rays = self._rays.dr, self._rays
         return dr.gather(rays.Vector, self._normal, face), dr.gather(rays.Real, self._offset, face)
 
-    def velocity(self, face: Any, point: Any) -> Any:
+    def velocity(self, face: DeviceArray, point: DeviceArray) -> DeviceArray:
         """Return the velocity of surface points [m/s]."""
         dr, rays = self._rays.dr, self._rays
         row = 3 * dr.gather(rays.mi.UInt32, self._part, face)
         linear, angular, origin = (dr.gather(rays.Vector, self._motion, row + k) for k in range(3))
         return linear + dr.cross(angular, point - origin)
 
-    def _material(self, face: Any) -> Any:
+    def _material(self, face: DeviceArray) -> DeviceArray:
         dr, mi = self._rays.dr, self._rays.mi
         return dr.gather(mi.UInt32, self._material_of_part, dr.gather(mi.UInt32, self._part, face))
 
-    def coefficients(self, face: Any, cosine: Any) -> tuple[Any, Any]:
-        """Return the TE and the TM reflection coefficient of a surface that is smooth, each as real and imaginary part."""
+    def coefficients(self, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+        """Return the TE and the TM reflection coefficient of a smooth surface, each as real and imaginary part."""
         dr, rays = self._rays.dr, self._rays
         place = dr.sqrt(dr.clip(cosine, 0.0, 1.0)) * (self._nodes - 1)
         node = dr.minimum(rays.mi.UInt32(place), self._nodes - 2)
@@ -190,7 +197,7 @@ class FaceSurfaces:
         )
         return (te_re, te_im), (tm_re, tm_im)
 
-    def roughness(self, face: Any) -> tuple[Any, Any, Any, Any]:
+    def roughness(self, face: DeviceArray) -> tuple[DeviceArray, DeviceArray, DeviceArray, DeviceArray]:
         """Return sqrt(1 - S^2), S, sqrt(1 - K) and sqrt(K): S the scattering, K the cross-polarisation coefficient."""
         dr, row = self._rays.dr, 4 * self._material(face)
         return tuple(dr.gather(self._rays.Real, self._rough, row + k) for k in range(4))  # type: ignore[return-value]

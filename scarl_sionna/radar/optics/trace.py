@@ -1,14 +1,17 @@
-"""What the tracers of plane and of spherical waves share: tables of tubes, landing on planes, and the order of the bounces.
+"""What the tracers of plane and of spherical waves share.
 
-A tube is a triangular footprint on a face. Reflected, it goes on to what it meets next and is cut there (:mod:`.refine`); where it lands
-is the projection of the triangle: parallel for a plane wave, central for a spherical one, exact for both.
+Tables of tubes, landing on planes, and the order of the bounces.
+
+A tube is a triangular footprint on a face. Reflected, it goes on to what it meets next and is cut there
+(:mod:`.refine`); where it lands is the projection of the triangle: parallel for a plane wave, central for a spherical
+one, exact for both.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -38,7 +41,9 @@ class Tubes:
     def __len__(self) -> int:
         return len(self.corners)
 
-    def take(self: TableT, rows: Any, corners: Array | None = None) -> TableT:
+    def take(
+        self: TableT, rows: npt.NDArray[np.integer] | npt.NDArray[np.bool_] | slice, corners: Array | None = None
+    ) -> TableT:
         """Return some rows (numbers or a slice), with other footprints if given."""
         values = [getattr(self, field.name)[rows] for field in fields(self)[1:]]
         return type(self)(self.corners[rows] if corners is None else corners, *values)

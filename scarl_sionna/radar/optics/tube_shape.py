@@ -9,11 +9,13 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 LARGEST_LATTICE = 8
-"""Segments along the longest side of a tube that is probed at once; a longer tube is halved first."""
+"""Segments along the longest side of a tube that is probed at once; a longer tube is halved first. How far apart the
+probes are is `ray_spacing`; this only says how many go at once."""
 SLIVER_SEGMENTS = (4, 8, 16, 32, 64)
 """The same for a tube narrower than the spacing, which is probed along its sides only."""
 INSET = 1e-3
-"""Probes stand this part of the tube's size inside its border, which may be an edge shared with another face."""
+"""Probes stand this part of the tube's size inside its border, which may be an edge shared with another face: a
+guard against rounding, below the 2^-9 to which edges are found in a scene."""
 
 
 def _lattice(segments: int) -> Array:
@@ -76,7 +78,7 @@ def halved(tri: Array) -> Array:
 
 
 def cut_off(tri: Array, border: Array) -> tuple[Array, Array, Array]:
-    """Cut triangles between the points `border`, shape (n, 2, 3), of the two sides at corner 0: its tip and the two rest pieces."""
+    """Cut triangles between points `border`, shape (n, 2, 3), of the sides at corner 0: tip and two rest pieces."""
     one, two, three = np.moveaxis(tri, 1, 0)
     first, second = np.moveaxis(border, 1, 0)
     return (

@@ -1,4 +1,7 @@
-"""Compiling a mesh into scattering centres by shooting and bouncing rays; what it costs and how right it is: docs/scatterers.md."""
+"""Compiling a mesh into scattering centres by shooting and bouncing rays.
+
+Its cost and error stand in docs/scatterers.md.
+"""
 
 from __future__ import annotations
 
@@ -28,19 +31,22 @@ Complex = npt.NDArray[np.complex128]
 Index = npt.NDArray[np.int64]
 
 COMPILE_SBR = SbrSettings(max_depth=2, ray_spacing=16.0, edge_spacing=8.0)
-"""Rays of 6 cm at 77 GHz, edges followed to 3 cm and then cut. Chosen for time; its error is measured for each model made,
-against the same rays, so it does not hold what these rays miss (docs/scatterers.md)."""
+"""Rays of 6 cm at 77 GHz, edges followed to 3 cm and then cut. Chosen for time; its error is measured for each model
+made, against the same rays, so it does not hold what these rays miss (docs/scatterers.md)."""
 WEAKEST = 1e-7
-"""A centre is left out of a block of aspects in all of which its power is below this part of all centres' together."""
+"""A centre is left out of a block of aspects in all of which its power is below this part of all centres' together.
+What that costs is inside of the error that is measured for each model made."""
 LARGEST_TABLE = 2**31
-"""Largest table that is made [bytes]."""
+"""Largest table that is made [bytes]; a larger one is refused."""
 HIGHEST_ELEVATION_DEG = 85.0
 """The polarisation basis turns too fast to interpolate closer to the poles."""
 CHECK_CELLS = 32
-"""Frequencies of the range profiles in which the error is measured."""
+"""Frequencies of the range profiles in which the error of a model is measured: how it is reported, not how large it
+is."""
 CHECK_DEPTH_DB = 20.0
-"""Cells this far below the strongest of their profile count."""
+"""Cells down to this far below the strongest of their profile count in that error."""
 _ORIGIN = 1 << 20
+"""Numbers of voxels are shifted by this, so that they are positive."""
 
 
 @dataclass
@@ -88,10 +94,11 @@ def compile_scatterers(
     voxel : float
         Footprints in a cube of this side are one centre [m].
     trace_step_deg : float
-        Rays are traced once for all aspects within half of this in azimuth and in elevation; between, what is lit is kept and only
-        its phases are turned [deg]. A step smaller than that of the aspects traces each of them.
+        Rays are traced once for all aspects within half of this in azimuth and in elevation; between, what is lit is
+        kept and only its phases are turned [deg]. A step smaller than that of the aspects traces each of them.
     material : str, complex or RadioMaterial
-        Of a mesh without materials of its own. A rough one keeps its coherent part, sqrt(1 - S^2), as in the solver `sbr`.
+        Of a mesh without materials of its own. A rough one keeps its coherent part, sqrt(1 - S^2), as in the solver
+        `sbr`.
     materials : MaterialTable, optional
     settings : SbrSettings
         Bounces and rays.
@@ -118,8 +125,9 @@ def compile_scatterers(
 
     Notes
     -----
-    Deterministic: the same input gives the same bytes. *Not modelled*: what the mesh's physical optics does not have (edge
-    diffraction, creeping waves, transmission), parts of different materials, and the change of a centre's amplitude over the radar's band.
+    Deterministic: the same input gives the same bytes. *Not modelled*: what the mesh's physical optics does not have
+    (edge diffraction, creeping waves, transmission), parts of different materials, and the change of a centre's
+    amplitude over the radar's band.
     """
     azimuth, elevation = _grid(azimuths_deg, azimuth_step_deg, elevations_deg)
     if not (0.0 < frequency < np.inf):
@@ -142,21 +150,33 @@ def compile_scatterers(
         size += block.values.nbytes
         if size > LARGEST_TABLE:
             raise ParameterRangeError(
-                "size of the table", f"above {size / 2**30:.2g} GiB ({len(keys)} centres)", "up to 2 GiB",
+                "size of the table",
+                f"above {size / 2**30:.2g} GiB ({len(keys)} centres)",
+                "up to 2 GiB",
                 "take fewer aspects or a larger voxel",
-            )  # fmt: skip
+            )
     centers, amplitude = _assemble(blocks, keys, azimuth, elevation, frequency, voxel)
     wavelength = SPEED_OF_LIGHT / frequency
     corners = body.triangles.corners
     model = ScattererModel(
-        centers, azimuth, elevation, amplitude, float(frequency), float(voxel), 2.0 * voxel**2 / wavelength,
+        centers,
+        azimuth,
+        elevation,
+        amplitude,
+        float(frequency),
+        float(voxel),
+        2.0 * voxel**2 / wavelength,
         elevation_reach=0.0 if len(elevation) > 1 else _reach(body, wavelength),
         provenance={
-            "source": "physical optics of a mesh", "mesh_sha256": hashlib.sha256(corners.tobytes()).hexdigest(),
-            "num_faces": len(corners), "material": ", ".join(dict.fromkeys(material_names(body, material))), "settings": settings.model_dump(),
-            "trace_step_deg": float(trace_step_deg), "extent": np.ptp(corners.reshape(-1, 3), axis=0).tolist(),
+            "source": "physical optics of a mesh",
+            "mesh_sha256": hashlib.sha256(corners.tobytes()).hexdigest(),
+            "num_faces": len(corners),
+            "material": ", ".join(dict.fromkeys(material_names(body, material))),
+            "settings": settings.model_dump(),
+            "trace_step_deg": float(trace_step_deg),
+            "extent": np.ptp(corners.reshape(-1, 3), axis=0).tolist(),
         },
-    )  # fmt: skip
+    )
     error = _measured(model, body, surfaces, settings, num_checks) if num_checks and len(azimuth) > 1 else {}
     return ScattererModel(**{**vars(model), "error": error})
 
@@ -178,7 +198,10 @@ def _grid(ends_deg: tuple[float, float], step_deg: float, elevations_deg: Sequen
 
 
 def _reach(body: Body, wavelength: float) -> float:
-    """Return how far from the only elevation the amplitudes hold: the body's phase in height turns by less than 90 deg."""
+    """Return how far from the only elevation the amplitudes hold.
+
+    The body's phase in height turns by less than 90 deg.
+    """
     height = float(np.ptp(body.triangles.corners[:, :, 2]))
     return min(wavelength / (8.0 * max(height, wavelength)), np.radians(5.0))
 
@@ -192,9 +215,11 @@ def _warn_of_steps(azimuth: Array, elevation: Array, voxel: float, frequency: fl
             warnings.warn(
                 f"the {name} step of {np.degrees(step):.3g} deg turns the phase at the edge of a {voxel:g} m voxel by "
                 f"{np.degrees(turn):.0f} deg; between compiled aspects only mean powers are right. A step of "
-                f"{np.degrees(np.pi / 2.0 / (k * voxel)):.2g} deg or a voxel of {np.pi / 2.0 / (k * step):.2g} m would follow it",
-                ScarlWarning, stacklevel=3,
-            )  # fmt: skip
+                f"{np.degrees(np.pi / 2.0 / (k * voxel)):.2g} deg or a voxel of {np.pi / 2.0 / (k * step):.2g} m "
+                "would follow it",
+                ScarlWarning,
+                stacklevel=3,
+            )
 
 
 def _blocks(azimuth: Array, elevation: Array, step: float) -> Iterator[_Block]:
@@ -245,7 +270,7 @@ def _by_voxel(found: Footprints, voxel: float) -> tuple[Footprints, Index, Index
 def _summed(
     found: Footprints, keys: Index, first: Index, voxel: float, wave_vectors: Array
 ) -> tuple[npt.NDArray[np.complex64], Array]:
-    """Return what each voxel radiates for some q = 2 k u, shape (num_q, num_voxels, 4), and the power of the last q's footprints.
+    """Return what voxels radiate for q = 2 k u, shape (num_q, num_voxels, 4), and powers of footprints at the last q.
 
     Phases are those at the voxels' middles.
     """
@@ -320,7 +345,10 @@ def range_profile(response: Complex) -> Array:
 
 
 def check_frequencies(model: ScattererModel) -> Array:
-    """Return frequencies whose range profile holds the body once: the check's cells are at least as wide as the voxels."""
+    """Return frequencies whose range profile holds the body once.
+
+    The check's cells are at least as wide as the voxels.
+    """
     extent = float(np.linalg.norm(model.provenance["extent"])) + 4.0 * model.cell
     step = SPEED_OF_LIGHT / (2.0 * extent)
     count = max(min(CHECK_CELLS, int(extent / model.cell)), 8)
@@ -347,8 +375,8 @@ def _measured(
             _summed(found, keys, first, model.cell, q)[0][:, :, 0] * np.exp(1j * q @ _middle(keys, model.cell).T),
             axis=1,
         )
-        guess = model.scattering_matrix(np.pi / 2.0 - el, az, frequencies)[:, 0, 0]
-        wanted, got = range_profile(truth), range_profile(guess)
+        predicted = model.scattering_matrix(np.pi / 2.0 - el, az, frequencies)[:, 0, 0]
+        wanted, got = range_profile(truth), range_profile(predicted)
         strong = wanted > wanted.max() * 10.0 ** (-CHECK_DEPTH_DB / 10.0)
         if strong.any():
             cells.append(np.abs(power_to_db(np.maximum(got[strong], 1e-300)) - power_to_db(wanted[strong])))
@@ -356,6 +384,9 @@ def _measured(
         return {}
     error = np.concatenate(cells)
     return {
-        "median_db": float(np.median(error)), "p95_db": float(np.percentile(error, 95)), "num_cells": len(error),
-        "num_aspects": len(azimuths), "range_cell": float(SPEED_OF_LIGHT / 2.0 / np.ptp(frequencies)),
-    }  # fmt: skip
+        "median_db": float(np.median(error)),
+        "p95_db": float(np.percentile(error, 95)),
+        "num_cells": len(error),
+        "num_aspects": len(azimuths),
+        "range_cell": float(SPEED_OF_LIGHT / 2.0 / np.ptp(frequencies)),
+    }

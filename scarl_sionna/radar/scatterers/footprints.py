@@ -1,8 +1,8 @@
 """What every footprint of a body sends back to the radar, as triangles with one complex amplitude each.
 
 A chain of bounces is unfolded: a point r of the last footprint and its image r' through the mirrors before have, for a
-monostatic radar in direction u, the phase of a single reflection at (r + r') / 2. So a chain is a triangle at that place, and stays
-one for directions near the one that was traced.
+monostatic radar in direction u, the phase of a single reflection at (r + r') / 2. So a chain is a triangle at that
+place, and stays one for directions near the one that was traced.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.rays.face_rays import MISS
 from scarl_sionna.radar.optics.body.mesh import Body
 from scarl_sionna.radar.optics.far_field import unit_vectors
-from scarl_sionna.radar.optics.fields import HOST, radiating_vector
+from scarl_sionna.radar.optics.fields import HOST, Wave, radiating_vector
 from scarl_sionna.radar.optics.plane_waves import Bounce, PlaneTubes, Waves, bounces, unhidden
 from scarl_sionna.radar.optics.surfaces import PartSurfaces
 
@@ -25,7 +25,8 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 _SAME_DIRECTION = 1e-5
-"""A chain that is followed back leaves the body within this of the radar's direction; grazing ones may miss their mirror."""
+"""A chain that is followed back leaves the body within this of the radar's direction; grazing ones may miss their
+mirror."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +117,12 @@ def _seen(body: Body, bounce: Bounce, toward: Array, receive: Array, waves: Wave
             pieces.append(tri)
         row, corners = np.concatenate(rows), np.concatenate(pieces)
     vector = radiating_vector(
-        HOST, tubes.incident[row], bounce.reflected[row], tubes.direction[row], bounce.onward[row], tubes.normal[row],
+        HOST,
+        Wave(tubes.incident[row], tubes.direction[row]),
+        Wave(bounce.reflected[row], bounce.onward[row]),
+        tubes.normal[row],
         np.broadcast_to(toward, (len(row), 3)),
-    )  # fmt: skip
+    )
     turn, offset = _unfold(body, tubes, row, corners, bounce.depth, toward)
     return Footprints(corners, turn, offset, np.einsum("ri,nit->nrt", receive, vector))
 

@@ -1,4 +1,4 @@
-"""Scattering centres: points on a body whose complex amplitudes depend on the aspect, compiled once and reused every frame.
+"""Scattering centres: points on a body whose complex amplitudes depend on the aspect, compiled once for all frames.
 
 What the model is right for, its measured error and where it breaks stands in docs/scatterers.md.
 """
@@ -53,10 +53,11 @@ class ScattererModel(
     azimuth : ndarray of float64, shape (num_azimuths,)
         Rising aspects [rad]: direction from the body to the radar, from +x in the xy plane of the body.
     elevation : ndarray of float64, shape (num_elevations,)
-        Rising aspects above the body's xy plane [rad]. With one only, the amplitudes are used up to `elevation_reach` from it.
+        Rising aspects above the body's xy plane [rad]. With one only, the amplitudes are used up to `elevation_reach`
+        from it.
     amplitude : AspectTable, of shape (num_elevations, num_azimuths, num_centers, 2, 2)
-        Given as such or as an array. Scattering matrix of each centre [m], receive polarisation (theta_hat, phi_hat of the aspect) first; the phase is that at
-        the centre. A centre's RCS is 4 pi abs(amplitude)^2.
+        Given as such or as an array. Scattering matrix of each centre [m], receive polarisation (theta_hat, phi_hat of
+        the aspect) first; the phase is that at the centre. A centre's RCS is 4 pi abs(amplitude)^2.
     frequency : float
         [Hz].
     cell : float
@@ -66,8 +67,8 @@ class ScattererModel(
     elevation_reach : float
         How far outside of `elevation` the table is still used without a warning [rad].
     error : mapping
-        Against the mesh's own physical optics between compiled aspects: ``median_db`` and ``p95_db`` (absolute value, per range
-        cell within 20 dB of the strongest), ``num_cells``, ``num_aspects``; empty where nothing was measured.
+        Against the mesh's own physical optics between compiled aspects: ``median_db`` and ``p95_db`` (absolute value,
+        per range cell within 20 dB of the strongest), ``num_cells``, ``num_aspects``; empty where nothing was measured.
     provenance : mapping
         Where the model comes from: hash of the mesh, settings, source.
 
@@ -75,9 +76,9 @@ class ScattererModel(
     -----
     .. math:: S(u) = \sum_n A_n(u)\, e^{2 j k\, u \cdot c_n}
 
-    with u from the body to the radar. Between aspects the complex amplitudes are interpolated by cubic polynomials (Lagrange, four
-    aspects; linearly where the table has fewer or at its ends). Their phase is that at the centre, so it changes slowly with the
-    aspect: by at most k times the cell's width times the angle.
+    with u from the body to the radar. Between aspects the complex amplitudes are interpolated by cubic polynomials
+    (Lagrange, four aspects; linearly where the table has fewer or at its ends). Their phase is that at the centre, so
+    it changes slowly with the aspect: by at most k times the cell's width times the angle.
     """
 
     centers: Array
@@ -147,8 +148,10 @@ class ScattererModel(
         column = np.take_along_axis(columns, share_along.argmax(axis=1)[:, None], 1)[:, 0]
         centre = np.flatnonzero(self.amplitude.present(row, column, np.arange(self.num_centers)))
         share = (share_up[centre, :, None] * share_along[centre, None, :]).reshape(len(centre), -1)
-        up, along, who = np.broadcast_arrays(rows[centre, :, None], columns[centre, None, :], centre[:, None, None])
-        values = self.amplitude.at(up.reshape(-1), along.reshape(-1), who.reshape(-1))
+        up, along, of_centre = np.broadcast_arrays(
+            rows[centre, :, None], columns[centre, None, :], centre[:, None, None]
+        )
+        values = self.amplitude.at(up.reshape(-1), along.reshape(-1), of_centre.reshape(-1))
         result[centre] = (share[:, None, :] @ values.reshape(*share.shape, 4))[:, 0].reshape(-1, 2, 2)
         return result
 
@@ -193,9 +196,11 @@ class ScattererModel(
             direction = direction_of(aspect[1], np.pi / 2.0 - aspect[0])
             if not self.inside(direction)[0]:
                 raise ParameterRangeError(
-                    "aspect", f"theta {np.degrees(aspect[0]):.4g}, phi {np.degrees(aspect[1]):.4g} deg", self._range_text(),
+                    "aspect",
+                    f"theta {np.degrees(aspect[0]):.4g}, phi {np.degrees(aspect[1]):.4g} deg",
+                    self._range_text(),
                     "compile the model over these aspects",
-                )  # fmt: skip
+                )
             rows = np.flatnonzero((columns[0] == aspect[0]) & (columns[1] == aspect[1]))
             wavenumber = 2.0 * np.pi * columns[2][rows] / SPEED_OF_LIGHT
             phase = np.exp(2j * wavenumber[:, None] * (self.centers @ direction)[None])
@@ -223,9 +228,14 @@ class ScattererModel(
         try:
             with Path(path).open("wb") as file:
                 np.savez_compressed(
-                    file, version=FORMAT_VERSION, centers=self.centers, azimuth=self.azimuth, elevation=self.elevation,
-                    numbers=np.array(numbers), **columns,
-                )  # fmt: skip
+                    file,
+                    version=FORMAT_VERSION,
+                    centers=self.centers,
+                    azimuth=self.azimuth,
+                    elevation=self.elevation,
+                    numbers=np.array(numbers),
+                    **columns,
+                )
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error})") from error
 
@@ -265,8 +275,9 @@ def _angles(direction: npt.ArrayLike) -> tuple[Array, Array]:
 def _stencil(grid: Array, value: Array) -> tuple[npt.NDArray[np.int64], Array]:
     """Return the neighbours of values on a rising grid and their shares, each (n, num_neighbours).
 
-    Four neighbours with the weights of the cubic polynomial through them; two where the grid has less than four values, and one
-    where it has one. Beyond the grid its ends hold; in the first and last interval the polynomial is that of the next one.
+    Four neighbours with the weights of the cubic polynomial through them; two where the grid has less than four values,
+    and one where it has one. Beyond the grid its ends hold; in the first and last interval the polynomial is that of
+    the next one.
     """
     held = np.clip(value, grid[0], grid[-1])
     order = 4 if len(grid) >= 4 else min(len(grid), 2)
@@ -283,7 +294,9 @@ def _stencil(grid: Array, value: Array) -> tuple[npt.NDArray[np.int64], Array]:
 
 
 def loaded_models(named: Mapping[str, object]) -> dict[str, ScattererModel]:
-    """Return the models of objects: those in memory as they are, those named by a file or as ``"tr38901:<target>"`` loaded.
+    """Return the models of objects.
+
+    Those in memory come back as they are, those named by a file or as ``"tr38901:<target>"`` loaded.
 
     Parameters
     ----------

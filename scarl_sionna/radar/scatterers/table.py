@@ -5,6 +5,7 @@ Aspects are cut into blocks of neighbours. A centre that is weak in all aspects 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -125,7 +126,7 @@ class AspectTable(Described):
         }
 
     @classmethod
-    def from_arrays(cls, data: Any) -> AspectTable:
+    def from_arrays(cls, data: Mapping[str, npt.NDArray[Any]]) -> AspectTable:
         """Make a table from what :meth:`arrays` returned."""
         rows, columns = (int(value) for value in data["counts"])
         return cls(data["row_start"], data["column_start"], rows, columns, data["held"], data["values"])
@@ -150,7 +151,10 @@ class TableBuilder:
         self._size = 0
 
     def put(self, row: int, column: int, centre: Index, values: Complex) -> None:
-        """Add the centres of the block whose first aspect is (row, column); values (elevations, azimuths, centres, 2, 2)."""
+        """Add the centres of the block whose first aspect is (row, column).
+
+        `values` have the shape (elevations, azimuths, centres, 2, 2).
+        """
         aspects = values.shape[0] * values.shape[1]
         i, j = np.searchsorted(self._row_start, row), np.searchsorted(self._column_start, column)
         self._held[i, j, centre] = self._size + aspects * np.arange(len(centre))

@@ -1,4 +1,4 @@
-"""Sensing targets of 3GPP TR 38.901 as scattering centres, evaluated by Sionna RT's own implementation of clause 7.9.2."""
+"""Sensing targets of 3GPP TR 38.901 as scattering centres, by Sionna RT's implementation of clause 7.9.2."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from scarl_sionna.engine.sensing_targets import sensing_target
 from .table import AspectTable, direction_of
 
 ASPECT_STEP_DEG = 2.0
-"""Step of the table [deg]: the narrowest lobe is 4.9 deg wide, 12 (x / w)^2 dB; linear interpolation is then within 0.3 dB
-down to 20 dB below its peak."""
+"""Step of the table [deg]: the narrowest lobe is 4.9 deg wide, 12 (x / w)^2 dB; linear interpolation is then within 0.3
+dB down to 20 dB below its peak."""
 POINT_DISTANCE = 5.0
 """A target stands for its body farther than this many of its largest dimension: it then fills less than 0.2 rad."""
 ALIASES = {"car": "vehicle-multi-sp", "pedestrian": "human"}
@@ -34,7 +34,8 @@ def tr38901_fields(object_type: str, frequency: float, model_type: int = 2) -> d
     Returns
     -------
     dict
-        Fields of a :class:`~scarl_sionna.radar.scatterers.model.ScattererModel`. Origin of the body frame: centre of the target, x forward.
+        Fields of a :class:`~scarl_sionna.radar.scatterers.model.ScattererModel`. Origin of the body frame: centre of
+        the target, x forward.
 
     Raises
     ------
@@ -67,7 +68,9 @@ def tr38901_fields(object_type: str, frequency: float, model_type: int = 2) -> d
         cell=float(max(target.dimensions)),
         nearest_distance=POINT_DISTANCE * float(max(target.dimensions)),
         provenance={
-            "source": "3GPP TR 38.901 v19 clause 7.9.2 by Sionna RT", "object_type": name, "model_type": model_type,
+            "source": "3GPP TR 38.901 v19 clause 7.9.2 by Sionna RT",
+            "object_type": name,
+            "model_type": model_type,
             "random_components": "none: sigma_S = 1, XPR at its mean, phases zero",
         },
-    )  # fmt: skip
+    )

@@ -22,30 +22,40 @@ from .hydrometeors import snow
 # Recommendation ITU-R P.838-3 (2005), Tables 1 to 4: rows a_j, b_j, c_j; then the slope m and the constant c
 _LOG_K = {
     "H": (
-        ((-5.33980, -0.35351, -0.23789, -0.94158), (-0.10008, 1.26970, 0.86036, 0.64552), (1.13098, 0.45400, 0.15354, 0.16817)),
+        (
+            (-5.33980, -0.35351, -0.23789, -0.94158),
+            (-0.10008, 1.26970, 0.86036, 0.64552),
+            (1.13098, 0.45400, 0.15354, 0.16817),
+        ),
         (-0.18961, 0.71147),
     ),
     "V": (
-        ((-3.80595, -3.44965, -0.39902, 0.50167), (0.56934, -0.22911, 0.73042, 1.07319), (0.81061, 0.51059, 0.11899, 0.27195)),
+        (
+            (-3.80595, -3.44965, -0.39902, 0.50167),
+            (0.56934, -0.22911, 0.73042, 1.07319),
+            (0.81061, 0.51059, 0.11899, 0.27195),
+        ),
         (-0.16398, 0.63297),
     ),
-}  # fmt: skip
+}
 _ALPHA = {
     "H": (
         (
-            (-0.14318, 0.29591, 0.32177, -5.37610, 16.1721), (1.82442, 0.77564, 0.63773, -0.96230, -3.29980),
+            (-0.14318, 0.29591, 0.32177, -5.37610, 16.1721),
+            (1.82442, 0.77564, 0.63773, -0.96230, -3.29980),
             (-0.55187, 0.19822, 0.13164, 1.47828, 3.43990),
         ),
         (0.67849, -1.95537),
     ),
     "V": (
         (
-            (-0.07771, 0.56727, -0.20238, -48.2991, 48.5833), (2.33840, 0.95545, 1.14520, 0.791669, 0.791459),
+            (-0.07771, 0.56727, -0.20238, -48.2991, 48.5833),
+            (2.33840, 0.95545, 1.14520, 0.791669, 0.791459),
             (-0.76284, 0.54039, 0.26809, 0.116226, 0.116479),
         ),
         (-0.053739, 0.83433),
     ),
-}  # fmt: skip
+}
 _RAIN_BAND = (1e9, 1000e9)
 
 _GAS_FREQUENCY = np.arange(75e9, 82.5e9, 1e9)
@@ -72,8 +82,8 @@ def gas_attenuation(frequency: float) -> float:
 
     Notes
     -----
-    Linear between values at every GHz (steps below 0.01 dB/km) of the line-by-line method, for 1013 hPa, 15 degrees C and
-    7.5 g/m3: near the ground in a moderate climate.
+    Linear between values at every GHz (steps below 0.01 dB/km) of the line-by-line method, for 1013 hPa, 15 degrees C
+    and 7.5 g/m3: near the ground in a moderate climate.
 
     References
     ----------
@@ -103,8 +113,8 @@ def rain_attenuation(rain_rate: float, frequency: float, polarization: Literal["
     -----
     .. math:: \gamma = k R^\alpha, \quad \log_{10} k = \sum_j a_j e^{-((\log_{10} f - b_j) / c_j)^2} + m \log_{10} f + c
 
-    and the same sum for :math:`\alpha`, f in GHz. A path at the elevation e differs by ``cos(e)**2`` in the difference between the
-    polarisations, 0.3 % of the attenuation at 20 degrees and 100 mm/h.
+    and the same sum for :math:`\alpha`, f in GHz. A path at the elevation e differs by ``cos(e)**2`` in the difference
+    between the polarisations, 0.3 % of the attenuation at 20 degrees and 100 mm/h.
 
     References
     ----------
@@ -243,11 +253,11 @@ def attenuate_paths(paths: RadarPaths, radar: RadarSpec, atmosphere: Atmosphere,
 
     Notes
     -----
-    A path of length L (there and back) loses ``gamma L`` dB. The way out has the transmitted polarisation, the way back the
-    received one, so the cross-polar elements take the mean of both.
+    A path of length L (there and back) loses ``gamma L`` dB. The way out has the transmitted polarisation, the way back
+    the received one, so the cross-polar elements take the mean of both.
 
-    *Not modelled*: depolarisation by drops, the refractive index of air (0.3 m in 1 km), wet radomes. Echoes of what falls are paths
-    of their own, see :func:`scarl_sionna.radar.weather.clutter.volume_clutter`.
+    *Not modelled*: depolarisation by drops, the refractive index of air (0.3 m in 1 km), wet radomes. Echoes of what
+    falls are paths of their own, see :func:`scarl_sionna.radar.weather.clutter.volume_clutter`.
     """
     v, h = (specific_attenuation(atmosphere, radar.center_frequency, name, gases) for name in ("V", "H"))  # type: ignore[arg-type]
     return attenuate(paths, radar, (v, h))
@@ -258,8 +268,8 @@ def attenuate(paths: RadarPaths, radar: RadarSpec, values: tuple[float, float]) 
     mean = (np.array(values)[:, None] + np.array(values)[None, :]) / 2.0
     length = PathGeometry.of(paths, radar).center_length()
     loss_db = mean * (length / 1e3)[:, None, None]
-    told = {"attenuation_db_per_km": {"V": values[0], "H": values[1]}}
-    return replace(paths, a=paths.a * 10.0 ** (-loss_db / 20.0), diagnostics={**paths.diagnostics, **told})
+    report = {"attenuation_db_per_km": {"V": values[0], "H": values[1]}}
+    return replace(paths, a=paths.a * 10.0 ** (-loss_db / 20.0), diagnostics={**paths.diagnostics, **report})
 
 
 def _require_band(frequency: float, band: tuple[float, float]) -> None:

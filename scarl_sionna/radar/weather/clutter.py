@@ -1,4 +1,7 @@
-"""Echoes of what is in the air, rain, snow and spray: a volume full of drops as random point paths of exact mean power."""
+"""Echoes of what is in the air, rain, snow and spray.
+
+A volume full of drops stands there as random point paths of exact mean power.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,8 @@ from scipy.special import expi
 
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.weather_echoes import DEFAULT_WEATHER_ECHOES
 from scarl_sionna.core.specs.radar.pattern import AntennaPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Weather
@@ -36,15 +40,9 @@ Array = npt.NDArray[np.float64]
 
 VOLUME_INTERACTION = 16
 """Kind of interaction written for a scatterer in the air; its instance is 0, since it belongs to no object."""
-NEAREST = 0.25
-"""Drops nearer than this [m] are left out: there the radome's own water counts, which is not modelled."""
-NUM_POINTS = 20_000
-"""Points that stand for the rain; with fewer than about five in a range-Doppler cell its power is no longer exponential, while
-the mean stays exact (docs/weather.md)."""
-LEAST_PER_BIN = 8
-POINTS_PER_CLOUD = 2_000
-"""Points that stand for the spray behind one vehicle."""
 _GRID_DEG = 1.0
+"""Cells of the two-way gain [deg], within which directions of points are even. The integral is the same to 1e-12 for
+cells of 0.25 to 4 deg (preset ``awr1843boost``): decides no accuracy."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,10 @@ class ClutterBudget:
 
 
 def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
-    """Return what falls in a weather: rain, snow, both or nothing. The droplets of fog send back 50 dB less and are left out."""
+    """Return what falls in a weather: rain, snow, both or nothing.
+
+    The droplets of fog send back 50 dB less and are left out.
+    """
     kelvin = weather.temperature_celsius + CELSIUS
     found = []
     if weather.rain_rate > 0.0:
@@ -79,7 +80,7 @@ def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
 
 @lru_cache(maxsize=16)
 def _directions(pattern: AntennaPattern) -> tuple[Array, Array, Array, float]:
-    """Return azimuth and elevation of the cells of the front hemisphere [rad], the cumulated two-way gain and its integral."""
+    """Return azimuth and elevation of cells of the front hemisphere [rad], the cumulated two-way gain, its integral."""
     angle = np.radians(np.arange(-90.0, 90.0, _GRID_DEG) + _GRID_DEG / 2.0)
     azimuth, elevation = (values.ravel() for values in np.meshgrid(angle, angle, indexing="ij"))
     weight = 10.0 ** (pattern.gain_db(azimuth, elevation) / 5.0) * np.cos(elevation) * np.radians(_GRID_DEG) ** 2
@@ -95,8 +96,8 @@ def two_way_gain_integral(pattern: AntennaPattern) -> float:
 def beam_share(radar: RadarSpec) -> float:
     """Return the part of the two-way gain that one beam of the virtual array holds at most, 0 to 1.
 
-    A beam is as wide as the wavelength over the array's extent, in azimuth and in elevation; an array without extent does not tell
-    directions apart.
+    A beam is as wide as the wavelength over the array's extent, in azimuth and in elevation; an array without extent
+    does not tell directions apart.
     """
     cumulated = _directions(radar.array.pattern)[2]
     density = np.diff(cumulated, prepend=0.0).reshape(180, 180)
@@ -145,7 +146,9 @@ def mean_clutter_power(
     return np.asarray(scale * two_way_gain_integral(radar.array.pattern) * integral)
 
 
-def clutter_budget(weather: Weather, radar: RadarSpec, reach: float | None = None) -> ClutterBudget:
+def clutter_budget(
+    weather: Weather, radar: RadarSpec, reach: float | None = None, settings: RadarSettings | None = None
+) -> ClutterBudget:
     """Return how far the weather's own echoes matter.
 
     Parameters
@@ -154,28 +157,33 @@ def clutter_budget(weather: Weather, radar: RadarSpec, reach: float | None = Non
     radar : RadarSpec
     reach : float, optional
         Longest range looked at [m]; the unambiguous range if left out.
+    settings : RadarSettings, optional
+        Its `accuracy` (the floor) and `weather_echoes`.
 
     Notes
     -----
-    The Doppler of a range bin is taken to be spread by turbulence alone, so a cell holds less than this. Bins that stay below ``Accuracy.channel_floor_db`` against the noise of one cell of the
-    range-Doppler-angle cube are left out.
+    The Doppler of a range bin is taken to be spread by turbulence alone, so a cell holds less than this. Bins that stay
+    below ``Accuracy.channel_floor_db`` against the noise of one cell of the range-Doppler-angle cube are left out.
     """
+    settings = settings or RadarSettings()
     eta = sum(item.reflectivity for item in falling(weather, radar.center_frequency))
     if eta == 0.0:
         return ClutterBudget(-math.inf, 0.0, ())
     step = radar.range_resolution
-    edges = np.maximum(np.arange(int(min(reach or math.inf, radar.max_range) / step) + 1) * step, NEAREST)
+    edges = np.maximum(
+        np.arange(int(min(reach or math.inf, radar.max_range) / step) + 1) * step, settings.weather_echoes.nearest
+    )
     spread = math.sqrt(2.0 * math.pi) * max(weather.turbulence, 1e-6)
     share = min(1.0, radar.velocity_resolution / spread)
     over_noise = share * beam_share(radar) / angle_cell_noise_power(radar)
     loss = weather_attenuation(weather, radar.center_frequency, radar.array.polarization)
     power = mean_clutter_power(radar, eta, edges[:-1], np.maximum(edges[1:], edges[:-1] + 1e-6), loss) * over_noise
-    heard = np.flatnonzero(power > 10.0 ** (DEFAULT_ACCURACY.channel_floor_db / 10.0))
+    above = np.flatnonzero(power > 10.0 ** (settings.accuracy.channel_floor_db / 10.0))
     middle = np.array([5.0, 10.0, 20.0, 50.0])
     at = mean_clutter_power(radar, eta, middle - step / 2.0, middle + step / 2.0, loss) * over_noise
     return ClutterBudget(
         10.0 * math.log10(eta),
-        float(edges[heard[-1] + 1]) if heard.size else 0.0,
+        float(edges[above[-1] + 1]) if above.size else 0.0,
         tuple(round(10.0 * math.log10(value), 1) for value in at),
     )
 
@@ -190,10 +198,16 @@ class VolumeSampling:
         Points lie within [m]; None: that of :func:`clutter_budget`.
     num_points : int
         About so many.
+    least_per_bin : int
+        In each range bin at least.
+    nearest : float
+        None nearer than this [m].
     """
 
     reach: float | None = None
-    num_points: int = NUM_POINTS
+    num_points: int = DEFAULT_WEATHER_ECHOES.num_points
+    least_per_bin: int = DEFAULT_WEATHER_ECHOES.least_per_bin
+    nearest: float = DEFAULT_WEATHER_ECHOES.nearest
 
 
 def volume_clutter(
@@ -225,14 +239,16 @@ def volume_clutter(
 
     Notes
     -----
-    Near range bins get more points than far ones. Ranges are even within each bin, directions are drawn in proportion to the two-way gain. Point i has the mean
-    cross-section :math:`\sigma_i = \eta R_i^2 \cos\theta_i / p(R_i, \phi_i, \theta_i)` with p the density that it was drawn
-    from, so that the mean power of any part of the volume is exactly that of :func:`mean_clutter_power`; its amplitude is circular
-    normal (many drops, fully developed speckle). Points move with the wind, its turbulence (normal, each axis) and their fall, whose speed is drawn from
-    the drops' sizes by what they send back.
+    Near range bins get more points than far ones. Ranges are even within each bin, directions are drawn in proportion
+    to the two-way gain. Point i has the mean cross-section :math:`\sigma_i = \eta R_i^2 \cos\theta_i / p(R_i, \phi_i,
+    \theta_i)` with p the density that it was drawn from, so that the mean power of any part of the volume is exactly
+    that of :func:`mean_clutter_power`; its amplitude is circular normal (many drops, fully developed speckle). Points
+    move with the wind, its turbulence (normal, each axis) and their fall, whose speed is drawn from the drops' sizes by
+    what they send back.
 
-    *Not modelled*: multipath of the rain's echo over the ground, depolarisation, correlation of turbulence, the second order of a
-    point's range within a frame, which would cost 60 times as much and only change which random numbers a cell gets.
+    *Not modelled*: multipath of the rain's echo over the ground, depolarisation, correlation of turbulence, the second
+    order of a point's range within a frame, which would cost 60 times as much and only change which random numbers a
+    cell gets.
     """
     step = radar.range_resolution
     mount = Mount.of(mount)
@@ -242,9 +258,9 @@ def volume_clutter(
     num_bins = math.ceil(limit / step - 1e-9)
     if num_bins == 0 or not (drops := falling(weather, radar.center_frequency)):
         return RadarPaths.empty(pose)
-    lower = np.maximum(np.arange(num_bins) * step, NEAREST)
+    lower = np.maximum(np.arange(num_bins) * step, sampling.nearest)
     width = np.maximum(np.minimum((np.arange(num_bins) + 1) * step, limit) - lower, 0.0)
-    number = _points_per_bin(lower + width / 2.0, sampling.num_points)
+    number = _points_per_bin(lower + width / 2.0, sampling)
     of_bin = np.repeat(np.arange(num_bins), number)
     place = np.arange(len(of_bin)) - np.repeat(np.cumsum(number) - number, number)
     distance = lower[of_bin] + width[of_bin] * (place + rng.random(len(of_bin))) / number[of_bin]
@@ -274,12 +290,14 @@ def spray_clutter(
     radar: RadarSpec,
     mount: Mount | Pose,
     rng: np.random.Generator,
-    num_points: int = POINTS_PER_CLOUD,
+    num_points: int = DEFAULT_WEATHER_ECHOES.points_per_cloud,
+    nearest: float = DEFAULT_WEATHER_ECHOES.nearest,
 ) -> RadarPaths:
     """Return the echoes of the spray behind vehicles as paths of random points, see :class:`SprayCloud`.
 
-    Parameters and result are those of :func:`volume_clutter`; `num_points` is the number of points of one cloud. The points of a cloud share its whole
-    cross-section, the integral of its reflectivity.
+    Parameters and result are those of :func:`volume_clutter`; `num_points` is the number of points of one cloud,
+    `nearest` the distance [m] from which on drops count. The points of a cloud share its whole cross-section, the
+    integral of its reflectivity.
     """
     mount = Mount.of(mount)
     pose = mount.pose
@@ -302,7 +320,7 @@ def spray_clutter(
         motion = cloud.speed * fade[:, None] * cloud.world_from_cloud.rotation[:, 0]
         motion = motion + state.world.weather.turbulence * rng.standard_normal(motion.shape)
         amplitude = _speckle(rng, num_points)
-        kept = (distance > NEAREST) & _in_sight(state, pose, sight, distance)
+        kept = (distance > nearest) & _in_sight(state, pose, sight, distance)
         blocks.append(
             point_targets(pose.position + (distance[:, None] * sight)[kept], motion[kept], sigma[kept], radar, mount)
         )
@@ -316,8 +334,11 @@ def through_weather(
     radar: RadarSpec,
     rng: np.random.Generator | None,
     radar_twist: Twist | None = None,
+    settings: RadarSettings | None = None,
 ) -> RadarPaths:
-    """Return the paths of a scene as they are in its weather: attenuated, with the echoes of rain, snow and spray behind them.
+    """Return the paths of a scene as they are in its weather.
+
+    Attenuated, with the echoes of rain, snow and spray behind them.
 
     Parameters
     ----------
@@ -330,6 +351,8 @@ def through_weather(
         Of the drops' places and speckle; None leaves their echoes out.
     radar_twist : Twist, optional
         As given to the solver.
+    settings : RadarSettings, optional
+        Its `weather_echoes`, and of its `accuracy` the floor below which echoes of the air are left out.
 
     Returns
     -------
@@ -340,37 +363,40 @@ def through_weather(
     if weather.is_clear:
         return paths
     values = tuple(weather_attenuation(weather, radar.center_frequency, name) for name in ("V", "H"))  # type: ignore[arg-type]
-    told: dict[str, Any] = {"attenuation_db_per_km": dict(zip("VH", values, strict=True))}
+    report: dict[str, Any] = {"attenuation_db_per_km": dict(zip("VH", values, strict=True))}
     blocks = [paths]
     if rng is not None:
-        budget = clutter_budget(weather, radar)
+        settings = settings or RadarSettings()
+        knobs = settings.weather_echoes
+        budget = clutter_budget(weather, radar, settings=settings)
+        sampling = VolumeSampling(budget.reach, knobs.num_points, knobs.least_per_bin, knobs.nearest)
         mount = Mount(paths.world_from_tx, radar_twist or Twist())
-        rained = volume_clutter(weather, radar, mount, rng, state, VolumeSampling(reach=budget.reach))
-        splashed = spray_clutter(state, radar, mount, rng)
-        blocks += [rained, splashed]
-        told |= _told(budget, rained, splashed)
-    diagnostics = {**paths.diagnostics, "weather": told}
+        volume = volume_clutter(weather, radar, mount, rng, state, sampling)
+        clouds = spray_clutter(state, radar, mount, rng, knobs.points_per_cloud, knobs.nearest)
+        blocks += [volume, clouds]
+        report |= _report(budget, volume, clouds, settings.accuracy.channel_floor_db)
+    diagnostics = {**paths.diagnostics, "weather": report}
     whole = RadarPaths.concatenate(blocks, diagnostics)
     return attenuate(whole, radar, (values[0], values[1]))
 
 
-def _told(budget: ClutterBudget, rained: RadarPaths, splashed: RadarPaths) -> Mapping[str, Any]:
-    floor = f"at most {DEFAULT_ACCURACY.channel_floor_db:g} dB over the noise of a range-Doppler-angle cell"
+def _report(budget: ClutterBudget, volume: RadarPaths, clouds: RadarPaths, floor_db: float) -> Mapping[str, Any]:
+    floor = f"at most {floor_db:g} dB over the noise of a range-Doppler-angle cell"
     left = "nothing falls" if math.isinf(budget.reflectivity_db) else f"beyond {budget.reach:.1f} m: {floor}"
     return {
-        "clutter_points": rained.num_paths,
+        "clutter_points": volume.num_paths,
         "clutter_reach": budget.reach,
         "clutter_reflectivity_db": budget.reflectivity_db,
         "clutter_snr_db_at_5_10_20_50_m": budget.snr_db,
-        "spray_points": splashed.num_paths,
+        "spray_points": clouds.num_paths,
         "left_out": left,
     }
 
 
-def _points_per_bin(distance: Array, num_points: int) -> npt.NDArray[np.int64]:
-    """Return how many points each range bin gets: in proportion to 1 / R, at least `LEAST_PER_BIN`."""
-    share = num_points / distance / np.sum(1.0 / distance)
-    return np.maximum(np.rint(share).astype(np.int64), LEAST_PER_BIN)
+def _points_per_bin(distance: Array, sampling: VolumeSampling) -> npt.NDArray[np.int64]:
+    """Return how many points each range bin gets: in proportion to 1 / R, at least `least_per_bin`."""
+    share = sampling.num_points / distance / np.sum(1.0 / distance)
+    return np.maximum(np.rint(share).astype(np.int64), sampling.least_per_bin)
 
 
 def _in_cloud(cloud: SprayCloud, pose: Pose, number: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:

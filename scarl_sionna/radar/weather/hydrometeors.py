@@ -1,6 +1,9 @@
-"""Drops and flakes at millimetre waves: how many there are of each size, what they send back and take, how fast they fall.
+"""Drops and flakes at millimetre waves.
 
-Rayleigh's law does not hold at 77 GHz, where a drop is as large as the wavelength: cross-sections are those of the Mie series.
+How many there are of each size, what they send back and take, how fast they fall.
+
+Rayleigh's law does not hold at 77 GHz, where a drop is as large as the wavelength: cross-sections are those of the Mie
+series.
 """
 
 from __future__ import annotations
@@ -75,10 +78,10 @@ class Hydrometeors:
         """Mean speed of fall, weighted with what each size sends back [m/s]."""
         return float(self.fall_speed @ self.backscatter_share)
 
-    def draw_fall_speeds(self, number: int, generator: np.random.Generator) -> Array:
+    def draw_fall_speeds(self, number: int, rng: np.random.Generator) -> Array:
         """Return speeds of fall [m/s] of random scatterers, drawn by the power they send back, shape (number,)."""
         edges = np.cumsum(self.backscatter_share)
-        return np.interp(generator.random(number) * edges[-1], np.concatenate([[0.0], edges]), self._speed_edges)
+        return np.interp(rng.random(number) * edges[-1], np.concatenate([[0.0], edges]), self._speed_edges)
 
     @property
     def _speed_edges(self) -> Array:
@@ -111,8 +114,8 @@ def rain(rain_rate: float, frequency: float, temperature: float, sizes: DropSize
     .. math:: N(D) = N_0 e^{-\Lambda D}, \quad \Lambda = \Lambda_1 R^{-0.21}, \quad
         \eta = \int \sigma_b(D) N(D) \, dD
 
-    *Error*: real drops are flattened (VV and HH differ by about 1 dB at 50 mm/h), and measured distributions of one rain rate
-    differ by several dB in eta: compare the four of `sizes`.
+    *Error*: real drops are flattened (VV and HH differ by about 1 dB at 50 mm/h), and measured distributions of one
+    rain rate differ by several dB in eta: compare the four of `sizes`.
     """
     if sizes not in RAIN_SIZES:
         raise ParameterRangeError("sizes", repr(sizes), ", ".join(RAIN_SIZES))
@@ -162,9 +165,10 @@ def snow(snow_rate: float, frequency: float, kind: Literal["dry", "wet"], temper
 
     Notes
     -----
-    Recommendation ITU-R P.838 does not cover snow. The sizes are those of Sekhon and Srivastava over the melted diameter; the
-    flake is a sphere of the same mass whose ice and water fill the share 0.2 (dry) or 0.4 (wet) of its volume, with the mean
-    refractive index of its parts. Flakes are no spheres: backscatter of dry snow is right within about 5 dB up to 2 mm/h.
+    Recommendation ITU-R P.838 does not cover snow. The sizes are those of Sekhon and Srivastava over the melted
+    diameter; the flake is a sphere of the same mass whose ice and water fill the share 0.2 (dry) or 0.4 (wet) of its
+    volume, with the mean refractive index of its parts. Flakes are no spheres: backscatter of dry snow is right within
+    about 5 dB up to 2 mm/h.
     """
     if kind not in SNOW_SOLID:
         raise ParameterRangeError("kind", repr(kind), "'dry' or 'wet'")
@@ -190,7 +194,10 @@ def _grid(largest: float) -> tuple[Array, float]:
 def _cloud(
     melted: Array, number: Array, diameter: Array, permittivity: complex, frequency: float, fall: Array
 ) -> Hydrometeors:
-    """Return the sums over sizes: `number` [1/m3] spheres of each `diameter`, which hold the water of `melted` diameters."""
+    """Return the sums over sizes.
+
+    `number` [1/m3] spheres of each `diameter`, which hold the water of `melted` diameters.
+    """
     extinction, _, backscatter = mie_efficiencies(permittivity, np.pi * diameter * frequency / SPEED_OF_LIGHT)
     disc = np.pi / 4.0 * diameter**2
     echoes = number * disc * backscatter

@@ -12,33 +12,22 @@ import numpy as np
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
 from scarl_sionna.core.settings.plan import ChannelPlan, Share
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.settings.sbr import SMALLEST_SIZE, SbrSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.settings.scatterers import ScattererSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.antennas import refuse_receiver
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import ScattererModel, loaded_models
 
-from .budget import LONG, Estimate, estimate, num_tubes, own_bounces
+from .budget import Estimate, estimate, num_tubes, own_bounces
 from .hybrid import solve_hybrid
-from .mirrors import Mirror, find_mirrors
+from .mirrors import PRESELECTION_MARGIN, Mirror, find_mirrors
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
-
-TOO_NEAR = 1.0
-"""What stands nearer than this [m] is the carrier of the radar, or fills its view: left to `raycast`."""
-MIRROR_CLASSES = ("Roads", "SideWalks", "Ground", "Water", "Wall", "Building", "Bridge")
-"""Classes whose large flat faces act as mirrors."""
-SMALLEST_MIRROR = 1.0
-"""Narrower faces [m] are no mirrors for `auto`."""
-VEHICLES = ("Car", "Truck", "Bus", "Train", "Motorcycle", "Bicycle")
-"""Classes whose further bounces are weak, by the chart of the car: the tolerance limits their number."""
-KNOBS = ((2.0, 2.0, 0.1, 2), (1.0, 1.0, 0.05, 2), (0.2, 0.4, 0.02, 3), (0.0, 0.2, 0.01, 3))
-"""Tolerance from which it holds [dB], max_phase [rad], integration_phase [rad], bounces of `sbr` on a vehicle at most."""
 
 
 @dataclass
@@ -65,16 +54,16 @@ def solve_auto(
     mount : Mount
         Pose and velocity of the radar.
     settings : RadarSettings
-        Its `accuracy` (tolerance, floor and budget), `max_distance` (the unambiguous range if None), `scatterers` (models of
-        objects that have them) and `raycast` (for what falls to it).
+        Its `accuracy` (tolerance, floor and budget), `auto` (the rules), `max_distance` (the unambiguous range if
+        None), `mirrors`, `scatterers` (models of objects that have them) and `raycast` (for what falls to it).
     receiver : Mount, optional
         Refused: this solver is monostatic.
 
     Returns
     -------
     RadarPaths
-        ``diagnostics["choices"]`` says for every instance in view who computes it and why, ``diagnostics["left_out"]`` what is
-        not computed and how much power it can hold.
+        ``diagnostics["choices"]`` says for every instance in view who computes it and why, ``diagnostics["left_out"]``
+        what is not computed and how much power it can hold.
 
     Raises
     ------
@@ -102,7 +91,7 @@ def solve_auto(
 
 
 def plan_channel(
-    state: WorldState, radar: RadarSpec, mount: Mount | Pose, *, settings: RadarSettings | None = None, **fields: Any
+    state: WorldState, radar: RadarSpec, mount: Mount | Pose, *, settings: RadarSettings | None = None, **fields: object
 ) -> ChannelPlan:
     """Return the plan that ``method="auto"`` follows, to look at or to change before ``method="hybrid"``.
 
@@ -122,33 +111,43 @@ def _planned(
     state: WorldState, radar: RadarSpec, pose: Pose, settings: RadarSettings
 ) -> tuple[list[_Choice], ChannelPlan]:
     """Return what becomes of each instance, and the plan of it."""
-    reach = radar.max_range if settings.max_distance is None else settings.max_distance
-    models = loaded_models(settings.scatterers.models)
-    choices, mirrors, echoes = _choose(state, radar, pose, reach, settings.accuracy, models)
-    return choices, _plan(choices, mirrors, echoes, settings.scatterers.with_(models=models))
+    view = _View(state, radar, pose, settings, loaded_models(settings.scatterers.models))
+    choices, mirrors, echoes = _choose(view)
+    return choices, _plan(choices, mirrors, echoes, settings.scatterers.with_(models=view.models))
 
 
-def _choose(
-    state: WorldState,
-    radar: RadarSpec,
-    pose: Pose,
-    reach: float,
-    accuracy: Accuracy,
-    models: Mapping[str, ScattererModel],
-) -> tuple[list[_Choice], tuple[int, ...], bool]:
+@dataclass(frozen=True, eq=False)
+class _View:
+    """A radar in a scene, with what its user asks for: all that the choices depend on."""
+
+    state: WorldState
+    radar: RadarSpec
+    pose: Pose
+    settings: RadarSettings
+    models: Mapping[str, ScattererModel]
+
+    @property
+    def reach(self) -> float:
+        """Half of the longest length [m]."""
+        limit = self.settings.max_distance
+        return self.radar.max_range if limit is None else limit
+
+
+def _choose(view: _View) -> tuple[list[_Choice], tuple[int, ...], bool]:
     """Return what becomes of each instance, the mirrors, and whether one of them faces the radar."""
-    items = [estimate(state, radar, pose, number, reach) for number in state.world.instances]
+    state, radar, pose, reach, rules = view.state, view.radar, view.pose, view.reach, view.settings.auto
+    items = [estimate(state, radar, pose, number, reach, rules) for number in state.world.instances]
     items.sort(key=lambda item: (item.info.actor is None, -item.expected_db, item.number))
-    budget = accuracy.tube_budget
-    mirrors = _mirrors(state, radar, pose, items)
+    budget = view.settings.accuracy.tube_budget
+    mirrors = _mirrors(view, items)
     flat = {int(state.world.parts.instance[mirror.part]) for mirror in mirrors}
     seen = [item.number for item in items if item.in_view and item.is_coherent and item.info.is_object]
-    bounces = own_bounces(state, pose, [number for number in seen if number not in flat])
+    bounces = own_bounces(state, pose, [number for number in seen if number not in flat], rules)
     choices = []
     for item in items:
-        choice = _one(item, radar, pose, state, accuracy, models, flat, bounces)
+        choice = _one(view, item, flat, bounces)
         if choice.method == "sbr":
-            choice = _within(choice, radar, budget)
+            choice = _within(view, choice, budget)
             budget -= choice.tubes
         choices.append(choice)
     pairs = (len(mirrors) + 1) * (len(mirrors) + 2) // 2 - 1  # of a way there and a way back, but for the straight one
@@ -161,55 +160,59 @@ def _choose(
     return choices, tuple(sorted(flat)) if needed else (), echoes
 
 
-def _within(choice: _Choice, radar: RadarSpec, budget: int) -> _Choice:
-    """Return the choice, a vehicle's with one bounce only, or given to `raycast`, where it would cost more than is left."""
+def _within(view: _View, choice: _Choice, budget: int) -> _Choice:
+    """Return the choice, over the budget left a vehicle's with one bounce only, or given to `raycast`."""
     if choice.tubes <= budget or choice.settings is None:
         return choice
     tubes = choice.tubes
     if choice.item.info.actor is not None:
         single = choice.settings.with_(max_depth=1)
-        tubes = num_tubes(choice.item, radar, single)
+        tubes = num_tubes(choice.item, view.radar, single, view.settings.auto)
         if tubes <= budget:
             return _Choice(choice.item, "sbr", "one bounce only, for the budget", single, tubes)
     return _Choice(choice.item, "raycast", f"{tubes} tubes are over the budget of {budget} that is left: RCS by class")
 
 
-def _one(
-    item: Estimate, radar: RadarSpec, pose: Pose, state: WorldState, accuracy: Accuracy,
-    models: Mapping[str, ScattererModel], flat: set[int], bounces: Mapping[int, int],
-) -> _Choice:  # fmt: skip
+def _one(view: _View, item: Estimate, flat: set[int], bounces: Mapping[int, int]) -> _Choice:
+    """Return what becomes of an instance before the budget counts.
+
+    `flat` are the mirrors, `bounces` those on itself.
+    """
+    accuracy, rules = view.settings.accuracy, view.settings.auto
     semantic = SEMANTIC_CLASSES[item.info.semantic]
     if not item.in_view:
         return _Choice(item, "out of view", "out of the field of view or of range")
     if item.bound_db < accuracy.channel_floor_db:
         return _Choice(item, "left out", f"at most {item.bound_db:.0f} dB from the noise of a cell")
-    if item.distance < TOO_NEAR:
+    if item.distance < rules.too_near:
         return _Choice(item, "raycast", "at the radar")
-    if item.name in models:
-        model = models[item.name]
-        toward = _toward(state, item, pose)
+    if item.name in view.models:
+        model = view.models[item.name]
+        toward = _toward(view.state, item, view.pose)
         if item.distance >= model.nearest_distance and bool(model.inside(toward[None])[0]):
             return _Choice(item, "scatterers", "has a model that holds at this distance and aspect")
     if not item.is_coherent or not item.info.is_object:
         return _Choice(item, "raycast", "rough or without an outline: clutter by class")
     if item.number in flat:
         return _Choice(item, "raycast", "large flat faces: a mirror; its rough part by class")
-    if item.size < SMALLEST_SIZE * radar.wavelength:
-        return _Choice(item, "raycast", f"smaller than {SMALLEST_SIZE:g} wavelengths: RCS by class")
-    settings = sbr_settings(accuracy.channel_tolerance_db)
+    if item.size < rules.smallest_body * view.radar.wavelength:
+        return _Choice(item, "raycast", f"smaller than {rules.smallest_body:g} wavelengths: RCS by class")
+    settings = sbr_settings(accuracy.channel_tolerance_db, rules)
     depth = bounces[item.number]
-    if semantic in VEHICLES:
+    if semantic in rules.vehicle_classes:
         depth = min(depth, settings.max_depth)
-    elif item.size > LONG:  # probes are too far apart there, and it sees itself along its length
+    elif item.size > rules.long_object:  # probes are too far apart there, and it sees itself along its length
         depth = settings.max_depth
     settings = settings.with_(max_depth=depth)
-    return _Choice(item, "sbr", "coherent body", settings, num_tubes(item, radar, settings))
+    return _Choice(item, "sbr", "coherent body", settings, num_tubes(item, view.radar, settings, rules))
 
 
-def sbr_settings(tolerance_db: float) -> SbrSettings:
+def sbr_settings(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrSettings:
     """Return the knobs of `sbr` for a tolerance, by the charts of docs/accuracy.md."""
-    _, max_phase, integration_phase, depth = next(row for row in KNOBS if tolerance_db >= row[0])
-    return SbrSettings(max_phase=max_phase, integration_phase=integration_phase, max_depth=depth)
+    level = next(level for level in rules.levels if tolerance_db >= level.tolerance_db)
+    return SbrSettings(
+        max_phase=level.max_phase, integration_phase=level.integration_phase, max_depth=level.vehicle_bounces
+    )
 
 
 def _toward(state: WorldState, item: Estimate, pose: Pose) -> np.ndarray:
@@ -220,16 +223,20 @@ def _toward(state: WorldState, item: Estimate, pose: Pose) -> np.ndarray:
     return np.asarray(offset / max(float(np.linalg.norm(offset)), 1e-9))
 
 
-def _mirrors(state: WorldState, radar: RadarSpec, pose: Pose, items: list[Estimate]) -> list[Mirror]:
+def _mirrors(view: _View, items: list[Estimate]) -> list[Mirror]:
+    rules = view.settings.auto
     chosen = [
-        item.number for item in items
-        if item.in_view and item.info.actor is None and SEMANTIC_CLASSES[item.info.semantic] in MIRROR_CLASSES
-        and float(np.sort(item.info.size)[1]) > SMALLEST_MIRROR
-    ]  # fmt: skip
+        item.number
+        for item in items
+        if item.in_view
+        and item.info.actor is None
+        and SEMANTIC_CLASSES[item.info.semantic] in rules.mirror_classes
+        and float(np.sort(item.info.size)[1]) > rules.smallest_mirror
+    ]
     if not chosen:
         return []
-    found = find_mirrors(state, chosen, pose.position, radar.wavelength)
-    return [mirror for mirror in found if mirror.extent > SMALLEST_MIRROR]
+    found = find_mirrors(view.state, chosen, view.pose.position, view.radar.wavelength, view.settings.mirrors)
+    return [mirror for mirror in found if mirror.extent > rules.smallest_mirror]
 
 
 def _faces_radar(mirrors: list[Mirror], radar: RadarSpec, pose: Pose, reach: float) -> bool:
@@ -239,7 +246,11 @@ def _faces_radar(mirrors: list[Mirror], radar: RadarSpec, pose: Pose, reach: flo
         x, y, z = (-height * mirror.normal) @ pose.rotation
         inside = abs(np.degrees(np.arctan2(y, x))) <= radar.azimuth_fov_deg / 2.0
         inside &= abs(np.degrees(np.arctan2(z, np.hypot(x, y)))) <= radar.elevation_fov_deg / 2.0
-        if inside and abs(height) < reach and mirror.near(pose.position - height * mirror.normal, 0.1 * mirror.extent):
+        if (
+            inside
+            and abs(height) < reach
+            and mirror.near(pose.position - height * mirror.normal, PRESELECTION_MARGIN * mirror.extent)
+        ):
             return True
     return False
 
@@ -270,7 +281,11 @@ def _plan(choices: list[_Choice], mirrors: tuple[int, ...], echoes: bool, scatte
 def _row(choice: _Choice) -> dict[str, Any]:
     item = choice.item
     return {
-        "instance": item.name, "method": choice.method, "reason": choice.reason, "distance": round(item.distance, 3),
-        "bound_to_noise_db": round(item.bound_db, 1), "expected_to_noise_db": round(item.expected_db, 1),
+        "instance": item.name,
+        "method": choice.method,
+        "reason": choice.reason,
+        "distance": round(item.distance, 3),
+        "bound_to_noise_db": round(item.bound_db, 1),
+        "expected_to_noise_db": round(item.expected_db, 1),
         "tubes": choice.tubes,
-    }  # fmt: skip
+    }

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
@@ -25,21 +26,9 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-DIFFUSE_CLASSES = frozenset(
-    {"Roads", "SideWalks", "RoadLine", "Ground", "Terrain", "Vegetation", "Water", "Pedestrian", "Rider", "Sky"}
-)
-"""Classes without coherent bodies: rough or soft, many unresolved scatterers in a resolution cell."""
-SPECKLE_DB = 10.0
-"""A rough surface is taken to send back at most this much more than its mean: 4.5e-5 of exponential speckle is above."""
-
-LONG = 20.0
-"""Objects longer than this [m] (guardrails, walls) are followed by many more tubes after each bounce."""
-
-PROBES = 256
-"""Rays that find out how often an object reflects to itself."""
-LEAST_SHARE = 0.01
-"""Part of those rays that must go on for another bounce to count: a corner reflector on a body is often small."""
-MOST_BOUNCES = 3
+_WIDE_BOX = np.radians(10.0)
+"""Half the angle from which on a box is taken to stand where the antenna is best: only loosens the bound of its
+power."""
 
 
 @dataclass(frozen=True)
@@ -84,17 +73,20 @@ class Estimate:
         return self.info.name
 
 
-def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach: float) -> Estimate:
+def estimate(
+    state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach: float, rules: AutoSettings = DEFAULT_AUTO
+) -> Estimate:
     r"""Return distance, size and bounds of an instance.
 
     Notes
     -----
-    A body of projected area A at the distance d has at most the RCS of a flat plate of that area, or of an infinite mirror:
+    A body of projected area A at the distance d has at most the RCS of a flat plate of that area, or of an infinite
+    mirror:
 
     .. math:: \sigma \le \min(4 \pi A^2 / \lambda^2, \pi d^2)
 
-    The second is the image source, :math:`\lambda / (4 \pi \cdot 2 d)`. Concave bodies that focus can exceed it. Of a diffuse
-    class it is its mean, gamma A, and `SPECKLE_DB`.
+    The second is the image source, :math:`\lambda / (4 \pi \cdot 2 d)`. Concave bodies that focus can exceed it. Of a
+    diffuse class it is its mean, gamma A, and `speckle_db`.
     """
     info = state.world.instances[number]
     box = info.frame_from_box if info.actor is None else state.actor_pose(info.actor).compose(info.frame_from_box)
@@ -109,65 +101,73 @@ def estimate(state: WorldState, radar: RadarSpec, pose: Pose, number: int, reach
     semantic = SEMANTIC_CLASSES[info.semantic]
     mean = float(class_reflectivity()[info.semantic]) * area
     flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
-    coherent = semantic not in DIFFUSE_CLASSES and _smooth_share(state, info) > 0.5
-    largest = flat if coherent else mean * 10.0 ** (SPECKLE_DB / 10.0)
+    coherent = semantic not in rules.diffuse_classes and _smooth_share(state, info) > rules.smooth_share
+    largest = flat if coherent else mean * 10.0 ** (rules.speckle_db / 10.0)
     scale = dbm_to_watt(radar.front_end.tx_power_dbm) * gain**2 * float(radar_gain(radar.wavelength, distance))
     scale /= angle_cell_noise_power(radar)
     triangles = state._triangles
     faces = sum(int(triangles.first[part + 1] - triangles.first[part]) for part in info.parts)
     return Estimate(
-        number, info, distance, float(info.size.max()), area, in_view and distance < reach,
-        _db(scale * largest), _db(scale * mean), faces, coherent,
-    )  # fmt: skip
+        number,
+        info,
+        distance,
+        float(info.size.max()),
+        area,
+        in_view and distance < reach,
+        _db(scale * largest),
+        _db(scale * mean),
+        faces,
+        coherent,
+    )
 
 
-def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrSettings) -> int:
-    """Return about how many patches `sbr` makes of an instance, within a factor of three for those of highway_guardrail.
-
-    Half of the faces are lit, long edges are cut in steps of the edge spacing, and each further bounce doubles the number; on long
-    things, which see themselves along their length, it multiplies by six.
-    """
+def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrSettings, rules: AutoSettings = DEFAULT_AUTO) -> int:
+    """Return about how many patches `sbr` makes of an instance, by the fit of :class:`.TubeEstimate`."""
+    fit = rules.tubes
     side = np.sqrt(4.0 * settings.max_phase * item.distance * radar.wavelength / (2.0 * np.pi))
     edges = item.size / settings.spacings(radar.wavelength, side)[1] * np.sqrt(item.num_faces / 100.0)
-    growth = 6 if item.size > LONG else 2
-    return int(growth ** (settings.max_depth - 1) * (1000.0 + 0.5 * item.num_faces + 1.5 * edges))
+    growth = fit.growth_long if item.size > rules.long_object else fit.growth
+    once = fit.least + fit.per_face * item.num_faces + fit.per_edge * edges
+    return int(growth ** (settings.max_depth - 1) * once)
 
 
-def own_bounces(state: WorldState, pose: Pose, numbers: Sequence[int]) -> dict[int, int]:
-    """Return how many bounces objects make of a ray from the radar on themselves, 1 to `MOST_BOUNCES`.
+def own_bounces(
+    state: WorldState, pose: Pose, numbers: Sequence[int], rules: AutoSettings = DEFAULT_AUTO
+) -> dict[int, int]:
+    """Return how many bounces objects make of a ray from the radar on themselves, 1 to `max_bounces`.
 
-    Rays go to points spread evenly over what of each object's faces looks at the radar, and on in the mirror direction: a plate
-    or a ball has one bounce, a dihedral two, a corner reflector three.
+    Rays go to points spread evenly over what of each object's faces looks at the radar, and on in the mirror direction:
+    a plate or a ball has one bounce, a dihedral two, a corner reflector three.
     """
     targets, owner = [], []
     for number in numbers:
-        points = _lit_points(state, pose, number)
+        points = _lit_points(state, pose, number, rules.num_probes)
         targets.append(points)
         owner.append(np.full(len(points), number))
     bounces = dict.fromkeys(numbers, 1)
     if not numbers:
         return bounces
-    who = np.concatenate(owner)
+    owner_of_ray = np.concatenate(owner)
     sight = np.concatenate(targets) - pose.position
     direction = sight / np.linalg.norm(sight, axis=1, keepdims=True)
     origin = np.broadcast_to(pose.position, direction.shape)
     instance = state.world.parts.instance
-    sent = {number: max(int(np.sum(who == number)), 1) for number in numbers}
-    for bounce in range(1, MOST_BOUNCES + 1):
+    sent = {number: max(int(np.sum(owner_of_ray == number)), 1) for number in numbers}
+    for bounce in range(1, rules.max_bounces + 1):
         hits = state.cast(origin, direction)
-        own = instance[hits.part] == who[hits.ray]
+        own = instance[hits.part] == owner_of_ray[hits.ray]
         ray = hits.ray[own]
-        who, direction, normal = who[ray], direction[ray], hits.normal[own]
-        for number in np.unique(who).tolist():
-            if np.sum(who == number) >= LEAST_SHARE * sent[number]:
+        owner_of_ray, direction, normal = owner_of_ray[ray], direction[ray], hits.normal[own]
+        for number in np.unique(owner_of_ray).tolist():
+            if np.sum(owner_of_ray == number) >= rules.bounce_share * sent[number]:
                 bounces[number] = max(bounces[number], bounce)
         direction = direction - 2.0 * np.einsum("ij,ij->i", direction, normal)[:, None] * normal
         origin = hits.point[own] + 1e-5 * (1.0 + hits.distance[own, None]) * normal
     return bounces
 
 
-def _lit_points(state: WorldState, pose: Pose, number: int) -> Array:
-    """Return points on the faces of an instance that look at the radar, evenly over their projected area, shape (n, 3)."""
+def _lit_points(state: WorldState, pose: Pose, number: int, count: int) -> Array:
+    """Return points on an instance's faces, evenly over their area as the radar sees it, shape (count, 3)."""
     triangles = state._triangles
     corners = triangles.of_parts(state.world.instances[number].parts)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
@@ -176,9 +176,9 @@ def _lit_points(state: WorldState, pose: Pose, number: int) -> Array:
     reach = np.cumsum(np.abs(np.einsum("ij,ij->i", cross, sight)))
     if not len(reach) or reach[-1] <= 0.0:
         return np.zeros((0, 3))
-    step = (np.arange(PROBES) + 0.5) / PROBES
+    step = (np.arange(count) + 0.5) / count
     face = np.searchsorted(reach, step * reach[-1])
-    first, second = (np.modf(step[:, None] * PROBES * np.array([0.7548776662, 0.5698402910]))[0]).T  # Roberts' sequence
+    first, second = (np.modf(step[:, None] * count * np.array([0.7548776662, 0.5698402910]))[0]).T  # Roberts' sequence
     flip = first + second > 1.0
     first, second = np.where(flip, 1.0 - first, first), np.where(flip, 1.0 - second, second)
     a, b, c = np.moveaxis(corners[face], 1, 0)
@@ -207,7 +207,7 @@ def _smooth_share(state: WorldState, info: InstanceInfo) -> float:
 
 
 def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) -> tuple[bool, float, float]:
-    """Return whether a box may be in the field of view, the antenna's largest power gain over it, and its width there [m].
+    """Return whether a box may be in view, the antenna's largest power gain over it, and the width in view there [m].
 
     The box is taken as its sphere; one wider than 20 deg as if it stood where the antenna is best.
     """
@@ -215,7 +215,7 @@ def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) 
     far = float(np.linalg.norm(center))
     fov = np.radians([radar.azimuth_fov_deg, radar.elevation_fov_deg])
     wide = 2.0 * np.tan(min(fov[0], 2.9) / 2.0) * float(size[2] + 1.0)
-    if far <= radius or np.arcsin(radius / far) > np.radians(10.0):
+    if far <= radius or np.arcsin(radius / far) > _WIDE_BOX:
         x, y, _ = (nearest - pose.position) @ pose.rotation
         behind = far > radius and np.abs(np.arctan2(y, x)) > fov[0] / 2.0 and _outside(pose, center, radius, fov)
         return not behind, float(field_gain(radar.array.pattern, np.array([[1.0, 0.0, 0.0]]))[0]) ** 2, wide

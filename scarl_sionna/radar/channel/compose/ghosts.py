@@ -1,8 +1,8 @@
 """Objects seen through mirrors: ground bounce and ghosts of whole meshes, solved from the radar's images.
 
-An object is solved alone, seen from the image of the transmitter and that of the receiver, so its scattering is that of the
-aspects under which the mirrored waves meet it. What the mirrors do to polarisation, length and rate, and what hides the way,
-is added path by path.
+An object is solved alone, seen from the image of the transmitter and that of the receiver, so its scattering is that of
+the aspects under which the mirrored waves meet it. What the mirrors do to polarisation, length and rate, and what hides
+the way, is added path by path.
 """
 
 from __future__ import annotations
@@ -22,20 +22,21 @@ from scarl_sionna.engine.paths.tracing import SPECULAR
 from scarl_sionna.engine.subset import alone
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
 from scarl_sionna.radar.channel.multipath.station import Station
+from scarl_sionna.radar.channel.scatterers import PlacedModel
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
-from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.signal.link import spreading
 
-from .mirror_faces import MirrorFaces
-from .mirrors import Leg, Mirror, Way, faces_of, leg, may_reach, mirrored, ways
+from .mirror_legs import Leg, MirrorView
+from .mirrors import Way, may_reach, mirrored, ways
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 FromImages = Callable[[Pose, Pose], RadarPaths]
-"""From the poses of two images of the radar, both with the same axes, to the paths of the object alone, nothing moving but it."""
+"""From the poses of two images of the radar, both with the same axes, to the paths of the object alone, nothing moving
+but it."""
 Faces = tuple[tuple[int, ...], tuple[int, ...]]
 """Numbers of the mirrors of a way there and of a way back, each in the order from the radar."""
 STRAIGHT: Faces = ((), ())
@@ -43,39 +44,26 @@ STRAIGHT: Faces = ((), ())
 
 
 def paths_through_mirrors(
-    state: WorldState,
-    radar: RadarSpec,
-    mount: Mount,
-    owned: Sequence[int],
-    solve: FromImages,
-    mirrors: Sequence[Mirror],
-    depth: int,
-    reach: float,
+    view: MirrorView, solve: FromImages, depth: int, reach: float
 ) -> list[tuple[RadarPaths, Faces]]:
     """Return the paths of objects over at least one mirror, one block for each pair of a way there and a way back.
 
-    With each block the faces of its ways: mirrors of one instance give the same chain of instances over different faces.
+    With each block the faces of its ways: mirrors of one instance give the same chain of instances over different
+    faces.
 
     Parameters
     ----------
-    state : WorldState
-    radar : RadarSpec
-    mount : Mount
-        Pose and velocity of the radar.
-    owned : sequence of int
-        Instances of the objects.
+    view : MirrorView
     solve : callable
-        The objects alone, instance ids those of `state`.
-    mirrors : sequence of Mirror
+        The objects alone, instance ids those of the view's state.
     depth : int
         Most mirrors of one way.
     reach : float
         Half of the longest length [m].
     """
-    pose = mount.pose
-    station, faces = Station(pose.position, mount.twist.linear, pose.rotation), faces_of(state, mirrors)
-    middle, corners = _box(state, owned)
-    open_ways = [way for way in ways(mirrors, depth) if may_reach(way, pose.position, corners)]
+    pose = view.mount.pose
+    middle, corners = _box(view.state, view.owned)
+    open_ways = [way for way in ways(view.mirrors, depth) if may_reach(way, pose.position, corners)]
     blocks = []
     for there, back in combinations_with_replacement(open_ways, 2):
         if not there and not back:
@@ -85,8 +73,7 @@ def paths_through_mirrors(
             continue
         axes = _looking((images[0] + images[1]) / 2.0, middle)
         tx, rx = (Pose.from_rotation(image, axes) for image in images)
-        found = solve(tx, rx)
-        block = _seen(state, radar, pose, station, found, (there, back), (tx, rx), owned, faces)
+        block = _seen(view, solve(tx, rx), (there, back), (tx, rx))
         met = tuple(mirror.number for mirror in there), tuple(mirror.number for mirror in back)
         blocks.append((block, met))
         if there is not back:
@@ -117,19 +104,15 @@ def _looking(start: Array, end: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
-def _seen(
-    state: WorldState, radar: RadarSpec, pose: Pose, station: Station, found: RadarPaths, both: tuple[Way, Way],
-    image: tuple[Pose, Pose], owned: Sequence[int], faces: MirrorFaces,
-) -> RadarPaths:  # fmt: skip
+def _seen(view: MirrorView, found: RadarPaths, both: tuple[Way, Way], image: tuple[Pose, Pose]) -> RadarPaths:
     """Return the paths as the radar itself sees them, without those that the surroundings hide."""
-    frequency = radar.center_frequency
-    legs: list[Leg] = []
-    for way, of_image, points in zip(both, image, (found.tx_point, found.rx_point), strict=True):
-        legs.append(leg(state, way, station, of_image.rotation, points, owned, frequency, faces))
+    state, pose = view.state, view.mount.pose
+    ends = zip(both, image, (found.tx_point, found.rx_point), strict=True)
+    legs = [view.leg(way, of_image.rotation, points) for way, of_image, points in ends]
     there, back = legs
     visible = there.visible & back.visible
     for one in legs:
-        visible &= _in_view(radar, pose, one.image)
+        visible &= _in_view(view.radar, pose, one.image)
     changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
     changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones)
     changed |= {
@@ -137,7 +120,7 @@ def _seen(
         "rx_point": back.image,
         "length_rate": found.length_rate
         - sum(np.einsum("pi,pi->p", way.direction, way.station_velocity) for way in legs),
-        "length_acceleration": _acceleration(state, found, station, legs),
+        "length_acceleration": _acceleration(state, found, view.station, legs),
         "instance": _chained(state, both, found.instance, None),
         "interaction": _chained(state, both, found.interaction, SPECULAR),
         "depth": (found.depth + len(both[0]) + len(both[1])).astype(np.int32),
@@ -149,7 +132,10 @@ def _seen(
 
 
 def _acceleration(state: WorldState, found: RadarPaths, station: Station, legs: Sequence[Leg]) -> Array:
-    """Return the second derivative of the lengths to scattering centres; `sbr` itself keeps to first order, so zero for it."""
+    """Return the second derivative of the lengths to scattering centres.
+
+    Paths of `sbr` are of first order in time: theirs is zero.
+    """
     result = np.zeros(found.num_paths)
     rows = np.flatnonzero(found.interaction[:, 0] == POINT_INTERACTION)
     part = np.array([state.world.instances[int(number)].parts[0] for number in found.instance[rows, 0]], dtype=np.int64)
@@ -174,9 +160,11 @@ def _chained(
     """Return labels along the way: mirrors there, the object's own, mirrors back; -1 behind the last."""
     count = len(own)
     ends = [
-        np.array([[state.world.parts.instance[mirror.part] if kind is None else kind for mirror in way]] * count)
-        .reshape(count, len(way)) for way in both
-    ]  # fmt: skip
+        np.array(
+            [[state.world.parts.instance[mirror.part] if kind is None else kind for mirror in way]] * count
+        ).reshape(count, len(way))
+        for way in both
+    ]
     columns = np.concatenate([ends[0], own, ends[1][:, ::-1]], axis=1)
     return np.take_along_axis(columns, np.argsort(columns == -1, axis=1, kind="stable"), axis=1).astype(np.int32)
 
@@ -193,13 +181,12 @@ def _reversed(block: RadarPaths) -> RadarPaths:
     return RadarPaths(**changed)
 
 
-def of_models(state: WorldState, radar: RadarSpec, models: dict[int, tuple[ScattererModel, Pose]]) -> FromImages:
+def of_models(state: WorldState, radar: RadarSpec, models: Sequence[PlacedModel]) -> FromImages:
     """Return what makes the paths of scattering centres between two images of the radar.
 
     Parameters
     ----------
-    models : dict
-        By instance id, with the model's frame in that of the actor, or in the world for a static object.
+    models : sequence of PlacedModel
 
     Notes
     -----
@@ -212,24 +199,28 @@ def of_models(state: WorldState, radar: RadarSpec, models: dict[int, tuple[Scatt
     """
 
     def solve(tx: Pose, rx: Pose) -> RadarPaths:
-        blocks = [_of_model(state, radar, tx, rx, number, *model) for number, model in sorted(models.items())]
+        blocks = [_of_model(state, radar, tx, rx, one) for one in sorted(models, key=lambda one: one.number)]
         joined: dict[str, Any] = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
         count = len(joined["semantic"])
         return RadarPaths(
-            **joined, inner_length=np.zeros(count), length_acceleration=np.zeros(count), interaction=np.full((count, 1), POINT_INTERACTION, np.int32),
-            depth=np.ones(count, np.int32), world_from_tx=tx, world_from_rx=rx,
-        )  # fmt: skip
+            **joined,
+            inner_length=np.zeros(count),
+            length_acceleration=np.zeros(count),
+            interaction=np.full((count, 1), POINT_INTERACTION, np.int32),
+            depth=np.ones(count, np.int32),
+            world_from_tx=tx,
+            world_from_rx=rx,
+        )
 
     return solve
 
 
 def _of_model(
-    state: WorldState, radar: RadarSpec, tx: Pose, rx: Pose, number: int, model: ScattererModel, frame: Pose
+    state: WorldState, radar: RadarSpec, tx: Pose, rx: Pose, placed: PlacedModel
 ) -> dict[str, npt.NDArray[Any]]:
-    info = state.world.instances[number]
-    body = Pose() if info.actor is None else state.actor_pose(info.actor)
-    world_from_model = body.compose(frame)
-    point = world_from_model.apply(model.centers)
+    info = state.world.instances[placed.number]
+    world_from_model = placed.world_from_model(state)
+    point = world_from_model.apply(placed.model.centers)
     velocity = state.point_velocity(np.full(len(point), info.parts[0], dtype=np.int64), point)
     turn, directions, distances, rate = [], [], [], np.zeros(len(point))
     for image in (tx, rx):
@@ -243,14 +234,14 @@ def _of_model(
         distances.append(distance)
     middle = directions[0] + directions[1]
     middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
-    matrix = model.matrices(-middle @ world_from_model.rotation)
+    matrix = placed.model.matrices(-middle @ world_from_model.rotation)
     scale = spreading(radar.wavelength, *distances)
     return {
         "tx_point": point,
         "rx_point": point,
         "a": np.einsum("nrb,nbc,ntc->nrt", turn[1], matrix, turn[0]) * scale[:, None, None],
         "length_rate": rate,
-        "instance": np.full((len(point), 1), number, dtype=np.int32),
+        "instance": np.full((len(point), 1), placed.number, dtype=np.int32),
         "semantic": np.full(len(point), info.semantic, dtype=np.uint8),
     }
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,12 +24,13 @@ from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
 from scarl_sionna.radar.channel.sbr.solve import solve_sbr
-from scarl_sionna.radar.channel.scatterers import solve_scatterers
+from scarl_sionna.radar.channel.scatterers import PlacedModel, solve_scatterers
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
 from .ghosts import STRAIGHT, Faces, of_meshes, of_models, paths_through_mirrors
+from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .plan import ResolvedPlan, resolve
 
@@ -39,7 +41,7 @@ SOLVERS_OF_OBJECTS = {"sbr": solve_sbr, "scatterers": solve_scatterers, "raycast
 
 
 class DoubleCountError(ScarlError):
-    """Two solvers gave paths with the same chain of instances and interactions over the same mirror faces: a defect of a solver."""
+    """Two solvers gave paths with the same chain over the same mirror faces: a defect of a solver."""
 
 
 def solve_hybrid(
@@ -54,16 +56,18 @@ def solve_hybrid(
     mount : Mount
         Pose and velocity of the radar.
     settings : RadarSettings
-        Its `plan`, `max_distance` (the unambiguous range if None), and the settings of each solver where a share has none.
+        Its `plan`, `max_distance` (the unambiguous range if None), and the settings of each solver where a share has
+        none.
     receiver : Mount, optional
         Refused: this solver is monostatic.
 
     Returns
     -------
     RadarPaths
-        Objects (`sbr`, `scatterers`, `raycast`), then chains of mirrors, then objects through mirrors, each in the order of its
-        solver. ``diagnostics["solvers"]`` has a row for each of them: what it computed, its paths and power, and what it
-        reports itself; ``diagnostics["seconds"]`` the time of each, ``diagnostics["left_out"]`` what nobody computes.
+        Objects (`sbr`, `scatterers`, `raycast`), then chains of mirrors, then objects through mirrors, each in the
+        order of its solver. ``diagnostics["solvers"]`` has a row for each of them: what it computed, its paths and
+        power, and what it reports itself; ``diagnostics["seconds"]`` the time of each, ``diagnostics["left_out"]`` what
+        no solver computes.
 
     Raises
     ------
@@ -94,12 +98,25 @@ def solve_hybrid(
         work.echoes()
     if resolved.mirrors and any(share.through_mirrors for share in plan.shares):
         start = time.perf_counter()
-        mirrors = find_mirrors(state, resolved.mirrors, pose.position, radar.wavelength)
+        mirrors = find_mirrors(state, resolved.mirrors, pose.position, radar.wavelength, settings.mirrors)
         work.clock["mirrors"] = time.perf_counter() - start
         for index in order:
             if plan.shares[index].through_mirrors:
                 work.ghosts(plan.shares[index], resolved.owned[index], mirrors)
     return work.result()
+
+
+@dataclass(frozen=True, eq=False)
+class _Contribution:
+    """What one solver adds to a solve: blocks of paths of a mechanism, and its row of the diagnostics."""
+
+    solver: str
+    mechanism: str
+    instances: Sequence[int]
+    blocks: Sequence[RadarPaths]
+    seconds: float
+    report: Mapping[str, Any]
+    faces: Sequence[Faces] | None = None
 
 
 class _Work:
@@ -115,25 +132,22 @@ class _Work:
         self.rows: list[dict[str, Any]] = []
         self.clock: dict[str, float] = {}
 
-    def _add(
-        self, solver: str, mechanism: str, instances: Sequence[int], blocks: Sequence[RadarPaths], seconds: float,
-        faces: Sequence[Faces] | None = None, **row: Any,
-    ) -> None:  # fmt: skip
-        self.blocks.extend(blocks)
-        self.faces.extend([STRAIGHT] * len(blocks) if faces is None else faces)
-        power = sum(float(received_power(paths, self.radar).sum()) for paths in blocks)
+    def _add(self, new: _Contribution) -> None:
+        self.blocks.extend(new.blocks)
+        self.faces.extend([STRAIGHT] * len(new.blocks) if new.faces is None else new.faces)
+        power = sum(float(received_power(paths, self.radar).sum()) for paths in new.blocks)
         self.rows.append(
             {
-                "solver": solver,
-                "mechanism": mechanism,
-                "instances": [self.state.world.instances[number].name for number in instances],
-                "num_paths": sum(paths.num_paths for paths in blocks),
+                "solver": new.solver,
+                "mechanism": new.mechanism,
+                "instances": [self.state.world.instances[number].name for number in new.instances],
+                "num_paths": sum(paths.num_paths for paths in new.blocks),
                 "power_dbm": float(watt_to_dbm(power)) if power > 0.0 else None,
-                **row,
+                **new.report,
             }
         )
-        key = f"{solver}: {mechanism}"
-        self.clock[key] = self.clock.get(key, 0.0) + seconds
+        key = f"{new.solver}: {new.mechanism}"
+        self.clock[key] = self.clock.get(key, 0.0) + new.seconds
 
     def objects(self, share: Share, owned: Sequence[int]) -> None:
         """Compute what objects scatter straight back to the radar."""
@@ -146,7 +160,14 @@ class _Work:
             name: value for name, value in found.diagnostics.items() if name not in ("method", "left_out", "seconds")
         }
         self._add(
-            share.solver, "objects", owned, [found], time.perf_counter() - start, reason=share.reason, detail=detail
+            _Contribution(
+                solver=share.solver,
+                mechanism="objects",
+                instances=owned,
+                blocks=[found],
+                seconds=time.perf_counter() - start,
+                report={"reason": share.reason, "detail": detail},
+            )
         )
 
     def _settings(self, share: Share, owned: Sequence[int]) -> RadarSettings:
@@ -163,9 +184,11 @@ class _Work:
         names = [self.state.world.instances[number].name for number in owned]
         if missing := [name for name in names if name not in models]:
             raise ParameterRangeError(
-                "models", f"none for '{missing[0]}'", "a ScattererModel for every instance of the share",
+                "models",
+                f"none for '{missing[0]}'",
+                "a ScattererModel for every instance of the share",
                 "name only instances with a model, or give the others to another solver",
-            )  # fmt: skip
+            )
         return {name: models[name] for name in names}
 
     def echoes(self) -> None:
@@ -178,9 +201,15 @@ class _Work:
             found = solve_sionna(self.state, self.radar, self.mount, settings)
         allowed = np.isin(found.instance, [*self.plan.mirrors, -1]).all(axis=1)
         self._add(
-            "sionna", "mirror chains", self.plan.mirrors, [found.select(allowed)], time.perf_counter() - start,
-            num_foreign_chains=int((~allowed).sum()),
-        )  # fmt: skip
+            _Contribution(
+                solver="sionna",
+                mechanism="mirror chains",
+                instances=self.plan.mirrors,
+                blocks=[found.select(allowed)],
+                seconds=time.perf_counter() - start,
+                report={"num_foreign_chains": int((~allowed).sum())},
+            )
+        )
 
     def ghosts(self, share: Share, owned: Sequence[int], mirrors: Sequence[Mirror]) -> None:
         """Compute the objects of a share as they are seen through the mirrors."""
@@ -193,28 +222,20 @@ class _Work:
         else:
             frames, models = settings.scatterers.placements, loaded_models(settings.scatterers.models)
             names = {self.state.world.instances[number].name: number for number in owned}
-            solve = of_models(
-                self.state, self.radar,
-                {names[name]: (model, frames.get(name, Pose())) for name, model in models.items()},
-            )  # fmt: skip
-        found = paths_through_mirrors(
-            self.state,
-            self.radar,
-            self.mount,
-            owned,
-            solve,
-            mirrors,
-            self.plan.plan.mirror_depth,
-            self.reach,
-        )
+            placed = [PlacedModel(name, names[name], model, frames.get(name, Pose())) for name, model in models.items()]
+            solve = of_models(self.state, self.radar, placed)
+        view = MirrorView(self.state, self.radar, self.mount, owned, mirrors, self.settings.mirrors)
+        found = paths_through_mirrors(view, solve, self.plan.plan.mirror_depth, self.reach)
         self._add(
-            share.solver,
-            "objects through mirrors",
-            owned,
-            [paths.select(paths.length < 2.0 * self.reach) for paths, _ in found],
-            time.perf_counter() - start,
-            [faces for _, faces in found],
-            num_mirrors=len(mirrors),
+            _Contribution(
+                solver=share.solver,
+                mechanism="objects through mirrors",
+                instances=owned,
+                blocks=[paths.select(paths.length < 2.0 * self.reach) for paths, _ in found],
+                faces=[faces for _, faces in found],
+                seconds=time.perf_counter() - start,
+                report={"num_mirrors": len(mirrors)},
+            )
         )
 
     def result(self) -> RadarPaths:
@@ -255,6 +276,7 @@ def _check_chains(blocks: Sequence[RadarPaths], faces: Sequence[Faces] | None = 
             before = seen.setdefault(chain, set())
             if own in before or STRAIGHT in before or (before and own == STRAIGHT):
                 raise DoubleCountError(
-                    f"the chain {chain} (instance, interaction, ...) over the mirror faces {own} (there, back) was computed twice"
+                    f"the chain {chain} (instance, interaction, ...) over the mirror faces {own} (there, back) was "
+                    "computed twice"
                 )
             before.add(own)

@@ -7,27 +7,28 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS
 from scarl_sionna.scene.tables import RayHits
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Index = npt.NDArray[np.int64]
 
-NOBODY = -1
+NO_MIRROR = -1
 """Of a hit that is on no mirror."""
-AT_THE_PLANE = 1e-2
-"""What lies this near to a mirror's plane [m], such as a road marking, belongs to it."""
 COINCIDENT = 1e-4
-"""Planes this near to each other [m] are as good as one: of several mirrors there, the first is met."""
+"""Planes this near to each other [m] are one up to the rounding of float32 meshes: of several mirrors there, the first
+is met."""
 _PAIRS = 1 << 20
-"""Points times triangles that are looked at in one piece."""
+"""Points times triangles that are looked at in one piece: bounds the memory, changes no result."""
 
 
 class MirrorFaces:
     """The triangles of mirrors, and who owns a hit.
 
-    A reflection over a mirror counts only where the mirror owns the hit, so the same echo is not there twice: not over both planes of
-    a road near its crown, where they are less than `AT_THE_PLANE` apart, and not over two instances that lie in one plane.
+    A reflection over a mirror counts only where the mirror owns the hit, so the same echo is not there twice: not over
+    both planes of a road near its crown, where they are less than `thickness` apart, and not over two instances that
+    lie in one plane.
 
     Parameters
     ----------
@@ -40,22 +41,32 @@ class MirrorFaces:
         Planes of the mirrors: normal . x = offset [m, world].
     corners : sequence of ndarray of float64, shape (num_triangles, 3, 3)
         Of each mirror's triangles [m, world].
+    thickness : float
+        What lies this near to a mirror's plane, such as a road marking, belongs to it [m].
     """
 
     def __init__(
-        self, num_faces: int, faces: Sequence[Index], normal: Array, offset: Array, corners: Sequence[Array]
+        self,
+        num_faces: int,
+        faces: Sequence[Index],
+        normal: Array,
+        offset: Array,
+        corners: Sequence[Array],
+        thickness: float = DEFAULT_MIRRORS.thickness,
     ) -> None:
-        self._of_face = np.full(num_faces, NOBODY, dtype=np.int64)
+        self.thickness = thickness
+        self._of_face = np.full(num_faces, NO_MIRROR, dtype=np.int64)
         for number, rows in enumerate(faces):
             self._of_face[rows] = number
         self._normal, self._offset = normal.reshape(-1, 3), offset
         self._corners = tuple(corners)
 
     def owner(self, hits: RayHits, aim: Array) -> Index:
-        """Return the number of the mirror that each hit is on, `NOBODY` where it is on none.
+        """Return the number of the mirror that each hit is on, `NO_MIRROR` where it is on none.
 
-        A hit on a mirror's own triangle is on that mirror. One on anything else within `AT_THE_PLANE` of mirrors is on the
-        nearest of those that go on where the ray was aimed, or, where none does, of all of them: a marking may fill a hole.
+        A hit on a mirror's own triangle is on that mirror. One on anything else within `thickness` of mirrors is on the
+        nearest of those that go on where the ray was aimed, or, where none does, of all of them: a marking may fill a
+        hole.
 
         Parameters
         ----------
@@ -65,17 +76,17 @@ class MirrorFaces:
         """
         own = self._of_face[hits.face]
         height = np.abs(hits.point @ self._normal.T - self._offset)
-        here = np.where(own == NOBODY, AT_THE_PLANE, 0.0)
-        rows = np.flatnonzero(own != NOBODY)
+        here = np.where(own == NO_MIRROR, self.thickness, 0.0)
+        rows = np.flatnonzero(own != NO_MIRROR)
         here[rows] = height[rows, own[rows]] + COINCIDENT
         may = height < here[:, None]
-        result = np.where(may.any(axis=1), may.argmax(axis=1), NOBODY)
+        result = np.where(may.any(axis=1), may.argmax(axis=1), NO_MIRROR)
         several = np.flatnonzero(may.sum(axis=1) > 1)
         result[several] = self._nearest(aim[several], height[several], may[several], own[several])
         return result
 
     def _nearest(self, aim: Array, height: Array, may: Flags, own: Index) -> Index:
-        """Return the first of the nearest mirrors that go on where rays were aimed, among those that may own the hits."""
+        """Return the first of the nearest mirrors that go on where rays were aimed, of those that may own the hits."""
         under = np.zeros_like(may)
         for number in np.flatnonzero(may.any(axis=0)):
             rows = np.flatnonzero(may[:, number])

@@ -9,25 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.mirrors import DEFAULT_MIRRORS, MirrorSettings
 from scarl_sionna.engine.paths.tracing import mirror_extent
 from scarl_sionna.engine.rays.face_planes import face_table
-from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
-from scarl_sionna.radar.channel.multipath.station import Station
-
-from .mirror_faces import AT_THE_PLANE, MirrorFaces
+from scarl_sionna.radar.channel.multipath.images import Chain
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
-SAME_FACE = 1e-3
-"""Faces of a part whose corners are all this near to one plane [m] are one mirror: a quarter of the wavelength at 77 GHz."""
-MOST_MIRRORS = 16
-"""The largest so many are used: the number of pairs of ways grows with the square."""
-_LIFT = 1e-4
-"""Rays start this far above a mirror [m], so that they do not meet it again."""
+PRESELECTION_MARGIN = 0.1
+"""Mirrors' boxes are widened by this part of their extent where ways are sorted out before they are traced: decides no
+accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +68,13 @@ Way = tuple[Mirror, ...]
 """Mirrors in the order from the radar; empty: straight."""
 
 
-def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, wavelength: float) -> list[Mirror]:
+def find_mirrors(
+    state: WorldState,
+    instances: Sequence[int],
+    position: Array,
+    wavelength: float,
+    knobs: MirrorSettings = DEFAULT_MIRRORS,
+) -> list[Mirror]:
     r"""Return the flat regions of instances that are larger than the first Fresnel zone on them, the largest first.
 
     Parameters
@@ -85,6 +85,7 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
         Radar [m, world].
     wavelength : float
         [m].
+    knobs : MirrorSettings
 
     Notes
     -----
@@ -96,12 +97,16 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
     found: list[Mirror] = []
     chosen = np.flatnonzero(np.isin(state.world.parts.instance[faces.part], instances) & triangles.normal.any(axis=1))
     _, group = np.unique(faces.plane[chosen], return_inverse=True)
-    area = np.linalg.norm(
-        np.cross(
-            triangles.corners[chosen, 1] - triangles.corners[chosen, 0],
-            triangles.corners[chosen, 2] - triangles.corners[chosen, 0],
-        ), axis=1,
-    ) / 2.0  # fmt: skip
+    area = (
+        np.linalg.norm(
+            np.cross(
+                triangles.corners[chosen, 1] - triangles.corners[chosen, 0],
+                triangles.corners[chosen, 2] - triangles.corners[chosen, 0],
+            ),
+            axis=1,
+        )
+        / 2.0
+    )
     total = np.bincount(group, area)
     distance = np.linalg.norm(triangles.corners[chosen] - position, axis=2).min(axis=1)
     nearest = np.full(len(total), np.inf)
@@ -109,7 +114,7 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
     zone = np.sqrt(2.0 * wavelength * nearest)
     taken = np.zeros(len(chosen), dtype=np.bool_)
     for number in np.flatnonzero(total >= zone**2)[np.argsort(-total[total >= zone**2], kind="stable")]:
-        if len(found) == MOST_MIRRORS:
+        if len(found) == knobs.max_mirrors:
             break
         if taken[member := group == number].all():
             continue
@@ -118,21 +123,12 @@ def find_mirrors(state: WorldState, instances: Sequence[int], position: Array, w
         extent = mirror_extent(state, part, int(first - triangles.first[part]))
         if extent < zone[number]:
             continue
-        near = (np.abs(triangles.corners[chosen] @ normal - offset) < SAME_FACE).all(axis=1)
+        near = (np.abs(triangles.corners[chosen] @ normal - offset) < knobs.flatness).all(axis=1)
         near &= ~taken & (faces.part[chosen] == part)
         taken |= near
         rows = chosen[near]
         found.append(Mirror(len(found), part, rows, normal, offset, triangles.corners[rows].reshape(-1, 3), extent))
     return found
-
-
-def faces_of(state: WorldState, mirrors: Sequence[Mirror]) -> MirrorFaces:
-    """Return what tells which of the mirrors of :func:`find_mirrors` a ray has met."""
-    return MirrorFaces(
-        len(state._triangles.normal), [mirror.faces for mirror in mirrors],
-        np.array([mirror.normal for mirror in mirrors]), np.array([mirror.offset for mirror in mirrors]),
-        [mirror.corners.reshape(-1, 3, 3) for mirror in mirrors],
-    )  # fmt: skip
 
 
 def ways(mirrors: Sequence[Mirror], depth: int) -> Iterator[Way]:
@@ -152,129 +148,22 @@ def mirrored(way: Way, point: Array) -> Array:
 
 def may_reach(way: Way, position: Array, points: Array) -> bool:
     """Return whether the way leads from a position to one of some points over the boxes of its mirrors."""
-    chain = _chain(way, len(points))
+    chain = chain_of(way, len(points))
     images = chain.images(points)
     vertices, right = chain.vertices(position, images)
     return any(
-        bool(ok) and all(mirror.near(vertex, 0.1 * mirror.extent) for mirror, vertex in zip(way, row, strict=True))
+        bool(ok)
+        and all(
+            mirror.near(vertex, PRESELECTION_MARGIN * mirror.extent) for mirror, vertex in zip(way, row, strict=True)
+        )
         for ok, row in zip(right, vertices, strict=True)
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Leg:
-    """One way from a radar to points of an object.
-
-    Attributes
-    ----------
-    visible : ndarray of bool, shape (num_points,)
-        Whether the mirrors are there and nothing hides the way.
-    image : ndarray of float64, shape (num_points, 3)
-        The points as the radar sees them [m, world].
-    jones : ndarray of complex128, shape (num_points, 2, 2)
-        From the radar's spherical basis to that of the image of the radar (axes `rotation`), both along the wave.
-    direction : ndarray of float64, shape (num_points, 3)
-        From the image of the radar to the points.
-    station_velocity : ndarray of float64, shape (num_points, 3)
-        Of the image of the radar, by the motion of the radar and of the mirrors [m/s, world].
-    """
-
-    visible: npt.NDArray[np.bool_]
-    image: Array
-    jones: Complex
-    direction: Array
-    station_velocity: Array
-
-
-def leg(
-    state: WorldState,
-    way: Way,
-    station: Station,
-    rotation: Array,
-    points: Array,
-    owner: Sequence[int],
-    frequency: float,
-    faces: MirrorFaces,
-) -> Leg:
-    """Return a way to points.
-
-    Parameters
-    ----------
-    state : WorldState
-    way : Way
-        Mirrors from the radar on.
-    station : Station
-        The radar.
-    rotation : ndarray of float64, shape (3, 3)
-        Axes, as columns, of the frame of the radar's image.
-    points : ndarray of float64, shape (num_points, 3)
-        What the length is counted to: points of the object, or their images by its own bounces, which are seen in the
-        direction in which the wave meets the object first [m, world].
-    owner : sequence of int
-        Instances that do not hide these points: the solver that made them has seen to that.
-    frequency : float
-        [Hz].
-    faces : MirrorFaces
-        Of all mirrors of the solve.
-    """
-    chain = _chain(way, len(points))
-    images = chain.images(points)
-    vertices, right = chain.vertices(station.position, images)
-    travel = chain.travel(station.position, images)
-    names = sorted({state.world.parts.material[mirror.part] for mirror in way})
-    index = np.array([[names.index(state.world.parts.material[mirror.part]) for mirror in way]] * len(points))
-    jones = transfer(
-        chain,
-        travel,
-        spherical_basis(station.rotation, travel[:, 0]),
-        spherical_basis(rotation, travel[:, -1]),
-        material_coefficients(
-            [state.world.materials[name] for name in names], index.reshape(len(points), len(way)), frequency
-        ),
-    )
-    parts = np.array([[mirror.part for mirror in way]] * len(points), dtype=np.int64).reshape(len(points), len(way))
-    surface = state.point_velocity(parts.ravel(), vertices.reshape(-1, 3)).reshape(vertices.shape)
-    velocity = np.broadcast_to(station.velocity, points.shape).copy()
-    for k, mirror in enumerate(way):
-        velocity -= 2.0 * np.einsum("pi,i->p", velocity - surface[:, k], mirror.normal)[:, None] * mirror.normal
-    visible = right & _open(state, way, station.position, vertices, points, owner, faces)
-    return Leg(visible, images[:, 0], jones, travel[:, -1], velocity)
-
-
-def _chain(way: Way, count: int) -> Chain:
+def chain_of(way: Way, count: int) -> Chain:
+    """Return the chain of reflections of a way, the same for each of `count` points."""
     depth = len(way)
     normal = np.array([mirror.normal for mirror in way]).reshape(1, depth, 3)
     offset = np.array([mirror.offset for mirror in way]).reshape(1, depth)
     flat = np.ones((count, depth), dtype=bool)
     return Chain(flat, ~flat, np.repeat(normal, count, axis=0), np.repeat(offset, count, axis=0))
-
-
-def _open(
-    state: WorldState, way: Way, start: Array, vertices: Array, points: Array, owner: Sequence[int], faces: MirrorFaces
-) -> npt.NDArray[np.bool_]:
-    """Return which ways meet each mirror where it is, and no other mirror in its place, with nothing in between."""
-    count = len(points)
-    here, seen = np.broadcast_to(start, (count, 3)).copy(), np.ones(count, dtype=bool)
-    for k in range(len(way) + 1):
-        end = vertices[:, k] if k < len(way) else points
-        rows = np.flatnonzero(seen)
-        if len(rows) == 0:
-            return seen
-        ahead = end[rows] - here[rows]
-        distance = np.linalg.norm(ahead, axis=1)
-        far = distance > _LIFT
-        direction = np.where(far[:, None], ahead / np.maximum(distance, _LIFT)[:, None], [1.0, 0.0, 0.0])
-        hits = state.cast(here[rows], direction)
-        met = np.zeros(len(rows), dtype=bool)
-        if k < len(way):
-            met[hits.ray] = faces.owner(hits, end[rows[hits.ray]]) == way[k].number
-            side = np.sign(way[k].height(here[rows]))
-            lift = np.full(len(rows), _LIFT)
-            lift[hits.ray[np.abs(way[k].height(hits.point)) > _LIFT]] = AT_THE_PLANE  # out from under a marking
-            here[rows] = vertices[rows, k] + (lift * side)[:, None] * way[k].normal
-        else:
-            met[:] = True
-            foreign = ~np.isin(state.world.parts.instance[hits.part], owner)
-            met[hits.ray[foreign & (hits.distance < distance[hits.ray] - AT_THE_PLANE)]] = False
-        seen[rows] = met & far
-    return seen

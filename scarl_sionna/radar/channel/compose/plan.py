@@ -1,4 +1,4 @@
-"""A plan on a world: which instances each share owns, and that nobody computes an echo twice.
+"""A plan on a world: which instances each share owns, and that no echo is computed twice.
 
 The rule of ownership, and what it does not cover, stands in docs/accuracy.md.
 """
@@ -63,20 +63,24 @@ def resolve(plan: ChannelPlan, world: World) -> ResolvedPlan:
     for number in mirrors:
         if number in owner and plan.shares[owner[number]].solver in COHERENT:
             raise OwnershipError(
-                world.instances[number].name, f"'{plan.shares[owner[number]].solver}'", "the mirrors ('sionna')",
+                world.instances[number].name,
+                f"'{plan.shares[owner[number]].solver}'",
+                "the mirrors ('sionna')",
                 "its coherent reflection would be there twice",
                 "take it out of one of them; a mirror's rough part may be given to 'raycast'",
-            )  # fmt: skip
+            )
     owned = [tuple(number for number in sorted(owner) if owner[number] == index) for index in range(len(plan.shares))]
     return ResolvedPlan(plan, tuple(owned), tuple(mirrors))
 
 
 def _refuse(plan: ChannelPlan, world: World, number: int, first: int, second: int) -> None:
     raise OwnershipError(
-        world.instances[number].name, f"'{plan.shares[first].solver}' (share {first})",
-        f"'{plan.shares[second].solver}' (share {second})", "its echo would be counted twice",
+        world.instances[number].name,
+        f"'{plan.shares[first].solver}' (share {first})",
+        f"'{plan.shares[second].solver}' (share {second})",
+        "its echo would be counted twice",
         "name it in one share only",
-    )  # fmt: skip
+    )
 
 
 def ids_of(world: World, items: Sequence[str | int]) -> list[int]:

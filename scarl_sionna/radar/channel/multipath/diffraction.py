@@ -1,4 +1,6 @@
-"""Legs over one edge: mirrors and panes, an edge, mirrors and panes again; geometry in float64, amplitude by the uniform theory.
+"""Legs over one edge: mirrors and panes, an edge, mirrors and panes again.
+
+The geometry is float64, the amplitude is that of the uniform theory.
 
 Which edge a path meets is the engine's; where on it, how long, how strong and how fast is computed here.
 """
@@ -118,9 +120,12 @@ def edge_leg(
     basis = spherical_basis(ends.rotation, -travel[1][:, -1])
     velocity = state.point_velocity(part, points)
     rate, acceleration = _motion(
-        wedge, source, target, _seen_velocity(backward, station.velocity, velocity[:where][::-1]) - velocity[where],
+        wedge,
+        source,
+        target,
+        _seen_velocity(backward, station.velocity, velocity[:where][::-1]) - velocity[where],
         _seen_velocity(second, end_velocity, velocity[where + 1 :]) - velocity[where],
-    )  # fmt: skip
+    )
     isometry = _joined_isometry(first, _unfolding(wedge, source, target), second)
     image = isometry[:, :3] @ end + isometry[:, 3]
     along = np.asarray(first.images((edge + wedge.direction)[None])[0, 0] - images[0][0, 0])
@@ -129,9 +134,19 @@ def edge_leg(
     if near <= far:
         image, isometry = front, np.full((3, 4), np.nan)
     return EdgeLeg(
-        points, image, isometry, behind if near <= far else 0.0, front, end - behind * travel[1][0, -1], min(near, far),
-        before + behind, rate, acceleration, np.einsum("pri,pti->prt", basis, field)[0], wedge.length,
-    )  # fmt: skip
+        points,
+        image,
+        isometry,
+        behind if near <= far else 0.0,
+        front,
+        end - behind * travel[1][0, -1],
+        min(near, far),
+        before + behind,
+        rate,
+        acceleration,
+        np.einsum("pri,pti->prt", basis, field)[0],
+        wedge.length,
+    )
 
 
 def _chain(traced: TracedPaths, row: int, columns: slice) -> Chain:
@@ -169,7 +184,7 @@ def _motion(
 
 
 def _unfolding(wedge: Wedge, source: Array, target: Array) -> Array:
-    """Return the rotation about the edge that takes the target to where the source sees it straight ahead, shape (3, 4)."""
+    """Return the rotation about the edge that brings the target in line with source and edge, shape (3, 4)."""
     turn = wedge.cylindrical(source)[1] + np.pi - wedge.cylindrical(target)[1]
     e, t, n = wedge.direction, wedge.tangent, wedge.normal
     cosine, sine = np.cos(turn), np.sin(turn)
@@ -188,9 +203,10 @@ def _joined_isometry(first: Chain, middle: Array, second: Chain) -> Array:
 def _wavefront_errors(
     arms: Array, edge: Array, ahead: Array, ray: EdgeRay, end_is_station: bool
 ) -> tuple[float, float]:
-    """Return the largest error of a length to an antenna [m] with the edge's point, and with the unfolded end, as the centre.
+    """Return the largest errors of lengths to antennas [m], with the edge's point and the unfolded end as the centre.
 
-    `edge` and `ahead` are the directions of the edge and of travel as the station sees them, `arms` its antennas [m]. An edge's wavefront has two radii: to the edge across it, to the source behind along it. One sphere has one.
+    `edge` and `ahead` are the directions of the edge and of travel as the station sees them, `arms` its antennas [m].
+    An edge's wavefront has two radii: to the edge across it, to the source behind along it. One sphere has one.
     """
     across = np.cross(ahead, edge)
     across /= np.linalg.norm(across)

@@ -1,4 +1,4 @@
-"""Diffusely scattered paths: amplitudes from Sionna RT, lengths in float64 on the planes of the triangles that scatter."""
+"""Diffusely scattered paths: amplitudes by Sionna RT, lengths in float64 on the planes of the triangles."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def diffuse_columns(
 ) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of :class:`RadarPaths` for the paths that scatter diffusely at least once, and ``total`` [m].
 
-    A scattering point is the engine's, moved onto the float64 plane of its triangle; what lies before the first and behind
-    the last of them is mirrored, so lengths are exact for every antenna.
+    A scattering point is the engine's, moved onto the float64 plane of its triangle; what lies before the first and
+    behind the last of them is mirrored, so lengths are exact for every antenna.
     """
     rows = np.flatnonzero((traced.kind == DIFFUSE).any(axis=1))
     kind, part, normal = traced.kind[rows], traced.part[rows], traced.normal[rows]

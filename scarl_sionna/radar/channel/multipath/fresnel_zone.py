@@ -1,4 +1,4 @@
-"""Tells where mirrors and edges are not to be trusted: smaller than the first Fresnel zone on them, or bent wavefronts."""
+"""Warns of mirrors and edges smaller than the first Fresnel zone on them, and of wavefronts with two radii."""
 
 from __future__ import annotations
 
@@ -19,16 +19,14 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-WAVEFRONT_ERROR = 0.1
-"""Phase [rad] that an antenna may be off behind an edge before there is a warning: 20 dB below the path, coherently."""
-
 
 def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
     r"""Return the smaller diameter of the first Fresnel zone at each interaction [m], shape (num_legs, max_depth).
 
     .. math:: 2 \sqrt{\lambda d_1 d_2 / (d_1 + d_2)}
 
-    with the lengths d1, d2 of the path before and behind. Along the plane of incidence the zone is longer by 1 / cos(theta).
+    with the lengths d1, d2 of the path before and behind. Along the plane of incidence the zone is longer
+    by 1 / cos(theta).
 
     References
     ----------
@@ -41,7 +39,10 @@ def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
 
 
 def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tuple[Legs, Station]]) -> int:
-    """Warn once of the mirror or edge that is smallest against its Fresnel zone; return the number of such interactions."""
+    """Warn once of the mirror or edge that is smallest against its Fresnel zone.
+
+    Return the number of such interactions.
+    """
     extents: dict[tuple[int, int], float] = {}
     num_small, worst = 0, (1.0, 0.0, 0.0, -1, SPECULAR)
     for legs, station in mirrors:
@@ -59,23 +60,27 @@ def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tu
         name = state.world.instances[int(state.world.parts.instance[worst[3]])].name
         what = "a flat face" if worst[4] == SPECULAR else "an edge"
         warnings.warn(
-            f"{num_small} mirror reflection(s) or diffraction(s) at surfaces smaller than the first Fresnel zone, most of all "
-            f"'{name}': {what} of {worst[1]:.2g} m where the zone is {worst[2]:.2g} m across. The amplitude ignores the size "
-            "and the curvature of a surface, so these echoes are wrong, most often too strong; use method='sbr' for such objects",
+            f"{num_small} mirror reflection(s) or diffraction(s) at surfaces smaller than the first Fresnel zone, "
+            f"most of all '{name}': {what} of {worst[1]:.2g} m where the zone is {worst[2]:.2g} m across. The "
+            "amplitude ignores the size and the curvature of a surface, so these echoes are wrong, most often too "
+            "strong; use method='sbr' for such objects",
             SmallMirrorWarning,
             stacklevel=4,
         )
     return num_small
 
 
-def warn_of_edge_wavefronts(wavelength: float, mirrors: list[tuple[Legs, Station]]) -> float:
-    """Warn where the wavefront of an edge is no sphere over the antennas; return the largest error of a length [m]."""
+def warn_of_edge_wavefronts(wavelength: float, mirrors: list[tuple[Legs, Station]], largest: float) -> float:
+    """Warn where the wavefront of an edge is no sphere over the antennas; return the largest error of a length [m].
+
+    `largest` is the phase [rad] that an antenna may be off before there is a warning.
+    """
     error = max((float(legs.spread.max(initial=0.0)) for legs, _ in mirrors), default=0.0)
-    if error * 2.0 * np.pi / wavelength > WAVEFRONT_ERROR:
+    if error * 2.0 * np.pi / wavelength > largest:
         warnings.warn(
             f"an edge's wavefront has two radii, and over this array it is up to {error * 1e3:.2g} mm "
-            f"({360.0 * error / wavelength:.0f} deg of phase) off the one sphere that a path holds; solve for parts of the array "
-            "apart (receiver=...), or leave diffraction out",
+            f"({360.0 * error / wavelength:.0f} deg of phase) off the one sphere that a path holds; solve for parts "
+            "of the array apart (receiver=...), or leave diffraction out",
             ScarlWarning,
             stacklevel=4,
         )

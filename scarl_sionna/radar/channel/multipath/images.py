@@ -22,7 +22,9 @@ Coefficients = Callable[[int, Array], tuple[Complex, Complex, Complex, Complex]]
 """``(k, cos_incidence) -> (reflection TE, TM, transmission TE, TM)`` of the k-th interaction of every path."""
 
 SLACK = 0.05
-"""Interaction points may be this far out of order along the ray [m]: small against every Fresnel zone at a radar's range."""
+"""Interaction points may be this far out of order along the ray [m]: small against every Fresnel zone at a radar's
+range. In the edge of a corner they are one point, and rounding may swap them; a path this near to an edge is as right
+with them swapped."""
 _HEAD_ON = 1e-9
 """Below this sine of the angle of incidence any tangent serves as the TE direction."""
 
@@ -56,7 +58,8 @@ class Chain:
     def images(self, end: Array) -> Array:
         """Return the images of the end points, shape (num_paths, max_depth + 1, 3) [m].
 
-        Column k is the end as seen after the first k interactions: column 0 from the start, the last one the end itself.
+        Column k is the end as seen after the first k interactions: column 0 from the start, the last one the end
+        itself.
         """
         seen = np.empty((self.num_paths, self.max_depth + 1, 3))
         seen[:, -1] = end
@@ -84,8 +87,8 @@ class Chain:
     def vertices(self, start: Array, images: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
         """Return the interaction points, shape (num_paths, max_depth, 3) [m], and which paths meet all planes in order.
 
-        Beyond a path's depth the end point stands. Points may be `SLACK` out of order: in a right-angled corner they are
-        one, up to rounding.
+        Beyond a path's depth the end point stands. Points may be `SLACK` out of order: in a right-angled corner they
+        are one, up to rounding.
         """
         points = np.empty((self.num_paths, self.max_depth, 3))
         here = np.broadcast_to(start, (self.num_paths, 3)).copy()
@@ -115,8 +118,8 @@ class Chain:
     def image_velocity(self, end_velocity: Array, surface_velocity: Array) -> Array:
         """Return the velocity of the end's image seen from the start, shape (num_paths, 3) [m/s].
 
-        `surface_velocity`, shape (num_paths, max_depth, 3), is that of the mirrors at the interaction points: exact for the
-        rate of the length, rotation of the mirrors included.
+        `surface_velocity`, shape (num_paths, max_depth, 3), is that of the mirrors at the interaction points: exact for
+        the rate of the length, rotation of the mirrors included.
         """
         velocity = np.broadcast_to(end_velocity, (self.num_paths, 3)).copy()
         for k in range(self.max_depth - 1, -1, -1):
@@ -163,7 +166,10 @@ def transfer(chain: Chain, travel: Array, tx_basis: Array, rx_basis: Array, coef
 
 
 def propagated(chain: Chain, travel: Array, field: Complex, coefficients: Coefficients) -> Complex:
-    """Return fields behind the chains, shape (num_paths, num_fields, 3), from those before; the rest as in `transfer`."""
+    """Return fields behind the chains, shape (num_paths, num_fields, 3), from those before.
+
+    The other parameters are those of `transfer`.
+    """
     before = travel[:, 0]
     for k in range(chain.max_depth):
         used = chain.mirror[:, k] | chain.pane[:, k]

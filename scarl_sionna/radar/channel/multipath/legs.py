@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 SAME_POINT = 1e-3
-"""Paths whose interaction points agree within this [m] are one path, found on two triangles or two coincident parts."""
+"""Paths whose interaction points agree within this [m] are one path, found on two triangles or two coincident parts:
+the engine's float32 candidates, not an accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,8 @@ class Legs:
     point : ndarray of float64, shape (num_legs, max_depth, 3)
         Interaction points [m, world].
     image : ndarray of float64, shape (num_legs, 3)
-        Image of the end point seen from the station [m, world]; over an edge, the virtual point that serves the antennas.
+        Image of the end point seen from the station [m, world]; over an edge, the virtual point that serves the
+        antennas.
     isometry : ndarray of float64, shape (num_legs, 3, 4)
         Maps the end point to its image; NaN where that is the edge.
     length, rate, acceleration : ndarray of float64, shape (num_legs,)
@@ -49,7 +51,8 @@ class Legs:
     front, rear : ndarray of float64, shape (num_legs, 3)
         The edge as the station, and as the end point, sees it [m, world]; NaN without one.
     spread : ndarray of float64, shape (num_legs,)
-        Largest error of the length to any antenna by taking the edge's wavefront, which has two radii, for a sphere [m].
+        Largest error of the length to any antenna by taking the edge's wavefront, which has two radii, for a sphere
+        [m].
     edge_length : ndarray of float64, shape (num_legs,)
         [m]; infinite without an edge.
     """
@@ -156,10 +159,23 @@ def _straight(
     rate = np.einsum("pi,pi->p", ahead, relative) / length
     across = np.maximum(np.einsum("pi,pi->p", relative, relative) - rate**2, 0.0)
     legs = Legs(
-        target, traced.kind[rows], part, traced.face[rows], point, images[:, 0], chain.isometry(), length, rate,
-        across / length, through, inner=np.zeros_like(length), front=np.full((len(length), 3), np.nan),
-        rear=np.full((len(length), 3), np.nan), spread=np.zeros_like(length), edge_length=np.full_like(length, np.inf),
-    )  # fmt: skip
+        target,
+        traced.kind[rows],
+        part,
+        traced.face[rows],
+        point,
+        images[:, 0],
+        chain.isometry(),
+        length,
+        rate,
+        across / length,
+        through,
+        inner=np.zeros_like(length),
+        front=np.full((len(length), 3), np.nan),
+        rear=np.full((len(length), 3), np.nan),
+        spread=np.zeros_like(length),
+        edge_length=np.full_like(length, np.inf),
+    )
     return legs.select(right)
 
 
@@ -195,8 +211,8 @@ def _order(legs: Legs) -> npt.NDArray[np.int64]:
 def _first_of_equals(legs: Legs) -> npt.NDArray[np.bool_]:
     """Return which legs stay when each geometric path is to be there once.
 
-    The engine tells candidates apart by rounded planes and takes whatever surface within a centimetre it then meets. So a
-    reflection on the edge between two triangles, or where parts coincide, can come twice.
+    The engine tells candidates apart by rounded planes and takes whatever surface within a centimetre it then meets. So
+    a reflection on the edge between two triangles, or where parts coincide, can come twice.
     """
     keep = np.ones(len(legs.length), dtype=bool)
     seen: dict[tuple[int, bytes], list[Array]] = {}

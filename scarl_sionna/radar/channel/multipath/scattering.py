@@ -91,7 +91,7 @@ def _pairs(there: Index, back: Index, num_targets: int) -> tuple[Index, Index]:
 
 
 def _chained(ways: list[npt.NDArray[Any]], scatterer: npt.NDArray[Any]) -> npt.NDArray[np.int32]:
-    """Return labels along the way: there, scatterer, between, scatterer, and back in reverse order, -1 behind the last."""
+    """Return labels along the way: out, scatterer, between, scatterer, back in reverse; -1 behind the last."""
     blocks = [column for way in ways[:-1] for column in (way, scatterer[:, None])]
     columns = np.concatenate([*blocks, ways[-1][:, ::-1]], axis=1)
     return np.take_along_axis(columns, np.argsort(columns == -1, axis=1, kind="stable"), axis=1).astype(np.int32)

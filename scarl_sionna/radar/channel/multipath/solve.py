@@ -1,4 +1,6 @@
-"""Multipath of a radar by Sionna RT's PathSolver: which surfaces a path touches is Sionna's, the rest is float64 image method.
+"""Multipath of a radar by Sionna RT's PathSolver.
+
+Which surfaces a path touches is found by Sionna RT; the rest is the image method in float64.
 
 What it models and where it breaks stands in docs/sionna_paths.md.
 """
@@ -41,12 +43,12 @@ Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]
 
 ASIDE = 0.05 / 3.0 * np.array([(2.0, -1.0, 2.0), (2.0, 2.0, -1.0), (-1.0, 2.0, 2.0)])
-"""Points beside a monostatic radar [m], 5 cm away: five times the shortest segment that the engine keeps. They are askew to
-the world's axes, along which most corners stand."""
-
-
+"""Points beside a monostatic radar [m], 5 cm away: five times the shortest segment that the engine keeps. They are
+askew to the world's axes, along which most corners stand. They only help to find paths, whose lengths are those of the
+radar itself."""
 RAYS_APART = 3.5
-"""Angle between neighbouring rays times the root of their number [rad]: that of an even grid over the sphere, (4 pi)^0.5."""
+"""Angle between neighbouring rays times the root of their number [rad]: that of an even grid over the sphere,
+(4 pi)^0.5. Decides a warning only."""
 
 
 class PathBufferOverflowError(ScarlError):
@@ -55,8 +57,8 @@ class PathBufferOverflowError(ScarlError):
     def __init__(self, max_num_paths: int) -> None:
         self.max_num_paths = max_num_paths
         super().__init__(
-            f"the path solver filled its buffer of max_num_paths = {max_num_paths} candidates, so paths may be missing; "
-            f"raise max_num_paths, or ask for less with max_depth, num_samples or fewer scatterers "
+            f"the path solver filled its buffer of max_num_paths = {max_num_paths} candidates, so paths may be "
+            "missing; raise max_num_paths, or ask for less with max_depth, num_samples or fewer scatterers "
             "(on_overflow='warn' goes on with what was found)"
         )
 
@@ -68,7 +70,8 @@ class Sought:
     Attributes
     ----------
     scatterers : PointScatterers, optional
-        Point targets in the scene: every pair of a way there and a way back is a path (two-ray, ghosts of type 1 and 2).
+        Point targets in the scene: every pair of a way there and a way back is a path (two-ray, ghosts of type 1 and
+        2).
     environment : bool
         Also the paths from the radar to itself, or to the receiver, that touch no scatterer.
     """
@@ -118,9 +121,9 @@ def solve_sionna(
     Warns
     -----
     ScarlWarning
-        If a mirror is smaller than the first Fresnel zone on it, or an edge shorter, once, naming the worst; if the wavefront
-        of an edge is no sphere over the antennas; if antennas of a wide array do not see a path; if an object may lie
-        between the rays; if the buffer was filled (``on_overflow="warn"``).
+        If a mirror is smaller than the first Fresnel zone on it, or an edge shorter, once, naming the worst; if the
+        wavefront of an edge is no sphere over the antennas; if antennas of a wide array do not see a path; if an object
+        may lie between the rays; if the buffer was filled (``on_overflow="warn"``).
 
     Notes
     -----
@@ -129,10 +132,11 @@ def solve_sionna(
     .. math:: a = \frac{\lambda}{4\pi L} J, \quad
               a = \frac{\lambda \sqrt{\sigma}}{(4\pi)^{3/2} L_1 L_2} J_2^T J_1
 
-    with J the product of the reflections' Jones matrices at each end in the radar's spherical basis; J of the way back is
-    the transpose of the way there (reciprocity).
+    with J the product of the reflections' Jones matrices at each end in the radar's spherical basis; J of the way back
+    is the transpose of the way there (reciprocity).
 
-    *Not modelled*: size and curvature of mirrors, more than one edge in a way, scattering from one scatterer to another.
+    *Not modelled*: size and curvature of mirrors, more than one edge in a way, scattering from one scatterer to
+    another.
 
     References
     ----------
@@ -158,8 +162,8 @@ def solve_sionna(
             raise error
         warnings.warn(str(error), ScarlWarning, stacklevel=2)
     num_small = warn_of_small_mirrors(state, radar.wavelength, solver.mirrors)
-    spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors)
-    num_hidden = warn_of_hidden_antennas(state, solver.mirrors)
+    spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors, settings.warn_at.wavefront_error)
+    num_hidden = warn_of_hidden_antennas(state, solver.mirrors, settings.warn_at.wide_arm)
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     num_missed = (
         _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if sought.environment else 0
@@ -207,9 +211,9 @@ def _warn_of_small_objects(
     if small:
         ratio, name, width, distance = min(small)
         warnings.warn(
-            f"{len(small)} object(s) are smaller than the distance between rays and may be missed, most of all '{name}' "
-            f"({width:.2g} m at {distance:.3g} m); num_samples >= {(RAYS_APART / ratio) ** 2:.1e} would hit it, but the mirror of "
-            "so small a thing is wrong: use method='sbr' for such objects",
+            f"{len(small)} object(s) are smaller than the distance between rays and may be missed, most of all "
+            f"'{name}' ({width:.2g} m at {distance:.3g} m); num_samples >= {(RAYS_APART / ratio) ** 2:.1e} would hit "
+            "it, but the mirror of so small a thing is wrong: use method='sbr' for such objects",
             ScarlWarning,
             stacklevel=3,
         )
@@ -330,7 +334,7 @@ class _Solver:
 
 
 def _at_one_target(traced: TracedPaths) -> TracedPaths:
-    """Return the paths to the first target, and those to the points beside it as paths to it; no line of sight to those."""
+    """Return the paths to the first target, with those to the points beside it but for lines of sight."""
     rows = (traced.target == 0) | (traced.depth > 0)
     arrays: dict[str, Any] = {
         name: value[rows] for name, value in vars(traced).items() if isinstance(value, np.ndarray)
@@ -362,6 +366,9 @@ def _no_columns(width: int) -> Columns:
     none |= {name: np.zeros((0, 3)) for name in ("tx_point", "rx_point")}
     none |= {name: np.zeros((0, width), np.int32) for name in ("instance", "interaction")}
     return {
-        **none, "a": np.zeros((0, 2, 2), np.complex128), "depth": np.zeros(0), "semantic": np.zeros(0),
+        **none,
+        "a": np.zeros((0, 2, 2), np.complex128),
+        "depth": np.zeros(0),
+        "semantic": np.zeros(0),
         "rx_image": np.zeros((0, 3, 4)),
-    }  # fmt: skip
+    }

@@ -90,8 +90,8 @@ def edge_transfer(wedge: Wedge, ray: EdgeRay, wavenumber: float, reflection: Ref
     Returns
     -------
     ndarray of complex128
-        So that the field at the end is this times the transmitted polarisation over the whole length ``before + behind``,
-        as for a mirror.
+        So that the field at the end is this times the transmitted polarisation over the whole length
+        ``before + behind``, as for a mirror.
 
     Notes
     -----
@@ -99,16 +99,16 @@ def edge_transfer(wedge: Wedge, ray: EdgeRay, wavenumber: float, reflection: Ref
 
     .. math:: E_d = [(D_1 + D_2) C_i + D_3 C_n + D_4 C_0] E_i \sqrt{\frac{s'}{s (s + s')}}
 
-    with the four terms D of [1]_; C_i takes over the components of a ray that goes on, C_0 and C_n those of a ray that the
-    0-face and the n-face reflect, by their Fresnel coefficients. For a conductor these are -1 and +1 and the coefficient is
-    exactly that of [1]_. For other materials it is the heuristic one [2]_: continuous at all boundaries, with the n-face's
-    coefficient at the angle of the diffracted ray.
+    with the four terms D of [1]_; C_i takes over the components of a ray that goes on, C_0 and C_n those of a ray that
+    the 0-face and the n-face reflect, by their Fresnel coefficients. For a conductor these are -1 and +1 and the
+    coefficient is exactly that of [1]_. For other materials it is the heuristic one [2]_: continuous at all boundaries,
+    with the n-face's coefficient at the angle of the diffracted ray.
 
     References
     ----------
     .. [1] R. Kouyoumjian, P. Pathak, Proc. IEEE 62(11), 1974, Eqs. (25) to (30).
-    .. [2] R. Luebbers, *Finite conductivity uniform GTD versus knife edge diffraction in prediction of propagation path loss*,
-       IEEE Trans. Antennas Propag. 32(1), 1984.
+    .. [2] R. Luebbers, *Finite conductivity uniform GTD versus knife edge diffraction in prediction of propagation path
+           loss*, IEEE Trans. Antennas Propag. 32(1), 1984.
     """
     edge, incident, diffracted, before, behind = wedge.direction, ray.incident, ray.diffracted, ray.before, ray.behind
     n = wedge.exterior / np.pi

@@ -1,4 +1,4 @@
-"""Tells where one solve from an array's centre does not hold for all of its antennas: some do not see the path."""
+"""Warns where one solve from an array's centre does not hold for all of its antennas: some do not see the path."""
 
 from __future__ import annotations
 
@@ -21,25 +21,30 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-WIDE_ARM = 0.1
-"""Arrays whose antennas are all closer to their centre [m] are not tested: at 77 GHz the first Fresnel zone is 0.2 m across
-half-way to 10 m, and within it seen or not seen is no property of a single antenna."""
 SURFACE = 2e-3
-"""A ray may meet a surface this far from where it should [m]; float32 hits are within 1e-4 m at 300 m."""
+"""A ray may meet a surface this far from where it should [m]: round-off, float32 hits are within 1e-4 m at 300 m.
+Decides a warning only."""
 
 
-def warn_of_hidden_antennas(state: WorldState, legs: list[tuple[Legs, Station]]) -> int:
-    """Warn once where outer antennas of a wide array do not see a path that its centre sees; return the number of such legs."""
+def warn_of_hidden_antennas(state: WorldState, legs: list[tuple[Legs, Station]], wide_arm: float) -> int:
+    """Warn once where outer antennas of a wide array do not see a path that its centre sees.
+
+    Return the number of such legs.
+
+    Arrays whose antennas are all within `wide_arm` [m] of their centre are not tested: within the first Fresnel zone
+    seen or not seen is no property of a single antenna.
+    """
     hidden, total = 0, 0
     for block, station in legs:
         total += len(block.length)
-        if len(block.length) and np.linalg.norm(station.arms, axis=1).max(initial=0.0) > WIDE_ARM:
+        if len(block.length) and np.linalg.norm(station.arms, axis=1).max(initial=0.0) > wide_arm:
             hidden += int(np.count_nonzero(~_seen_by_all(state, block, station)))
     if hidden:
         warnings.warn(
-            f"{hidden} of {total} path(s) are not seen by all antennas: the array is wide, and an edge or the end of a mirror is "
-            "close to where they pass. Visibility is that of the array's centre, so their signal at the outer antennas is wrong; "
-            "solve for parts of the array apart (a RadarSpec with some of the antennas at a pose of their own)",
+            f"{hidden} of {total} path(s) are not seen by all antennas: the array is wide, and an edge or the end of "
+            "a mirror is close to where they pass. Visibility is that of the array's centre, so their signal at the "
+            "outer antennas is wrong; solve for parts of the array apart (a RadarSpec with some of the antennas at a "
+            "pose of their own)",
             ScarlWarning,
             stacklevel=4,
         )

@@ -18,9 +18,10 @@ class RayGrid:
     """One direction in each of equal cells in azimuth and sine of elevation.
 
     Every cell has the solid angle d(azimuth) * d(sin(elevation)), so the area across a ray at distance d is
-    ``d**2 * solid_angle``. Ray ``row * num_azimuth + column`` counts columns from the right (negative azimuth), rows from
-    the bottom. Rays of a staggered grid are shifted up or down within their cells, column by column, so that a level road
-    is hit at all distances and not in circles only; those of a regular grid go through the centres. Made by :meth:`over`.
+    ``d**2 * solid_angle``. Ray ``row * num_azimuth + column`` counts columns from the right (negative azimuth), rows
+    from the bottom. Rays of a staggered grid are shifted up or down within their cells, column by column, so that a
+    level road is hit at all distances and not in circles only; those of a regular grid go through the centres. Made by
+    :meth:`over`.
     """
 
     azimuth_fov: float

@@ -19,7 +19,7 @@ from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.settings.raycast import HitPhase, RcsModel
+from scarl_sionna.core.settings.raycast import HitPhase, RaycastSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.compose.plan import ids_of
@@ -38,13 +38,15 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 RAYS_PER_BATCH = 1_000_000
-"""Rays cast at once: bounds the memory of a batch to about 300 MB."""
+"""Rays cast at once: bounds the memory of a batch to about 300 MB, changes no result."""
 NEAREST_HIT = 1e-3
-"""The radar equation is not used closer than this [m]; a housing touches nothing nearer."""
+"""The radar equation is not used closer than this [m]; a housing touches nothing nearer. A guard against division by
+zero."""
 DIFFUSE = 2
 """Kind of the interaction of a hit, the number of Sionna RT's ``InteractionType.DIFFUSE``."""
 REFERENCE_FOOTPRINT = 4.34e-4
-"""Area of a ray of the default grid (10^6 rays over 120 x 30 deg) at 20 m [m2]: the unit of ``rcs_model="per_hit"``."""
+"""Area of a ray of the default grid (10^6 rays over 120 x 30 deg) at 20 m [m2]: the unit of ``rcs_model="per_hit"``,
+not its accuracy."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class _Model:
     radar: RadarSpec
     pose: Pose
     gamma: Array
-    rcs_model: RcsModel
+    knobs: RaycastSettings
     solid_angle: float
     reach: float
     velocity: Array
@@ -74,8 +76,8 @@ def solve_raycast(
     mount : Mount
         Pose and velocity of the radar.
     settings : RadarSettings
-        Its `raycast`, `max_distance` (the unambiguous range if None, since the filter before the converter takes away what lies
-        beyond) and `instances` (what gives paths; the rest hides what is behind it).
+        Its `raycast`, `max_distance` (the unambiguous range if None, since the filter before the converter takes away
+        what lies beyond) and `instances` (what gives paths; the rest hides what is behind it).
     receiver : Mount, optional
         Refused: this solver is monostatic.
 
@@ -104,18 +106,19 @@ def solve_raycast(
     -----
     Radar equation with unit antenna gains; the synthesis applies the angle-dependent gains:
 
-    .. math:: |a|^2 = \frac{\sigma \lambda^2}{(4\pi)^3 d^4}, \quad \sigma = \gamma_{class}\, d^2 \Delta\Omega\, R(\theta)
+    .. math:: |a|^2 = \frac{\sigma \lambda^2}{(4\pi)^3 d^4}, \quad
+              \sigma = \gamma_{class}\, d^2 \Delta\Omega\, R(\theta)
 
-    with the power reflectance R of the part's radio material for the vertical and the horizontal polarisation. The paper
-    prints lambda = f0 / c under its Eq. (4); the wavelength is c / f0.
+    with the power reflectance R of the part's radio material for the vertical and the horizontal polarisation. The
+    paper prints lambda = f0 / c under its Eq. (4); the wavelength is c / f0.
 
-    *Not modelled*: multiple reflections, coherence between neighbouring hits, shadow of the road bounce, rotation of the
-    array about its centre, acceleration.
+    *Not modelled*: multiple reflections, coherence between neighbouring hits, shadow of the road bounce, rotation of
+    the array about its centre, acceleration.
 
     References
     ----------
-    .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for Autonomous
-           Driving", section 2.3, Eq. (4).
+    .. [1] A. Nittur Ramesh, A. Correas-Serrano, M. Gonzalez-Huici, "SCaRL - A Synthetic Multi-Modal Dataset for
+           Autonomous Driving", section 2.3, Eq. (4).
     """
     refuse_receiver("raycast", receiver)
     knobs, pose, instances = settings.raycast, mount.pose, settings.instances
@@ -127,7 +130,7 @@ def solve_raycast(
     _warn_of_small_objects(state, radar, pose, rays_of, reach, chosen_ids)
     owned = np.isin(state.world.parts.instance, chosen_ids)
     gamma = class_reflectivity(knobs.class_rcs)
-    model = _Model(radar, pose, gamma, knobs.rcs_model, rays_of.solid_angle, reach, mount.twist.linear, owned)
+    model = _Model(radar, pose, gamma, knobs, rays_of.solid_angle, reach, mount.twist.linear, owned)
     phases = _fixed_phases(knobs.hit_phase)
     clock = {"cast": 0.0, "amplitude": 0.0, "thin": 0.0}
     batches = []
@@ -168,10 +171,10 @@ def _fixed_phases(hit_phase: HitPhase) -> Callable[[int], Array | None]:
 def _columns(
     hits: RayHits, rays: Array, world_rays: Array, state: WorldState, model: _Model, cycles: Array | None
 ) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of :class:`RadarPaths` for the hits of one batch of rays, given in the radar and the world frame."""
+    """Return the columns of :class:`RadarPaths` for the hits of rays, given in the radar's and the world's frame."""
     parts = state.world.parts
     distance = np.maximum(hits.distance, NEAREST_HIT)
-    footprint = REFERENCE_FOOTPRINT if model.rcs_model == "per_hit" else model.solid_angle * distance**2
+    footprint = REFERENCE_FOOTPRINT if model.knobs.rcs_model == "per_hit" else model.solid_angle * distance**2
     rcs = model.gamma[parts.semantic][hits.part] * footprint
     power = radar_gain(model.radar.wavelength, distance) * rcs
     reflectance_v, reflectance_h = _reflectances(hits, rays[:, 2], state, model)
@@ -197,7 +200,7 @@ def _columns(
 def _thinned(columns: dict[str, npt.NDArray[Any]], model: _Model, hits_per_cell: int) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of fewer hits with the same mean power in each of the radar's resolution cells."""
     x, y, z = columns["ray"].T
-    cells = ResolutionCells.of(model.radar)
+    cells = ResolutionCells.of(model.radar, model.knobs)
     cell = cells.number(columns["distance"], columns["length_rate"] / 2.0, y, z, columns["instance"])
     entry = 0 if model.radar.array.polarization == "V" else 1
     gain_db = model.radar.array.pattern.gain_db(np.arctan2(y, x), np.arcsin(np.clip(z, -1.0, 1.0)))

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.settings.raycast import RaycastSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-CELLS_PER_RESOLUTION = 2.0
-"""Cells are this much finer than the radar's resolution in range, velocity and each direction cosine."""
-COARSEST_COSINE = 0.1
-"""Widest cell in a direction cosine, for arrays of little or no aperture: 6 deg, within which gains hardly change."""
 _VELOCITY_CELLS = 1 << 16
+"""Velocities so many cells apart share a number, which only an ambiguous velocity reaches: decides no accuracy."""
 
 
 @dataclass(frozen=True)
@@ -32,15 +30,16 @@ class ResolutionCells:
     cosine_widths: tuple[float, float]
 
     @classmethod
-    def of(cls, radar: RadarSpec) -> ResolutionCells:
-        """Return the cells of a radar: half a bin in each dimension."""
+    def of(cls, radar: RadarSpec, knobs: RaycastSettings | None = None) -> ResolutionCells:
+        """Return the cells of a radar, by default half a bin in each dimension."""
+        knobs = knobs or RaycastSettings()
         tx, rx = radar.tx_array, radar.rx_array
         aperture = np.ptp(tx, axis=0) + np.ptp(rx, axis=0)
         resolution = radar.wavelength / np.maximum(aperture[1:], 1e-9)
-        y_width, z_width = np.minimum(resolution / CELLS_PER_RESOLUTION, COARSEST_COSINE)
+        y_width, z_width = np.minimum(resolution / knobs.cells_per_resolution, knobs.widest_cosine)
         return cls(
-            radar.range_resolution / CELLS_PER_RESOLUTION,
-            radar.velocity_resolution / CELLS_PER_RESOLUTION,
+            radar.range_resolution / knobs.cells_per_resolution,
+            radar.velocity_resolution / knobs.cells_per_resolution,
             (float(y_width), float(z_width)),
         )
 

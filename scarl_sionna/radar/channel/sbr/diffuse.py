@@ -15,12 +15,15 @@ Columns = dict[str, npt.NDArray[Any]]
 
 
 def rough_pieces(columns: Columns, tubes: ImageTubes) -> Columns:
-    """Return the columns of pieces of rough patches with what :func:`scattered_rows` joins them by: `origin`, `face` and `area`.
+    """Return the columns of pieces of rough patches with `origin`, `face` and `area`.
+
+    By these :func:`scattered_rows` joins them.
 
     Parameters
     ----------
     columns : dict
-        Those of :func:`scarl_sionna.radar.optics.near_field.radiated` for pieces on rough faces, ``scattered`` among them.
+        Those of :func:`scarl_sionna.radar.optics.near_field.radiated` for pieces on rough faces, ``scattered`` among
+        them.
     tubes : ImageTubes
         The pieces.
     """
@@ -32,8 +35,8 @@ def rough_pieces(columns: Columns, tubes: ImageTubes) -> Columns:
 def scattered_rows(pieces: Columns, seed: int) -> Columns:
     """Return the columns of what patches scatter diffusely.
 
-    The pieces into which visibility has cut a patch become one path of their whole area, so that the power does not depend on
-    how it was cut.
+    The pieces into which visibility has cut a patch become one path of their whole area, so that the power does not
+    depend on how it was cut.
 
     Parameters
     ----------
@@ -89,8 +92,8 @@ def uniform_hash(keys: npt.NDArray[np.int64], seed: int) -> Array:
 
     References
     ----------
-    .. [1] G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014 (the finalizer of
-       SplitMix64).
+    .. [1] G. L. Steele, D. Lea, C. H. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014 (the
+           finalizer of SplitMix64).
     """
     state = np.full(len(keys), seed, dtype=np.uint64)
     for column in keys.T:

@@ -16,15 +16,23 @@ Array = npt.NDArray[np.float64]
 Columns = dict[str, npt.NDArray[Any]]
 
 _LARGEST_KEY = 1 << 62
+"""Sort keys above this are numbered anew, so that they stay in 64 bits: changes no order."""
 
 
 def joined(blocks: list[Columns], max_depth: int) -> Columns:
     """Return the columns of all bounces, instances padded with -1."""
     columns: Columns = {
-        "tx_point": np.zeros((0, 3)), "rx_point": np.zeros((0, 3)), "a": np.zeros((0, 2, 2), np.complex128),
-        "length_rate": np.zeros(0), "length": np.zeros(0), "cosine": np.zeros(0), "semantic": np.zeros(0, np.uint8),
-        "instance": np.zeros((0, max_depth), np.int32), "depth": np.zeros(0, np.int32), "diffuse": np.zeros(0, np.int8),
-    }  # fmt: skip
+        "tx_point": np.zeros((0, 3)),
+        "rx_point": np.zeros((0, 3)),
+        "a": np.zeros((0, 2, 2), np.complex128),
+        "length_rate": np.zeros(0),
+        "length": np.zeros(0),
+        "cosine": np.zeros(0),
+        "semantic": np.zeros(0, np.uint8),
+        "instance": np.zeros((0, max_depth), np.int32),
+        "depth": np.zeros(0, np.int32),
+        "diffuse": np.zeros(0, np.int8),
+    }
     for block in blocks:
         depth = block["instance"].shape[1]
         block["instance"] = np.pad(block["instance"], [(0, 0), (0, max_depth - depth)], constant_values=-1)
@@ -54,14 +62,14 @@ def above_floor(
     columns: Columns, amplitude: Array, radar: RadarSpec, floor_db: float | None
 ) -> tuple[Columns, dict[str, float | None]]:
     """Return the rows without the weakest of each range bin, and what was left out."""
-    told: dict[str, float | None] = {
+    report: dict[str, float | None] = {
         "floor_db": floor_db,
         "num_dropped": 0,
         "dropped_power": 0.0,
         "in_phase_to_noise_db": None,
     }
     if floor_db is None or not len(columns["length"]):
-        return columns, told
+        return columns, report
     noise = angle_cell_noise_power(radar)
     bins = np.floor(columns["length"] / (2.0 * radar.range_resolution)).astype(np.int64)
     order = np.lexsort((amplitude, bins))
@@ -71,8 +79,8 @@ def above_floor(
     dropped = np.zeros(len(order), dtype=bool)
     dropped[order] = (total - before) ** 2 <= noise * 10.0 ** (floor_db / 10.0)
     if dropped.any():
-        told["num_dropped"] = int(dropped.sum())
-        told["dropped_power"] = float(np.sum(amplitude[dropped] ** 2))
+        report["num_dropped"] = int(dropped.sum())
+        report["dropped_power"] = float(np.sum(amplitude[dropped] ** 2))
         worst = float(np.bincount(bins[dropped], amplitude[dropped]).max() ** 2 / noise)
-        told["in_phase_to_noise_db"] = 10.0 * float(np.log10(worst)) if worst > 0.0 else None
-    return {name: column[~dropped] for name, column in columns.items()}, told
+        report["in_phase_to_noise_db"] = 10.0 * float(np.log10(worst)) if worst > 0.0 else None
+    return {name: column[~dropped] for name, column in columns.items()}, report

@@ -17,7 +17,7 @@ from scarl_sionna.core.errors import ScarlWarning, UnknownNameError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.settings.sbr import SMALLEST_SIZE
+from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
@@ -25,7 +25,7 @@ from scarl_sionna.engine.rays.face_planes import face_table
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.radar.channel.antennas import check_antennas
-from scarl_sionna.radar.optics.near_field import radiated
+from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Station, Tracer
 from scarl_sionna.radar.optics.surfaces import FaceSurfaces
@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
-
-GRAZING_COSINE = 0.1
-"""Cosine of incidence below which a patch counts as grazing."""
 
 
 def solve_sbr(
@@ -57,9 +54,10 @@ def solve_sbr(
     mount : Mount
         Pose and velocity of the radar.
     settings : RadarSettings
-        Its `sbr` (bounces, size of the patches, rays, and what is too weak to be kept), `max_distance` (paths longer than twice
-        this are left out; the unambiguous range if None) and `instances` (what scatters; every actor and every object if None. The
-        rest, ground, verges, a wood, hides what is behind it and is named in ``diagnostics["left_out"]``).
+        Its `sbr` (bounces, size of the patches, rays, and what is too weak to be kept), `max_distance` (paths longer
+        than twice this are left out; the unambiguous range if None) and `instances` (what scatters; every actor and
+        every object if None. The rest, ground, verges, a wood, hides what is behind it and is named in
+        ``diagnostics["left_out"]``).
     receiver : Mount, optional
         A second radar of the same specification that receives in place of the first.
 
@@ -88,11 +86,12 @@ def solve_sbr(
 
     Notes
     -----
-    The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit: no
-    row is doubled by reciprocity.
+    The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit:
+    no row is doubled by reciprocity.
 
-    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, diffuse scattering between mirrors
-    and, for a bistatic pair, before them, the direct path of such a pair, acceleration of the length. *Convergence and validity*: docs/sbr.md.
+    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, diffuse scattering between
+    mirrors and, for a bistatic pair, before them, the direct path of such a pair, acceleration of the length.
+    *Convergence and validity*: docs/sbr.md.
 
     References
     ----------
@@ -117,19 +116,26 @@ def solve_sbr(
         rays = StateRays(mi, state)
         surfaces = FaceSurfaces(rays, state, faces, used, radar.center_frequency, knobs.coefficient_nodes)
         size = PatchSize.of(radar, knobs)
+        near = NearField(rays, surfaces, tx, rx, size.wavenumber, knobs.integration_phase)
         tracer = Tracer(rays, faces, chosen, tx, rx, reach, size, knobs.for_scene())
         for patches in tracer.bounces(start):
             if len(patches):
-                blocks.append(_rows(state, tracer, patches, surfaces, rough))
+                blocks.append(_rows(state, tracer, near, patches, rough))
     for depth in sorted(rough):
         blocks += _scattered(rough.pop(depth), knobs.seed, tx is rx)
     columns = joined(blocks, knobs.max_depth)
     amplitude = received(columns, radar, tx.pose, rx.pose)
     diagnostics: dict[str, Any] = {
-        "method": "sbr", "settings": knobs.model_dump(), "max_distance": reach, "num_faces": len(start),
-        "num_tubes": dict(tracer.count), "num_patches": len(columns["length"]), "left_out": left_out,
-    }  # fmt: skip
-    _warn(state, radar, tx.pose.position, columns, amplitude**2, chosen_instances)
+        "method": "sbr",
+        "settings": knobs.model_dump(),
+        "max_distance": reach,
+        "num_faces": len(start),
+        "num_tubes": dict(tracer.count),
+        "num_patches": len(columns["length"]),
+        "left_out": left_out,
+    }
+    _warn_of_bodies(state, radar, tx.pose.position, columns, chosen_instances, settings.warn_at)
+    _warn_of_grazing(columns["cosine"], amplitude**2, settings.warn_at.grazing_incidence)
     columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, knobs.floor_db)
     columns = in_order(columns)
     diagnostics["seconds"] = time.perf_counter() - clock
@@ -155,15 +161,14 @@ def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[l
 
 
 def _rows(
-    state: WorldState, tracer: Tracer, patches: ImageTubes, surfaces: FaceSurfaces, rough: dict[int, list[Columns]]
+    state: WorldState, tracer: Tracer, near: NearField, patches: ImageTubes, rough: dict[int, list[Columns]]
 ) -> Columns:
-    """Return the columns of patches, without what comes from out of view or too far; add rough pieces to those of their depth."""
-    tx, rx, settings = tracer.tx, tracer.rx, tracer.settings
-    is_rough = surfaces.is_rough[patches.face[:, -1]] & settings.diffuse
-    columns: Columns = radiated(
-        tracer.rays, patches, surfaces, (tx.pose, tx.velocity), (rx.pose, rx.velocity), tracer.size.wavenumber,
-        settings.integration_phase, bool(is_rough.any()),
-    )  # fmt: skip
+    """Return the columns of patches, without what comes from out of view or too far.
+
+    Rough pieces are added to those of their depth.
+    """
+    is_rough = near.surfaces.is_rough[patches.face[:, -1]] & tracer.settings.diffuse
+    columns: Columns = radiated(near, patches, bool(is_rough.any()))
     part = tracer.faces.part[patches.face]
     columns["instance"] = state.world.parts.instance[part]
     columns["semantic"] = state.world.parts.semantic[part[:, -1]]
@@ -171,7 +176,7 @@ def _rows(
     columns["diffuse"] = np.zeros(len(patches), dtype=np.int8)
     seen = columns["length"] < 2.0 * tracer.reach
     if patches.depth > 1:
-        seen &= tx.sees(columns["tx_point"])
+        seen &= tracer.tx.sees(columns["tx_point"])
     rows = np.flatnonzero(is_rough & seen)
     if len(rows):
         some = {name: column[rows] for name, column in columns.items()}
@@ -189,37 +194,46 @@ def _scattered(pieces: list[Columns], seed: int, monostatic: bool) -> list[Colum
     return [block, way_back(block, first)] if monostatic and block["depth"][0] > 1 else [block]
 
 
-def _warn(
-    state: WorldState, radar: RadarSpec, origin: Array, columns: Columns, power: Array, chosen: list[int]
+def _warn_of_bodies(
+    state: WorldState, radar: RadarSpec, origin: Array, columns: Columns, chosen: list[int], levels: WarningLevels
 ) -> None:
-    """Warn once of each way in which the scene is outside of what physical optics can do."""
+    """Warn once of bodies that are too small for physical optics, and once of parts that both scatter in one place."""
     small = []
     for number in chosen:
         info = state.world.instances[number]
-        if float(info.size.max()) < SMALLEST_SIZE * radar.wavelength and np.any(columns["instance"] == number):
+        if float(info.size.max()) < levels.smallest_body * radar.wavelength and np.any(columns["instance"] == number):
             small.append((info.name, float(info.size.max())))
     if small:
         warnings.warn(
-            f"{len(small)} instance(s) in view are smaller than {SMALLEST_SIZE:g} wavelengths, such as '{small[0][0]}' "
-            f"({1e3 * small[0][1]:.3g} mm); physical optics is wrong by decibels there: use method='scatterers' or point targets",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
+            f"{len(small)} instance(s) in view are smaller than {levels.smallest_body:g} wavelengths, such as "
+            f"'{small[0][0]}' ({1e3 * small[0][1]:.3g} mm); physical optics is wrong by decibels there: use "
+            "method='scatterers' or point targets",
+            ScarlWarning,
+            stacklevel=4,
+        )
     names, of_part = state.world.parts.name, state.world.parts.instance
     double = [o for o in seen_overlaps(state, origin) if {of_part[o.first], of_part[o.second]} <= set(chosen)]
     if double:
         first, second = names[double[0].first], names[double[0].second]
         warnings.warn(
-            f"{len(double)} pair(s) of parts overlap in one plane, such as '{first}' and '{second}': both scatter, up to 6 dB too "
-            "strong where they overlap; move one by 0.1 mm, or leave it out with instances=",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
-    grazing = float(power[columns["cosine"] < GRAZING_COSINE].sum())
+            f"{len(double)} pair(s) of parts overlap in one plane, such as '{first}' and '{second}': both scatter, up "
+            "to 6 dB too strong where they overlap; move one by 0.1 mm, or leave it out with instances=",
+            ScarlWarning,
+            stacklevel=4,
+        )
+
+
+def _warn_of_grazing(cosine: Array, power: Array, grazing_cosine: float) -> None:
+    """Warn where most of the power comes from patches met at less than a cosine of incidence."""
+    grazing = float(power[cosine < grazing_cosine].sum())
     if grazing > 0.5 * float(power.sum()):
         warnings.warn(
-            f"{100.0 * grazing / float(power.sum()):.0f} % of the patches' power comes from surfaces seen within 6 deg of "
-            "grazing, where diffraction, which 'sbr' does not have, is as strong; method='sionna' has mirror multipath there",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
+            f"{100.0 * grazing / float(power.sum()):.0f} % of the patches' power comes from surfaces seen within "
+            f"{np.degrees(np.arcsin(grazing_cosine)):.0f} deg of grazing, where diffraction, which 'sbr' does not "
+            "have, is as strong; method='sionna' has mirror multipath there",
+            ScarlWarning,
+            stacklevel=4,
+        )
 
 
 def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) -> RadarPaths:

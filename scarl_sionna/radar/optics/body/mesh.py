@@ -1,4 +1,4 @@
-"""The mesh that scatters: float64 triangles without degenerate ones, which of them share a plane, and the ray caster."""
+"""The mesh that scatters: float64 triangles without degenerate ones, their common planes, and the ray caster."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ Array = npt.NDArray[np.float64]
 _THIN = 1e-9
 """A face whose height is below this part of the mesh's size is degenerate: it has no area and no sure normal."""
 _LARGEST_SEARCH = 200_000_000
-"""Pairs of a face and a corner of the convex hull up to which `free` is searched: 0.5 s; beyond, rays find out."""
+"""Pairs of a face and a corner of the convex hull up to which `free` is searched: 0.5 s; beyond, rays find out, with
+the same result."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +40,8 @@ class Body:
     one_sided : bool
         Whether every part of the mesh is closed and its normals point outwards, so that only front faces can be lit.
     free : ndarray of bool, shape (num_faces, 2)
-        Whether nothing of the mesh stands in front of a face's plane, on the side of its normal and on the other one: then
-        nothing can shadow it, and what it reflects meets nothing.
+        Whether nothing of the mesh stands in front of a face's plane, on the side of its normal and on the other one:
+        then nothing can shadow it, and what it reflects meets nothing.
     num_degenerate : int
         Faces without area that were left out.
     rays : MeshRays
@@ -148,7 +149,10 @@ def _is_outward(corners: Array) -> bool:
 
 
 def _free(triangles: Triangles, offset: Array, scaled: Array) -> npt.NDArray[np.bool_]:
-    """Return whether the mesh has nothing above each face's plane, and nothing below it; offsets and corners in radii of the mesh."""
+    """Return whether the mesh has nothing above each face's plane, and nothing below it.
+
+    Offsets and corners are in radii of the mesh.
+    """
     normal = triangles.normal
     corners = np.unique(scaled.reshape(-1, 3), axis=0)
     with suppress(QhullError, ValueError):  # a flat mesh has no hull; all its corners do as well

@@ -1,4 +1,4 @@
-"""Meshes made ready for shooting and bouncing rays, of one material or of several, and what each of them reflects like."""
+"""Meshes made ready for shooting and bouncing rays, of one material or of several, and their surfaces."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Mesh: TypeAlias = "SingleMesh | Body | Parts"
 CONDUCTORS = ("metal", "pec")
 """Names of a perfect conductor, whatever the table says."""
 LARGEST_SIZE = 200.0
-"""Largest extent [m] above which a mesh is taken to be in another unit than metres."""
+"""Largest extent [m] above which a mesh is taken to be in another unit than metres: decides a warning only."""
 
 
 def load_body(mesh: Mesh) -> Body:
@@ -66,14 +66,16 @@ def check_size(body: Body, frequency: float) -> None:
         warnings.warn(
             f"the mesh is {body.size:.4g} m across; is it in millimetres? Lengths are metres, and the RCS of a plate "
             "grows with the fourth power of its size",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
+            ScarlWarning,
+            stacklevel=4,
+        )
     elif body.size < SMALLEST_SIZE * wavelength:
         warnings.warn(
             f"the mesh is {body.size:.4g} m across, {body.size / wavelength:.2g} wavelengths; below {SMALLEST_SIZE:g} "
             "physical optics is wrong by decibels: use a full-wave solver, or check the unit of the mesh",
-            ScarlWarning, stacklevel=4,
-        )  # fmt: skip
+            ScarlWarning,
+            stacklevel=4,
+        )
 
 
 def actor_parts(world: World, name: str) -> list[tuple[trimesh.Trimesh, RadioMaterial]]:
@@ -105,7 +107,7 @@ def actor_parts(world: World, name: str) -> list[tuple[trimesh.Trimesh, RadioMat
     return result
 
 
-def _pairs(mesh: Any) -> list[tuple[Any, Material]] | None:
+def _pairs(mesh: Mesh) -> list[tuple[Mesh, Material]] | None:
     if isinstance(mesh, Mapping):
         return [(part, material) for material, part in mesh.items()]
     if not isinstance(mesh, Sequence) or isinstance(mesh, str):
@@ -142,7 +144,7 @@ def _body(meshes: Sequence[Any], materials: tuple[Material, ...]) -> Body:
     return body
 
 
-def _read(path: Path) -> Any:
+def _read(path: Path) -> trimesh.Trimesh:
     import trimesh
 
     if not path.is_file():
@@ -198,7 +200,7 @@ def material_names(body: Body, material: Material) -> list[str]:
     return [str(getattr(one, "name", one)) for one in body.materials or (material,)]
 
 
-def _entry(material: Any, materials: MaterialTable | None) -> RadioMaterial | complex | None:
+def _entry(material: Material, materials: MaterialTable | None) -> RadioMaterial | complex | None:
     """Return None for a perfect conductor."""
     if isinstance(material, str):
         if material.lower() in CONDUCTORS:
@@ -219,7 +221,7 @@ def surface_of(entry: RadioMaterial, frequency: float, rough: bool = False) -> S
     return Surface(entry.at(frequency), entry.thickness, frequency, coherence, film_of(entry, frequency))
 
 
-def _permittivity(value: Any) -> complex:
+def _permittivity(value: complex) -> complex:
     try:
         number = complex(value)
     except (TypeError, ValueError):
@@ -228,7 +230,9 @@ def _permittivity(value: Any) -> complex:
         ) from None
     if not (np.isfinite(number) and number.real >= 1.0 and number.imag <= 0.0):
         raise ParameterRangeError(
-            "material", number, "relative permittivity with real part >= 1 and imaginary part <= 0",
+            "material",
+            number,
+            "relative permittivity with real part >= 1 and imaginary part <= 0",
             "losses are a negative imaginary part (time dependence e^{+jwt})",
-        )  # fmt: skip
+        )
     return number

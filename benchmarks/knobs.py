@@ -1,0 +1,143 @@
+"""Error and CPU seconds of knobs that no work-precision chart has as its axis, a table each.
+
+    python benchmarks/knobs.py cells|probes|mirrors|drops ...
+
+cells     `RaycastSettings.cells_per_resolution` and `widest_cosine`: expected power in a range-azimuth map against
+          every hit of the same rays, so this is the error of thinning alone
+probes    `AutoSettings.num_probes` and `bounce_share`: objects with another number of bounces than by 16,384 probes
+mirrors   `MirrorSettings.max_mirrors`: power of cars (3GPP models) seen through mirrors against 32 of them, in range
+          bins of 1 m, at most 30 dB off a bin
+drops     `WeatherEchoSettings.num_points` and `least_per_bin`: contrast of a range-Doppler cell, 1 for speckle
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from harness import machine
+from radar_frame import expected_map
+
+import scarl_sionna as ss
+from scarl_sionna.radar.channel.compose.budget import own_bounces
+from scarl_sionna.radar.link import received_power
+from scarl_sionna.radar.weather.clutter import VolumeSampling, volume_clutter
+
+PLACES = ("highway_guardrail", "urban_crossing")
+MIRROR_PLACES = ("urban_crossing", "motorway", "tunnel", "signalised_crossing")
+RADAR = ss.RadarSpec.preset("awr1843boost")
+
+
+def place(name: str) -> tuple[Any, Any]:
+    """Return a state, and the radar's mount: on the ego vehicle where there is one."""
+    world = ss.load_scene(name)
+    state = world.at(0.5)
+    pose = ss.Pose([4.0, 0.0, 0.7])
+    return state, state.mount(world.ego, pose) if world.ego else ss.Mount.of(ss.Pose([0.0, 0.0, 1.0]))
+
+
+def timed(call: Callable[[], Any]) -> tuple[Any, float]:
+    """Return what a call gives, and its CPU seconds, the second time that it is made."""
+    call()
+    start = time.process_time()
+    return call(), time.process_time() - start
+
+
+def cells() -> None:
+    print("| place | cells per resolution | widest cosine | error rms [dB] | 95 % below [dB] | paths | CPU [s] |")
+    print("|---|---|---|---|---|---|---|")
+    for name in PLACES:
+        state, mount = place(name)
+        every = ss.solve_paths(state, RADAR, mount, "raycast", num_rays=200_000, hits_per_cell=None)
+        whole = expected_map(every, RADAR)
+        loud = whole > whole.max() * 1e-6
+        for fine, wide in ((0.5, 0.1), (1.0, 0.1), (2.0, 0.1), (4.0, 0.1), (2.0, 0.02), (2.0, 0.4)):
+            knobs = ss.RaycastSettings(num_rays=200_000, cells_per_resolution=fine, widest_cosine=wide)
+            paths, cpu = timed(lambda knobs=knobs: ss.solve_paths(state, RADAR, mount, settings=knobs))  # noqa: B023
+            error = np.abs(10.0 * np.log10(expected_map(paths, RADAR)[loud] / whole[loud]))
+            rms, most = np.sqrt(np.mean(error**2)), np.percentile(error, 95)
+            print(
+                f"| {name} | {fine:g} | {wide:g} | {rms:.3f} | {most:.2f} | {paths.num_paths:,} | {cpu:.2f} |",
+                flush=True,
+            )
+
+
+def probes() -> None:
+    print("| place | probes | bounce share | objects with other bounces | of | CPU [s] |\n|---|---|---|---|---|---|")
+    for name in PLACES:
+        state, mount = place(name)
+        numbers = [number for number, info in state.world.instances.items() if info.is_object]
+        exact = own_bounces(state, mount.pose, numbers, ss.AutoSettings(num_probes=16_384))
+        for count, share in ((64, 0.01), (256, 0.01), (1024, 0.01), (4096, 0.01), (256, 0.003), (256, 0.03)):
+            rules = ss.AutoSettings(num_probes=count, bounce_share=share)
+            found, cpu = timed(lambda rules=rules: own_bounces(state, mount.pose, numbers, rules))  # noqa: B023
+            other = sum(found[number] != exact[number] for number in numbers)
+            print(f"| {name} | {count} | {share:g} | {other} | {len(numbers)} | {cpu:.3f} |", flush=True)
+
+
+def mirrors() -> None:
+    print("| place | mirrors | error rms [dB] | paths through mirrors | CPU [s] |\n|---|---|---|---|---|")
+    for name in MIRROR_PLACES:
+        state, mount = place(name)
+        cars = [actor.name for actor in state.world.actors if actor.name != state.world.ego]
+        common = ss.RadarSettings.of(
+            "auto", tube_budget=0, models=dict.fromkeys(cars, "tr38901:car"), max_distance=80.0
+        )
+
+        def ghosts(count: int) -> tuple[np.ndarray, int]:
+            paths = ss.solve_paths(state, RADAR, mount, settings=common.changed(max_mirrors=count))  # noqa: B023
+            rows = [row for row in paths.diagnostics["solvers"] if row["mechanism"] == "objects through mirrors"]
+            number = sum(row["num_paths"] for row in rows)
+            late = paths.select(np.arange(paths.num_paths - number, paths.num_paths))
+            return np.histogram(late.length / 2.0, np.arange(0.0, 81.0), weights=received_power(late, RADAR))[0], number
+
+        whole, _ = ghosts(32)
+        loud = whole > whole.max() * 1e-3
+        for count in (1, 2, 4, 8, 16):
+            (power, number), cpu = timed(lambda count=count: ghosts(count))
+            error = np.abs(10.0 * np.log10(np.maximum(power[loud], 1e-3 * whole[loud]) / whole[loud]))
+            rms = np.sqrt(np.mean(error**2)) if loud.any() else 0.0
+            print(f"| {name} | {count} | {rms:.2f} | {number:,} | {cpu:.1f} |", flush=True)
+
+
+def drops() -> None:
+    print("| weather | points | least a bin | contrast, 5 to 20 m | contrast, 60 to 100 m | CPU [s] |")
+    print("|---|---|---|---|---|---|")
+    radar = RADAR
+    for weather in ("rain", "heavy_rain"):
+        state = ss.load_scene("highway_guardrail").with_weather(weather).at(0.0)
+        for count, least in ((1_000, 8), (5_000, 8), (20_000, 8), (80_000, 8), (20_000, 2), (20_000, 32)):
+            power, start = [], time.process_time()
+            for seed in range(12):
+                rng, sampling = np.random.default_rng(seed), VolumeSampling(100.0, count, least)
+                paths = volume_clutter(state.world.weather, radar, ss.Pose(), rng, sampling=sampling)
+                cube = ss.virtual_cube(ss.synthesize(paths, radar), radar)
+                power.append(np.abs(ss.range_doppler(cube, radar).data) ** 2)
+            cpu = (time.process_time() - start) / 12
+            found, power = ss.range_doppler(cube, radar), np.array(power)
+            contrast: list[float] = []
+            for near, far in ((5.0, 20.0), (60.0, 100.0)):
+                bins = (found.range >= near) & (found.range < far)
+                slow = np.abs(found.radial_velocity) < 0.5
+                some = power[..., slow, :][..., bins]
+                mean, spread = some.mean(axis=0), some.var(axis=0, ddof=1)
+                contrast.append(float(np.mean(spread) / np.mean(mean**2 - spread / 12)))
+            print(
+                f"| {weather} | {count:,} | {least} | {contrast[0]:.2f} | {contrast[1]:.2f} | {cpu:.2f} |", flush=True
+            )
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    print(machine())
+    for asked in sys.argv[1:]:
+        {"cells": cells, "probes": probes, "mirrors": mirrors, "drops": drops}[asked]()

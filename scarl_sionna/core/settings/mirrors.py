@@ -1,0 +1,36 @@
+"""The knobs of flat mirrors, over which `hybrid` and `auto` see objects again; docs/accuracy.md has the charts."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Metres
+
+
+class MirrorSettings(Spec):
+    """Which flat regions of the mirror instances are mirrors, and what lies on them."""
+
+    max_mirrors: int = Field(
+        16,
+        ge=1,
+        le=1000,
+        description="the largest so many are used: pairs of ways, and with them the time, grow with the square; "
+        "docs/accuracy.md, knobs of the rules",
+    )
+    flatness: Metres = Field(
+        1e-3,
+        gt=0.0,
+        le=0.1,
+        description="faces of a part whose corners are all this near to one plane are one mirror [m]: a quarter of "
+        "the wavelength at 77 GHz; not charted",
+    )
+    thickness: Metres = Field(
+        1e-2,
+        gt=0.0,
+        le=0.1,
+        description="what lies this near to a mirror's plane, such as a road marking, belongs to it [m]; not charted",
+    )
+
+
+DEFAULT_MIRRORS = MirrorSettings()

@@ -1,0 +1,38 @@
+"""How many points stand for the rain, the snow and the spray in a radar's view.
+
+Their error and time stand in docs/weather.md.
+"""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Metres
+
+
+class WeatherEchoSettings(Spec):
+    """Random points that stand for drops and flakes. Their mean power is exact for any number of them."""
+
+    num_points: int = Field(
+        20_000,
+        ge=1,
+        le=10_000_000,
+        description="points that stand for rain and snow: with fewer than about five in a range-Doppler cell its "
+        "power is no longer exponential; docs/weather.md, points",
+    )
+    least_per_bin: int = Field(
+        8, ge=1, description="points of a range bin at least, for the far ones; docs/weather.md, points"
+    )
+    points_per_cloud: int = Field(
+        2_000, ge=1, le=1_000_000, description="points of the spray behind one vehicle; not charted"
+    )
+    nearest: Metres = Field(
+        0.25,
+        gt=0.0,
+        description="drops nearer than this are left out [m]: there the radome's own water counts, which is not "
+        "modelled; not charted",
+    )
+
+
+DEFAULT_WEATHER_ECHOES = WeatherEchoSettings()

@@ -1,0 +1,169 @@
+"""Legs over mirrors, from a radar to points of objects.
+
+With each leg: what the mirrors do to polarisation and rate, and whether something hides it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.settings.mirrors import MirrorSettings
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.channel.multipath.images import material_coefficients, spherical_basis, transfer
+from scarl_sionna.radar.channel.multipath.station import Station
+
+from .mirror_faces import MirrorFaces
+from .mirrors import Mirror, Way, chain_of
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+_LIFT = 1e-4
+"""Rays start this far above a mirror [m], so that they do not meet it again: a guard against the rounding of float32
+hits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """One way from a radar to points of an object.
+
+    Attributes
+    ----------
+    visible : ndarray of bool, shape (num_points,)
+        Whether the mirrors are there and nothing hides the way.
+    image : ndarray of float64, shape (num_points, 3)
+        The points as the radar sees them [m, world].
+    jones : ndarray of complex128, shape (num_points, 2, 2)
+        From the radar's spherical basis to that of the image of the radar (axes `rotation`), both along the wave.
+    direction : ndarray of float64, shape (num_points, 3)
+        From the image of the radar to the points.
+    station_velocity : ndarray of float64, shape (num_points, 3)
+        Of the image of the radar, by the motion of the radar and of the mirrors [m/s, world].
+    """
+
+    visible: npt.NDArray[np.bool_]
+    image: Array
+    jones: Complex
+    direction: Array
+    station_velocity: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorView:
+    """A radar that looks at objects over mirrors.
+
+    Attributes
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    mount : Mount
+        Pose and velocity of the radar.
+    owned : sequence of int
+        Instances of the objects. They hide nothing here: the solver that made their points has seen to that.
+    mirrors : sequence of Mirror
+        All of the solve, as of :func:`.mirrors.find_mirrors`.
+    knobs : MirrorSettings
+    """
+
+    state: WorldState
+    radar: RadarSpec
+    mount: Mount
+    owned: Sequence[int]
+    mirrors: Sequence[Mirror]
+    knobs: MirrorSettings
+
+    @cached_property
+    def station(self) -> Station:
+        """The radar as the end of a link."""
+        return Station(self.mount.pose.position, self.mount.twist.linear, self.mount.pose.rotation)
+
+    @cached_property
+    def faces(self) -> MirrorFaces:
+        """Finds which of the mirrors a ray has met."""
+        return MirrorFaces(
+            len(self.state._triangles.normal),
+            [mirror.faces for mirror in self.mirrors],
+            np.array([mirror.normal for mirror in self.mirrors]),
+            np.array([mirror.offset for mirror in self.mirrors]),
+            [mirror.corners.reshape(-1, 3, 3) for mirror in self.mirrors],
+            self.knobs.thickness,
+        )
+
+    def leg(self, way: Way, rotation: Array, points: Array) -> Leg:
+        """Return a way to points.
+
+        Parameters
+        ----------
+        way : Way
+            Mirrors from the radar on.
+        rotation : ndarray of float64, shape (3, 3)
+            Axes, as columns, of the frame of the radar's image.
+        points : ndarray of float64, shape (num_points, 3)
+            What the length is counted to: points of the object, or their images by its own bounces, which are seen in
+            the direction in which the wave meets the object first [m, world].
+        """
+        state, station = self.state, self.station
+        chain = chain_of(way, len(points))
+        images = chain.images(points)
+        vertices, right = chain.vertices(station.position, images)
+        travel = chain.travel(station.position, images)
+        names = sorted({state.world.parts.material[mirror.part] for mirror in way})
+        index = np.array([[names.index(state.world.parts.material[mirror.part]) for mirror in way]] * len(points))
+        jones = transfer(
+            chain,
+            travel,
+            spherical_basis(station.rotation, travel[:, 0]),
+            spherical_basis(rotation, travel[:, -1]),
+            material_coefficients(
+                [state.world.materials[name] for name in names],
+                index.reshape(len(points), len(way)),
+                self.radar.center_frequency,
+            ),
+        )
+        parts = np.array([[mirror.part for mirror in way]] * len(points), dtype=np.int64).reshape(len(points), len(way))
+        surface = state.point_velocity(parts.ravel(), vertices.reshape(-1, 3)).reshape(vertices.shape)
+        velocity = np.broadcast_to(station.velocity, points.shape).copy()
+        for k, mirror in enumerate(way):
+            velocity -= 2.0 * np.einsum("pi,i->p", velocity - surface[:, k], mirror.normal)[:, None] * mirror.normal
+        visible = right & self._open(way, vertices, points)
+        return Leg(visible, images[:, 0], jones, travel[:, -1], velocity)
+
+    def _open(self, way: Way, vertices: Array, points: Array) -> npt.NDArray[np.bool_]:
+        """Return which ways meet each mirror where it is, and no other mirror in its place, with nothing in between."""
+        state, count = self.state, len(points)
+        here, seen = np.broadcast_to(self.station.position, (count, 3)).copy(), np.ones(count, dtype=bool)
+        for k in range(len(way) + 1):
+            end = vertices[:, k] if k < len(way) else points
+            rows = np.flatnonzero(seen)
+            if len(rows) == 0:
+                return seen
+            ahead = end[rows] - here[rows]
+            distance = np.linalg.norm(ahead, axis=1)
+            far = distance > _LIFT
+            direction = np.where(far[:, None], ahead / np.maximum(distance, _LIFT)[:, None], [1.0, 0.0, 0.0])
+            hits = state.cast(here[rows], direction)
+            met = np.zeros(len(rows), dtype=bool)
+            if k < len(way):
+                met[hits.ray] = self.faces.owner(hits, end[rows[hits.ray]]) == way[k].number
+                side = np.sign(way[k].height(here[rows]))
+                lift = np.full(len(rows), _LIFT)
+                lift[hits.ray[np.abs(way[k].height(hits.point)) > _LIFT]] = (
+                    self.knobs.thickness
+                )  # out from under a marking
+                here[rows] = vertices[rows, k] + (lift * side)[:, None] * way[k].normal
+            else:
+                met[:] = True
+                foreign = ~np.isin(state.world.parts.instance[hits.part], self.owned)
+                met[hits.ray[foreign & (hits.distance < distance[hits.ray] - self.knobs.thickness)]] = False
+            seen[rows] = met & far
+        return seen
