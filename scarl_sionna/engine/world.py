@@ -104,7 +104,13 @@ class World(Described):
         return {actor.name: actor for actor in self.actors}
 
     def twin(self, kind: str) -> Twin:
-        """Return a twin of the scene, ``"optical"`` or ``"radio"``, loaded on first use."""
+        """Return a twin of the scene, ``"optical"`` or ``"radio"``, loaded on first use.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such twin.
+        """
         if kind not in self._twins:
             if kind not in ("optical", "radio"):
                 raise UnknownNameError("twin", kind, ("optical", "radio"))
@@ -164,7 +170,13 @@ class World(Described):
         return self._triangles.bounds()
 
     def actor(self, name: str) -> Actor:
-        """Return an actor by name."""
+        """Return an actor by name.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such actor.
+        """
         if name not in self._actor_of_name:
             raise UnknownNameError("actor", name, self._actor_of_name)
         return self._actor_of_name[name]
@@ -438,7 +450,7 @@ class WorldState(Described):
 
     @property
     def airlight(self) -> Array:
-        """Radiance of the sky at the horizon, shape (3,), into which haze fades.
+        """Radiance of the sky at the horizon in the units of the image, shape (3,), into which haze fades.
 
         Zeros where the lighting has no haze.
         """
@@ -504,7 +516,7 @@ class WorldState(Described):
         )
 
     def inside(self, point: npt.ArrayLike) -> str | None:
-        """Return the name of the instance whose mesh encloses a point [m, world], or None.
+        """Return the name of the instance whose mesh encloses a point, shape (3,) [m, world], or None.
 
         An actor made of several shells (a cabin behind separate panes) encloses a point from which no ray gets out.
         Rooms (``room = true`` in scene.toml) are there to be stood in and do not count.

@@ -35,14 +35,16 @@ class TubeEstimate(Spec):
     to a factor of three for the objects of highway_guardrail (docs/accuracy.md, what `auto` does).
     """
 
-    least: float = Field(1000.0, ge=0.0, description="tubes of an object with no face; fit, not charted")
-    per_face: float = Field(0.5, ge=0.0, description="tubes a face: half of them are lit")
+    least: float = Field(1000.0, ge=0.0, description="number of tubes of an object with no face; fit, not charted")
+    per_face: float = Field(0.5, ge=0.0, description="number of tubes a face: half of the faces are lit")
     per_edge: float = Field(
-        1.5, ge=0.0, description="tubes a step of the edge spacing along long edges; fit, not charted"
+        1.5, ge=0.0, description="number of tubes a step of the edge spacing along long edges; fit, not charted"
     )
     growth: float = Field(2.0, ge=1.0, description="factor for each further bounce; fit, not charted")
     growth_long: float = Field(
-        6.0, ge=1.0, description="the same on things longer than `long_object`, which see themselves along their length"
+        6.0,
+        ge=1.0,
+        description="the same factor on things longer than `long_object`, seen along their length",
     )
 
 

@@ -131,7 +131,13 @@ class RadarSettings(Spec):
         return cls().changed(method, **fields)
 
     def changed(self, method: str | None = None, **fields: object) -> RadarSettings:
-        """Return a copy with fields of any part changed; see :meth:`of`."""
+        """Return a copy with fields of any part changed; see :meth:`of`.
+
+        Raises
+        ------
+        UnknownNameError, ParameterRangeError
+            As of :meth:`of`.
+        """
         if method is not None and method not in METHODS:
             raise UnknownNameError("channel solver", str(method), METHODS)
         chosen = method or self.method

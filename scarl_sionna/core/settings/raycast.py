@@ -30,7 +30,8 @@ class RaycastSettings(Spec):
         "grows with the number of rays",
     )
     class_rcs: Path | dict[str, float] | None = Field(
-        None, description="replaces entries of rcs_by_class.toml: reflectivity by class, or the path of a TOML file"
+        None,
+        description="replaces entries of rcs_by_class.toml: reflectivity [m2/m2] by class, or path of a TOML file",
     )
     hit_phase: HitPhase = Field(
         "rough",

@@ -164,6 +164,11 @@ class SbrSettings(Spec):
         What a cut along one edge can be wrong by is an area of some `edge_spacing` squared, while a body's echo grows
         with its own size: so rays of a large body stand farther apart. docs/rcs.md has the measured error of a car
         (1,100 wavelengths).
+
+        Parameters
+        ----------
+        size : float
+            Largest extent of the body, a number of wavelengths (dimensionless).
         """
         doublings = int(min(max(round(math.log2(max(size, 1.0) / FINE_SIZE)), 0), COARSEST))
         follows = self.ray_spacing is None and self.edge_spacing is None
@@ -189,11 +194,21 @@ class SbrSettings(Spec):
 
         Parameters
         ----------
-        wavelength : float or ndarray of float64
+        wavelength : float or ndarray of float64, of any shape
             [m].
         side : ndarray of float64, optional
             In a scene: the side of a patch that `max_phase` allows [m]. Left out, the settings are those of
             :meth:`for_size`.
+
+        Returns
+        -------
+        ray, edge : ndarray of float64, scalar or of the shape of the arguments
+            [m].
+
+        Raises
+        ------
+        ParameterRangeError
+            If a spacing is None and no side is given.
         """
         found = []
         for spacing, share in ((self.ray_spacing, self.ray_share), (self.edge_spacing, self.edge_share)):

@@ -30,7 +30,7 @@ class WarningLevels(Spec):
     detuning: float = Field(
         0.01,
         ge=0.0,
-        description="'scatterers' warns if model and radar differ in frequency by more than this part; "
+        description="'scatterers' warns if model and radar differ in frequency by more than this share; "
         "docs/scatterers.md",
     )
     wide_arm: Metres = Field(

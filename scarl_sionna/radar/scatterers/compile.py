@@ -128,6 +128,11 @@ def compile_scatterers(
     Deterministic: the same input gives the same bytes. *Not modelled*: what the mesh's physical optics does not have
     (edge diffraction, creeping waves, transmission), parts of different materials, and the change of a centre's
     amplitude over the radar's band.
+
+    References
+    ----------
+    .. [1] R. Bhalla, H. Ling, "Three-dimensional scattering center extraction using the shooting and bouncing ray
+       technique", IEEE Trans. Antennas Propag. 44(11), 1996.
     """
     azimuth, elevation = _grid(azimuths_deg, azimuth_step_deg, elevations_deg)
     if not (0.0 < frequency < np.inf):
@@ -339,7 +344,20 @@ def _assemble(
 
 
 def range_profile(response: Complex) -> Array:
-    """Return the power in each range cell of a response over evenly spaced frequencies, Hann window."""
+    """Return the power in each range cell of a response over evenly spaced frequencies, Hann window.
+
+    By definition the squared magnitude of the discrete Fourier transform, scaled so that a lone centre keeps its own.
+
+    Parameters
+    ----------
+    response : ndarray of complex128, shape (..., num_frequencies)
+        [m].
+
+    Returns
+    -------
+    ndarray of float64, shape (..., num_frequencies)
+        [m2].
+    """
     window = np.hanning(response.shape[-1] + 2)[1:-1]
     return np.asarray(np.abs(np.fft.fft(response * (window / window.sum()), axis=-1)) ** 2)
 
@@ -347,7 +365,12 @@ def range_profile(response: Complex) -> Array:
 def check_frequencies(model: ScattererModel) -> Array:
     """Return frequencies whose range profile holds the body once.
 
-    The check's cells are at least as wide as the voxels.
+    The check's cells are at least as wide as the voxels. Exact geometry: steps of c / (2 extent) repeat at the extent.
+
+    Returns
+    -------
+    ndarray of float64, shape (num_frequencies,)
+        [Hz].
     """
     extent = float(np.linalg.norm(model.provenance["extent"])) + 4.0 * model.cell
     step = SPEED_OF_LIGHT / (2.0 * extent)

@@ -72,6 +72,11 @@ class ScattererModel(
     provenance : mapping
         Where the model comes from: hash of the mesh, settings, source.
 
+    Raises
+    ------
+    ParameterRangeError
+        If the amplitudes have another shape than the grids, or angles do not rise.
+
     Notes
     -----
     .. math:: S(u) = \sum_n A_n(u)\, e^{2 j k\, u \cdot c_n}
@@ -117,7 +122,10 @@ class ScattererModel(
         return bool(gap <= 1.5 * np.diff(self.azimuth).max())
 
     def inside(self, direction: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Return whether directions from the body to the radar, shape (n, 3) in the body frame, are in the table."""
+        """Return whether directions from the body to the radar are in the table.
+
+        Unit vectors, shape (n, 3), body frame.
+        """
         azimuth, elevation = _angles(direction)
         low, high = self.elevation[0] - self.elevation_reach, self.elevation[-1] + self.elevation_reach
         result = (elevation >= low - _ROUNDING) & (elevation <= high + _ROUNDING)
@@ -173,9 +181,9 @@ class ScattererModel(
 
         Parameters
         ----------
-        theta, phi : array_like of float
+        theta, phi : array_like of float, of shapes that broadcast
             Direction from the body to the radar, from +z and from +x [rad].
-        frequency : array_like of float, optional
+        frequency : array_like of float, of a shape that broadcasts, optional
             [Hz]; the model's if left out. The amplitudes are those at the model's frequency.
 
         Returns

@@ -193,6 +193,10 @@ def specific_attenuation(
     ------
     ParameterRangeError
         If a value is out of range.
+
+    Notes
+    -----
+    The sum of its parts: gases (ITU-R P.676), fog (ITU-R P.840), rain (ITU-R P.838), snow (Mie).
     """
     total = gas_attenuation(frequency) if gases else 0.0
     if atmosphere.visibility is not None:
@@ -216,6 +220,10 @@ def weather_attenuation(weather: Weather, frequency: float, polarization: Litera
     ------
     ParameterRangeError
         If a value is out of range.
+
+    Notes
+    -----
+    The sum of its parts: gases (ITU-R P.676), fog (ITU-R P.840), rain (ITU-R P.838), snow (Mie).
     """
     kelvin = weather.temperature_celsius + CELSIUS
     total = gas_attenuation(frequency) if weather.gases else 0.0
@@ -264,7 +272,10 @@ def attenuate_paths(paths: RadarPaths, radar: RadarSpec, atmosphere: Atmosphere,
 
 
 def attenuate(paths: RadarPaths, radar: RadarSpec, values: tuple[float, float]) -> RadarPaths:
-    """Return paths lowered by one-way specific attenuations for V and H [dB/km], see :func:`attenuate_paths`."""
+    """Return paths lowered by one-way specific attenuations for V and H [dB/km], see :func:`attenuate_paths`.
+
+    By definition a path of length L loses their mean over both ways times L.
+    """
     mean = (np.array(values)[:, None] + np.array(values)[None, :]) / 2.0
     length = PathGeometry.of(paths, radar).center_length()
     loss_db = mean * (length / 1e3)[:, None, None]

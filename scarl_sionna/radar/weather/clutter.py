@@ -67,7 +67,12 @@ class ClutterBudget:
 def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
     """Return what falls in a weather: rain, snow, both or nothing.
 
-    The droplets of fog send back 50 dB less and are left out.
+    The droplets of fog send back 50 dB less and are left out. For the sources see :mod:`.hydrometeors` (Mie's series
+    over the drop sizes).
+
+    References
+    ----------
+    .. [1] C. F. Bohren, D. R. Huffman, *Absorption and Scattering of Light by Small Particles*, 1983, chapter 4.
     """
     kelvin = weather.temperature_celsius + CELSIUS
     found = []
@@ -89,15 +94,15 @@ def _directions(pattern: AntennaPattern) -> tuple[Array, Array, Array, float]:
 
 
 def two_way_gain_integral(pattern: AntennaPattern) -> float:
-    """Return the integral of the squared power gain over the front hemisphere [sr]."""
+    """Return the integral of the squared power gain over the front hemisphere [sr], by definition."""
     return _directions(pattern)[3]
 
 
 def beam_share(radar: RadarSpec) -> float:
     """Return the part of the two-way gain that one beam of the virtual array holds at most, 0 to 1.
 
-    A beam is as wide as the wavelength over the array's extent, in azimuth and in elevation; an array without extent
-    does not tell directions apart.
+    A beam is by definition as wide as the wavelength over the array's extent, in azimuth and in elevation; an array
+    without extent does not tell directions apart.
     """
     cumulated = _directions(radar.array.pattern)[2]
     density = np.diff(cumulated, prepend=0.0).reshape(180, 180)
@@ -120,10 +125,15 @@ def mean_clutter_power(
     radar : RadarSpec
     reflectivity : float
         eta [m2/m3].
-    near, far : array_like of float
+    near, far : array_like of float, of shapes that broadcast
         [m], > 0.
     attenuation_db_per_km : float
         One way.
+
+    Returns
+    -------
+    ndarray of float64, of the shape of both
+        [W].
 
     Notes
     -----
@@ -162,8 +172,13 @@ def clutter_budget(
 
     Notes
     -----
-    The Doppler of a range bin is taken to be spread by turbulence alone, so a cell holds less than this. Bins that stay
-    below ``Accuracy.channel_floor_db`` against the noise of one cell of the range-Doppler-angle cube are left out.
+    The radar equation over a volume [1]_. The Doppler of a range bin is taken to be spread by turbulence alone, so a
+    cell holds less than this. Bins that stay below ``Accuracy.channel_floor_db`` against the noise of one cell of the
+    range-Doppler-angle cube are left out.
+
+    References
+    ----------
+    .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, section 7.6.
     """
     settings = settings or RadarSettings()
     eta = sum(item.reflectivity for item in falling(weather, radar.center_frequency))
@@ -295,9 +310,13 @@ def spray_clutter(
 ) -> RadarPaths:
     """Return the echoes of the spray behind vehicles as paths of random points, see :class:`SprayCloud`.
 
-    Parameters and result are those of :func:`volume_clutter`; `num_points` is the number of points of one cloud,
-    `nearest` the distance [m] from which on drops count. The points of a cloud share its whole cross-section, the
-    integral of its reflectivity.
+    Sources, parameters and result are those of :func:`volume_clutter`; `num_points` is the number of points of one
+    cloud, `nearest` the distance [m] from which on drops count. The points of a cloud share its whole cross-section,
+    the integral of its reflectivity, by the radar equation [1]_.
+
+    References
+    ----------
+    .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, section 7.6.
     """
     mount = Mount.of(mount)
     pose = mount.pose

@@ -208,7 +208,10 @@ def _one(view: _View, item: Estimate, flat: set[int], bounces: Mapping[int, int]
 
 
 def sbr_settings(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrSettings:
-    """Return the knobs of `sbr` for a tolerance, by the charts of docs/accuracy.md."""
+    """Return the knobs of `sbr` for a tolerance [dB].
+
+    By definition of the levels of `rules`, which cite the charts of docs/accuracy.md.
+    """
     level = next(level for level in rules.levels if tolerance_db >= level.tolerance_db)
     return SbrSettings(
         max_phase=level.max_phase, integration_phase=level.integration_phase, max_depth=level.vehicle_bounces
