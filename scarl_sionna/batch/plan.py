@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.scatterers import TR38901
 from scarl_sionna.dataset.encoding import StoreOptions, foreign_fields
 from scarl_sionna.dataset.schema import RESULT_TYPES, check_schema
 from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan, differences
@@ -69,8 +71,10 @@ def plan_export(
         check_storable(mount.name, mount.kind)
     software = {"python": platform.python_version(), **{name: _version(name) for name in PROVENANCE_PACKAGES}}
     named = {name: scenario.resolved() for name, scenario in named.items()}
+    files = settings_files(rig)
+    stated = {"settings_files": files} if files else {}
     scenes = tuple(
-        ScenePlan(name, scenario.num_frames, scene_configuration(scenario), scenario.split)
+        ScenePlan(name, scenario.num_frames, {**scene_configuration(scenario), **stated}, scenario.split)
         for name, scenario in named.items()
     )
     return ExportPlan(named, rig, DatasetPlan(rig.to_dict(), scenes, options, software, licence, description))
@@ -98,6 +102,32 @@ def scene_configuration(scenario: ScenarioSpec) -> dict[str, Any]:
         "seed": scenario.seed,
         **fingerprint(composition),
     }
+
+
+def settings_files(rig: Rig) -> dict[str, str]:
+    """Return the SHA-256 of each file that the settings of a rig's radars name, by sensor and setting.
+
+    The rig holds their paths only, and another table of reflectivities or another scatterer model makes other frames.
+
+    Raises
+    ------
+    ParameterRangeError
+        If there is no such file.
+    """
+    named: dict[str, Path] = {}
+    for mount in rig.sensors:
+        settings = mount.settings
+        if not isinstance(settings, RadarSettings):
+            continue
+        if isinstance(settings.raycast.class_rcs, Path):
+            named[f"{mount.name}.raycast.class_rcs"] = settings.raycast.class_rcs
+        for name, model in settings.scatterers.models.items():
+            if isinstance(model, Path) or (isinstance(model, str) and not model.startswith(TR38901)):
+                named[f"{mount.name}.scatterers.models.{name}"] = Path(model)
+    for where, file in named.items():
+        if not file.is_file():
+            raise ParameterRangeError(where, f"'{file}'", "a file that is there", "check the path of the rig's setting")
+    return {where: hashlib.sha256(file.read_bytes()).hexdigest() for where, file in named.items()}
 
 
 def _checksum(document: SceneDocument) -> str:

@@ -111,3 +111,19 @@ def test_bad_settings_in_files(scenario, tmp_path) -> None:
         Rig.from_dict(data)
     with pytest.raises(ScarlError, match="a RadarSettings"):
         RIG.with_radar({"method": "raycast"})  # type: ignore[arg-type]
+
+
+def test_a_changed_file_that_the_settings_name_is_another_configuration(scenario, tmp_path) -> None:
+    """The rig holds a path; what decides the frames is the content."""
+    table = tmp_path / "rcs.toml"
+    table.write_text("[Car]\ngamma = 0.5\nsource = 'a test'\n")
+    options = (scenario, "--method", "raycast", "--set", f"radar.raycast.class_rcs={table}")
+    first = export(tmp_path / "first", *options)[1]
+    assert export(tmp_path / "again", *options)[1] == first
+    table.write_text("[Car]\ngamma = 0.25\nsource = 'a test'\n")
+    assert export(tmp_path / "changed", *options)[1] != first
+    result = CliRunner().invoke(app, ["export", *map(str, options), "--out", str(tmp_path / "first")])
+    assert result.exit_code == 2 and "settings_files" in result.output.replace("\n", "")
+    table.unlink()
+    result = CliRunner().invoke(app, ["export", *map(str, options), "--out", str(tmp_path / "none")])
+    assert result.exit_code == 2 and "class_rcs" in result.output and not (tmp_path / "none").exists()
