@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import threading
 import warnings
@@ -242,7 +243,7 @@ class Scene(Described, Sequence["StoredFrame"]):
         try:
             places = shard.places.get(name)
             if places is None:
-                end = shard.files[key]
+                end = shard.files[key][0]
                 tail = self.dataset.files.read(key, end - index_length(self._options.shard_frames), end)
                 places = shard.places[name] = parse_index(tail, self._options.shard_frames)
             place = places[position]
@@ -269,6 +270,24 @@ class Scene(Described, Sequence["StoredFrame"]):
         """Return the name of an image's PNG file in the dataset, or None if the frame does not have it."""
         name = image_name(self.name, f"{sensor}/{image}/{index:06d}.png")
         return name if name in self._shard(index).files else None
+
+    def read_image(self, index: int, sensor: str, image: str) -> bytes | None:
+        """Return an image's PNG file, or None if the frame does not have it.
+
+        Raises
+        ------
+        DatasetError
+            If the file is missing, or is not the one that was written.
+        """
+        name = self.image_file(index, sensor, image)
+        return None if name is None else self._read_checked(name, self._shard(index).files[name])
+
+    def _read_checked(self, name: str, written: tuple[int, str]) -> bytes:
+        """Return a file whose size and SHA-256 are those that its shard's record states."""
+        data = self.read_file(name)
+        if (len(data), hashlib.sha256(data).hexdigest()) != written:
+            raise self._damaged(name, ValueError("it is not what was written (size or checksum)"))
+        return data
 
     def meta(self, index: int) -> dict[str, Any]:
         """Return what of a frame stands in JSON."""
@@ -298,9 +317,18 @@ class Scene(Described, Sequence["StoredFrame"]):
     def _record(self, shard: int) -> ShardRecord:
         key = record_name(self.name, shard)
         try:
-            return ShardRecord.parse(self.dataset.files.read(key), f"{self.dataset.place}/{key}")
+            text = self.dataset.files.read(key)
         except OSError as error:
             raise self._damaged(key, error) from error
+        row = dict(enumerate(self.dataset.manifest["shards"].get(self.name, []))).get(shard)
+        other = row is not None and row[0] != hashlib.sha256(text).hexdigest()
+        fault = self._damaged(key, ValueError("it is not what was written (checksum)"))
+        if other and row[1] == len(self.plan.shard_range(shard, self._options)):
+            raise fault
+        record = ShardRecord.parse(text, f"{self.dataset.place}/{key}")
+        if other and row[1] == len(record.frames):  # one that came after the manifest has more frames
+            raise fault
+        return record
 
     def _shard(self, index: int) -> _Shard:
         number = index // self._options.shard_frames
@@ -310,7 +338,9 @@ class Scene(Described, Sequence["StoredFrame"]):
                 return self._shards[number]
         record = self._record(number)
         try:
-            metas = {int(meta["index"]): meta for meta in json.loads(self.read_file(meta_name(self.name, number)))}
+            name = meta_name(self.name, number)
+            text = self._read_checked(name, record.files[name]) if name in record.files else self.read_file(name)
+            metas = {int(meta["index"]): meta for meta in json.loads(text)}
         except (ValueError, KeyError, TypeError) as error:
             raise self._damaged(meta_name(self.name, number), error) from error
         shard = _Shard(record, metas)
@@ -322,11 +352,11 @@ class Scene(Described, Sequence["StoredFrame"]):
 
 
 class _Shard:
-    """What is kept of a shard: its arrays, the names of its files, its JSON, and the indices that were read."""
+    """What is kept of a shard: its arrays, size and checksum of its files, its JSON, and the indices that were read."""
 
     def __init__(self, record: ShardRecord, metas: dict[int, dict[str, Any]]) -> None:
         self.arrays, self.metas = record.arrays, metas
-        self.files = {name: size for name, (size, _) in record.files.items()}
+        self.files = record.files
         self.places: dict[str, list[tuple[int, int] | None]] = {}
 
 

@@ -40,11 +40,8 @@ class SceneInDataset(Protocol):
     def read_array(self, index: int, name: str) -> npt.NDArray[Any] | None:
         """Return one array of one frame, or None if the frame does not have it."""
 
-    def read_file(self, name: str) -> bytes:
-        """Return a file of the dataset."""
-
-    def image_file(self, index: int, sensor: str, image: str) -> str | None:
-        """Return the name of an image's file, or None if the frame does not have it."""
+    def read_image(self, index: int, sensor: str, image: str) -> bytes | None:
+        """Return an image's file, checked, or None if the frame does not have it."""
 
     def meta(self, index: int) -> dict[str, Any]:
         """Return what of a frame stands in JSON."""
@@ -186,10 +183,10 @@ class StoredImage(StoredResult):
         """Return a field as the sensor gave it."""
         scene, index = self._frame.scene, self._frame.index
         if self._by_name[name].storage == "png":
-            path = scene.image_file(index, self.name, name)
-            if path is None:
+            file = scene.read_image(index, self.name, name)
+            if file is None:
                 return None
-            pixels = decode_png(name, scene.read_file(path))
+            pixels = decode_png(name, file)
             return decode_depth(pixels, self.spec.max_distance) if name == "depth" else pixels
         value = self.read(name)
         return value.astype(np.float32) if value is not None and value.dtype == np.float16 else value

@@ -1,0 +1,86 @@
+"""Flipped bits in the files of a dataset: a reader gives what was written, or an error that names the file."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import warnings
+from pathlib import Path
+
+import pytest
+
+from scarl_sionna.core.errors import DatasetError
+from scarl_sionna.dataset import open_dataset
+from scarl_sionna.dataset.encoding import StoreOptions
+from scarl_sionna.dataset.store.writer import write_dataset
+from tests.frames import RIG, assert_same, make_frame
+
+FRAMES = [make_frame(index) for index in range(4)]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("damage") / "out"
+    return write_dataset(out, RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=2))
+
+
+def read_by(out: Path) -> dict[int, str]:
+    """Return what became of each frame: nothing if it is as written, else the error."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a manifest that is read from its copy says so
+        try:
+            dataset = open_dataset(out)
+        except DatasetError as error:
+            return dict.fromkeys(range(len(FRAMES)), str(error))
+    outcome = {}
+    for index, written in enumerate(FRAMES):
+        try:
+            assert_same(dataset[index].to_frame(), written)
+            outcome[index] = ""
+        except DatasetError as error:
+            outcome[index] = str(error)
+    return outcome
+
+
+def flipped(path: Path, bit: int) -> bytes:
+    data = bytearray(path.read_bytes())
+    data[bit // 8] ^= 1 << bit % 8
+    return bytes(data)
+
+
+@pytest.mark.parametrize("count", [120, pytest.param(1000, marks=pytest.mark.slow)])
+def test_no_flipped_bit_is_read_in_silence(whole, tmp_path, count: int) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(whole, out)
+    # what readers of ours do not read: the card, metadata for other readers, the copy of the manifest
+    unread = ("README.md", "zarr.json", "manifest.backup.json")
+    files = sorted(
+        path for path in out.rglob("*") if path.is_file() and path.name not in unread and path.stat().st_size
+    )
+    rng, seen = random.Random(5), 0
+    for _ in range(count):
+        path = rng.choice(files)
+        before = path.read_bytes()
+        path.write_bytes(flipped(path, rng.randrange(8 * len(before))))
+        outcome = read_by(out)
+        path.write_bytes(before)
+        name = path.relative_to(out).as_posix()
+        if path.name == "manifest.json":
+            continue  # any outcome of `read_by` will do: another frame than the one written fails there
+        assert any(outcome.values()), f"{name} was read as if nothing had happened"
+        assert all(not text or name.rpartition("/")[2].partition(".")[0] in text for text in outcome.values()), outcome
+        seen += 1
+    assert seen > 0.8 * count
+
+
+@pytest.mark.parametrize("image", ["rgb", "instance", "semantic", "depth"])
+def test_a_damaged_image_names_its_file(whole, tmp_path, image: str) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(whole, out)
+    path = out / f"images/a/front/camera/{image}/000003.png"
+    path.write_bytes(flipped(path, 8 * (path.stat().st_size // 2)))
+    dataset = open_dataset(out)
+    words = rf"{image}/000003.png cannot be read: it is not what was written.*repair"
+    with pytest.raises(DatasetError, match=words):
+        dataset[3].to_frame()
+    assert_same(dataset[2].to_frame(), FRAMES[2])
