@@ -70,7 +70,7 @@ def work(args: argparse.Namespace) -> None:
     """Run all tasks in this process and store times and numbers."""
     from benchmarks.harness import machine, measure
     from scarl_sionna.core.errors import ScarlWarning
-    from scarl_sionna.engine.bootstrap import ensure_engine
+    from scarl_sionna.engine.backend.bootstrap import ensure_engine
 
     warnings.simplefilter("ignore", ScarlWarning)  # methods are used outside of their range
     print(f"{ensure_engine()}: {machine()}", flush=True)
@@ -116,7 +116,7 @@ def main() -> None:
     args = parser.parse_args()
     if args.out:
         return work(args)
-    from scarl_sionna.engine.bootstrap import available_backends
+    from scarl_sionna.engine.backend.bootstrap import available_backends
 
     usable = available_backends()
     with tempfile.TemporaryDirectory() as folder:

@@ -37,7 +37,7 @@ make_venv() {
 llvm_found() {
     "$venv/bin/python" -c '
 import sys
-from scarl_sionna.engine.bootstrap import cuda_device, find_llvm
+from scarl_sionna.engine.backend.bootstrap import cuda_device, find_llvm
 library, _ = find_llvm()
 device = cuda_device()
 print("; ".join(str(found) for found in (library, device) if found))

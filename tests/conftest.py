@@ -102,6 +102,11 @@ class _Memory:
     peaks: ClassVar[dict[str, int]] = {}
 
 
+def merge(peaks: dict[str, int], others: dict[str, int]) -> None:
+    """Keep the larger peak of each file: the process that only reports a worker's tests has one of its own."""
+    peaks.update({name: max(peak, peaks.get(name, 0)) for name, peak in others.items()})
+
+
 class _Workers:
     """Collects the peaks of the workers in the process that started them."""
 
@@ -109,7 +114,7 @@ class _Workers:
         self.peaks = peaks
 
     def pytest_testnodedown(self, node: Any) -> None:
-        self.peaks.update(getattr(node, "workeroutput", {}).get("peak_memory", {}))
+        merge(self.peaks, getattr(node, "workeroutput", {}).get("peak_memory", {}))
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
@@ -119,7 +124,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         output["peak_memory"] = _Memory.peaks
         return
     peaks = session.config.stash[PEAKS]
-    peaks.update({**_Memory.peaks, "this process": resident_bytes()[1]})
+    merge(peaks, {**_Memory.peaks, "this process": resident_bytes()[1]})
     if max(peaks.values()) > MOST_MEMORY and not session.config.getoption("--run-slow"):
         session.exitstatus = max(session.exitstatus, pytest.ExitCode.TESTS_FAILED)
 

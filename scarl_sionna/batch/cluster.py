@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 TOPIC = "scarl-export"
 CONNECT_SECONDS = 10.0
 _AHEAD, _LEAST_AHEAD = 3, 256  # shards that are handed out at once: for each worker, and in all
-_SILENT = logging.CRITICAL + 1
-"""Level of a local cluster's own log. It writes tracebacks of its connections, at the highest level, when it is stopped
-in the middle of their work; what concerns the export comes as an exception."""
 _KEPT = "finished frames are kept; the same command goes on from there"
 
 
@@ -141,6 +138,32 @@ def dask_setup(worker: Worker) -> None:
     The process that started it stops it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _mute()
+
+
+def _mute() -> dict[logging.Logger, list[logging.Handler]]:
+    """Take the handlers from Dask's logs and return them."""
+    loggers = [logger for logger in logging.root.manager.loggerDict.values() if isinstance(logger, logging.Logger)]
+    names = ("distributed", "tornado", "asyncio")
+    before = {logger: logger.handlers[:] for logger in loggers if logger.name.split(".")[0] in names}
+    for logger in before:
+        logger.handlers[:] = [logging.NullHandler()]
+    return before
+
+
+@contextmanager
+def _muted() -> Iterator[None]:
+    """Keep a local cluster's own log to itself.
+
+    When it is stopped in the middle of its work, it writes tracebacks of its connections, some of them at the highest
+    level; what concerns the export comes as an exception.
+    """
+    before = _mute()
+    try:
+        yield
+    finally:
+        for logger, handlers in before.items():
+            logger.handlers[:] = handlers
 
 
 @contextmanager
@@ -155,13 +178,14 @@ def _local_client(distributed: ModuleType, count: int) -> Iterator[Client]:
     }
     with (
         dask.config.set(settings),
+        _muted(),
         distributed.LocalCluster(
             n_workers=count,
             threads_per_worker=1,
             processes=True,
             memory_limit=None,
             dashboard_address=None,
-            silence_logs=_SILENT,
+            silence_logs=False,
         ) as cluster,
         distributed.Client(cluster) as client,
     ):

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import MissingPackageError
-from scarl_sionna.engine.bootstrap import ensure_engine
+from scarl_sionna.engine.backend.bootstrap import ensure_engine
 
 from .forward import ForwardModel
 

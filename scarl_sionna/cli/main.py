@@ -163,7 +163,7 @@ def info(
         if dataset is not None:
             typer.echo(datasets.show_dataset(dataset))
             return
-        from scarl_sionna.engine.doctor import doctor_report
+        from scarl_sionna.engine.backend.doctor import doctor_report
 
         table = Table()
         for title in ("", "found", "status", "remedy"):

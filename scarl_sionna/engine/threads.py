@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .bootstrap import ensure_engine
+from .backend.bootstrap import ensure_engine
 
 LEAST = 2
 """With one thread, Mitsuba 3.9 waits for ever when it writes an EXR image: its tasks wait for a worker that is not

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from types import ModuleType
 
-from . import bootstrap as engine
+from .backend import bootstrap as engine
 
 _SUFFIX = {"optical": "ad_rgb", "radio": "ad_mono_polarized"}
 

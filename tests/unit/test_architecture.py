@@ -30,7 +30,7 @@ def imported_by(statement: str) -> set[str]:
         "import scarl_sionna; scarl_sionna.RadarSpec; scarl_sionna.Pose; dir(scarl_sionna)",
         "from scarl_sionna.core import registry, results, seeds, semantics, units",
         "import scarl_sionna.engine",
-        "from scarl_sionna.engine import bootstrap, doctor",
+        "from scarl_sionna.engine.backend import bootstrap, doctor",
         "import scarl_sionna.cli",
     ],
 )
@@ -40,7 +40,7 @@ def test_import_starts_no_engine(statement: str) -> None:
 
 def test_the_check_sees_an_engine() -> None:
     """The test above can fail: it does see Dr.Jit when it is imported."""
-    assert "drjit" in imported_by("from scarl_sionna.engine.bootstrap import ensure_engine; ensure_engine()")
+    assert "drjit" in imported_by("from scarl_sionna.engine.backend.bootstrap import ensure_engine; ensure_engine()")
 
 
 def test_import_contracts_hold() -> None:

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import EngineError
-from scarl_sionna.engine import bootstrap as engine
-from scarl_sionna.engine import doctor
+from scarl_sionna.engine.backend import bootstrap as engine
+from scarl_sionna.engine.backend import doctor
 
 KERNEL = """
 import drjit as dr
@@ -25,7 +25,7 @@ print("LLVM", dr.detail.llvm_version()[0], "maximum", dr.maximum(x, 2.0)[1])
 """
 """dr.maximum is what LLVM 15 and 16 cannot compile: with them the process ends with SIGABRT."""
 
-ENSURE = "from scarl_sionna.engine.bootstrap import ensure_engine\nprint('backend', ensure_engine())"
+ENSURE = "from scarl_sionna.engine.backend.bootstrap import ensure_engine\nprint('backend', ensure_engine())"
 
 
 def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -69,7 +69,7 @@ def test_too_old_llvm_is_refused_and_the_process_lives(tmp_path: Path, version: 
     library = build_library(tmp_path, "libLLVM.so", version)
     done = run(
         "from scarl_sionna.core.errors import EngineError\n"
-        "from scarl_sionna.engine.bootstrap import ensure_engine\n"
+        "from scarl_sionna.engine.backend.bootstrap import ensure_engine\n"
         "import sys\n"
         "try:\n    ensure_engine()\nexcept EngineError as error:\n    print(error, 'drjit' in sys.modules)",
         DRJIT_LIBLLVM_PATH=str(library),
@@ -95,7 +95,7 @@ def test_real_old_llvm_loaded_by_an_earlier_import_is_named() -> None:
         pytest.skip("needs LLVM 15 installed")
     code = (
         "import drjit\nfrom scarl_sionna.core.errors import EngineError\n"
-        "from scarl_sionna.engine.bootstrap import ensure_engine\n"
+        "from scarl_sionna.engine.backend.bootstrap import ensure_engine\n"
         "try:\n    ensure_engine()\nexcept EngineError as error:\n    print(error)"
     )
     done = run(code, DRJIT_LIBLLVM_PATH=old[0], SCARL_BACKEND="llvm")

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from scarl_sionna.core.errors import EngineError
-from scarl_sionna.engine import bootstrap, cuda, doctor
+from scarl_sionna.engine.backend import bootstrap, cuda, doctor
 
 LIBRARIES = ("DRJIT_LIBCUDA_PATH", "DRJIT_LIBOPTIX_PATH")
 
@@ -121,7 +121,7 @@ def test_a_device_that_is_asked_for_and_refused_is_an_error(tmp_path: Path, monk
 
 ENSURE = """
 import os
-from scarl_sionna.engine.bootstrap import ensure_engine
+from scarl_sionna.engine.backend.bootstrap import ensure_engine
 print("backend", ensure_engine(), "library", os.environ.get("DRJIT_LIBCUDA_PATH"))
 """
 

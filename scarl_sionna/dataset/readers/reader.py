@@ -321,12 +321,12 @@ class Scene(Described, Sequence["StoredFrame"]):
         except OSError as error:
             raise self._damaged(key, error) from error
         row = dict(enumerate(self.dataset.manifest["shards"].get(self.name, []))).get(shard)
-        other = row is not None and row[0] != hashlib.sha256(text).hexdigest()
+        frames = row[1] if row is not None and row[0] != hashlib.sha256(text).hexdigest() else None
         fault = self._damaged(key, ValueError("it is not what was written (checksum)"))
-        if other and row[1] == len(self.plan.shard_range(shard, self._options)):
+        if frames == len(self.plan.shard_range(shard, self._options)):
             raise fault
         record = ShardRecord.parse(text, f"{self.dataset.place}/{key}")
-        if other and row[1] == len(record.frames):  # one that came after the manifest has more frames
+        if frames == len(record.frames):  # one that came after the manifest has more
             raise fault
         return record
 

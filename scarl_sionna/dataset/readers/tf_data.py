@@ -30,7 +30,7 @@ def tensorflow() -> ModuleType:
         If it is not installed.
     """
     if "tensorflow" not in sys.modules:
-        from scarl_sionna.engine.bootstrap import ensure_engine
+        from scarl_sionna.engine.backend.bootstrap import ensure_engine
 
         with suppress(
             EngineError

@@ -70,7 +70,7 @@ distance = dr.maximum(rt.PathSolver()(scene, max_depth=0).tau, 0.0).numpy().max(
 _KERNEL_FRAME = """
 import sys
 from scarl_sionna.core.errors import EngineError
-from scarl_sionna.engine.bootstrap import ensure_engine
+from scarl_sionna.engine.backend.bootstrap import ensure_engine
 try:
     backend = ensure_engine()
 except EngineError as error:

@@ -255,7 +255,7 @@ def _check_loaded(backend: str) -> None:
         raise EngineError(
             f"Dr.Jit runs on LLVM {version} (allowed: >= {MIN_LLVM}), with which it aborts the process; "
             "drjit was imported "
-            "before scarl_sionna could choose: call scarl_sionna.engine.bootstrap.ensure_engine() first, "
+            "before scarl_sionna could choose: call scarl_sionna.engine.backend.bootstrap.ensure_engine() first, "
             f"or {llvm_remedy()}"
         )
 
