@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
-from scarl_sionna.signal.angle import range_doppler_angle, steering
-from scarl_sionna.signal.detection import cfar, detect
+from scarl_sionna.signal.angle import RangeDopplerAngle, range_doppler_angle, steering
+from scarl_sionna.signal.detection import _threshold_factor, cfar, detect
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 RADAR = RadarSpec().with_(num_chirps=32, num_samples=64)
@@ -49,3 +50,70 @@ def test_a_wall_beside_a_cell_does_not_count_as_its_noise() -> None:
     with_guard, without = cfar(rd, guard=(3, 3), training=(6, 8)), cfar(rd, guard=(0, 0), training=(1, 1))
     assert with_guard[row, column] and with_guard[row, column + 1]
     assert not without[row, column + 1]
+
+
+def noise_map(radar: RadarSpec) -> RangeDopplerAngle:
+    rng = np.random.default_rng(5)
+    shape = (radar.num_virtual, radar.num_chirps, radar.num_samples)
+    return range_doppler_angle((rng.normal(size=shape) + 1j * rng.normal(size=shape)).astype(np.complex64), radar)
+
+
+def test_the_window_is_the_documented_one_and_that_of_cfar() -> None:
+    """Half-widths of 3 and 3 guard cells and 6 and 8 training cells over Doppler and range, unless others are given."""
+    rda = noise_map(RADAR)
+    documented = cfar(rda.range_doppler, 0.05, (3, 3), (6, 8))
+    assert documented.any()
+    assert np.array_equal(cfar(rda.range_doppler, 0.05), documented)
+    found = detect(rda, pfa=0.05, peaks_only=False)
+    assert len(found.range) == np.count_nonzero(documented)
+    for guard, training in (((4, 3), (6, 8)), ((3, 2), (6, 8)), ((3, 3), (7, 8)), ((3, 3), (6, 7))):
+        other = cfar(rda.range_doppler, 0.05, guard, training)
+        assert not np.array_equal(other, documented)
+        assert len(detect(rda, None, 0.05, guard, training, peaks_only=False).range) == np.count_nonzero(other)
+
+
+def test_training_cells_are_those_of_a_loop_over_the_window() -> None:
+    """Around each cell: periodic over Doppler, none beyond the ends of range, the guard left out."""
+    rd = noise_map(RADAR).range_doppler
+    guard, training = (1, 2), (2, 3)
+    outer, inner = (7, 11), (3, 5)
+    power = rd.power.astype(np.float64)
+    mean, count = np.zeros_like(power), np.zeros_like(power)
+    for row in range(-3, 4):
+        for column in range(-5, 6):
+            if abs(row) <= guard[0] and abs(column) <= guard[1]:
+                continue
+            first, stop = max(-column, 0), power.shape[1] - max(column, 0)
+            mean[:, first:stop] += np.roll(power, -row, axis=0)[:, first + column : stop + column]
+            count[:, first:stop] += 1.0
+    # the factor itself is held by the rate of false alarms, statistics/test_radar_noise.py
+    for pfa in (0.6, 0.4, 0.2, 0.1, 0.02):
+        factor = _threshold_factor(rd, pfa, count, outer, inner)
+        assert np.array_equal(cfar(rd, pfa, guard, training), power > factor * mean / count)
+    assert count.max() == 7 * 11 - 3 * 5 and count[0, 0] == 7 * 6 - 3 * 3
+
+
+def test_peaks_are_the_largest_of_their_neighbours() -> None:
+    rda = noise_map(RADAR)
+    power = np.pad(rda.range_doppler.power, ((1, 1), (0, 0)), mode="wrap")
+    power = np.pad(power, ((0, 0), (1, 1)), constant_values=-1.0)
+    rows, columns = rda.range_doppler.power.shape
+    around = [power[i : i + rows, j : j + columns] for i in range(3) for j in range(3) if (i, j) != (1, 1)]
+    peak = np.all([rda.range_doppler.power > other for other in around], axis=0)
+    wanted = np.count_nonzero(cfar(rda.range_doppler, 0.05) & peak)
+    assert len(detect(rda, pfa=0.05).range) == wanted < np.count_nonzero(cfar(rda.range_doppler, 0.05))
+
+
+def test_the_window_may_fill_the_map_but_not_leave_it() -> None:
+    rd = noise_map(RADAR).range_doppler  # 32 by 64 cells
+    assert cfar(rd, guard=(5, 15), training=(10, 16)).shape == (32, 64)  # 31 by 63
+    for guard, training in (((6, 15), (10, 16)), ((5, 16), (10, 16))):
+        with pytest.raises(ParameterRangeError, match="at most"):
+            cfar(rd, guard=guard, training=training)
+    assert cfar(rd, guard=(0, 0), training=(1, 1)).shape == (32, 64)
+    for guard, training in (((-1, 0), (1, 1)), ((0, 0), (0, 1))):
+        with pytest.raises(ParameterRangeError, match="guard"):
+            cfar(rd, guard=guard, training=training)
+    for pfa in (0.0, 1.0):
+        with pytest.raises(ParameterRangeError, match="pfa"):
+            cfar(rd, pfa=pfa)

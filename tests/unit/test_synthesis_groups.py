@@ -1,0 +1,61 @@
+"""Which paths are transformed together: each once, those of similar speed, at the least of the measured costs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.synthesis import groups, nufft
+
+RADAR = RadarSpec().with_(num_samples=128, num_chirps=64)
+SAMPLES = 128 * 64
+
+
+def rates(count: int, fastest: float) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-fastest, fastest, count)
+
+
+def cost_of_equal_bins(rate: np.ndarray, count: int, tolerance: float) -> float:
+    """Return the seconds of one pair with the paths in equal intervals of their rate, each with the box it needs."""
+    edges = np.linspace(rate.min(), rate.max(), count + 1)[1:-1]
+    number, total = np.searchsorted(edges, rate), 0.0
+    for one in range(count):
+        inside = rate[number == one]
+        terms = np.prod(nufft.Box.of(RADAR, inside, np.zeros_like(inside), tolerance).num_terms)
+        series = terms * (len(inside) * groups.SPREAD_COST + SAMPLES * groups.FFT_COST)
+        total += min(len(inside) * SAMPLES * groups.DIRECT_COST, float(series))
+    return total
+
+
+@pytest.mark.parametrize(("fastest", "tolerance"), [(70.0, 1e-5), (200.0, 1e-3), (200.0, 1e-5), (200.0, 1e-7)])
+def test_straight_paths_are_binned_as_is_cheapest(fastest: float, tolerance: float) -> None:
+    rate = rates(30_000, fastest)
+    found, cost = groups._series(RADAR, rate, np.zeros_like(rate), tolerance)
+    tried = [cost_of_equal_bins(rate, count, tolerance) for count in range(1, groups.MAX_BINS + 1)]
+    assert cost == pytest.approx(min(tried), rel=0.02)  # bins are chosen by their widths, boxes are as wide as their paths
+    assert min(tried) < 0.9 * tried[0] and len(found) == 1 + int(np.argmin(tried))
+
+
+@pytest.mark.parametrize("count", [1, 2, 40, 30_000])
+def test_every_path_is_in_one_group_and_groups_do_not_overlap_in_speed(count: int) -> None:
+    rate = rates(count, 200.0)
+    acceleration = np.where(np.arange(count) % 2 == 0, 0.0, 30.0)
+    found = groups.partition(RADAR, np.full(count, 80.0), rate, acceleration, 1e-5)
+    assert np.array_equal(np.sort(np.concatenate([index for index, _ in found])), np.arange(count))
+    for bends in (0.0, 30.0):
+        spans = sorted(
+            (rate[index].min(), rate[index].max()) for index, _ in found if np.all(acceleration[index] == bends)
+        )
+        assert all(first[1] < second[0] for first, second in zip(spans, spans[1:], strict=False))
+    assert all(len(np.unique(acceleration[index])) == 1 for index, _ in found)
+
+
+def test_paths_of_one_speed_are_one_bin_and_a_gap_is_none() -> None:
+    same = groups._velocity_bins(RADAR, np.full(9, 12.5), 1e-5)
+    assert [index.tolist() for index in same] == [list(range(9))]
+    two = groups._velocity_bins(RADAR, np.repeat([-300.0, 300.0], 20_000), 1e-5)
+    assert [(int(index.min()), int(index.max()), len(index)) for index in two] == [
+        (0, 19_999, 20_000),
+        (20_000, 39_999, 20_000),
+    ]
