@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import ParameterRangeError, SpecError, UnknownNameError
 from scarl_sionna.core.specs.radar.pattern import CosinePattern, IsotropicPattern, TablePattern, Tr38901Pattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT as C
@@ -93,3 +93,21 @@ def test_patterns() -> None:
     assert table.gain_db(np.radians(120), 0.0) == pytest.approx(-10)
     with pytest.raises(ParameterRangeError, match="rising"):
         TablePattern(azimuth_deg=(0, 0), azimuth_gain_dbi=(1, 1), elevation_deg=(0, 1), elevation_gain_dbi=(1, 1))
+
+
+@pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(45.0, 15.0), (10.0, 10.0), (60.0, 30.0), (80.0, 5.0)])
+def test_the_radiated_share_of_a_cosine_pattern_is_its_integral(azimuth_deg: float, elevation_deg: float) -> None:
+    pattern = CosinePattern(
+        peak_gain_dbi=3.0, half_power_azimuth_deg=azimuth_deg, half_power_elevation_deg=elevation_deg
+    )
+    step = np.pi / 2000
+    angle = (np.arange(2000) + 0.5) * step - np.pi / 2.0
+    gain = 10.0 ** (pattern.gain_db(angle[:, None], angle[None, :]) / 10.0)
+    integral = (gain * np.cos(angle)).sum() * step**2 / (4.0 * np.pi)  # midpoints; nothing is radiated behind
+    assert pattern.radiated_share == pytest.approx(integral, rel=1e-4)
+
+
+def test_an_antenna_that_radiates_more_than_its_power_is_refused() -> None:
+    with pytest.raises(SpecError, match=r"at most 7\.\d dBi.*10 dBi the antenna would radiate 1\d\d % of its power"):
+        CosinePattern(half_power_elevation_deg=45.0)
+    assert CosinePattern().radiated_share < 1.0

@@ -33,7 +33,9 @@ def test_straight_paths_are_binned_as_is_cheapest(fastest: float, tolerance: flo
     rate = rates(30_000, fastest)
     found, cost = groups._series(RADAR, rate, np.zeros_like(rate), tolerance)
     tried = [cost_of_equal_bins(rate, count, tolerance) for count in range(1, groups.MAX_BINS + 1)]
-    assert cost == pytest.approx(min(tried), rel=0.02)  # bins are chosen by their widths, boxes are as wide as their paths
+    assert cost == pytest.approx(
+        min(tried), rel=0.02
+    )  # bins are chosen by their widths, boxes are as wide as their paths
     assert min(tried) < 0.9 * tried[0] and len(found) == 1 + int(np.argmin(tried))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,6 +13,12 @@ from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import DecibelsIsotropic, Degrees
 
 Array = npt.NDArray[np.float64]
+
+
+def _cosine_integral(power: float) -> float:
+    """Return the integral of a power of the cosine over half a turn."""
+    logarithm = math.lgamma(0.5 * (power + 1.0)) - math.lgamma(0.5 * power + 1.0)
+    return math.sqrt(math.pi) * math.exp(logarithm)
 
 
 class IsotropicPattern(Spec):
@@ -26,20 +33,52 @@ class IsotropicPattern(Spec):
 
 
 class CosinePattern(Spec):
-    """cos^n(azimuth) * cos^m(elevation) in power, with n and m from the half-power angles; nothing behind."""
+    r"""cos^n(azimuth) * cos^m(elevation) in power, with n and m from the half-power angles; nothing behind.
+
+    A peak gain with which the antenna would radiate more power than it gets is refused.
+
+    Notes
+    -----
+    The radiated share of the power follows by definition from the gain,
+
+    .. math:: \eta = \frac{G_0}{4 \pi} \int \cos^n \alpha \, d\alpha \int \cos^{m+1} \epsilon \, d\epsilon, \quad
+        \int_{-\pi/2}^{\pi/2} \cos^k x \, dx = \sqrt{\pi} \, \Gamma(\tfrac{k+1}{2}) / \Gamma(\tfrac{k}{2} + 1)
+    """
 
     kind: Literal["cosine"] = "cosine"
     peak_gain_dbi: DecibelsIsotropic = Field(10.0, description="[dBi]")
     half_power_azimuth_deg: Degrees = Field(45.0, gt=0.0, lt=90.0, description="-3 dB at +- this azimuth [deg]")
     half_power_elevation_deg: Degrees = Field(15.0, gt=0.0, lt=90.0, description="-3 dB at +- this elevation [deg]")
 
+    @model_validator(mode="after")
+    def _radiates_at_most_its_power(self) -> CosinePattern:
+        if self.radiated_share > 1.0:
+            most = np.floor(10.0 * (self.peak_gain_dbi - 10.0 * np.log10(self.radiated_share))) / 10.0
+            raise ValueError(
+                f"a peak_gain_dbi of at most {most:g} dBi with these half-power angles: with {self.peak_gain_dbi:g} "
+                f"dBi the antenna would radiate {100.0 * self.radiated_share:.0f} % of its power"
+            )
+        return self
+
+    @property
+    def _exponents(self) -> tuple[float, float]:
+        """Powers n and m of the cosines of azimuth and elevation."""
+        half = np.radians([self.half_power_azimuth_deg, self.half_power_elevation_deg])
+        n, m = np.log(0.5) / np.log(np.cos(half))
+        return float(n), float(m)
+
+    @property
+    def radiated_share(self) -> float:
+        """Part of the antenna's power that it radiates: 1 for an antenna without loss."""
+        n, m = self._exponents
+        peak = 10.0 ** (self.peak_gain_dbi / 10.0)
+        return peak / (4.0 * math.pi) * _cosine_integral(n) * _cosine_integral(m + 1.0)
+
     def gain_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
         """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast; -400 dB behind."""
         cosines = np.cos(azimuth), np.cos(elevation)
-        half = np.radians([self.half_power_azimuth_deg, self.half_power_elevation_deg])
-        exponents = np.log(0.5) / np.log(np.cos(half))
         tiny = 1e-40
-        total = sum(n * 10.0 * np.log10(np.maximum(c, tiny)) for n, c in zip(exponents, cosines, strict=True))
+        total = sum(n * 10.0 * np.log10(np.maximum(c, tiny)) for n, c in zip(self._exponents, cosines, strict=True))
         return np.maximum(self.peak_gain_dbi + total, -400.0)
 
 
