@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.device import device
+from scarl_sionna.engine.rays.geometry import Triangles
+from scarl_sionna.radar.optics import spherical_waves
 from scarl_sionna.radar.optics.fields import (
     HOST,
     SERIES_BELOW,
@@ -219,3 +222,34 @@ def test_a_side_is_too_long_by_what_another_antenna_or_frequency_turns_over_it()
     long = PatchSize(1e-3, 0.0, 0.0, 3.0, 0.5, longest=0.25)
     assert long.excess(corners + source, source[None], np.zeros(1, np.int64), source)[0, 0] == pytest.approx(2.0)
     assert size.excess(corners[:0], source[None], np.zeros(0, np.int64), source).shape == (0, 3)
+
+
+def test_grazed_footprints_are_not_cut_along_edges_and_others_follow_the_distance(monkeypatch) -> None:
+    """Below a cosine of 0.02 there is no spacing of rays; above it, shares of the side that the phase allows."""
+    given = {}
+
+    def refined(corners, rows, probe, wide, fine, settings):
+        given.update(rows=rows, wide=wide, fine=fine, probe=probe)
+        return corners, rows, np.zeros(len(rows), np.int64)
+
+    monkeypatch.setattr(spherical_waves, "refined", refined)
+    radar, settings = RadarSpec(), SbrSettings(grazing_cosine=0.02).for_scene()
+    floor = np.array([[0.0, -1e3, 2.0], [1e3, 0.0, 2.0], [0.0, 1e3, 2.0]])  # its normal is +z
+    faces = SimpleNamespace(triangles=Triangles.from_meshes([floor], [np.array([[0, 1, 2]])]))
+    size = PatchSize.of(radar, settings)
+    tracer = spherical_waves.Tracer(None, faces, np.ones(1, bool), None, None, 1e3, size, settings)
+    sine = np.array([0.0195, 0.0205, 0.0195, 0.0205, 0.5, 1.0])
+    distance = np.array([0.3, 0.3, 200.0, 200.0, 40.0, 40.0])
+    for side in (1.0, -1.0):  # seen from above or from below
+        source = np.array([5.0, 6.0, 2.0 + side * 3.0])
+        middle = source + distance[:, None] * np.column_stack([np.sqrt(1.0 - sine**2), 0.0 * sine, -side * sine])
+        triangle = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 2.0, 0.0]]) * 1e-3
+        tubes = spherical_waves.ImageTubes(
+            middle[:, None] + triangle, np.zeros((6, 1), np.int64), np.tile(source, (6, 1, 1)), np.arange(6)
+        )
+        tracer._labelled(tubes, source, None)
+        length = np.sqrt(4.0 * size.max_phase * distance / size.wavenumber)
+        grazed = np.array([True, False, True, False, False, False])
+        np.testing.assert_allclose(given["wide"], np.where(grazed, np.inf, settings.ray_share * length), rtol=1e-6)
+        np.testing.assert_allclose(given["fine"], np.where(grazed, np.inf, settings.edge_share * length), rtol=1e-6)
+        assert given["rows"].tolist() == list(range(6))
