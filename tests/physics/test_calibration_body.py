@@ -102,6 +102,22 @@ def test_model_is_the_simulators_and_its_slopes_are_exact(file: Path) -> None:
             np.testing.assert_allclose(slopes[:, column], numeric, atol=1e-3 * np.abs(numeric).max())
 
 
+def test_a_mesh_is_seen_along_x_in_vertical_polarisation_at_77_ghz_unless_said(tmp_path: Path) -> None:
+    """Broadside to a plate across x: 4 pi (A / wavelength)^2, and the reflectivity of the material head-on."""
+    path, side = tmp_path / "plate.ply", 0.05
+    corners = 0.5 * side * np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=float)
+    trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False).export(path)
+    free = FreeParameter(name="plate.gain_db", lower=-3.0, upper=3.0)
+    plate = MeshRcs(name="plate", mesh=str(path), material="metal", values=(0.0,), noise=1.0)
+    model = ForwardModel(CalibrationProblem(parameters=(free,), measurements=(plate,)))
+    found = model.predict(model.channels[0], np.zeros(1))
+    wavelength = 299792458.0 / 77e9
+    assert found == pytest.approx(10.0 * np.log10(4.0 * np.pi * (side**2 / wavelength) ** 2), abs=0.01)  # of a metal
+    tilted = plate.with_(theta_deg=89.0)
+    other = ForwardModel(CalibrationProblem(parameters=(free,), measurements=(tilted,)))
+    assert other.predict(other.channels[0], np.zeros(1)) < found - 0.5
+
+
 @pytest.mark.parametrize("optimizer", ["least_squares", "adam"])
 def test_recovers_a_dielectric_from_its_rcs(file: Path, optimizer: str) -> None:
     truth = np.array([5.5, 16.0])

@@ -14,6 +14,7 @@ from scarl_sionna.radar.micro_doppler import Spectrogram, part_of_paths, spectro
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.scene.motion.gait import SEGMENTS
 from tests.actor_scenes import actor_world
+from tests.scenes import Thing, box, write_scene
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +97,29 @@ def test_a_part_sees_only_its_own(tmp_path):
     np.testing.assert_allclose(motion.radial_velocity, -5.0, rtol=0.01)
     assert 0.0 < motion.in_view.sum() < motion.area.sum()
     assert np.isnan(motion.mean_velocity([])) and motion.extremes(frame)[1] < -4.95
+
+
+def test_columns_are_solved_at_their_times_and_looks_are_averaged(tmp_path):
+    """Without looks each column is one solve at its own time; with looks, the mean of those at the sums of both."""
+    target = Thing(
+        "target",
+        box((0.3, 0.3, 0.3)),
+        trajectory={"kind": "constant_twist", "position": [8.0, 0.0, 0.0], "velocity": [2.0, 0.0, 0.0]},
+    )
+    world = ss.load_scene(write_scene(tmp_path, [], [target]))
+    radar, asked = radar_of(16, 1e-4, 4.0, 12.0), []
+
+    def place(time: float) -> Pose:
+        asked.append(time)
+        return Pose()
+
+    plain = spectrograms(world, radar, place, [0.25, 0.5], num_rays=2_000)["whole"]
+    assert asked == [0.25, 0.5] and plain.time.tolist() == [0.25, 0.5]
+    looked = spectrograms(world, radar, place, [0.25], looks=(0.0, 0.25), num_rays=2_000)["whole"]
+    assert asked[2:] == [0.25, 0.5]
+    np.testing.assert_allclose(looked.power[0], plain.power.mean(axis=0), rtol=1e-9)
+    assert not np.allclose(plain.power[0], plain.power[1], rtol=0.1, atol=0.0)  # so that the mean tells them apart
+    assert plain.mean_velocity() == pytest.approx([2.0, 2.0], abs=0.05)
 
 
 def test_edges_and_half_width_of_one_line():

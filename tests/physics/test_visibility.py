@@ -137,3 +137,22 @@ def test_what_stands_inside_an_objects_box_hides_a_part_of_it(tmp_path: Path) ->
     )
     image, index = frame.results["camera"], row(frame, "shelf")
     assert image.object_occlusion[index] == pytest.approx(0.5, abs=0.04)  # a column of rays of 32
+
+
+def test_the_first_pixels_of_the_image_count_like_the_last(tmp_path: Path) -> None:
+    """Plates that each edge of an image of 20 by 20 pixels cuts in half: 2 of their 4 pixels are inside."""
+    small = CameraSpec(width=20, height=20, horizontal_fov_deg=90.0, images=("instance",))  # 10 px a unit of tangent
+    sides = {"left": (8, 12, -2, 2), "right": (-12, -8, -2, 2), "top": (-2, 2, 8, 12), "bottom": (-2, 2, -12, -8)}
+    plates = [thing(name, 10.01, (y[0], y[1]), (y[2], y[3])) for name, y in sides.items()]
+    world = ss.load_scene(str(write_scene(tmp_path, instances=plates)))
+    frame = ss.observe(world, Rig("eye", (SensorMount("camera", "camera", small, HERE),)), 0.0, vehicle=HERE)
+    image = frame.results["camera"]
+    # v goes down; an object's box ends where the image does
+    boxes = {"left": (0, 8, 2, 12), "right": (18, 8, 20, 12), "top": (8, 0, 12, 2), "bottom": (8, 18, 12, 20)}
+    for name, expected in boxes.items():
+        index = row(frame, name)
+        assert image.object_truncation[index] == pytest.approx(0.5, abs=0.04)  # a column of rays of 32
+        assert image.object_occlusion[index] == pytest.approx(0.0, abs=0.04)
+        np.testing.assert_allclose(image.object_box[index], expected, atol=0.1)
+        np.testing.assert_allclose(image.object_visible_box[index], expected)
+        assert image.object_pixels[index] == 8

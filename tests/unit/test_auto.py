@@ -16,7 +16,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.compose.auto import sbr_settings
-from scarl_sionna.radar.channel.compose.budget import estimate, own_bounces
+from scarl_sionna.radar.channel.compose.budget import _lit_points, estimate, own_bounces
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
@@ -184,6 +184,30 @@ def test_bounces_that_objects_make_on_themselves(tmp_path) -> None:
     found = own_bounces(state, pose, [1, 2, 3, 4])
     assert found == {1: 1, 2: 1, 3: 2, 4: 3}
     assert own_bounces(state, pose, []) == {}
+
+
+@pytest.mark.parametrize(
+    ("position", "share"),
+    [
+        ((20.0, 1010.0, 0.0), (0.0, 1.0, 0.0)),  # straight before one side
+        ((1020.0, 1010.0, 0.0), (0.5, 0.5, 0.0)),  # before an edge
+        ((1020.0, 1010.0, 1000.0), (1 / 3, 1 / 3, 1 / 3)),
+        ((320.0, 410.0, 0.0), (3 / 7, 4 / 7, 0.0)),
+    ],
+)
+def test_rays_are_spread_over_the_area_that_the_radar_sees(tmp_path, position, share) -> None:
+    """Each side of a cube gets its area times the cosine at which it is seen, from 500 m and more; both its faces."""
+    cube = Thing("cube", box((2.0, 2.0, 2.0), (20.0, 10.0, 0.0)), "Static", "steel")
+    state = load_scene(write_scene(tmp_path, [cube])).at(0.0)
+    points = _lit_points(state, Pose(list(position)), 1, 2000) - [20.0, 10.0, 0.0]
+    assert points.shape == (2000, 3) and np.abs(points).max() == pytest.approx(1.0)
+    on_side = np.isclose(np.abs(points), 1.0, atol=1e-6)
+    assert (on_side.sum(axis=1) == 1).all()
+    assert on_side.mean(axis=0) == pytest.approx(share, abs=0.01)  # the sides turned away count as those towards it
+    for axis in np.flatnonzero(share):
+        across = np.delete(points[on_side[:, axis]], axis, axis=1)
+        assert np.abs(across.mean(axis=0)).max() < 0.05  # even over the side: means, and a third for the square
+        assert (across**2).mean(axis=0) == pytest.approx(1 / 3, abs=0.03)
 
 
 @pytest.mark.parametrize("tolerance", [3.0, 1.0, 0.3])

@@ -177,6 +177,23 @@ def test_an_estimate_on_a_bound_is_said() -> None:
     assert result.at_bound == ["asphalt.relative_permittivity"] and not result.converged and "bound" in result.reason
 
 
+@pytest.mark.parametrize(
+    ("optimizer", "start"), [("least_squares", 0.0), ("least_squares", 1.0), ("adam", 0.0), ("adam", 1.0)]
+)
+def test_a_search_may_start_on_a_bound_where_there_is_no_slope(optimizer: str, start: float) -> None:
+    """The mirror reflection goes with sqrt(1 - S^2): flat at S = 0, and without a derivative at 1, where it ends."""
+    free = FreeParameter(name="asphalt.scattering_coefficient", lower=0.0, upper=1.0, start=start)
+    given = simulated(
+        CalibrationProblem(parameters=[free], measurements=[bench()], num_starts=1, optimizer=optimizer), [0.6]
+    )
+    result = calibrate(given)
+    if (optimizer, start) == ("adam", 1.0):  # Adam long remembers the first slope, some 250 times that at 0.6
+        assert 0.6 < result.values[0] < 0.9 and not result.converged and "max_evaluations" in result.reason
+        return
+    assert result.converged, result.reason
+    assert result.values[0] == pytest.approx(0.6, abs=4.0 * result.std[0]) and result.std[0] < 0.05
+
+
 def test_thickness_from_one_angle_has_several_minima() -> None:
     pane = FreeParameter(name="glass.thickness", lower=2e-3, upper=6e-3)
     one = bench(material="glass", angle_deg=0.0, values=(-8.0,), noise=0.1, form="power_db")

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.device import device
+from scarl_sionna.engine.rays.geometry import Triangles
+from scarl_sionna.radar.optics import spherical_waves
 from scarl_sionna.radar.optics.fields import (
     HOST,
     SERIES_BELOW,
@@ -17,6 +23,7 @@ from scarl_sionna.radar.optics.fields import (
     reflected_field,
     second_difference,
 )
+from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.phase import many_plane_wave_integrals, plane_wave_integral
 from scarl_sionna.radar.optics.surfaces import Surface
 from scarl_sionna.radar.optics.trace import Tubes, depth_first, face_of_plane, landing
@@ -164,3 +171,85 @@ def test_bounces_go_deep_before_they_go_wide() -> None:
     joined = Tubes.joined(tubes.batches(3))
     assert np.array_equal(joined.corners, tubes.corners)
     assert np.array_equal(tubes.take(np.array([2])).corners, tubes.corners[2:3])
+
+
+def two_way(size: PatchSize, points: np.ndarray, source: np.ndarray, receiver: np.ndarray) -> np.ndarray:
+    """Return the phase of the ways from the source by points to the receiver [rad]."""
+    length = np.linalg.norm(points - source, axis=-1) + np.linalg.norm(points - receiver, axis=-1)
+    return size.wavenumber * length
+
+
+@pytest.mark.parametrize("apart", [0.0, 7.0])
+def test_a_side_is_too_long_by_the_quadratic_phase_over_it(apart: float) -> None:
+    """Against the phases at both ends and the middle of each side, wherever the world's origin is."""
+    rng = np.random.default_rng(8)
+    source, receiver = np.array([30.0, -20.0, 11.0]), np.array([30.0, -20.0 + apart, 11.0])
+    size = PatchSize(1600.0, 0.0, 0.0, 0.2, 0.5)
+    center = source + 40.0 * unit(rng)
+    side = rng.normal(size=(COUNT, 3))
+    # across both legs, so that the sagitta is the part of the phase that is quadratic; elsewhere it is the leading one
+    normal = np.cross(center - source, center - receiver) if apart else np.cross(center - source, side)
+    side = normal / np.linalg.norm(normal, axis=1)[:, None] * rng.uniform(0.05, 0.1, COUNT)[:, None]
+    third = 0.02 * unit(rng)
+    first = center - side / 2.0 - third / 3.0
+    corners = np.stack([first, first + side, center + third * 2.0 / 3.0], axis=1)
+    found = size.excess(corners, source[None], np.zeros(COUNT, np.int64), receiver)[:, 0]
+    ends = two_way(size, corners[:, :2], source, receiver)
+    sagitta = np.abs(ends.mean(axis=1) - two_way(size, corners[:, :2].mean(axis=1), source, receiver))
+    np.testing.assert_allclose(found, np.sqrt(sagitta / 0.2), rtol=0.01)
+    np.testing.assert_allclose(size.length(np.array([40.0])), np.sqrt(4.0 * 0.2 * 40.0 / 1600.0))
+
+
+def test_a_side_is_too_long_by_what_another_antenna_or_frequency_turns_over_it() -> None:
+    """At half a side: k D e / R for an antenna D from the centre, half the band times the difference of the ways."""
+    radar = RadarSpec()
+    size = replace(PatchSize.of(radar, SbrSettings()), max_phase=1e9)
+    arms = np.linalg.norm(np.concatenate([radar.tx_array, radar.rx_array]), axis=1)
+    source = np.array([5.0, 6.0, 7.0])
+    for side, wanted in (
+        ((0.0, 0.02, 0.0), 2.0 * np.pi * radar.center_frequency / 299792458.0 * arms.max() * 0.02 / 9.0),
+        ((0.5, 0.0, 0.0), np.pi * radar.sampled_bandwidth / 299792458.0 * 0.5),
+    ):
+        corners = np.array([[[9.0, 0.0, 0.0], [9.0, 0.0, 0.0], [9.0, 0.0, 1e-9]]])
+        corners[0, 0] -= np.array(side) / 2.0
+        corners[0, 1] += np.array(side) / 2.0
+        found = size.excess(corners + source, source[None], np.zeros(1, np.int64), source)[0, 0]
+        assert found == pytest.approx(wanted / 0.5, rel=1e-3)
+    slanted = np.array([[[9.0, 0.0, 0.0], [9.05, 0.05, 0.0], [9.0, 0.05, 0.0]]]) + source
+    phases = PatchSize(1600.0, 0.0, 0.0, 0.2, 0.5).excess(slanted, source[None], np.zeros(1, np.int64), source)[0]
+    across = np.sqrt(1600.0 * 2.0 * 0.05**2 / 9.0 / 8.0 / 0.2)
+    assert phases == pytest.approx([across, 0.0, across], abs=0.005)  # only what lies across the ways; 0.05 m of 9 m
+    long = PatchSize(1e-3, 0.0, 0.0, 3.0, 0.5, longest=0.25)
+    assert long.excess(corners + source, source[None], np.zeros(1, np.int64), source)[0, 0] == pytest.approx(2.0)
+    assert size.excess(corners[:0], source[None], np.zeros(0, np.int64), source).shape == (0, 3)
+
+
+def test_grazed_footprints_are_not_cut_along_edges_and_others_follow_the_distance(monkeypatch) -> None:
+    """Below a cosine of 0.02 there is no spacing of rays; above it, shares of the side that the phase allows."""
+    given = {}
+
+    def refined(corners, rows, probe, wide, fine, settings):
+        given.update(rows=rows, wide=wide, fine=fine, probe=probe)
+        return corners, rows, np.zeros(len(rows), np.int64)
+
+    monkeypatch.setattr(spherical_waves, "refined", refined)
+    radar, settings = RadarSpec(), SbrSettings(grazing_cosine=0.02).for_scene()
+    floor = np.array([[0.0, -1e3, 2.0], [1e3, 0.0, 2.0], [0.0, 1e3, 2.0]])  # its normal is +z
+    faces = SimpleNamespace(triangles=Triangles.from_meshes([floor], [np.array([[0, 1, 2]])]))
+    size = PatchSize.of(radar, settings)
+    tracer = spherical_waves.Tracer(None, faces, np.ones(1, bool), None, None, 1e3, size, settings)
+    sine = np.array([0.0195, 0.0205, 0.0195, 0.0205, 0.5, 1.0])
+    distance = np.array([0.3, 0.3, 200.0, 200.0, 40.0, 40.0])
+    for side in (1.0, -1.0):  # seen from above or from below
+        source = np.array([5.0, 6.0, 2.0 + side * 3.0])
+        middle = source + distance[:, None] * np.column_stack([np.sqrt(1.0 - sine**2), 0.0 * sine, -side * sine])
+        triangle = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 2.0, 0.0]]) * 1e-3
+        tubes = spherical_waves.ImageTubes(
+            middle[:, None] + triangle, np.zeros((6, 1), np.int64), np.tile(source, (6, 1, 1)), np.arange(6)
+        )
+        tracer._labelled(tubes, source, None)
+        length = np.sqrt(4.0 * size.max_phase * distance / size.wavenumber)
+        grazed = np.array([True, False, True, False, False, False])
+        np.testing.assert_allclose(given["wide"], np.where(grazed, np.inf, settings.ray_share * length), rtol=1e-6)
+        np.testing.assert_allclose(given["fine"], np.where(grazed, np.inf, settings.edge_share * length), rtol=1e-6)
+        assert given["rows"].tolist() == list(range(6))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -46,6 +47,15 @@ def test_polarizations_are_the_entries_of_the_matrix():
         sigma = ss.rcs(CORNER, F77, 0.8, 0.6, name, theta_s=0.9, phi_s=0.4)
         assert sigma == pytest.approx(4 * np.pi * abs(matrix[i, j]) ** 2)
     assert len({round(abs(value), 6) for value in matrix.reshape(-1)}) == 4
+
+
+@pytest.mark.parametrize("call", [ss.rcs, scattering_matrix, rcs_cut])
+def test_arguments_have_names_and_options_need_theirs(call):
+    """Every argument can be given by its name; tables and settings, which could be swapped unseen, only so."""
+    kinds = {name: item.kind.name for name, item in inspect.signature(call).parameters.items()}
+    assert set(kinds.values()) == {"POSITIONAL_OR_KEYWORD", "KEYWORD_ONLY"}
+    assert kinds["materials"] == kinds["settings"] == "KEYWORD_ONLY"
+    assert kinds["mesh"] == kinds["frequency"] == kinds["material"] == "POSITIONAL_OR_KEYWORD"
 
 
 def test_file_and_trimesh_and_body_agree(tmp_path):

@@ -18,6 +18,7 @@ from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.scatterers.compile import compile_scatterers
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.scatterers.table import direction_of
+from scarl_sionna.radar.scatterers.tr38901 import tr38901_fields
 from tests.scenes import Thing, write_scene
 
 REPO = Path(__file__).resolve().parents[2]
@@ -145,6 +146,19 @@ def test_a_file_that_is_no_model_is_refused(tmp_path):
     (tmp_path / "x.npz").write_bytes(b"nothing")
     with pytest.raises(SceneError, match="no scatterer model"):
         ScattererModel.load(tmp_path / "x.npz")
+
+
+def test_a_target_of_the_standard_has_its_lobes_unless_asked_for_the_plain_one():
+    fields, model = tr38901_fields("human", 77e9), ScattererModel.tr38901("human")
+    lobes, plain = tr38901_fields("human", 77e9, 2), tr38901_fields("human", 77e9, 1)
+    assert fields["provenance"] == lobes["provenance"] == model.provenance
+    for direction in ((np.pi / 2, 0.0), (np.pi / 2, 1.5), (1.0, -2.5)):
+        shown = [ScattererModel(**some).scattering_matrix(*direction) for some in (fields, lobes, plain)]
+        assert np.array_equal(shown[0], shown[1]) and np.array_equal(shown[0], model.scattering_matrix(*direction))
+        # TR 38.901 table 7.9.2.1-1: -1.37 dBsm from all sides
+        assert 4.0 * np.pi * abs(shown[2][0, 0]) ** 2 == pytest.approx(10.0**-0.137, rel=1e-3)
+    side = [abs(ScattererModel(**lobes).scattering_matrix(np.pi / 2, phi)[0, 0]) for phi in (0.0, np.pi / 2)]
+    assert side[0] > 1.2 * side[1]  # chest and back are wider than the shoulders
 
 
 def test_interpolation_is_cubic_and_wraps_around():
