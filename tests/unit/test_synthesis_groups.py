@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -49,7 +51,7 @@ def test_every_path_is_in_one_group_and_groups_do_not_overlap_in_speed(count: in
         spans = sorted(
             (rate[index].min(), rate[index].max()) for index, _ in found if np.all(acceleration[index] == bends)
         )
-        assert all(first[1] < second[0] for first, second in zip(spans, spans[1:], strict=False))
+        assert all(first[1] < second[0] for first, second in itertools.pairwise(spans))
     assert all(len(np.unique(acceleration[index])) == 1 for index, _ in found)
 
 
