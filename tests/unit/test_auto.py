@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
+import warnings
 
 import numpy as np
 import pytest
 import trimesh
 
-from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.compose.auto import sbr_settings
 from scarl_sionna.radar.channel.compose.budget import _lit_points, estimate, own_bounces
+from scarl_sionna.radar.channel.compose.mirror_bounds import largest_mirror_change
+from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
@@ -296,3 +300,40 @@ def test_a_weak_class_with_a_strong_flash_is_kept_by_its_bound(state) -> None:
         plan = plan_channel(state, RADAR, POSE, accuracy=Accuracy(channel_floor_db=floor))
         kept = [share.solver for share in plan.shares if item.number in share.instances]
         assert (kept or ["left out"]) == [method]
+
+
+@pytest.mark.parametrize("height", [0.3, 1.0, 4.0])
+def test_change_by_the_ground_is_that_of_image_theory(tmp_path, height: float) -> None:
+    """A perfect conductor and an antenna alike in all directions: only the lengths decide."""
+    ground = Thing("ground", plane(100.0, 100.0, (50, 0, 0)), "Ground", "steel", is_object=False)
+    state = load_scene(write_scene(tmp_path, [ground])).at(0.0)
+    radar = RADAR.with_(pattern=IsotropicPattern())
+    mirrors = find_mirrors(state, [1], POSE.position, radar.wavelength)
+    change = largest_mirror_change(state, radar, POSE, mirrors, np.array([30.0, 2.0, height]))
+    straight, bent = (np.sqrt(30.0**2 + 2.0**2 + (height - sign * 0.6) ** 2) for sign in (1.0, -1.0))
+    assert change.instance == "ground"
+    assert change.change_db == pytest.approx(40.0 * np.log10(1.0 + straight / bent), abs=0.02)  # metal loses 0.2 %
+    aside = largest_mirror_change(state, radar, POSE, mirrors, np.array([-200.0, 0.0, height]))
+    below = largest_mirror_change(state, radar, POSE, mirrors, np.array([30.0, 0.0, -height]))
+    assert (aside.change_db, below.change_db) == (0.0, 0.0)  # no ground there; the other side of it
+
+
+def test_a_ground_bounce_that_is_not_computed_is_told(tmp_path) -> None:
+    things = [
+        Thing("road", plane(64.0, 16.0, (30, 0, 0)), "Roads", "steel", is_object=False),
+        Thing("sign", plane(0.5, 0.5, (30, 2, 1), (-1, -0.05, 0)), "TrafficSign", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    few, many = (SETTINGS.with_(accuracy=Accuracy(tube_budget=budget)) for budget in (3_000, 500_000))
+    with pytest.warns(ScarlWarning, match=r"1 of 1 objects .* most of all 'sign' over 'road', by up to 1[12]\.\d dB"):
+        without = solve_paths(state, RADAR, POSE, settings=few)
+    row = choices(without)["sign"]
+    assert 11.0 < row["without_reflection_db"] <= 12.1 and row["without_reflection_at"] == "road"
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message=".*without reflections.*")
+        with_bounce = solve_paths(state, RADAR, POSE, settings=many)
+        coarse = SETTINGS.with_(accuracy=Accuracy(tube_budget=3_000, channel_tolerance_db=13.0))
+        solve_paths(state, RADAR, POSE, settings=coarse)  # a tolerance above what it can change
+    assert choices(with_bounce)["sign"]["without_reflection_db"] is None
+    deeper = with_bounce.depth[(with_bounce.instance == 2).any(axis=1)].max()
+    assert deeper > without.depth[(without.instance == 2).any(axis=1)].max()

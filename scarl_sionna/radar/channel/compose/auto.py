@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
@@ -24,6 +26,7 @@ from scarl_sionna.radar.scatterers.model import ScattererModel, loaded_models
 
 from .budget import Estimate, estimate, num_tubes, own_bounces
 from .hybrid import solve_hybrid
+from .mirror_bounds import MirrorChange, largest_mirror_change
 from .mirrors import PRESELECTION_MARGIN, Mirror, find_mirrors
 
 if TYPE_CHECKING:
@@ -40,6 +43,8 @@ class _Choice:
     settings: SbrSettings | None = None
     tubes: int = 0
     through_mirrors: bool = False
+    without: MirrorChange | None = None
+    """The reflection that is left out and can change it most, where that is by more than the tolerance."""
 
 
 def solve_auto(
@@ -62,7 +67,8 @@ def solve_auto(
     Returns
     -------
     RadarPaths
-        ``diagnostics["choices"]`` says for every instance in view who computes it and why, ``diagnostics["left_out"]``
+        ``diagnostics["choices"]`` says for every instance in view who computes it and why, and by how much a reflection
+        that is left out can change it [dB], ``diagnostics["left_out"]``
         what is not computed and how much power it can hold.
 
     Raises
@@ -73,6 +79,11 @@ def solve_auto(
         If a material that is met has no data at the carrier frequency.
     ParameterRangeError
         If a receiver is given.
+
+    Warns
+    -----
+    ScarlWarning
+        If objects are computed without reflections that can change their echo by more than the tolerance.
     """
     refuse_receiver("auto", receiver)
     start = time.perf_counter()
@@ -113,6 +124,7 @@ def _planned(
     """Return what becomes of each instance, and the plan of it."""
     view = _View(state, radar, pose, settings, loaded_models(settings.scatterers.models))
     choices, mirrors, echoes = _choose(view)
+    _warn_of_reflections(choices, view.settings.accuracy.channel_tolerance_db)
     return choices, _plan(choices, mirrors, echoes, settings.scatterers.with_(models=view.models))
 
 
@@ -155,9 +167,42 @@ def _choose(view: _View) -> tuple[list[_Choice], tuple[int, ...], bool]:
         if choice.method == "scatterers" or (choice.method == "sbr" and pairs * choice.tubes <= budget):
             choice.through_mirrors = True
             budget -= pairs * choice.tubes
+    _note_reflections(view, choices, mirrors)
     echoes = _faces_radar(mirrors, radar, pose, reach)
     needed = echoes or any(choice.through_mirrors for choice in choices)
     return choices, tuple(sorted(flat)) if needed else (), echoes
+
+
+def _note_reflections(view: _View, choices: list[_Choice], mirrors: list[Mirror]) -> None:
+    """State for coherent objects that are computed without mirrors which reflection can change them most."""
+    accuracy = view.settings.accuracy
+    for choice in choices:
+        if choice.method != "sbr" or choice.through_mirrors or choice.item.expected_db < accuracy.channel_floor_db:
+            continue
+        info = choice.item.info
+        box = info.frame_from_box
+        if info.actor is not None:
+            box = view.state.actor_pose(info.actor).compose(box)
+        change = largest_mirror_change(view.state, view.radar, view.pose, mirrors, box.position)
+        if change.change_db > accuracy.channel_tolerance_db:
+            choice.without = change
+
+
+def _warn_of_reflections(choices: list[_Choice], tolerance_db: float) -> None:
+    """Warn of coherent objects whose ground bounce, or reflection at another mirror, is not computed."""
+    coherent = [choice for choice in choices if choice.method == "sbr"]
+    without = [(choice.without, choice.item.name) for choice in coherent if choice.without is not None]
+    if not without:
+        return
+    change, name = max(without)
+    warnings.warn(
+        f"{len(without)} of {len(coherent)} objects are computed without reflections (ground bounce, walls) that can "
+        f"change their echo by more than the tolerance of {tolerance_db:g} dB, most of all '{name}' over "
+        f"'{change.instance}', by up to {change.change_db:.1f} dB: the tube budget does not pay for them; raise "
+        "Accuracy.tube_budget, or see diagnostics['choices'] for each",
+        ScarlWarning,
+        stacklevel=2,
+    )
 
 
 def _within(view: _View, choice: _Choice, budget: int) -> _Choice:
@@ -291,4 +336,6 @@ def _row(choice: _Choice) -> dict[str, Any]:
         "bound_to_noise_db": round(item.bound_db, 1),
         "expected_to_noise_db": round(item.expected_db, 1),
         "tubes": choice.tubes,
+        "without_reflection_db": None if choice.without is None else round(choice.without.change_db, 1),
+        "without_reflection_at": None if choice.without is None else choice.without.instance,
     }
