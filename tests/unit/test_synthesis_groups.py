@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,9 @@ def test_straight_paths_are_binned_as_is_cheapest(fastest: float, tolerance: flo
     rate = rates(30_000, fastest)
     found, cost = groups._series(RADAR, rate, np.zeros_like(rate), tolerance)
     tried = [cost_of_equal_bins(rate, count, tolerance) for count in range(1, groups.MAX_BINS + 1)]
-    assert cost == pytest.approx(min(tried), rel=0.02)  # bins are chosen by their widths, boxes are as wide as their paths
+    assert cost == pytest.approx(
+        min(tried), rel=0.02
+    )  # bins are chosen by their widths, boxes are as wide as their paths
     assert min(tried) < 0.9 * tried[0] and len(found) == 1 + int(np.argmin(tried))
 
 
@@ -47,7 +51,7 @@ def test_every_path_is_in_one_group_and_groups_do_not_overlap_in_speed(count: in
         spans = sorted(
             (rate[index].min(), rate[index].max()) for index, _ in found if np.all(acceleration[index] == bends)
         )
-        assert all(first[1] < second[0] for first, second in zip(spans, spans[1:], strict=False))
+        assert all(first[1] < second[0] for first, second in pairwise(spans))
     assert all(len(np.unique(acceleration[index])) == 1 for index, _ in found)
 
 
