@@ -226,7 +226,7 @@ def test_a_side_is_too_long_by_what_another_antenna_or_frequency_turns_over_it()
 
 @pytest.mark.parametrize("given_in_wavelengths", [False, True])
 def test_grazed_footprints_are_not_cut_along_edges(monkeypatch, given_in_wavelengths) -> None:
-    """Below a cosine of 0.02 rays have no spacing; above it, shares of the side that the phase allows, or wavelengths."""
+    """Below a cosine of 0.02 rays have no spacing; above, shares of the side that the phase allows or wavelengths."""
     given = {}
 
     def refined(corners, rows, probe, wide, fine, settings):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.synthesis import groups, nufft
+from scarl_sionna.radar.synthesis import chirpz, groups, nufft
 
 RADAR = RadarSpec().with_(num_samples=128, num_chirps=64)
 SAMPLES = 128 * 64
@@ -63,3 +63,24 @@ def test_paths_of_one_speed_are_one_bin_and_a_gap_is_none() -> None:
         (0, 19_999, 20_000),
         (20_000, 39_999, 20_000),
     ]
+
+
+@pytest.mark.parametrize(("share", "chosen"), [(0.99, chirpz.Transform), (1.01, nufft.Transform)])
+def test_straight_paths_take_the_cheaper_method_and_bent_ones_the_series(
+    monkeypatch, share: float, chosen: type
+) -> None:
+    rate, straight = rates(2_000, 20.0), np.zeros(2_000)
+    cost = groups._series(RADAR, rate, straight, 1e-5)[1]
+    monkeypatch.setattr(groups, "_chirpz_cost", lambda *_: share * cost)
+    length = np.linspace(10.0, 200.0, 2_000)
+    assert {type(method) for _, method in groups.partition(RADAR, length, rate, straight, 1e-5)} == {chosen}
+    bent = groups.partition(RADAR, length, rate, straight + 30.0, 1e-5)
+    assert {type(method) for _, method in bent} == {nufft.Transform}
+
+
+@pytest.mark.parametrize(("fastest", "most"), [(0.0, 1), (20.0, 3)])
+def test_so_few_paths_that_transforms_do_not_pay_are_summed_plainly(fastest: float, most: int) -> None:
+    """A term costs a transform of the frame, as dear as one path of the plain sum; 20 m/s need several."""
+    for count in (most, most + 1):
+        found = groups.partition(RADAR, np.full(count, 30.0), rates(count, fastest), np.zeros(count), 1e-5)
+        assert all(method is None for _, method in found) == (count == most)
