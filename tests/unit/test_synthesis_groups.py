@@ -84,3 +84,22 @@ def test_so_few_paths_that_transforms_do_not_pay_are_summed_plainly(fastest: flo
     for count in (most, most + 1):
         found = groups.partition(RADAR, np.full(count, 30.0), rates(count, fastest), np.zeros(count), 1e-5)
         assert all(method is None for _, method in found) == (count == most)
+
+
+@pytest.mark.parametrize("fastest", [0.0, 5.0])
+def test_paths_that_bend_are_halved_where_they_differ_most_until_their_series_is_short(fastest: float) -> None:
+    """Bends of +-3000 m/s2 take 13 times 3 terms; a quarter of their range takes 7 times 3, below the limit of 24."""
+    rng = np.random.default_rng(1)
+    rate, bend = rates(20_000, fastest), rng.uniform(-3000.0, 3000.0, 20_000)
+    bend[[0, 1]] = -3000.0, 3000.0
+    assert np.prod(nufft.Box.of(RADAR, rate, bend, 1e-5).num_terms) > groups.MAX_TERMS
+    found, cost = groups._series(RADAR, rate, bend, 1e-5)
+    assert [set((bend[index] // 1500.0).astype(int).tolist()) - {2} for index, _ in found] == [{-2}, {-1}, {0}, {1}]
+    terms = [np.prod(box.num_terms) for _, box in found if box is not None]
+    assert len(terms) == 4 and max(terms) <= groups.MAX_TERMS
+    assert cost == pytest.approx(
+        sum(
+            count * (len(index) * groups.SPREAD_COST + SAMPLES * groups.FFT_COST)
+            for count, (index, _) in zip(terms, found, strict=True)
+        )
+    )
