@@ -7,8 +7,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 case "${1:-}" in
     nuscenes) packages=("nuscenes-devkit==1.2.0" "numpy==1.26.4" "opencv-python-headless<4.11") ;;
-    torch) packages=("torch==2.13.0" "numpy" "zarr>=3.1,<4" "pydantic>=2.6,<3" "scipy" "pillow" "pyyaml" "trimesh" "matplotlib" "filelock" "finufft>=2.3,<3") ;;
-    rerun) packages=("rerun-sdk==0.41.0" "numpy" "zarr>=3.1,<4" "pydantic>=2.6,<3" "scipy" "pillow" "pyyaml" "trimesh" "matplotlib" "filelock" "rich" "typer" "finufft>=2.3,<3") ;;
+    torch) packages=("torch==2.13.0" "numpy" "zarr>=3.1,<4" "pydantic>=2.6,<3" "scipy" "pillow" "pyyaml" "trimesh" "matplotlib" "filelock" "lazy_loader" "finufft>=2.3,<3") ;;
+    rerun) packages=("rerun-sdk==0.41.0" "numpy" "zarr>=3.1,<4" "pydantic>=2.6,<3" "scipy" "pillow" "pyyaml" "trimesh" "matplotlib" "filelock" "lazy_loader" "rich" "typer" "finufft>=2.3,<3") ;;
     *) echo "usage: client_env.sh nuscenes|torch|rerun [FOLDER]" >&2; exit 2 ;;
 esac
 folder="${2:-.clients/$1}"

@@ -30,6 +30,7 @@ REPO = Path(__file__).resolve().parents[1]
 
 TESTS: dict[str, str] = {
     "signal/plots": "unit/test_prompt_plots",
+    "signal/angle": "unit/test_angle unit/test_radar_chain unit/test_prompt_repr physics/test_radar_recovery",
     "signal/detection": (
         "unit/test_detection unit/test_radar_chain physics/test_radar_recovery statistics/test_radar_noise"
     ),
@@ -42,18 +43,21 @@ TESTS: dict[str, str] = {
     "radar/labels/": "physics/test_radar_labels",
     "radar/weather/": "physics/test_weather_clutter physics/test_radar_weather physics/test_weather_drops",
     "radar/channel/compose/": (
-        "unit/test_auto physics/test_hybrid unit/test_channel_plan stability/test_methods unit/test_enclosed_scenes"
+        "unit/test_mirrors unit/test_mirror_faces unit/test_auto physics/test_hybrid unit/test_channel_plan "
+        "physics/test_mirror_faces stability/test_methods unit/test_enclosed_scenes"
     ),
     "radar/channel/raycast/": "unit/test_thinning physics/test_raycast stability/test_raycast unit/test_channel",
     "radar/channel/multipath/": (
         "physics/test_multipath physics/test_diffraction stability/test_multipath unit/test_sionna_paths "
-        "physics/test_refraction"
+        "physics/test_refraction physics/test_path_slopes"
     ),
     "radar/channel/scatterers": "unit/test_scatterers physics/test_scatterers",
     "radar/channel/sbr/": (
-        "physics/test_sbr_channel stability/test_sbr_channel physics/test_sbr_channel_bistatic unit/test_channel "
+        "unit/test_sbr_rows physics/test_sbr_channel stability/test_sbr_channel physics/test_sbr_channel_bistatic "
+        "unit/test_channel "
         "physics/test_sbr_channel_diffuse physics/test_sbr_layers"
     ),
+    "radar/optics/replay": "physics/test_calibration_body",
     "radar/optics/": (
         "unit/test_tube_shape unit/test_optics unit/test_rcs physics/test_rcs_shapes physics/test_rcs_parts "
         "physics/test_rcs_fields physics/test_sbr_channel physics/test_radar_near_field"
@@ -64,13 +68,15 @@ TESTS: dict[str, str] = {
     ),
     "radar/scatterers/": "unit/test_scatterers physics/test_scatterers",
     "radar/synthesis/": (
-        "unit/test_radar_chain stability/test_synthesis properties/test_radar_properties physics/test_radar_motion"
+        "unit/test_synthesis_groups unit/test_radar_chain stability/test_synthesis properties/test_radar_properties "
+        "physics/test_radar_motion"
     ),
     "radar/micro_doppler": "physics/test_micro_doppler physics/test_limb_doppler",
     "radar/rcs": "unit/test_rcs physics/test_rcs_shapes physics/test_rcs_fields",
     "radar/": (
         "unit/test_radar_chain physics/test_radar_link physics/test_radar_near_field physics/test_radar_motion "
-        "properties/test_radar_properties unit/test_channel physics/test_radar_labels physics/test_multipath"
+        "properties/test_radar_properties unit/test_channel physics/test_radar_labels physics/test_multipath "
+        "unit/test_radar_paths unit/test_radar_parts"
     ),
     "fusion/": "unit/test_rig physics/test_visibility integration/test_demo_frame",
     "calibration/": (

@@ -190,6 +190,17 @@ def test_bounces_that_objects_make_on_themselves(tmp_path) -> None:
     assert own_bounces(state, pose, []) == {}
 
 
+@pytest.mark.parametrize(("angle_deg", "bounces"), [(45.0, 2), (42.0, 1), (48.0, 1)])
+def test_rays_go_on_in_the_mirror_direction(tmp_path, angle_deg, bounces) -> None:
+    """The first mirror of a periscope sends rays along x to the second, 5 m up; turned by 3 deg, 0.5 m past it."""
+    turn = np.radians(angle_deg)
+    first = plane(0.4, 0.4, (0, 0, 0), (-np.sin(turn), 0, np.cos(turn)))
+    second = plane(0.7, 0.7, (0, 0, 5), (1, 0, -1))
+    mesh = trimesh.util.concatenate([first, second])
+    state = load_scene(write_scene(tmp_path, [Thing("periscope", mesh, "TrafficSign", "steel")])).at(0.0)
+    assert own_bounces(state, Pose([-60.0, 0.0, 0.0]), [1]) == {1: bounces}
+
+
 @pytest.mark.parametrize(
     ("position", "share"),
     [

@@ -224,8 +224,9 @@ def test_a_side_is_too_long_by_what_another_antenna_or_frequency_turns_over_it()
     assert size.excess(corners[:0], source[None], np.zeros(0, np.int64), source).shape == (0, 3)
 
 
-def test_grazed_footprints_are_not_cut_along_edges_and_others_follow_the_distance(monkeypatch) -> None:
-    """Below a cosine of 0.02 there is no spacing of rays; above it, shares of the side that the phase allows."""
+@pytest.mark.parametrize("given_in_wavelengths", [False, True])
+def test_grazed_footprints_are_not_cut_along_edges(monkeypatch, given_in_wavelengths) -> None:
+    """Below a cosine of 0.02 rays have no spacing; above, shares of the side that the phase allows or wavelengths."""
     given = {}
 
     def refined(corners, rows, probe, wide, fine, settings):
@@ -234,6 +235,8 @@ def test_grazed_footprints_are_not_cut_along_edges_and_others_follow_the_distanc
 
     monkeypatch.setattr(spherical_waves, "refined", refined)
     radar, settings = RadarSpec(), SbrSettings(grazing_cosine=0.02).for_scene()
+    if given_in_wavelengths:
+        settings = settings.with_(ray_spacing=8.0, edge_spacing=2.0)
     floor = np.array([[0.0, -1e3, 2.0], [1e3, 0.0, 2.0], [0.0, 1e3, 2.0]])  # its normal is +z
     faces = SimpleNamespace(triangles=Triangles.from_meshes([floor], [np.array([[0, 1, 2]])]))
     size = PatchSize.of(radar, settings)
@@ -249,7 +252,10 @@ def test_grazed_footprints_are_not_cut_along_edges_and_others_follow_the_distanc
         )
         tracer._labelled(tubes, source, None)
         length = np.sqrt(4.0 * size.max_phase * distance / size.wavenumber)
+        wide, fine = settings.ray_share * length, settings.edge_share * length
+        if given_in_wavelengths:
+            wide, fine = (number * 299792458.0 / radar.center_frequency for number in (8.0, 2.0))
         grazed = np.array([True, False, True, False, False, False])
-        np.testing.assert_allclose(given["wide"], np.where(grazed, np.inf, settings.ray_share * length), rtol=1e-6)
-        np.testing.assert_allclose(given["fine"], np.where(grazed, np.inf, settings.edge_share * length), rtol=1e-6)
+        np.testing.assert_allclose(given["wide"], np.where(grazed, np.inf, wide), rtol=1e-6)
+        np.testing.assert_allclose(given["fine"], np.where(grazed, np.inf, fine), rtol=1e-6)
         assert given["rows"].tolist() == list(range(6))

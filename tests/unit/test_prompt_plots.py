@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +105,15 @@ def test_a_radar_map_is_one_of_places(rda: Any) -> None:
     left, right = axis.get_xlim()
     assert left > right  # left is left
     assert all(unit in _labels(axis) for unit in ("x, forward [m]", "y, to the left [m]", "[dBm]"))
+
+
+def test_a_radar_map_shows_the_directions_of_the_field_of_view_and_no_others(rda: Any) -> None:
+    border = np.radians(RADAR.azimuth_fov_deg / 2.0)
+    azimuth = np.array([-1.2 * border, -border, -0.5, 0.0, 0.5, border, 1.2 * border])
+    few = replace(rda, azimuth=azimuth, data=rda.data[:, :, : len(azimuth)])
+    corners = _mesh(few.plot()).get_coordinates()
+    shown = np.arctan2(corners[-1, :, 0], corners[-1, :, 1])  # a gouraud mesh has its values at its corners
+    np.testing.assert_allclose(shown, azimuth[1:-1], atol=1e-9)  # the borders themselves count
 
 
 def test_other_views_of_a_radar_map(rda: Any) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.synthesis import groups, nufft
+from scarl_sionna.radar.synthesis import chirpz, groups, nufft
 
 RADAR = RadarSpec().with_(num_samples=128, num_chirps=64)
 SAMPLES = 128 * 64
@@ -51,7 +51,7 @@ def test_every_path_is_in_one_group_and_groups_do_not_overlap_in_speed(count: in
         spans = sorted(
             (rate[index].min(), rate[index].max()) for index, _ in found if np.all(acceleration[index] == bends)
         )
-        assert all(first[1] < second[0] for first, second in itertools.pairwise(spans))
+        assert all(first[1] < second[0] for first, second in pairwise(spans))
     assert all(len(np.unique(acceleration[index])) == 1 for index, _ in found)
 
 
@@ -63,3 +63,43 @@ def test_paths_of_one_speed_are_one_bin_and_a_gap_is_none() -> None:
         (0, 19_999, 20_000),
         (20_000, 39_999, 20_000),
     ]
+
+
+@pytest.mark.parametrize(("share", "chosen"), [(0.99, chirpz.Transform), (1.01, nufft.Transform)])
+def test_straight_paths_take_the_cheaper_method_and_bent_ones_the_series(
+    monkeypatch, share: float, chosen: type
+) -> None:
+    rate, straight = rates(2_000, 20.0), np.zeros(2_000)
+    cost = groups._series(RADAR, rate, straight, 1e-5)[1]
+    monkeypatch.setattr(groups, "_chirpz_cost", lambda *_: share * cost)
+    length = np.linspace(10.0, 200.0, 2_000)
+    assert {type(method) for _, method in groups.partition(RADAR, length, rate, straight, 1e-5)} == {chosen}
+    bent = groups.partition(RADAR, length, rate, straight + 30.0, 1e-5)
+    assert {type(method) for _, method in bent} == {nufft.Transform}
+
+
+@pytest.mark.parametrize(("fastest", "most"), [(0.0, 1), (20.0, 3)])
+def test_so_few_paths_that_transforms_do_not_pay_are_summed_plainly(fastest: float, most: int) -> None:
+    """A term costs a transform of the frame, as dear as one path of the plain sum; 20 m/s need several."""
+    for count in (most, most + 1):
+        found = groups.partition(RADAR, np.full(count, 30.0), rates(count, fastest), np.zeros(count), 1e-5)
+        assert all(method is None for _, method in found) == (count == most)
+
+
+@pytest.mark.parametrize("fastest", [0.0, 5.0])
+def test_paths_that_bend_are_halved_where_they_differ_most_until_their_series_is_short(fastest: float) -> None:
+    """Bends of +-3000 m/s2 take 13 times 3 terms; a quarter of their range takes 7 times 3, below the limit of 24."""
+    rng = np.random.default_rng(1)
+    rate, bend = rates(20_000, fastest), rng.uniform(-3000.0, 3000.0, 20_000)
+    bend[[0, 1]] = -3000.0, 3000.0
+    assert np.prod(nufft.Box.of(RADAR, rate, bend, 1e-5).num_terms) > groups.MAX_TERMS
+    found, cost = groups._series(RADAR, rate, bend, 1e-5)
+    assert [set((bend[index] // 1500.0).astype(int).tolist()) - {2} for index, _ in found] == [{-2}, {-1}, {0}, {1}]
+    terms = [np.prod(box.num_terms) for _, box in found if box is not None]
+    assert len(terms) == 4 and max(terms) <= groups.MAX_TERMS
+    assert cost == pytest.approx(
+        sum(
+            count * (len(index) * groups.SPREAD_COST + SAMPLES * groups.FFT_COST)
+            for count, (index, _) in zip(terms, found, strict=True)
+        )
+    )
