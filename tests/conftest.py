@@ -14,11 +14,11 @@ from hypothesis import settings
 from scarl_sionna.engine.memory import forget_peak, release_memory, resident_bytes
 from tests import own_process
 
-settings.register_profile(
-    "ci", derandomize=True
-)  # the same examples in every run, so that a failure is the change's own
-if os.environ.get("CI"):
-    settings.load_profile("ci")
+# no deadline: an example takes longer on a machine with other work; in CI the same examples in every run, so that a
+# failure is the change's own
+settings.register_profile("here", deadline=None)
+settings.register_profile("ci", derandomize=True, deadline=None)
+settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 GOAL_MEMORY, MOST_MEMORY = 1.5e9, 4e9
 """Bytes that a process of the tests should take at most, and those above which a session fails. A world that a module
