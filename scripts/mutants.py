@@ -80,8 +80,8 @@ TESTS: dict[str, str] = {
     ),
     "fusion/": "unit/test_rig physics/test_visibility integration/test_demo_frame",
     "calibration/": (
-        "statistics/test_calibration_covariance unit/test_calibration physics/test_calibration_gradients "
-        "physics/test_calibration_body"
+        "statistics/test_calibration_covariance unit/test_calibration_result unit/test_calibration "
+        "physics/test_calibration_gradients physics/test_calibration_body"
     ),
     "batch/": "unit/test_store unit/test_scenario_hash integration/test_export integration/test_scenario_export",
 }

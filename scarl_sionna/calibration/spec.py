@@ -5,7 +5,7 @@ Plain data, from YAML or Python.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -282,11 +282,6 @@ class CalibrationProblem(Spec):
         if all(item.held_out for item in self.measurements):
             raise ValueError("at least one measurement that is not held out")
         return self
-
-    @property
-    def used(self) -> Iterator[Measurement]:
-        """The measurements that the estimate rests on."""
-        return (item for item in self.measurements if not item.held_out)
 
     @classmethod
     def load(cls, path: str | Path) -> CalibrationProblem:
