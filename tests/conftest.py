@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from typing import Any, ClassVar
 
 os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as a shell starts what is to run in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # commands that tests start inherit that it counts
 
 import pytest
 from hypothesis import settings

@@ -185,7 +185,7 @@ def _local_client(distributed: ModuleType, count: int) -> Iterator[Client]:
             processes=True,
             memory_limit=None,
             dashboard_address=None,
-            silence_logs=False,
+            silence_logs=logging.CRITICAL,  # of the workers until `dask_setup` mutes them
         ) as cluster,
         distributed.Client(cluster) as client,
     ):

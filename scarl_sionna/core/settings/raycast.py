@@ -31,7 +31,7 @@ class RaycastSettings(Spec):
     )
     class_rcs: Path | dict[str, float] | None = Field(
         None,
-        description="replaces entries of rcs_by_class.toml: reflectivity [m2/m2] by class, or path of a TOML file",
+        description="replaces entries of rcs_by_class.toml: dimensionless reflectivity by class, or path of a TOML",
     )
     hit_phase: HitPhase = Field(
         "rough",
