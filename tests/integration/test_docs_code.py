@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import trimesh
+from ipywidgets import Widget
 
 import scarl_sionna as ss
 from scarl_sionna.core.pose import Twist
@@ -21,11 +23,12 @@ from scarl_sionna.dataset import write_dataset
 from tests.calibration_street import street
 from tests.drive import drive
 
+pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
+
 REPO = Path(__file__).resolve().parents[2]
 OWN_TESTS = ("getting_started.md", "reading.md", "formats.md")
 """Pages whose results are looked at by tests of their own."""
 SLOW = ("scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md", "materials.md", "micro_doppler.md")
-WITH_TENSORFLOW = ("calibration.md",)
 PAGES = sorted(
     path
     for path in (REPO / "README.md", *(REPO / "docs").glob("*.md"))
@@ -102,7 +105,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def case(page: Path) -> object:
-    marks = [pytest.mark.slow] * (page.name in SLOW) + [pytest.mark.own_process] * (page.name in WITH_TENSORFLOW)
+    marks = [pytest.mark.slow] * (page.name in SLOW)
     return pytest.param(page, id=page.name, marks=marks)
 
 
@@ -117,3 +120,5 @@ def test_blocks_run(page: Path, folder: Path, session: dict[str, Any], monkeypat
             exec(compile(block, f"{page.name}, block {number}", "exec"), names)
     finally:
         names.clear()  # what a page registers or traces keeps its names alive, and with them its worlds
+        plt.close("all")
+        Widget.close_all()  # those of a preview hold its scene

@@ -6,6 +6,9 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "getting_started.md"
 
