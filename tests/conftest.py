@@ -24,7 +24,7 @@ settings.register_profile("here", deadline=None)
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "here")
 
-GOAL_MEMORY, MOST_MEMORY = 1.5e9, 4e9
+GOAL_MEMORY, MOST_MEMORY = 1.5e9, 2e9
 """Bytes that a process of the tests should take at most, and those above which a session fails. A world that a module
 keeps too long, or a cache without a bound, shows here first."""
 MUCH_MEMORY, MORE_MEMORY = 0.6e9, 0.1e9

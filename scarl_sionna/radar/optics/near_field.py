@@ -17,7 +17,7 @@ from scarl_sionna.engine.types import DeviceArray
 
 from .fields import Field, OnDevice, Wave, radiating_vector, reflected_field
 from .phase import spherical_wave_integral
-from .spherical_waves import ImageTubes, Station
+from .spherical_waves import ImageTubes, Viewpoint
 from .surfaces import FaceSurfaces
 
 Array = npt.NDArray[np.float64]
@@ -31,7 +31,7 @@ class NearField:
     ----------
     rays : StateRays
     surfaces : FaceSurfaces
-    tx, rx : Station
+    tx, rx : Viewpoint
     wavenumber : float
         At which the phase is integrated over a patch [rad/m].
     integration_phase : float
@@ -40,8 +40,8 @@ class NearField:
 
     rays: StateRays
     surfaces: FaceSurfaces
-    tx: Station
-    rx: Station
+    tx: Viewpoint
+    rx: Viewpoint
     wavenumber: float
     integration_phase: float
 

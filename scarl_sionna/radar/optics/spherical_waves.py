@@ -70,8 +70,8 @@ class ImageTubes(Tubes):
 
 
 @dataclass(frozen=True, eq=False)
-class Station:
-    """A transmitter or receiver: where it stands, how it moves and what it looks at.
+class Viewpoint:
+    """Where a transmitter or receiver stands, how it moves and what it looks at.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Station:
     elevation_fov: float
 
     @classmethod
-    def of(cls, radar: RadarSpec, pose: Pose, velocity: Array) -> Station:
+    def of(cls, radar: RadarSpec, pose: Pose, velocity: Array) -> Viewpoint:
         """Return the station of a radar."""
         return cls(pose, velocity, np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg))
 
@@ -143,7 +143,7 @@ class Tracer:
     faces : FaceTable
     chosen : ndarray of bool, shape (num_faces,)
         Faces that scatter; the others are obstacles at which a tube ends.
-    tx, rx : Station
+    tx, rx : Viewpoint
         The same object for a monostatic radar.
     reach : float
         Tubes longer than twice this are dropped [m].
@@ -157,8 +157,8 @@ class Tracer:
     rays: StateRays
     faces: FaceTable
     chosen: Mask
-    tx: Station
-    rx: Station
+    tx: Viewpoint
+    rx: Viewpoint
     reach: float
     size: PatchSize
     settings: SbrSettings
@@ -241,7 +241,7 @@ class Tracer:
         wide, fine = np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine)
         return refined(tubes.corners, rows, probe, wide, fine, self.settings)
 
-    def _seen(self, tubes: ImageTubes, station: Station) -> ImageTubes:
+    def _seen(self, tubes: ImageTubes, station: Viewpoint) -> ImageTubes:
         """Return the parts of footprints from which a station can be seen."""
         if not len(tubes):
             return tubes

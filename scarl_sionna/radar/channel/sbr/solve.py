@@ -27,7 +27,7 @@ from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
-from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Station, Tracer
+from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Tracer, Viewpoint
 from scarl_sionna.radar.optics.surfaces import FaceSurfaces
 from scarl_sionna.radar.paths import RadarPaths
 
@@ -106,8 +106,8 @@ def solve_sbr(
     faces = face_table(state)
     chosen_instances, left_out = _chosen(state, settings.instances)
     chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
-    tx = Station.of(radar, pose, mount.twist.linear)
-    rx = tx if receiver is None else Station.of(radar, receiver.pose, receiver.twist.linear)
+    tx = Viewpoint.of(radar, pose, mount.twist.linear)
+    rx = tx if receiver is None else Viewpoint.of(radar, receiver.pose, receiver.twist.linear)
     start = np.flatnonzero(chosen & ~faces.repeated & tx.may_see(faces, 2.0 * reach if rx_pose else reach))
     used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks: list[Columns] = []
