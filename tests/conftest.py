@@ -124,11 +124,15 @@ class _Workers:
 def pytest_sessionfinish(session: pytest.Session) -> None:
     output = getattr(session.config, "workeroutput", None)
     _note_peak()
+    mine = dict(_Memory.peaks)
+    merge(mine, own_process.peaks)
+    if own_process.RESULTS in os.environ:
+        own_process.write_peak(max(mine.values(), default=0))
     if output is not None:  # a worker of xdist: the controller judges
-        output["peak_memory"] = _Memory.peaks
+        output["peak_memory"] = mine
         return
     peaks = session.config.stash[PEAKS]
-    merge(peaks, {**_Memory.peaks, "this process": resident_bytes()[1]})
+    merge(peaks, {**mine, "this process": resident_bytes()[1]})
     if max(peaks.values()) > MOST_MEMORY and not session.config.getoption("--run-slow"):
         session.exitstatus = max(session.exitstatus, pytest.ExitCode.TESTS_FAILED)
 

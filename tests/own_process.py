@@ -1,4 +1,6 @@
-"""Tests marked `own_process` run in a process of their own, one for all of a file, and are reported where they stand.
+"""Tests marked `own_process` run in a process of their own and are reported where they stand.
+
+There is one for all of a file, or for all of a file whose marks have the same argument: `own_process("first")`.
 
 TensorFlow stays in a process for ever and takes 0.5 GB; with it and a detailed scene a worker would pass the goal of
 1.5 GB.
@@ -20,6 +22,8 @@ REPO = Path(__file__).resolve().parents[1]
 RESULTS = "SCARL_TEST_RESULTS"
 """Environment variable of such a process: the file to which it writes a line for each finished part of a test."""
 
+peaks: dict[str, int] = {}
+"""Most memory of each such process that this one has started [bytes], by the file."""
 _outcomes: dict[str, dict[str, tuple[str, str]]] = {}
 
 
@@ -27,9 +31,14 @@ def send_away(items: list[pytest.Item], options: list[str]) -> None:
     """Let marked tests take their outcome from the other process, which starts with the first of a file."""
     marked = [item for item in items if "own_process" in item.keywords and not any(item.iter_markers("skip"))]
     for item in marked if RESULTS not in os.environ else ():
-        together = [other.nodeid for other in marked if other.path == item.path]
+        together = [other.nodeid for other in marked if _group(other) == _group(item)]
         item.fixturenames = []  # type: ignore[attr-defined]  # a new list: other cases of the function share the old one
         item.runtest = partial(_take_outcome, item.nodeid, together, options)  # type: ignore[method-assign]
+
+
+def _group(item: pytest.Item) -> tuple[object, ...]:
+    """Return what the tests of one process have in common."""
+    return (item.path, *next(item.iter_markers("own_process")).args)
 
 
 def write_report(report: pytest.TestReport) -> None:
@@ -40,11 +49,17 @@ def write_report(report: pytest.TestReport) -> None:
             file.write(json.dumps([report.nodeid, report.outcome, text]) + "\n")
 
 
+def write_peak(peak: int) -> None:
+    """Write the most memory that the process had [bytes], in the process that runs the tests."""
+    with open(os.environ[RESULTS], "a", encoding="utf-8") as file:
+        file.write(json.dumps(["", "peak", str(peak)]) + "\n")
+
+
 def _take_outcome(nodeid: str, together: list[str], options: list[str]) -> None:
-    file = nodeid.partition("::")[0]
-    if file not in _outcomes:
-        _outcomes[file] = _run(together, options)
-    outcome, text = _outcomes[file].get(nodeid, ("failed", _outcomes[file][""][1]))
+    first = together[0]
+    if first not in _outcomes:
+        _outcomes[first] = _run(together, options)
+    outcome, text = _outcomes[first].get(nodeid, ("failed", _outcomes[first][""][1]))
     if outcome == "skipped":
         pytest.skip(text)
     if outcome != "passed":
@@ -72,6 +87,9 @@ def _run(nodeids: list[str], options: list[str]) -> dict[str, tuple[str, str]]:
         }
         for line in results.read_text(encoding="utf-8").splitlines():
             nodeid, outcome, text = json.loads(line)
+            if outcome == "peak":
+                peaks[nodeids[0].partition("::")[0]] = max(int(text), peaks.get(nodeids[0].partition("::")[0], 0))
+                continue
             if found.get(nodeid, ("passed",))[0] == "passed":  # a failed teardown counts, too
                 found[nodeid] = outcome, text
     return found
