@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 _CACHED_SHARDS = 64
 """Shards whose indices and JSON are kept in memory, a scene."""
+_ALTERED = ValueError("it is not what was written (size or checksum)")
 
 
 class Dataset(Described, Sequence["StoredFrame"]):
@@ -286,7 +287,7 @@ class Scene(Described, Sequence["StoredFrame"]):
         """Return a file whose size and SHA-256 are those that its shard's record states."""
         data = self.read_file(name)
         if (len(data), hashlib.sha256(data).hexdigest()) != written:
-            raise self._damaged(name, ValueError("it is not what was written (size or checksum)"))
+            raise self._damaged(name, _ALTERED)
         return data
 
     def meta(self, index: int) -> dict[str, Any]:
@@ -301,10 +302,9 @@ class Scene(Described, Sequence["StoredFrame"]):
 
     def _find_frames(self) -> Iterator[int]:
         """Yield the frames of finished shards: from the manifest, and from records that came after it."""
-        rows = self.dataset.manifest["shards"].get(self.name, [])
         there: set[str] | None = None
         for shard in range(self.plan.num_shards(self._options)):
-            row = rows[shard] if shard < len(rows) else None
+            row = self._row(shard)
             frames = self.plan.shard_range(shard, self._options)
             if row is not None and row[1] == len(frames):
                 yield from frames
@@ -314,20 +314,24 @@ class Scene(Described, Sequence["StoredFrame"]):
             if f"{shard:06d}.json" in there:
                 yield from (index for index in self._record(shard).frames if index in frames)
 
+    def _row(self, shard: int) -> list[Any] | None:
+        """Return what the manifest states of a shard: checksum of its record and number of frames first."""
+        rows = self.dataset.manifest["shards"].get(self.name, [])
+        return rows[shard] if shard < len(rows) else None
+
     def _record(self, shard: int) -> ShardRecord:
         key = record_name(self.name, shard)
         try:
             text = self.dataset.files.read(key)
         except OSError as error:
             raise self._damaged(key, error) from error
-        row = dict(enumerate(self.dataset.manifest["shards"].get(self.name, []))).get(shard)
+        row = self._row(shard)
         frames = row[1] if row is not None and row[0] != hashlib.sha256(text).hexdigest() else None
-        fault = self._damaged(key, ValueError("it is not what was written (checksum)"))
         if frames == len(self.plan.shard_range(shard, self._options)):
-            raise fault
+            raise self._damaged(key, _ALTERED)
         record = ShardRecord.parse(text, f"{self.dataset.place}/{key}")
         if frames == len(record.frames):  # one that came after the manifest has more
-            raise fault
+            raise self._damaged(key, _ALTERED)
         return record
 
     def _shard(self, index: int) -> _Shard:

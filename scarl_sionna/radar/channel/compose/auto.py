@@ -24,7 +24,7 @@ from scarl_sionna.radar.channel.antennas import refuse_receiver
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import ScattererModel, loaded_models
 
-from .budget import Estimate, estimate, num_tubes, own_bounces
+from .budget import Estimate, estimate, num_tubes, own_bounces, world_from_box
 from .hybrid import solve_hybrid
 from .mirror_bounds import MirrorChange, largest_mirror_change
 from .mirrors import PRESELECTION_MARGIN, Mirror, find_mirrors
@@ -179,11 +179,8 @@ def _note_reflections(view: _View, choices: list[_Choice], mirrors: list[Mirror]
     for choice in choices:
         if choice.method != "sbr" or choice.through_mirrors or choice.item.expected_db < accuracy.channel_floor_db:
             continue
-        info = choice.item.info
-        box = info.frame_from_box
-        if info.actor is not None:
-            box = view.state.actor_pose(info.actor).compose(box)
-        change = largest_mirror_change(view.state, view.radar, view.pose, mirrors, box.position)
+        middle = world_from_box(view.state, choice.item.info).position
+        change = largest_mirror_change(view.state, view.radar, view.pose, mirrors, middle)
         if change.change_db > accuracy.channel_tolerance_db:
             choice.without = change
 

@@ -89,7 +89,7 @@ def estimate(
     diffuse class it is its mean, gamma A, and `speckle_db`.
     """
     info = state.world.instances[number]
-    box = info.frame_from_box if info.actor is None else state.actor_pose(info.actor).compose(info.frame_from_box)
+    box = world_from_box(state, info)
     half = info.size / 2.0
     local = box.inverse().apply(pose.position)
     nearest = box.apply(np.clip(local, -half, half))
@@ -119,6 +119,11 @@ def estimate(
         faces,
         coherent,
     )
+
+
+def world_from_box(state: WorldState, info: InstanceInfo) -> Pose:
+    """Return where the box of an instance stands."""
+    return info.frame_from_box if info.actor is None else state.actor_pose(info.actor).compose(info.frame_from_box)
 
 
 def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrSettings, rules: AutoSettings = DEFAULT_AUTO) -> int:

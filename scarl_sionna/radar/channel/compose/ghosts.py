@@ -27,6 +27,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
 
+from .budget import world_from_box
 from .mirror_legs import Leg, MirrorView
 from .mirrors import Way, may_reach, mirrored, ways
 
@@ -87,10 +88,7 @@ def _box(state: WorldState, owned: Sequence[int]) -> tuple[Array, Array]:
     points = []
     for number in owned:
         info = state.world.instances[number]
-        box = info.frame_from_box
-        if info.actor is not None:
-            box = state.actor_pose(info.actor).compose(box)
-        points.append(box.apply(signs * info.size))
+        points.append(world_from_box(state, info).apply(signs * info.size))
     joined = np.concatenate(points)
     return joined.mean(axis=0), joined
 
