@@ -20,7 +20,7 @@ from .sbr import SbrSettings
 from .scatterers import ScattererSettings
 from .sionna import SionnaSettings
 
-PartOfPlan = TypeVar("PartOfPlan", "ChannelPlan", "Share")
+PartOfPlan = TypeVar("PartOfPlan", "ChannelPlan", "Share", "Reflection")
 
 REST = "*"
 """Stands for every instance that no other share of the plan names."""
@@ -58,6 +58,33 @@ def of_mapping(kind: type[PartOfPlan], data: Mapping[str, Any]) -> PartOfPlan:
     return kind(**data)
 
 
+@dataclass(frozen=True)
+class Reflection:
+    """Objects of a share, and the mirrors over which they are seen.
+
+    Attributes
+    ----------
+    instances : sequence of str or int
+        Names, ids or classes, all of the share.
+    mirrors : sequence of str or int
+        Names, ids or classes, all of them mirrors of the plan.
+    """
+
+    instances: tuple[str | int, ...]
+    mirrors: tuple[str | int, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("instances", "mirrors"):
+            value = getattr(self, name)
+            if isinstance(value, str):
+                raise ParameterRangeError(name, repr(value), "a sequence of names", "write ('name',)")
+            object.__setattr__(self, name, tuple(value))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"instances": list(self.instances), "mirrors": list(self.mirrors)}
+
+
 @dataclass(frozen=True, repr=False)
 class Share(Described):
     """Instances that one solver computes.
@@ -71,6 +98,8 @@ class Share(Described):
         Of the solver; those of the :class:`~scarl_sionna.RadarSettings` of the solve if left out.
     through_mirrors : bool
         Also the echoes by the plan's mirrors; for the coherent solvers only.
+    reflections : sequence of Reflection, or mappings of their fields
+        Which of the objects are seen over which mirrors; all over all if empty and `through_mirrors` is true.
     reason : str
         Why, for the diagnostics.
 
@@ -87,6 +116,7 @@ class Share(Described):
     settings: Any = None
     through_mirrors: bool = False
     reason: str = ""
+    reflections: tuple[Reflection, ...] = ()
 
     def __post_init__(self) -> None:
         if self.solver not in OBJECT_SOLVERS:
@@ -100,6 +130,10 @@ class Share(Described):
             raise ParameterRangeError("instances", repr(self.instances), "a sequence of names", "write ('name',)")
         object.__setattr__(self, "instances", tuple(self.instances))
         object.__setattr__(self, "settings", _settings(OBJECT_SOLVERS[self.solver], self.settings, "Share.settings"))
+        over = tuple(item if isinstance(item, Reflection) else of_mapping(Reflection, item) for item in self.reflections)
+        object.__setattr__(self, "reflections", over)
+        if over:
+            object.__setattr__(self, "through_mirrors", True)
         if self.through_mirrors and self.solver not in COHERENT:
             raise ParameterRangeError(
                 "through_mirrors",
@@ -115,6 +149,7 @@ class Share(Described):
             "instances": list(self.instances),
             "settings": _plain(self.settings, mode),
             "through_mirrors": self.through_mirrors,
+            "reflections": [item.to_dict() for item in self.reflections],
             "reason": self.reason,
         }
 
@@ -137,6 +172,9 @@ class ChannelPlan(Described):
         For the chains of mirrors only; those of the solve if left out.
     left_out : sequence of mapping
         What is not computed although it is in view, with the bound of its power; for the diagnostics.
+    predicted : mapping
+        What the maker of the plan expects: ``tubes``, ``cpu_seconds`` and ``error_db`` of an object; empty for a plan by
+        hand.
 
     Raises
     ------
@@ -150,6 +188,7 @@ class ChannelPlan(Described):
     mirror_depth: int = 1
     sionna: Any = None
     left_out: tuple[Mapping[str, Any], ...] = field(default=())
+    predicted: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         shares = (of_mapping(Share, share) if isinstance(share, Mapping) else share for share in self.shares)
@@ -172,6 +211,7 @@ class ChannelPlan(Described):
             "mirror_depth": self.mirror_depth,
             "sionna": _plain(self.sionna, mode),
             "left_out": [dict(entry) for entry in self.left_out],
+            "predicted": dict(self.predicted),
         }
 
 

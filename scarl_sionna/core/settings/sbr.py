@@ -124,6 +124,14 @@ class SbrSettings(Spec):
         "34 dB down, and float32 rays do not tell a face just behind a silhouette from one just before it "
         "(docs/sbr.md)",
     )
+    return_angle: Annotated[float, Unit("rad")] | None = Field(
+        None,
+        gt=0.0,
+        le=math.pi,
+        description="scene: after the first bounce, tubes are followed only where a ray comes back, and footprints kept "
+        "only where their mirror direction is, within this angle of the receiver's [rad]: what is left out are side "
+        "lobes. None: all (docs/sbr.md)",
+    )
     coefficient_nodes: int = Field(
         8193,
         ge=3,

@@ -6,6 +6,7 @@ scene) differ in the direction of the rays only: :class:`ParallelRays` and :clas
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -153,19 +154,46 @@ class ShadowProbe(Probe):
         return dr.select(rays.blocked(start, self._directions.at(point, row)), mi.Int32(1), mi.Int32(0))
 
 
-class ScreenedProbe(Probe):
-    """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point."""
+@dataclass(frozen=True, eq=False)
+class Window:
+    """The plane through which the image of a station looks: that of the mirror which made it.
 
-    def __init__(self, rays: FaceRays, station: Array) -> None:
+    Attributes
+    ----------
+    normal : ndarray of float64, shape (3,)
+        Unit normal, from the image to what it sees.
+    offset : float
+        normal . point [m].
+    """
+
+    normal: Array
+    offset: float
+
+
+class ScreenedProbe(Probe):
+    """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point.
+
+    Those of an image begin at its window, since what is before it is not there; points before it are hidden.
+    """
+
+    def __init__(self, rays: FaceRays, station: Array, window: Window | None = None) -> None:
         super().__init__(rays)
         self._station = rays.vector(rays.placed(station))
+        self._window = None if window is None else (rays.vector(window.normal), rays.real(window.offset))
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi = self.rays.dr, self.rays.mi
-        ray = point - self._station
+        start, apart = self._station, mi.Bool(False)
+        if self._window is not None:
+            normal, offset = self._window
+            own, there = dr.dot(normal, start) - offset, dr.dot(normal, point) - offset
+            apart = there <= 0.0
+            start = start - own / dr.select(apart, 1.0, there - own) * (point - start)
+        ray = point - start
         distance = dr.norm(ray)
         before = distance - SAME_DISTANCE * (1.0 + distance)
-        return dr.select(self.rays.blocked(self._station, ray / distance, before), mi.Int32(1), mi.Int32(0))
+        hidden = apart | self.rays.blocked(start, ray / dr.maximum(distance, 1e-12), before)
+        return dr.select(hidden, mi.Int32(1), mi.Int32(0))
 
 
 class PlaneProbe(Probe):
@@ -190,9 +218,12 @@ class PlaneProbe(Probe):
         self._directions, self._lift = directions, rays.reals(lift)
         self._plane, self._own = rays.label(plane_of_face), None if own is None else rays.label(own)
         self._faces: tuple[DeviceArray, DeviceArray, DeviceArray] | None = None
+        self._cosine: DeviceArray | None = None
 
-    def only_towards(self, station: Array, normal: Array, offset: Array) -> None:
+    def only_towards(self, station: Array, normal: Array, offset: Array, angle: float | None = None) -> None:
         """Let planes of which the lit side is turned away from a station count as missed, as on the last bounce.
+
+        With an `angle` [rad] also those whose mirror direction is farther from that of the station.
 
         Parameters
         ----------
@@ -202,6 +233,7 @@ class PlaneProbe(Probe):
         """
         rays = self.rays
         self._faces = rays.vector(station), rays.reals(normal), rays.reals(offset)
+        self._cosine = None if angle is None else rays.real(float(np.cos(angle)))
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
@@ -215,5 +247,10 @@ class PlaneProbe(Probe):
             station, normals, offsets = self._faces
             normal = dr.gather(rays.Vector, normals, mi.UInt32(face), met)
             towards = dr.dot(normal, station) - dr.gather(rays.Real, offsets, mi.UInt32(face), met)
-            met &= dr.dot(normal, ray) * towards < 0.0
+            slope = dr.dot(normal, ray)
+            met &= slope * towards < 0.0
+            if self._cosine is not None:
+                height = dr.gather(rays.Real, offsets, mi.UInt32(face), met) - dr.dot(normal, point)
+                back = station - point - height / dr.select(met, slope, 1.0) * ray
+                met &= dr.dot(ray - 2.0 * slope * normal, dr.normalize(back)) >= self._cosine
         return dr.select(met, plane, MISS)

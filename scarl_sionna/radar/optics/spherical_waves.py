@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -24,8 +25,9 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
 from .patches import PatchSize, split, too_many_patches
-from .probes import CentralRays, PlaneProbe, Probe, ScreenedProbe
+from .probes import CentralRays, PlaneProbe, Probe, ScreenedProbe, Window
 from .refine import Pieces, refined
+from .returning import Return
 from .trace import GRAZING, Tubes, depth_first, face_of_plane, landing
 from .tube_shape import middle
 
@@ -81,12 +83,15 @@ class Viewpoint:
         [m/s, world].
     azimuth_fov, elevation_fov : float
         [rad].
+    window : Window, optional
+        Of a station that is an image: the plane of the mirror, through which it looks.
     """
 
     pose: Pose
     velocity: Array
     azimuth_fov: float
     elevation_fov: float
+    window: Window | None = None
 
     @classmethod
     def of(cls, radar: RadarSpec, pose: Pose, velocity: Array) -> Viewpoint:
@@ -180,7 +185,7 @@ class Tracer:
     def _arrive(self, depth: int, tubes: ImageTubes) -> Iterator[Arrival]:
         self.count[depth] += len(tubes)
         if depth > 1:
-            yield Arrival(tubes, self._seen(self._watched(self._cut(self._in_front(tubes))), self.rx))
+            yield Arrival(tubes, self._seen(self._watched(self._cut(self._turned_back(tubes))), self.rx))
             return
         lit = self._seen(tubes, self.tx)
         yield Arrival(lit, lit if self.rx is self.tx else self._seen(self._watched(self._in_front(lit)), self.rx))
@@ -231,21 +236,24 @@ class Tracer:
 
     def _labelled(self, tubes: ImageTubes, source: Array, probe: Probe) -> Pieces:
         """Return pieces of footprints, each with what its rays meet."""
-        rows = np.arange(len(tubes))
+        wide, fine = self._spacings(tubes, source)
+        return refined(tubes.corners, np.arange(len(tubes)), probe, wide, fine, self.settings)
+
+    def _spacings(self, tubes: ImageTubes, source: Array) -> tuple[Array, Array]:
+        """Return the largest distance of the rays of footprints, and the size down to which they are halved [m]."""
         ray = middle(tubes.corners) - source
         distance = np.sqrt(np.einsum("ij,ij->i", ray, ray))
         cosine = np.einsum("ij,ij->i", self.faces.triangles.normal[tubes.face[:, -1]], ray) / distance
         grazing = np.abs(cosine) < self.settings.grazing_cosine
         wavelength = 2.0 * np.pi / self.size.wavenumber
         wide, fine = self.settings.spacings(wavelength, self.size.length(distance))
-        wide, fine = np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine)
-        return refined(tubes.corners, rows, probe, wide, fine, self.settings)
+        return np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine)
 
     def _seen(self, tubes: ImageTubes, station: Viewpoint) -> ImageTubes:
         """Return the parts of footprints from which a station can be seen."""
         if not len(tubes):
             return tubes
-        probe = ScreenedProbe(self.rays, station.pose.position)
+        probe = ScreenedProbe(self.rays, station.pose.position, station.window)
         corners, rows, dark = self._labelled(tubes, station.pose.position, probe)
         lit = dark == 0
         return tubes.take(rows[lit], corners[lit])
@@ -258,6 +266,21 @@ class Tracer:
         towards = np.einsum("ij,ij->i", normal, self.rx.pose.position - center)
         return tubes.take(np.flatnonzero(lit * towards > 0.0))
 
+    def _turned_back(self, tubes: ImageTubes) -> ImageTubes:
+        """Return the footprints that radiate to the receiver: see `return_angle`."""
+        tubes = self._in_front(tubes)
+        if self._return is None or not len(tubes):
+            return tubes
+        last = tubes.face[:, -1]
+        return tubes.take(np.flatnonzero(self._return.of_footprints(middle(tubes.corners), tubes.image[:, -1], last)))
+
+    @cached_property
+    def _return(self) -> Return | None:
+        angle = self.settings.return_angle
+        if angle is None:
+            return None
+        return Return(self.rays, self.faces, self.chosen, self.rx.pose.position, angle)
+
     def _next(self, tubes: ImageTubes, of_plane: Index, plane_of_face: Index) -> ImageTubes:
         """Return the footprints of the reflected tubes on what they meet next."""
         triangles = self.faces.triangles
@@ -266,9 +289,16 @@ class Tracer:
         height = np.einsum("ij,ij->i", normal, tubes.image[:, -1]) - offset
         image = tubes.image[:, -1] - 2.0 * height[:, None] * normal
         lift = normal * np.sign(height)[:, None]
+        if self._return is not None:
+            wide, _ = self._spacings(tubes, image)
+            kept = self._return.of_tubes(tubes, image, lift, wide, self.settings.max_depth - tubes.depth)
+            if not kept.any():
+                return self._landed(tubes, image, tubes.corners[:0], last[:0], last[:0])
+            tubes, image, lift, last = tubes.take(kept), image[kept], lift[kept], last[kept]
         probe = PlaneProbe(self.rays, CentralRays(self.rays, image), lift, plane_of_face, self.faces.plane[last])
         if tubes.depth + 1 == self.settings.max_depth:
-            probe.only_towards(self.rx.pose.position, triangles.normal, triangles.offset)
+            angle = None if self._return is None else self._return.angle
+            probe.only_towards(self.rx.pose.position, triangles.normal, triangles.offset, angle)
         corners, rows, plane = self._labelled(tubes, image, probe)
         met = plane != MISS
         return self._landed(tubes, image, corners[met], rows[met], of_plane[plane[met]])

@@ -1,43 +1,52 @@
 """Objects seen through mirrors: ground bounce and ghosts of whole meshes, solved from the radar's images.
 
-An object is solved alone, seen from the image of the transmitter and that of the receiver, so its scattering is that of
-the aspects under which the mirrored waves meet it. What the mirrors do to polarisation, length and rate, and what hides
-the way, is added path by path.
+An object is seen from the image of the transmitter and that of the receiver, each through the plane of its last mirror,
+so its scattering is that of the aspects under which the mirrored waves meet it. What the mirrors do to polarisation,
+length and rate, and what hides the way before the last mirror, is added path by path.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import SPECULAR
-from scarl_sionna.engine.subset import alone
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
 from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.channel.scatterers import PlacedModel
+from scarl_sionna.radar.optics.probes import Window
+from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
 
 from .budget import world_from_box
 from .mirror_legs import Leg, MirrorView
-from .mirrors import Way, may_reach, mirrored, ways
+from .mirrors import Mirror, Way, may_reach, mirrored, ways
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
-FromImages = Callable[[Pose, Pose], RadarPaths]
-"""From the poses of two images of the radar, both with the same axes, to the paths of the object alone, nothing moving
-but it."""
+
+
+class Image(NamedTuple):
+    """An image of the radar."""
+
+    pose: Pose
+    way: Way
+    """The mirrors that made it; none for the radar itself."""
+
+
+FromImages = Callable[[Image, Image], RadarPaths]
+"""From two images of the radar, both with the same axes, to the paths of the objects, nothing moving but them."""
 Faces = tuple[tuple[int, ...], tuple[int, ...]]
 """Numbers of the mirrors of a way there and of a way back, each in the order from the radar."""
 STRAIGHT: Faces = ((), ())
@@ -45,7 +54,7 @@ STRAIGHT: Faces = ((), ())
 
 
 def paths_through_mirrors(
-    view: MirrorView, solve: FromImages, depth: int, reach: float
+    view: MirrorView, solve: FromImages, over: Sequence[Mirror], depth: int, reach: float
 ) -> list[tuple[RadarPaths, Faces]]:
     """Return the paths of objects over at least one mirror, one block for each pair of a way there and a way back.
 
@@ -56,7 +65,9 @@ def paths_through_mirrors(
     ----------
     view : MirrorView
     solve : callable
-        The objects alone, instance ids those of the view's state.
+        The objects, seen from two images.
+    over : sequence of Mirror
+        Those of the view's mirrors that the ways may take.
     depth : int
         Most mirrors of one way.
     reach : float
@@ -64,7 +75,7 @@ def paths_through_mirrors(
     """
     pose = view.mount.pose
     middle, corners = _box(view.state, view.owned)
-    open_ways = [way for way in ways(view.mirrors, depth) if may_reach(way, pose.position, corners)]
+    open_ways = [way for way in ways(over, depth) if may_reach(way, pose.position, corners)]
     blocks = []
     for there, back in combinations_with_replacement(open_ways, 2):
         if not there and not back:
@@ -73,8 +84,9 @@ def paths_through_mirrors(
         if min(np.linalg.norm(corners - image, axis=1).min() for image in images) > reach:
             continue
         axes = _looking((images[0] + images[1]) / 2.0, middle)
-        tx, rx = (Pose.from_rotation(image, axes) for image in images)
-        block = _seen(view, solve(tx, rx), (there, back), (tx, rx))
+        tx = Image(Pose.from_rotation(images[0], axes), there)
+        rx = tx if there is back else Image(Pose.from_rotation(images[1], axes), back)
+        block = _seen(view, solve(tx, rx), (tx, rx))
         met = tuple(mirror.number for mirror in there), tuple(mirror.number for mirror in back)
         blocks.append((block, met))
         if there is not back:
@@ -102,11 +114,12 @@ def _looking(start: Array, end: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
-def _seen(view: MirrorView, found: RadarPaths, both: tuple[Way, Way], image: tuple[Pose, Pose]) -> RadarPaths:
+def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image]) -> RadarPaths:
     """Return the paths as the radar itself sees them, without those that the surroundings hide."""
     state, pose = view.state, view.mount.pose
-    ends = zip(both, image, (found.tx_point, found.rx_point), strict=True)
-    legs = [view.leg(way, of_image.rotation, points) for way, of_image, points in ends]
+    both = images[0].way, images[1].way
+    ends = zip(images, (found.tx_point, found.rx_point), strict=True)
+    legs = [view.leg(image.way, image.pose.rotation, points) for image, points in ends]
     there, back = legs
     visible = there.visible & back.visible
     for one in legs:
@@ -196,8 +209,8 @@ def of_models(state: WorldState, radar: RadarSpec, models: Sequence[PlacedModel]
     .. [1] R. E. Kell, "On the derivation of bistatic RCS from monostatic measurements", Proc. IEEE 53(8), 1965.
     """
 
-    def solve(tx: Pose, rx: Pose) -> RadarPaths:
-        blocks = [_of_model(state, radar, tx, rx, one) for one in sorted(models, key=lambda one: one.number)]
+    def solve(tx: Image, rx: Image) -> RadarPaths:
+        blocks = [_of_model(state, radar, tx.pose, rx.pose, one) for one in sorted(models, key=lambda one: one.number)]
         joined: dict[str, Any] = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
         count = len(joined["semantic"])
         return RadarPaths(
@@ -206,8 +219,8 @@ def of_models(state: WorldState, radar: RadarSpec, models: Sequence[PlacedModel]
             length_acceleration=np.zeros(count),
             interaction=np.full((count, 1), POINT_INTERACTION, np.int32),
             depth=np.ones(count, np.int32),
-            world_from_tx=tx,
-            world_from_rx=rx,
+            world_from_tx=tx.pose,
+            world_from_rx=rx.pose,
         )
 
     return solve
@@ -244,21 +257,41 @@ def _of_model(
     }
 
 
-def of_meshes(state: WorldState, radar: RadarSpec, owned: Sequence[int], settings: RadarSettings) -> FromImages:
-    """Return what makes the paths of meshes alone between two images of the radar, by `sbr`."""
-    from scarl_sionna.radar.channel.sbr.solve import solve_sbr
+def of_meshes(
+    view: MirrorView, lit: Sequence[int], chosen: Sequence[int], settings: RadarSettings
+) -> FromImages:
+    """Return what makes the paths of meshes between two images of the radar, by `sbr`.
 
-    part, original = alone(state, owned)
-    number_of = np.array([-1, *(original[number] for number in sorted(original))], dtype=np.int32)
-    wide = radar.with_(azimuth_fov_deg=180.0, elevation_fov_deg=180.0)
+    Parameters
+    ----------
+    view : MirrorView
+    lit : sequence of int
+        Instances that the images light.
+    chosen : sequence of int
+        Instances that scatter: `lit` and what reflects between them.
+    settings : RadarSettings
+    """
+    from scarl_sionna.radar.channel.sbr.solve import solve_between
 
-    reach = radar.max_range if settings.max_distance is None else settings.max_distance
-    own = settings.with_(instances=tuple(sorted(original)), max_distance=2.0 * reach)
+    reach = view.radar.max_range if settings.max_distance is None else settings.max_distance
+    own = settings.with_(max_distance=2.0 * reach)
 
-    def solve(tx: Pose, rx: Pose) -> RadarPaths:
-        receiver = None if np.array_equal(tx.position, rx.position) else Mount(rx)
-        found = solve_sbr(part, wide, Mount(tx), own, receiver)
-        renamed = np.where(found.instance >= 0, number_of[found.instance], -1).astype(np.int32)
-        return RadarPaths(**{**vars(found), "instance": renamed})
+    def solve(tx: Image, rx: Image) -> RadarPaths:
+        seen_from = [_viewpoint(image, view.knobs.thickness) for image in (tx, rx)]
+        stations = (seen_from[0], seen_from[0] if tx is rx else seen_from[1])
+        return solve_between(view.state, view.radar, stations, chosen, own, lit)
 
     return solve
+
+
+def _viewpoint(image: Image, thickness: float) -> Viewpoint:
+    """Return an image of the radar that looks in all directions, through its last mirror if it has one.
+
+    What lies on the mirror hides nothing.
+    """
+    window = None
+    if image.way:
+        mirror = image.way[-1]
+        side = -np.sign(float(mirror.height(image.pose.position)))
+        window = Window(side * mirror.normal, side * mirror.offset + thickness)
+    return Viewpoint(image.pose, np.zeros(3), np.pi, np.pi, window)

@@ -96,14 +96,22 @@ def solve_hybrid(
         work.objects(plan.shares[index], resolved.owned[index])
     if resolved.mirrors and plan.echoes:
         work.echoes()
-    if resolved.mirrors and any(share.through_mirrors for share in plan.shares):
+    if any(resolved.reflections):
         start = time.perf_counter()
         mirrors = find_mirrors(state, resolved.mirrors, pose.position, radar.wavelength, settings.mirrors)
         work.clock["mirrors"] = time.perf_counter() - start
         for index in order:
-            if plan.shares[index].through_mirrors:
-                work.ghosts(plan.shares[index], resolved.owned[index], mirrors)
+            for objects, over in resolved.reflections[index]:
+                work.ghosts(plan.shares[index], resolved.owned[index], objects, _of_instances(state, mirrors, over))
     return work.result()
+
+
+def _of_instances(
+    state: WorldState, mirrors: list[Mirror], instances: Sequence[int]
+) -> tuple[list[Mirror], list[Mirror]]:
+    """Return all mirrors, and those that belong to some instances."""
+    chosen = set(instances)
+    return mirrors, [mirror for mirror in mirrors if int(state.world.parts.instance[mirror.part]) in chosen]
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,30 +219,30 @@ class _Work:
             )
         )
 
-    def ghosts(self, share: Share, owned: Sequence[int], mirrors: Sequence[Mirror]) -> None:
-        """Compute the objects of a share as they are seen through the mirrors."""
+    def ghosts(
+        self, share: Share, owned: Sequence[int], objects: Sequence[int], mirrors: tuple[list[Mirror], list[Mirror]]
+    ) -> None:
+        """Compute some objects of a share as they are seen over some mirrors; `mirrors`: all of the solve, and those."""
         start = time.perf_counter()
-        if not owned:
-            return
-        settings = self._settings(share, owned)
+        view = MirrorView(self.state, self.radar, self.mount, objects, mirrors[0], self.settings.mirrors)
+        settings = self._settings(share, owned if share.solver == "sbr" else objects)
         if share.solver == "sbr":
-            solve = of_meshes(self.state, self.radar, owned, settings)
+            solve = of_meshes(view, objects, owned, settings)
         else:
             frames, models = settings.scatterers.placements, loaded_models(settings.scatterers.models)
-            names = {self.state.world.instances[number].name: number for number in owned}
+            names = {self.state.world.instances[number].name: number for number in objects}
             placed = [PlacedModel(name, names[name], model, frames.get(name, Pose())) for name, model in models.items()]
             solve = of_models(self.state, self.radar, placed)
-        view = MirrorView(self.state, self.radar, self.mount, owned, mirrors, self.settings.mirrors)
-        found = paths_through_mirrors(view, solve, self.plan.plan.mirror_depth, self.reach)
+        found = paths_through_mirrors(view, solve, mirrors[1], self.plan.plan.mirror_depth, self.reach)
         self._add(
             _Contribution(
                 solver=share.solver,
                 mechanism="objects through mirrors",
-                instances=owned,
+                instances=objects,
                 blocks=[paths.select(paths.length < 2.0 * self.reach) for paths, _ in found],
                 faces=[faces for _, faces in found],
                 seconds=time.perf_counter() - start,
-                report={"num_mirrors": len(mirrors)},
+                report={"num_mirrors": len(mirrors[1])},
             )
         )
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from scarl_sionna.core.errors import ScarlError, UnknownNameError
+from scarl_sionna.core.errors import ParameterRangeError, ScarlError, UnknownNameError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.settings.plan import COHERENT, REST, ChannelPlan
 
@@ -27,11 +27,15 @@ class OwnershipError(ScarlError, ValueError):
 
 @dataclass(frozen=True)
 class ResolvedPlan:
-    """A plan with instance ids: those of each share, and the mirrors."""
+    """A plan with instance ids: those of each share, the mirrors, and for each share which objects are seen over which.
+
+    `reflections` has for each share pairs of the ids of objects and of mirrors.
+    """
 
     plan: ChannelPlan
     owned: tuple[tuple[int, ...], ...]
     mirrors: tuple[int, ...]
+    reflections: tuple[tuple[tuple[tuple[int, ...], tuple[int, ...]], ...], ...] = ()
 
 
 def resolve(plan: ChannelPlan, world: World) -> ResolvedPlan:
@@ -70,7 +74,47 @@ def resolve(plan: ChannelPlan, world: World) -> ResolvedPlan:
                 "take it out of one of them; a mirror's rough part may be given to 'raycast'",
             )
     owned = [tuple(number for number in sorted(owner) if owner[number] == index) for index in range(len(plan.shares))]
-    return ResolvedPlan(plan, tuple(owned), tuple(mirrors))
+    reflections = tuple(_reflections(plan, world, index, owned[index], mirrors) for index in range(len(owned)))
+    return ResolvedPlan(plan, tuple(owned), tuple(mirrors), reflections)
+
+
+def _reflections(
+    plan: ChannelPlan, world: World, index: int, owned: Sequence[int], mirrors: Sequence[int]
+) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
+    """Return the objects of a share and the mirrors over which they are seen, each pair of them once."""
+    share = plan.shares[index]
+    if not share.through_mirrors or not mirrors or not owned:
+        return ()
+    if not share.reflections:
+        return ((tuple(owned), tuple(mirrors)),)
+    found, seen = [], set()
+    for reflection in share.reflections:
+        objects, over = ids_of(world, reflection.instances), ids_of(world, reflection.mirrors)
+        for number in objects:
+            name = world.instances[number].name
+            if number not in owned:
+                raise ParameterRangeError(
+                    "reflections", f"'{name}'", f"instances of the share (share {index})", "put it into `instances`"
+                )
+            if number in seen:
+                raise OwnershipError(
+                    name,
+                    f"one reflection of share {index}",
+                    "another",
+                    "its echoes over mirrors would be counted twice",
+                    "name it in one of them, with all mirrors",
+                )
+            seen.add(number)
+        for number in over:
+            if number not in mirrors:
+                raise ParameterRangeError(
+                    "reflections",
+                    f"'{world.instances[number].name}'",
+                    "mirrors of the plan",
+                    "put it into `mirrors` of the plan",
+                )
+        found.append((tuple(objects), tuple(over)))
+    return tuple(found)
 
 
 def _refuse(plan: ChannelPlan, world: World, number: int, first: int, second: int) -> None:

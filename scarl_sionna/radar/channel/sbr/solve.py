@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -97,18 +98,53 @@ def solve_sbr(
     ----------
     .. [1] H. Ling, R.-C. Chou, S.-W. Lee, "Shooting and Bouncing Rays", IEEE Trans. Antennas Propag. 37(2), 1989.
     """
-    knobs, pose = settings.sbr, mount.pose
-    rx_pose = None if receiver is None else receiver.pose
+    for station in [mount] if receiver is None else [mount, receiver]:
+        check_antennas(state, radar, station.pose)
+    chosen, left_out = _chosen(state, settings.instances)
+    tx = Viewpoint.of(radar, mount.pose, mount.twist.linear)
+    rx = tx if receiver is None else Viewpoint.of(radar, receiver.pose, receiver.twist.linear)
+    found = solve_between(state, radar, (tx, rx), chosen, settings)
+    _warn_of_bodies(state, radar, mount.pose.position, found, chosen, settings.warn_at)
+    return replace(found, diagnostics={**found.diagnostics, "left_out": left_out})
+
+
+def solve_between(
+    state: WorldState,
+    radar: RadarSpec,
+    stations: tuple[Viewpoint, Viewpoint],
+    chosen_instances: Sequence[int],
+    settings: RadarSettings,
+    lit: Sequence[int] | None = None,
+) -> RadarPaths:
+    """Return the paths between two stations, which may be images of a radar, without checks of where they stand.
+
+    Parameters
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    stations : tuple of two Viewpoint
+        Transmitter and receiver; the same object for a monostatic radar.
+    chosen_instances : sequence of int
+        What scatters.
+    settings : RadarSettings
+        As in :func:`solve_sbr`.
+    lit : sequence of int, optional
+        Instances on which tubes start; all that scatter if left out.
+
+    Raises
+    ------
+    MaterialRangeError
+        If a material that scatters has no data at the middle of the band.
+    ParameterRangeError
+        If the scene needs more patches than `max_patches`.
+    """
+    knobs, (tx, rx) = settings.sbr, stations
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
-    for station_pose in [pose] if rx_pose is None else [pose, rx_pose]:
-        check_antennas(state, radar, station_pose)
     clock = time.perf_counter()
     faces = face_table(state)
-    chosen_instances, left_out = _chosen(state, settings.instances)
     chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
-    tx = Viewpoint.of(radar, pose, mount.twist.linear)
-    rx = tx if receiver is None else Viewpoint.of(radar, receiver.pose, receiver.twist.linear)
-    start = np.flatnonzero(chosen & ~faces.repeated & tx.may_see(faces, 2.0 * reach if rx_pose else reach))
+    first = chosen if lit is None else np.isin(state.world.parts.instance, lit)[faces.part]
+    start = np.flatnonzero(first & ~faces.repeated & tx.may_see(faces, reach if tx is rx else 2.0 * reach))
     used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks: list[Columns] = []
     rough: dict[int, list[Columns]] = {}
@@ -132,9 +168,7 @@ def solve_sbr(
         "num_faces": len(start),
         "num_tubes": dict(tracer.count),
         "num_patches": len(columns["length"]),
-        "left_out": left_out,
     }
-    _warn_of_bodies(state, radar, tx.pose.position, columns, chosen_instances, settings.warn_at)
     _warn_of_grazing(columns["cosine"], amplitude**2, settings.warn_at.grazing_incidence)
     columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, knobs.floor_db)
     columns = in_order(columns)
@@ -195,13 +229,13 @@ def _scattered(pieces: list[Columns], seed: int, monostatic: bool) -> list[Colum
 
 
 def _warn_of_bodies(
-    state: WorldState, radar: RadarSpec, origin: Array, columns: Columns, chosen: list[int], levels: WarningLevels
+    state: WorldState, radar: RadarSpec, origin: Array, found: RadarPaths, chosen: list[int], levels: WarningLevels
 ) -> None:
     """Warn once of bodies that are too small for physical optics, and once of parts that both scatter in one place."""
     small = []
     for number in chosen:
         info = state.world.instances[number]
-        if float(info.size.max()) < levels.smallest_body * radar.wavelength and np.any(columns["instance"] == number):
+        if float(info.size.max()) < levels.smallest_body * radar.wavelength and np.any(found.instance == number):
             small.append((info.name, float(info.size.max())))
     if small:
         warnings.warn(

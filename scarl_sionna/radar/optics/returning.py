@@ -1,0 +1,119 @@
+"""Which ray tubes are worth following: those some of whose rays come back to the receiver after further bounces.
+
+Physical optics radiates from a facet mainly into the mirror direction. A tube that no sequence of further bounces turns
+back towards the receiver adds the side lobes of its facets only, and most tubes of a body are such. So before tubes are
+cut at every edge that their reflection meets, which is what bounces cost, single rays find out where they go.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.engine.rays.face_planes import FaceTable
+from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
+from scarl_sionna.engine.types import DeviceArray
+
+from .probes import CentralRays, Probe
+from .trace import Tubes
+from .tube_shape import COUNTS, OFFSETS, TOO_LONG, layouts, sides_and_height
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Return:
+    """What counts as coming back.
+
+    Attributes
+    ----------
+    rays : FaceRays
+    faces : FaceTable
+    chosen : ndarray of bool, shape (num_faces,)
+        Faces that reflect; a ray that meets another one ends there.
+    station : ndarray of float64, shape (3,)
+        Receiver [m, world].
+    angle : float
+        Largest angle between the mirror direction and that of the receiver [rad].
+    """
+
+    rays: FaceRays
+    faces: FaceTable
+    chosen: Mask
+    station: Array
+    angle: float
+
+    def of_footprints(self, center: Array, source: Array, face: Index) -> Mask:
+        """Return whether the mirror direction at points of faces is that of the receiver, shape (n,).
+
+        Parameters
+        ----------
+        center, source : ndarray of float64, shape (n, 3)
+            Points, and where their rays come from [m, world].
+        face : ndarray of int64, shape (n,)
+        """
+        arriving = center - source
+        normal = self.faces.triangles.normal[face]
+        mirrored = arriving - 2.0 * np.einsum("ij,ij->i", arriving, normal)[:, None] * normal
+        back = self.station - center
+        cosine = np.einsum("ij,ij->i", mirrored, back)
+        cosine /= np.maximum(np.linalg.norm(mirrored, axis=1) * np.linalg.norm(back, axis=1), 1e-300)
+        return np.asarray(cosine >= np.cos(self.angle))
+
+    def of_tubes(self, tubes: Tubes, source: Array, lift: Array, spacing: Array, bounces: int) -> Mask:
+        """Return which tubes have a ray that comes back after 1 to `bounces` further bounces, shape (num_tubes,).
+
+        Parameters
+        ----------
+        tubes : Tubes
+        source, lift : ndarray of float64, shape (num_tubes, 3)
+            Where the reflected rays seem to come from [m, world], and the unit normal on the side on which they run.
+        spacing : ndarray of float64, shape (num_tubes,)
+            Largest distance of the rays [m].
+        bounces : int
+        """
+        longest, height = sides_and_height(tubes.corners)
+        layout = layouts(longest, height, spacing, np.zeros(len(tubes)))
+        found = layout == TOO_LONG  # they are cut before they are probed: followed as they are
+        short = np.flatnonzero(~found)
+        if len(short):
+            probe = _ReturnProbe(self, source[short], lift[short], bounces)
+            count = COUNTS[layout[short]]
+            labels = probe.within(tubes.corners[short], np.arange(len(short)), count, OFFSETS[layout[short]])
+            found[short] = np.maximum.reduceat(labels, np.cumsum(count) - count) > 0
+        return np.asarray(found)
+
+
+class _ReturnProbe(Probe):
+    """Whether a ray from a point of a tube comes back (1) after some bounces, or not (0)."""
+
+    def __init__(self, wanted: Return, source: Array, lift: Array, bounces: int) -> None:
+        rays = wanted.rays
+        super().__init__(rays)
+        self._directions, self._lift, self._bounces = CentralRays(rays, source), rays.reals(lift), bounces
+        triangles = wanted.faces.triangles
+        self._normal, self._offset = rays.reals(triangles.normal), rays.reals(triangles.offset)
+        self._chosen = rays.index(wanted.chosen.astype(np.uint32))
+        self._station, self._cosine = rays.vector(wanted.station), rays.real(float(np.cos(wanted.angle)))
+
+    def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
+        dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
+        above, ray = dr.gather(rays.Vector, self._lift, row), self._directions.at(point, row)
+        alive, back = mi.Bool(True), mi.Bool(False)
+        for _ in range(self._bounces):
+            face = rays.first(rays.lifted(point, above), ray)
+            alive &= face != MISS
+            number = mi.UInt32(face)
+            alive &= dr.gather(mi.UInt32, self._chosen, number, alive) == 1
+            normal = dr.gather(rays.Vector, self._normal, number, alive)
+            slope = dr.dot(normal, ray)
+            height = dr.gather(rays.Real, self._offset, number, alive) - dr.dot(normal, point)
+            point = dr.select(alive, point + height / dr.select(alive, slope, 1.0) * ray, point)
+            ray = ray - 2.0 * slope * normal
+            above = normal * -dr.sign(slope)
+            back |= alive & (dr.dot(ray, dr.normalize(self._station - point)) >= self._cosine)
+        return dr.select(back, mi.Int32(1), mi.Int32(0))
