@@ -5,46 +5,62 @@ They say which object is left out, which is computed by class and which by physi
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field, field_validator
 
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import Decibels, Metres, Unit
+from scarl_sionna.core.units import Decibels, Metres, Seconds, Unit
 
 from .sbr import SMALLEST_SIZE, Wavelengths
 
 
 class SbrLevel(Spec):
-    """Knobs of `sbr` that hold from a tolerance on; docs/accuracy.md, plate (patches) and car (bounces)."""
+    """Knobs of `sbr` that hold from a tolerance on; docs/accuracy.md, whole streets."""
 
     tolerance_db: Decibels = Field(
         ge=0.0, description="smallest `channel_tolerance_db` for which this level is taken [dB]"
     )
     max_phase: Annotated[float, Unit("rad")] = Field(gt=0.0, le=3.0, description="as in SbrSettings [rad]")
     integration_phase: Annotated[float, Unit("rad")] = Field(gt=0.0, le=3.0, description="as in SbrSettings [rad]")
-    vehicle_bounces: int = Field(
-        ge=1, le=32, description="most bounces on a vehicle, and number of bounces on things longer than `long_object`"
+    edge_share: float = Field(gt=0.0, le=4.0, description="as in SbrSettings: a ratio")
+    return_angle: Annotated[float, Unit("rad")] | None = Field(
+        None, gt=0.0, le=math.pi, description="as in SbrSettings [rad]"
+    )
+    max_depth: int = Field(ge=1, le=32, description="number of bounces followed, as in SbrSettings")
+    patch_error: float = Field(
+        0.1, ge=0.0, description="relative error of the amplitude of one patch: a ratio; docs/accuracy.md, expected error"
     )
 
 
 class TubeEstimate(Spec):
     """How many ray tubes `sbr` will need for an object: what the budget is counted in.
 
-    num = growth^(bounces - 1) * (least + per_face * faces + per_edge * size / edge spacing * sqrt(faces / 100)), right
-    to a factor of three for the objects of highway_guardrail (docs/accuracy.md, what `auto` does).
+    num = growth^(bounces - 1) * (least + per_face * faces + per_patch * area / patch size^2
+    + per_edge * size / edge spacing * sqrt(faces / 100)); how right it is stands in docs/accuracy.md.
     """
 
-    least: float = Field(1000.0, ge=0.0, description="number of tubes of an object with no face; fit, not charted")
+    least: float = Field(200.0, ge=0.0, description="number of tubes of an object with no face; fit, not charted")
     per_face: float = Field(0.5, ge=0.0, description="number of tubes a face: half of the faces are lit")
+    per_patch: float = Field(0.5, ge=0.0, description="number of tubes a patch of the projected box")
     per_edge: float = Field(
         1.5, ge=0.0, description="number of tubes a step of the edge spacing along long edges; fit, not charted"
     )
-    growth: float = Field(2.0, ge=1.0, description="factor for each further bounce; fit, not charted")
-    growth_long: float = Field(
-        6.0,
-        ge=1.0,
-        description="the same factor on things longer than `long_object`, seen along their length",
+    growth: float = Field(1.5, ge=1.0, description="factor for each further bounce; fit, not charted")
+    seconds: Seconds = Field(
+        1e-5, ge=0.0, description="processor time of a tube on one core of 2025 [s]; docs/accuracy.md, whole streets"
+    )
+
+
+class ErrorEstimate(Spec):
+    """What an object's echo is expected to be off by; docs/accuracy.md, expected error."""
+
+    last_bounce: float = Field(
+        0.5, ge=0.0, description="field of what bounces on, relative to that of the last bounce followed: a ratio"
+    )
+    by_class_db: Decibels = Field(
+        8.0, ge=0.0, description="error of an object that is left to its class's reflectivity; docs/accuracy.md, highway"
     )
 
 
@@ -53,15 +69,27 @@ class AutoSettings(Spec):
 
     levels: tuple[SbrLevel, ...] = Field(
         (
-            SbrLevel(tolerance_db=2.0, max_phase=2.0, integration_phase=0.1, vehicle_bounces=2),
-            SbrLevel(tolerance_db=1.0, max_phase=1.0, integration_phase=0.05, vehicle_bounces=2),
-            SbrLevel(tolerance_db=0.2, max_phase=0.4, integration_phase=0.02, vehicle_bounces=3),
-            SbrLevel(tolerance_db=0.0, max_phase=0.2, integration_phase=0.01, vehicle_bounces=3),
+            SbrLevel(
+                tolerance_db=3.0, max_phase=2.0, integration_phase=0.1, edge_share=0.25, return_angle=0.5, max_depth=3
+            ),
+            SbrLevel(
+                tolerance_db=1.0, max_phase=2.0, integration_phase=0.1, edge_share=0.25, return_angle=0.8, max_depth=3
+            ),
+            SbrLevel(
+                tolerance_db=0.3, max_phase=1.0, integration_phase=0.05, edge_share=0.125, return_angle=1.5, max_depth=3
+            ),
+            SbrLevel(tolerance_db=0.1, max_phase=0.4, integration_phase=0.02, edge_share=0.125, max_depth=4),
         ),
-        description="knobs of 'sbr' by tolerance, the coarsest first, the last from 0 dB; docs/accuracy.md, plate "
-        "and car",
+        description="knobs of 'sbr' by tolerance, the coarsest first; finer tolerances than the last are refused; "
+        "docs/accuracy.md, whole streets",
     )
     tubes: TubeEstimate = Field(TubeEstimate(), description="what an object costs in the budget")
+    errors: ErrorEstimate = Field(ErrorEstimate(), description="what each object is expected to be off by")
+    counts_from_db: Decibels = Field(
+        10.0,
+        description="objects that are this far over the noise of a cell by their class are counted in `met`; by "
+        "definition",
+    )
     speckle_db: Decibels = Field(
         10.0,
         ge=0.0,
@@ -92,31 +120,18 @@ class AutoSettings(Spec):
         description="smaller bodies are left to 'raycast' [wavelengths]: physical optics is decibels off; "
         "docs/rcs.md, accuracy",
     )
-    long_object: Metres = Field(
-        20.0,
-        gt=0.0,
-        description="longer things (guardrails, walls) see themselves along their length: two bounces, many more "
-        "tubes after each [m]; docs/accuracy.md, whole highway frame",
-    )
-    vehicle_classes: tuple[str, ...] = Field(
-        ("Car", "Truck", "Bus", "Train", "Motorcycle", "Bicycle"),
-        description="semantic classes whose further bounces are weak: the tolerance limits their number; "
-        "docs/accuracy.md, car",
-    )
     num_probes: int = Field(
-        256,
+        64,
         ge=1,
-        description="rays that find out how often an object reflects to itself; docs/accuracy.md, knobs of the rules",
+        description="rays to each coherent object, straight and over each mirror, that find out what is seen of it; "
+        "docs/accuracy.md, knobs of the rules",
     )
-    bounce_share: float = Field(
-        0.01,
-        gt=0.0,
-        le=1.0,
-        description="share of those rays that must go on for another bounce to count: a corner reflector on a body "
-        "is often small; docs/accuracy.md, knobs of the rules",
-    )
-    max_bounces: int = Field(
-        3, ge=1, le=8, description="most bounces looked for; 3 covers every corner reflector (docs/rcs.md)"
+    mirror_candidates: int = Field(
+        64,
+        ge=1,
+        le=1000,
+        description="the largest so many flat faces are looked at; those that change the objects most become mirrors, at "
+        "most `mirrors.max_mirrors`; docs/accuracy.md, knobs of the rules",
     )
     mirror_classes: tuple[str, ...] = Field(
         ("Roads", "SideWalks", "Ground", "Water", "Wall", "Building", "Bridge"),
@@ -126,10 +141,10 @@ class AutoSettings(Spec):
 
     @field_validator("levels")
     @classmethod
-    def _down_to_zero(cls, levels: tuple[SbrLevel, ...]) -> tuple[SbrLevel, ...]:
+    def _falling(cls, levels: tuple[SbrLevel, ...]) -> tuple[SbrLevel, ...]:
         tolerances = [level.tolerance_db for level in levels]
-        if not levels or tolerances[-1] != 0.0 or tolerances != sorted(tolerances, reverse=True):
-            raise ValueError("levels whose tolerances fall, the last 0 dB")
+        if not levels or tolerances != sorted(tolerances, reverse=True):
+            raise ValueError("levels whose tolerances fall")
         return levels
 
 

@@ -85,6 +85,9 @@ class Viewpoint:
         [rad].
     window : Window, optional
         Of a station that is an image: the plane of the mirror, through which it looks.
+    axes : ndarray of float64, shape (3, 3), optional
+        Of an image: the mirrored axes of the radar, as columns, in which its field of view is meant; those of `pose` if
+        left out.
     """
 
     pose: Pose
@@ -92,6 +95,11 @@ class Viewpoint:
     azimuth_fov: float
     elevation_fov: float
     window: Window | None = None
+    axes: Array | None = None
+
+    @property
+    def _axes(self) -> Array:
+        return self.pose.rotation if self.axes is None else self.axes
 
     @classmethod
     def of(cls, radar: RadarSpec, pose: Pose, velocity: Array) -> Viewpoint:
@@ -100,7 +108,7 @@ class Viewpoint:
 
     def outside(self, points: Array) -> tuple[Array, Array, Array]:
         """Return by how much points are outside of the view in azimuth and elevation [rad], and their distance [m]."""
-        local = (points - self.pose.position) @ self.pose.rotation
+        local = (points - self.pose.position) @ self._axes
         distance = np.sqrt(np.einsum("ij,ij->i", local, local))
         azimuth = np.abs(np.arctan2(local[:, 1], local[:, 0])) - self.azimuth_fov / 2.0
         sine = np.divide(local[:, 2], distance, out=np.zeros_like(distance), where=distance > 0.0)
@@ -109,23 +117,25 @@ class Viewpoint:
 
     def sees(self, points: Array) -> Mask:
         """Return whether points are in the field of view."""
-        local = (points - self.pose.position) @ self.pose.rotation
+        local = (points - self.pose.position) @ self._axes
         flat = local[:, 0] ** 2 + local[:, 1] ** 2
         ahead = local[:, 0] >= np.cos(self.azimuth_fov / 2.0) * np.sqrt(flat)
         return ahead & (np.abs(local[:, 2]) <= np.sin(self.elevation_fov / 2.0) * np.sqrt(flat + local[:, 2] ** 2))
 
-    def may_see(self, faces: FaceTable, reach: float) -> Mask:
-        """Return the faces of which a part may be in the field of view and in reach, and that are not edge-on."""
-        triangles = faces.triangles
-        center = middle(triangles.corners)
-        arm = triangles.corners - center[:, None]
+    def may_see(self, faces: FaceTable, rows: Index, reach: float) -> Mask:
+        """Return of which of some faces a part may be in the field of view and in reach, and that are not edge-on."""
+        corners, normal, offset = (
+            column[rows] for column in (faces.triangles.corners, faces.triangles.normal, faces.triangles.offset)
+        )
+        center = middle(corners)
+        arm = corners - center[:, None]
         radius = np.sqrt(np.einsum("nij,nij->ni", arm, arm).max(axis=1))
         azimuth, elevation, distance = self.outside(center)
         width = np.arcsin(np.minimum(radius / np.maximum(distance, 1e-9), 1.0))
         cosine = np.cos(np.minimum(elevation + self.elevation_fov / 2.0, 1.4))
         inside = (azimuth <= width / cosine) & (elevation <= width) | (width > WIDE_FACE)
-        height = np.abs(triangles.normal @ self.pose.position - triangles.offset)
-        return inside & (distance - radius < reach) & (height > GRAZING * distance) & triangles.normal.any(axis=1)
+        height = np.abs(normal @ self.pose.position - offset)
+        return inside & (distance - radius < reach) & (height > GRAZING * distance) & normal.any(axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,9 +107,8 @@ def depth_first(
 
 def face_of_plane(plane: Index) -> Index:
     """Return the first face of each plane, by the plane's number."""
-    numbers, first = np.unique(plane, return_index=True)
-    result = np.zeros(int(numbers.max(initial=0)) + 1, dtype=np.int64)
-    result[numbers] = first
+    result = np.zeros(int(plane.max(initial=0)) + 1, dtype=np.int64)
+    result[plane[::-1]] = np.arange(len(plane))[::-1]  # of several, the one written last stays
     return result
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+import trimesh
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
@@ -54,6 +54,9 @@ class Estimate:
     num_faces : int
     is_coherent : bool
         Whether its echo is that of smooth bodies, with a phase that means something.
+    source_db : float
+        Power over the noise of a cell by the mean reflectivity of its class for a field (gain over length) of 1/m in
+        each direction [dB].
     """
 
     number: int
@@ -66,6 +69,11 @@ class Estimate:
     expected_db: float
     num_faces: int
     is_coherent: bool
+    source_db: float
+
+    def level_db(self, field: float) -> float:
+        """Return the power over the noise of a cell for a field (gain over length) there and back [dB]."""
+        return self.source_db + 40.0 * float(np.log10(max(field, 1e-12)))
 
     @property
     def name(self) -> str:
@@ -103,8 +111,9 @@ def estimate(
     flat = min(4.0 * np.pi * area**2 / radar.wavelength**2, np.pi * distance**2)
     coherent = semantic not in rules.diffuse_classes and _smooth_share(state, info) > rules.smooth_share
     largest = flat if coherent else mean * 10.0 ** (rules.speckle_db / 10.0)
-    scale = dbm_to_watt(radar.front_end.tx_power_dbm) * gain**2 * float(radar_gain(radar.wavelength, distance))
-    scale /= angle_cell_noise_power(radar)
+    unit = dbm_to_watt(radar.front_end.tx_power_dbm) * float(radar_gain(radar.wavelength, 1.0))
+    unit /= angle_cell_noise_power(radar)
+    scale = unit * gain**2 / distance**4
     triangles = state._triangles
     faces = sum(int(triangles.first[part + 1] - triangles.first[part]) for part in info.parts)
     return Estimate(
@@ -118,7 +127,17 @@ def estimate(
         _db(scale * mean),
         faces,
         coherent,
+        _db(unit * mean),
     )
+
+
+def surface_distance(state: WorldState, number: int, position: Array) -> float:
+    """Return the distance of a position from the nearest point of an instance's faces [m]."""
+    corners = state._triangles.of_parts(state.world.instances[number].parts)
+    if not len(corners):
+        return float("inf")
+    nearest = trimesh.triangles.closest_point(corners, np.broadcast_to(position, (len(corners), 3)))
+    return float(np.linalg.norm(nearest - position, axis=1).min())
 
 
 def world_from_box(state: WorldState, info: InstanceInfo) -> Pose:
@@ -126,57 +145,33 @@ def world_from_box(state: WorldState, info: InstanceInfo) -> Pose:
     return info.frame_from_box if info.actor is None else state.actor_pose(info.actor).compose(info.frame_from_box)
 
 
-def num_tubes(item: Estimate, radar: RadarSpec, settings: SbrSettings, rules: AutoSettings = DEFAULT_AUTO) -> int:
-    """Return about how many patches `sbr` makes of an instance, by the fit of :class:`.TubeEstimate`."""
-    fit = rules.tubes
-    side = np.sqrt(4.0 * settings.max_phase * item.distance * radar.wavelength / (2.0 * np.pi))
-    edges = item.size / settings.spacings(radar.wavelength, side)[1] * np.sqrt(item.num_faces / 100.0)
-    growth = fit.growth_long if item.size > rules.long_object else fit.growth
-    once = fit.least + fit.per_face * item.num_faces + fit.per_edge * edges
-    return int(growth ** (settings.max_depth - 1) * once)
+def box_points(state: WorldState, number: int) -> Array:
+    """Return the corners and the middle of an instance's box, shape (9, 3) [m, world]."""
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)] + [(0, 0, 0)]) / 2.0
+    info = state.world.instances[number]
+    return world_from_box(state, info).apply(signs * info.size)
 
 
-def own_bounces(
-    state: WorldState, pose: Pose, numbers: Sequence[int], rules: AutoSettings = DEFAULT_AUTO
-) -> dict[int, int]:
-    """Return how many bounces objects make of a ray from the radar on themselves, 1 to `max_bounces`.
-
-    Rays go to points spread evenly over what of each object's faces looks at the radar, and on in the mirror direction:
-    a plate or a ball has one bounce, a dihedral two, a corner reflector three.
+def num_tubes(
+    item: Estimate, distance: float, radar: RadarSpec, settings: SbrSettings, rules: AutoSettings = DEFAULT_AUTO
+) -> int:
+    """Return about how many tubes `sbr` traces for an object seen from a distance [m], by the fit of
+    :class:`.TubeEstimate`.
     """
-    targets, owner = [], []
-    for number in numbers:
-        points = _lit_points(state, pose, number, rules.num_probes)
-        targets.append(points)
-        owner.append(np.full(len(points), number))
-    bounces = dict.fromkeys(numbers, 1)
-    if not numbers:
-        return bounces
-    owner_of_ray = np.concatenate(owner)
-    sight = np.concatenate(targets) - pose.position
-    direction = sight / np.linalg.norm(sight, axis=1, keepdims=True)
-    origin = np.broadcast_to(pose.position, direction.shape)
-    instance = state.world.parts.instance
-    sent = {number: max(int(np.sum(owner_of_ray == number)), 1) for number in numbers}
-    for bounce in range(1, rules.max_bounces + 1):
-        hits = state.cast(origin, direction)
-        own = instance[hits.part] == owner_of_ray[hits.ray]
-        ray = hits.ray[own]
-        owner_of_ray, direction, normal = owner_of_ray[ray], direction[ray], hits.normal[own]
-        for number in np.unique(owner_of_ray).tolist():
-            if np.sum(owner_of_ray == number) >= rules.bounce_share * sent[number]:
-                bounces[number] = max(bounces[number], bounce)
-        direction = direction - 2.0 * np.einsum("ij,ij->i", direction, normal)[:, None] * normal
-        origin = hits.point[own] + 1e-5 * (1.0 + hits.distance[own, None]) * normal
-    return bounces
+    fit = rules.tubes
+    side = np.sqrt(4.0 * settings.max_phase * distance * radar.wavelength / (2.0 * np.pi))
+    edges = item.size / settings.spacings(radar.wavelength, side)[1] * np.sqrt(item.num_faces / 100.0)
+    patches = min(item.area, (3.0 * distance) ** 2) / side**2
+    once = fit.least + fit.per_face * item.num_faces + fit.per_edge * edges + fit.per_patch * patches
+    return int(fit.growth ** (settings.max_depth - 1) * once)
 
 
-def _lit_points(state: WorldState, pose: Pose, number: int, count: int) -> Array:
-    """Return points on an instance's faces, evenly over their area as the radar sees it, shape (count, 3)."""
+def lit_points(state: WorldState, position: Array, number: int, count: int) -> Array:
+    """Return points on an instance's faces, evenly over their area as seen from a position, shape (count, 3)."""
     triangles = state._triangles
     corners = triangles.of_parts(state.world.instances[number].parts)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
-    sight = pose.position - corners.mean(axis=1)
+    sight = position - corners.mean(axis=1)
     sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-9)
     reach = np.cumsum(np.abs(np.einsum("ij,ij->i", cross, sight)))
     if not len(reach) or reach[-1] <= 0.0:

@@ -8,6 +8,7 @@ length and rate, and what hides the way before the last mirror, is added path by
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,9 +28,9 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
 
-from .budget import world_from_box
+from .budget import box_points
 from .mirror_legs import Leg, MirrorView
-from .mirrors import Mirror, Way, may_reach, mirrored, ways
+from .mirrors import Mirror, Way, mirrored, reaches, ways
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -74,8 +75,8 @@ def paths_through_mirrors(
         Half of the longest length [m].
     """
     pose = view.mount.pose
-    middle, corners = _box(view.state, view.owned)
-    open_ways = [way for way in ways(over, depth) if may_reach(way, pose.position, corners)]
+    corners = np.concatenate([box_points(view.state, number) for number in view.owned])
+    open_ways = [way for way in ways(over, depth) if reaches(way, pose.position, corners).any()]
     blocks = []
     for there, back in combinations_with_replacement(open_ways, 2):
         if not there and not back:
@@ -83,7 +84,7 @@ def paths_through_mirrors(
         images = [mirrored(way, pose.position) for way in (there, back)]
         if min(np.linalg.norm(corners - image, axis=1).min() for image in images) > reach:
             continue
-        axes = _looking((images[0] + images[1]) / 2.0, middle)
+        axes = _looking((images[0] + images[1]) / 2.0, corners.mean(axis=0))
         tx = Image(Pose.from_rotation(images[0], axes), there)
         rx = tx if there is back else Image(Pose.from_rotation(images[1], axes), back)
         block = _seen(view, solve(tx, rx), (tx, rx))
@@ -92,17 +93,6 @@ def paths_through_mirrors(
         if there is not back:
             blocks.append((_reversed(block), met[::-1]))
     return blocks
-
-
-def _box(state: WorldState, owned: Sequence[int]) -> tuple[Array, Array]:
-    """Return the middle of the objects and the corners and middles of their boxes [m, world]."""
-    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)] + [(0, 0, 0)]) / 2.0
-    points = []
-    for number in owned:
-        info = state.world.instances[number]
-        points.append(world_from_box(state, info).apply(signs * info.size))
-    joined = np.concatenate(points)
-    return joined.mean(axis=0), joined
 
 
 def _looking(start: Array, end: Array) -> Array:
@@ -273,25 +263,23 @@ def of_meshes(
     """
     from scarl_sionna.radar.channel.sbr.solve import solve_between
 
-    reach = view.radar.max_range if settings.max_distance is None else settings.max_distance
-    own = settings.with_(max_distance=2.0 * reach)
 
     def solve(tx: Image, rx: Image) -> RadarPaths:
-        seen_from = [_viewpoint(image, view.knobs.thickness) for image in (tx, rx)]
-        stations = (seen_from[0], seen_from[0] if tx is rx else seen_from[1])
-        return solve_between(view.state, view.radar, stations, chosen, own, lit)
+        first = _viewpoint(view, tx)
+        stations = (first, first if tx is rx else _viewpoint(view, rx))
+        return solve_between(view.state, view.radar, stations, chosen, settings, lit)
 
     return solve
 
 
-def _viewpoint(image: Image, thickness: float) -> Viewpoint:
-    """Return an image of the radar that looks in all directions, through its last mirror if it has one.
-
-    What lies on the mirror hides nothing.
-    """
-    window = None
+def _viewpoint(view: MirrorView, image: Image) -> Viewpoint:
+    """Return an image of the radar, which looks through its last mirror if it has one; what lies on that hides nothing."""
+    axes, window = view.mount.pose.rotation, None
+    for mirror in image.way:
+        axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
     if image.way:
         mirror = image.way[-1]
         side = -np.sign(float(mirror.height(image.pose.position)))
-        window = Window(side * mirror.normal, side * mirror.offset + thickness)
-    return Viewpoint(image.pose, np.zeros(3), np.pi, np.pi, window)
+        window = Window(side * mirror.normal, side * mirror.offset + view.knobs.thickness)
+    station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
+    return replace(station, window=window, axes=axes)

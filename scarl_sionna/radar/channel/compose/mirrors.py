@@ -146,18 +146,17 @@ def mirrored(way: Way, point: Array) -> Array:
     return point
 
 
-def may_reach(way: Way, position: Array, points: Array) -> bool:
-    """Return whether the way leads from a position to one of some points over the boxes of its mirrors."""
+def reaches(way: Way, position: Array, points: Array) -> npt.NDArray[np.bool_]:
+    """Return for points (n, 3) whether the way leads from a position to them over the boxes of its mirrors."""
     chain = chain_of(way, len(points))
     images = chain.images(points)
     vertices, right = chain.vertices(position, images)
-    return any(
-        bool(ok)
-        and all(
-            mirror.near(vertex, PRESELECTION_MARGIN * mirror.extent) for mirror, vertex in zip(way, row, strict=True)
-        )
-        for ok, row in zip(right, vertices, strict=True)
-    )
+    found = np.asarray(right).copy()
+    for k, mirror in enumerate(way):
+        margin = PRESELECTION_MARGIN * mirror.extent
+        lower, upper = mirror.corners.min(axis=0) - margin, mirror.corners.max(axis=0) + margin
+        found &= ((vertices[:, k] >= lower) & (vertices[:, k] <= upper)).all(axis=1)
+    return found
 
 
 def chain_of(way: Way, count: int) -> Chain:

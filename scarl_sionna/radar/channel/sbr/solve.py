@@ -144,7 +144,9 @@ def solve_between(
     faces = face_table(state)
     chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
     first = chosen if lit is None else np.isin(state.world.parts.instance, lit)[faces.part]
-    start = np.flatnonzero(first & ~faces.repeated & tx.may_see(faces, reach if tx is rx else 2.0 * reach))
+    apart = float(np.linalg.norm(tx.pose.position - rx.pose.position))  # the way there is at most half of it longer
+    start = np.flatnonzero(first & ~faces.repeated)
+    start = start[tx.may_see(faces, start, reach + apart / 2.0)]
     used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks: list[Columns] = []
     rough: dict[int, list[Columns]] = {}

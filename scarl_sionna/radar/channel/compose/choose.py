@@ -1,0 +1,268 @@
+"""Which object ``method="auto"`` gives to whom, by the rules of docs/accuracy.md: what is seen, how strong, what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.scatterers.model import ScattererModel
+
+from .budget import Estimate, estimate, num_tubes, surface_distance
+from .mirror_legs import MirrorView
+from .mirrors import Mirror, find_mirrors
+from .reflections import HIDDEN, Change, Sight, changes, sights
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+
+@dataclass
+class Choice:
+    """What becomes of one instance.
+
+    Attributes
+    ----------
+    item : Estimate
+    method, reason : str
+    tubes : int
+        That it costs straight; each further pair of ways costs as much.
+    changes : list of Change
+        What mirrors do to it, as far as it exceeds the tolerance and is above the floor, the largest first.
+    mirrors : list of Mirror
+        Of them, those that the budget pays for.
+    sight : Sight
+        The straight way.
+    """
+
+    item: Estimate
+    method: str
+    reason: str
+    tubes: int = 0
+    changes: list[Change] = field(default_factory=list)
+    mirrors: list[Mirror] = field(default_factory=list)
+    sight: Sight = HIDDEN
+
+    @property
+    def without(self) -> Change | None:
+        """The reflection that is left out and can change it most, if there is one."""
+        left = (change for change in self.changes if change.mirror not in self.mirrors)
+        return next(left, None) if self.method in ("sbr", "scatterers") else None
+
+    @property
+    def cost(self) -> int:
+        """Tubes over all pairs of ways."""
+        return self.tubes * _num_pairs(len(self.mirrors))
+
+
+def _num_pairs(mirrors: int) -> int:
+    """Return the number of pairs of a way there and a way back, the reverse of each not counted."""
+    return (mirrors + 1) * (mirrors + 2) // 2
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A radar in a scene, with what its user asks for: all that the choices depend on."""
+
+    state: WorldState
+    radar: RadarSpec
+    mount: Mount
+    settings: RadarSettings
+    models: Mapping[str, ScattererModel]
+
+    @property
+    def pose(self) -> Pose:
+        """world_from_radar."""
+        return self.mount.pose
+
+    @property
+    def rules(self) -> AutoSettings:
+        """The numbers that decide."""
+        return self.settings.auto
+
+    @property
+    def reach(self) -> float:
+        """Half of the longest length [m]."""
+        limit = self.settings.max_distance
+        return self.radar.max_range if limit is None else limit
+
+    @cached_property
+    def sbr(self) -> SbrSettings:
+        """Knobs of `sbr` for the tolerance asked for."""
+        return sbr_settings(self.settings.accuracy.channel_tolerance_db, self.rules)
+
+    @cached_property
+    def items(self) -> list[Estimate]:
+        """All instances, road users first, then the strongest by class."""
+        state, radar = self.state, self.radar
+        found = [estimate(state, radar, self.pose, one, self.reach, self.rules) for one in state.world.instances]
+        return sorted(found, key=lambda item: (item.info.actor is None, -item.expected_db, item.number))
+
+    @cached_property
+    def candidates(self) -> list[Mirror]:
+        """Large flat static faces."""
+        rules = self.rules
+        chosen = [
+            item.number
+            for item in self.items
+            if item.distance < self.reach
+            and item.info.actor is None
+            and SEMANTIC_CLASSES[item.info.semantic] in rules.mirror_classes
+            and float(np.sort(item.info.size)[1]) > rules.smallest_mirror
+        ]
+        if not chosen:
+            return []
+        knobs = self.settings.mirrors.with_(max_mirrors=rules.mirror_candidates)
+        found = find_mirrors(self.state, chosen, self.pose.position, self.radar.wavelength, knobs)
+        return [mirror for mirror in found if mirror.extent > rules.smallest_mirror]
+
+    def instance(self, mirror: Mirror) -> int:
+        """Return the instance of a mirror."""
+        return int(self.state.world.parts.instance[mirror.part])
+
+
+def sbr_settings(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrSettings:
+    """Return the knobs of `sbr` for a tolerance [dB].
+
+    By definition of the levels of `rules`, which cite the charts of docs/accuracy.md.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the tolerance is below that of the finest level: no chart says what it would take.
+    """
+    finest = rules.levels[-1].tolerance_db
+    if tolerance_db < finest:
+        raise ParameterRangeError(
+            "accuracy.channel_tolerance_db",
+            f"{tolerance_db:g} dB",
+            f"at least {finest:g} dB, the finest that is tested",
+            "method='sbr' with settings of your own has no such limit",
+        )
+    level = next(level for level in rules.levels if tolerance_db >= level.tolerance_db)
+    return SbrSettings(**level.model_dump(exclude={"tolerance_db", "patch_error"}))
+
+
+def choose(view: View) -> tuple[list[Choice], list[Mirror]]:
+    """Return what becomes of each instance, and the mirrors that serve it."""
+    choices = {item.number: _one(view, item) for item in view.items}
+    flat = {view.instance(mirror) for mirror in view.candidates}
+    for choice in choices.values():
+        if choice.method == "sbr" and choice.item.number in flat:
+            choice.method, choice.reason = "raycast", "large flat faces: a mirror; its rough part by class"
+    coherent = [
+        choice
+        for choice in choices.values()
+        if choice.method in ("sbr", "scatterers")
+        or (choice.method == "out of view" and choice.item.is_coherent and choice.item.info.is_object)
+    ]
+    mirrors = _look(view, [choice for choice in coherent if choice.item.distance < view.reach])
+    for choice in coherent:
+        _settle(view, choice)
+    served = {mirror.number for mirror in mirrors}
+    _spend(view, [choice for choice in choices.values() if choice.method in ("sbr", "scatterers")], served)
+    return list(choices.values()), mirrors
+
+
+def _one(view: View, item: Estimate) -> Choice:
+    """Return what becomes of an instance before it is looked at and before the budget counts."""
+    rules, floor = view.rules, view.settings.accuracy.channel_floor_db
+    if not item.in_view:
+        return Choice(item, "out of view", "out of the field of view or of range")
+    if item.bound_db < floor:
+        return Choice(item, "left out", f"at most {item.bound_db:.0f} dB from the noise of a cell")
+    if item.distance < rules.too_near:
+        if surface_distance(view.state, item.number, view.pose.position) < rules.too_near:
+            return Choice(item, "raycast", "at the radar")
+    if item.name in view.models:
+        model, toward = view.models[item.name], _toward(view.state, item, view.pose)
+        if item.distance >= model.nearest_distance and bool(model.inside(toward[None])[0]):
+            return Choice(item, "scatterers", "has a model that holds at this distance and aspect")
+    if not item.is_coherent or not item.info.is_object:
+        return Choice(item, "raycast", "rough or without an outline: clutter by class")
+    if item.size < rules.smallest_body * view.radar.wavelength:
+        return Choice(item, "raycast", f"smaller than {rules.smallest_body:g} wavelengths: RCS by class")
+    return Choice(item, "sbr", "coherent body")
+
+
+def _toward(state: WorldState, item: Estimate, pose: Pose) -> np.ndarray:
+    """Return the direction from an object to the radar, in its own frame."""
+    info = item.info
+    body = Pose() if info.actor is None else state.actor_pose(info.actor)
+    offset = body.inverse().apply(pose.position) - info.frame_from_box.position
+    return np.asarray(offset / max(float(np.linalg.norm(offset)), 1e-9))
+
+
+def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
+    """Find out what the radar sees of objects, straight and over mirrors; return the mirrors that change most."""
+    accuracy = view.settings.accuracy
+    candidates = view.candidates
+    mirror_view = MirrorView(view.state, view.radar, view.mount, (), candidates, view.settings.mirrors)
+    seen = sights(mirror_view, [choice.item.number for choice in coherent], view.rules)
+    gain: dict[int, float] = {}
+    for choice in coherent:
+        own = seen[choice.item.number]
+        choice.sight = own[0]
+        choice.changes = [
+            change
+            for change in changes(own, candidates, view.reach)
+            if change.change_db > accuracy.channel_tolerance_db
+            and choice.item.level_db(change.field) > accuracy.channel_floor_db
+        ]
+        for change in choice.changes:
+            level = choice.item.level_db(change.field) - accuracy.channel_floor_db
+            gain[change.mirror.number] = gain.get(change.mirror.number, 0.0) + level
+    best = sorted(gain, key=lambda number: (-gain[number], number))[: view.settings.mirrors.max_mirrors]
+    return [candidates[number] for number in sorted(best)]
+
+
+def _settle(view: View, choice: Choice) -> None:
+    """Say what a coherent object costs, and which is not lit at all."""
+    item = choice.item
+    if choice.method == "out of view":
+        if choice.changes and item.size >= view.rules.smallest_body * view.radar.wavelength:
+            choice.method, choice.reason = "sbr", "out of view, its ghosts are not"
+    elif choice.method == "sbr" and choice.sight.share == 0.0 and not choice.changes:
+        choice.reason = "hidden: only bounces of others reach it"
+        return
+    if choice.method == "sbr":
+        distance = choice.sight.nearest if choice.sight.share > 0.0 else item.distance
+        choice.tubes = num_tubes(item, distance, view.radar, view.sbr, view.rules)
+
+
+def _spend(view: View, coherent: Sequence[Choice], served: set[int]) -> None:
+    """Spend the budget: each object with the reflection that changes it most, then the others by what they change."""
+    left = view.settings.accuracy.tube_budget
+    further: list[tuple[Choice, Change]] = []
+    for choice in coherent:
+        if choice.tubes > left and choice.method == "sbr":
+            text = f"{choice.tubes} tubes are over the budget of {left} that is left: RCS by class"
+            choice.method, choice.reason, choice.tubes = "raycast", text, 0
+            continue
+        left -= choice.tubes
+        possible = [change for change in choice.changes if change.mirror.number in served]
+        for change in possible[:1]:
+            left -= _add(choice, change, left)
+        further += [(choice, change) for change in possible[1:]]
+    for choice, change in sorted(further, key=lambda pair: -pair[1].change_db):
+        left -= _add(choice, change, left)
+
+
+def _add(choice: Choice, change: Change, left: int) -> int:
+    """Add a mirror if the budget pays for it; return what it costs."""
+    more = choice.tubes * (_num_pairs(len(choice.mirrors) + 1) - _num_pairs(len(choice.mirrors)))
+    if more > left:
+        return 0
+    choice.mirrors.append(change.mirror)
+    return more

@@ -1,0 +1,157 @@
+"""What a radar sees of each object, straight and over mirrors, and which reflections can change its echo.
+
+A few rays to points of each object tell how much of it each way shows, image theory how strong the way is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
+from scarl_sionna.radar.optics.spherical_waves import Viewpoint
+from scarl_sionna.signal.antenna import field_gain
+
+from .budget import box_points, lit_points
+from .mirror_legs import MirrorView
+from .mirrors import Mirror, Way, mirrored, reaches
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sight:
+    """An object by one way.
+
+    Attributes
+    ----------
+    share : float
+        Of the points on its faces, those that the radar sees; that of a convex body is about a half.
+    field : float
+        Gain of the antenna's field, times the reflection coefficient, over the length of the way, mean over the points
+        that are seen [1/m].
+    nearest : float
+        Shortest way to a point that is seen [m]; infinite if none is.
+    """
+
+    share: float
+    field: float
+    nearest: float
+
+
+HIDDEN = Sight(0.0, 0.0, np.inf)
+
+
+@dataclass(frozen=True)
+class Change:
+    """What one mirror can do to an object.
+
+    Attributes
+    ----------
+    change_db : float
+        Largest rise of the object's power [dB]; a fade can be deeper. Infinite where only the mirror shows the object.
+    field : float
+        Of :class:`Sight` [1/m].
+    mirror : Mirror
+    """
+
+    change_db: float
+    field: float
+    mirror: Mirror
+
+
+def sights(view: MirrorView, numbers: Sequence[int], rules: AutoSettings = DEFAULT_AUTO) -> Mapping[int, list[Sight]]:
+    """Return what the radar sees of objects: straight, then over each of the view's mirrors.
+
+    Parameters
+    ----------
+    view : MirrorView
+        With nothing owned: all objects hide each other.
+    numbers : sequence of int
+        Instance ids.
+    rules : AutoSettings
+        Its `num_probes` points stand for each object.
+
+    Raises
+    ------
+    MaterialRangeError
+        If a mirror's material has no data at the carrier frequency.
+    """
+    found: dict[int, list[Sight]] = {number: [] for number in numbers}
+    position = view.mount.pose.position
+    boxes = [box_points(view.state, number) for number in numbers]
+    for way in [(), *((mirror,) for mirror in view.mirrors)]:
+        open_to = _open_to(way, position, boxes)
+        reached = [number for number, ok in zip(numbers, open_to, strict=True) if ok]
+        seen = dict(zip(reached, _by_way(view, way, reached, rules.num_probes), strict=True))
+        for number in numbers:
+            found[number].append(seen.get(number, HIDDEN))
+    return found
+
+
+def _open_to(way: Way, position: Array, boxes: Sequence[Array]) -> npt.NDArray[np.bool_]:
+    """Return which boxes, each of as many points, a way may reach."""
+    if not way or not boxes:
+        return np.ones(len(boxes), dtype=np.bool_)
+    return np.asarray(reaches(way, position, np.concatenate(boxes)).reshape(len(boxes), -1).any(axis=1))
+
+
+def _by_way(view: MirrorView, way: Way, numbers: Sequence[int], count: int) -> list[Sight]:
+    """Return what a way shows of objects."""
+    if not numbers:
+        return []
+    pose = view.mount.pose
+    image = mirrored(way, pose.position)
+    points = [lit_points(view.state, image, number, count) for number in numbers]
+    size = np.array([len(some) for some in points])
+    leg = view.leg(way, np.eye(3), np.concatenate(points))
+    seen = leg.visible & Viewpoint.of(view.radar, pose, np.zeros(3)).sees(leg.image)
+    ahead = leg.image - pose.position
+    length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))
+    strength = field_gain(view.radar.array.pattern, ahead @ pose.rotation) / np.maximum(length, 1e-3)
+    strength = strength * np.linalg.norm(leg.jones, ord=2, axis=(1, 2))
+    rows = np.split(np.arange(len(seen)), np.cumsum(size)[:-1])
+    return [_sight(seen[some], strength[some], length[some]) for some in rows]
+
+
+def _sight(seen: npt.NDArray[np.bool_], strength: Array, length: Array) -> Sight:
+    if not seen.any():
+        return HIDDEN
+    return Sight(float(seen.mean()), float(strength[seen].mean()), float(length[seen].min()))
+
+
+def changes(seen: Sequence[Sight], mirrors: Sequence[Mirror], reach: float) -> list[Change]:
+    r"""Return what mirrors can do to an object, the largest change first.
+
+    Parameters
+    ----------
+    seen : sequence of Sight
+        Straight, then over each mirror.
+    mirrors : sequence of Mirror
+    reach : float
+        Longer ways do not count [m].
+
+    Notes
+    -----
+    By image theory each of the two legs has a second way, whose field is
+
+    .. math:: \rho = |\Gamma| \sqrt{1 - S^2} \; \frac{g_m}{g} \; \frac{d}{d_m}
+
+    of the straight one (larger of the two polarisations; gains and lengths g and d, those over the mirror with the
+    index m), times the part of the object that it shows relative to the straight one, so the echo changes by at most
+    :math:`40 \log_{10}(1 + \rho)`. The two-ray law is that of M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed.,
+    2001, section 8.2.
+    """
+    found, straight = [], seen[0]
+    for sight, mirror in zip(seen[1:], mirrors, strict=True):
+        if sight.share == 0.0 or sight.nearest >= reach:
+            continue
+        rise = np.inf
+        if straight.share > 0.0 and straight.field > 0.0:
+            ratio = sight.field / straight.field * min(sight.share / straight.share, 1.0)
+            rise = float(40.0 * np.log10(1.0 + ratio))
+        found.append(Change(rise, sight.field, mirror))
+    return sorted(found, key=lambda change: (-change.change_db, -change.field, change.mirror.number))
