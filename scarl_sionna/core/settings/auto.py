@@ -57,7 +57,7 @@ class ErrorEstimate(Spec):
     """What an object's echo is expected to be off by; docs/accuracy.md, expected error."""
 
     last_bounce: float = Field(
-        0.5, ge=0.0, description="field of what bounces on, relative to that of the last bounce followed: a ratio"
+        0.3, ge=0.0, description="field of what bounces on, relative to that of the last bounce followed: a ratio"
     )
     by_class_db: Decibels = Field(
         8.0, ge=0.0, description="error of an object that is left to its class's reflectivity; docs/accuracy.md, highway"
@@ -70,15 +70,32 @@ class AutoSettings(Spec):
     levels: tuple[SbrLevel, ...] = Field(
         (
             SbrLevel(
-                tolerance_db=3.0, max_phase=2.0, integration_phase=0.1, edge_share=0.25, return_angle=0.5, max_depth=3
+                tolerance_db=3.0,
+                max_phase=2.0,
+                integration_phase=0.1,
+                edge_share=0.25,
+                return_angle=0.8,
+                max_depth=3,
+                patch_error=0.2,
             ),
             SbrLevel(
-                tolerance_db=1.0, max_phase=2.0, integration_phase=0.1, edge_share=0.25, return_angle=0.8, max_depth=3
+                tolerance_db=1.0,
+                max_phase=1.0,
+                integration_phase=0.05,
+                edge_share=0.125,
+                return_angle=1.0,
+                max_depth=3,
+                patch_error=0.08,
             ),
             SbrLevel(
-                tolerance_db=0.3, max_phase=1.0, integration_phase=0.05, edge_share=0.125, return_angle=1.5, max_depth=3
+                tolerance_db=0.3,
+                max_phase=0.4,
+                integration_phase=0.02,
+                edge_share=0.0625,
+                return_angle=1.5,
+                max_depth=4,
+                patch_error=0.04,
             ),
-            SbrLevel(tolerance_db=0.1, max_phase=0.4, integration_phase=0.02, edge_share=0.125, max_depth=4),
         ),
         description="knobs of 'sbr' by tolerance, the coarsest first; finer tolerances than the last are refused; "
         "docs/accuracy.md, whole streets",

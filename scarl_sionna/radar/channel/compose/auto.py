@@ -118,7 +118,7 @@ def _errors(
     rules, tolerance = settings.auto, settings.accuracy.channel_tolerance_db
     level = next(level for level in rules.levels if tolerance >= level.tolerance_db)
     numbers = [choice.item.number for choice in choices if choice.method == "sbr"]
-    return expected_errors(paths, radar, numbers, rules.errors, level.patch_error)
+    return expected_errors(paths, radar, numbers, rules.errors, level)
 
 
 def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSettings) -> dict[str, Any]:

@@ -7,16 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.settings.auto import ErrorEstimate
+from scarl_sionna.core.settings.auto import ErrorEstimate, SbrLevel
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
 
 
+NUM_FREQUENCIES = 16
+"""At which an object's field is summed over the band: its power is their mean, whatever range cells it fills."""
+
+
 def expected_errors(
-    paths: RadarPaths, radar: RadarSpec, numbers: Sequence[int], fit: ErrorEstimate, share: float
+    paths: RadarPaths, radar: RadarSpec, numbers: Sequence[int], fit: ErrorEstimate, level: SbrLevel
 ) -> dict[int, float]:
     r"""Return for objects the error that their echo is expected to have [dB]; none for an object without a path.
 
@@ -27,43 +32,37 @@ def expected_errors(
     numbers : sequence of int
         Instance ids of objects computed by `sbr`.
     fit : ErrorEstimate
-    share : float
-        Relative error of one patch of the level that was taken.
+    level : SbrLevel
+        That which was taken: its number of bounces, and the relative error of one of its patches.
 
     Notes
     -----
-    With the amplitudes a of an object's patches, summed in each range cell c, what is left of independent relative
-    errors of the patches, and of bounces beyond the last, relative to the echo is
+    With the amplitudes a of an object's patches and the mean over the band, what is left of independent relative errors
+    of the patches, and of bounces beyond the last, relative to the echo is
 
-    .. math:: e^2 = \frac{\epsilon^2 \sum |a|^2}{\sum_c |\sum a|^2} + \kappa^2 \frac{\sum_c |\sum_{last} a|^2}
-              {\sum_c |\sum a|^2}
+    .. math:: e^2 = \frac{\epsilon^2 \sum |a|^2 + \kappa^2 \langle|\sum_{last} a|^2\rangle}{\langle|\sum a|^2\rangle}
 
     and the error :math:`20 \log_{10}(1 + e)`. A flash, whose patches add up, is certain; a side lobe, which is what
     is left where they cancel, is not. The constants are measured: docs/accuracy.md, expected error.
     """
-    found: dict[int, float] = {}
-    if not paths.num_paths:
-        return found
-    length = PathGeometry.of(paths, radar).center_length()
-    amplitude = paths.a[:, 0, 0] * np.exp(-2j * np.pi * radar.center_frequency / 299792458.0 * length)
-    cell = np.floor(length / 2.0 / radar.range_resolution).astype(np.int64)
-    owner = _owners(paths, numbers)
-    for number in numbers:
-        rows = np.flatnonzero(owner == number)
-        if not len(rows):
-            continue
-        last = paths.depth[rows] == paths.depth[rows].max()
-        several = paths.depth[rows].max() > 1
-        whole = _power(amplitude[rows], cell[rows])
-        apart = float(np.sum(np.abs(amplitude[rows]) ** 2))
-        beyond = _power(amplitude[rows][last], cell[rows][last]) if several else 0.0
-        square = (share**2 * apart + fit.last_bounce**2 * beyond) / max(whole, 1e-300)
-        found[number] = float(20.0 * np.log10(1.0 + np.sqrt(square)))
-    return found
+    if not paths.num_paths or not len(numbers):
+        return {}
+    owner = owners(paths, numbers)
+    place = np.searchsorted(np.sort(numbers), owner)
+    rows = np.flatnonzero(owner >= 0)
+    place, count = place[rows], len(numbers)
+    last = np.isin(paths.instance[rows], numbers).sum(axis=1) >= level.max_depth
+    whole = band_power(paths, radar, rows, place, count, NUM_FREQUENCIES)
+    beyond = band_power(paths, radar, rows[last], place[last], count, NUM_FREQUENCIES)
+    apart = np.bincount(place, np.abs(paths.a[rows, 0, 0]) ** 2, count)
+    square = (level.patch_error**2 * apart + fit.last_bounce**2 * beyond) / np.maximum(whole, 1e-300)
+    error = 20.0 * np.log10(1.0 + np.sqrt(square))
+    met = np.bincount(place, minlength=count) > 0
+    return {number: float(error[k]) for k, number in enumerate(sorted(numbers)) if met[k]}
 
 
-def _owners(paths: RadarPaths, numbers: Sequence[int]) -> npt.NDArray[np.int64]:
-    """Return the first of the objects that each path meets, -1 if it meets none."""
+def owners(paths: RadarPaths, numbers: Sequence[int]) -> npt.NDArray[np.int64]:
+    """Return the first of some objects that each path meets, -1 if it meets none, shape (num_paths,)."""
     owner = np.full(paths.num_paths, -1, dtype=np.int64)
     for column in range(paths.instance.shape[1]):
         here = paths.instance[:, column]
@@ -71,8 +70,37 @@ def _owners(paths: RadarPaths, numbers: Sequence[int]) -> npt.NDArray[np.int64]:
     return owner
 
 
-def _power(amplitude: npt.NDArray[np.complex128], cell: npt.NDArray[np.int64]) -> float:
-    """Return the power of amplitudes that add up in each cell."""
-    place = cell - cell.min()
-    field = np.bincount(place, amplitude.real) + 1j * np.bincount(place, amplitude.imag)
-    return float(np.sum(np.abs(field) ** 2))
+def band_power(
+    paths: RadarPaths,
+    radar: RadarSpec,
+    rows: npt.NDArray[np.int64],
+    place: npt.NDArray[np.int64],
+    count: int,
+    num_frequencies: int,
+) -> Array:
+    """Return the mean over the band of the power |sum a|^2 (VV) of groups of paths, shape (count,).
+
+    Parameters
+    ----------
+    paths : RadarPaths
+    radar : RadarSpec
+    rows, place : ndarray of int64, shape (n,)
+        Paths, and the group of each.
+    count : int
+        Groups.
+    num_frequencies : int
+        Over the sampled band, weighted by a Hann window.
+    """
+    length = PathGeometry.of(paths, radar).center_length()[rows]
+    share = (np.arange(num_frequencies) + 0.5) / num_frequencies
+    weight = np.sin(np.pi * share) ** 2
+    weight = weight**2 / np.sum(weight**2)
+    wave = 2.0 * np.pi / SPEED_OF_LIGHT * length
+    start = radar.center_frequency + (share[0] - 0.5) * radar.sampled_bandwidth
+    field = paths.a[rows, 0, 0] * np.exp(-1j * wave * start)
+    step = np.exp(-1j * wave * (radar.sampled_bandwidth / num_frequencies))
+    power = np.zeros(count)
+    for one in weight:
+        power += one * (np.bincount(place, field.real, count) ** 2 + np.bincount(place, field.imag, count) ** 2)
+        field = field * step
+    return power

@@ -1,0 +1,171 @@
+"""Does `auto` keep the tolerance that it was asked for, and at what cost?
+
+    python benchmarks/whole_streets.py field 0:60      solve random fields of bodies, a line of JSON each (goes on where
+                                                       it stopped)
+    python benchmarks/whole_streets.py street 0:18     frames of the ready scenes
+    python benchmarks/whole_streets.py --write docs/accuracy.md     table and chart from the results
+
+The reference is `sbr` of all coherent bodies at 0.25 rad and five bounces, with their ways over all mirrors that `auto`
+found and the ground. Counted are objects whose echo in the reference is 10 dB over the noise of a cell.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import scarl_sionna as ss
+from benchmarks.harness import machine
+from benchmarks.street_scenes import Street, problem
+from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.core.units import dbm_to_watt
+from scarl_sionna.radar.channel import ChannelPlan, plan_channel, solve_paths
+from scarl_sionna.radar.channel.compose.expected_error import band_power, owners
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.noise import angle_cell_noise_power
+
+RESULTS = Path("docs/figures/data/whole_streets.jsonl")
+RADAR = ss.RadarSpec()
+TOLERANCES = (3.0, 1.0, 0.3)
+UNLIMITED = 10**9
+FINE = SbrSettings(max_phase=0.25, integration_phase=0.01, edge_share=0.0625, max_depth=5)
+PLAIN = SbrSettings(max_phase=1.0, integration_phase=0.05, max_depth=3)
+GONE_DB = 60.0
+"""Stands for no echo at all."""
+
+
+def echoes(paths: RadarPaths, numbers: list[int]) -> dict[int, float]:
+    """Return the power of objects over the noise of a cell [dB], mean over the band and so summed over range cells."""
+    unit = dbm_to_watt(RADAR.front_end.tx_power_dbm) / angle_cell_noise_power(RADAR)
+    if not paths.num_paths:
+        return dict.fromkeys(numbers, -300.0)
+    owner = owners(paths, numbers)
+    rows = np.flatnonzero(owner >= 0)
+    place = np.searchsorted(numbers, owner[rows])
+    power = unit * band_power(paths, RADAR, rows, place, len(numbers), 96)
+    return {number: float(10.0 * np.log10(max(power[k], 1e-30))) for k, number in enumerate(numbers)}
+
+
+def timed(call: Callable[[], RadarPaths]) -> tuple[RadarPaths, float]:
+    """Return the paths, and the processor time of the faster of two calls [s]."""
+    seconds = []
+    for _ in range(2):
+        start = time.process_time()
+        paths = call()
+        seconds.append(time.process_time() - start)
+    return paths, min(seconds)
+
+
+def solve(kind: str, seed: int) -> dict[str, Any]:
+    """Return the line of one problem."""
+    with problem(kind, seed) as street, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        plan = _plan(street, 0.3)
+        coherent = sorted({number for share in plan.shares if share.solver == "sbr" for number in share.instances})
+        start = time.process_time()
+        truth = echoes(_by_plan(street, plan, FINE, True), coherent)
+        line: dict[str, Any] = {
+            "kind": kind,
+            "seed": seed,
+            "name": street.name,
+            "reference_cpu": round(time.process_time() - start, 2),
+            "level_db": {_name(street, n): round(level, 2) for n, level in truth.items() if level > 10.0},
+            "methods": {},
+        }
+        for tolerance in TOLERANCES:
+            settings = {"channel_tolerance_db": tolerance, "tube_budget": UNLIMITED, "max_distance": street.reach}
+            paths, cpu = timed(lambda settings=settings: solve_paths(street.state, RADAR, street.mount, "auto", **settings))
+            row = _row(street, paths, cpu, truth)
+            expected = {choice["instance"]: choice["expected_error_db"] for choice in paths.diagnostics["choices"]}
+            row["expected_db"] = {name: expected.get(name) for name in row["error_db"]}
+            row |= {key: paths.diagnostics[key] for key in ("met", "expected_error_db")}
+            row["predicted"] = paths.diagnostics["predicted"]
+            line["methods"][f"auto {tolerance:g} dB"] = row
+        for name, knobs, ghosts in (("sbr 1 rad, no mirrors", PLAIN, False), ("sbr 1 rad, mirrors", PLAIN, True)):
+            paths, cpu = timed(lambda knobs=knobs, ghosts=ghosts: _by_plan(street, plan, knobs, ghosts))
+            line["methods"][name] = _row(street, paths, cpu, truth)
+        paths, cpu = timed(
+            lambda: solve_paths(street.state, RADAR, street.mount, "raycast", max_distance=street.reach)
+        )
+        line["methods"]["raycast"] = _row(street, paths, cpu, truth)
+        return line
+
+
+def _plan(street: Street, tolerance: float) -> ChannelPlan:
+    return plan_channel(
+        street.state,
+        RADAR,
+        street.mount,
+        channel_tolerance_db=tolerance,
+        tube_budget=UNLIMITED,
+        max_distance=street.reach,
+    )
+
+
+def _by_plan(street: Street, plan: ChannelPlan, knobs: SbrSettings, ghosts: bool) -> RadarPaths:
+    shares = tuple(
+        replace(share, settings=knobs, **({} if ghosts else {"through_mirrors": False, "reflections": ()}))
+        for share in plan.shares
+        if share.solver == "sbr"
+    )
+    own = replace(plan, shares=shares, echoes=False)
+    return solve_paths(street.state, RADAR, street.mount, "hybrid", plan=own, max_distance=street.reach)
+
+
+def _name(street: Street, number: int) -> str:
+    return street.state.world.instances[number].name
+
+
+def _row(street: Street, paths: RadarPaths, cpu: float, truth: dict[int, float]) -> dict[str, Any]:
+    counted = [number for number, level in truth.items() if level > 10.0]
+    found = echoes(paths, list(truth))
+    errors = {_name(street, n): round(float(np.clip(found[n] - truth[n], -GONE_DB, GONE_DB)), 3) for n in counted}
+    return {"cpu": round(cpu, 3), "paths": paths.num_paths, "error_db": errors}
+
+
+def quantile(row: dict[str, Any]) -> float:
+    """Return the error that 90 % of the objects keep [dB]."""
+    errors = np.abs(list(row["error_db"].values()))
+    return float(np.quantile(errors, 0.9, method="inverted_cdf")) if len(errors) else 0.0
+
+
+def main() -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kind", nargs="?", choices=("field", "street"))
+    parser.add_argument("seeds", nargs="?", default="0:10", help="first:last, the last not included")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--write", type=Path, metavar="PAGE")
+    arguments = parser.parse_args()
+    if arguments.write is not None:
+        from benchmarks.whole_street_figures import write
+
+        write(arguments.write, arguments.out)
+        return
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    lines = arguments.out.read_text().splitlines() if arguments.out.exists() else []
+    done = {(line["kind"], line["seed"]) for line in map(json.loads, lines)}
+    first, last = map(int, arguments.seeds.split(":"))
+    for seed in range(first, last):
+        if (arguments.kind, seed) in done:
+            continue
+        line = {**solve(arguments.kind, seed), "machine": machine()}
+        with arguments.out.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+        found = {name: f"{quantile(row):.2f} dB {row['cpu']:.1f} s" for name, row in line["methods"].items()}
+        print(line["name"], f"reference {line['reference_cpu']:.0f} s", found, flush=True)
+
+
+if __name__ == "__main__":
+    main()
