@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import Decibels, Unit
+from scarl_sionna.core.units import Decibels, Degrees, Unit
 
 Array = npt.NDArray[np.float64]
 Wavelengths = Annotated[float, Unit("wavelengths")]
@@ -115,6 +115,20 @@ class SbrSettings(Spec):
         le=4.0,
         description="scene: size of the tubes cut along edges where edge_spacing is None, as a share of the side "
         "that max_phase allows (docs/sbr.md)",
+    )
+    crease_angle_deg: Degrees = Field(
+        35.0,
+        ge=0.0,
+        le=60.0,
+        description="faces that bend by less than this from one to the next, over four in a row, stand for a curved "
+        "surface, over which the phase is integrated [deg]; 0: every face is as flat as it is drawn (docs/rcs.md)",
+    )
+    surface_phase: Annotated[float, Unit("rad")] = Field(
+        0.05,
+        gt=0.0,
+        le=3.0,
+        description="largest departure of the phase over a part of a curved face from a linear one, at half of its "
+        "longest side [rad] (docs/rcs.md)",
     )
     grazing_cosine: float = Field(
         0.02,
