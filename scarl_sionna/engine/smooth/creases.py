@@ -27,6 +27,8 @@ ALIKE = 2.5
 """The next bend is at most so many times as large, or as small."""
 WIDTHS = 3.0
 """Faces on both sides of a smooth edge are at most so many times as wide as each other."""
+SHEET = np.radians(35.0)
+"""Bend of an edge at which a sheet ends [rad]."""
 END_WIDTHS = 2.0
 """The last face of a curve is at most so many times as wide as its neighbour; a wider one is a flat face that the curve
 runs into."""
@@ -123,6 +125,31 @@ def curved_surface(corners: Array, crease_angle: float, wider: float) -> tuple[C
         softer = edges.take(np.abs(edges.bend) < wider)
         other[softer.face[_smooth(softer, corners, normal, weighted)]] = True
     return _with_normals(soft, smooth, normal, weighted, crease_angle), other
+
+
+def sheet_sizes(corners: Array) -> Array:
+    """Return the size of the sheet to which each face belongs, shape (num_faces,) [m].
+
+    A sheet ends where the mesh bends by `SHEET` or more, or ends itself: each face of a corner reflector is one, and so
+    is a panel of a car with all of its small faces. Its size is twice the distance of its farthest corner from its
+    middle.
+
+    Parameters
+    ----------
+    corners : ndarray of float64, shape (num_faces, 3, 3)
+        Triangles of one part, none without area [m].
+    """
+    edges = _edges(joined_vertices(corners), _normals(corners)[0], corners)
+    joined = edges.take(np.abs(edges.bend) < SHEET)
+    graph = coo_array((np.ones(len(joined.bend), dtype=np.bool_), tuple(joined.face.T)), shape=(len(corners),) * 2)
+    sheet = connected_components(graph, directed=False)[1]
+    low, high = (np.full((int(sheet.max()) + 1, 3), sign * np.inf) for sign in (1.0, -1.0))
+    np.minimum.at(low, sheet, corners.min(axis=1))
+    np.maximum.at(high, sheet, corners.max(axis=1))
+    away = corners - (0.5 * (low + high))[sheet][:, None]
+    farthest = np.zeros(len(low))
+    np.maximum.at(farthest, sheet, np.sqrt(np.einsum("nij,nij->ni", away, away).max(axis=1)))
+    return np.asarray(2.0 * farthest[sheet])
 
 
 def _with_normals(soft: Edges, smooth: Mask, normal: Array, weighted: Array, crease_angle: float) -> Curved:

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from .creases import curved_surface
+from .creases import curved_surface, sheet_sizes
 from .lifts import edge_lifts
 
 if TYPE_CHECKING:
@@ -117,6 +117,29 @@ def _part_surface(corners: Array, crease_angle: float) -> Surface:
 
 _known: WeakKeyDictionary[World, dict[tuple[int, float], Surface | None]] = WeakKeyDictionary()
 """By part and crease angle, in the frames of `World.mesh`."""
+
+
+_sheets: WeakKeyDictionary[World, dict[int, Array]] = WeakKeyDictionary()
+"""By part."""
+
+
+def state_sheets(state: WorldState, parts: Index) -> Array:
+    """Return the size of the sheet to which each face of a state belongs [m], infinite for all but some parts.
+
+    Parameters as of :func:`state_surface`; see :func:`.creases.sheet_sizes`.
+    """
+    triangles = state.world._triangles
+    known = _sheets.setdefault(state.world, {})
+    result = np.full(len(triangles.corners), np.inf)
+    for part in parts.tolist():
+        rows = slice(int(triangles.first[part]), int(triangles.first[part + 1]))
+        if part not in known:
+            known[part] = np.full(rows.stop - rows.start, np.inf)
+            sound = np.flatnonzero(triangles.normal[rows].any(axis=1))
+            if len(sound):
+                known[part][sound] = sheet_sizes(triangles.corners[rows][sound])
+        result[rows] = known[part]
+    return result
 
 
 def state_surface(state: WorldState, crease_angle: float, parts: Index) -> Surface:

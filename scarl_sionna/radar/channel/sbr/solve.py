@@ -27,7 +27,7 @@ from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
 from scarl_sionna.engine.rays.face_planes import FaceTable, face_table
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.overlap import seen_overlaps
-from scarl_sionna.engine.smooth.surface import state_surface
+from scarl_sionna.engine.smooth.surface import state_sheets, state_surface
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.optics.body.mesh import MOSTLY_COARSE
 from scarl_sionna.radar.optics.curved import CurvedFaces, DeviceCurves
@@ -125,7 +125,7 @@ def solve_sbr(
         size = PatchSize.of(radar, knobs)
         curves = None if curved is None else DeviceCurves(rays, curved)
         near = NearField(rays, surfaces, tx, rx, size.wavenumber, knobs.integration_phase, curves)
-        tracer = Tracer(rays, faces, chosen, tx, rx, reach, size, knobs.for_scene())
+        tracer = Tracer(rays, faces, chosen, state_sheets(state, used), tx, rx, reach, size, knobs.for_scene())
         for patches in tracer.bounces(start):
             if len(patches):
                 blocks += [_rows(state, tracer, near, some, rough) for some in near.kinds(patches)]
