@@ -240,7 +240,7 @@ def test_grazed_footprints_are_not_cut_along_edges(monkeypatch, given_in_wavelen
     floor = np.array([[0.0, -1e3, 2.0], [1e3, 0.0, 2.0], [0.0, 1e3, 2.0]])  # its normal is +z
     faces = SimpleNamespace(triangles=Triangles.from_meshes([floor], [np.array([[0, 1, 2]])]))
     size = PatchSize.of(radar, settings)
-    tracer = spherical_waves.Tracer(None, faces, np.ones(1, bool), None, None, 1e3, size, settings)
+    tracer = spherical_waves.Tracer(None, faces, np.ones(1, bool), np.full(1, 1e3), None, None, 1e3, size, settings)
     sine = np.array([0.0195, 0.0205, 0.0195, 0.0205, 0.5, 1.0])
     distance = np.array([0.3, 0.3, 200.0, 200.0, 40.0, 40.0])
     for side in (1.0, -1.0):  # seen from above or from below

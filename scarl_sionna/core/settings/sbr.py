@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import Decibels, Unit
+from scarl_sionna.core.units import Decibels, Degrees, Unit
 
 Array = npt.NDArray[np.float64]
 Wavelengths = Annotated[float, Unit("wavelengths")]
@@ -26,6 +26,8 @@ SMALLEST_SIZE = 3.0
 FINE_SIZE = 140.0
 """Bodies up to 1.4 times this many wavelengths have the finest default; then rays stand twice as far apart with each
 doubling."""
+FINEST = 1.0
+"""Distance of rays [wavelengths] below which no default goes."""
 COARSEST = 4
 """Doublings at most: rays 16 wavelengths apart."""
 FINE_BISECTIONS, COARSE_BISECTIONS, SCENE_BISECTIONS = 11, 5, 9
@@ -116,6 +118,28 @@ class SbrSettings(Spec):
         description="scene: size of the tubes cut along edges where edge_spacing is None, as a share of the side "
         "that max_phase allows (docs/sbr.md)",
     )
+    sheet_share: float = Field(
+        0.15,
+        gt=0.0,
+        le=64.0,
+        description="scene: the same two are at most this share, and edge_share / ray_share of it, of the size of the "
+        "sheet from which a tube comes (faces that go on without an edge), but not below 1 and 0.25 wavelengths: so a "
+        "small corner is cut as finely far away as near by (docs/sbr.md)",
+    )
+    crease_angle_deg: Degrees = Field(
+        35.0,
+        ge=0.0,
+        le=60.0,
+        description="faces that bend by less than this from one to the next, over four in a row, stand for a curved "
+        "surface, over which the phase is integrated [deg]; 0: every face is as flat as it is drawn (docs/rcs.md)",
+    )
+    surface_phase: Annotated[float, Unit("rad")] = Field(
+        0.05,
+        gt=0.0,
+        le=3.0,
+        description="largest departure of the phase over a part of a curved face from a linear one, at half of its "
+        "longest side [rad] (docs/rcs.md)",
+    )
     grazing_cosine: float = Field(
         0.02,
         ge=0.0,
@@ -197,7 +221,9 @@ class SbrSettings(Spec):
         """
         return self if self.bisections is not None else self.with_(bisections=SCENE_BISECTIONS)
 
-    def spacings(self, wavelength: float | Array, side: Array | None = None) -> tuple[Array, Array]:
+    def spacings(
+        self, wavelength: float | Array, side: Array | None = None, sheet: Array | None = None
+    ) -> tuple[Array, Array]:
         """Return the largest distance of rays, and the size down to which tubes are halved at edges [m].
 
         Parameters
@@ -207,6 +233,8 @@ class SbrSettings(Spec):
         side : ndarray of float64, optional
             In a scene: the side of a patch that `max_phase` allows [m]. Left out, the settings are those of
             :meth:`for_size`.
+        sheet : ndarray of float64, optional
+            In a scene: the size of the sheet from which a tube comes [m].
 
         Returns
         -------
@@ -219,6 +247,9 @@ class SbrSettings(Spec):
             If a spacing is None and no side is given.
         """
         found = []
+        if side is not None and sheet is not None:
+            allowed = self.sheet_share / self.ray_share * sheet
+            side = np.minimum(side, np.maximum(allowed, FINEST / self.ray_share * wavelength))
         for spacing, share in ((self.ray_spacing, self.ray_share), (self.edge_spacing, self.edge_share)):
             if spacing is None and side is None:
                 raise ParameterRangeError(

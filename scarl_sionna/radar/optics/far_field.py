@@ -12,6 +12,7 @@ from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .body.mesh import Body
+from .curved import CurvedFaces
 from .fields import HOST, Wave, radiating_vector
 from .phase import plane_wave_integral
 from .plane_waves import Bounce, Waves, bounces, unhidden
@@ -133,10 +134,11 @@ def scattering_matrices(
     result = np.zeros((len(looks), 4), dtype=np.complex128)
     if len(looks):
         plan = plan_of(looks)
+        body = body.with_curves(settings, float(plan.wavenumber.max()))
         settings = settings.for_size(body.size / float(plan.waves.wavelength.min()))
         for bounce in bounces(body, surfaces, plan.waves, settings):
             for seen in footprints_seen(body, bounce, plan, settings):
-                _radiate(result, bounce, plan, *seen)
+                _radiate(result, body.curved, bounce, plan, seen)
     return result.reshape(len(looks), 2, 2)
 
 
@@ -175,24 +177,34 @@ def footprints_seen(
             yield tube[entry], view[entry], corners
 
 
-def phase_weights(bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> tuple[Index, Index, Complex]:
+def phase_weights(
+    curved: CurvedFaces | None, bounce: Bounce, plan: Plan, seen: tuple[Index, Index, Array]
+) -> tuple[Index, Index, Complex]:
     """Return what turns the currents of footprints into far fields.
 
-    That is: looks, positions in `tube`, and -jk/4pi times the phase integral.
+    That is: looks, positions among them, and -jk/4pi times the phase integral. `seen` is what :func:`footprints_seen`
+    yields.
     """
-    tubes = bounce.tubes
+    tubes, (tube, view, corners) = bounce.tubes, seen
     difference = plan.observer[view] - tubes.direction[tube]
     pair, entry = _expand(plan.first_look, view)
     k = plan.wavenumber[entry]
-    integral = plane_wave_integral(corners[pair], k[:, None] * difference[pair])
+    q = k[:, None] * difference[pair]
+    if curved is None:
+        integral = plane_wave_integral(corners[pair], q)
+    else:
+        face, normal = tubes.face[tube], tubes.normal[tube]
+        integral = curved.plane_wave_integral(face[pair], corners[pair], q, normal[pair])
     return plan.look[entry], pair, -0.25j * k / np.pi * integral * np.exp(-1j * k * tubes.path[tube[pair]])
 
 
-def _radiate(result: Complex, bounce: Bounce, plan: Plan, tube: Index, view: Index, corners: Array) -> None:
+def _radiate(
+    result: Complex, curved: CurvedFaces | None, bounce: Bounce, plan: Plan, seen: tuple[Index, Index, Array]
+) -> None:
     """Add the field of footprints to the looks of their views."""
+    tubes, (tube, view, _) = bounce.tubes, seen
     if not len(tube):
         return
-    tubes = bounce.tubes
     vector = radiating_vector(
         HOST,
         Wave(tubes.incident[tube], tubes.direction[tube]),
@@ -201,7 +213,7 @@ def _radiate(result: Complex, bounce: Bounce, plan: Plan, tube: Index, view: Ind
         plan.observer[view],
     )
     amplitude = np.einsum("nri,nit->nrt", plan.receive[view], vector).reshape(-1, 4)
-    look, pair, factor = phase_weights(bounce, plan, tube, view, corners)
+    look, pair, factor = phase_weights(curved, bounce, plan, seen)
     for column in range(4):
         part = factor * amplitude[pair, column]
         result[:, column] += np.bincount(look, part.real, len(result)) + 1j * np.bincount(look, part.imag, len(result))

@@ -15,6 +15,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.types import DeviceArray
 
+from .curved import DeviceCurves
 from .fields import Field, OnDevice, Wave, radiating_vector, reflected_field
 from .phase import spherical_wave_integral
 from .spherical_waves import ImageTubes, Viewpoint
@@ -36,6 +37,8 @@ class NearField:
         At which the phase is integrated over a patch [rad/m].
     integration_phase : float
         See :func:`.phase.spherical_wave_integral` [rad].
+    curves : DeviceCurves or None
+        The curved surfaces behind faces.
     """
 
     rays: StateRays
@@ -44,6 +47,14 @@ class NearField:
     rx: Viewpoint
     wavenumber: float
     integration_phase: float
+    curves: DeviceCurves | None = None
+
+    def kinds(self, tubes: ImageTubes) -> list[ImageTubes]:
+        """Return the patches on flat faces, and those on curved ones."""
+        if self.curves is None:
+            return [tubes]
+        bent = self.curves.curved.is_curved[tubes.face[:, -1]]
+        return [tubes.take(np.flatnonzero(rows)) for rows in (~bent, bent) if rows.any()]
 
 
 def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt.NDArray[Any]]:
@@ -53,7 +64,7 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     ----------
     near : NearField
     tubes : ImageTubes
-        Patches over each of which the phase is all but linear.
+        Patches over each of which the phase is all but linear: one of :meth:`NearField.kinds`.
     diffuse : bool
         Whether to return what a rough surface scatters, column ``scattered``: the transfer of a patch of 1 m2.
 
@@ -110,7 +121,13 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
         rate += dr.dot(surfaces.velocity(face[k], point[k]), arriving - travel[k + 1])
     back = travel[-1]
     out, home = dr.norm(center - image[-1]), dr.norm(receiver - center)
-    integral = spherical_wave_integral(rays, corner, image[-1], receiver, wavenumber, near.integration_phase)
+    if near.curves is not None and near.curves.curved.is_curved[tubes.face[0, -1]]:
+        ends = image[-1], receiver
+        integral = near.curves.spherical_wave_integral(
+            face[-1], corner, ends, normal, wavenumber, near.integration_phase
+        )
+    else:
+        integral = spherical_wave_integral(rays, corner, image[-1], receiver, wavenumber, near.integration_phase)
     scale = 0.125 / np.pi / (out * home)
     factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
     columns: dict[str, Any] = {

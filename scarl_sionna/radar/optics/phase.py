@@ -6,6 +6,7 @@ All three form the divided difference of the exponential over the phases of the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import ModuleType
 
 import numpy as np
@@ -140,16 +141,40 @@ def spherical_wave_integral(
     Over each part the linear phase is integrated exactly, and the quadratic one enters by its mean, a 12th of the sum
     over the corners.
     """
-    dr, mi, Real = on.dr, on.mi, on.Real
+    dr = on.dr
     center = (corner[0] + corner[1] + corner[2]) / 3.0
     out, home = dr.norm(center - source), dr.norm(center - receiver)
     edge = [corner[(k + 1) % 3] - corner[k] for k in range(3)]
     longest = dr.maximum(dr.maximum(dr.squared_norm(edge[0]), dr.squared_norm(edge[1])), dr.squared_norm(edge[2]))
     cuts = dr.ceil(dr.sqrt(wavenumber * longest * (1.0 / out + 1.0 / home) / 8.0 / largest))
     cuts = dr.maximum(cuts, 1.0)
-    step_a, step_b = edge[0] / cuts, edge[1] / cuts
-    twice_area = dr.norm(dr.cross(step_a, step_b))
+    twice_area = dr.norm(dr.cross(edge[0] / cuts, edge[1] / cuts))
     length = out + home
+
+    def of_part(parts: list[DeviceArray]) -> Pair:
+        return _linear_integral(dr, parts, source, receiver, wavenumber, length)
+
+    re, im = over_parts(on, corner, cuts, of_part)
+    return re * twice_area, im * twice_area
+
+
+def over_parts(
+    on: Device, corner: list[DeviceArray], cuts: DeviceArray, of_part: Callable[[list[DeviceArray]], Pair]
+) -> Pair:
+    """Return the sum of complex numbers over the cuts^2 equal parts of triangles.
+
+    Parameters
+    ----------
+    on : Device
+    corner : list of Dr.Jit Array3f64
+        The three corners [m].
+    cuts : Dr.Jit float64 array
+        Whole numbers >= 1.
+    of_part : callable
+        From the corners of a part to real and imaginary part.
+    """
+    dr, mi, Real = on.dr, on.mi, on.Real
+    step_a, step_b = (corner[1] - corner[0]) / cuts, (corner[2] - corner[1]) / cuts
 
     def step(
         index: DeviceArray, row: DeviceArray, column: DeviceArray, re: DeviceArray, im: DeviceArray
@@ -159,7 +184,7 @@ def spherical_wave_integral(
         apex = corner[0] + row * step_a + half * step_b
         low = apex + step_a
         parts = [apex, low + dr.select(down, step_b, 0.0 * step_b), dr.select(down, apex, low) + step_b]
-        part = _linear_integral(dr, parts, source, receiver, wavenumber, length)
+        part = of_part(parts)
         last = column > 2.0 * row - 0.5
         return (
             index + 1,
@@ -169,13 +194,13 @@ def spherical_wave_integral(
             im + part[1],
         )
 
-    zero = dr.zeros(Real, dr.width(longest))
+    zero = dr.zeros(Real, dr.width(cuts))
     number = mi.UInt32(cuts * cuts)
-    state = (dr.zeros(mi.UInt32, dr.width(longest)), zero, Real(zero), Real(zero), Real(zero))
+    state = (dr.zeros(mi.UInt32, dr.width(cuts)), zero, Real(zero), Real(zero), Real(zero))
     _, _, _, re, im = dr.while_loop(
         state, lambda index, row, column, re, im: index < number, step, label="parts of patches"
     )
-    return re * twice_area, im * twice_area
+    return re, im
 
 
 def _linear_integral(

@@ -57,6 +57,8 @@ class PlaneTubes(Tubes):
         Whether nothing of the mesh stands in front of the lit side.
     part : ndarray of int64, shape (num_tubes,)
         Part of the body on which the footprint lies.
+    face : ndarray of int64, shape (num_tubes,)
+        A face of the footprint's plane; the one on which it lies, where that is curved.
     """
 
     wave: Index
@@ -66,6 +68,7 @@ class PlaneTubes(Tubes):
     incident: npt.NDArray[np.complex128]
     free: npt.NDArray[np.bool_]
     part: Index
+    face: Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +120,7 @@ def _facing(body: Body, waves: Waves, settings: SbrSettings) -> Iterator[PlaneTu
             waves.field[wave].astype(np.complex128),
             body.free[face, (side < 0).astype(np.int64)],
             body.part[face],
+            face,
         )
 
 
@@ -196,4 +200,5 @@ def _landed(body: Body, bounce: Bounce, pieces: Pieces, of_plane: Index) -> Plan
         bounce.reflected[rows],
         body.free[face, (cosine > 0).astype(np.int64)],
         body.part[face],
+        face,
     )

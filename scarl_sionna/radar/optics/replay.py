@@ -83,6 +83,7 @@ class FixedTubes:
         if len(np.unique(looks.frequency)) != 1:
             raise ParameterRangeError("frequency", "several", "one: a material is valid at one frequency", "trace each")
         plan = plan_of(looks)
+        body = body.with_curves(settings, float(plan.wavenumber.max()))
         settings = settings.for_size(body.size / float(plan.waves.wavelength.min()))
         count = len(plan.waves.direction)
         numbers = replace(plan.waves, field=np.broadcast_to(np.arange(count)[:, None, None], (count, 3, 1)))
@@ -102,7 +103,7 @@ class FixedTubes:
             for tube, view, corners in footprints_seen(body, bounce, plan, settings):
                 if not len(tube):
                     continue
-                look, pair, factor = phase_weights(bounce, plan, tube, view, corners)
+                look, pair, factor = phase_weights(body.curved, bounce, plan, (tube, view, corners))
                 _append(columns, tube=own[tube[pair]], view=view[pair], look=look, weight=factor)
         table = {name: np.concatenate(pieces) for name, pieces in columns.items()}
         return cls._merged(plan, table)

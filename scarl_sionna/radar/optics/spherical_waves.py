@@ -158,6 +158,8 @@ class Tracer:
     faces : FaceTable
     chosen : ndarray of bool, shape (num_faces,)
         Faces that scatter; the others are obstacles at which a tube ends.
+    sheet : ndarray of float64, shape (num_faces,)
+        Size of the sheet to which each face belongs [m].
     tx, rx : Viewpoint
         The same object for a monostatic radar.
     reach : float
@@ -172,6 +174,7 @@ class Tracer:
     rays: StateRays
     faces: FaceTable
     chosen: Mask
+    sheet: Array
     tx: Viewpoint
     rx: Viewpoint
     reach: float
@@ -256,7 +259,8 @@ class Tracer:
         cosine = np.einsum("ij,ij->i", self.faces.triangles.normal[tubes.face[:, -1]], ray) / distance
         grazing = np.abs(cosine) < self.settings.grazing_cosine
         wavelength = 2.0 * np.pi / self.size.wavenumber
-        wide, fine = self.settings.spacings(wavelength, self.size.length(distance))
+        sheet = self.sheet[tubes.face[:, -1]]
+        wide, fine = self.settings.spacings(wavelength, self.size.length(distance), sheet)
         return np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine)
 
     def _seen(self, tubes: ImageTubes, station: Viewpoint) -> ImageTubes:

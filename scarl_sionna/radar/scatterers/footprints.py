@@ -7,7 +7,7 @@ place, and stays one for directions near the one that was traced.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.rays.face_rays import MISS
 from scarl_sionna.radar.optics.body.mesh import Body
+from scarl_sionna.radar.optics.curved import CurvedFaces, parts_of
 from scarl_sionna.radar.optics.far_field import unit_vectors
 from scarl_sionna.radar.optics.fields import HOST, Wave, radiating_vector
 from scarl_sionna.radar.optics.plane_waves import Bounce, PlaneTubes, Waves, bounces, unhidden
@@ -96,6 +97,8 @@ def footprints(
     r_hat, theta_hat, phi_hat = unit_vectors(theta, phi)
     waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), np.array([SPEED_OF_LIGHT / frequency]))
     receive = np.stack([theta_hat[0], phi_hat[0]])
+    wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
+    body = body.with_curves(settings, wavenumber)
     settings = settings.for_size(body.size * frequency / SPEED_OF_LIGHT)
     parts = [
         _seen(body, bounce, r_hat[0], receive, waves, settings) for bounce in bounces(body, surfaces, waves, settings)
@@ -124,7 +127,30 @@ def _seen(body: Body, bounce: Bounce, toward: Array, receive: Array, waves: Wave
         np.broadcast_to(toward, (len(row), 3)),
     )
     turn, offset = _unfold(body, tubes, row, corners, bounce.depth, toward)
-    return Footprints(corners, turn, offset, np.einsum("ri,nit->nrt", receive, vector))
+    found = Footprints(corners, turn, offset, np.einsum("ri,nit->nrt", receive, vector))
+    if body.curved is None:
+        return found
+    difference = 2.0 * np.pi / waves.wavelength[0] * (toward - tubes.direction[row])
+    return _on_curves(body.curved, found, tubes.face[row], difference, tubes.normal[row])
+
+
+def _on_curves(
+    curved: CurvedFaces,
+    found: Footprints,
+    face: npt.NDArray[np.int64],
+    difference: Array,
+    normal: Array,
+) -> Footprints:
+    """Return footprints of which those on curved faces are cut into parts on the surface; see :func:`.parts_of`."""
+    bent = np.flatnonzero(curved.is_curved[face])
+    if not len(bent):
+        return found
+    parts = parts_of(curved, face[bent], found.corners[bent], difference[bent], normal[bent])
+    pieces = found.take(bent[parts.footprint], parts.corners)
+    twice = pieces.twice_area()
+    weight = np.divide(2.0 * parts.area, twice, out=np.zeros_like(twice), where=twice > 0.0)
+    pieces = replace(pieces, amplitude=pieces.amplitude * weight[:, None, None])
+    return Footprints.joined([found.take(np.flatnonzero(~curved.is_curved[face])), pieces])
 
 
 def _unfold(

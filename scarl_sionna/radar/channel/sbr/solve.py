@@ -18,14 +18,19 @@ from scarl_sionna.core.errors import ScarlWarning, UnknownNameError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
-from scarl_sionna.engine.rays.face_planes import face_table
+from scarl_sionna.engine.rays.face_planes import FaceTable, face_table
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.overlap import seen_overlaps
+from scarl_sionna.engine.smooth.surface import state_sheets, state_surface
 from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.optics.body.mesh import MOSTLY_COARSE
+from scarl_sionna.radar.optics.curved import CurvedFaces, DeviceCurves
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Tracer, Viewpoint
@@ -83,7 +88,8 @@ def solve_sbr(
     Warns
     -----
     ScarlWarning
-        If an instance in view is smaller than 3 wavelengths, or most of the power comes from grazing patches.
+        If an instance in view is smaller than 3 wavelengths or drawn with too few faces for a curve, or most of the
+        power comes from grazing patches.
 
     Notes
     -----
@@ -141,7 +147,7 @@ def solve_between(
     knobs, (tx, rx) = settings.sbr, stations
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     clock = time.perf_counter()
-    faces = face_table(state)
+    faces, curved, coarse = _faces(state, knobs, radar.center_frequency, chosen_instances)
     chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
     first = chosen if lit is None else np.isin(state.world.parts.instance, lit)[faces.part]
     apart = float(np.linalg.norm(tx.pose.position - rx.pose.position))  # the way there is at most half of it longer
@@ -154,11 +160,12 @@ def solve_between(
         rays = StateRays(mi, state)
         surfaces = FaceSurfaces(rays, state, faces, used, radar.center_frequency, knobs.coefficient_nodes)
         size = PatchSize.of(radar, knobs)
-        near = NearField(rays, surfaces, tx, rx, size.wavenumber, knobs.integration_phase)
-        tracer = Tracer(rays, faces, chosen, tx, rx, reach, size, knobs.for_scene())
+        curves = None if curved is None else DeviceCurves(rays, curved)
+        near = NearField(rays, surfaces, tx, rx, size.wavenumber, knobs.integration_phase, curves)
+        tracer = Tracer(rays, faces, chosen, state_sheets(state, used), tx, rx, reach, size, knobs.for_scene())
         for patches in tracer.bounces(start):
             if len(patches):
-                blocks.append(_rows(state, tracer, near, patches, rough))
+                blocks += [_rows(state, tracer, near, some, rough) for some in near.kinds(patches)]
     for depth in sorted(rough):
         blocks += _scattered(rough.pop(depth), knobs.seed, tx is rx)
     columns = joined(blocks, knobs.max_depth)
@@ -171,11 +178,35 @@ def solve_between(
         "num_tubes": dict(tracer.count),
         "num_patches": len(columns["length"]),
     }
+    if tx.window is None and rx.window is None:  # once, not for each image
+        _warn_of_coarse_faces(state, columns, coarse, knobs.crease_angle_deg)
     _warn_of_grazing(columns["cosine"], amplitude**2, settings.warn_at.grazing_incidence)
     columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, knobs.floor_db)
     columns = in_order(columns)
     diagnostics["seconds"] = time.perf_counter() - clock
     return _paths(columns, tx.pose, rx.pose, diagnostics)
+
+
+def _faces(
+    state: WorldState, knobs: SbrSettings, frequency: float, chosen: list[int]
+) -> tuple[FaceTable, CurvedFaces | None, dict[int, int]]:
+    """Return the triangles of a state, and those that stand for a curved surface, each in a plane of its own.
+
+    The last result is the number of coarse faces of the instances that mostly consist of them.
+    """
+    faces = face_table(state)
+    if knobs.crease_angle_deg == 0.0:
+        return faces, None, {}
+    parts = np.flatnonzero(np.isin(state.world.parts.instance, chosen))
+    surface = state_surface(state, float(np.radians(knobs.crease_angle_deg)), parts)
+    wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
+    curved = CurvedFaces.of(surface, faces.triangles, wavenumber, knobs.surface_phase)
+    coarse = {}
+    for number in np.unique(state.world.parts.instance[faces.part[surface.coarse]]).tolist():
+        own = np.flatnonzero(state.world.parts.instance[faces.part] == number)
+        if surface.take(own).coarse_share(faces.triangles.corners[own]) > MOSTLY_COARSE:
+            coarse[number] = int(surface.coarse[own].sum())
+    return faces if curved is None else replace(faces, plane=curved.apart(faces.plane)), curved, coarse
 
 
 def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[list[int], list[str]]:
@@ -254,6 +285,20 @@ def _warn_of_bodies(
         warnings.warn(
             f"{len(double)} pair(s) of parts overlap in one plane, such as '{first}' and '{second}': both scatter, up "
             "to 6 dB too strong where they overlap; move one by 0.1 mm, or leave it out with instances=",
+            ScarlWarning,
+            stacklevel=4,
+        )
+
+
+def _warn_of_coarse_faces(state: WorldState, columns: Columns, coarse: dict[int, int], crease_angle_deg: float) -> None:
+    """Warn once of bodies in view that are drawn with too few faces for a curve."""
+    seen = {number: count for number, count in coarse.items() if np.any(columns["instance"] == number)}
+    if seen:
+        worst = max(seen, key=lambda number: seen[number])
+        warnings.warn(
+            f"{len(seen)} instance(s) in view consist of faces that bend by more than {crease_angle_deg:g} deg from "
+            f"one to the next, such as '{state.world.instances[worst].name}' ({seen[worst]} faces): they scatter as "
+            "flat ones. If the body is round, draw it with 11 sides or more, or raise crease_angle_deg",
             ScarlWarning,
             stacklevel=4,
         )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -12,16 +14,21 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
-from scarl_sionna.core.errors import MeshError
+from scarl_sionna.core.errors import MeshError, ScarlWarning
+from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.rays.face_planes import SAME_PLANE, plane_numbers
 from scarl_sionna.engine.rays.face_rays import MeshRays, center_and_radius
 from scarl_sionna.engine.rays.geometry import Triangles
+from scarl_sionna.engine.smooth.surface import Surface, mesh_surface
+from scarl_sionna.radar.optics.curved import CurvedFaces
 
 Array = npt.NDArray[np.float64]
 
 _THIN = 1e-9
 """A face whose height is below this part of the mesh's size is degenerate: it has no area and no sure normal."""
+MOSTLY_COARSE = 0.5
+"""Part of the area that is flat but may have been meant as a curve, from which a warning is given."""
 _LARGEST_SEARCH = 200_000_000
 """Pairs of a face and a corner of the convex hull up to which `free` is searched: 0.5 s; beyond, rays find out, with
 the same result."""
@@ -50,6 +57,8 @@ class Body:
         Part of the body to which each face belongs, which has one material.
     materials : tuple
         What each part is made of; empty where the caller says it for the only part.
+    curved : CurvedFaces or None
+        Faces that stand for a curved surface; see :meth:`with_curves`.
     """
 
     triangles: Triangles
@@ -60,6 +69,39 @@ class Body:
     rays: MeshRays
     part: npt.NDArray[np.int64]
     materials: tuple[Any, ...] = ()
+    curved: CurvedFaces | None = None
+
+    def with_curves(self, settings: SbrSettings, wavenumber: float) -> Body:
+        """Return this body with the surface for which its faces stand, as the settings have it.
+
+        Parameters
+        ----------
+        settings : SbrSettings
+            Its `crease_angle_deg` and `surface_phase`.
+        wavenumber : float
+            The largest [rad/m].
+
+        Warns
+        -----
+        ScarlWarning
+            Once for a body, if most of its faces may have been meant as a curve but bend by more than the crease angle.
+        """
+        crease = float(np.radians(settings.crease_angle_deg))
+        if crease == 0.0 or self.curved is not None:
+            return self
+        known = _surfaces.setdefault(self, {})
+        if crease not in known:
+            surface = known[crease] = mesh_surface(self.triangles.corners, self.part, crease)
+            if surface is not None and surface.coarse_share(self.triangles.corners) > MOSTLY_COARSE:
+                warnings.warn(
+                    f"{int(surface.coarse.sum())} of {len(self.part)} faces of the mesh bend by more than "
+                    f"{settings.crease_angle_deg:g} deg from one to the next and scatter as flat ones; if the body is "
+                    "round, draw it with 11 sides or more, or raise crease_angle_deg",
+                    ScarlWarning,
+                    stacklevel=4,
+                )
+        curved = CurvedFaces.of(known[crease], self.triangles, wavenumber, settings.surface_phase)
+        return self if curved is None else replace(self, plane=curved.apart(self.plane), curved=curved)
 
     @staticmethod
     def checked(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> tuple[Array, npt.NDArray[np.int64]]:
@@ -118,6 +160,10 @@ class Body:
         """Largest extent along an axis [m]."""
         points = self.triangles.corners.reshape(-1, 3)
         return float((points.max(axis=0) - points.min(axis=0)).max())
+
+
+_surfaces: WeakKeyDictionary[Body, dict[float, Surface | None]] = WeakKeyDictionary()
+"""By body and crease angle."""
 
 
 def _degenerate(corners: Array) -> npt.NDArray[np.bool_]:

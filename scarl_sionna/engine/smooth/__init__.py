@@ -1,0 +1,1 @@
+"""The curved surfaces for which meshes of flat facets stand."""
