@@ -7,6 +7,7 @@ import pytest
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.array import HALF_WAVE, uniform_line
+from scarl_sionna.core.specs.radar.pattern import CosinePattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.radar.synthesis import synthesize
@@ -117,6 +118,25 @@ def test_directions_of_the_lattice_are_those_of_the_array() -> None:
         tx_positions=((0.0, 0.0, 0.0), (0.0, 0.0, HALF_WAVE)), rx_positions=uniform_line(4, HALF_WAVE)
     )
     assert direction_steps(flat) == pytest.approx((0.5, 1.0), rel=0.01)
+
+
+def test_a_fine_array_has_a_point_in_every_beam() -> None:
+    """120 x 120 elements at half a wavelength, 0.95 deg both ways: in no row a beam within 6 deg is empty."""
+    upright = tuple((0.0, 0.0, k * HALF_WAVE) for k in range(120))
+    narrow = CosinePattern(peak_gain_dbi=20.0, half_power_azimuth_deg=8.0, half_power_elevation_deg=8.0)
+    square = RADAR.with_(
+        num_chirps=4, tx_positions=upright, rx_positions=uniform_line(120, HALF_WAVE), pattern=narrow, tx_power_dbm=30.0
+    )
+    paths = volume_clutter(
+        HEAVY, square, Pose(), np.random.default_rng(0), sampling=VolumeSampling(2.0, 1_000_000, 1.5)
+    )
+    distance = np.linalg.norm(paths.tx_point, axis=1)
+    steps = direction_steps(square)
+    assert steps == pytest.approx((1.0 / 60.0, 1.0 / 60.0), rel=0.01)
+    for row in np.unique(distance.round(6)):
+        sines = (paths.tx_point / distance[:, None])[distance.round(6) == row, 1:]
+        cells = np.unique(np.floor(sines[np.all(np.abs(sines) < 0.1, axis=1)] / steps), axis=0)
+        assert len(cells) >= 11 * 11
 
 
 def test_rows_integrate_without_bias() -> None:

@@ -33,7 +33,7 @@ from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
 from .attenuation import attenuate, weather_attenuation
-from .cells import Rows, Scatter, even_draws, gaussian_cells, range_rows
+from .cells import Rows, Scatter, direction_steps, even_draws, gaussian_cells, range_rows
 from .hydrometeors import Hydrometeors, rain, snow, spray
 
 if TYPE_CHECKING:
@@ -46,6 +46,8 @@ VOLUME_INTERACTION = 16
 _GRID_DEG = 1.0
 """Cells of the two-way gain [deg], a direction in each. The integral is the same to 1e-12 for cells of 0.25 to 4 deg
 (preset ``awr1843boost``)."""
+_FINEST = 8
+"""Of these cells there are at most as many in 1 deg, two in a direction of the lattice: arrays of up to 0.25 deg."""
 _LEAST_GAIN = 1e-9
 """Two-way gain over the largest below which a direction counts nothing; 1e-8 of the power at most is there."""
 _FALL_CLASSES = 8
@@ -91,15 +93,16 @@ def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
 
 
 @lru_cache(maxsize=16)
-def _two_way_gain(pattern: AntennaPattern) -> tuple[Array, Array, Array]:
+def _two_way_gain(pattern: AntennaPattern, fine: tuple[int, int] = (1, 1)) -> tuple[Array, Array, Array]:
     """Return azimuth and elevation of cells of the sphere [rad], and the two-way gain times their solid angle [sr].
 
-    Shapes (num_azimuth,), (num_elevation,) and (num_azimuth, num_elevation).
+    Shapes (num_azimuth,), (num_elevation,) and (num_azimuth, num_elevation); cells of 1 deg over `fine`.
     """
-    azimuth = np.radians(np.arange(-180.0, 180.0, _GRID_DEG) + _GRID_DEG / 2.0)
-    elevation = np.radians(np.arange(-90.0, 90.0, _GRID_DEG) + _GRID_DEG / 2.0)
+    steps = [_GRID_DEG / number for number in fine]
+    azimuth = np.radians(np.arange(-180.0, 180.0 - 1e-9, steps[0]) + steps[0] / 2.0)
+    elevation = np.radians(np.arange(-90.0, 90.0 - 1e-9, steps[1]) + steps[1] / 2.0)
     gain = 10.0 ** (pattern.gain_db(azimuth[:, None], elevation[None]) / 5.0)
-    return azimuth, elevation, gain * np.cos(elevation) * np.radians(_GRID_DEG) ** 2
+    return azimuth, elevation, gain * np.cos(elevation) * np.radians(steps[0]) * np.radians(steps[1])
 
 
 def two_way_gain_integral(pattern: AntennaPattern) -> float:
@@ -310,10 +313,13 @@ def _scatter(
     state: WorldState | None,
 ) -> tuple[Scatter, float]:
     """Return what falls, seen along directions, random within cells of the pattern, and its mean speed of fall."""
-    azimuth, elevation, weight = _two_way_gain(radar.array.pattern)
+    fine = tuple(
+        int(np.clip(np.ceil(2.0 * np.radians(_GRID_DEG) / step), 1, _FINEST)) for step in direction_steps(radar)
+    )
+    azimuth, elevation, weight = _two_way_gain(radar.array.pattern, (fine[0], fine[1]))
     row, column = np.nonzero(weight > _LEAST_GAIN * weight.max())
     jitter = (rng.random((2, len(row))) - 0.5) * np.radians(_GRID_DEG)
-    phi, theta = azimuth[row] + jitter[0], elevation[column] + jitter[1]
+    phi, theta = azimuth[row] + jitter[0] / fine[0], elevation[column] + jitter[1] / fine[1]
     local = np.stack([np.cos(phi) * np.cos(theta), np.sin(phi) * np.cos(theta), np.sin(theta)], axis=1)
     direction = mount.pose.rotate(local)
     free = np.full(len(row), np.inf)
