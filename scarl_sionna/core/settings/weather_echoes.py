@@ -5,7 +5,7 @@ Their error and time stand in docs/weather.md.
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Metres
@@ -31,6 +31,14 @@ class WeatherEchoSettings(Spec):
         description="drops nearer than this are left out [m]: there the radome's own water counts, which is not "
         "modelled; not charted",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_random_points(cls, values: object) -> object:
+        """Leave out `least_per_bin`, which datasets of schema 2 state: points stood at random then."""
+        if isinstance(values, dict) and "least_per_bin" in values:
+            return {name: value for name, value in values.items() if name != "least_per_bin"}
+        return values
 
 
 DEFAULT_WEATHER_ECHOES = WeatherEchoSettings()
