@@ -38,6 +38,8 @@ def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
             f" (noise taken {result.misfit:.2g} times as stated, to explain the misfit)" if result.misfit > 1.1 else ""
         )
         base = result.model.table[owner]
+        if "scattering_coefficient" in values:  # frames then read what was calibrated, not the table's albedo
+            base = base.with_(diffuse_albedo=None)
         out.append(
             base.with_(
                 **values,

@@ -95,7 +95,9 @@ def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex
     with S the scattering coefficient and h the rms height; the exponential (Ament) counts for reflection only.
     Backscatter is the root of the power per unit area of a Lambertian surface, co-polar and cross-polar,
 
-    .. math:: \sigma^0 = 4 S^2 |\Gamma|^2 \cos^2\theta \, (1 - K_x) \quad\text{and}\quad K_x
+    .. math:: \sigma^0 = 4 S^2 |\Gamma(0)|^2 \cos^2\theta \, (1 - K_x) \quad\text{and}\quad K_x
+
+    as of :func:`~scarl_sionna.scene.materials.rough.sigma0`.
 
     References
     ----------
@@ -107,12 +109,12 @@ def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex
     frequency = np.broadcast_to(np.asarray(measurement.frequency, dtype=np.float64), (num,))
     cosine = np.cos(np.radians(np.broadcast_to(np.asarray(measurement.angle_deg, dtype=np.float64), (num,))))
     formula = transmission if measurement.quantity == "transmission" else reflection
+    rough = measurement.quantity in ("backscatter", "cross_backscatter")
     out = np.empty(num, dtype=np.complex128)
     for value in np.unique(frequency):
-        rows = frequency == value
-        out[rows] = formula(material.as_radio(), float(value), cosine[rows])[
-            ("TE", "TM").index(measurement.polarization)
-        ]
+        rows = np.flatnonzero(frequency == value)
+        met = np.ones(len(rows)) if rough else cosine[rows]  # facets that send back are met along their normals
+        out[rows] = formula(material.as_radio(), float(value), met)[("TE", "TM").index(measurement.polarization)]
     scattering, crossed = material.scattering_coefficient, material.xpd_coefficient
     if measurement.quantity == "backscatter":
         return 2.0 * scattering * np.sqrt(1.0 - crossed + 0j) * cosine * out

@@ -32,6 +32,8 @@ from .types import MitsubaObject
 
 Array = npt.NDArray[np.float64]
 
+ENGINE_THICKNESS = 0.1
+"""Of what is a half space here, in the engine, which knows layers only [m]."""
 RADIO_FREQUENCY = 77e9
 """Frequency at which the radio twin's materials are evaluated [Hz]; the materials' table is flat over 76-81 GHz."""
 _DEFAULT_COLOR = "0.45, 0.45, 0.45"
@@ -270,7 +272,7 @@ def radio_xml(document: SceneDocument, materials: MaterialTable) -> str:
         for name, value in (
             ("relative_permittivity", permittivity),
             ("conductivity", conductivity),
-            ("thickness", material.thickness or 0.1),
+            ("thickness", material.thickness or ENGINE_THICKNESS),
             ("scattering_coefficient", material.scattering_coefficient),
             ("xpd_coefficient", material.xpd_coefficient),
         ):

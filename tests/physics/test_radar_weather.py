@@ -10,6 +10,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.atmosphere import Atmosphere
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.weather import Weather, saturation_density
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
@@ -20,7 +21,10 @@ from scarl_sionna.radar.weather.attenuation import (
     liquid_water,
     rain_attenuation,
     specific_attenuation,
+    weather_attenuation,
 )
+from scarl_sionna.radar.weather.clutter import falling
+from scarl_sionna.radar.weather.hydrometeors import rain
 from scarl_sionna.scene.materials.dielectrics import water_permittivity
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
@@ -36,6 +40,53 @@ FOG_COEFFICIENT = {265.15: 3.69417, 273.15: 3.53735, 283.15: 3.14726, 293.15: 2.
 
 def test_gases() -> None:
     assert gas_attenuation(FREQUENCY) == pytest.approx(GAS, rel=1e-3)  # the bar is 2 %
+
+
+AIR = {
+    (77e9, 303.15, 27.43): 1.180656,
+    (79e9, 313.15, 46.2): 2.228322,
+    (81e9, 263.15, 1.42): 0.150133,
+    (76e9, 283.15, 0.0): 0.114644,
+}
+"""Gases [dB/km] at other temperatures [K] and vapour densities [g/m3], 1013 hPa, by the same implementation."""
+SATURATED = {0.0: 4.868165, 10.0: 9.434833, 30.0: 30.481871, 40.0: 51.337210}
+"""Density of saturated vapour [g/m3] from the pressures of P.453 by the same implementation."""
+
+
+@pytest.mark.parametrize("air", AIR)
+def test_gases_follow_temperature_and_humidity(air) -> None:
+    assert gas_attenuation(*air) == pytest.approx(AIR[air], rel=1e-5)
+
+
+@pytest.mark.parametrize("celsius", SATURATED)
+def test_vapour_of_saturated_air(celsius) -> None:
+    assert saturation_density(celsius) == pytest.approx(SATURATED[celsius], rel=1e-4)
+
+
+def test_hot_and_humid_air_takes_six_times_as_much() -> None:
+    """And so a weather does: 0.8 dB more at 200 m, there and back, than in the air of P.676's table."""
+    tropical = Weather(temperature_celsius=40.0, humidity=0.9, gases=True)
+    found = weather_attenuation(tropical, FREQUENCY, "V")
+    assert found == gas_attenuation(FREQUENCY, 313.15, tropical.vapour_density)
+    assert found > 6.0 * GAS
+    assert weather_attenuation(tropical.with_(gases=False), FREQUENCY, "V") == 0.0
+
+
+@pytest.mark.parametrize("rate", [0.5, 5.0, 25.0, 100.0])
+def test_one_distribution_of_drops_takes_and_sends_back(rate) -> None:
+    """The default attenuates as P.838 says; each other one by the extinction of the drops that make its echo."""
+    drops = rain(rate, FREQUENCY, 283.15, "p838")
+    means = 0.5 * (rain_attenuation(rate, FREQUENCY, "V") + rain_attenuation(rate, FREQUENCY, "H"))
+    assert drops.attenuation_db_per_km == pytest.approx(means, rel=1e-9)
+    for sizes in ("p838", "marshall_palmer", "thunderstorm"):
+        weather = Weather(rain_rate=rate, drop_sizes=sizes)
+        v, h = (weather_attenuation(weather, FREQUENCY, name) for name in ("V", "H"))
+        (own,) = falling(weather, FREQUENCY)
+        assert 0.5 * (v + h) == pytest.approx(own.attenuation_db_per_km, rel=1e-9)
+        exact = rain_attenuation(rate, FREQUENCY, "H") / rain_attenuation(rate, FREQUENCY, "V")
+        assert h / v == pytest.approx(exact, rel=1e-9)
+    palmer = rain(rate, FREQUENCY, 283.15, "marshall_palmer")
+    assert drops.reflectivity / palmer.reflectivity == pytest.approx(drops.extinction / palmer.extinction, rel=1e-9)
 
 
 @pytest.mark.parametrize(("polarization", "rate"), RAIN)
@@ -69,12 +120,12 @@ def test_rain_lowers_a_target_by_the_two_way_loss() -> None:
         num_chirps=8, num_samples=512, pattern=IsotropicPattern(), polarization="H", start_frequency=76.85e9
     )
     paths = point_targets([[200.0, 0.0, 0.0]], np.zeros((1, 3)), 1.0, radar, Pose())
-    rain = attenuate_paths(paths, radar, Atmosphere(rain_rate=25.0), gases=False)
-    power = [range_doppler(virtual_cube(synthesize(p, radar), radar), radar).power.max() for p in (paths, rain)]
+    wet = attenuate_paths(paths, radar, Atmosphere(rain_rate=25.0), gases=False)
+    power = [range_doppler(virtual_cube(synthesize(p, radar), radar), radar).power.max() for p in (paths, wet)]
     assert radar.center_frequency == pytest.approx(FREQUENCY, rel=1e-4)
     assert 10.0 * np.log10(power[0] / power[1]) == pytest.approx(TWO_WAY_25MMH_200M, rel=1e-3)  # the bar is 2 %
-    np.testing.assert_array_equal(rain.tx_point, paths.tx_point)
-    assert rain.diagnostics["attenuation_db_per_km"]["H"] == pytest.approx(RAIN["H", 25.0], rel=1e-3)
+    np.testing.assert_array_equal(wet.tx_point, paths.tx_point)
+    assert wet.diagnostics["attenuation_db_per_km"]["H"] == pytest.approx(RAIN["H", 25.0], rel=1e-3)
 
 
 def test_each_path_loses_by_its_own_length_and_polarisation() -> None:
@@ -104,6 +155,8 @@ def test_clear_air_has_gases_only_and_nothing_without_them() -> None:
     "call",
     [
         lambda: gas_attenuation(24e9),
+        lambda: gas_attenuation(FREQUENCY, 15.0),
+        lambda: gas_attenuation(FREQUENCY, 288.15, -1.0),
         lambda: rain_attenuation(-1.0, FREQUENCY, "V"),
         lambda: rain_attenuation(5.0, FREQUENCY, "X"),
         lambda: rain_attenuation(5.0, 77.0, "V"),

@@ -33,6 +33,11 @@ class RaycastSettings(Spec):
         None,
         description="replaces entries of rcs_by_class.toml: dimensionless reflectivity by class, or path of a TOML",
     )
+    rough_ground: bool = Field(
+        True,
+        description="the ground (roads, pavements, terrain) scatters by the law of its material, as in the other "
+        "solvers; False: by class, as in the paper. A class that class_rcs names is always taken from there",
+    )
     hit_phase: HitPhase = Field(
         "rough",
         description="'rough': each hit stands for many unresolved scatterers and gets a fixed random phase; "

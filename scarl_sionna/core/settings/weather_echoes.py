@@ -5,27 +5,25 @@ Their error and time stand in docs/weather.md.
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Metres
 
 
 class WeatherEchoSettings(Spec):
-    """Random points that stand for drops and flakes. Their mean power is exact for any number of them."""
+    """Points of random amplitude that stand for drops and flakes. Their mean power is exact for any number of them."""
 
     num_points: int = Field(
-        20_000,
+        100_000,
         ge=1,
         le=10_000_000,
-        description="points that stand for rain and snow: with fewer than about five in a range-Doppler cell its "
-        "power is no longer exponential; docs/weather.md, points",
-    )
-    least_per_bin: int = Field(
-        8, ge=1, description="points of a range bin at least, for the far ones; docs/weather.md, points"
+        description="points that stand for rain and snow, at most: one a range-Doppler-angle cell above "
+        "`Accuracy.channel_floor_db`; where there are more cells the weakest are thinned, and their power is no longer "
+        "exponential; docs/weather.md, points",
     )
     points_per_cloud: int = Field(
-        2_000, ge=1, le=1_000_000, description="points of the spray behind one vehicle; not charted"
+        4_000, ge=1, le=1_000_000, description="points of the spray behind one vehicle; docs/weather.md, points"
     )
     nearest: Metres = Field(
         0.25,
@@ -33,6 +31,14 @@ class WeatherEchoSettings(Spec):
         description="drops nearer than this are left out [m]: there the radome's own water counts, which is not "
         "modelled; not charted",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_random_points(cls, values: object) -> object:
+        """Leave out `least_per_bin`, which datasets of schema 2 state: points stood at random then."""
+        if isinstance(values, dict) and "least_per_bin" in values:
+            return {name: value for name, value in values.items() if name != "least_per_bin"}
+        return values
 
 
 DEFAULT_WEATHER_ECHOES = WeatherEchoSettings()

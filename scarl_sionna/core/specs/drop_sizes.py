@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-DropSizes = Literal["marshall_palmer", "drizzle", "widespread", "thunderstorm"]
+DropSizes = Literal["p838", "marshall_palmer", "drizzle", "widespread", "thunderstorm"]
 
 RAIN_SIZES = {
     "marshall_palmer": (8.0e6, 4.1e3),
@@ -17,6 +17,9 @@ RAIN_SIZES = {
 }
 """N_0 [1/m4] and Lambda at 1 mm/h [1/m] of exponential distributions of drops: J. S. Marshall, W. M. Palmer, J. Meteor.
 5, 1948; the other three J. Joss, J. C. Thams, A. Waldvogel, Proc. Int. Conf. Cloud Physics, Toronto, 1968."""
+P838_SLOPE = 4.1e3
+"""Lambda at 1 mm/h [1/m] of the distribution "p838": that of Marshall and Palmer. Its N_0 follows from the attenuation
+that Recommendation ITU-R P.838 states."""
 RAIN_POWER = -0.21
 """Power of the rain rate with which Lambda goes."""
 SNOW_SIZES = (2.50e6, -0.94, 2.29e3, -0.45)

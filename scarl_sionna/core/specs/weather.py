@@ -31,6 +31,12 @@ FOG_RANGE = 1000.0
 """Haze with a shorter range is called fog [m] (WMO-No. 8); it hides the sun."""
 
 
+GAS_PRESSURE = 1013.0
+"""Of the air near the ground [hPa]."""
+REFERENCE_VAPOUR = 7.5
+"""Water vapour near the ground in a moderate climate [g/m3]."""
+
+
 class Spray(Spec):
     """Water that the tyres of moving vehicles throw up from a wet road.
 
@@ -73,7 +79,7 @@ class Weather(Spec):
 
     rain_rate: MillimetresPerHour = Field(0.0, ge=0.0, le=200.0, description="[mm/h]")
     drop_sizes: DropSizes = Field(
-        "marshall_palmer", description="distribution of the rain's drops, for what they send back to a radar"
+        "p838", description="distribution of the rain's drops, for what they take from a radar and send back to it"
     )
     visibility: Metres | None = Field(
         None, gt=10.0, description="meteorological range in the fog alone, 5 % contrast [m]; None: no fog"
@@ -95,6 +101,7 @@ class Weather(Spec):
     temperature_celsius: Annotated[float, Unit("degrees Celsius")] = Field(
         10.0, ge=-20.0, le=40.0, description="of air and drops [degrees Celsius]"
     )
+    humidity: float = Field(0.6, ge=0.0, le=1.0, description="relative, of the air; for the gases")
     gases: bool = Field(False, description="oxygen and water vapour take their part of the radar's power (P.676)")
     wetness: float | None = Field(
         None, ge=0.0, le=1.0, description="of the surfaces; None: what the rain makes of them"
@@ -141,6 +148,11 @@ class Weather(Spec):
         if self.wetness is not None:
             return self.wetness
         return 1.0 - math.exp(-self.rain_rate / WETTING_RATE)
+
+    @property
+    def vapour_density(self) -> float:
+        """Density of the water vapour [g/m3], of `humidity` at `temperature_celsius`."""
+        return saturation_density(self.temperature_celsius) * self.humidity
 
     @property
     def film_thickness(self) -> float:
@@ -197,6 +209,26 @@ class Weather(Spec):
             share = min((covered - base.cloud_cover) / (1.0 - Lighting.preset("day").cloud_cover), 1.0)
             changes["exposure"] = base.exposure * (dull / clear) ** share
         return base.with_(cloud_cover=covered, **changes)
+
+
+def saturation_density(celsius: float) -> float:
+    r"""Return the density of saturated water vapour over water at a temperature [g/m3].
+
+    .. math:: e_s = F \, 6.1121 \, e^{(18.678 - t / 234.5) t / (t + 257.14)} \text{ hPa}, \quad
+        \rho = 216.7 \, e_s / T
+
+    Parameters
+    ----------
+    celsius : float
+        [degrees Celsius], -40 to 50.
+
+    References
+    ----------
+    .. [1] Recommendation ITU-R P.453-14, "The radio refractive index: its formula and refractivity data", 2019.
+    """
+    more = 1.0 + 1e-4 * (7.2 + GAS_PRESSURE * (0.0320 + 5.9e-6 * celsius**2))
+    pressure = more * 6.1121 * math.exp((18.678 - celsius / 234.5) * celsius / (celsius + 257.14))
+    return 216.7 * pressure / (celsius + 273.15)
 
 
 def fog_water_of(visibility: float) -> float:

@@ -81,10 +81,10 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     It does not depend on the frequency but through the integral. A rough surface keeps sqrt(1 - S^2) of the reflected
     field. What it scatters has the power
 
-    .. math:: |a|^2 = \frac{\lambda^2}{(4 \pi)^2 L^2 R^2} S^2 |\Gamma|^2 \cos\theta_i f_s A, \quad
+    .. math:: |a|^2 = \frac{\lambda^2}{(4 \pi)^2 L^2 R^2} \rho \cos\theta_i f_s A, \quad
               f_s = \frac{\cos\theta_s}{\pi}
 
-    for the area A, with Lambert's pattern as in the materials of the solver ``sionna``, and K of it is cross-polar.
+    for the area A, with Lambert's pattern and the albedo of :func:`.rough.diffuse_albedo`, and K of it is cross-polar.
 
     References
     ----------
@@ -146,7 +146,7 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     if diffuse:
         cosines = dr.abs(dr.dot(normal, arriving)) * columns["cosine"] / np.pi
         level = 0.5 / wavenumber / (out * home) * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
-        columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, smooth, level, turn)
+        columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, level, turn)
     dr.eval(*columns.values())
     found = {name: column.numpy() for name, column in columns.items()}
     found["a"] = _matrices(found, "re", "im")
@@ -169,20 +169,16 @@ def _scattered(
     dr: ModuleType,
     basis: tuple[DeviceArray, DeviceArray],
     field: Field,
-    smooth: Field,
     level: DeviceArray,
     turn: list[DeviceArray],
 ) -> dict[str, DeviceArray]:
     """Return the entries of the transfer by diffuse scattering of 1 m2; the polarisation is turned as in Sionna RT."""
     found: dict[str, DeviceArray] = {}
     for t in range(2):
-        power = dr.squared_norm(field[t][0]) + dr.squared_norm(field[t][1])
-        left = dr.squared_norm(smooth[t][0]) + dr.squared_norm(smooth[t][1])
-        gamma = level * dr.sqrt(left / dr.maximum(power, 1e-300))
         for name, part in zip(("sre", "sim"), field[t], strict=True):
             vertical, horizontal = dr.dot(basis[0], part), dr.dot(basis[1], part)
-            found[f"{name}0{t}"] = gamma * (turn[0] * vertical - turn[1] * horizontal)
-            found[f"{name}1{t}"] = gamma * (turn[1] * vertical + turn[0] * horizontal)
+            found[f"{name}0{t}"] = level * (turn[0] * vertical - turn[1] * horizontal)
+            found[f"{name}1{t}"] = level * (turn[1] * vertical + turn[0] * horizontal)
     return found
 
 

@@ -20,6 +20,7 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import FaceRays
 from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection
+from scarl_sionna.scene.materials.rough import diffuse_albedo
 
 from .fields import HOST, reflected_field
 
@@ -144,14 +145,12 @@ class FaceSurfaces:
             columns[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
         self._coefficient = rays.reals(columns)
         kept = np.array([material.coherence for material in self.materials])
-        scattered = np.array([material.scattering_coefficient for material in self.materials])
+        albedo = np.array([diffuse_albedo(material, frequency) for material in self.materials])
         crossed = np.array([material.xpd_coefficient for material in self.materials])
-        rough = np.stack([kept, scattered, np.sqrt(1.0 - crossed), np.sqrt(crossed)], axis=1)
+        rough = np.stack([kept, np.sqrt(albedo), np.sqrt(1.0 - crossed), np.sqrt(crossed)], axis=1)
         self._rough = rays.reals(rough)
         of_part = np.array([names.index(name) if name in names else 0 for name in table.material], dtype=np.uint32)
-        scatters = np.array(
-            [name in names and state.world.materials[name].scattering_coefficient > 0.0 for name in table.material]
-        )
+        scatters = np.array([name in names and albedo[names.index(name)] > 0.0 for name in table.material])
         self.is_rough = scatters[faces.part]
         """Whether a part of what each face reflects is scattered diffusely."""
         triangles = faces.triangles
@@ -198,6 +197,9 @@ class FaceSurfaces:
         return (te_re, te_im), (tm_re, tm_im)
 
     def roughness(self, face: DeviceArray) -> tuple[DeviceArray, DeviceArray, DeviceArray, DeviceArray]:
-        """Return sqrt(1 - S^2), S, sqrt(1 - K) and sqrt(K): S the scattering, K the cross-polarisation coefficient."""
+        """Return sqrt(1 - S^2), sqrt(rho), sqrt(1 - K) and sqrt(K).
+
+        S is the scattering, K the cross-polarisation coefficient, rho the diffuse albedo.
+        """
         dr, row = self._rays.dr, 4 * self._material(face)
         return tuple(dr.gather(self._rays.Real, self._rough, row + k) for k in range(4))  # type: ignore[return-value]

@@ -1,6 +1,6 @@
 """Echoes of what is in the air, rain, snow and spray.
 
-A volume full of drops stands there as random point paths of exact mean power.
+A volume full of drops stands there as point paths of random amplitude and exact mean power.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import expi
+from scipy.special import expi, ndtri
 
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.weather_echoes import DEFAULT_WEATHER_ECHOES
 from scarl_sionna.core.specs.radar.pattern import AntennaPattern
@@ -27,10 +28,12 @@ from scarl_sionna.engine.spray import SprayCloud, spray_clouds
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.scene.materials.dielectrics import CELSIUS
+from scarl_sionna.signal.antenna import field_gain
 from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
 from .attenuation import attenuate, weather_attenuation
+from .cells import Rows, Scatter, direction_steps, even_draws, gaussian_cells, range_rows
 from .hydrometeors import Hydrometeors, rain, snow, spray
 
 if TYPE_CHECKING:
@@ -41,8 +44,14 @@ Array = npt.NDArray[np.float64]
 VOLUME_INTERACTION = 16
 """Kind of interaction written for a scatterer in the air; its instance is 0, since it belongs to no object."""
 _GRID_DEG = 1.0
-"""Cells of the two-way gain [deg], within which directions of points are even. The integral is the same to 1e-12 for
-cells of 0.25 to 4 deg (preset ``awr1843boost``): decides no accuracy."""
+"""Cells of the two-way gain [deg], a direction in each. The integral is the same to 1e-12 for cells of 0.25 to 4 deg
+(preset ``awr1843boost``)."""
+_FINEST = 8
+"""Of these cells there are at most as many in 1 deg, two in a direction of the lattice: arrays of up to 0.25 deg."""
+_LEAST_GAIN = 1e-9
+"""Two-way gain over the largest below which a direction counts nothing; 1e-8 of the power at most is there."""
+_FALL_CLASSES = 8
+"""Classes of speeds of fall, of the same part of the echo each; a class is 1 m/s wide at most, seen from above."""
 
 
 @dataclass(frozen=True)
@@ -84,18 +93,21 @@ def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
 
 
 @lru_cache(maxsize=16)
-def _directions(pattern: AntennaPattern) -> tuple[Array, Array, Array, float]:
-    """Return azimuth and elevation of cells of the front hemisphere [rad], the cumulated two-way gain, its integral."""
-    angle = np.radians(np.arange(-90.0, 90.0, _GRID_DEG) + _GRID_DEG / 2.0)
-    azimuth, elevation = (values.ravel() for values in np.meshgrid(angle, angle, indexing="ij"))
-    weight = 10.0 ** (pattern.gain_db(azimuth, elevation) / 5.0) * np.cos(elevation) * np.radians(_GRID_DEG) ** 2
-    total = np.cumsum(weight)
-    return azimuth, elevation, total / total[-1], float(total[-1])
+def _two_way_gain(pattern: AntennaPattern, fine: tuple[int, int] = (1, 1)) -> tuple[Array, Array, Array]:
+    """Return azimuth and elevation of cells of the sphere [rad], and the two-way gain times their solid angle [sr].
+
+    Shapes (num_azimuth,), (num_elevation,) and (num_azimuth, num_elevation); cells of 1 deg over `fine`.
+    """
+    steps = [_GRID_DEG / number for number in fine]
+    azimuth = np.radians(np.arange(-180.0, 180.0 - 1e-9, steps[0]) + steps[0] / 2.0)
+    elevation = np.radians(np.arange(-90.0, 90.0 - 1e-9, steps[1]) + steps[1] / 2.0)
+    gain = 10.0 ** (pattern.gain_db(azimuth[:, None], elevation[None]) / 5.0)
+    return azimuth, elevation, gain * np.cos(elevation) * np.radians(steps[0]) * np.radians(steps[1])
 
 
 def two_way_gain_integral(pattern: AntennaPattern) -> float:
-    """Return the integral of the squared power gain over the front hemisphere [sr], by definition."""
-    return _directions(pattern)[3]
+    """Return the integral of the squared power gain over all directions [sr], by definition."""
+    return float(_two_way_gain(pattern)[2].sum())
 
 
 def beam_share(radar: RadarSpec) -> float:
@@ -104,8 +116,8 @@ def beam_share(radar: RadarSpec) -> float:
     A beam is by definition as wide as the wavelength over the array's extent, in azimuth and in elevation; an array
     without extent does not tell directions apart.
     """
-    cumulated = _directions(radar.array.pattern)[2]
-    density = np.diff(cumulated, prepend=0.0).reshape(180, 180)
+    density = _two_way_gain(radar.array.pattern)[2]
+    density = density / density.sum()
     extent = np.ptp((radar.tx_array[:, None] + radar.rx_array[None]).reshape(-1, 3), axis=0)
     share = 1.0
     for axis, marginal in ((1, density.sum(axis=1)), (2, density.sum(axis=0))):
@@ -139,7 +151,7 @@ def mean_clutter_power(
     -----
     .. math:: P = \frac{P_t \lambda^2 \eta}{(4 \pi)^3} \int G^2 d\Omega \int_{R_1}^{R_2} \frac{e^{-2 \alpha R}}{R^2} dR
 
-    the radar equation over the volume in front of the radar; the last integral is that of an exponential integral.
+    the radar equation over the volume around the radar; the last integral is that of an exponential integral.
 
     References
     ----------
@@ -212,17 +224,17 @@ class VolumeSampling:
     reach : float or None
         Points lie within [m]; None: that of :func:`clutter_budget`.
     num_points : int
-        About so many.
-    least_per_bin : int
-        In each range bin at least.
+        About so many at most; a volume of more cells is thinned, the weakest first.
     nearest : float
         None nearer than this [m].
+    floor_db : float
+        Cells weaker than this over the noise of a range-Doppler-angle cell are drawn at random [dB].
     """
 
     reach: float | None = None
     num_points: int = DEFAULT_WEATHER_ECHOES.num_points
-    least_per_bin: int = DEFAULT_WEATHER_ECHOES.least_per_bin
     nearest: float = DEFAULT_WEATHER_ECHOES.nearest
+    floor_db: float = DEFAULT_ACCURACY.channel_floor_db
 
 
 def volume_clutter(
@@ -233,7 +245,7 @@ def volume_clutter(
     state: WorldState | None = None,
     sampling: VolumeSampling | None = None,
 ) -> RadarPaths:
-    r"""Return the echoes of rain and snow as paths of random points, without the air's attenuation.
+    r"""Return the echoes of rain and snow as paths of points, without the air's attenuation.
 
     Parameters
     ----------
@@ -254,50 +266,75 @@ def volume_clutter(
 
     Notes
     -----
-    Near range bins get more points than far ones. Ranges are even within each bin, directions are drawn in proportion
-    to the two-way gain. Point i has the mean cross-section :math:`\sigma_i = \eta R_i^2 \cos\theta_i / p(R_i, \phi_i,
-    \theta_i)` with p the density that it was drawn from, so that the mean power of any part of the volume is exactly
-    that of :func:`mean_clutter_power`; its amplitude is circular normal (many drops, fully developed speckle). Points
-    move with the wind, its turbulence (normal, each axis) and their fall, whose speed is drawn from the drops' sizes by
-    what they send back.
+    The volume is a lattice of cells of range, direction and radial velocity as large as the radar's resolution, a point
+    in each (:func:`.cells.gaussian_cells`). Its mean power is :func:`mean_clutter_power` of its part of the volume that
+    is in sight; its amplitude is circular normal: many drops, fully developed speckle. So a range-Doppler-angle cell is
+    normal with an even mean, and the mean power of any part of the volume is exact. Velocities are those of the wind,
+    its turbulence (normal, each axis) and the fall of the drops' sizes by what they send back, less the radar's own.
 
     *Not modelled*: multipath of the rain's echo over the ground, depolarisation, correlation of turbulence, the second
     order of a point's range within a frame, which would cost 60 times as much and only change which random numbers a
     cell gets.
     """
-    step = radar.range_resolution
     mount = Mount.of(mount)
-    pose = mount.pose
     sampling = sampling or VolumeSampling()
     limit = clutter_budget(weather, radar).reach if sampling.reach is None else sampling.reach
-    num_bins = math.ceil(limit / step - 1e-9)
-    if num_bins == 0 or not (drops := falling(weather, radar.center_frequency)):
-        return RadarPaths.empty(pose)
-    lower = np.maximum(np.arange(num_bins) * step, sampling.nearest)
-    width = np.maximum(np.minimum((np.arange(num_bins) + 1) * step, limit) - lower, 0.0)
-    number = _points_per_bin(lower + width / 2.0, sampling)
-    of_bin = np.repeat(np.arange(num_bins), number)
-    place = np.arange(len(of_bin)) - np.repeat(np.cumsum(number) - number, number)
-    distance = lower[of_bin] + width[of_bin] * (place + rng.random(len(of_bin))) / number[of_bin]
-    azimuth, elevation, cumulated, _ = _directions(radar.array.pattern)
-    cell = np.minimum(np.searchsorted(cumulated, rng.random(distance.size), side="right"), len(azimuth) - 1)
-    jitter = (rng.random((2, distance.size)) - 0.5) * np.radians(_GRID_DEG)
-    phi, theta = azimuth[cell] + jitter[0], elevation[cell] + jitter[1]
-    density = np.diff(cumulated, prepend=0.0)[cell] / np.radians(_GRID_DEG) ** 2
+    if limit <= sampling.nearest or not (drops := falling(weather, radar.center_frequency)):
+        return RadarPaths.empty(mount.pose)
+    rows, width = range_rows(radar.range_resolution, sampling.nearest, limit, rng)
     eta = sum(item.reflectivity for item in drops)
-    sigma = eta * distance**2 * np.cos(theta) * (width / number)[of_bin] / density
-    fall = _fall_speeds(drops, distance.size, rng)
-    motion = weather.turbulence * rng.standard_normal((distance.size, 3))
-    motion += np.stack([np.full(len(fall), weather.wind[0]), np.full(len(fall), weather.wind[1]), -fall], axis=1)
-    direction = pose.rotate(np.stack([np.cos(phi) * np.cos(theta), np.sin(phi) * np.cos(theta), np.sin(theta)], axis=1))
-    speckle = _speckle(rng, distance.size)
-    kept = sigma > 0.0
-    if state is not None:
-        kept &= _in_sight(state, pose, direction, distance)
+    loss = 10.0 ** (-weather_attenuation(weather, radar.center_frequency, radar.array.polarization) * rows / 5e3)
+    link = dbm_to_watt(radar.front_end.tx_power_dbm) * radar_gain(radar.wavelength, 1.0)
+    strength = link * eta * width / rows**2
+    weakest = 10.0 ** (sampling.floor_db / 10.0) * angle_cell_noise_power(radar)
+    scatter, fall = _scatter(weather, radar, mount, limit, rng, state)
+    cells = gaussian_cells(scatter, radar, Rows(rows, strength * loss), weakest, sampling.num_points, rng)
+    direction = mount.pose.rotate(cells.direction)
+    air = np.array([*weather.wind, -fall])
+    away = cells.velocity - direction @ (air - mount.twist.linear)
+    gain = field_gain(radar.array.pattern, cells.direction) ** 4
+    power = cells.power / np.interp(cells.distance, rows, loss)
     points = point_targets(
-        pose.position + distance[kept, None] * direction[kept], motion[kept], sigma[kept], radar, mount
+        mount.pose.position + cells.distance[:, None] * direction,
+        air + away[:, None] * direction,
+        power * cells.distance**4 / (link * gain),
+        radar,
+        mount,
     )
-    return _as_clutter(points, speckle[kept])
+    return _as_clutter(points, _speckle(rng, points.num_paths))
+
+
+def _scatter(
+    weather: Weather,
+    radar: RadarSpec,
+    mount: Mount,
+    reach: float,
+    rng: np.random.Generator,
+    state: WorldState | None,
+) -> tuple[Scatter, float]:
+    """Return what falls, seen along directions, random within cells of the pattern, and its mean speed of fall."""
+    fine = tuple(
+        int(np.clip(np.ceil(2.0 * np.radians(_GRID_DEG) / step), 1, _FINEST)) for step in direction_steps(radar)
+    )
+    azimuth, elevation, weight = _two_way_gain(radar.array.pattern, (fine[0], fine[1]))
+    row, column = np.nonzero(weight > _LEAST_GAIN * weight.max())
+    jitter = (rng.random((2, len(row))) - 0.5) * np.radians(_GRID_DEG)
+    phi, theta = azimuth[row] + jitter[0] / fine[0], elevation[column] + jitter[1] / fine[1]
+    local = np.stack([np.cos(phi) * np.cos(theta), np.sin(phi) * np.cos(theta), np.sin(theta)], axis=1)
+    direction = mount.pose.rotate(local)
+    free = np.full(len(row), np.inf)
+    if state is not None:
+        hits = state.cast(mount.pose.position, direction, max_distance=reach)
+        free[hits.ray] = hits.distance
+    drops = falling(weather, radar.center_frequency)
+    eta = sum(item.reflectivity for item in drops)
+    classes = [item.fall_classes(_FALL_CLASSES) for item in drops]
+    speed = np.concatenate([speeds for speeds, _ in classes])
+    share = np.concatenate([shares * item.reflectivity / eta for item, (_, shares) in zip(drops, classes, strict=True)])
+    air = np.array([*weather.wind, 0.0]) - mount.twist.linear
+    velocity = (direction @ air)[:, None] - direction[:, 2:] * speed
+    scatter = Scatter(local, weight[row, column], free, velocity, share, weather.turbulence)
+    return scatter, float(speed @ share)
 
 
 def spray_clutter(
@@ -308,11 +345,12 @@ def spray_clutter(
     num_points: int = DEFAULT_WEATHER_ECHOES.points_per_cloud,
     nearest: float = DEFAULT_WEATHER_ECHOES.nearest,
 ) -> RadarPaths:
-    """Return the echoes of the spray behind vehicles as paths of random points, see :class:`SprayCloud`.
+    """Return the echoes of the spray behind vehicles as paths of points of random amplitude, see :class:`SprayCloud`.
 
     Sources, parameters and result are those of :func:`volume_clutter`; `num_points` is the number of points of one
     cloud, `nearest` the distance [m] from which on drops count. The points of a cloud share its whole cross-section,
-    the integral of its reflectivity, by the radar equation [1]_.
+    the integral of its reflectivity, by the radar equation [1]_; they fill it and the spread of the radial velocity
+    evenly, so that few of them make a cell speckle.
 
     References
     ----------
@@ -332,12 +370,13 @@ def spray_clutter(
             radar.center_frequency,
             state.world.weather.temperature_celsius + CELSIUS,
         )
-        place, sight, distance = _in_cloud(cloud, pose, num_points, rng)
+        draws = even_draws(num_points, 4, rng)
+        place, sight, distance = _in_cloud(cloud, pose, draws)
         fade = np.exp(place[:, 0] / cloud.decay_length)
         volume = cloud.decay_length * (1.0 - math.exp(-cloud.length / cloud.decay_length)) * cloud.width * cloud.height
         sigma = np.full(num_points, drops.reflectivity * volume / num_points)
         motion = cloud.speed * fade[:, None] * cloud.world_from_cloud.rotation[:, 0]
-        motion = motion + state.world.weather.turbulence * rng.standard_normal(motion.shape)
+        motion = motion + state.world.weather.turbulence * ndtri(draws[:, 3:]) * sight
         amplitude = _speckle(rng, num_points)
         kept = (distance > nearest) & _in_sight(state, pose, sight, distance)
         blocks.append(
@@ -388,12 +427,13 @@ def through_weather(
         settings = settings or RadarSettings()
         knobs = settings.weather_echoes
         budget = clutter_budget(weather, radar, settings=settings)
-        sampling = VolumeSampling(budget.reach, knobs.num_points, knobs.least_per_bin, knobs.nearest)
+        floor = settings.accuracy.channel_floor_db
+        sampling = VolumeSampling(budget.reach, knobs.num_points, knobs.nearest, floor)
         mount = Mount(paths.world_from_tx, radar_twist or Twist())
         volume = volume_clutter(weather, radar, mount, rng, state, sampling)
         clouds = spray_clutter(state, radar, mount, rng, knobs.points_per_cloud, knobs.nearest)
         blocks += [volume, clouds]
-        report |= _report(budget, volume, clouds, settings.accuracy.channel_floor_db)
+        report |= _report(budget, volume, clouds, floor)
     diagnostics = {**paths.diagnostics, "weather": report}
     whole = RadarPaths.concatenate(blocks, diagnostics)
     return attenuate(whole, radar, (values[0], values[1]))
@@ -412,15 +452,8 @@ def _report(budget: ClutterBudget, volume: RadarPaths, clouds: RadarPaths, floor
     }
 
 
-def _points_per_bin(distance: Array, sampling: VolumeSampling) -> npt.NDArray[np.int64]:
-    """Return how many points each range bin gets: in proportion to 1 / R, at least `least_per_bin`."""
-    share = sampling.num_points / distance / np.sum(1.0 / distance)
-    return np.maximum(np.rint(share).astype(np.int64), sampling.least_per_bin)
-
-
-def _in_cloud(cloud: SprayCloud, pose: Pose, number: int, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+def _in_cloud(cloud: SprayCloud, pose: Pose, draws: Array) -> tuple[Array, Array, Array]:
     """Return places in a cloud's frame by its density, and the directions and distances of them from the radar."""
-    draws = rng.random((number, 3))
     tail = 1.0 - math.exp(-cloud.length / cloud.decay_length)
     place = np.stack(
         [
@@ -433,15 +466,6 @@ def _in_cloud(cloud: SprayCloud, pose: Pose, number: int, rng: np.random.Generat
     sight = cloud.world_from_cloud.apply(place) - pose.position
     distance = np.linalg.norm(sight, axis=1)
     return place, sight / np.maximum(distance, 1e-9)[:, None], distance
-
-
-def _fall_speeds(drops: list[Hydrometeors], number: int, rng: np.random.Generator) -> Array:
-    """Return speeds of fall, drawn from each kind of drops by its part of the reflectivity."""
-    if len(drops) == 1:
-        return drops[0].draw_fall_speeds(number, rng)
-    share = drops[0].reflectivity / sum(item.reflectivity for item in drops)
-    first = rng.random(number) < share
-    return np.where(first, drops[0].draw_fall_speeds(number, rng), drops[1].draw_fall_speeds(number, rng))
 
 
 def _speckle(rng: np.random.Generator, number: int) -> npt.NDArray[np.complex128]:

@@ -69,6 +69,13 @@ class RadioMaterial(Spec):
     scattering_coefficient: float = Field(
         0.0, ge=0.0, le=1.0, description="fraction of the reflected field that is scattered diffusely"
     )
+    diffuse_albedo: float | None = Field(
+        None,
+        ge=0.0,
+        le=1.0,
+        description="share of the incident power that is scattered diffusely, from measured backscatter; None: from "
+        "scattering_coefficient and the reflectance along the normal",
+    )
     xpd_coefficient: float = Field(0.0, ge=0.0, le=1.0, description="fraction of the diffuse power that is cross-polar")
     lidar_reflectance: float = Field(0.3, ge=0.0, le=1.0, description="diffuse, at 1550 nm; a scene may state its own")
     lidar_transmittance: float = Field(0.0, ge=0.0, le=1.0, description="of a pane, at 1550 nm and normal incidence")

@@ -1,4 +1,7 @@
-"""Diffusely scattered paths: amplitudes by Sionna RT, lengths in float64 on the planes of the triangles."""
+"""Diffusely scattered paths: lengths in float64 on the planes of the triangles, amplitudes by our own law.
+
+Sionna RT samples the paths; what its amplitudes hold of Fresnel's coefficients is replaced.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,9 @@ import numpy.typing as npt
 
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.paths.tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths
-from scarl_sionna.engine.twins import RADIO_FREQUENCY
+from scarl_sionna.engine.twins import ENGINE_THICKNESS, RADIO_FREQUENCY
+from scarl_sionna.scene.materials.fresnel import power_reflectance
+from scarl_sionna.scene.materials.rough import diffuse_albedo
 
 from .images import Chain, spherical_basis
 from .station import Station
@@ -26,7 +31,8 @@ def diffuse_columns(
     """Return the columns of :class:`RadarPaths` for the paths that scatter diffusely at least once, and ``total`` [m].
 
     A scattering point is the engine's, moved onto the float64 plane of its triangle; what lies before the first and
-    behind the last of them is mirrored, so lengths are exact for every antenna.
+    behind the last of them is mirrored, so lengths are exact for every antenna. Amplitudes follow the law of
+    :func:`.rough.diffuse_albedo`, water on the surface included.
     """
     rows = np.flatnonzero((traced.kind == DIFFUSE).any(axis=1))
     kind, part, normal = traced.kind[rows], traced.part[rows], traced.normal[rows]
@@ -56,7 +62,9 @@ def diffuse_columns(
     rate = np.einsum("pdi,pdi->p", turn, surfaces) + arrive @ rx.velocity - travel[:, 0] @ tx.velocity
     to_tx = _turned(tx.rotation, travel[:, 0])
     to_rx = _turned(rx.rotation, -arrive)
-    a = np.einsum("pri,pij,ptj->prt", to_rx, traced.a[rows], to_tx) * (wavelength * RADIO_FREQUENCY / SPEED_OF_LIGHT)
+    cosine = np.abs(np.einsum("pdi,pdi->pd", travel[:, :-1], normal))
+    own = _by_albedo(state, traced.a[rows], kind, part, cosine, SPEED_OF_LIGHT / wavelength)
+    a = np.einsum("pri,pij,ptj->prt", to_rx, own, to_tx) * (wavelength * RADIO_FREQUENCY / SPEED_OF_LIGHT)
     total = np.linalg.norm(tx_point - tx.position, axis=1) + inner + np.linalg.norm(rx_point - rx.position, axis=1)
     parts = state.world.parts
     last_part = part[np.arange(count), np.maximum(depth - 1, 0)] if width else np.full(count, -1, np.int64)
@@ -74,6 +82,36 @@ def diffuse_columns(
         "rx_image": np.full((count, 3, 4), np.nan),
         "total": total,
     }
+
+
+def _by_albedo(
+    state: WorldState,
+    a: npt.NDArray[np.complex128],
+    kind: npt.NDArray[np.int32],
+    part: npt.NDArray[np.int64],
+    cosine: Array,
+    frequency: float,
+) -> npt.NDArray[np.complex128]:
+    """Return Sionna RT's transfers with the albedo of each rough surface in place of S^2 |Gamma|^2, shape as `a`.
+
+    Over both incident polarisations the engine's diffuse power is S^2 (|TE|^2 + |TM|^2), of the dry surface, at every
+    surface that scatters. A path of one scattering has the same power for both; where mirrors are in the way, their
+    ratio stays that of the engine.
+    """
+    names = np.array(state.world.parts.material)
+    ratio, scatters = np.ones(kind.shape), kind == DIFFUSE
+    for name in np.unique(names[part[scatters]]):
+        material = state.world.materials[str(name)]
+        rows = scatters & (names[np.maximum(part, 0)] == name)
+        engine = material.with_(water_film=0.0, thickness=material.thickness or ENGINE_THICKNESS)
+        te, tm = power_reflectance(engine, RADIO_FREQUENCY, cosine[rows])
+        ratio[rows] = 2.0 * diffuse_albedo(material, frequency) / (material.scattering_coefficient**2 * (te + tm))
+    result = a * np.sqrt(ratio.prod(axis=1))[:, None, None]
+    single = np.count_nonzero(kind, axis=1) == 1
+    columns = np.sum(np.abs(result[single]) ** 2, axis=1, keepdims=True)
+    mean = columns.mean(axis=2, keepdims=True)
+    result[single] *= np.sqrt(np.divide(mean, columns, out=np.ones_like(columns), where=columns > 1e-9 * mean))
+    return result
 
 
 def _directions(start: Array, points: Array, end: Array) -> Array:

@@ -5,17 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SKY, semantic_id
+from scarl_sionna.core.settings.raycast import RaycastSettings
 from scarl_sionna.core.toml_file import read_toml
+from scarl_sionna.scene.materials.rough import diffuse_albedo
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import World
 
 BUILTIN_FILE = Path(__file__).with_name("rcs_by_class.toml")
 
+GROUND = ("Roads", "SideWalks", "Terrain", "RoadLine", "Ground")
+"""Classes whose echo is that of a rough surface of their material."""
 ClassRcs = Mapping[str, float] | str | Path
 
 
@@ -33,6 +40,36 @@ def _entries(path: str | Path) -> dict[str, Any]:
 @cache
 def _builtin() -> dict[str, Any]:
     return _entries(BUILTIN_FILE)
+
+
+def rough_ground(world: World, frequency: float, knobs: RaycastSettings) -> npt.NDArray[np.float64]:
+    """Return what each part of the ground sends back by the law of rough surfaces, NaN for parts that go by class.
+
+    Parameters
+    ----------
+    world : World
+    frequency : float
+        [Hz].
+    knobs : RaycastSettings
+        Classes that its `class_rcs` names go by class.
+
+    Returns
+    -------
+    ndarray of float64, shape (num_parts, 2)
+        Co- and cross-polar, times the cosine of incidence the RCS for each m2 of projected area, see
+        :func:`~scarl_sionna.scene.materials.rough.sigma0`.
+    """
+    result = np.full((len(world.parts.name), 2), np.nan)
+    if not knobs.rough_ground:
+        return result
+    own = knobs.class_rcs if isinstance(knobs.class_rcs, Mapping) else _entries(knobs.class_rcs or BUILTIN_FILE)
+    named = own if knobs.class_rcs is not None else ()
+    ground = [semantic_id(name) for name in GROUND if name not in named]
+    for part in np.flatnonzero(np.isin(world.parts.semantic, ground)):
+        material = world.materials[world.parts.material[part]]
+        if material.covers(frequency) and (albedo := diffuse_albedo(material, frequency)) > 0.0:
+            result[part] = 4.0 * albedo * (1.0 - material.xpd_coefficient), 4.0 * albedo * material.xpd_coefficient
+    return result
 
 
 def class_reflectivity(changes: ClassRcs | None = None) -> npt.NDArray[np.float64]:

@@ -27,7 +27,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.scene.materials.fresnel import power_reflectance, te_fraction_of_h
 from scarl_sionna.signal.link import radar_gain
 
-from .class_rcs import class_reflectivity
+from .class_rcs import class_reflectivity, rough_ground
 from .grid import RayGrid
 from .thinning import ResolutionCells, thin
 
@@ -61,6 +61,7 @@ class _Model:
     reach: float
     velocity: Array
     owned: npt.NDArray[np.bool_]
+    rough: Array
 
 
 def solve_raycast(
@@ -109,7 +110,9 @@ def solve_raycast(
     .. math:: |a|^2 = \frac{\sigma \lambda^2}{(4\pi)^3 d^4}, \quad
               \sigma = \gamma_{class}\, d^2 \Delta\Omega\, R(\theta)
 
-    with the power reflectance R of the part's radio material for the vertical and the horizontal polarisation. The
+    with the power reflectance R of the part's radio material for the vertical and the horizontal polarisation; on the
+    ground :math:`\sigma = \sigma^0 d^2 \Delta\Omega / \cos\theta` with the law of :func:`.rough.sigma0`, unless
+    `rough_ground` is off. The
     paper prints lambda = f0 / c under its Eq. (4); the wavelength is c / f0.
 
     *Not modelled*: multiple reflections, coherence between neighbouring hits, shadow of the road bounce, rotation of
@@ -130,7 +133,8 @@ def solve_raycast(
     _warn_of_small_objects(state, radar, pose, rays_of, reach, chosen_ids)
     owned = np.isin(state.world.parts.instance, chosen_ids)
     gamma = class_reflectivity(knobs.class_rcs)
-    model = _Model(radar, pose, gamma, knobs, rays_of.solid_angle, reach, mount.twist.linear, owned)
+    rough = rough_ground(state.world, radar.carrier_frequency, knobs)
+    model = _Model(radar, pose, gamma, knobs, rays_of.solid_angle, reach, mount.twist.linear, owned, rough)
     phases = _fixed_phases(knobs.hit_phase)
     clock = {"cast": 0.0, "amplitude": 0.0, "thin": 0.0}
     batches = []
@@ -175,9 +179,13 @@ def _columns(
     parts = state.world.parts
     distance = np.maximum(hits.distance, NEAREST_HIT)
     footprint = REFERENCE_FOOTPRINT if model.knobs.rcs_model == "per_hit" else model.solid_angle * distance**2
-    rcs = model.gamma[parts.semantic][hits.part] * footprint
-    power = radar_gain(model.radar.wavelength, distance) * rcs
     reflectance_v, reflectance_h = _reflectances(hits, rays[:, 2], state, model)
+    rough = model.rough[hits.part] * hits.cos_incidence[:, None]  # sigma0 over the area across the ray
+    by_law = ~np.isnan(rough[:, 0])
+    reflectance_v[by_law] = reflectance_h[by_law] = rough[by_law, 0]
+    crossed = np.where(by_law, rough[:, 1], 0.0)
+    rcs = np.where(by_law, 1.0, model.gamma[parts.semantic][hits.part]) * footprint
+    power = radar_gain(model.radar.wavelength, distance) * rcs
     keep = np.flatnonzero(
         (power > 0.0) & (reflectance_v + reflectance_h > 0.0) & (distance < model.reach) & model.owned[hits.part]
     )
@@ -186,6 +194,7 @@ def _columns(
     factor = 1.0 if cycles is None else np.exp(2j * np.pi * cycles[ray])
     a[:, 0, 0] = np.sqrt(power * reflectance_v[keep]) * factor
     a[:, 1, 1] = np.sqrt(power * reflectance_h[keep]) * factor
+    a[:, 0, 1] = a[:, 1, 0] = np.sqrt(power * crossed[keep]) * factor
     return {
         "point": hits.point[keep],
         "a": a,
