@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.describe import Described, Row, field_rows, listed
 
 if TYPE_CHECKING:
@@ -22,7 +22,15 @@ Array = npt.NDArray[np.float64]
 @dataclass(frozen=True, eq=False, repr=False)
 class RadarPaths(
     Described,
-    units={"tx_point": "m", "rx_point": "m", "inner_length": "m", "length_rate": "m/s", "length_acceleration": "m/s2"},
+    units={
+        "tx_point": "m",
+        "rx_point": "m",
+        "inner_length": "m",
+        "length_rate": "m/s",
+        "length_acceleration": "m/s2",
+        "tx_velocity": "m/s",
+        "rx_velocity": "m/s",
+    },
 ):
     """Propagation paths of one radar at one instant.
 
@@ -30,6 +38,10 @@ class RadarPaths(
     single scattering both points are the hit point and the inner length is 0; behind a chain of mirror reflections a
     point is the image of the scatterer. A path of mirror reflections only has no scattering point: its length is
     ``|rx_image(q) - p|``, and `rx_image` holds the isometry.
+
+    Over a frame the end points move with their velocities and the antennas with the radars, so that every
+    transmit-receive pair has its own rate. What `length_rate` and `length_acceleration` have beyond that is taken as
+    the change of `inner_length`.
 
     Attributes
     ----------
@@ -57,6 +69,16 @@ class RadarPaths(
         NaN for other paths.
     world_from_tx, world_from_rx : Pose
         Radar frames of the transmitter and of the receiver; equal for a monostatic radar.
+    tx_velocity, rx_velocity : ndarray of float64, shape (num_paths, 3), or None
+        Velocities of the end points relative to the origins of the two radar frames [m/s, world axes, which do not
+        turn with the radar]. For a path of mirror reflections only, `rx_velocity` is that of the receiver's image
+        relative to the transmitter, and `tx_velocity` is not used. NaN, or None for all: not known; directions then
+        stay those of the frame's start.
+    linear_motion : ndarray of bool, shape (num_paths,), or None
+        Whether a path keeps to first order over a frame, as SCaRL has it: the length of every pair is linear in time,
+        strengths stay. None: of no path.
+    tx_twist, rx_twist : Twist
+        Motion of the two radar frames. Only the angular velocity acts on a frame's signal: velocities are relative.
     diagnostics : mapping
         What the solver chose and left out.
     """
@@ -74,6 +96,11 @@ class RadarPaths(
     world_from_tx: Pose
     world_from_rx: Pose
     rx_image: npt.NDArray[np.float64] | None = None
+    tx_velocity: npt.NDArray[np.float64] | None = None
+    rx_velocity: npt.NDArray[np.float64] | None = None
+    linear_motion: npt.NDArray[np.bool_] | None = None
+    tx_twist: Twist = field(default_factory=Twist)
+    rx_twist: Twist = field(default_factory=Twist)
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
 
     def _facts(self) -> Iterable[Row]:
@@ -154,7 +181,8 @@ class RadarPaths(
         Parameters
         ----------
         blocks : sequence of RadarPaths
-            At least one, all between the same poses. Labels are padded with -1 to the longest chain.
+            At least one, all between the same poses. Labels are padded with -1 to the longest chain. The twists are
+            those of the first block that has paths.
         diagnostics : mapping, optional
             Of the result; empty where left out, since no block's own would tell of the others.
 
@@ -176,24 +204,29 @@ class RadarPaths(
                     "paths of one radar at one instant",
                 )
         width = max(block.instance.shape[1] for block in blocks)
-        with_images = any(block.rx_image is not None for block in blocks)
+        moving = next((block for block in blocks if block.num_paths), first)
         merged: dict[str, Any] = {}
         column: list[npt.NDArray[Any]]
         for item in fields(cls):
-            if item.name in ("world_from_tx", "world_from_rx", "diagnostics"):
+            if item.name in _OF_ALL_PATHS:
                 continue
             if item.name in ("instance", "interaction"):
                 column = [_padded(getattr(block, item.name), width) for block in blocks]
-            elif item.name == "rx_image":
-                column = [block._images() for block in blocks] if with_images else []
+            elif item.name in _NOT_KNOWN:
+                known = any(getattr(block, item.name) is not None for block in blocks)
+                column = [block.filled(item.name) for block in blocks] if known else []
             else:
                 column = [getattr(block, item.name) for block in blocks]
             merged[item.name] = np.concatenate(column) if column else None
         merged |= {"world_from_tx": first.world_from_tx, "world_from_rx": first.world_from_rx}
+        merged |= {"tx_twist": moving.tx_twist, "rx_twist": moving.rx_twist}
         return cls(**merged, diagnostics={} if diagnostics is None else diagnostics)
 
-    def _images(self) -> Array:
-        return np.full((self.num_paths, 3, 4), np.nan) if self.rx_image is None else self.rx_image
+    def filled(self, name: str) -> npt.NDArray[Any]:
+        """Return an optional column, of one value that says so where it is not known."""
+        column: npt.NDArray[Any] | None = getattr(self, name)
+        shape, value = _NOT_KNOWN[name]
+        return np.full((self.num_paths, *shape), value) if column is None else column
 
     @property
     def apparent_points(self) -> Array:
@@ -242,6 +275,33 @@ class RadarPaths(
         }
         rest = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in changed}
         return RadarPaths(**changed, **rest)
+
+
+_AT_HAND = 1e-9
+"""A point this near [m] is at the observer: a guard against division by zero."""
+_OF_ALL_PATHS = ("world_from_tx", "world_from_rx", "tx_twist", "rx_twist", "diagnostics")
+_NOT_KNOWN: Mapping[str, tuple[tuple[int, ...], float | bool]] = {
+    "rx_image": ((3, 4), np.nan),
+    "tx_velocity": ((3,), np.nan),
+    "rx_velocity": ((3,), np.nan),
+    "linear_motion": ((), False),
+}
+"""Optional columns: shape of a path's value, and what stands for none."""
+
+
+def bend_of(offset: Array, velocity: Array) -> Array:
+    """Return the second derivative of the distance to points in straight motion [m/s2].
+
+    By definition: what moves across the line of sight, squared, over the distance.
+
+    Parameters
+    ----------
+    offset, velocity : ndarray of float64, shape (num_points, 3)
+        From the observer to the points [m], and relative to it [m/s].
+    """
+    squared = np.maximum(np.einsum("pi,pi->p", offset, offset), _AT_HAND**2)
+    across = velocity - (np.einsum("pi,pi->p", offset, velocity) / squared)[:, None] * offset
+    return np.asarray(np.einsum("pi,pi->p", across, across) / np.sqrt(squared))
 
 
 def _padded(labels: npt.NDArray[np.int32], width: int) -> npt.NDArray[np.int32]:

@@ -44,8 +44,7 @@ def point_targets(
         Radar cross-section [m2], >= 0, the same for V and H; nothing is cross-polarised. A scalar holds for all.
     radar : RadarSpec
     mount : Mount or Pose
-        Of the radar at the start of the frame; a bare pose (`world_from_radar`) stands still. Rotation within a frame
-        is not modelled.
+        Of the radar at the start of the frame; a bare pose (`world_from_radar`) stands still.
     state : WorldState, optional
         Surroundings: the paths to the targets are then traced in them, with occlusion and mirror reflections (two-ray
         ground, ghosts); free space if left out.
@@ -107,6 +106,10 @@ def point_targets(
         semantic=np.zeros(count, dtype=np.uint8),
         world_from_tx=pose,
         world_from_rx=pose,
+        tx_velocity=relative,
+        rx_velocity=relative.copy(),
+        tx_twist=place.twist,
+        rx_twist=place.twist,
     )
 
 

@@ -233,6 +233,9 @@ def test_rate_and_acceleration_over_an_edge(tmp_path, moving: str) -> None:
     if moving != "screen":
         assert (length[2] - 2 * length[1] + length[0]) / step**2 == pytest.approx(now.length_acceleration, abs=1e-4)
     assert abs(now.length_rate[0]) > 1.0
+    # the edge's point, seen from the radar, slides as the geometry does
+    slid = (back.tx_point - ahead.tx_point) / (2 * step) - velocity["radar"]
+    assert slid == pytest.approx(now.tx_velocity, abs=2 * limit) and np.array_equal(now.tx_velocity, now.rx_velocity)
 
 
 def test_antennas_behind_an_edge(screen) -> None:

@@ -21,7 +21,7 @@ from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.radar.synthesis import synthesize
-from scarl_sionna.radar.synthesis.blocks import retraced, shifted, synthesize_blocks
+from scarl_sionna.radar.synthesis.blocks import later, retraced, synthesize_blocks
 from scarl_sionna.signal.converter import quantize
 from tests.oracles import micro_doppler as oracle
 from tests.scenes import Thing, plane, write_scene
@@ -218,7 +218,7 @@ def test_noise_and_tdm_rows_are_as_in_synthesize() -> None:
     still = dataclasses.replace(paths, length_acceleration=np.zeros(1))
     fine = {"accuracy": FINE, "method": "direct"}
     whole = synthesize(still, radar, rng=np.random.default_rng(1), **fine)
-    blocks = synthesize_blocks(lambda time: shifted(still, time), radar, 3, rng=np.random.default_rng(1), **fine)
+    blocks = synthesize_blocks(lambda time: later(still, time), radar, 3, rng=np.random.default_rng(1), **fine)
     assert np.abs(blocks - whole).max() < 1e-6 * np.abs(whole).max()
     with pytest.raises(ParameterRangeError, match="chirps_per_block = 9 .*1 to num_chirps = 8"):
         synthesize_blocks(lambda _: still, radar, 9)

@@ -298,7 +298,8 @@ def test_moving_targets_of_one_cell_are_told_apart_by_their_direction_in_tdm(fra
     unit = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(2)], axis=1)
     paths = point_targets(40.0 * unit, velocity * unit, [10.0, 10.0], radar, Pose())
     paths.instance[:, 0] = (1, 2)
-    power = received_power(paths, radar)
+    middle = radar.num_tx * radar.num_chirps * radar.waveform.chirp_interval / 2.0
+    power = received_power(paths, radar) * (40.0 / (40.0 + velocity * middle)) ** 4  # a map has that of mid-frame
     zero = np.zeros(2)
     points = RadarPoints(40.0 * unit, np.full(2, 40.0), azimuth, zero, np.full(2, velocity), power, zero, zero)
     labels = label_points(points, paths, radar)

@@ -58,8 +58,9 @@ def scene(radar, count, speed, seed=0, bend=False):
 
 
 def error_db(radar, paths, tolerance):
-    fast = synthesize(paths, radar, accuracy=Accuracy(synthesis_tolerance=tolerance))
-    exact = synthesize(paths, radar, method="direct")
+    accuracy = Accuracy(synthesis_tolerance=tolerance, motion_tolerance=tolerance)
+    fast = synthesize(paths, radar, accuracy=accuracy)
+    exact = synthesize(paths, radar, accuracy=accuracy, method="direct")
     return 20.0 * np.log10(np.abs(fast - exact).max() / np.abs(exact).max())
 
 

@@ -17,6 +17,14 @@ class Accuracy(Spec):
         lt=1.0,
         description="largest error of the synthesized beat signal relative to its peak; docs/performance_synthesis.md",
     )
+    motion_tolerance: float | None = Field(
+        1e-3,
+        gt=0.0,
+        le=1.0,
+        description="largest error of a path in motion, relative to its amplitude: those that need more than one rate "
+        "for all antennas move exactly. None: none does, directions stay those of the frame's start; "
+        "docs/performance_synthesis.md, crossing motion",
+    )
     channel_tolerance_db: Decibels = Field(
         1.0,
         gt=0.0,

@@ -71,7 +71,7 @@ def solve_scatterers(
     state : WorldState
     radar : RadarSpec
     mount : Mount
-        Pose and velocity of the radar. Its rotation within a frame is not modelled.
+        Pose and velocity of the radar.
     settings : RadarSettings
         Its `scatterers` and `max_distance` (centres beyond are left out; the unambiguous range if None). The body frame
         of an actor's model is the actor's frame; that of a static object is the world frame, in which its mesh stands,
@@ -137,7 +137,7 @@ def solve_scatterers(
     left_out = [info.name for info in state.world.instances.values() if info.name not in models]
     return _paths(
         columns,
-        pose,
+        mount,
         {
             "method": "scatterers",
             "max_distance": reach,
@@ -190,6 +190,7 @@ def _columns(state: WorldState, radar: RadarSpec, mount: Mount, placed: PlacedMo
         "point": point,
         "direction": direction,
         "distance": distance,
+        "velocity": relative,
         "a": turn @ matrix @ np.swapaxes(turn, 1, 2) * scale[:, None, None],
         "length_rate": 2.0 * radial,
         "length_acceleration": 2.0 * (across / distance + np.einsum("ni,ni->n", direction, centripetal)),
@@ -262,7 +263,7 @@ def _hidden(state: WorldState, pose: Pose, columns: Columns, group_size: float) 
     return np.asarray(dark[group])
 
 
-def _paths(columns: Columns, pose: Pose, diagnostics: dict[str, Any]) -> RadarPaths:
+def _paths(columns: Columns, mount: Mount, diagnostics: dict[str, Any]) -> RadarPaths:
     count = len(columns["distance"])
     return RadarPaths(
         tx_point=columns["point"],
@@ -275,7 +276,11 @@ def _paths(columns: Columns, pose: Pose, diagnostics: dict[str, Any]) -> RadarPa
         interaction=np.full((count, 1), POINT_INTERACTION, dtype=np.int32),
         depth=np.ones(count, dtype=np.int32),
         semantic=columns["semantic"],
-        world_from_tx=pose,
-        world_from_rx=pose,
+        world_from_tx=mount.pose,
+        world_from_rx=mount.pose,
+        tx_velocity=columns["velocity"],
+        rx_velocity=columns["velocity"].copy(),
+        tx_twist=mount.twist,
+        rx_twist=mount.twist,
         diagnostics=diagnostics,
     )

@@ -6,15 +6,15 @@ The transform, local to the main lobe.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
 from scarl_sionna.signal.processing import RangeDoppler
 from scarl_sionna.signal.windows import window_values
@@ -64,8 +64,7 @@ class PathCells:
     kept: npt.NDArray[np.bool_]
     range_lobe: Array
     doppler_lobe: Array
-    geometry: PathGeometry
-    motion: tuple[Array, Array]
+    terms: PairTerms
 
     @classmethod
     def of(
@@ -74,8 +73,8 @@ class PathCells:
         """Return the places of paths, as `range_doppler` has them after its compensation of motion."""
         window = "rect" if window is None else window
         doppler_window = window if doppler_window is None else doppler_window
-        geometry = PathGeometry.of(paths, radar)
-        length = geometry.center_length()
+        terms = PairTerms.of(paths, radar)
+        length = terms.geometry.center_length()
         grid = FrameGrid(radar)
         _, over_x, over_y, _ = grid.expand(*delay_terms(length, paths.length_rate, paths.length_acceleration), 0)
         doppler_bin = np.mod(over_y * radar.doppler_interval * radar.num_chirps, radar.num_chirps)
@@ -86,8 +85,7 @@ class PathCells:
             kept=length < 2.0 * radar.max_range,
             range_lobe=main_lobe(window, radar.num_samples),
             doppler_lobe=main_lobe(doppler_window, radar.num_chirps),
-            geometry=geometry,
-            motion=(paths.length_rate, paths.length_acceleration),
+            terms=terms,
         )
 
     def range_bin(self, index: Index, doppler: float | Array) -> Array:
@@ -103,14 +101,20 @@ class PathCells:
 
         `doppler` [Hz] is that of the map's row, whose motion between the transmitters is removed.
         """
+        tx = np.repeat(np.arange(self.radar.num_tx), self.radar.num_rx)
+        delay = np.array([self.radar.tx_delay(int(number)) for number in tx])
+        return np.asarray(self._middle[index] * phasor(-doppler * delay))
+
+    @cached_property
+    def _middle(self) -> npt.NDArray[np.complex128]:
+        """Fields of all paths at mid-frame [sqrt(W)], shape (num_paths, num_virtual)."""
         grid, radar = FrameGrid(self.radar), self.radar
-        rate, acceleration = self.motion[0][index], self.motion[1][index]
-        out = np.empty((len(index), radar.num_virtual), dtype=np.complex128)
+        out = np.empty((len(self.kept), radar.num_virtual), dtype=np.complex128)
         for tx in range(radar.num_tx):
             for rx in range(radar.num_rx):
-                delay = delay_terms(self.geometry.length(tx, rx)[index], rate, acceleration)
-                cycles = grid.expand(*delay, tx)[0] - doppler * grid.tx_delay(tx)
-                amplitude = self.geometry.pair_amplitude(tx, rx)[index]
+                cycles = grid.expand(*delay_terms(*self.terms.start(tx, rx)), tx)[0]
+                grown = self.terms.growth(tx, rx, grid.center_time(tx))
+                amplitude = self.terms.geometry.pair_amplitude(tx, rx) * grown
                 out[:, tx * radar.num_rx + rx] = amplitude * phasor(cycles)
         return out
 

@@ -108,6 +108,7 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     receiver = rays.vector(near.rx.pose.position)
     line = [rays.vector(near.tx.pose.position), *point, receiver]
     travel = [dr.normalize(stop - start) for start, stop in pairwise(line)]
+    moving = [surfaces.velocity(face[k], point[k]) for k in range(depth)]
     rate = dr.dot(travel[-1], rays.vector(near.rx.velocity)) - dr.dot(travel[0], rays.vector(near.tx.velocity))
     reflected = [(axis, dr.zeros(Vector, count)) for axis in _spherical_basis(rays, near.tx.pose, travel[0])]
     onward = travel[0]
@@ -118,7 +119,7 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
         smooth, onward = reflected_field(on, partial(surfaces.coefficients, face[k]), field, arriving, normal)
         kept, strayed, *turn = surfaces.roughness(face[k])
         reflected = [(kept * re, kept * im) for re, im in smooth]
-        rate += dr.dot(surfaces.velocity(face[k], point[k]), arriving - travel[k + 1])
+        rate += dr.dot(moving[k], arriving - travel[k + 1])
     back = travel[-1]
     out, home = dr.norm(center - image[-1]), dr.norm(receiver - center)
     if near.curves is not None and near.curves.curved.is_curved[tubes.face[0, -1]]:
@@ -133,6 +134,8 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     columns: dict[str, Any] = {
         "tx_point": _unfolded(dr, center, plane[:-1]),
         "rx_point": center,
+        "tx_velocity": _unfolded_velocity(dr, moving, plane[:-1]) - rays.vector(near.tx.velocity),
+        "rx_velocity": moving[-1] - rays.vector(near.rx.velocity),
         "length_rate": rate,
         "length": out + home,
         "cosine": dr.abs(dr.dot(normal, back)),
@@ -152,7 +155,7 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     found["a"] = _matrices(found, "re", "im")
     if diffuse:
         found["scattered"] = _matrices(found, "sre", "sim")
-    for name in ("tx_point", "rx_point"):
+    for name in ("tx_point", "rx_point", "tx_velocity", "rx_velocity"):
         found[name] = np.ascontiguousarray(found[name].T)
     return found
 
@@ -200,6 +203,16 @@ def _unfolded(dr: ModuleType, center: DeviceArray, mirrors: list[tuple[DeviceArr
     seen = center
     for normal, offset in reversed(mirrors):
         seen = seen - 2.0 * (dr.dot(normal, seen) - offset) * normal
+    return seen
+
+
+def _unfolded_velocity(
+    dr: ModuleType, moving: list[DeviceArray], mirrors: list[tuple[DeviceArray, DeviceArray]]
+) -> DeviceArray:
+    """Return the velocity of these images, by the velocities of the faces where they reflect."""
+    seen = moving[-1]
+    for (normal, _), mirror in zip(reversed(mirrors), reversed(moving[:-1]), strict=True):
+        seen = seen - 2.0 * dr.dot(normal, seen - mirror) * normal
     return seen
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -19,6 +21,8 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import add_noise
 
 from . import direct, groups
+from .moving import Signal, Tolerances, linear_signal, moving_signals
+from .orders import orders
 
 MAX_THREADS = 8
 """Most threads that work on pairs at once: each holds its own strengths and spectra (some 50 MB)."""
@@ -83,14 +87,18 @@ def synthesize(
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     kept, geometry = _within_band(paths, radar)
-    partition: list[tuple[npt.NDArray[np.intp], groups.Method | None]] = [(np.arange(kept.num_paths), None)]
-    if method == "nufft":
-        motion = (kept.length_rate, kept.length_acceleration)
-        partition = groups.partition(radar, geometry.center_length(), *motion, accuracy.synthesis_tolerance)
-    for index, transform in partition:
-        whole = len(index) == kept.num_paths
-        group = kept if whole else kept.select(index)
-        _add_group(adc, group, geometry if whole else PathGeometry.of(group, radar), radar, transform)
+    held, bent, linear, moving = orders(kept, radar, accuracy.motion_tolerance)
+    tolerance = accuracy.synthesis_tolerance if method == "nufft" else None
+    if held.any():
+        kept = replace(kept, length_acceleration=np.where(held, 0.0, kept.length_acceleration))
+    for signal in _signals(kept, geometry, radar, held | bent, tolerance):
+        _add(adc, radar, signal)
+    if linear.any():
+        _add(adc, radar, linear_signal(kept.select(linear), radar, tolerance))
+    if moving.any():
+        wanted = None if tolerance is None else Tolerances(tolerance, accuracy.motion_tolerance or tolerance)
+        for first, signal in moving_signals(kept.select(moving), radar, wanted):
+            _add(adc, radar, signal, first)
     return adc if rng is None else add_noise(adc, radar, rng)
 
 
@@ -117,23 +125,46 @@ def _within_band(paths: RadarPaths, radar: RadarSpec) -> tuple[RadarPaths, PathG
     return kept, PathGeometry.of(kept, radar)
 
 
-def _add_group(
-    adc: npt.NDArray[np.complex64],
+def _signals(
     paths: RadarPaths,
     geometry: PathGeometry,
     radar: RadarSpec,
-    transform: groups.Method | None,
-) -> None:
-    """Add the signal of some paths to `adc`: by their transform, or by the plain sum."""
+    chosen: npt.NDArray[np.bool_],
+    tolerance: float | None,
+) -> Iterator[Signal]:
+    """Yield what makes the signals of chosen paths with the rates of the array centres, group by group."""
+    if not chosen.all():
+        paths = paths.select(chosen)
+        geometry = PathGeometry.of(paths, radar)
+    partition: list[tuple[npt.NDArray[np.intp], groups.Method | None]] = [(np.arange(paths.num_paths), None)]
+    if tolerance is not None:
+        motion = (paths.length_rate, paths.length_acceleration)
+        partition = groups.partition(radar, geometry.center_length(), *motion, tolerance)
+    for index, transform in partition:
+        whole = len(index) == paths.num_paths
+        group = paths if whole else paths.select(index)
+        yield _of_center(group, geometry if whole else PathGeometry.of(group, radar), radar, transform)
+
+
+def _of_center(paths: RadarPaths, geometry: PathGeometry, radar: RadarSpec, transform: groups.Method | None) -> Signal:
+    """Return what makes the signal of some paths: by their transform, or by the plain sum."""
     motion = paths.length_rate, paths.length_acceleration
+
+    def of_pair(tx: int, rx: int) -> npt.NDArray[np.complexfloating]:
+        columns = geometry.pair_amplitude(tx, rx), geometry.length(tx, rx), *motion
+        return direct.sum_paths(*columns, radar, tx) if transform is None else transform.signal(*columns, tx)
+
+    return of_pair
+
+
+def _add(adc: npt.NDArray[np.complex64], radar: RadarSpec, signal: Signal, first: int = 0) -> None:
+    """Add the signals of all pairs to `adc`, from some chirp on."""
 
     def add_pair(pair: tuple[int, int]) -> None:
         tx, rx = pair
-        amplitude, length = geometry.pair_amplitude(tx, rx), geometry.length(tx, rx)
-        if transform is None:
-            adc[rx, tx :: radar.num_tx] += direct.sum_paths(amplitude, length, *motion, radar, tx)
-        else:
-            adc[rx, tx :: radar.num_tx] += transform.signal(amplitude, length, *motion, tx)
+        values = signal(tx, rx)
+        ramp = first * radar.num_tx + tx
+        adc[rx, ramp : ramp + len(values) * radar.num_tx : radar.num_tx] += values
 
     pairs = [(tx, rx) for tx in range(radar.num_tx) for rx in range(radar.num_rx)]
     workers = min(_num_cores(), len(pairs), MAX_THREADS)

@@ -24,6 +24,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import add_noise
 
 from . import synthesize
+from .motion import center_terms, is_known
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World
@@ -77,9 +78,10 @@ def synthesize_blocks(
 
     Notes
     -----
-    Within a block, lengths are quadratic in time about its middle. With the true rate and acceleration the phase is off
-    by at most :math:`2\pi f_0/c \cdot \dddot L (T/2)^3/6` at the borders of a block that lasts T; where a solver takes
-    turning parts as moving straight, by :math:`2\pi f_0/c \cdot \ddot L (T/2)^2/2`. Amplitudes are kept over a block.
+    Within a block, end points move straight on, and what their acceleration does to the length is quadratic in time
+    about the middle. With the true rate and acceleration the phase is off by at most
+    :math:`2\pi f_0/c \cdot \dddot L (T/2)^3/6` at the borders of a block that lasts T; where a solver takes turning
+    parts as moving straight, by :math:`2\pi f_0/c \cdot \ddot L (T/2)^2/2`. Gains and reflection are kept over a block.
 
     References
     ----------
@@ -94,10 +96,10 @@ def synthesize_blocks(
         count = min(chirps_per_block, radar.num_chirps - first)
         start, middle = first * radar.doppler_interval, (first + count / 2.0) * radar.doppler_interval
         paths = paths_at(middle)
-        block = synthesize(shifted(paths, start - middle), radar.with_(num_chirps=count), None, accuracy, method)
+        block = synthesize(later(paths, start - middle), radar.with_(num_chirps=count), None, accuracy, method)
         adc[:, first * ramps : (first + count) * ramps] = block
         if before is not None:
-            carried = synthesize(shifted(before[0], middle - before[1]), single, None, accuracy, method)
+            carried = synthesize(later(before[0], middle - before[1]), single, None, accuracy, method)
             found = synthesize(paths, single, None, accuracy, method)
             apart = max(apart, float(np.linalg.norm(carried - found)))
             size = max(size, float(np.linalg.norm(carried)), float(np.linalg.norm(found)))
@@ -114,10 +116,65 @@ def synthesize_blocks(
     return adc if rng is None else add_noise(adc, radar, rng)
 
 
+def later(paths: RadarPaths, time: float) -> RadarPaths:
+    """Return paths as they are some time later [s], or earlier if negative, seen from the radar as it is then.
+
+    Where velocities are known, end points move straight on and strengths follow their distances; points and velocities
+    are those in the radar's frame, which stays where it is. The other paths are :func:`shifted`.
+
+    By definition of straight motion.
+    """
+    known = is_known(paths)
+    if not known.all():
+        order = np.argsort(np.concatenate([np.flatnonzero(known), np.flatnonzero(~known)]), kind="stable")
+        blocks = [later(paths.select(known), time)] if known.any() else []
+        return RadarPaths.concatenate([*blocks, shifted(paths.select(~known), time)], paths.diagnostics).select(order)
+    offsets, velocities = paths.end_vectors(), [paths.filled(name) for name in ("tx_velocity", "rx_velocity")]
+    twists, poses = (paths.tx_twist, paths.rx_twist), (paths.world_from_tx, paths.world_from_rx)
+    mirror, linear = paths.is_mirror_chain, paths.filled("linear_motion")
+    back = [Rotation.from_rotvec(-twist.angular * time) for twist in twists]
+    changed: dict[str, Any] = {}
+    for name, offset, velocity, turn, pose in zip(("tx", "rx"), offsets, velocities, back, poses, strict=True):
+        changed[f"{name}_point"] = pose.position + turn.apply(offset + time * velocity)
+        changed[f"{name}_velocity"] = turn.apply(velocity)
+    if mirror.any():
+        image = paths.filled("rx_image").copy()
+        arms = back[0].as_matrix() @ image[mirror, :, :3] @ back[1].inv().as_matrix()
+        moved = back[0].apply(offsets[0][mirror] + time * velocities[1][mirror])
+        image[mirror, :, :3] = arms
+        image[mirror, :, 3] = poses[0].position + moved - arms @ poses[1].position
+        for name in ("tx", "rx"):  # of a path of mirrors only the points are labels
+            changed[f"{name}_point"][mirror] = getattr(paths, f"{name}_point")[mirror]
+        changed["rx_velocity"][mirror] = back[0].apply(velocities[1][mirror])
+        changed["rx_image"] = image
+    return _timed(replace(paths, **changed), paths, time, linear)
+
+
+def _timed(moved: RadarPaths, paths: RadarPaths, time: float, linear: npt.NDArray[np.bool_]) -> RadarPaths:
+    """Return moved paths with the lengths, rates and amplitudes of that time."""
+    length, rate, bend, strength = center_terms(paths, time)
+    rate, bend = np.where(linear, paths.length_rate, rate), np.where(linear, paths.length_acceleration, bend)
+    length = np.where(linear, paths.length + time * paths.length_rate, length)
+    mirror, missing = moved.is_mirror_chain, length - moved.length
+    if mirror.any():  # by what its image has not moved, that moves along the line of sight
+        ahead = moved.end_vectors()[0][mirror]
+        image = moved.filled("rx_image").copy()
+        image[mirror, :, 3] += missing[mirror, None] * ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+        moved = replace(moved, rx_image=image)
+    return replace(
+        moved,
+        inner_length=np.where(mirror, moved.inner_length, moved.inner_length + missing),
+        length_rate=rate,
+        length_acceleration=bend,
+        a=paths.a * np.where(linear, 1.0, strength)[:, None, None],
+    )
+
+
 def shifted(paths: RadarPaths, time: float) -> RadarPaths:
     """Return paths as they are some time later [s], or earlier if negative, by their own rates and accelerations.
 
-    Directions and amplitudes stay. Lengths change by the same amount for every antenna, as :func:`synthesize` takes it.
+    Directions and amplitudes stay. Lengths change by the same amount for every antenna, as :func:`synthesize` takes it
+    where velocities are not known.
 
     By definition of a second-order series in time.
     """

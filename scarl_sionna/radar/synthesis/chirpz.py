@@ -16,6 +16,7 @@ the tolerance allows.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import finufft
@@ -262,6 +263,12 @@ class Transform:
         self, amplitude: npt.NDArray[np.complex128], length: Array, rate: Array, acceleration: Array, tx: int
     ) -> npt.NDArray[np.complexfloating]:
         """Return the noise-free beat signal of one pair [sqrt(W)], shape (num_chirps, num_samples)."""
+        return next(self.signals(amplitude[None], length, rate, tx))
+
+    def signals(
+        self, amplitudes: npt.NDArray[np.complex128], length: Array, rate: Array, tx: int
+    ) -> Iterator[npt.NDArray[np.complexfloating]]:
+        """Yield the signal for each row of amplitudes, shape (num_rows, num_paths), of the same paths."""
         radar, layout = self._radar, self._layout
         phase = PathPhase.of(radar, length, rate, tx, layout.delay)
         turn = phase.range_frequency / radar.sample_rate
@@ -270,17 +277,22 @@ class Transform:
         offset = (
             phase.constant + half * turn - (0.5 * radar.waveform.chirp_slope * self._half_square) * phase.squared_rate
         )
-        strength = amplitude * phasor(offset)
+        turned = phasor(offset)
         over_range = 2.0 * np.pi * (turn - np.rint(turn))
         over_doppler = (2.0 * np.pi / (layout.cell * layout.shape[1])) * (phase.doppler - layout.doppler[0])
         weights = {"migration": (phase.migration, layout.migration), "square": (square, layout.squared_rate[1])}
-        out = np.zeros((radar.num_samples, radar.num_chirps), dtype=self._dtype)
-        terms = zip((None, *layout.terms), self._spreaders, self._plans(), self._last, strict=True)
-        for name, spreader, plan, screen in terms:
-            values = strength if name is None else strength * (weights[name][0] / weights[name][1])
+        plans = self._plans()
+        for spreader, plan in zip(self._spreaders, plans, strict=True):
             plan.setpts(over_range.astype(spreader.real), over_doppler.astype(spreader.real))
-            self._add(out, plan.execute(values.astype(spreader.dtype)).astype(self._dtype, copy=False), screen)
-        return out.T
+        for amplitude in amplitudes:
+            strength = amplitude * turned
+            out = np.zeros((radar.num_samples, radar.num_chirps), dtype=self._dtype)
+            for name, spreader, plan, screen in zip(
+                (None, *layout.terms), self._spreaders, plans, self._last, strict=True
+            ):
+                values = strength if name is None else strength * (weights[name][0] / weights[name][1])
+                self._add(out, plan.execute(values.astype(spreader.dtype)).astype(self._dtype, copy=False), screen)
+            yield out.T
 
     def _plans(self) -> list[finufft.Plan]:
         """Return the calling thread's plans.

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
+from .motion import PathMotion
 from .phase import FrameGrid, beat_cycles, delay_terms, phasor
 
 MAX_CHUNK_VALUES = 2_000_000
@@ -34,4 +35,25 @@ def sum_paths(
             time = chirp[block, None] + ts[None, :]
             tau = delay[path] + time * (delay_rate[path] + 0.5 * time * delay_acceleration[path])
             out[block] += amplitude[path] * phasor(beat_cycles(radar, tau, ts))
+    return out
+
+
+def sum_moving(motion: PathMotion, radar: RadarSpec, tx: int, rx: int) -> npt.NDArray[np.complex128]:
+    """Return the noise-free beat signal of one pair [sqrt(W)] with exact motion, shape (num_chirps, num_samples).
+
+    Exact in the middle of every ramp, to second order in time within it (the strength to first order).
+    """
+    grid = FrameGrid(radar)
+    ramp = np.arange(radar.num_chirps, dtype=np.float64) * radar.doppler_interval + grid.tx_delay(tx) + grid.ts_center
+    ts, x = grid.ts_center + grid.x, grid.x
+    out = np.zeros((radar.num_chirps, radar.num_samples), dtype=np.complex128)
+    rows = max(1, MAX_CHUNK_VALUES // radar.num_samples)
+    for start in range(0, radar.num_chirps, rows):
+        block = slice(start, start + rows)
+        for path, amplitude in enumerate(motion.amplitude):
+            (length, rate, bend), strength, growth = motion.select(path).terms(tx, rx, ramp[block])
+            tau, turn, curve = delay_terms(length, rate, bend)
+            tau = tau + x * (turn + 0.5 * x * curve)
+            grown = amplitude * strength * (1.0 + growth * x)
+            out[block] += grown * phasor(beat_cycles(radar, tau, ts))
     return out

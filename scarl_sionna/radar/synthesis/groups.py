@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
@@ -32,6 +33,12 @@ CHIRPZ_SPREAD_COST, CHIRPZ_FFT_COST = 280e-9, 1.2e-8
 
 class Method(Protocol):
     """A transform that makes the signal of the paths of one group."""
+
+    def signals(
+        self, amplitudes: npt.NDArray[np.complex128], length: Array, rate: Array, tx: int
+    ) -> Iterator[npt.NDArray[np.complexfloating]]:
+        """Yield the signal for each row of amplitudes, shape (num_rows, num_paths), of the same straight paths."""
+        ...
 
     def signal(
         self, amplitude: npt.NDArray[np.complex128], length: Array, rate: Array, acceleration: Array, tx: int
@@ -66,6 +73,28 @@ def partition(
                 (index[inner], None if box is None else nufft.Transform(radar, box, tolerance)) for inner, box in boxes
             ]
     return groups
+
+
+def straight(radar: RadarSpec, length: Array, rate: Array, count: int, tolerance: float) -> Method | None:
+    """Return the cheapest transform for some straight paths, or None where only the plain sum holds the tolerance.
+
+    Parameters
+    ----------
+    radar : RadarSpec
+    length, rate : ndarray of float64, shape (num_corners,)
+        Corners of the box in which lengths [m] and rates [m/s] of the paths are.
+    count : int
+        Number of paths.
+    tolerance : float
+        Largest error over the peak.
+    """
+    layout = chirpz.Layout.of(radar, length, rate, tolerance)
+    box = nufft.Box.of(radar, rate, np.zeros_like(rate), tolerance)
+    terms = box.num_terms[0]
+    series = terms * (count * SPREAD_COST + radar.num_samples * radar.num_chirps * FFT_COST)
+    if layout is not None and (_chirpz_cost(radar, layout, count, tolerance) < series or terms > MAX_TERMS):
+        return chirpz.Transform(radar, layout, tolerance)
+    return nufft.Transform(radar, box, tolerance) if terms <= MAX_TERMS else None
 
 
 def _chirpz_cost(radar: RadarSpec, layout: chirpz.Layout, count: int, tolerance: float) -> float:

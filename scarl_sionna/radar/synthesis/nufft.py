@@ -11,6 +11,7 @@ small needs few digits, so it runs in float32 with a narrow kernel.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -195,6 +196,14 @@ class Transform:
         half_y = 0.5 * (1 - radar.num_chirps % 2)
         strength = amplitude * phasor(constant + half_x * turn_x + half_y * turn_y)
         return self._run(strength, turn_x, turn_y, middle_rate, grid.bend(delay, delay_acceleration))
+
+    def signals(
+        self, amplitudes: npt.NDArray[np.complex128], length: Array, rate: Array, tx: int
+    ) -> Iterator[npt.NDArray[np.complexfloating]]:
+        """Yield the signal for each row of amplitudes, shape (num_rows, num_paths), of the same straight paths."""
+        still = np.zeros_like(rate)
+        for amplitude in amplitudes:
+            yield self.signal(amplitude, length, rate, still, tx)
 
     def _run(
         self, strength: npt.NDArray[np.complex128], turn_x: Array, turn_y: Array, rate: Array, bend: Array

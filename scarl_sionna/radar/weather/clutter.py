@@ -408,7 +408,7 @@ def through_weather(
     rng : numpy.random.Generator or None
         Of the drops' places and speckle; None leaves their echoes out.
     radar_twist : Twist, optional
-        As given to the solver.
+        As given to the solver; that of the paths if left out.
     settings : RadarSettings, optional
         Its `weather_echoes`, and of its `accuracy` the floor below which echoes of the air are left out.
 
@@ -429,7 +429,7 @@ def through_weather(
         budget = clutter_budget(weather, radar, settings=settings)
         floor = settings.accuracy.channel_floor_db
         sampling = VolumeSampling(budget.reach, knobs.num_points, knobs.nearest, floor)
-        mount = Mount(paths.world_from_tx, radar_twist or Twist())
+        mount = Mount(paths.world_from_tx, radar_twist or paths.tx_twist)
         volume = volume_clutter(weather, radar, mount, rng, state, sampling)
         clouds = spray_clutter(state, radar, mount, rng, knobs.points_per_cloud, knobs.nearest)
         blocks += [volume, clouds]
@@ -489,6 +489,7 @@ def _as_clutter(points: RadarPaths, speckle: npt.NDArray[Any]) -> RadarPaths:
         points,
         a=points.a * speckle[:, None, None],
         length_acceleration=np.zeros(points.num_paths),
+        linear_motion=np.ones(points.num_paths, dtype=np.bool_),
         instance=np.zeros_like(points.instance),
         interaction=np.full_like(points.interaction, VOLUME_INTERACTION),
     )

@@ -20,16 +20,15 @@ from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import SPECULAR
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
-from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.channel.scatterers import PlacedModel
 from scarl_sionna.radar.optics.probes import Window
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
-from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.paths import RadarPaths, bend_of
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
 
 from .budget import box_points
-from .mirror_legs import Leg, MirrorView
+from .mirror_legs import MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches, ways
 
 if TYPE_CHECKING:
@@ -108,8 +107,9 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image]) -> R
     """Return the paths as the radar itself sees them, without those that the surroundings hide."""
     state, pose = view.state, view.mount.pose
     both = images[0].way, images[1].way
-    ends = zip(images, (found.tx_point, found.rx_point), strict=True)
-    legs = [view.leg(image.way, image.pose.rotation, points) for image, points in ends]
+    moving = (found.filled("tx_velocity"), found.filled("rx_velocity"))  # the images of the radar were at rest
+    ends = zip(images, (found.tx_point, found.rx_point), moving, strict=True)
+    legs = [view.leg(image.way, image.pose.rotation, points, velocities) for image, points, velocities in ends]
     there, back = legs
     visible = there.visible & back.visible
     for one in legs:
@@ -121,32 +121,19 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image]) -> R
         "rx_point": back.image,
         "length_rate": found.length_rate
         - sum(np.einsum("pi,pi->p", way.direction, way.station_velocity) for way in legs),
-        "length_acceleration": _acceleration(state, found, view.station, legs),
+        "length_acceleration": sum(bend_of(way.image - pose.position, way.image_velocity) for way in legs),
         "instance": _chained(state, both, found.instance, None),
         "interaction": _chained(state, both, found.interaction, SPECULAR),
         "depth": (found.depth + len(both[0]) + len(both[1])).astype(np.int32),
         "world_from_tx": pose,
         "world_from_rx": pose,
         "rx_image": None,
+        "tx_velocity": there.image_velocity,
+        "rx_velocity": back.image_velocity,
+        "tx_twist": view.mount.twist,
+        "rx_twist": view.mount.twist,
     }
     return RadarPaths(**changed).select(visible)
-
-
-def _acceleration(state: WorldState, found: RadarPaths, station: Station, legs: Sequence[Leg]) -> Array:
-    """Return the second derivative of the lengths to scattering centres.
-
-    Paths of `sbr` are of first order in time: theirs is zero.
-    """
-    result = np.zeros(found.num_paths)
-    rows = np.flatnonzero(found.interaction[:, 0] == POINT_INTERACTION)
-    part = np.array([state.world.instances[int(number)].parts[0] for number in found.instance[rows, 0]], dtype=np.int64)
-    velocity = state.point_velocity(part, found.rx_point[rows])
-    for way in legs:
-        relative = velocity - way.station_velocity[rows]
-        radial = np.einsum("pi,pi->p", relative, way.direction[rows])
-        distance = np.linalg.norm(way.image[rows] - station.position, axis=1)
-        result[rows] += np.maximum(np.einsum("pi,pi->p", relative, relative) - radial**2, 0.0) / distance
-    return result
 
 
 def _in_view(radar: RadarSpec, pose: Pose, points: Array) -> npt.NDArray[np.bool_]:
@@ -174,6 +161,7 @@ def _reversed(block: RadarPaths) -> RadarPaths:
     """Return the same paths the other way round."""
     changed: dict[str, Any] = {name: value for name, value in vars(block).items()}
     changed |= {"tx_point": block.rx_point, "rx_point": block.tx_point, "a": block.a.transpose(0, 2, 1).copy()}
+    changed |= {"tx_velocity": block.rx_velocity, "rx_velocity": block.tx_velocity}
     for name in ("instance", "interaction"):
         column = getattr(block, name)
         step = np.arange(column.shape[1])
@@ -242,6 +230,8 @@ def _of_model(
         "rx_point": point,
         "a": np.einsum("nrb,nbc,ntc->nrt", turn[1], matrix, turn[0]) * scale[:, None, None],
         "length_rate": rate,
+        "tx_velocity": velocity,
+        "rx_velocity": velocity,
         "instance": np.full((len(point), 1), placed.number, dtype=np.int32),
         "semantic": np.full(len(point), info.semantic, dtype=np.uint8),
     }

@@ -49,6 +49,8 @@ class Leg:
         From the image of the radar to the points.
     station_velocity : ndarray of float64, shape (num_points, 3)
         Of the image of the radar, by the motion of the radar and of the mirrors [m/s, world].
+    image_velocity : ndarray of float64, shape (num_points, 3)
+        Of `image` relative to the radar [m/s, world].
     """
 
     visible: npt.NDArray[np.bool_]
@@ -56,6 +58,7 @@ class Leg:
     jones: Complex
     direction: Array
     station_velocity: Array
+    image_velocity: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +102,7 @@ class MirrorView:
             self.knobs.thickness,
         )
 
-    def leg(self, way: Way, rotation: Array, points: Array) -> Leg:
+    def leg(self, way: Way, rotation: Array, points: Array, velocities: Array) -> Leg:
         """Return a way to points.
 
         Parameters
@@ -111,6 +114,8 @@ class MirrorView:
         points : ndarray of float64, shape (num_points, 3)
             What the length is counted to: points of the object, or their images by its own bounces, which are seen in
             the direction in which the wave meets the object first [m, world].
+        velocities : ndarray of float64, shape (num_points, 3)
+            Of these points [m/s, world].
         """
         state, station = self.state, self.station
         chain = chain_of(way, len(points))
@@ -136,7 +141,8 @@ class MirrorView:
         for k, mirror in enumerate(way):
             velocity -= 2.0 * np.einsum("pi,i->p", velocity - surface[:, k], mirror.normal)[:, None] * mirror.normal
         visible = right & self._open(way, vertices, points)
-        return Leg(visible, images[:, 0], jones, travel[:, -1], velocity)
+        seen = chain.image_velocity(velocities, surface) - station.velocity
+        return Leg(visible, images[:, 0], jones, travel[:, -1], velocity, seen)
 
     def _open(self, way: Way, vertices: Array, points: Array) -> npt.NDArray[np.bool_]:
         """Return which ways meet each mirror where it is, and no other mirror in its place, with nothing in between."""

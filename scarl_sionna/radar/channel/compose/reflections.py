@@ -107,7 +107,8 @@ def _by_way(view: MirrorView, way: Way, numbers: Sequence[int], count: int) -> l
     image = mirrored(way, pose.position)
     points = [lit_points(view.state, image, number, count) for number in numbers]
     size = np.array([len(some) for some in points])
-    leg = view.leg(way, np.eye(3), np.concatenate(points))
+    joined = np.concatenate(points)
+    leg = view.leg(way, np.eye(3), joined, np.zeros_like(joined))
     seen = leg.visible & Viewpoint.of(view.radar, pose, np.zeros(3)).sees(leg.image)
     ahead = leg.image - pose.position
     length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))

@@ -47,6 +47,9 @@ class EdgeLeg:
     length: float
     rate: float
     acceleration: float
+    velocity: Array
+    front_velocity: Array
+    rear_velocity: Array
     transfer: Complex
     edge_length: float
 
@@ -119,20 +122,27 @@ def edge_leg(
     field = propagated(second, travel[1], field, material_coefficients(materials, index[:, where + 1 :], frequency))
     basis = spherical_basis(ends.rotation, -travel[1][:, -1])
     velocity = state.point_velocity(part, points)
-    rate, acceleration = _motion(
+    rate, acceleration, sliding = _motion(
         wedge,
         source,
         target,
         _seen_velocity(backward, station.velocity, velocity[:where][::-1]) - velocity[where],
         _seen_velocity(second, end_velocity, velocity[where + 1 :]) - velocity[where],
     )
+    at_edge = velocity[where] + sliding * wedge.direction
+    behind_it = Chain(*(value[:, ::-1] for value in vars(second).values()))
+    front_velocity = _seen_velocity(first, at_edge, velocity[:where]) - station.velocity
+    rear_velocity = _seen_velocity(behind_it, at_edge, velocity[where + 1 :][::-1]) - end_velocity
     isometry = _joined_isometry(first, _unfolding(wedge, source, target), second)
     image = isometry[:, :3] @ end + isometry[:, 3]
     along = np.asarray(first.images((edge + wedge.direction)[None])[0, 0] - images[0][0, 0])
     near, far = _wavefront_errors(station.arms, along, travel[0][0, 0], ray, ends.is_station)
     front = station.position + before * travel[0][0, 0]
+    ahead = travel[0][0, 0]
+    turning = (front_velocity - (front_velocity @ ahead) * ahead) / before  # of the direction in which both are seen
+    image_velocity = rate * ahead + (before + behind) * turning
     if near <= far:
-        image, isometry = front, np.full((3, 4), np.nan)
+        image, isometry, image_velocity = front, np.full((3, 4), np.nan), front_velocity
     return EdgeLeg(
         points,
         image,
@@ -144,6 +154,9 @@ def edge_leg(
         before + behind,
         rate,
         acceleration,
+        image_velocity,
+        front_velocity,
+        rear_velocity,
         np.einsum("pri,pti->prt", basis, field)[0],
         wedge.length,
     )
@@ -163,12 +176,13 @@ def _seen_velocity(chain: Chain, velocity: Array, surfaces: Array) -> Array:
 
 def _motion(
     wedge: Wedge, source: Array, target: Array, source_velocity: Array, target_velocity: Array
-) -> tuple[float, float]:
-    r"""Return the first and second derivative of the length over an edge at rest.
+) -> tuple[float, float, float]:
+    r"""Return the first and second derivative of the length over an edge at rest, and the speed of its point along it.
 
-    .. math:: L^2 = (\rho_1 + \rho_2)^2 + (z_1 - z_2)^2
+    .. math:: L^2 = (\rho_1 + \rho_2)^2 + (z_1 - z_2)^2, \quad
+              z = (z_1 \rho_2 + z_2 \rho_1) / (\rho_1 + \rho_2)
     """
-    total, rate, curve, along = 0.0, 0.0, 0.0, []
+    total, rate, curve, along, away = 0.0, 0.0, 0.0, [], []
     for point, velocity in ((source, source_velocity), (target, target_velocity)):
         rho, _, z = wedge.cylindrical(point)
         out = point - wedge.origin - z * wedge.direction
@@ -177,10 +191,15 @@ def _motion(
         total, rate = total + rho, rate + opening
         curve += max(float(across @ across) - opening**2, 0.0) / rho
         along.append((z, float(velocity @ wedge.direction)))
+        away.append((float(rho), opening))
     apart, sliding = along[0][0] - along[1][0], along[0][1] - along[1][1]
     length = float(np.hypot(total, apart))
     first = (total * rate + apart * sliding) / length
-    return first, (rate**2 + sliding**2 + total * curve - first**2) / length
+    (z, speed), (z_end, speed_end) = along
+    (rho, opening), (rho_end, opening_end) = away
+    place = (z * rho_end + z_end * rho) / total
+    numerator = speed * rho_end + z * opening_end + speed_end * rho + z_end * opening
+    return first, (rate**2 + sliding**2 + total * curve - first**2) / length, (numerator - place * rate) / total
 
 
 def _unfolding(wedge: Wedge, source: Array, target: Array) -> Array:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.paths.tracing import DIFFUSE, NONE, REFRACTION, SPECULAR, TracedPaths
 from scarl_sionna.engine.twins import ENGINE_THICKNESS, RADIO_FREQUENCY
+from scarl_sionna.radar.paths import bend_of
 from scarl_sionna.scene.materials.fresnel import power_reflectance
 from scarl_sionna.scene.materials.rough import diffuse_albedo
 
@@ -43,7 +44,7 @@ def diffuse_columns(
     point = np.where((kind == NONE)[..., None], rx.position, point)
     if width == 0:
         point, first, last = np.zeros((count, 0, 3)), np.zeros(count, np.int64), np.zeros(count, np.int64)
-        tx_point = rx_point = np.zeros((count, 3))
+        tx_point = rx_point = tx_velocity = rx_velocity = np.zeros((count, 3))
     else:
         scatters = kind == DIFFUSE
         first, last = scatters.argmax(axis=1), width - 1 - scatters[:, ::-1].argmax(axis=1)
@@ -52,6 +53,9 @@ def diffuse_columns(
         behind = _part_of_chain(kind, normal, offset, column > last[:, None])
         reverse = Chain(*(value[:, ::-1] for value in vars(behind).values()))
         tx_point, rx_point = before.images(point[row, first])[:, 0], reverse.images(point[row, last])[:, 0]
+        surfaces = state.point_velocity(part.ravel(), point.reshape(-1, 3)).reshape(point.shape)
+        tx_velocity = before.image_velocity(surfaces[row, first], surfaces) - tx.velocity
+        rx_velocity = reverse.image_velocity(surfaces[row, last], surfaces[:, ::-1]) - rx.velocity
     travel = _directions(tx.position, point, rx.position)
     steps = np.linalg.norm(np.diff(point, axis=1), axis=2) if width > 1 else np.zeros((count, 0))
     column = np.arange(max(width - 1, 0))
@@ -65,7 +69,8 @@ def diffuse_columns(
     cosine = np.abs(np.einsum("pdi,pdi->pd", travel[:, :-1], normal))
     own = _by_albedo(state, traced.a[rows], kind, part, cosine, SPEED_OF_LIGHT / wavelength)
     a = np.einsum("pri,pij,ptj->prt", to_rx, own, to_tx) * (wavelength * RADIO_FREQUENCY / SPEED_OF_LIGHT)
-    total = np.linalg.norm(tx_point - tx.position, axis=1) + inner + np.linalg.norm(rx_point - rx.position, axis=1)
+    out, home = tx_point - tx.position, rx_point - rx.position
+    total = np.linalg.norm(out, axis=1) + inner + np.linalg.norm(home, axis=1)
     parts = state.world.parts
     last_part = part[np.arange(count), np.maximum(depth - 1, 0)] if width else np.full(count, -1, np.int64)
     return {
@@ -74,12 +79,14 @@ def diffuse_columns(
         "inner_length": inner,
         "a": a,
         "length_rate": rate,
-        "length_acceleration": np.zeros(count),
+        "length_acceleration": bend_of(out, tx_velocity) + bend_of(home, rx_velocity),
         "instance": np.where(part >= 0, parts.instance[part], -1),
         "interaction": np.where(part >= 0, kind, -1),
         "depth": depth,
         "semantic": np.where(last_part >= 0, parts.semantic[last_part], 0),
         "rx_image": np.full((count, 3, 4), np.nan),
+        "tx_velocity": tx_velocity,
+        "rx_velocity": rx_velocity,
         "total": total,
     }
 

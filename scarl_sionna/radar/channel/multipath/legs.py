@@ -44,12 +44,16 @@ class Legs:
         Maps the end point to its image; NaN where that is the edge.
     length, rate, acceleration : ndarray of float64, shape (num_legs,)
         [m], [m/s], [m/s2].
+    velocity : ndarray of float64, shape (num_legs, 3)
+        Of `image` relative to the station [m/s, world]. Turning of a mirror is in its part along the leg only.
     transfer : ndarray of complex128, shape (num_legs, 2, 2)
         Without spreading; rows: at the end point, columns: at the station.
     inner : ndarray of float64, shape (num_legs,)
         Length behind `image` [m]: zero but over an edge.
     front, rear : ndarray of float64, shape (num_legs, 3)
         The edge as the station, and as the end point, sees it [m, world]; NaN without one.
+    front_velocity, rear_velocity : ndarray of float64, shape (num_legs, 3)
+        Of these relative to the station and to the end point [m/s, world]; NaN without an edge.
     spread : ndarray of float64, shape (num_legs,)
         Largest error of the length to any antenna by taking the edge's wavefront, which has two radii, for a sphere
         [m].
@@ -67,10 +71,13 @@ class Legs:
     length: Array
     rate: Array
     acceleration: Array
+    velocity: Array
     transfer: npt.NDArray[np.complex128]
     inner: Array
     front: Array
     rear: Array
+    front_velocity: Array
+    rear_velocity: Array
     spread: Array
     edge_length: Array
 
@@ -158,6 +165,7 @@ def _straight(
     length = np.linalg.norm(ahead, axis=1)
     rate = np.einsum("pi,pi->p", ahead, relative) / length
     across = np.maximum(np.einsum("pi,pi->p", relative, relative) - rate**2, 0.0)
+    none = np.full((len(length), 3), np.nan)
     legs = Legs(
         target,
         traced.kind[rows],
@@ -169,10 +177,13 @@ def _straight(
         length,
         rate,
         across / length,
+        relative,
         through,
         inner=np.zeros_like(length),
-        front=np.full((len(length), 3), np.nan),
-        rear=np.full((len(length), 3), np.nan),
+        front=none,
+        rear=none,
+        front_velocity=none,
+        rear_velocity=none,
         spread=np.zeros_like(length),
         edge_length=np.full_like(length, np.inf),
     )
@@ -183,7 +194,7 @@ def _over_edges(traced: TracedPaths, rows: npt.NDArray[np.int64], legs: Sequence
     """Return the legs over edges as one table."""
     count, width = len(rows), traced.kind.shape[1]
     shapes = {"point": (width, 3), "isometry": (3, 4), "transfer": (2, 2)} | dict.fromkeys(
-        ("image", "front", "rear"), (3,)
+        ("image", "front", "rear", "velocity", "front_velocity", "rear_velocity"), (3,)
     )
     columns = {
         item.name: np.array([getattr(leg, item.name) for leg in legs]).reshape(count, *shapes.get(item.name, ()))

@@ -76,6 +76,8 @@ def scattered_columns(
         "depth": sum(legs.depth[chosen] for legs, chosen in rows) + (len(rows) - 1),
         "semantic": semantic[target],
         "rx_image": np.full((len(target), 3, 4), np.nan),
+        "tx_velocity": there.velocity[out],
+        "rx_velocity": back.velocity[home],
         "total": length.sum(axis=0),
     }
 

@@ -95,7 +95,7 @@ def solve_sionna(
     state : WorldState
     radar : RadarSpec
     mount : Mount
-        Pose and velocity of the radar, or of the transmitter. Rotation within a frame is not modelled.
+        Pose and velocity of the radar, or of the transmitter.
     settings : RadarSettings
         Its `sionna` and `max_distance`.
     receiver : Mount, optional
@@ -186,6 +186,8 @@ def solve_sionna(
         **columns,
         world_from_tx=pose,
         world_from_rx=pose if receiver is None else receiver.pose,
+        tx_twist=mount.twist,
+        rx_twist=(receiver or mount).twist,
         diagnostics=diagnostics,
     )
     return paths.select(keep)
@@ -295,6 +297,7 @@ class _Solver:
             np.where(bent[:, None], point, other) for point, other in ((legs.front, first), (legs.rear, last))
         )
         ends = np.linalg.norm(first - tx.position, axis=1) + np.linalg.norm(last - rx.position, axis=1)
+        by_edge = np.isnan(legs.isometry[:, :1, 0])
         return {
             "tx_point": first,
             "rx_point": last,
@@ -307,6 +310,8 @@ class _Solver:
             "depth": depth,
             "semantic": np.where(last_part >= 0, parts.semantic[last_part], 0),
             "rx_image": legs.isometry,
+            "tx_velocity": np.where(by_edge, legs.front_velocity, 0.0),
+            "rx_velocity": np.where(by_edge, legs.rear_velocity, legs.velocity),
             "total": legs.length,
         }
 
@@ -363,7 +368,7 @@ def _joined(blocks: list[Columns]) -> Columns:
 
 def _no_columns(width: int) -> Columns:
     none = {name: np.zeros(0) for name in ("inner_length", "length_rate", "length_acceleration", "total")}
-    none |= {name: np.zeros((0, 3)) for name in ("tx_point", "rx_point")}
+    none |= {name: np.zeros((0, 3)) for name in ("tx_point", "rx_point", "tx_velocity", "rx_velocity")}
     none |= {name: np.zeros((0, width), np.int32) for name in ("instance", "interaction")}
     return {
         **none,

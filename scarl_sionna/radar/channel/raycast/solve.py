@@ -115,8 +115,8 @@ def solve_raycast(
     `rough_ground` is off. The
     paper prints lambda = f0 / c under its Eq. (4); the wavelength is c / f0.
 
-    *Not modelled*: multiple reflections, coherence between neighbouring hits, shadow of the road bounce, rotation of
-    the array about its centre, acceleration.
+    *Not modelled*: multiple reflections, coherence between neighbouring hits, shadow of the road bounce, acceleration
+    (the length of every antenna pair is linear in time, as SCaRL has it).
 
     References
     ----------
@@ -162,7 +162,7 @@ def solve_raycast(
         columns = _thinned(columns, model, knobs.hits_per_cell)
         chosen["hits_per_cell"] = knobs.hits_per_cell
         clock["thin"] = time.perf_counter() - start
-    return _paths(columns, pose, rays_of, clock, chosen)
+    return _paths(columns, mount, rays_of, clock, chosen)
 
 
 def _fixed_phases(hit_phase: HitPhase) -> Callable[[int], Array | None]:
@@ -195,10 +195,12 @@ def _columns(
     a[:, 0, 0] = np.sqrt(power * reflectance_v[keep]) * factor
     a[:, 1, 1] = np.sqrt(power * reflectance_h[keep]) * factor
     a[:, 0, 1] = a[:, 1, 0] = np.sqrt(power * crossed[keep]) * factor
+    relative = hits.velocity[keep] - model.velocity
     return {
         "point": hits.point[keep],
         "a": a,
-        "length_rate": 2.0 * np.einsum("ij,ij->i", hits.velocity[keep] - model.velocity, world_rays[ray]),
+        "velocity": relative,
+        "length_rate": 2.0 * np.einsum("ij,ij->i", relative, world_rays[ray]),
         "instance": parts.instance[part].astype(np.int32),
         "semantic": parts.semantic[part].astype(np.uint8),
         "distance": distance[keep],
@@ -237,7 +239,7 @@ def _reflectances(hits: RayHits, sine_elevation: Array, state: WorldState, model
 
 
 def _paths(
-    columns: dict[str, npt.NDArray[Any]], pose: Pose, grid: RayGrid, clock: dict[str, float], chosen: dict[str, Any]
+    columns: dict[str, npt.NDArray[Any]], mount: Mount, grid: RayGrid, clock: dict[str, float], chosen: dict[str, Any]
 ) -> RadarPaths:
     count = len(columns["length_rate"])
     diagnostics = {
@@ -259,8 +261,13 @@ def _paths(
         interaction=np.full((count, 1), DIFFUSE, dtype=np.int32),
         depth=np.ones(count, dtype=np.int32),
         semantic=columns["semantic"],
-        world_from_tx=pose,
-        world_from_rx=pose,
+        world_from_tx=mount.pose,
+        world_from_rx=mount.pose,
+        tx_velocity=columns["velocity"],
+        rx_velocity=columns["velocity"],
+        linear_motion=np.ones(count, dtype=np.bool_),
+        tx_twist=mount.twist,
+        rx_twist=mount.twist,
         diagnostics=diagnostics,
     )
 

@@ -13,6 +13,9 @@ Array = npt.NDArray[np.float64]
 Words = npt.NDArray[np.uint64]
 Columns = dict[str, npt.NDArray[Any]]
 
+_OF_THE_MIDDLE = ("tx_point", "rx_point", "tx_velocity", "rx_velocity", "length_rate", "length", "cosine", "scattered")
+"""Columns of which a patch takes the mean over its pieces."""
+
 
 def rough_pieces(columns: Columns, tubes: ImageTubes) -> Columns:
     """Return the columns of pieces of rough patches with `origin`, `face` and `area`.
@@ -56,7 +59,7 @@ def scattered_rows(pieces: Columns, seed: int) -> Columns:
     result = {}
     for name, column in columns.items():
         rows = column[order]
-        if name in ("tx_point", "rx_point", "length_rate", "length", "cosine", "scattered"):
+        if name in _OF_THE_MIDDLE:
             result[name] = np.add.reduceat(rows * share.reshape(-1, *[1] * (rows.ndim - 1)), first, axis=0)
         else:
             result[name] = rows[first]
@@ -80,6 +83,8 @@ def way_back(columns: Columns, semantic: npt.NDArray[np.uint8]) -> Columns:
         **columns,
         "tx_point": columns["rx_point"],
         "rx_point": columns["tx_point"],
+        "tx_velocity": columns["rx_velocity"],
+        "rx_velocity": columns["tx_velocity"],
         "a": columns["a"].transpose(0, 2, 1),
         "instance": columns["instance"][:, ::-1],
         "semantic": semantic,

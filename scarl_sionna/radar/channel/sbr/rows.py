@@ -26,6 +26,8 @@ def joined(blocks: list[Columns], max_depth: int) -> Columns:
         "rx_point": np.zeros((0, 3)),
         "a": np.zeros((0, 2, 2), np.complex128),
         "length_rate": np.zeros(0),
+        "tx_velocity": np.zeros((0, 3)),
+        "rx_velocity": np.zeros((0, 3)),
         "length": np.zeros(0),
         "cosine": np.zeros(0),
         "semantic": np.zeros(0, np.uint8),

@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ScarlWarning, UnknownNameError
 from scarl_sionna.core.mount import Mount
-from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.settings.warn import WarningLevels
@@ -35,7 +34,7 @@ from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Tracer, Viewpoint
 from scarl_sionna.radar.optics.surfaces import FaceSurfaces
-from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.paths import RadarPaths, bend_of
 
 from .diffuse import rough_pieces, scattered_rows, way_back
 from .rows import Columns, above_floor, in_order, joined, received
@@ -97,7 +96,8 @@ def solve_sbr(
     no row is doubled by reciprocity.
 
     *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, diffuse scattering between
-    mirrors and, for a bistatic pair, before them, the direct path of such a pair, acceleration of the length.
+    mirrors and, for a bistatic pair, before them, the direct path of such a pair, the acceleration of bodies
+    themselves (turning ones, wheels: :func:`scarl_sionna.synthesize_blocks`).
     *Convergence and validity*: docs/sbr.md.
 
     References
@@ -184,7 +184,7 @@ def solve_between(
     columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, knobs.floor_db)
     columns = in_order(columns)
     diagnostics["seconds"] = time.perf_counter() - clock
-    return _paths(columns, tx.pose, rx.pose, diagnostics)
+    return _paths(columns, mount, receiver or mount, diagnostics)
 
 
 def _faces(
@@ -317,24 +317,30 @@ def _warn_of_grazing(cosine: Array, power: Array, grazing_cosine: float) -> None
         )
 
 
-def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) -> RadarPaths:
+def _paths(columns: Columns, tx: Mount, rx: Mount, diagnostics: dict[str, Any]) -> RadarPaths:
     count, width = columns["instance"].shape
     step = np.arange(width)
     depth = columns["depth"]
     scatterer = np.where(columns["diffuse"] == 2, 0, depth - 1)[:, None]
     interaction = np.where(step == scatterer, DIFFUSE, np.where(step < depth[:, None], SPECULAR, -1))
+    bend = bend_of(columns["tx_point"] - tx.pose.position, columns["tx_velocity"])
+    bend += bend_of(columns["rx_point"] - rx.pose.position, columns["rx_velocity"])
     return RadarPaths(
         tx_point=columns["tx_point"],
         rx_point=columns["rx_point"],
         inner_length=np.zeros(count),
         a=columns["a"],
         length_rate=columns["length_rate"],
-        length_acceleration=np.zeros(count),
+        length_acceleration=bend,
         instance=columns["instance"].astype(np.int32),
         interaction=interaction.astype(np.int32),
         depth=depth.astype(np.int32),
         semantic=columns["semantic"].astype(np.uint8),
-        world_from_tx=tx,
-        world_from_rx=rx,
+        world_from_tx=tx.pose,
+        world_from_rx=rx.pose,
+        tx_velocity=columns["tx_velocity"],
+        rx_velocity=columns["rx_velocity"],
+        tx_twist=tx.twist,
+        rx_twist=rx.twist,
         diagnostics=diagnostics,
     )

@@ -1,0 +1,334 @@
+r"""How the lengths of paths change over a frame, for every transmit-receive pair.
+
+End points move straight on, antennas with their radars. With the offset x of an end point from the radar's origin, its
+relative velocity v and the arm A(t) of an antenna, which turns with the radar, the distance of that end is
+
+.. math:: D(t) = |x + v t - A(t)|, \quad A(t) = e^{[\omega]_\times t} A(0)
+
+and a path is as long as both ends and what lies between, whose rate and acceleration are what the path's own have
+beyond those of its ends, seen from the array centres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.antenna import PathGeometry
+from scarl_sionna.radar.paths import RadarPaths
+
+Array = npt.NDArray[np.float64]
+
+
+class Terms(NamedTuple):
+    """A length [m], its rate [m/s] and its acceleration [m/s2]."""
+
+    value: Array
+    rate: Array
+    acceleration: Array
+
+
+class Ends(NamedTuple):
+    """Lengths [m] and strengths over those at time 0 between the centres."""
+
+    length: Array
+    strength: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Arms:
+    """Antennas about the origin of a radar that turns.
+
+    Attributes
+    ----------
+    start : ndarray of float64, shape (num_antennas, 3)
+        At time 0 [m, world axes].
+    spin : ndarray of float64, shape (3,)
+        [rad/s].
+    """
+
+    start: Array
+    spin: Array
+
+    def at(self, antenna: int | None, times: Array) -> Array:
+        """Return an antenna's places, shape (num_times, 3) [m]; that of the centre if None."""
+        if antenna is None:
+            return np.zeros((len(times), 3))
+        if not self.spin.any():
+            return np.broadcast_to(self.start[antenna], (len(times), 3))
+        turns = Rotation.from_rotvec(times[:, None] * self.spin)
+        return np.asarray(turns.apply(self.start[antenna]), dtype=np.float64)
+
+    def motion(self, antenna: int | None, times: Array) -> tuple[Array, Array, Array]:
+        """Return places, velocities and accelerations, shape (num_times, 3) [m], [m/s], [m/s2]."""
+        place = self.at(antenna, times)
+        velocity = np.cross(self.spin, place)
+        return place, velocity, np.cross(self.spin, velocity)
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """End points that move straight on past a radar.
+
+    Attributes
+    ----------
+    offset, velocity : ndarray of float64, shape (num_paths, 3)
+        From the radar's origin [m], and relative to it [m/s], world axes.
+    arms : Arms
+    """
+
+    offset: Array
+    velocity: Array
+    arms: Arms
+
+    @cached_property
+    def _columns(self) -> Array:
+        """Factors of the squared distance: by 1, t, t**2, and for each axis of an arm by 1 and t, (9, num_paths)."""
+        offset, velocity = self.offset.T, self.velocity.T
+        own = [np.sum(offset**2, axis=0), 2.0 * np.sum(offset * velocity, axis=0), np.sum(velocity**2, axis=0)]
+        return np.concatenate([own, -2.0 * offset, -2.0 * velocity])
+
+    def distance(self, antenna: int | None, times: Array) -> Array:
+        """Return distances to an antenna, shape (num_times, num_paths) [m]."""
+        arm, time = self.arms.at(antenna, times), times[:, None]
+        rows = np.concatenate([np.ones_like(time), time, time**2, arm, time * arm], axis=1)
+        square = rows @ self._columns
+        square += np.einsum("ti,ti->t", arm, arm)[:, None]
+        return np.sqrt(np.maximum(square, 0.0, out=square), out=square)
+
+    def terms(self, antenna: int | None, times: Array) -> Terms:
+        """Return distances with their derivatives, shape (num_times, num_paths) each."""
+        place, velocity, acceleration = (moving[:, None] for moving in self.arms.motion(antenna, times))
+        ahead = self.offset + times[:, None, None] * self.velocity - place
+        return _terms(ahead, self.velocity - velocity, -acceleration)
+
+
+@dataclass(frozen=True, eq=False)
+class Reflected:
+    """The receiver's antennas in mirrors, seen from the transmitter: the only end of a path of mirrors only.
+
+    Attributes
+    ----------
+    offset, velocity : ndarray of float64, shape (num_paths, 3)
+        Of the image of the receiver's origin, from that of the transmitter [m], [m/s].
+    turn : ndarray of float64, shape (num_paths, 3, 3)
+        What the mirrors do to the receiver's arms.
+    tx_arms, rx_arms : Arms
+    """
+
+    offset: Array
+    velocity: Array
+    turn: Array
+    tx_arms: Arms
+    rx_arms: Arms
+
+    def terms(self, tx: int | None, rx: int | None, times: Array) -> Terms:
+        """Return distances between a pair with their derivatives, shape (num_times, num_paths) each."""
+        here = self.tx_arms.motion(tx, times)
+        there = (np.einsum("pij,tj->tpi", self.turn, moving) for moving in self.rx_arms.motion(rx, times))
+        place, velocity, acceleration = (image - own[:, None] for image, own in zip(there, here, strict=True))
+        ahead = self.offset + times[:, None, None] * self.velocity + place
+        return _terms(ahead, self.velocity + velocity, acceleration)
+
+
+def _terms(ahead: Array, velocity: Array, acceleration: Array) -> Terms:
+    """Return the length of vectors (..., 3) and its derivatives from theirs."""
+    length = np.linalg.norm(ahead, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rate = np.einsum("...i,...i->...", ahead, velocity) / length
+        bend = np.einsum("...i,...i->...", velocity, velocity) + np.einsum("...i,...i->...", ahead, acceleration)
+        return Terms(length, rate, (bend - rate**2) / length)
+
+
+@dataclass(frozen=True, eq=False)
+class PathMotion:
+    """Lengths and strengths of paths over a frame, for every pair.
+
+    Attributes
+    ----------
+    tx, rx : End
+        Of all paths; a path of mirrors only has its length in `reflected`.
+    mirror : ndarray of bool, shape (num_paths,)
+    reflected : Reflected
+        Of the paths of mirrors only.
+    between : Terms
+        What lies between the ends, at time 0, shape (num_paths,).
+    amplitude : ndarray of complex128, shape (num_paths,)
+        Of the beat signal between the array centres at time 0 [sqrt(W)].
+    reach : ndarray of float64, shape (num_paths,)
+        Product of both ends' distances from the centres at time 0 [m2]; of a path of mirrors only its length [m].
+    """
+
+    tx: End
+    rx: End
+    mirror: npt.NDArray[np.bool_]
+    reflected: Reflected
+    between: Terms
+    amplitude: npt.NDArray[np.complex128]
+    reach: Array
+
+    @classmethod
+    def of(cls, paths: RadarPaths, radar: RadarSpec) -> PathMotion:
+        """Return the motion of paths whose velocities are known; of the others as if their ends stood still."""
+        return cls._of(paths, radar.tx_array, radar.rx_array, PathGeometry.of(paths, radar).amplitude)
+
+    @classmethod
+    def _of(
+        cls, paths: RadarPaths, tx_array: Array, rx_array: Array, amplitude: npt.NDArray[np.complex128]
+    ) -> PathMotion:
+        tx_offset, rx_offset = paths.end_vectors()
+        tx_arms = Arms(paths.world_from_tx.rotate(tx_array), paths.tx_twist.angular)
+        rx_arms = Arms(paths.world_from_rx.rotate(rx_array), paths.rx_twist.angular)
+        tx_velocity, rx_velocity = (np.nan_to_num(paths.filled(name), nan=0.0) for name in _VELOCITIES)
+        tx, rx = End(tx_offset, tx_velocity, tx_arms), End(rx_offset, rx_velocity, rx_arms)
+        mirror = paths.is_mirror_chain
+        turn = paths.filled("rx_image")[mirror, :, :3]
+        reflected = Reflected(tx_offset[mirror], rx_velocity[mirror], turn, tx_arms, rx_arms)
+        own = (paths.length_rate, paths.length_acceleration)
+        start = np.zeros(1)
+        ends = [tx.terms(None, start), rx.terms(None, start)]
+        both = [ends[0][k][0] + ends[1][k][0] for k in range(3)]
+        reach = ends[0].value[0] * ends[1].value[0]
+        through = reflected.terms(None, None, start)
+        reach[mirror] = through.value[0]
+        for k in range(3):
+            both[k][mirror] = through[k][0]
+        inner = np.where(mirror, 0.0, paths.inner_length)
+        between = Terms(inner, own[0] - both[1], own[1] - both[2])
+        return cls(tx, rx, mirror, reflected, between, amplitude, reach)
+
+    def select(self, path: int) -> PathMotion:
+        """Return the motion of one path."""
+        one = slice(path, path + 1)
+        row = int(np.count_nonzero(self.mirror[:path]))
+        seen = slice(row, row + int(self.mirror[path]))
+        tx, rx = (End(end.offset[one], end.velocity[one], end.arms) for end in (self.tx, self.rx))
+        image = self.reflected
+        reflected = Reflected(image.offset[seen], image.velocity[seen], image.turn[seen], image.tx_arms, image.rx_arms)
+        between = Terms(*(column[one] for column in self.between))
+        return PathMotion(tx, rx, self.mirror[one], reflected, between, self.amplitude[one], self.reach[one])
+
+    def ends(self, tx: int | None, rx: int | None, times: Array) -> Ends:
+        """Return lengths, and strengths over those at time 0 between the centres, shape (num_times, num_paths) each.
+
+        Parameters
+        ----------
+        tx, rx : int or None
+            Of the pair; None is the centre.
+        times : ndarray of float64, shape (num_times,)
+            [s].
+
+        Raises
+        ------
+        ParameterRangeError
+            If a path ends at an antenna.
+        """
+        out, home = self.tx.distance(tx, times), self.rx.distance(rx, times)
+        time = times[:, None]
+        length = out + home
+        with np.errstate(divide="ignore"):
+            strength = self.reach / (out * home)
+            if self.mirror.any():
+                length[:, self.mirror] = through = self.reflected.terms(tx, rx, times).value
+                strength[:, self.mirror] = self.reach[self.mirror] / through
+        length += self.between.value + time * (self.between.rate + 0.5 * time * self.between.acceleration)
+        if not np.isfinite(strength).all():
+            index = int(np.flatnonzero(~np.isfinite(strength).all(axis=0))[0])
+            raise ParameterRangeError("paths", f"path {index} ends at an antenna", "end points away from every antenna")
+        return Ends(length, strength)
+
+    def terms(self, tx: int | None, rx: int | None, times: Array) -> tuple[Terms, Array, Array]:
+        """Return lengths with derivatives, strengths and their relative rates [1/s], (num_times, num_paths) each."""
+        out, home = self.tx.terms(tx, times), self.rx.terms(rx, times)
+        time, (value, rate, acceleration) = times[:, None], self.between
+        length = [a + b for a, b in zip(out, home, strict=True)]
+        strength = self.reach / (out.value * home.value)
+        growth = -(out.rate / out.value + home.rate / home.value)
+        if self.mirror.any():
+            through = self.reflected.terms(tx, rx, times)
+            for column, part in zip(length, through, strict=True):
+                column[:, self.mirror] = part
+            strength[:, self.mirror] = self.reach[self.mirror] / through.value
+            growth[:, self.mirror] = -through.rate / through.value
+        length[0] += value + time * (rate + 0.5 * time * acceleration)
+        length[1] += rate + time * acceleration
+        length[2] += acceleration
+        return Terms(*length), strength, growth
+
+
+_VELOCITIES = ("tx_velocity", "rx_velocity")
+
+
+def is_known(paths: RadarPaths) -> npt.NDArray[np.bool_]:
+    """Return the paths whose end points' velocities are known, shape (num_paths,)."""
+    if paths.tx_velocity is None or paths.rx_velocity is None:
+        return np.zeros(paths.num_paths, dtype=np.bool_)
+    return np.asarray(np.isfinite(paths.tx_velocity).all(axis=1) & np.isfinite(paths.rx_velocity).all(axis=1))
+
+
+def center_terms(paths: RadarPaths, time: float) -> tuple[Array, Array, Array, Array]:
+    """Return lengths between the array centres at a time [s], their derivatives, and strengths over those at 0.
+
+    Parameters
+    ----------
+    paths : RadarPaths
+        Of known velocities.
+    time : float
+        [s].
+    """
+    none = np.zeros((0, 3))
+    motion = PathMotion._of(paths, none, none, np.ones(paths.num_paths, dtype=np.complex128))
+    length, strength, _ = motion.terms(None, None, np.array([time]))
+    return length.value[0], length.rate[0], length.acceleration[0], strength[0]
+
+
+@dataclass(frozen=True, eq=False)
+class PairTerms:
+    """Lengths of pairs about the frame's start, to second order, of paths of any kind.
+
+    Paths whose velocities are not known have the rates of the array centres for every pair; those in linear motion have
+    no acceleration, and strengths of both stay.
+
+    Attributes
+    ----------
+    paths : RadarPaths
+    geometry : PathGeometry
+    motion : PathMotion or None
+        None if no velocity is known.
+    """
+
+    paths: RadarPaths
+    geometry: PathGeometry
+    motion: PathMotion | None
+
+    @classmethod
+    def of(cls, paths: RadarPaths, radar: RadarSpec) -> PairTerms:
+        """Return the terms of paths for a radar."""
+        motion = PathMotion.of(paths, radar) if is_known(paths).any() else None
+        return cls(paths, PathGeometry.of(paths, radar), motion)
+
+    def start(self, tx: int, rx: int) -> Terms:
+        """Return lengths with their derivatives at the frame's start, shape (num_paths,) each."""
+        length = self.geometry.length(tx, rx)
+        own = self.paths.length_rate, self.paths.length_acceleration
+        if self.motion is None:
+            return Terms(length, *own)
+        known = is_known(self.paths)
+        found = self.motion.terms(tx, rx, np.zeros(1))[0]
+        bend = np.where(self.paths.filled("linear_motion"), 0.0, found.acceleration[0])
+        return Terms(length, np.where(known, found.rate[0], own[0]), np.where(known, bend, own[1]))
+
+    def growth(self, tx: int, rx: int, time: float) -> Array:
+        """Return strengths at a time [s] over those at the frame's start, shape (num_paths,)."""
+        moving = is_known(self.paths) & ~self.paths.filled("linear_motion")
+        if self.motion is None or not moving.any():
+            return np.ones(self.paths.num_paths)
+        start, then = self.motion.ends(tx, rx, np.array([0.0, time])).strength
+        return np.where(moving, then / start, 1.0)
