@@ -67,7 +67,7 @@ def bodies(seed: int, folder: Path) -> Street:
     if rng.uniform() < 2.0 / 3.0:
         side = float(rng.choice([-1.0, 1.0]))
         length, start = rng.uniform(15.0, 60.0), rng.uniform(2.0, 20.0)
-        wall = plane(length, 5.0, (start + length / 2.0, 17.0 * side, 2.5), (0.0, -side, 0.0))
+        wall = box((length, 0.2, 5.0), (start + length / 2.0, 17.0 * side, 2.6))
         things.append(Thing("wall", wall, "Wall", str(rng.choice(["concrete", "steel"]))))
     places: list[np.ndarray] = []
     for number in range(int(rng.integers(4, 15))):

@@ -1,7 +1,6 @@
-"""Does `auto` keep the tolerance that it was asked for, and at what cost?
+"""Whether `auto` keeps the tolerance that it was asked for, and at what cost.
 
-    python benchmarks/whole_streets.py field 0:60      solve random fields of bodies, a line of JSON each (goes on where
-                                                       it stopped)
+    python benchmarks/whole_streets.py field 0:60      random fields of bodies, a line of JSON each
     python benchmarks/whole_streets.py street 0:18     frames of the ready scenes
     python benchmarks/whole_streets.py --write docs/accuracy.md     table and chart from the results
 
@@ -85,7 +84,9 @@ def solve(kind: str, seed: int) -> dict[str, Any]:
         }
         for tolerance in TOLERANCES:
             settings = {"channel_tolerance_db": tolerance, "tube_budget": UNLIMITED, "max_distance": street.reach}
-            paths, cpu = timed(lambda settings=settings: solve_paths(street.state, RADAR, street.mount, "auto", **settings))
+            paths, cpu = timed(
+                lambda settings=settings: solve_paths(street.state, RADAR, street.mount, "auto", **settings)
+            )
             row = _row(street, paths, cpu, truth)
             expected = {choice["instance"]: choice["expected_error_db"] for choice in paths.diagnostics["choices"]}
             row["expected_db"] = {name: expected.get(name) for name in row["error_db"]}
@@ -95,9 +96,7 @@ def solve(kind: str, seed: int) -> dict[str, Any]:
         for name, knobs, ghosts in (("sbr 1 rad, no mirrors", PLAIN, False), ("sbr 1 rad, mirrors", PLAIN, True)):
             paths, cpu = timed(lambda knobs=knobs, ghosts=ghosts: _by_plan(street, plan, knobs, ghosts))
             line["methods"][name] = _row(street, paths, cpu, truth)
-        paths, cpu = timed(
-            lambda: solve_paths(street.state, RADAR, street.mount, "raycast", max_distance=street.reach)
-        )
+        paths, cpu = timed(lambda: solve_paths(street.state, RADAR, street.mount, "raycast", max_distance=street.reach))
         line["methods"]["raycast"] = _row(street, paths, cpu, truth)
         return line
 

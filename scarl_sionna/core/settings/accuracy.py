@@ -38,9 +38,9 @@ class Accuracy(Spec):
         "not computed by 'auto'; docs/accuracy.md, what is left out",
     )
     tube_budget: int = Field(
-        100_000,
+        300_000,
         ge=0,
-        description="ray tubes that 'auto' may spend on physical optics in one solve; docs/accuracy.md, highway frame",
+        description="ray tubes that 'auto' may spend on physical optics in one solve; docs/accuracy.md, whole streets",
     )
 
 

@@ -30,7 +30,9 @@ class SbrLevel(Spec):
     )
     max_depth: int = Field(ge=1, le=32, description="number of bounces followed, as in SbrSettings")
     patch_error: float = Field(
-        0.1, ge=0.0, description="relative error of the amplitude of one patch: a ratio; docs/accuracy.md, expected error"
+        0.1,
+        ge=0.0,
+        description="relative error of the amplitude of one patch: a ratio; docs/accuracy.md, expected error",
     )
 
 
@@ -41,15 +43,15 @@ class TubeEstimate(Spec):
     + per_edge * size / edge spacing * sqrt(faces / 100)); how right it is stands in docs/accuracy.md.
     """
 
-    least: float = Field(200.0, ge=0.0, description="number of tubes of an object with no face; fit, not charted")
-    per_face: float = Field(0.5, ge=0.0, description="number of tubes a face: half of the faces are lit")
-    per_patch: float = Field(0.5, ge=0.0, description="number of tubes a patch of the projected box")
+    least: float = Field(100.0, ge=0.0, description="number of tubes of an object with no face; fit, not charted")
+    per_face: float = Field(1.8, ge=0.0, description="number of tubes a face")
+    per_patch: float = Field(0.2, ge=0.0, description="number of tubes a patch of the projected box")
     per_edge: float = Field(
-        1.5, ge=0.0, description="number of tubes a step of the edge spacing along long edges; fit, not charted"
+        0.1, ge=0.0, description="number of tubes a step of the edge spacing along long edges; fit, not charted"
     )
     growth: float = Field(1.5, ge=1.0, description="factor for each further bounce; fit, not charted")
     seconds: Seconds = Field(
-        1e-5, ge=0.0, description="processor time of a tube on one core of 2025 [s]; docs/accuracy.md, whole streets"
+        3e-5, ge=0.0, description="processor time of a tube on one core of 2025 [s]; docs/accuracy.md, whole streets"
     )
 
 
@@ -60,7 +62,9 @@ class ErrorEstimate(Spec):
         0.3, ge=0.0, description="field of what bounces on, relative to that of the last bounce followed: a ratio"
     )
     by_class_db: Decibels = Field(
-        8.0, ge=0.0, description="error of an object that is left to its class's reflectivity; docs/accuracy.md, highway"
+        8.0,
+        ge=0.0,
+        description="error of an object that is left to its class's reflectivity; docs/accuracy.md, highway",
     )
 
 
@@ -83,7 +87,7 @@ class AutoSettings(Spec):
                 max_phase=1.0,
                 integration_phase=0.05,
                 edge_share=0.25,
-                return_angle=1.0,
+                return_angle=1.5,
                 max_depth=4,
                 patch_error=0.08,
             ),
@@ -147,8 +151,8 @@ class AutoSettings(Spec):
         64,
         ge=1,
         le=1000,
-        description="the largest so many flat faces are looked at; those that change the objects most become mirrors, at "
-        "most `mirrors.max_mirrors`; docs/accuracy.md, knobs of the rules",
+        description="the largest so many flat faces are looked at; those that change the objects most become mirrors, "
+        "at most `mirrors.max_mirrors`; docs/accuracy.md, knobs of the rules",
     )
     mirror_classes: tuple[str, ...] = Field(
         ("Roads", "SideWalks", "Ground", "Water", "Wall", "Building", "Bridge"),

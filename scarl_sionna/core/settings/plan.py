@@ -130,7 +130,9 @@ class Share(Described):
             raise ParameterRangeError("instances", repr(self.instances), "a sequence of names", "write ('name',)")
         object.__setattr__(self, "instances", tuple(self.instances))
         object.__setattr__(self, "settings", _settings(OBJECT_SOLVERS[self.solver], self.settings, "Share.settings"))
-        over = tuple(item if isinstance(item, Reflection) else of_mapping(Reflection, item) for item in self.reflections)
+        over = tuple(
+            item if isinstance(item, Reflection) else of_mapping(Reflection, item) for item in self.reflections
+        )
         object.__setattr__(self, "reflections", over)
         if over:
             object.__setattr__(self, "through_mirrors", True)
@@ -173,8 +175,7 @@ class ChannelPlan(Described):
     left_out : sequence of mapping
         What is not computed although it is in view, with the bound of its power; for the diagnostics.
     predicted : mapping
-        What the maker of the plan expects: ``tubes``, ``cpu_seconds`` and ``error_db`` of an object; empty for a plan by
-        hand.
+        What the maker of the plan expects: ``tubes``, ``cpu_seconds`` and ``tolerance_db``; empty for a plan by hand.
 
     Raises
     ------

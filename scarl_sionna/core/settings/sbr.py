@@ -152,9 +152,9 @@ class SbrSettings(Spec):
         None,
         gt=0.0,
         le=math.pi,
-        description="scene: after the first bounce, tubes are followed only where a ray comes back, and footprints kept "
-        "only where their mirror direction is, within this angle of the receiver's [rad]: what is left out are side "
-        "lobes. None: all (docs/sbr.md)",
+        description="scene: after the first bounce, tubes are followed only where a ray comes back, and footprints "
+        "kept only where their mirror direction is, within this angle of the receiver's [rad]: what is left out are "
+        "side lobes. None: all (docs/sbr.md)",
     )
     coefficient_nodes: int = Field(
         8193,

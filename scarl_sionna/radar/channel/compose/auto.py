@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.plan import ChannelPlan, Reflection, Share
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.antennas import refuse_receiver
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
@@ -111,9 +112,7 @@ def plan_channel(
     return _planned(state, radar, Mount.of(mount), (settings or RadarSettings()).changed("auto", **fields))[1]
 
 
-def _errors(
-    paths: RadarPaths, radar: RadarSpec, choices: list[Choice], settings: RadarSettings
-) -> dict[int, float]:
+def _errors(paths: RadarPaths, radar: RadarSpec, choices: list[Choice], settings: RadarSettings) -> dict[int, float]:
     """Return the expected error of the objects that are computed by physical optics [dB]."""
     rules, tolerance = settings.auto, settings.accuracy.channel_tolerance_db
     level = next(level for level in rules.levels if tolerance >= level.tolerance_db)
@@ -174,15 +173,15 @@ def _warn_of_reflections(choices: list[Choice], view: View) -> None:
 def _plan(view: View, choices: list[Choice], mirrors: list[Mirror]) -> ChannelPlan:
     echoing = _echoing(view)
     shares = []
-    for solver, settings in (("sbr", view.sbr), ("scatterers", None)):
+    for solver, reason in (("sbr", "coherent bodies within the budget"), ("scatterers", "objects with a model")):
         own = [choice for choice in choices if choice.method == solver]
         if not own:
             continue
+        settings: Spec = view.sbr
         if solver == "scatterers":
             models = {choice.item.name: view.models[choice.item.name] for choice in own}
             settings = view.settings.scatterers.with_(models=models)
         numbers = tuple(sorted(choice.item.number for choice in own))
-        reason = "coherent bodies within the budget" if solver == "sbr" else "objects with a model"
         shares.append(Share(solver, numbers, settings, reason=reason, reflections=_reflections(view, own)))
     rest = tuple(sorted(choice.item.number for choice in choices if choice.method in ("raycast", "out of view")))
     shares.append(Share("raycast", rest, reason="clutter, and what is over the budget"))
@@ -194,7 +193,9 @@ def _plan(view: View, choices: list[Choice], mirrors: list[Mirror]) -> ChannelPl
     used = {view.instance(mirror) for choice in choices for mirror in choice.mirrors}
     used |= {view.instance(mirror) for mirror in echoing}
     tubes = sum(choice.cost for choice in choices)
-    predicted = {"tubes": float(tubes), "cpu_seconds": round(tubes * view.rules.tubes.seconds, 2)}
+    tolerance = view.settings.accuracy.channel_tolerance_db
+    seconds = round(tubes * view.rules.tubes.seconds, 2)
+    predicted = {"tubes": float(tubes), "cpu_seconds": seconds, "tolerance_db": tolerance}
     return ChannelPlan(tuple(shares), tuple(sorted(used)), bool(echoing), left_out=left_out, predicted=predicted)
 
 
@@ -206,7 +207,8 @@ def _reflections(view: View, own: list[Choice]) -> tuple[Reflection, ...]:
             over = tuple(sorted({view.instance(mirror) for mirror in choice.mirrors}))
             groups.setdefault(over, []).append(choice.item.number)
     return tuple(
-        Reflection(tuple(sorted(numbers)), over) for over, numbers in sorted(groups.items(), key=lambda one: min(one[1]))
+        Reflection(tuple(sorted(numbers)), over)
+        for over, numbers in sorted(groups.items(), key=lambda one: min(one[1]))
     )
 
 

@@ -155,9 +155,7 @@ def box_points(state: WorldState, number: int) -> Array:
 def num_tubes(
     item: Estimate, distance: float, radar: RadarSpec, settings: SbrSettings, rules: AutoSettings = DEFAULT_AUTO
 ) -> int:
-    """Return about how many tubes `sbr` traces for an object seen from a distance [m], by the fit of
-    :class:`.TubeEstimate`.
-    """
+    """Return about how many tubes `sbr` traces for an object at a distance [m], by :class:`.TubeEstimate`."""
     fit = rules.tubes
     side = np.sqrt(4.0 * settings.max_phase * distance * radar.wavelength / (2.0 * np.pi))
     edges = item.size / settings.spacings(radar.wavelength, side)[1] * np.sqrt(item.num_faces / 100.0)

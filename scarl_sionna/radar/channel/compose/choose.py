@@ -1,4 +1,4 @@
-"""Which object ``method="auto"`` gives to whom, by the rules of docs/accuracy.md: what is seen, how strong, what it costs."""
+"""Which object ``method="auto"`` gives to whom: what is seen, how strong it is, what it costs (docs/accuracy.md)."""
 
 from __future__ import annotations
 
@@ -182,9 +182,9 @@ def _one(view: View, item: Estimate) -> Choice:
         return Choice(item, "out of view", "out of the field of view or of range")
     if item.bound_db < floor:
         return Choice(item, "left out", f"at most {item.bound_db:.0f} dB from the noise of a cell")
-    if item.distance < rules.too_near:
-        if surface_distance(view.state, item.number, view.pose.position) < rules.too_near:
-            return Choice(item, "raycast", "at the radar")
+    near = item.distance < rules.too_near  # of its box: what counts is its surface
+    if near and surface_distance(view.state, item.number, view.pose.position) < rules.too_near:
+        return Choice(item, "raycast", "at the radar")
     if item.name in view.models:
         model, toward = view.models[item.name], _toward(view.state, item, view.pose)
         if item.distance >= model.nearest_distance and bool(model.inside(toward[None])[0]):

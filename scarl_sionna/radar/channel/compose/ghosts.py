@@ -237,9 +237,7 @@ def _of_model(
     }
 
 
-def of_meshes(
-    view: MirrorView, lit: Sequence[int], chosen: Sequence[int], settings: RadarSettings
-) -> FromImages:
+def of_meshes(view: MirrorView, lit: Sequence[int], chosen: Sequence[int], settings: RadarSettings) -> FromImages:
     """Return what makes the paths of meshes between two images of the radar, by `sbr`.
 
     Parameters
@@ -253,7 +251,6 @@ def of_meshes(
     """
     from scarl_sionna.radar.channel.sbr.solve import solve_between
 
-
     def solve(tx: Image, rx: Image) -> RadarPaths:
         first = _viewpoint(view, tx)
         stations = (first, first if tx is rx else _viewpoint(view, rx))
@@ -263,7 +260,7 @@ def of_meshes(
 
 
 def _viewpoint(view: MirrorView, image: Image) -> Viewpoint:
-    """Return an image of the radar, which looks through its last mirror if it has one; what lies on that hides nothing."""
+    """Return an image of the radar, which looks through its last mirror if it has one: what lies on it hides nothing."""
     axes, window = view.mount.pose.rotation, None
     for mirror in image.way:
         axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)

@@ -222,7 +222,7 @@ class _Work:
     def ghosts(
         self, share: Share, owned: Sequence[int], objects: Sequence[int], mirrors: tuple[list[Mirror], list[Mirror]]
     ) -> None:
-        """Compute some objects of a share as they are seen over some mirrors; `mirrors`: all of the solve, and those."""
+        """Compute objects of a share as they are seen over some mirrors; `mirrors`: all of the solve, and those."""
         start = time.perf_counter()
         view = MirrorView(self.state, self.radar, self.mount, objects, mirrors[0], self.settings.mirrors)
         settings = self._settings(share, owned if share.solver == "sbr" else objects)

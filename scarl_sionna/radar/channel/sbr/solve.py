@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ScarlWarning, UnknownNameError
 from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.settings.warn import WarningLevels
@@ -111,7 +112,12 @@ def solve_sbr(
     rx = tx if receiver is None else Viewpoint.of(radar, receiver.pose, receiver.twist.linear)
     found = solve_between(state, radar, (tx, rx), chosen, settings)
     _warn_of_bodies(state, radar, mount.pose.position, found, chosen, settings.warn_at)
-    return replace(found, diagnostics={**found.diagnostics, "left_out": left_out})
+    return replace(
+        found,
+        tx_twist=mount.twist,
+        rx_twist=(receiver or mount).twist,
+        diagnostics={**found.diagnostics, "left_out": left_out},
+    )
 
 
 def solve_between(
@@ -147,7 +153,7 @@ def solve_between(
     knobs, (tx, rx) = settings.sbr, stations
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     clock = time.perf_counter()
-    faces, curved, coarse = _faces(state, knobs, radar.center_frequency, chosen_instances)
+    faces, curved, coarse = _faces(state, knobs, radar.center_frequency, list(chosen_instances))
     chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
     first = chosen if lit is None else np.isin(state.world.parts.instance, lit)[faces.part]
     apart = float(np.linalg.norm(tx.pose.position - rx.pose.position))  # the way there is at most half of it longer
@@ -184,7 +190,7 @@ def solve_between(
     columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, knobs.floor_db)
     columns = in_order(columns)
     diagnostics["seconds"] = time.perf_counter() - clock
-    return _paths(columns, mount, receiver or mount, diagnostics)
+    return _paths(columns, tx.pose, rx.pose, diagnostics)
 
 
 def _faces(
@@ -317,14 +323,14 @@ def _warn_of_grazing(cosine: Array, power: Array, grazing_cosine: float) -> None
         )
 
 
-def _paths(columns: Columns, tx: Mount, rx: Mount, diagnostics: dict[str, Any]) -> RadarPaths:
+def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) -> RadarPaths:
     count, width = columns["instance"].shape
     step = np.arange(width)
     depth = columns["depth"]
     scatterer = np.where(columns["diffuse"] == 2, 0, depth - 1)[:, None]
     interaction = np.where(step == scatterer, DIFFUSE, np.where(step < depth[:, None], SPECULAR, -1))
-    bend = bend_of(columns["tx_point"] - tx.pose.position, columns["tx_velocity"])
-    bend += bend_of(columns["rx_point"] - rx.pose.position, columns["rx_velocity"])
+    bend = bend_of(columns["tx_point"] - tx.position, columns["tx_velocity"])
+    bend += bend_of(columns["rx_point"] - rx.position, columns["rx_velocity"])
     return RadarPaths(
         tx_point=columns["tx_point"],
         rx_point=columns["rx_point"],
@@ -336,11 +342,9 @@ def _paths(columns: Columns, tx: Mount, rx: Mount, diagnostics: dict[str, Any]) 
         interaction=interaction.astype(np.int32),
         depth=depth.astype(np.int32),
         semantic=columns["semantic"].astype(np.uint8),
-        world_from_tx=tx.pose,
-        world_from_rx=rx.pose,
+        world_from_tx=tx,
+        world_from_rx=rx,
         tx_velocity=columns["tx_velocity"],
         rx_velocity=columns["rx_velocity"],
-        tx_twist=tx.twist,
-        rx_twist=rx.twist,
         diagnostics=diagnostics,
     )
