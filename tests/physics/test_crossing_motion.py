@@ -221,7 +221,7 @@ def test_ghosts_of_a_moving_wall_seen_by_a_turning_radar(tmp_path, multiplexing:
 @pytest.mark.parametrize("motion", ["body", "radar"])
 def test_patches_of_a_body_that_crosses(tmp_path, motion: str) -> None:
     """Small patches: each keeps its own pattern over a frame, which what moves across turns (docs/sbr.md)."""
-    speed = 15.0 if motion == "body" else 0.0
+    speed = 12.0 if motion == "body" else 0.0
     trajectory = {"kind": "constant_twist", "position": [10, -2, 0], "velocity": [0, speed, 0]}
     trajectory["angular_velocity_z"] = 0.0
     body = Thing("body", box((0.05, 0.04, 0.03)), "Car", "steel", trajectory)
