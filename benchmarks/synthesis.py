@@ -7,7 +7,11 @@ radial velocities within +-70 m/s (the hardest case) and within 30 m/s (a drive)
 ``Paths.cfr`` on the paths of a street of Sionna RT; both are scaled by paths x samples x pairs, which is their
 cost's law, and are marked so. CPU seconds stand beside wall seconds, since another load on the machine changes these
 most. A lone path is the hardest case for the error, for no other path hides it: it is one path of the chart's group,
-all others with no amplitude, so that it goes through the group's transforms.
+all others with no amplitude, so that it goes through the group's transforms. These tables are of straight paths with
+the rates of the array's centre (``motion_tolerance=None``), the transforms alone.
+
+A second part, alone with ``--motion``, is of exact motion: a radar that passes points at rest, tolerance of motion
+against CPU time and error. Its error is that of lone paths, one pair at the ends of the array, against the exact sum.
 """
 
 from __future__ import annotations
@@ -24,7 +28,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
@@ -36,6 +41,9 @@ NUM_EXACT_CHIRPS = 16
 """Chirps on which many paths are compared with the exact sum; lone paths are compared on the whole frame."""
 NUM_LONE = 12
 """Lone paths tried, of the longest, the shortest, the fastest and the slowest each a quarter."""
+MOTION_TOLERANCES = (None, 1e-2, 3e-3, 1e-3, 1e-4)
+SPEEDS = (0.0, 1.5, 14.0, 30.0)
+STRAIGHT = {"motion_tolerance": None}
 
 
 def random_points(radar: RadarSpec, count: int, slowest: float, fastest: float) -> RadarPaths:
@@ -61,12 +69,12 @@ def chart(count: int, rounds: int) -> list[tuple[float, float, float, float, flo
     paths = random_points(radar, count, -70.0, 70.0)
     # the first chirps, at the edge of the frame, have the largest residual phase; a shorter frame has the same samples
     edge = radar.model_copy(update={"num_chirps": NUM_EXACT_CHIRPS})
-    exact, wall, cpu = timed(lambda: synthesize(paths, edge, method="direct"))
+    exact, wall, cpu = timed(lambda: synthesize(paths, edge, accuracy=Accuracy(**STRAIGHT), method="direct"))
     print(f"exact sum of {count} paths, one pair, first {NUM_EXACT_CHIRPS} chirps: {wall:.2f} s wall, {cpu:.2f} s CPU")
     best = {tolerance: (np.inf, np.inf, np.inf, np.inf) for tolerance in TOLERANCES}
     for _ in range(rounds):
         for tolerance in TOLERANCES:
-            accuracy = Accuracy(synthesis_tolerance=tolerance)
+            accuracy = Accuracy(synthesis_tolerance=tolerance, **STRAIGHT)
             signal, wall, cpu = timed(lambda accuracy=accuracy: synthesize(paths, radar, accuracy=accuracy))
             error = float(np.abs(signal[:, :NUM_EXACT_CHIRPS] - exact).max() / np.abs(signal).max())
             best[tolerance] = (error, 0.0, min(wall, best[tolerance][2]), min(cpu, best[tolerance][3]))
@@ -85,10 +93,51 @@ def lone_error(paths: RadarPaths, radar: RadarSpec, tolerance: float) -> float:
     for index in np.concatenate([by_distance[:few], by_distance[-few:], by_rate[:few], by_rate[-few:]]):
         alone = np.zeros_like(paths.a)
         alone[index] = paths.a[index]
-        exact = synthesize(paths.select([index]), radar, method="direct")
-        fast = synthesize(replace(paths, a=alone), radar, accuracy=Accuracy(synthesis_tolerance=tolerance))
+        exact = synthesize(paths.select([index]), radar, accuracy=Accuracy(**STRAIGHT), method="direct")
+        accuracy = Accuracy(synthesis_tolerance=tolerance, **STRAIGHT)
+        fast = synthesize(replace(paths, a=alone), radar, accuracy=accuracy)
         worst = max(worst, float(np.abs(fast - exact).max() / np.abs(exact).max()))
     return worst
+
+
+def passed_points(radar: RadarSpec, count: int, speed: float) -> RadarPaths:
+    """Return points at rest, 3 to 120 m away on all sides ahead, that a radar passes, with equal received powers."""
+    rng = np.random.default_rng(0)
+    distance, azimuth = rng.uniform(3.0, 120.0, count), rng.uniform(-1.0, 1.0, count)
+    direction = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(count)], axis=1)
+    mount = Mount(Pose(), Twist([speed, 0.0, 0.0]))
+    return point_targets(distance[:, None] * direction, np.zeros((count, 3)), 1e-3 * distance**4, radar, mount)
+
+
+def motion_table(count: int, rounds: int) -> None:
+    """Print CPU seconds and errors against the speed and the tolerance of motion."""
+    radar = RadarSpec()
+    pair = radar.with_(tx_positions=((0.0, -0.0078, 0.0),), rx_positions=((0.0, 0.003, 0.0),))
+    rng = np.random.default_rng(1)
+    print(f"\n| {count} points at rest | motion_tolerance | CPU [s] | worst of lone points [dB] |\n|---|---|---|---|")
+    for speed in SPEEDS:
+        paths, few = passed_points(radar, count, speed), passed_points(pair, count // 10, speed)
+        if speed == 0.0:
+            accuracy = Accuracy()
+            cpu = min(timed(lambda p=paths, a=accuracy: synthesize(p, radar, accuracy=a))[2] for _ in range(rounds))
+            print(f"| radar at rest | any | {cpu:.2f} | |")
+            continue
+        nearest = np.argsort(np.linalg.norm(few.tx_point, axis=1))[:4]
+        tried = np.concatenate([nearest, rng.integers(0, few.num_paths, 4)])
+        for tolerance in MOTION_TOLERANCES:
+            accuracy = Accuracy(motion_tolerance=tolerance)
+            cpu = min(timed(lambda p=paths, a=accuracy: synthesize(p, radar, accuracy=a))[2] for _ in range(rounds))
+            worst = 0.0
+            for index in tried:
+                alone = np.zeros_like(few.a)
+                alone[index] = few.a[index]
+                exact = synthesize(few.select([index]), pair, accuracy=Accuracy(motion_tolerance=1e-9), method="direct")
+                fast = synthesize(replace(few, a=alone), pair, accuracy=accuracy)
+                worst = max(worst, float(np.abs(fast - exact).max() / np.abs(exact).max()))
+            print(
+                f"| radar at {speed:g} m/s | {tolerance or 'None'} | {cpu:.2f} | {20 * np.log10(worst):.1f} |",
+                flush=True,
+            )
 
 
 def cfr_cost() -> tuple[float, int]:
@@ -130,10 +179,14 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--no-sionna", action="store_true")
+    parser.add_argument("--motion", action="store_true", help="only the table of exact motion")
     options = parser.parse_args()
     radar = RadarSpec()
     cells = radar.num_virtual * radar.num_chirps * radar.num_samples
     print(machine(), f"load {os.getloadavg()[0]:.1f}")
+    if options.motion:
+        motion_table(options.paths, options.rounds)
+        return
 
     cases = {"+-70 m/s": (-70.0, 70.0), "-30..0 m/s": (-30.0, 0.0)}
     few = random_points(radar, 40, -70.0, 70.0)
@@ -142,12 +195,12 @@ def main() -> None:
         for label, (slowest, fastest) in cases.items():
             paths = random_points(radar, options.paths, slowest, fastest)
             for tolerance in (1e-4, 1e-5):
-                accuracy = Accuracy(synthesis_tolerance=tolerance)
+                accuracy = Accuracy(synthesis_tolerance=tolerance, **STRAIGHT)
                 _, wall, cpu = timed(lambda p=paths, a=accuracy: synthesize(p, radar, accuracy=a))
                 name = f"fast, {label}, tolerance {tolerance:g}"
                 rows.setdefault(name, []).append((wall, cpu))
         if round_index == 0:
-            _, wall, cpu = timed(lambda: synthesize(few, radar, method="direct"))
+            _, wall, cpu = timed(lambda: synthesize(few, radar, accuracy=Accuracy(**STRAIGHT), method="direct"))
             scale = options.paths / few.num_paths
             rows["plain sum (scaled from 40 paths)"] = [(wall * scale, cpu * scale)]
     if not options.no_sionna:

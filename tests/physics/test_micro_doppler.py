@@ -216,7 +216,7 @@ def test_noise_and_tdm_rows_are_as_in_synthesize() -> None:
     )
     paths = point_targets([[30.0, 4.0, 1.0]], [[-20.0, 0.0, 0.0]], 1.0, radar, Pose())
     still = dataclasses.replace(paths, length_acceleration=np.zeros(1))
-    fine = {"accuracy": FINE, "method": "direct"}
+    fine = {"accuracy": FINE.with_(motion_tolerance=1e-9), "method": "direct"}
     whole = synthesize(still, radar, rng=np.random.default_rng(1), **fine)
     blocks = synthesize_blocks(lambda time: later(still, time), radar, 3, rng=np.random.default_rng(1), **fine)
     assert np.abs(blocks - whole).max() < 1e-6 * np.abs(whole).max()

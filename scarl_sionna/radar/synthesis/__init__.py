@@ -45,7 +45,8 @@ def synthesize(
     rng : numpy.random.Generator, optional
         Adds the receiver's thermal noise (:func:`add_noise`); left out: no noise.
     accuracy : Accuracy
-        `synthesis_tolerance` bounds the error relative to the peak.
+        `synthesis_tolerance` bounds the error of the transforms relative to the peak, `motion_tolerance` that of a
+        path's motion relative to its amplitude.
     method : {"nufft", "direct"}
         ``"direct"`` is the exact sum in float64, for reference.
 
@@ -70,11 +71,14 @@ def synthesize(
 
     .. math:: s_{ij}(t) = \sum_p \bar a_p \sqrt{P G_t G_r}\,
         e^{j 2 \pi (f_0 \tau + S \tau t_s - S \tau^2 / 2)}, \quad
-        \tau(t) = (L_{ij} + L' t + L'' t^2 / 2) / (c + L'/2)
+        \tau(t) = L_{ij}(t) / (c + L_{ij}'(t)/2)
 
-    *Kept*: exact delay of each pair (spherical wavefronts), motion within a ramp, range migration, residual video
-    phase. *Not modelled*: gains and length rates differ between antennas only by the array's extent over the distance
-    and are taken at the array's centre; derivatives of the length above the second.
+    *Kept*: exact delay and strength of each pair at every time (spherical wavefronts, end points that move straight on,
+    antennas that move and turn with the radar), motion within a ramp, range migration, residual video phase. Paths of
+    which `motion_tolerance` lets it have the rate of the array's centre; those of unknown velocities have its rate and
+    acceleration. *Not modelled*: gains and reflection differ between antennas only by the array's extent over the
+    distance and are taken at the array's centre and the frame's start; derivatives above the second of what is not
+    straight motion.
 
     References
     ----------
@@ -88,6 +92,8 @@ def synthesize(
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     kept, geometry = _within_band(paths, radar)
     held, bent, linear, moving = orders(kept, radar, accuracy.motion_tolerance)
+    if linear.any():  # one transform for both
+        linear, held = linear | held, np.zeros_like(held)
     tolerance = accuracy.synthesis_tolerance if method == "nufft" else None
     if held.any():
         kept = replace(kept, length_acceleration=np.where(held, 0.0, kept.length_acceleration))

@@ -149,19 +149,31 @@ class Block:
         at_start = middle - turn * self.grid.center_time(tx)
         return Expansion(Tones(at_start * (SPEED_OF_LIGHT + 0.5 * rate), rate), found)
 
-    def center_ends(self, motion: PathMotion, tx: int) -> Ends:
-        """Return lengths and strengths of the centres at the two times that :meth:`of_pair` compares."""
-        return motion.ends(None, None, self.times(tx, 2))
-
-    def of_pair(self, motion: PathMotion, pair: tuple[int, int], center: Expansion, other: Ends) -> tuple[Tones, Array]:
+    def of_pair(
+        self,
+        motion: PathMotion,
+        pair: tuple[int, int],
+        center: Expansion,
+        other: Ends,
+        known: tuple[Array, Array],
+    ) -> tuple[Tones, Array]:
         """Return a pair's straight paths and strengths over the centre's, with the same coefficients.
 
-        They differ from those of the centre by what the pair's lengths do, at the middle of the block and one step
-        of time apart.
+        They differ from those of the centre by what the pair's lengths do from one node to the other of two.
+
+        Parameters
+        ----------
+        motion : PathMotion
+        pair : tuple of int
+        center : Expansion
+        other : Ends
+            Of the centres at the two nodes.
+        known : pair of ndarray
+            Distances of the pair's ends at the two nodes.
         """
         late_time, early_time = times = self.times(pair[0], 2)
         middle = 0.5 * (late_time + early_time) - self.start
-        own = motion.ends(*pair, times)
+        own = motion.ends(*pair, times, known)
         late, early = own.length - other.length
         apart = (late - early) / (late_time - early_time)
         length = center.tones.length + 0.5 * (early + late) - middle * apart

@@ -215,7 +215,7 @@ class PathMotion:
         between = Terms(*(column[one] for column in self.between))
         return PathMotion(tx, rx, self.mirror[one], reflected, between, self.amplitude[one], self.reach[one])
 
-    def ends(self, tx: int | None, rx: int | None, times: Array) -> Ends:
+    def ends(self, tx: int | None, rx: int | None, times: Array, known: tuple[Array, Array] | None = None) -> Ends:
         """Return lengths, and strengths over those at time 0 between the centres, shape (num_times, num_paths) each.
 
         Parameters
@@ -224,13 +224,15 @@ class PathMotion:
             Of the pair; None is the centre.
         times : ndarray of float64, shape (num_times,)
             [s].
+        known : pair of ndarray, optional
+            Distances of `self.tx` and of `self.rx` at these times.
 
         Raises
         ------
         ParameterRangeError
             If a path ends at an antenna.
         """
-        out, home = self.tx.distance(tx, times), self.rx.distance(rx, times)
+        out, home = known or (self.tx.distance(tx, times), self.rx.distance(rx, times))
         time = times[:, None]
         length = out + home
         with np.errstate(divide="ignore"):
@@ -246,13 +248,18 @@ class PathMotion:
 
     def terms(self, tx: int | None, rx: int | None, times: Array) -> tuple[Terms, Array, Array]:
         """Return lengths with derivatives, strengths and their relative rates [1/s], (num_times, num_paths) each."""
-        out, home = self.tx.terms(tx, times), self.rx.terms(rx, times)
+        return self.joined((tx, rx), times, self.tx.terms(tx, times), self.rx.terms(rx, times))
+
+    def joined(
+        self, pair: tuple[int | None, int | None], times: Array, out: Terms, home: Terms
+    ) -> tuple[Terms, Array, Array]:
+        """Return what :meth:`terms` does, from the distances of both ends."""
         time, (value, rate, acceleration) = times[:, None], self.between
         length = [a + b for a, b in zip(out, home, strict=True)]
         strength = self.reach / (out.value * home.value)
         growth = -(out.rate / out.value + home.rate / home.value)
         if self.mirror.any():
-            through = self.reflected.terms(tx, rx, times)
+            through = self.reflected.terms(*pair, times)
             for column, part in zip(length, through, strict=True):
                 column[:, self.mirror] = part
             strength[:, self.mirror] = self.reach[self.mirror] / through.value
@@ -321,9 +328,18 @@ class PairTerms:
         if self.motion is None:
             return Terms(length, *own)
         known = is_known(self.paths)
-        found = self.motion.terms(tx, rx, np.zeros(1))[0]
+        start, (out, home) = np.zeros(1), self._of_antennas
+        found = self.motion.joined((tx, rx), start, out[tx], home[rx])[0]
         bend = np.where(self.paths.filled("linear_motion"), 0.0, found.acceleration[0])
         return Terms(length, np.where(known, found.rate[0], own[0]), np.where(known, bend, own[1]))
+
+    @cached_property
+    def _of_antennas(self) -> tuple[list[Terms], list[Terms]]:
+        """Distances of both ends from every antenna at the frame's start."""
+        assert self.motion is not None  # asked for by `start` alone
+        start, ends = np.zeros(1), (self.motion.tx, self.motion.rx)
+        out, home = ([end.terms(number, start) for number in range(len(end.arms.start))] for end in ends)
+        return out, home
 
     def growth(self, tx: int, rx: int, time: float) -> Array:
         """Return strengths at a time [s] over those at the frame's start, shape (num_paths,)."""

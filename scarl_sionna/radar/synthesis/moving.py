@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +66,7 @@ class Plan:
 def linear_signal(paths: RadarPaths, radar: RadarSpec, tolerance: float | None) -> Signal:
     """Return what makes the signal of paths in linear motion; None as the tolerance is the plain sum."""
     terms = PairTerms.of(paths, radar)
+    terms.start(0, 0)  # what all pairs share, before there are threads
     geometry = terms.geometry
     still = np.zeros(paths.num_paths)
     method = None
@@ -209,6 +211,14 @@ def _block(radar: RadarSpec, first: int, size: int) -> Block:
     return Block(radar if count == radar.num_chirps else radar.with_(num_chirps=count), first)
 
 
+class _Center(NamedTuple):
+    """What all pairs of one transmission time share in a block: of the centres, and distances of the receivers."""
+
+    expansion: Expansion
+    ends: Ends
+    received: list[Array]
+
+
 class _Group:
     """Paths that are computed alike, block by block."""
 
@@ -247,22 +257,28 @@ class _Group:
     def _signal(self, block: Block, tools: tuple[groups.Method | None, groups.Method | None, Array]) -> Signal:
         motion, terms = self._motion, self._series.terms
         main, rest, screens = tools
-        centers: dict[float, tuple[Expansion, Ends]] = {}
+        centers: dict[float, _Center] = {}
+        sent: list[Array] = []
         if not self._plan.pairwise:
             for tx in range(self._radar.num_tx):
-                delay = self._radar.tx_delay(tx)
-                if delay not in centers:
-                    expansion = block.expand(motion, (None, None), tx, self._series.nodes)
-                    centers[delay] = expansion, block.center_ends(motion, tx)
+                times = block.times(tx, 2)
+                sent.append(motion.tx.distance(tx, times))
+                if self._radar.tx_delay(tx) not in centers:
+                    centers[self._radar.tx_delay(tx)] = _Center(
+                        block.expand(motion, (None, None), tx, self._series.nodes),
+                        motion.ends(None, None, times),
+                        [motion.rx.distance(rx, times) for rx in range(self._radar.num_rx)],
+                    )
 
         def of_pair(tx: int, rx: int) -> npt.NDArray[np.complexfloating]:
             if self._plan.pairwise:
                 tones, found = block.expand(motion, (tx, rx), tx, self._series.nodes)
                 amplitude = motion.amplitude
             else:
-                center, ends = centers[self._radar.tx_delay(tx)]
-                tones, strength = block.of_pair(motion, (tx, rx), center, ends)
-                found, amplitude = center.coefficients, motion.amplitude * strength
+                center = centers[self._radar.tx_delay(tx)]
+                known = sent[tx], center.received[rx]
+                tones, strength = block.of_pair(motion, (tx, rx), center.expansion, center.ends, known)
+                found, amplitude = center.expansion.coefficients, motion.amplitude * strength
             rows = np.stack([amplitude * found[order] for order in terms])
             out = next(_signals(main, rows[:1], tones, block.radar, tx))
             if len(terms) > 1:
