@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.types import DeviceArray
 
+from .faces.panes import Panes
 from .tube_shape import WEIGHTS, inset
 
 Array = npt.NDArray[np.float64]
@@ -154,10 +155,15 @@ class ShadowProbe(Probe):
 
 
 class ScreenedProbe(Probe):
-    """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point."""
+    """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point.
 
-    def __init__(self, rays: FaceRays, station: Array) -> None:
+    With panes more than 1 stands for a point that is seen through some; `face`, (num_rows,), is that of each tube.
+    """
+
+    def __init__(self, rays: FaceRays, station: Array, panes: Panes | None = None, face: Index | None = None) -> None:
         super().__init__(rays)
+        self._panes = panes
+        self._face = None if panes is None or face is None else rays.index(face)
         self._station = rays.vector(rays.placed(station))
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
@@ -165,6 +171,9 @@ class ScreenedProbe(Probe):
         ray = point - self._station
         distance = dr.norm(ray)
         before = distance - SAME_DISTANCE * (1.0 + distance)
+        if self._panes is not None:
+            face = dr.gather(mi.UInt32, self._face, row)
+            return self._panes.label(self._station, ray / distance, before, face)
         return dr.select(self.rays.blocked(self._station, ray / distance, before), mi.Int32(1), mi.Int32(0))
 
 
