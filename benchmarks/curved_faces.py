@@ -40,6 +40,22 @@ def posts():
     yield f"ball 0.15 m, 12 meridians, {len(ball.faces)} faces", load_body(ball), theta, phi, exact
 
 
+def second_bounce() -> None:
+    """Print the error of a post of 14 sides that stands on a plate, where half of the double bounces meet it first."""
+
+    def body(sections):
+        post = trimesh.creation.cylinder(radius=0.05, height=0.5, sections=sections).apply_translation([0, 0, 0.25])
+        corners = 0.6 * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+        return load_body(trimesh.util.concatenate([post, trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)])]))
+
+    phi, theta = np.linspace(0.0, 2.0 * np.pi / 14, 9), np.radians(75.0)
+    exact = 10 * np.log10(rcs(body(360), FREQUENCY, theta, phi))
+    for crease in (0.0, 35.0):
+        found = rcs(body(14), FREQUENCY, theta, phi, settings=SbrSettings(crease_angle_deg=crease))
+        error = 10 * np.log10(found) - exact
+        print(f"post of 14 sides on a plate, {crease:g} deg: {error.min():+.1f} to {error.max():+.1f} dB")
+
+
 def main() -> None:
     print("| body | " + " | ".join(f"{crease:g} deg, {phase:g} rad" for crease, phase in KNOBS) + " |")
     print("|---" * (len(KNOBS) + 1) + "|")
@@ -53,6 +69,7 @@ def main() -> None:
             spent = (time.process_time() - start) / len(theta)
             cells.append(f"{error.min():+.2f} to {error.max():+.2f}, {1e3 * spent:.0f} ms")
         print(f"| {name} | " + " | ".join(cells) + " |", flush=True)
+    second_bounce()
 
 
 if __name__ == "__main__":

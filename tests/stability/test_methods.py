@@ -216,19 +216,23 @@ def test_grazing_incidence_is_finite_and_weak_or_told(tmp_path, method: str) -> 
 
 @pytest.mark.parametrize("method", ["raycast", "sbr"])
 def test_a_radar_behind_glass_is_told(tmp_path, method: str) -> None:
-    """Nothing passes a pane but with the solver sionna and refraction=True (tests/physics/test_refraction.py)."""
+    """Nothing passes a pane but with the solver sionna and refraction=True (tests/physics/test_refraction.py), and with
+    sbr unless its pane_loss_db is None (tests/physics/test_sbr_panes.py).
+    """
     things = [
         Thing("screen", plane(2.0, 2.0, (0.3, 0, 0), (-1, 0, 0)), "Car", "pane"),
         Thing("target", plate(), "Static", "steel"),
     ]
     path = write_scene(tmp_path / "shut", things, materials={"pane": Material(radio="car_glass")})
+    settings = RadarSettings.of(method, **OPTIONS[method])
+    shut = {"settings": settings.with_(sbr=settings.sbr.with_(pane_loss_db=None))}
     with pytest.warns(ScarlWarning, match="'car_glass' .'screen'.* covers .* refraction=True"):
-        solve_paths(load_scene(path).at(0.0), RADAR, Pose(), method, **OPTIONS[method])
+        solve_paths(load_scene(path).at(0.0), RADAR, Pose(), **shut)
     aside = [Thing("side", plane(2.0, 2.0, (0.0, 0.5, 0), (0, -1, 0)), "Car", "pane"), things[1]]
     path = write_scene(tmp_path / "aside", aside, materials={"pane": Material(radio="car_glass")})
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        solve_paths(load_scene(path).at(0.0), RADAR, Pose.from_euler([0, 0, 0], yaw=-0.6), method, **OPTIONS[method])
+        solve_paths(load_scene(path).at(0.0), RADAR, Pose.from_euler([0, 0, 0], yaw=-0.6), **shut)
     assert not any("pane" in str(warning.message) for warning in caught)
 
 

@@ -27,7 +27,7 @@ from scarl_sionna.radar.scatterers.model import ScattererModel
 from scarl_sionna.radar.sensor import Radar
 from scarl_sionna.signal.noise import angle_cell_noise_power, sample_noise_power
 from tests.oracles.rcs import TRIHEDRAL_MESH
-from tests.scenes import Material, Thing, ball, box, plane, write_scene
+from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = RadarSpec()
 SETTINGS = RadarSettings(raycast={"num_rays": 100_000}, accuracy=Accuracy(tube_budget=10_000))
@@ -328,9 +328,7 @@ def test_what_is_hidden_costs_nothing_and_what_only_a_mirror_shows_is_seen(tmp_p
 
 def test_nearness_is_that_of_the_surface_and_not_of_the_box(tmp_path) -> None:
     """A rail across the radar's corner: its box holds the radar, its steel is 4 m away."""
-    rail = trimesh.util.concatenate(
-        [box((20.0, 0.1, 0.3), (10.0, 4.0, 0.6)), box((0.1, 20.0, 0.3), (20.0, -6.0, 0.6))]
-    )
+    rail = trimesh.util.concatenate([box((20.0, 0.1, 0.3), (10.0, 4.0, 0.6)), box((0.1, 20.0, 0.3), (20.0, -6.0, 0.6))])
     state = load_scene(write_scene(tmp_path, [Thing("rail", rail, "GuardRail", "steel")])).at(0.0)
     pose = Pose([5.0, 0.0, 0.6])
     assert surface_distance(state, 1, pose.position) == pytest.approx(3.95, abs=1e-6)

@@ -248,7 +248,11 @@ def test_grazed_footprints_are_not_cut_along_edges(monkeypatch, given_in_wavelen
         middle = source + distance[:, None] * np.column_stack([np.sqrt(1.0 - sine**2), 0.0 * sine, -side * sine])
         triangle = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 2.0, 0.0]]) * 1e-3
         tubes = spherical_waves.ImageTubes(
-            middle[:, None] + triangle, np.zeros((6, 1), np.int64), np.tile(source, (6, 1, 1)), np.arange(6)
+            middle[:, None] + triangle,
+            np.zeros((6, 1), np.int64),
+            np.tile(source, (6, 1, 1)),
+            np.arange(6),
+            *np.full((2, 6, 4), -1),
         )
         tracer._labelled(tubes, source, None)
         length = np.sqrt(4.0 * size.max_phase * distance / size.wavenumber)

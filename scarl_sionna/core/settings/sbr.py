@@ -118,6 +118,18 @@ class SbrSettings(Spec):
         description="scene: size of the tubes cut along edges where edge_spacing is None, as a share of the side "
         "that max_phase allows (docs/sbr.md)",
     )
+    pane_loss_db: Decibels | None = Field(
+        20.0,
+        ge=0.0,
+        le=200.0,
+        description="scene: layers that take no more than this there and back, at normal incidence, let waves through "
+        "to what is behind and back [dB]; None: nothing does (docs/sbr.md)",
+    )
+    own_panes: bool = Field(
+        False,
+        description="scene: whether a body is seen through panes of its own too: the inside of a car is an empty shell "
+        "in the meshes, which takes three times the time of the whole car (docs/sbr.md)",
+    )
     sheet_share: float = Field(
         0.15,
         gt=0.0,

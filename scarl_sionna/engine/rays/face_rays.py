@@ -87,6 +87,18 @@ class FaceRays(Device, ABC):
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
         return self._face(self._scene.ray_intersect_preliminary(ray, coherent=False))
 
+    def first_within(
+        self, origin: DeviceArray, direction: DeviceArray, distance: DeviceArray, active: DeviceArray
+    ) -> tuple[DeviceArray, DeviceArray]:
+        """Return the face that each active ray meets first before a distance, or `MISS`, and how far away that is.
+
+        In the frame of the rays; that distance is the engine's, a float32 number.
+        """
+        ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
+        ray.maxt = self.mi.Float(distance)
+        found = self._scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        return self._face(found), self.dr.select(found.is_valid(), found.t, 0.0)
+
     def blocked(self, origin: DeviceArray, direction: DeviceArray, distance: DeviceArray | None = None) -> DeviceArray:
         """Return whether each ray meets anything, before a distance in the frame of the rays if one is given."""
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))

@@ -93,7 +93,7 @@ def solve_paths(
         raise InputTypeError("radar", radar, "a RadarSpec", "for instance RadarSpec.preset('awr1843boost')")
     chosen = _settings(method, settings, fields)
     place = state.as_mount(mount)
-    if chosen.method in ("raycast", "sbr", "scatterers"):
+    if chosen.method in ("raycast", "scatterers") or (chosen.method == "sbr" and chosen.sbr.pane_loss_db is None):
         warn_of_panes(state, radar, place.pose, chosen.method, chosen.warn_at)
     return SOLVERS[chosen.method](state, radar, place, chosen, None if receiver is None else state.as_mount(receiver))
 

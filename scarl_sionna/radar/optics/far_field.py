@@ -12,7 +12,7 @@ from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .body.mesh import Body
-from .curved import CurvedFaces
+from .faces.curved import CurvedFaces
 from .fields import HOST, Wave, radiating_vector
 from .phase import plane_wave_integral
 from .plane_waves import Bounce, Waves, bounces, unhidden

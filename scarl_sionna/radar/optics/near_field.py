@@ -15,7 +15,8 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.types import DeviceArray
 
-from .curved import DeviceCurves
+from .faces.curved import DeviceCurves
+from .faces.panes import through_panes
 from .fields import Field, OnDevice, Wave, radiating_vector, reflected_field
 from .phase import spherical_wave_integral
 from .spherical_waves import ImageTubes, Viewpoint
@@ -111,6 +112,7 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     moving = [surfaces.velocity(face[k], point[k]) for k in range(depth)]
     rate = dr.dot(travel[-1], rays.vector(near.rx.velocity)) - dr.dot(travel[0], rays.vector(near.tx.velocity))
     reflected = [(axis, dr.zeros(Vector, count)) for axis in _spherical_basis(rays, near.tx.pose, travel[0])]
+    reflected, _ = through_panes(rays, surfaces, tubes.way_in, reflected, travel[0])
     onward = travel[0]
     for k in range(depth):
         field, arriving = reflected, travel[k]
@@ -142,13 +144,14 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     }
     receive = _spherical_basis(rays, near.rx.pose, -back)
     vector = radiating_vector(on, Wave(field, arriving), Wave(reflected, onward), normal, back)
+    vector, kept_out = through_panes(rays, surfaces, tubes.way_out, vector, back)
     for r in range(2):
         for t, (re, im) in enumerate(on.component(receive[r], vector)):
             columns[f"re{r}{t}"] = re * factor[0] - im * factor[1]
             columns[f"im{r}{t}"] = re * factor[1] + im * factor[0]
     if diffuse:
         cosines = dr.abs(dr.dot(normal, arriving)) * columns["cosine"] / np.pi
-        level = 0.5 / wavenumber / (out * home) * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
+        level = 0.5 / wavenumber / (out * home) * kept_out * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
         columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, level, turn)
     dr.eval(*columns.values())
     found = {name: column.numpy() for name, column in columns.items()}

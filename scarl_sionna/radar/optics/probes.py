@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.types import DeviceArray
 
+from .faces.panes import Panes
 from .tube_shape import WEIGHTS, inset
 
 Array = npt.NDArray[np.float64]
@@ -169,15 +170,30 @@ class Window:
     normal: Array
     offset: float
 
+    def entry(self, station: Array, points: Array) -> Array:
+        """Return where the rays from a station (3,) to points (n, 3) before it pass through, shape (n, 3) [m]."""
+        own, there = station @ self.normal - self.offset, points @ self.normal - self.offset
+        return np.asarray(station - (own / (there - own))[:, None] * (points - station))
+
 
 class ScreenedProbe(Probe):
     """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point.
 
-    Those of an image begin at its window, since what is before it is not there; points before it are hidden.
+    Those of an image begin at its window, since what is before it is not there; points before it are hidden. With
+    panes more than 1 stands for a point that is seen through some; `face`, (num_rows,), is that of each tube.
     """
 
-    def __init__(self, rays: FaceRays, station: Array, window: Window | None = None) -> None:
+    def __init__(
+        self,
+        rays: FaceRays,
+        station: Array,
+        window: Window | None = None,
+        panes: Panes | None = None,
+        face: Index | None = None,
+    ) -> None:
         super().__init__(rays)
+        self._panes = panes
+        self._face = None if panes is None or face is None else rays.index(face)
         self._station = rays.vector(rays.placed(station))
         self._window = None if window is None else (rays.vector(window.normal), rays.real(window.offset))
 
@@ -192,8 +208,12 @@ class ScreenedProbe(Probe):
         ray = point - start
         distance = dr.norm(ray)
         before = distance - SAME_DISTANCE * (1.0 + distance)
-        hidden = apart | self.rays.blocked(start, ray / dr.maximum(distance, 1e-12), before)
-        return dr.select(hidden, mi.Int32(1), mi.Int32(0))
+        ray = ray / dr.maximum(distance, 1e-12)
+        if self._panes is None:
+            hidden = dr.select(self.rays.blocked(start, ray, before), mi.Int32(1), mi.Int32(0))
+        else:
+            hidden = self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row))
+        return dr.select(apart, mi.Int32(1), hidden)
 
 
 class PlaneProbe(Probe):

@@ -24,8 +24,9 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
+from .faces.panes import DARK, MOST_PANES, Panes
 from .patches import PatchSize, split, too_many_patches
-from .probes import CentralRays, PlaneProbe, Probe, ScreenedProbe, Window
+from .probes import SAME_DISTANCE, CentralRays, PlaneProbe, Probe, ScreenedProbe, Window
 from .refine import Pieces, refined
 from .returning import Return
 from .trace import GRAZING, Tubes, depth_first, face_of_plane, landing
@@ -59,11 +60,16 @@ class ImageTubes(Tubes):
     origin : ndarray of int64, shape (num_tubes,)
         Number on its first face of the patch from which a tube comes, the same for all pieces into which it is cut
         later.
+    way_in, way_out : ndarray of int64, shape (num_tubes, MOST_PANES)
+        Faces of the panes between the transmitter and the first face, and between the last face and the receiver;
+        `MISS` for none.
     """
 
     face: Index
     image: Array
     origin: Index
+    way_in: Index
+    way_out: Index
 
     @property
     def depth(self) -> int:
@@ -167,6 +173,8 @@ class Tracer:
     size : PatchSize
     settings : SbrSettings
         Those of :meth:`.SbrSettings.for_scene`.
+    panes : Panes or None
+        What lets waves through.
     count : Counter
         Tubes traced so far, by bounce.
     """
@@ -180,6 +188,7 @@ class Tracer:
     reach: float
     size: PatchSize
     settings: SbrSettings
+    panes: Panes | None = None
     count: Counter[int] = field(default_factory=Counter)
 
     def bounces(self, face: Index) -> Iterator[ImageTubes]:
@@ -198,10 +207,13 @@ class Tracer:
     def _arrive(self, depth: int, tubes: ImageTubes) -> Iterator[Arrival]:
         self.count[depth] += len(tubes)
         if depth > 1:
-            yield Arrival(tubes, self._seen(self._watched(self._cut(self._turned_back(tubes))), self.rx))
+            yield Arrival(tubes, self._seen(self._watched(self._cut(self._turned_back(tubes))), self.rx, "way_out"))
             return
-        lit = self._seen(tubes, self.tx)
-        yield Arrival(lit, lit if self.rx is self.tx else self._seen(self._watched(self._in_front(lit)), self.rx))
+        lit = self._seen(tubes, self.tx, "way_in")
+        if self.rx is self.tx:
+            yield Arrival(lit, replace(lit, way_out=lit.way_in))
+        else:
+            yield Arrival(lit, self._seen(self._watched(self._in_front(lit)), self.rx, "way_out"))
 
     def _starts(self, face: Index) -> Iterator[ImageTubes]:
         """Yield the patches of faces that are in the transmitter's view, some batch of them at a time."""
@@ -222,7 +234,9 @@ class Tracer:
             whole, number, fine = whole[kept], number[kept], fine[kept]
             origin = (whole - first[whole]) * (1 << 32) + number
             start = np.broadcast_to(source, (len(whole), 1, 3))
-            yield from ImageTubes(fine, face[rows[whole], None], start, origin).batches(self.settings.max_tubes)
+            way = np.full((len(whole), MOST_PANES), MISS)
+            tubes = ImageTubes(fine, face[rows[whole], None], start, origin, way, way)
+            yield from tubes.batches(self.settings.max_tubes)
 
     def _start_size(self, face: Index) -> PatchSize:
         """Return the size of the first tubes, so that there are about `num_tubes` of them if it is set."""
@@ -263,14 +277,23 @@ class Tracer:
         wide, fine = self.settings.spacings(wavelength, self.size.length(distance), sheet)
         return np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine)
 
-    def _seen(self, tubes: ImageTubes, station: Viewpoint) -> ImageTubes:
-        """Return the parts of footprints from which a station can be seen."""
+    def _seen(self, tubes: ImageTubes, station: Viewpoint, way: str) -> ImageTubes:
+        """Return the parts of footprints from which a station can be seen, through panes or not, with that column."""
         if not len(tubes):
             return tubes
-        probe = ScreenedProbe(self.rays, station.pose.position, station.window)
+        start = station.pose.position
+        probe = ScreenedProbe(self.rays, start, station.window, self.panes, tubes.face[:, -1])
         corners, rows, dark = self._labelled(tubes, station.pose.position, probe)
-        lit = dark == 0
-        return tubes.take(rows[lit], corners[lit])
+        lit = dark != DARK
+        found = tubes.take(rows[lit], corners[lit])
+        behind = np.flatnonzero(dark[lit] > DARK)
+        if self.panes is None or not len(behind):
+            return found
+        faces = np.full((len(found), MOST_PANES), MISS)
+        center = middle(found.corners[behind])
+        first = start if station.window is None else station.window.entry(start, center)
+        faces[behind] = self.panes.crossed(first, center, 1.0 - SAME_DISTANCE)
+        return replace(found, **{way: faces})
 
     def _in_front(self, tubes: ImageTubes) -> ImageTubes:
         """Return the footprints whose lit side is turned to the receiver."""
@@ -332,4 +355,5 @@ class Tracer:
         landed = corners[kept] + share[kept, :, None] * ray[kept]
         chain = np.concatenate([tubes.face[rows[kept]], face[kept, None]], axis=1)
         images = np.concatenate([tubes.image[rows[kept]], source[kept, None]], axis=1)
-        return ImageTubes(landed, chain, images, tubes.origin[rows[kept]])
+        rows = rows[kept]
+        return ImageTubes(landed, chain, images, tubes.origin[rows], tubes.way_in[rows], tubes.way_out[rows])

@@ -3,9 +3,9 @@
 Those of a body in the far field (NumPy), and those of all faces of a scene (on the device).
 
 Time dependence e^{+jwt}. A material reflects with Fresnel's coefficients as a half space, or as one layer with air
-behind where it has a thickness; nothing passes through. In the far field each coefficient is computed as it is needed,
-for any complex permittivity, and "metal" is a perfect conductor; in a scene they come from a table over the cosine of
-incidence, and a metal has its conductivity.
+behind where it has a thickness; what passes through a layer is followed in a scene (:mod:`.faces.panes`). In the far
+field each coefficient is computed as it is needed, for any complex permittivity, and "metal" is a perfect conductor; in
+a scene they come from a table over the cosine of incidence, and a metal has its conductivity.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import FaceRays
 from scarl_sionna.engine.types import DeviceArray
-from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection
+from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection, transmission
 from scarl_sionna.scene.materials.rough import diffuse_albedo
 
 from .fields import HOST, reflected_field
@@ -118,7 +118,7 @@ class FaceSurfaces:
     state : WorldState
     faces : FaceTable
     parts : ndarray of int64
-        Rows of the part table that scatter: their materials must have data.
+        Rows of the part table that scatter or let waves through: their materials must have data.
     frequency : float
         [Hz].
     nodes : int
@@ -139,11 +139,14 @@ class FaceSurfaces:
         names = sorted({table.material[part] for part in parts})
         self.materials = tuple(state.world.materials[name] for name in names)
         cosine = np.linspace(0.0, 1.0, nodes) ** 2
-        columns = np.zeros((len(names), nodes, 4))
+        columns, passed = (np.zeros((len(names), nodes, 4)) for _ in range(2))
         for index, material in enumerate(self.materials):
             te, tm = reflection(material, frequency, cosine)
             columns[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
-        self._coefficient = rays.reals(columns)
+            if material.thickness is not None:
+                te, tm = transmission(material, frequency, cosine)
+                passed[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
+        self._coefficient, self._passed = rays.reals(columns), rays.reals(passed)
         kept = np.array([material.coherence for material in self.materials])
         albedo = np.array([diffuse_albedo(material, frequency) for material in self.materials])
         crossed = np.array([material.xpd_coefficient for material in self.materials])
@@ -181,6 +184,13 @@ class FaceSurfaces:
 
     def coefficients(self, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the TE and the TM reflection coefficient of a smooth surface, each as real and imaginary part."""
+        return self._looked_up(self._coefficient, face, cosine)
+
+    def transmission(self, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+        """Return the TE and the TM transmission coefficient of a layer, as of :meth:`coefficients`; 0 for no layer."""
+        return self._looked_up(self._passed, face, cosine)
+
+    def _looked_up(self, table: DeviceArray, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         dr, rays = self._rays.dr, self._rays
         place = dr.sqrt(dr.clip(cosine, 0.0, 1.0)) * (self._nodes - 1)
         node = dr.minimum(rays.mi.UInt32(place), self._nodes - 2)
@@ -188,8 +198,8 @@ class FaceSurfaces:
         low = 4 * (self._material(face) * self._nodes + node)
         te_re, te_im, tm_re, tm_im = (
             dr.lerp(
-                dr.gather(rays.Real, self._coefficient, low + k),
-                dr.gather(rays.Real, self._coefficient, low + 4 + k),
+                dr.gather(rays.Real, table, low + k),
+                dr.gather(rays.Real, table, low + 4 + k),
                 share,
             )
             for k in range(4)

@@ -1,4 +1,4 @@
-"""How far the echo of each object may be off, from the run itself: what cancels is uncertain, what bounces on is cut."""
+"""How far the echo of each object may be off, from the run itself: what cancels is uncertain, bounces are cut."""
 
 from __future__ import annotations
 

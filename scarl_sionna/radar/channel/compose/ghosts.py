@@ -260,7 +260,7 @@ def of_meshes(view: MirrorView, lit: Sequence[int], chosen: Sequence[int], setti
 
 
 def _viewpoint(view: MirrorView, image: Image) -> Viewpoint:
-    """Return an image of the radar, which looks through its last mirror if it has one: what lies on it hides nothing."""
+    """Return an image of the radar, which looks through its last mirror, if any: what lies on it hides nothing."""
     axes, window = view.mount.pose.rotation, None
     for mirror in image.way:
         axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)

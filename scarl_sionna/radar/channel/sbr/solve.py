@@ -30,7 +30,8 @@ from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.engine.smooth.surface import state_sheets, state_surface
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.optics.body.mesh import MOSTLY_COARSE
-from scarl_sionna.radar.optics.curved import CurvedFaces, DeviceCurves
+from scarl_sionna.radar.optics.faces.curved import CurvedFaces, DeviceCurves
+from scarl_sionna.radar.optics.faces.panes import Panes, pane_parts
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Tracer, Viewpoint
@@ -96,9 +97,9 @@ def solve_sbr(
     The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit:
     no row is doubled by reciprocity.
 
-    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric, diffuse scattering between
-    mirrors and, for a bistatic pair, before them, the direct path of such a pair, the acceleration of bodies
-    themselves (turning ones, wheels: :func:`scarl_sionna.synthesize_blocks`).
+    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric between two bounces, diffuse
+    scattering between mirrors and, for a bistatic pair, before them, the direct path of such a pair, the acceleration
+    of bodies themselves (turning ones, wheels: :func:`scarl_sionna.synthesize_blocks`).
     *Convergence and validity*: docs/sbr.md.
 
     References
@@ -164,11 +165,16 @@ def solve_between(
     rough: dict[int, list[Columns]] = {}
     with variant.optical() as mi:
         rays = StateRays(mi, state)
-        surfaces = FaceSurfaces(rays, state, faces, used, radar.center_frequency, knobs.coefficient_nodes)
+        thin = pane_parts(state, radar.center_frequency, knobs.pane_loss_db)
+        owner = np.where(knobs.own_panes, 0, state.world.parts.instance[faces.part])
+        panes = Panes(rays, faces, thin, owner) if len(thin) else None
+        shown = np.union1d(used, thin)
+        surfaces = FaceSurfaces(rays, state, faces, shown, radar.center_frequency, knobs.coefficient_nodes)
         size = PatchSize.of(radar, knobs)
         curves = None if curved is None else DeviceCurves(rays, curved)
         near = NearField(rays, surfaces, tx, rx, size.wavenumber, knobs.integration_phase, curves)
-        tracer = Tracer(rays, faces, chosen, state_sheets(state, used), tx, rx, reach, size, knobs.for_scene())
+        sheets = state_sheets(state, used)
+        tracer = Tracer(rays, faces, chosen, sheets, tx, rx, reach, size, knobs.for_scene(), panes)
         for patches in tracer.bounces(start):
             if len(patches):
                 blocks += [_rows(state, tracer, near, some, rough) for some in near.kinds(patches)]

@@ -21,7 +21,7 @@ from scarl_sionna.engine.rays.face_planes import SAME_PLANE, plane_numbers
 from scarl_sionna.engine.rays.face_rays import MeshRays, center_and_radius
 from scarl_sionna.engine.rays.geometry import Triangles
 from scarl_sionna.engine.smooth.surface import Surface, mesh_surface
-from scarl_sionna.radar.optics.curved import CurvedFaces
+from scarl_sionna.radar.optics.faces.curved import CurvedFaces
 
 Array = npt.NDArray[np.float64]
 

@@ -19,9 +19,8 @@ from scarl_sionna.engine.device import Device
 from scarl_sionna.engine.rays.geometry import Triangles
 from scarl_sionna.engine.smooth.surface import Surface
 from scarl_sionna.engine.types import DeviceArray
-
-from .fields import HOST, OnDevice, second_difference
-from .phase import Pair, over_parts, plane_wave_integral
+from scarl_sionna.radar.optics.fields import HOST, OnDevice, second_difference
+from scarl_sionna.radar.optics.phase import Pair, over_parts, plane_wave_integral
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -114,7 +113,7 @@ class CurvedFaces:
     def plane_wave_integral(self, face: Index, corners: Array, wave_vector: Array, normal: Array) -> Complex:
         """Return the integral of exp(j q . r) over footprints, shape (n,) [m2], those on flat faces among them.
 
-        Parameters as of :func:`parts_of` and :func:`.phase.plane_wave_integral`.
+        Parameters as of :func:`parts_of` and :func:`~scarl_sionna.radar.optics.phase.plane_wave_integral`.
         """
         bent = self.is_curved[face]
         flat = np.flatnonzero(~bent)
@@ -233,7 +232,7 @@ class DeviceCurves:
         wavenumber: float,
         flat_phase: float,
     ) -> Pair:
-        """Return the integrals of :func:`.phase.spherical_wave_integral` over footprints on curved faces.
+        """Return the integrals of `phase.spherical_wave_integral` over footprints on curved faces.
 
         Parameters
         ----------
@@ -247,7 +246,7 @@ class DeviceCurves:
         wavenumber : float
             [rad/m].
         flat_phase : float
-            As `largest` of :func:`.phase.spherical_wave_integral`, for the curvature of the waves [rad].
+            As `largest` there, for the curvature of the waves [rad].
 
         Notes
         -----

@@ -1,0 +1,164 @@
+"""Thin layers that let waves through on their way from the transmitter to the first face, and from the last one back.
+
+A ray that meets a pane goes straight on; what it loses there, for each polarisation, is the layer's transmission at the
+angle at which it is met. The pane reflects as any other face. Between two bounces a pane ends a tube.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import MaterialRangeError
+from scarl_sionna.engine.rays.face_planes import FaceTable
+from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
+from scarl_sionna.engine.types import DeviceArray
+from scarl_sionna.radar.optics.fields import Field, OnDevice
+from scarl_sionna.radar.optics.surfaces import FaceSurfaces
+from scarl_sionna.scene.materials.fresnel import transmission
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+MOST_PANES = 4
+"""On one leg; what lies behind more is hidden. Four are the windows of a car that is looked through, or two boxes."""
+STEP_ON = 4e-6
+"""A ray goes on this far behind a pane, relative to 1 m + the distance: some float32 steps, so that it does not meet
+the pane again; a second side of a sheet drawn at the same place counts once for it."""
+DARK = 1
+"""Label of a point behind something that lets nothing through; 0 is in the open, more is behind panes."""
+_MIX, _MASK = 1009, (1 << 28) - 1
+
+
+def pane_parts(state: WorldState, frequency: float, largest_loss_db: float | None) -> Index:
+    """Return the rows of the part table that are layers with no more than a loss there and back, at normal incidence.
+
+    Parameters
+    ----------
+    state : WorldState
+    frequency : float
+        [Hz]. A layer whose material has no data there lets nothing through.
+    largest_loss_db : float or None
+        [dB]; None: nothing lets waves through.
+    """
+    world, thin = state.world, set()
+    for name in set(world.parts.material) if largest_loss_db is not None else ():
+        material = world.materials[name]
+        if material.thickness is None:
+            continue
+        try:
+            through = float(np.abs(transmission(material, frequency, 1.0)[0]))
+        except MaterialRangeError:
+            continue
+        if largest_loss_db is not None and -40.0 * np.log10(max(through, 1e-30)) <= largest_loss_db:
+            thin.add(name)
+    return np.array([part for part, name in enumerate(world.parts.material) if name in thin], dtype=np.int64)
+
+
+class Panes:
+    """The panes of a state; make and use it inside the variant of its rays.
+
+    Parameters
+    ----------
+    rays : FaceRays
+    faces : FaceTable
+    parts : ndarray of int64
+        Rows of the part table that are panes.
+    instance : ndarray of int64, shape (num_faces,)
+        Of every face: a pane hides what is of its own instance. Zeros where it does not.
+    """
+
+    def __init__(self, rays: FaceRays, faces: FaceTable, parts: Index, instance: Index) -> None:
+        self.rays = rays
+        self._instance = rays.label(instance)
+        self._part = rays.label(np.where(np.isin(faces.part, parts), faces.part, MISS))
+
+    def label(self, station: DeviceArray, ray: DeviceArray, before: DeviceArray, face: DeviceArray) -> DeviceArray:
+        """Return labels of points of faces in some unit directions from a station, up to a distance; see `DARK`."""
+        dr, mi = self.rays.dr, self.rays.mi
+        code, dark = mi.UInt32(0), mi.Bool(False)
+        own = dr.gather(mi.Int32, self._instance, face)
+        for met, hit, part in self._met(station, ray, before):
+            other = dr.gather(mi.Int32, self._instance, mi.UInt32(met), hit)
+            pane = hit & (part != MISS) & ((other != own) | (own == 0))
+            dark |= hit & ~pane
+            code = dr.select(pane, ((code * _MIX + mi.UInt32(part)) & _MASK) + 2, code)
+        return dr.select(dark, mi.Int32(DARK), mi.Int32(code))
+
+    def _met(
+        self, station: DeviceArray, ray: DeviceArray, before: DeviceArray
+    ) -> Iterator[tuple[DeviceArray, DeviceArray, DeviceArray]]:
+        """Yield the faces met one after the other, whether there is one, and its part; all but panes end the way."""
+        dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
+        active, far = rays.blocked(station, ray, before), 0.0
+        for step in range(MOST_PANES + 1):
+            face, distance = rays.first_within(station + far * ray, ray, before - far, active)
+            hit = active & (face != MISS)
+            part = dr.gather(mi.Int32, self._part, mi.UInt32(face), hit)
+            part = dr.select(step < MOST_PANES, part, MISS)
+            yield face, hit, part
+            active = hit & (part != MISS)
+            far = dr.select(active, far + distance + STEP_ON * (1.0 + far + distance), far)
+
+    def crossed(self, station: Array, points: Array, before: float) -> Index:
+        """Return the faces of the panes between a station and points, shape (num_points, MOST_PANES), `MISS` for none.
+
+        `station` has the shape (3,), or that of the points; `before` is the part of the distance up to which faces
+        count, 1 - 1e-6.
+        """
+        if not len(points):
+            return np.zeros((0, MOST_PANES), dtype=np.int64)
+        rays, dr = self.rays, self.rays.dr
+        with rays.active():
+            start = rays.vector(station) if station.ndim == 1 else rays.vectors(station)
+            ray = rays.vectors(points) - start
+            distance = dr.norm(ray)
+            met = self._met(start, ray / distance, distance - (1.0 - before) * (1.0 + distance))
+            found = [dr.select(hit & (part != MISS), face, MISS) for face, hit, part in met][:MOST_PANES]
+            dr.eval(*found)
+            return np.stack([column.numpy() for column in found], axis=1).astype(np.int64)
+
+
+def through_panes(
+    rays: FaceRays, surfaces: FaceSurfaces, way: Index, field: Field, direction: DeviceArray
+) -> tuple[Field, DeviceArray]:
+    """Return fields behind the panes on their way, and the mean share of amplitude that both polarisations keep.
+
+    Parameters
+    ----------
+    rays : FaceRays
+    surfaces : FaceSurfaces
+    way : ndarray of int64, shape (num_tubes, MOST_PANES)
+        Faces of panes, `MISS` for none.
+    field : field
+        See :mod:`scarl_sionna.radar.optics.fields`.
+    direction : Dr.Jit Array3f64
+        Unit direction of travel.
+    """
+    dr, on = rays.dr, OnDevice(rays.dr)
+    kept = rays.Real(1.0)
+    for column in way.T:
+        if not (column != MISS).any():
+            break
+        is_pane, face = rays.label(column) != MISS, rays.index(np.maximum(column, 0))
+        normal = surfaces.plane(face)[0]
+        cosine = dr.abs(dr.dot(normal, direction))
+        te, tm = surfaces.transmission(face, cosine)
+        axis = on.across(direction, normal)
+        other = on.cross(direction, axis)
+        passed = on.add(
+            on.along(axis, on.times(te, on.component(axis, field))),
+            on.along(other, on.times(tm, on.component(other, field))),
+        )
+        pick = partial(dr.select, is_pane)
+        field = [(pick(a, c), pick(b, d)) for (a, b), (c, d) in zip(passed, field, strict=True)]
+        power = 0.5 * sum(part**2 for coefficient in (te, tm) for part in coefficient)
+        kept *= pick(dr.sqrt(power), 1.0)
+    return field, kept
