@@ -28,8 +28,8 @@ from benchmarks.harness import machine
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "docs" / "figures" / "data"
-PROBLEMS = ("plate", "trihedral", "sphere", "two_ray", "wall", "car_near", "car_far", "highway")
-ROAD_PROBLEMS = ("car_near", "car_far", "highway")
+PROBLEMS = ("plate", "trihedral", "sphere", "two_ray", "wall", "car_near", "car_far")
+ROAD_PROBLEMS = ("car_near", "car_far")
 NOTHING_DB = 60.0
 STYLE = {  # Okabe and Ito's colours, which the colour-blind tell apart, each with a marker of its own
     "raycast": ("#E69F00", "s"), "sionna": ("#56B4E9", "^"), "sbr": ("#009E73", "o"), "sbr, 1 rad": ("#004D38", "v"),

@@ -174,7 +174,7 @@ def common(
         over(
             "auto",
             "tolerance",
-            [(f"{t:g} dB", {"accuracy": Accuracy(channel_tolerance_db=t)}) for t in (3.0, 1.0, 0.3, 0.1)],
+            [(f"{t:g} dB", {"accuracy": Accuracy(channel_tolerance_db=t)}) for t in (3.0, 1.0, 0.3)],
             "1 dB",
             state,
             poses,

@@ -1,7 +1,4 @@
-"""The problems of the work-precision charts that have a road scene.
-
-The car of highway_guardrail, and its whole frame.
-"""
+"""The problems of the work-precision charts with the car of highway_guardrail."""
 
 from __future__ import annotations
 
@@ -16,25 +13,18 @@ from benchmarks.accuracy_problems import (
     NOTHING_DB,
     RADAR,
     Answer,
-    Curve,
-    Point,
     Problem,
     common,
     folder,
-    frames,
     noise_error_db,
     over,
     scatterer_curve,
 )
-from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.settings.sbr import SbrSettings
-from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
-from scarl_sionna.radar.channel import ChannelPlan, Share, solve_paths
+from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.scatterers.compile import range_profile
-from scarl_sionna.signal.noise import angle_cell_noise_power
 from scenes_xml import scene_path
 
 SPEED_OF_LIGHT = 299792458.0
@@ -135,89 +125,3 @@ def car_near() -> Problem:
 def car_far() -> Problem:
     """Return the car at 100 m."""
     return _car(100.0)
-
-
-def highway() -> Problem:
-    """Return a whole frame of highway_guardrail."""
-    radar = ss.RadarSpec.preset("awr1843boost")
-    state = ss.load_scene("highway_guardrail").at(0.0)
-    pose = state.actor_pose("ego").compose(Pose([2.6, 0.0, 0.6]))
-    table = state.world.instances
-    bodies = [
-        number
-        for number, info in table.items()
-        if info.is_object and info.name != "ego" and not info.name.startswith("tree")
-    ]
-    rest = [number for number in table if number not in bodies]
-    fine = SbrSettings(max_phase=1.0, integration_phase=0.02, max_depth=2)
-
-    def plan(settings: SbrSettings, rays: int) -> ChannelPlan:
-        return ChannelPlan((Share("sbr", bodies, settings), Share("raycast", rest, {"num_rays": rays})))
-
-    short = radar.with_(num_chirps=1)
-
-    def cells(paths: Any) -> np.ndarray:
-        """Return the power over range and azimuth of the first chirp."""
-        rda = ss.range_doppler_angle(ss.virtual_cube(ss.synthesize(paths, short), short), short)
-        return np.asarray(rda.data, dtype=np.float64).reshape(-1)
-
-    reference = solve_paths(state, radar, pose, method="hybrid", plan=plan(fine, 1_000_000))
-    truth = cells(reference)
-    owned = cells(reference.select(np.isin(reference.instance[:, 0], bodies)))
-    noise = angle_cell_noise_power(short)
-    strong = (truth > truth.max() * 1e-6) & (owned > 0.9 * truth) & (truth > 10.0 * noise)
-
-    def error(answer: Answer) -> float:
-        found = np.maximum(cells(answer[0])[strong], 1e-300)
-        return float(np.median(np.minimum(np.abs(10.0 * np.log10(found / truth[strong])), NOTHING_DB)))
-
-    twist = state.actor_twist("ego")
-    curves = common(state, [pose], radar)
-    curves[2] = over(
-        "sbr",
-        "bounces of all objects",
-        [(f"{d}", {"settings": fine.with_(max_depth=d), "instances": bodies}) for d in (1, 2)],
-        "2",
-        state,
-        [pose],
-        radar,
-    )
-    curves[3] = over(
-        "auto",
-        "tubes a ray",
-        [(f"{n:.0e}", {"accuracy": Accuracy(tube_budget=n)}) for n in (0, 20_000, 100_000, 300_000, 2_000_000)],
-        "1e+05",
-        state,
-        [pose],
-        radar,
-    )
-    curves.append(
-        Curve(
-            "hybrid",
-            "bounces of all objects",
-            [
-                Point(
-                    "1",
-                    frames(
-                        state,
-                        [Mount(pose, twist)],
-                        radar,
-                        method="hybrid",
-                        plan=plan(fine.with_(max_depth=1), 1_000_000),
-                    ),
-                    True,
-                )
-            ],
-        )
-    )
-    level = float(np.sqrt(np.median(truth[strong]) / dbm_to_watt(radar.front_end.tx_power_dbm)))
-    return Problem(
-        "highway",
-        "Whole frame of highway_guardrail",
-        "all objects by sbr (1 rad, 2 bounces), the rest by raycast, 10^6 rays",
-        f"median over {int(strong.sum())} range-azimuth cells in which objects dominate",
-        noise_error_db(level, short),
-        1,
-        error,
-        curves,
-    )

@@ -4,7 +4,7 @@
 
 cells     `RaycastSettings.cells_per_resolution` and `widest_cosine`: expected power in a range-azimuth map against
           every hit of the same rays, so this is the error of thinning alone
-probes    `AutoSettings.num_probes` and `bounce_share`: objects with another number of bounces than by 16,384 probes
+probes    `AutoSettings.num_probes`: objects that are seen or hidden otherwise than by 16,384 probes
 mirrors   `MirrorSettings.max_mirrors`: power of cars (3GPP models) seen through mirrors against 32 of them, in range
           bins of 1 m, at most 30 dB off a bin
 drops     `WeatherEchoSettings.num_points` and `least_per_bin`: contrast of a range-Doppler cell, 1 for speckle
@@ -28,7 +28,8 @@ from harness import machine
 from radar_frame import expected_map
 
 import scarl_sionna as ss
-from scarl_sionna.radar.channel.compose.budget import own_bounces
+from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
+from scarl_sionna.radar.channel.compose.reflections import sights
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.weather.clutter import VolumeSampling, volume_clutter
 
@@ -72,16 +73,17 @@ def cells() -> None:
 
 
 def probes() -> None:
-    print("| place | probes | bounce share | objects with other bounces | of | CPU [s] |\n|---|---|---|---|---|---|")
+    print("| place | probes | objects seen otherwise | of | CPU [s] |\n|---|---|---|---|---|")
     for name in PLACES:
         state, mount = place(name)
+        view = MirrorView(state, RADAR, mount, (), [], ss.MirrorSettings())
         numbers = [number for number, info in state.world.instances.items() if info.is_object]
-        exact = own_bounces(state, mount.pose, numbers, ss.AutoSettings(num_probes=16_384))
-        for count, share in ((64, 0.01), (256, 0.01), (1024, 0.01), (4096, 0.01), (256, 0.003), (256, 0.03)):
-            rules = ss.AutoSettings(num_probes=count, bounce_share=share)
-            found, cpu = timed(lambda rules=rules: own_bounces(state, mount.pose, numbers, rules))  # noqa: B023
-            other = sum(found[number] != exact[number] for number in numbers)
-            print(f"| {name} | {count} | {share:g} | {other} | {len(numbers)} | {cpu:.3f} |", flush=True)
+        exact = sights(view, numbers, ss.AutoSettings(num_probes=16_384))
+        for count in (16, 64, 256, 1024):
+            rules = ss.AutoSettings(num_probes=count)
+            found, cpu = timed(lambda rules=rules: sights(view, numbers, rules))  # noqa: B023
+            other = sum((found[number][0].share > 0.0) != (exact[number][0].share > 0.0) for number in numbers)
+            print(f"| {name} | {count} | {other} | {len(numbers)} | {cpu:.3f} |", flush=True)
 
 
 def mirrors() -> None:

@@ -1,0 +1,95 @@
+"""Chart and table of benchmarks/whole_streets.py."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+KINDS = {"field": "random fields of bodies", "street": "frames of the ready scenes"}
+TOLERANCE = {"auto 3 dB": 3.0, "auto 1 dB": 1.0, "auto 0.3 dB": 0.3}
+
+
+def kept(row: dict[str, Any]) -> float:
+    """Return the error that 90 % of the objects keep [dB]."""
+    errors = np.abs(list(row["error_db"].values()))
+    return float(np.quantile(errors, 0.9, method="inverted_cdf")) if len(errors) else 0.0
+
+
+def write(page: Path, results: Path) -> None:
+    """Draw the chart and renew the marked block of a page."""
+    lines = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
+    draw(lines, page.parent / "figures" / "accuracy_streets.png")
+    text = page.read_text(encoding="utf-8")
+    begin, end = "<!-- begin streets -->", "<!-- end streets -->"
+    block = f"{begin}\n{report(lines)}\n{end}"
+    page.write_text(re.sub(f"{begin}.*?{end}", lambda _: block, text, flags=re.DOTALL), encoding="utf-8")
+
+
+def draw(lines: Sequence[dict[str, Any]], file: Path) -> None:
+    """Draw the error that 90 % of the objects keep against processor time, a point a problem and method."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, len(KINDS), figsize=(10.5, 4.2), sharey=True, layout="constrained")
+    for place, (kind, title) in zip(axes, KINDS.items(), strict=True):
+        some = [line for line in lines if line["kind"] == kind]
+        for method in some[0]["methods"] if some else ():
+            rows = [line["methods"][method] for line in some]
+            x, y = [row["cpu"] for row in rows], [max(kept(row), 0.01) for row in rows]
+            (dots,) = place.loglog(x, y, ".", ms=4, alpha=0.4)
+            place.loglog([np.median(x)], [np.median(y)], "o", ms=9, color=dots.get_color(), label=method)
+        for tolerance in TOLERANCE.values():
+            place.axhline(tolerance, color="0.7", lw=0.8, zorder=0)
+        place.set(title=f"{len(some)} {title}", xlabel="CPU time of a solve [s]", ylim=(0.01, 100.0))
+        place.grid(alpha=0.2)
+    axes[0].set_ylabel("error that 90 % of the objects keep [dB]")
+    axes[-1].legend(fontsize=8, loc="lower left")
+    figure.savefig(file, dpi=100)
+    plt.close(figure)
+
+
+def report(lines: Sequence[dict[str, Any]]) -> str:
+    """Return the markdown of the results."""
+    text = ["![Error against CPU time, whole streets](figures/accuracy_streets.png)", ""]
+    for kind, title in KINDS.items():
+        some = [line for line in lines if line["kind"] == kind]
+        if not some:
+            continue
+        last = max(line["seed"] for line in some)
+        command = f"python benchmarks/whole_streets.py {kind} 0:{last + 1}"
+        text += [
+            f"{len(some)} {title} (seeds 0 to {last}); `{command}`, {some[-1]['machine']}.",
+            "",
+            "| method | error that 90 % of the objects keep, median of the problems [dB] | 90th percentile "
+            "| tolerance met | not met and `met` true | CPU, median [s] | at most twice the cheapest sufficient |",
+            "|---|---|---|---|---|---|---|",
+        ]
+        text += [_line(some, method) for method in some[0]["methods"]] + [""]
+    return "\n".join(text).rstrip()
+
+
+def _line(some: Sequence[dict[str, Any]], method: str) -> str:
+    rows = [line["methods"][method] for line in some]
+    errors, cpu = np.array([kept(row) for row in rows]), np.array([row["cpu"] for row in rows])
+    cells = [method, f"{np.median(errors):.2f}", f"{np.quantile(errors, 0.9):.2f}"]
+    tolerance = TOLERANCE.get(method)
+    if tolerance is None:
+        cells += ["", "", f"{np.median(cpu):.1f}", ""]
+        return "| " + " | ".join(cells) + " |"
+    good = errors <= tolerance
+    silent = sum(row["met"] for row, ok in zip(rows, good, strict=True) if not ok)
+    cheap = [_is_cheap(line, method, tolerance) for line, ok in zip(some, good, strict=True) if ok]
+    cells += [f"{good.sum()} of {len(rows)}", str(silent), f"{np.median(cpu):.1f}", f"{sum(cheap)} of {len(cheap)}"]
+    return "| " + " | ".join(cells) + " |"
+
+
+def _is_cheap(line: dict[str, Any], method: str, tolerance: float) -> bool:
+    enough = [row["cpu"] for row in line["methods"].values() if kept(row) <= tolerance]
+    return bool(line["methods"][method]["cpu"] <= 2.0 * min(enough))
