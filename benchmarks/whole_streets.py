@@ -4,8 +4,9 @@
     python benchmarks/whole_streets.py street 0:18     frames of the ready scenes
     python benchmarks/whole_streets.py --write docs/accuracy.md     table and chart from the results
 
-The reference is `sbr` of all coherent bodies at 0.4 rad, edges cut twice as finely as by default, and five bounces, with their ways over all mirrors that `auto`
-found and the ground. Counted are objects whose echo in the reference is 10 dB over the noise of a cell.
+The reference is `sbr` of all coherent bodies at 0.4 rad and five bounces, edges cut twice as finely as by default, with
+their ways over the mirrors that `auto` found at 0.3 dB. Counted are objects whose echo in the reference is 10 dB over
+the noise of a cell.
 """
 
 from __future__ import annotations

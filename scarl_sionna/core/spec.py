@@ -158,6 +158,8 @@ class _Written:
 
 
 def _as_written(value: object) -> object:
+    if isinstance(value, tuple) and any(isinstance(item, Spec) for item in value):
+        return tuple(_as_written(item) for item in value)
     return _Written(value) if isinstance(value, Spec) else value
 
 

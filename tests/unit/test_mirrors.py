@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from scarl_sionna.engine.load import load_scene
-from scarl_sionna.radar.channel.compose.mirrors import Mirror, find_mirrors, may_reach, mirrored, ways
+from scarl_sionna.radar.channel.compose.mirrors import Mirror, find_mirrors, mirrored, reaches, ways
 from tests.scenes import Thing, plane, write_scene
 
 WAVELENGTH = 0.004
@@ -56,9 +56,9 @@ def test_the_image_of_the_radar_goes_through_one_mirror_after_the_other() -> Non
     ],
 )
 def test_a_way_reaches_what_lies_before_its_mirrors_and_over_them(way, point, reached) -> None:
-    assert may_reach(way, HERE, np.array([point])) is reached
+    assert reaches(way, HERE, np.array([point])).tolist() == [reached]
     aside = (1.0, 500.0, 1.5) if way else point
-    assert may_reach(way, HERE, np.array([aside, point])) is reached  # one of the points is enough
+    assert reaches(way, HERE, np.array([aside, point])).tolist() == [not way and reached, reached]
 
 
 def test_flat_regions_wider_than_their_fresnel_zone_are_mirrors_the_largest_first(tmp_path) -> None:

@@ -15,7 +15,7 @@ from scarl_sionna.core.settings.auto import SbrLevel
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.fusion import Rig
-from scarl_sionna.radar.channel.compose.auto import sbr_settings
+from scarl_sionna.radar.channel.compose.choose import sbr_settings
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import RIG
 
@@ -24,7 +24,7 @@ REASONS = (
     r"as in SbrSettings"
 )
 """What a description must say: a chart, that there is none, or why the number is no trade."""
-OF_A_KIND = {"seed", "tolerance_db", "vehicle_bounces", "growth_long", "per_face", "num_tubes", "pane_directions"}
+OF_A_KIND = {"seed", "num_tubes", "pane_directions"}
 """Choices of randomness, parts whose class cites the chart, and a count that is asked for."""
 
 
@@ -78,11 +78,13 @@ def test_every_door_leads_to_the_same_rig(path: str, value: Any, tmp_path) -> No
     assert Rig.from_dict(rig.to_dict())[radar].settings == rig[radar].settings
 
 
-def test_levels_fall_to_zero() -> None:
-    level = SbrLevel(tolerance_db=1.0, max_phase=1.0, integration_phase=0.1, vehicle_bounces=2)
-    with pytest.raises(ScarlError, match="the last 0 dB"):
-        ss.AutoSettings(levels=(level,))
+def test_levels_fall_and_what_is_finer_than_the_last_is_refused() -> None:
+    level = SbrLevel(tolerance_db=1.0, max_phase=1.0, integration_phase=0.1, edge_share=0.25, max_depth=2)
     with pytest.raises(ScarlError, match="fall"):
-        ss.AutoSettings(levels=(level.with_(tolerance_db=0.0), level))
-    rules = ss.AutoSettings(levels=(level, level.with_(tolerance_db=0.0, max_phase=0.3)))
+        ss.AutoSettings(levels=(level.with_(tolerance_db=0.5), level))
+    with pytest.raises(ScarlError, match="fall"):
+        ss.AutoSettings(levels=())
+    rules = ss.AutoSettings(levels=(level, level.with_(tolerance_db=0.5, max_phase=0.3)))
     assert [sbr_settings(tolerance, rules).max_phase for tolerance in (5.0, 1.0, 0.9)] == [1.0, 1.0, 0.3]
+    with pytest.raises(ScarlError, match="at least 0.5 dB"):
+        sbr_settings(0.4, rules)

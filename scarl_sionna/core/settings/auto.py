@@ -44,8 +44,8 @@ class TubeEstimate(Spec):
     """
 
     least: float = Field(100.0, ge=0.0, description="number of tubes of an object with no face; fit, not charted")
-    per_face: float = Field(1.8, ge=0.0, description="number of tubes a face")
-    per_patch: float = Field(0.2, ge=0.0, description="number of tubes a patch of the projected box")
+    per_face: float = Field(1.8, ge=0.0, description="number of tubes a face; docs/accuracy.md, budget")
+    per_patch: float = Field(0.2, ge=0.0, description="number of tubes a patch of the projected box; fit, not charted")
     per_edge: float = Field(
         0.1, ge=0.0, description="number of tubes a step of the edge spacing along long edges; fit, not charted"
     )
@@ -59,7 +59,10 @@ class ErrorEstimate(Spec):
     """What an object's echo is expected to be off by; docs/accuracy.md, expected error."""
 
     last_bounce: float = Field(
-        0.3, ge=0.0, description="field of what bounces on, relative to that of the last bounce followed: a ratio"
+        0.3,
+        ge=0.0,
+        description="field of what bounces on, relative to that of the last bounce followed: a "
+        "ratio; docs/accuracy.md, expected error",
     )
     by_class_db: Decibels = Field(
         8.0,
@@ -108,8 +111,8 @@ class AutoSettings(Spec):
     errors: ErrorEstimate = Field(ErrorEstimate(), description="what each object is expected to be off by")
     counts_from_db: Decibels = Field(
         10.0,
-        description="objects that are this far over the noise of a cell by their class are counted in `met`; by "
-        "definition",
+        description="objects that are this far over the noise of a cell by their class are counted in `met`: what can "
+        "be detected; docs/accuracy.md, expected error",
     )
     speckle_db: Decibels = Field(
         10.0,
