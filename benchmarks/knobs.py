@@ -1,10 +1,11 @@
 """Error and CPU seconds of knobs that no work-precision chart has as its axis, a table each.
 
-    python benchmarks/knobs.py cells|probes|mirrors|drops ...
+    python benchmarks/knobs.py cells|probes|returns|mirrors|drops ...
 
 cells     `RaycastSettings.cells_per_resolution` and `widest_cosine`: expected power in a range-azimuth map against
           every hit of the same rays, so this is the error of thinning alone
 probes    `AutoSettings.num_probes`: objects that are seen or hidden otherwise than by 16,384 probes
+returns   `SbrSettings.return_angle`: echo of objects within 40 m against all tubes, at the level of 1 dB
 mirrors   `MirrorSettings.max_mirrors`: power of cars (3GPP models) seen through mirrors against 32 of them, in range
           bins of 1 m, at most 30 dB off a bin
 drops     `WeatherEchoSettings.num_points` and `least_per_bin`: contrast of a range-Doppler cell, 1 for speckle
@@ -28,6 +29,9 @@ from harness import machine
 from radar_frame import expected_map
 
 import scarl_sionna as ss
+from benchmarks.whole_streets import echoes
+from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.radar.channel import plan_channel
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.reflections import sights
 from scarl_sionna.radar.link import received_power
@@ -84,6 +88,30 @@ def probes() -> None:
             found, cpu = timed(lambda rules=rules: sights(view, numbers, rules))  # noqa: B023
             other = sum((found[number][0].share > 0.0) != (exact[number][0].share > 0.0) for number in numbers)
             print(f"| {name} | {count} | {other} | {len(numbers)} | {cpu:.3f} |", flush=True)
+
+
+def returns() -> None:
+    print(
+        "| place | return angle [rad] | error that 90 % of the objects keep [dB] | tubes | CPU [s] |\n|---|---|---|---|---|"
+    )
+    level = SbrSettings(max_phase=1.0, integration_phase=0.05, edge_share=0.25, max_depth=4, floor_db=None)
+    for name in PLACES:
+        state, mount = place(name)
+        plan = plan_channel(state, RADAR, mount, tube_budget=10**9, max_distance=40.0)
+        bodies = [number for share in plan.shares if share.solver == "sbr" for number in share.instances]
+
+        def found(angle: float | None) -> tuple[dict[int, float], int]:
+            knobs = {"sbr": level.with_(return_angle=angle), "instances": tuple(bodies)}  # noqa: B023
+            paths = ss.solve_paths(state, RADAR, mount, "sbr", **knobs, max_distance=40.0)  # noqa: B023
+            return echoes(paths, bodies), sum(paths.diagnostics["num_tubes"].values())  # noqa: B023
+
+        truth = found(None)[0]
+        counted = [number for number, power in truth.items() if power > 10.0]
+        for angle in (None, 2.0, 1.5, 0.8, 0.5, 0.3, 0.15):
+            (echo, tubes), cpu = timed(lambda angle=angle: found(angle))
+            error = [min(abs(echo[number] - truth[number]), 60.0) for number in counted]
+            most = np.quantile(error, 0.9, method="inverted_cdf")
+            print(f"| {name} | {angle or 'all'} | {most:.2f} | {tubes:,} | {cpu:.1f} |", flush=True)
 
 
 def mirrors() -> None:

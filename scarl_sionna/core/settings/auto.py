@@ -145,7 +145,7 @@ class AutoSettings(Spec):
         "docs/rcs.md, accuracy",
     )
     num_probes: int = Field(
-        64,
+        256,
         ge=1,
         description="rays to each coherent object, straight and over each mirror, that find out what is seen of it; "
         "docs/accuracy.md, knobs of the rules",
