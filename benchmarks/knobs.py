@@ -8,7 +8,7 @@ probes    `AutoSettings.num_probes`: objects that are seen or hidden otherwise t
 returns   `SbrSettings.return_angle`: echo of objects within 40 m against all tubes, at the level of 1 dB
 mirrors   `MirrorSettings.max_mirrors`: power of cars (3GPP models) seen through mirrors against 32 of them, in range
           bins of 1 m, at most 30 dB off a bin
-drops     `WeatherEchoSettings.num_points` and `least_per_bin`: contrast of a range-Doppler cell, 1 for speckle
+drops     `WeatherEchoSettings.num_points`: contrast of a range-Doppler cell, 1 for speckle
 """
 
 from __future__ import annotations
@@ -91,9 +91,8 @@ def probes() -> None:
 
 
 def returns() -> None:
-    print(
-        "| place | return angle [rad] | error that 90 % of the objects keep [dB] | tubes | CPU [s] |\n|---|---|---|---|---|"
-    )
+    print("| place | return angle [rad] | error that 90 % of the objects keep [dB] | tubes | CPU [s] |")
+    print("|---|---|---|---|---|")
     level = SbrSettings(max_phase=1.0, integration_phase=0.05, edge_share=0.25, max_depth=4, floor_db=None)
     for name in PLACES:
         state, mount = place(name)
@@ -171,4 +170,4 @@ if __name__ == "__main__":
     warnings.simplefilter("ignore")
     print(machine())
     for asked in sys.argv[1:]:
-        {"cells": cells, "probes": probes, "mirrors": mirrors, "drops": drops}[asked]()
+        {"cells": cells, "probes": probes, "returns": returns, "mirrors": mirrors, "drops": drops}[asked]()

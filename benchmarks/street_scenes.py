@@ -56,7 +56,7 @@ def street(seed: int) -> Street:
     state = ss.load_scene(name).at(time)
     height = float(np.round(rng.uniform(0.4, 1.0), 2))
     mount = state.mount("ego", ss.Pose([3.8, 0.0, height]))
-    return Street(f"{name} at {time:g} s", state, mount, 40.0)
+    return Street(f"{name} at {time:g} s", state, mount, 30.0)
 
 
 def bodies(seed: int, folder: Path) -> Street:
