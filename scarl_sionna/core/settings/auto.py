@@ -44,8 +44,8 @@ class TubeEstimate(Spec):
     """
 
     least: float = Field(100.0, ge=0.0, description="number of tubes of an object with no face; fit, not charted")
-    per_face: float = Field(1.8, ge=0.0, description="number of tubes a face; docs/accuracy.md, budget")
-    per_patch: float = Field(0.2, ge=0.0, description="number of tubes a patch of the projected box; fit, not charted")
+    per_face: float = Field(2.8, ge=0.0, description="number of tubes a face; docs/accuracy.md, budget")
+    per_patch: float = Field(0.3, ge=0.0, description="number of tubes a patch of the projected box; fit, not charted")
     per_edge: float = Field(
         0.1, ge=0.0, description="number of tubes a step of the edge spacing along long edges; fit, not charted"
     )
@@ -83,16 +83,16 @@ class AutoSettings(Spec):
                 edge_share=0.25,
                 return_angle=0.8,
                 max_depth=4,
-                patch_error=0.2,
+                patch_error=0.12,
             ),
             SbrLevel(
                 tolerance_db=1.0,
                 max_phase=1.0,
                 integration_phase=0.05,
-                edge_share=0.25,
+                edge_share=0.125,
                 return_angle=1.5,
                 max_depth=4,
-                patch_error=0.08,
+                patch_error=0.05,
             ),
             SbrLevel(
                 tolerance_db=0.3,
@@ -101,7 +101,7 @@ class AutoSettings(Spec):
                 edge_share=0.125,
                 return_angle=2.0,
                 max_depth=5,
-                patch_error=0.04,
+                patch_error=0.015,
             ),
         ),
         description="knobs of 'sbr' by tolerance, the coarsest first; finer tolerances than the last are refused; "
