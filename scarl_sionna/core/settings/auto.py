@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Decibels, Metres, Seconds, Unit
@@ -69,6 +69,10 @@ class ErrorEstimate(Spec):
         ge=0.0,
         description="error of an object that is left to its class's reflectivity; docs/accuracy.md, highway",
     )
+
+
+_EARLIER = {"long_object", "vehicle_classes", "bounce_share", "max_bounces"}
+"""Fields of the planner that looked at each object alone."""
 
 
 class AutoSettings(Spec):
@@ -162,6 +166,14 @@ class AutoSettings(Spec):
         description="semantic classes whose large flat static faces act as mirrors; docs/accuracy.md, wall and two-ray",
     )
     smallest_mirror: Metres = Field(1.0, ge=0.0, description="narrower faces are no mirrors [m]; not charted")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rules_before_whole_streets(cls, values: object) -> object:
+        """Leave out the rules of an earlier planner, which datasets of schema 2 state: those of today stand for them."""
+        if not isinstance(values, dict) or not _EARLIER & set(values):
+            return values
+        return {name: value for name, value in values.items() if name not in _EARLIER | {"levels", "tubes"}}
 
     @field_validator("levels")
     @classmethod

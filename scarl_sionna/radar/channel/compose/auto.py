@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,13 +26,16 @@ from scarl_sionna.radar.scatterers.model import loaded_models
 from .choose import Choice, View, choose
 from .expected_error import expected_errors
 from .hybrid import solve_hybrid
-from .mirrors import Mirror, mirrored, reaches, ways
+from .mirrors import Mirror, Way, mirrored, reaches
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World, WorldState
 
 ENOUGH = 0.9
 """Share of the objects that must be within the tolerance for a solve to have met it: by definition of the tolerance."""
+_PARALLEL = 0.99
+"""Cosine between the normals of mirrors from which on they make no corner: decides no accuracy but of corners of 8 deg,
+whose echoes have more than two reflections."""
 
 
 def solve_auto(
@@ -217,11 +221,15 @@ def _echoing(view: View) -> list[Mirror]:
     pose = view.pose
     position, station = pose.position, Viewpoint.of(view.radar, pose, np.zeros(3))
     found: dict[int, Mirror] = {}
-    for way in ways(view.candidates, 2):
-        if not way or not reaches(way, position, position[None])[0]:
-            continue
+    alone: list[Way] = [(mirror,) for mirror in view.candidates]
+    pairs = (
+        pair for pair in combinations(view.candidates, 2) if abs(float(pair[0].normal @ pair[1].normal)) < _PARALLEL
+    )
+    for way in [*alone, *pairs]:  # the other order of a pair is the same chain, the other way round
         image = mirrored(way[::-1], position)
-        if bool(station.sees(image[None])[0]) and float(np.linalg.norm(image - position)) < 2.0 * view.reach:
+        if float(np.linalg.norm(image - position)) >= 2.0 * view.reach or not bool(station.sees(image[None])[0]):
+            continue
+        if reaches(way, position, position[None])[0]:
             found |= {mirror.number: mirror for mirror in way}
     return [found[number] for number in sorted(found)]
 
