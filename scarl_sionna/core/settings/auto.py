@@ -170,7 +170,7 @@ class AutoSettings(Spec):
     @model_validator(mode="before")
     @classmethod
     def _rules_before_whole_streets(cls, values: object) -> object:
-        """Leave out the rules of an earlier planner, which datasets of schema 2 state: those of today stand for them."""
+        """Leave out the rules of an earlier planner, as datasets of schema 2 state them: those of today hold."""
         if not isinstance(values, dict) or not _EARLIER & set(values):
             return values
         return {name: value for name, value in values.items() if name not in _EARLIER | {"levels", "tubes"}}
