@@ -37,20 +37,23 @@ def draw(lines: Sequence[dict[str, Any]], file: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
+    methods = list(dict.fromkeys(method for line in lines for method in line["methods"]))
     figure, axes = plt.subplots(1, len(KINDS), figsize=(10.5, 4.2), sharey=True, layout="constrained")
     for place, (kind, title) in zip(axes, KINDS.items(), strict=True):
         some = [line for line in lines if line["kind"] == kind]
-        for method in some[0]["methods"] if some else ():
-            rows = [line["methods"][method] for line in some]
+        for number, method in enumerate(methods):
+            rows = [line["methods"][method] for line in some if method in line["methods"]]
+            if not rows:
+                continue
             x, y = [row["cpu"] for row in rows], [max(kept(row), 0.01) for row in rows]
-            (dots,) = place.loglog(x, y, ".", ms=4, alpha=0.4)
-            place.loglog([np.median(x)], [np.median(y)], "o", ms=9, color=dots.get_color(), label=method)
+            place.loglog(x, y, ".", ms=4, alpha=0.4, color=f"C{number}")
+            place.loglog([np.median(x)], [np.median(y)], "o", ms=9, color=f"C{number}", label=method)
         for tolerance in TOLERANCE.values():
             place.axhline(tolerance, color="0.7", lw=0.8, zorder=0)
         place.set(title=f"{len(some)} {title}", xlabel="CPU time of a solve [s]", ylim=(0.01, 100.0))
         place.grid(alpha=0.2)
     axes[0].set_ylabel("error that 90 % of the objects keep [dB]")
-    axes[-1].legend(fontsize=8, loc="lower left")
+    axes[0].legend(fontsize=8, loc="lower left")
     figure.savefig(file, dpi=100)
     plt.close(figure)
 

@@ -165,10 +165,13 @@ class Window:
         Unit normal, from the image to what it sees.
     offset : float
         normal . point [m].
+    faces : ndarray of bool, shape (num_faces,), optional
+        What a ray must meet behind the window to come from the mirror; the plane has no end if left out.
     """
 
     normal: Array
     offset: float
+    faces: npt.NDArray[np.bool_] | None = None
 
     def entry(self, station: Array, points: Array) -> Array:
         """Return where the rays from a station (3,) to points (n, 3) before it pass through, shape (n, 3) [m]."""
@@ -196,6 +199,8 @@ class ScreenedProbe(Probe):
         self._face = None if panes is None or face is None else rays.index(face)
         self._station = rays.vector(rays.placed(station))
         self._window = None if window is None else (rays.vector(window.normal), rays.real(window.offset))
+        behind = None if window is None else window.faces
+        self._behind = None if behind is None else rays.index(behind.astype(np.uint32))
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi = self.rays.dr, self.rays.mi
@@ -213,6 +218,10 @@ class ScreenedProbe(Probe):
             hidden = dr.select(self.rays.blocked(start, ray, before), mi.Int32(1), mi.Int32(0))
         else:
             hidden = self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row))
+        if self._behind is not None:
+            back = self.rays.first(start, -ray)
+            met = ~apart & (back != MISS)
+            apart |= ~met | (dr.gather(mi.UInt32, self._behind, mi.UInt32(back), met) == 0)
         return dr.select(apart, mi.Int32(1), hidden)
 
 

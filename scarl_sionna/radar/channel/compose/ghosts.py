@@ -28,6 +28,7 @@ from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
 
 from .budget import box_points
+from .mirror_faces import inside
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches, ways
 
@@ -259,6 +260,17 @@ def of_meshes(view: MirrorView, lit: Sequence[int], chosen: Sequence[int], setti
     return solve
 
 
+def _lies_on(state: WorldState, mirror: Mirror, thickness: float) -> npt.NDArray[np.bool_]:
+    """Return which faces of a state are the mirror's, or lie on it, as a marking does, shape (num_faces,)."""
+    triangles = state._triangles
+    height = np.abs(triangles.corners @ mirror.normal - mirror.offset)
+    near = np.flatnonzero((height < thickness).all(axis=1))
+    found = np.zeros(len(height), dtype=np.bool_)
+    found[near] = inside(triangles.corners[near].mean(axis=1), mirror.corners.reshape(-1, 3, 3), mirror.normal)
+    found[mirror.faces] = True
+    return found
+
+
 def _viewpoint(view: MirrorView, image: Image) -> Viewpoint:
     """Return an image of the radar, which looks through its last mirror, if any: what lies on it hides nothing."""
     axes, window = view.mount.pose.rotation, None
@@ -267,6 +279,7 @@ def _viewpoint(view: MirrorView, image: Image) -> Viewpoint:
     if image.way:
         mirror = image.way[-1]
         side = -np.sign(float(mirror.height(image.pose.position)))
-        window = Window(side * mirror.normal, side * mirror.offset + view.knobs.thickness)
+        lift = view.knobs.thickness
+        window = Window(side * mirror.normal, side * mirror.offset + lift, _lies_on(view.state, mirror, lift))
     station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
     return replace(station, window=window, axes=axes)

@@ -90,14 +90,14 @@ class MirrorFaces:
         under = np.zeros_like(may)
         for number in np.flatnonzero(may.any(axis=0)):
             rows = np.flatnonzero(may[:, number])
-            inside = _inside(aim[rows], self._corners[number], self._normal[number])
-            under[rows, number] = (own[rows] == number) | inside
+            over = inside(aim[rows], self._corners[number], self._normal[number])
+            under[rows, number] = (own[rows] == number) | over
         chosen = np.where(under.any(axis=1, keepdims=True), under, may)
         height = np.where(chosen, height, np.inf)
         return np.asarray((height < height.min(axis=1, keepdims=True) + COINCIDENT).argmax(axis=1), dtype=np.int64)
 
 
-def _inside(point: Array, corners: Array, normal: Array) -> Flags:
+def inside(point: Array, corners: Array, normal: Array) -> Flags:
     """Return which points are over one of the triangles in a plane, or within `COINCIDENT` of its edges [m]."""
     across = np.delete(np.arange(3), np.abs(normal).argmax())
     flat, triangles = point[:, across], corners[:, :, across]
@@ -106,10 +106,10 @@ def _inside(point: Array, corners: Array, normal: Array) -> Flags:
     edge = np.roll(triangles, -1, axis=1) - triangles
     turn = np.sign(edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0])
     edge /= np.maximum(np.linalg.norm(edge, axis=2, keepdims=True), COINCIDENT)
-    inside = np.zeros(len(flat), dtype=np.bool_)
+    found = np.zeros(len(flat), dtype=np.bool_)
     step = max(_PAIRS // max(len(triangles), 1), 1)
     for first in range(0, len(flat), step):
         away = flat[first : first + step, None, None] - triangles
         side = (edge[..., 0] * away[..., 1] - edge[..., 1] * away[..., 0]) * turn[:, None]
-        inside[first : first + step] = ((side > -COINCIDENT).all(axis=2) & (turn != 0.0)).any(axis=1)
-    return inside
+        found[first : first + step] = ((side > -COINCIDENT).all(axis=2) & (turn != 0.0)).any(axis=1)
+    return found
