@@ -150,6 +150,8 @@ def test_options_of_raycast_reach_it_and_the_plan_can_be_changed(state) -> None:
     assert plan.shares[-1].solver == "raycast" and plan.shares[-1].settings is None
     same = solve_paths(state, RADAR, POSE, "hybrid", settings=SETTINGS, plan=plan, num_rays=3_000)
     assert same.a.tobytes() == solve_paths(state, RADAR, POSE, settings=SETTINGS, num_rays=3_000).a.tobytes()
+    with pytest.raises(ParameterRangeError, match=r"0\.1 dB.*at least 0\.3 dB"):
+        solve_paths(state, RADAR, POSE, channel_tolerance_db=0.1, tube_budget=0)
     with pytest.raises(ParameterRangeError, match="max_distance"):
         solve_paths(state, RADAR, POSE, max_distance=-1.0)
 

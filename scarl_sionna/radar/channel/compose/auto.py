@@ -23,7 +23,7 @@ from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
-from .choose import Choice, View, choose
+from .choose import Choice, View, choose, level_of
 from .expected_error import expected_errors
 from .hybrid import solve_hybrid
 from .mirrors import Mirror, Way, mirrored, reaches
@@ -58,9 +58,11 @@ def solve_auto(
     Returns
     -------
     RadarPaths
-        ``diagnostics["choices"]`` says for every instance in view who computes it and why, and by how much a reflection
-        that is left out can change it [dB], ``diagnostics["left_out"]``
-        what is not computed and how much power it can hold.
+        ``diagnostics["choices"]`` says for every instance in view who computes it and why, over which mirrors, what
+        error is expected, and by how much a reflection that is left out can change it [dB]; ``diagnostics["met"]`` whether
+        90 % of the objects that can be detected are expected to keep the tolerance, and
+        ``diagnostics["expected_error_db"]`` what they keep; ``diagnostics["left_out"]`` what is not computed and how
+        much power it can hold.
 
     Raises
     ------
@@ -69,7 +71,7 @@ def solve_auto(
     MaterialRangeError
         If a material that is met has no data at the carrier frequency.
     ParameterRangeError
-        If a receiver is given.
+        If a receiver is given, or the tolerance is finer than the finest level of `auto`.
 
     Warns
     -----
@@ -118,10 +120,9 @@ def plan_channel(
 
 def _errors(paths: RadarPaths, radar: RadarSpec, choices: list[Choice], settings: RadarSettings) -> dict[int, float]:
     """Return the expected error of the objects that are computed by physical optics [dB]."""
-    rules, tolerance = settings.auto, settings.accuracy.channel_tolerance_db
-    level = next(level for level in rules.levels if tolerance >= level.tolerance_db)
+    level = level_of(settings.accuracy.channel_tolerance_db, settings.auto)
     numbers = [choice.item.number for choice in choices if choice.method == "sbr"]
-    return expected_errors(paths, radar, numbers, rules.errors, level)
+    return expected_errors(paths, radar, numbers, settings.auto.errors, level)
 
 
 def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSettings) -> dict[str, Any]:
@@ -149,6 +150,7 @@ def _planned(
     state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings
 ) -> tuple[list[Choice], ChannelPlan]:
     """Return what becomes of each instance, and the plan of it."""
+    level_of(settings.accuracy.channel_tolerance_db, settings.auto)  # refuses a tolerance that is too fine
     view = View(state, radar, mount, settings, loaded_models(settings.scatterers.models))
     choices, mirrors = choose(view)
     _warn_of_reflections(choices, view)

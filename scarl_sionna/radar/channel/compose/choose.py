@@ -13,7 +13,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
+from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings, SbrLevel
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -132,10 +132,8 @@ class View:
         return int(self.state.world.parts.instance[mirror.part])
 
 
-def sbr_settings(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrSettings:
-    """Return the knobs of `sbr` for a tolerance [dB].
-
-    By definition of the levels of `rules`, which cite the charts of docs/accuracy.md.
+def level_of(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrLevel:
+    """Return the level of `sbr` for a tolerance [dB], by definition of the rules, which cite docs/accuracy.md.
 
     Raises
     ------
@@ -150,7 +148,12 @@ def sbr_settings(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> Sbr
             f"at least {finest:g} dB, the finest that is tested",
             "method='sbr' with settings of your own has no such limit",
         )
-    level = next(level for level in rules.levels if tolerance_db >= level.tolerance_db)
+    return next(level for level in rules.levels if tolerance_db >= level.tolerance_db)
+
+
+def sbr_settings(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrSettings:
+    """Return the knobs of `sbr` for a tolerance [dB]; raises as :func:`level_of`."""
+    level = level_of(tolerance_db, rules)
     return SbrSettings(**level.model_dump(exclude={"tolerance_db", "patch_error"}))
 
 
