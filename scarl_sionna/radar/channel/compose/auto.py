@@ -59,8 +59,8 @@ def solve_auto(
     -------
     RadarPaths
         ``diagnostics["choices"]`` says for every instance in view who computes it and why, over which mirrors, what
-        error is expected, and by how much a reflection that is left out can change it [dB]; ``diagnostics["met"]`` whether
-        90 % of the objects that can be detected are expected to keep the tolerance, and
+        error is expected, and by how much a reflection that is left out can change it [dB]; ``diagnostics["met"]``
+        whether 90 % of the objects that can be detected are expected to keep the tolerance, and
         ``diagnostics["expected_error_db"]`` what they keep; ``diagnostics["left_out"]`` what is not computed and how
         much power it can hold.
 
