@@ -76,7 +76,8 @@ def solve_auto(
     Warns
     -----
     ScarlWarning
-        If objects are computed without reflections that can change their echo by more than the tolerance.
+        If the tolerance is not expected to be kept, or objects are computed without reflections that can change their
+        echo by more than it.
     """
     refuse_receiver("auto", receiver)
     start = time.perf_counter()
@@ -84,11 +85,13 @@ def solve_auto(
     planned = time.perf_counter() - start
     paths = solve_hybrid(state, radar, mount, settings.with_(plan=plan))
     errors = _errors(paths, radar, choices, settings)
+    met = _met(choices, errors, settings)
+    _warn_of_tolerance(met, settings.accuracy.channel_tolerance_db)
     diagnostics = dict(paths.diagnostics)
     diagnostics |= {
         "method": "auto",
         "tolerance_db": settings.accuracy.channel_tolerance_db,
-        **_met(choices, errors, settings),
+        **met,
         "predicted": dict(plan.predicted),
         "choices": [
             _row(choice, state.world, errors.get(choice.item.number))
@@ -173,6 +176,19 @@ def _warn_of_reflections(choices: list[Choice], view: View) -> None:
         "Accuracy.tube_budget, or see diagnostics['choices'] for each",
         ScarlWarning,
         stacklevel=2,
+    )
+
+
+def _warn_of_tolerance(met: Mapping[str, Any], tolerance_db: float) -> None:
+    """Warn of a tolerance that is not expected to be kept."""
+    if met["met"]:
+        return
+    warnings.warn(
+        f"the echo of 90 % of the {met['num_counted']} objects that can be detected is expected to be within "
+        f"{met['expected_error_db']:.1f} dB, the tolerance is {tolerance_db:g} dB: ask for a finer one, raise "
+        "Accuracy.tube_budget, or see diagnostics['choices'] for each",
+        ScarlWarning,
+        stacklevel=3,
     )
 
 
