@@ -136,7 +136,7 @@ def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSett
         item = choice.item
         if item.expected_db < rules.counts_from_db or not (item.is_coherent and item.info.is_object):
             continue
-        if choice.method == "raycast" and "budget" in choice.reason:
+        if choice.over_budget:
             found.append(rules.errors.by_class_db)
         elif choice.method == "sbr" and item.number in errors:
             left = 0.0 if choice.without is None else float(choice.without.change_db)

@@ -44,6 +44,8 @@ class Choice:
         Of them, those that the budget pays for.
     sight : Sight
         The straight way.
+    over_budget : bool
+        Whether it is left to its class because its tubes are over the budget.
     """
 
     item: Estimate
@@ -53,6 +55,7 @@ class Choice:
     changes: list[Change] = field(default_factory=list)
     mirrors: list[Mirror] = field(default_factory=list)
     sight: Sight = HIDDEN
+    over_budget: bool = False
 
     @property
     def without(self) -> Change | None:
@@ -251,7 +254,7 @@ def _spend(view: View, coherent: Sequence[Choice], served: set[int]) -> None:
     for choice in coherent:
         if choice.tubes > left and choice.method == "sbr":
             text = f"{choice.tubes} tubes are over the budget of {left} that is left: RCS by class"
-            choice.method, choice.reason, choice.tubes = "raycast", text, 0
+            choice.method, choice.reason, choice.tubes, choice.over_budget = "raycast", text, 0, True
             continue
         left -= choice.tubes
         possible = [change for change in choice.changes if change.mirror.number in served]

@@ -113,8 +113,9 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image]) -> R
     legs = [view.leg(image.way, image.pose.rotation, points, velocities) for image, points, velocities in ends]
     there, back = legs
     visible = there.visible & back.visible
+    station = Viewpoint.of(view.radar, pose, np.zeros(3))
     for one in legs:
-        visible &= _in_view(view.radar, pose, one.image)
+        visible &= station.sees(one.image)
     changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
     changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones)
     changed |= {
@@ -135,12 +136,6 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image]) -> R
         "rx_twist": view.mount.twist,
     }
     return RadarPaths(**changed).select(visible)
-
-
-def _in_view(radar: RadarSpec, pose: Pose, points: Array) -> npt.NDArray[np.bool_]:
-    x, y, z = ((points - pose.position) @ pose.rotation).T
-    inside = np.abs(np.arctan2(y, x)) <= np.radians(radar.azimuth_fov_deg) / 2.0
-    return np.asarray(inside & (np.abs(np.arctan2(z, np.hypot(x, y))) <= np.radians(radar.elevation_fov_deg) / 2.0))
 
 
 def _chained(
