@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scarl_sionna.engine.device import Device, device
 from scarl_sionna.engine.types import DeviceArray
 
+from .boundary import edge_integral, is_oblique
 from .fields import HOST, OnDevice, second_difference
 
 Array = npt.NDArray[np.float64]
@@ -148,6 +149,9 @@ def spherical_wave_integral(
     longest = dr.maximum(dr.maximum(dr.squared_norm(edge[0]), dr.squared_norm(edge[1])), dr.squared_norm(edge[2]))
     cuts = dr.ceil(dr.sqrt(wavenumber * longest * (1.0 / out + 1.0 / home) / 8.0 / largest))
     cuts = dr.maximum(cuts, 1.0)
+    oblique = is_oblique(dr, corner, source, receiver, wavenumber)
+    by_edges = edge_integral(on, corner, source, receiver, wavenumber)
+    cuts = dr.select(oblique, 1.0, cuts)
     twice_area = dr.norm(dr.cross(edge[0] / cuts, edge[1] / cuts))
     length = out + home
 
@@ -155,7 +159,7 @@ def spherical_wave_integral(
         return _linear_integral(dr, parts, source, receiver, wavenumber, length)
 
     re, im = over_parts(on, corner, cuts, of_part)
-    return re * twice_area, im * twice_area
+    return dr.select(oblique, by_edges[0], re * twice_area), dr.select(oblique, by_edges[1], im * twice_area)
 
 
 def over_parts(
@@ -216,14 +220,13 @@ def _linear_integral(
     arriving, leaving = center - source, receiver - center
     out, home = dr.norm(arriving), dr.norm(leaving)
     arriving, leaving = arriving / out, leaving / home
-    slope = wavenumber * (leaving - arriving)
     phases, spread = [], 0.0
     for point in corner:
         offset = point - center
         square = dr.squared_norm(offset)
         spread += (square - dr.dot(offset, arriving) ** 2) / out + (square - dr.dot(offset, leaving) ** 2) / home
-        phases.append(dr.dot(offset, slope))
-    phase = wavenumber * (out + home - length + spread / 24.0)
-    sine, cosine = dr.sincos(phase)
-    re, im = second_difference(OnDevice(dr), *phases)
-    return re * cosine + im * sine, im * cosine - re * sine
+        phases.append(wavenumber * (length - dr.norm(point - source) - dr.norm(receiver - point)))
+    mean = (phases[0] + phases[1] + phases[2]) / 3.0
+    sine, cosine = dr.sincos(mean + wavenumber * spread / 8.0)
+    re, im = second_difference(OnDevice(dr), *(phase - mean for phase in phases))
+    return re * cosine - im * sine, re * sine + im * cosine

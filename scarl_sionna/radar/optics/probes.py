@@ -7,6 +7,7 @@ scene) differ in the direction of the rays only: :class:`ParallelRays` and :clas
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Protocol
 
 import numpy as np
@@ -167,11 +168,21 @@ class Window:
         normal . point [m].
     faces : ndarray of bool, shape (num_faces,), optional
         What a ray must meet behind the window to come from the mirror; the plane has no end if left out.
+    lift : float
+        Height of the plane over the mirror [m].
+    source : ndarray of float64, shape (3,), optional
+        What the mirror shows: the station itself, or its image by the mirrors before [m, world]. What stands between
+        it and the mirror hides, too; left out, nothing does.
+    earlier : Window, optional
+        Through which the source looks, where it is an image.
     """
 
     normal: Array
     offset: float
     faces: npt.NDArray[np.bool_] | None = None
+    lift: float = 0.0
+    source: Array | None = None
+    earlier: Window | None = None
 
     def entry(self, station: Array, points: Array) -> Array:
         """Return where the rays from a station (3,) to points (n, 3) before it pass through, shape (n, 3) [m]."""
@@ -179,11 +190,29 @@ class Window:
         return np.asarray(station - (own / (there - own))[:, None] * (points - station))
 
 
+@dataclass(frozen=True, eq=False)
+class FieldOfView:
+    """The directions that a station looks at.
+
+    Attributes
+    ----------
+    axes : ndarray of float64, shape (3, 3)
+        Of the radar as columns: x boresight, z up; mirrored ones of an image.
+    azimuth, elevation : float
+        Full width and height [rad].
+    """
+
+    axes: Array
+    azimuth: float
+    elevation: float
+
+
 class ScreenedProbe(Probe):
     """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point.
 
-    Those of an image begin at its window, since what is before it is not there; points before it are hidden. With
-    panes more than 1 stands for a point that is seen through some; `face`, (num_rows,), is that of each tube.
+    Those of an image begin at its window, since what is before it is not there; points before it are hidden, and so are
+    those out of its field of view, if it has one. With panes more than 1 stands for a point that is seen through some;
+    `face`, (num_rows,), is that of each tube.
     """
 
     def __init__(
@@ -193,36 +222,95 @@ class ScreenedProbe(Probe):
         window: Window | None = None,
         panes: Panes | None = None,
         face: Index | None = None,
+        view: FieldOfView | None = None,
     ) -> None:
         super().__init__(rays)
         self._panes = panes
+        self._view = None
+        if view is not None:
+            limits = rays.real(float(np.cos(view.azimuth / 2.0))), rays.real(float(np.sin(view.elevation / 2.0)))
+            self._view = [rays.vector(axis) for axis in view.axes.T], *limits
         self._face = None if panes is None or face is None else rays.index(face)
-        self._station = rays.vector(rays.placed(station))
-        self._window = None if window is None else (rays.vector(window.normal), rays.real(window.offset))
-        behind = None if window is None else window.faces
-        self._behind = None if behind is None else rays.index(behind.astype(np.uint32))
+        self._looks = [_Look.of(rays, station, window)]
+        while window is not None and window.source is not None:
+            self._looks.append(_Look.of(rays, window.source, window.earlier))
+            window = window.earlier
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi = self.rays.dr, self.rays.mi
-        start, apart = self._station, mi.Bool(False)
-        if self._window is not None:
-            normal, offset = self._window
-            own, there = dr.dot(normal, start) - offset, dr.dot(normal, point) - offset
-            apart = there <= 0.0
-            start = start - own / dr.select(apart, 1.0, there - own) * (point - start)
-        ray = point - start
-        distance = dr.norm(ray)
-        before = distance - SAME_DISTANCE * (1.0 + distance)
-        ray = ray / dr.maximum(distance, 1e-12)
-        if self._panes is None:
-            hidden = dr.select(self.rays.blocked(start, ray, before), mi.Int32(1), mi.Int32(0))
-        else:
-            hidden = self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row))
-        if self._behind is not None:
-            back = self.rays.first(start, -ray)
-            met = ~apart & (back != MISS)
-            apart |= ~met | (dr.gather(mi.UInt32, self._behind, mi.UInt32(back), met) == 0)
+        apart, hidden, seen = self._out_of_view(point), mi.Int32(0), point
+        mirror = None
+        for number, look in enumerate(self._looks):
+            start, before_window = look.start(dr, seen)
+            ray = seen - start
+            distance = dr.norm(ray)
+            before = distance - SAME_DISTANCE * (1.0 + distance)
+            ray = ray / dr.maximum(distance, 1e-12)
+            apart |= before_window
+            if mirror is not None:
+                apart |= self._misses(start, ray, mirror, ~apart)
+            elif self._panes is None:
+                hidden = dr.select(self.rays.blocked(start, ray, before), mi.Int32(1), mi.Int32(0))
+            else:
+                hidden = self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row))
+            if look.behind is not None:
+                apart |= self._misses(start, -ray, look.behind, ~apart)
+            if number + 1 < len(self._looks):
+                seen, mirror = look.mirror_point(dr, seen), look.behind
         return dr.select(apart, mi.Int32(1), hidden)
+
+    def _misses(self, start: DeviceArray, ray: DeviceArray, faces: DeviceArray, active: DeviceArray) -> DeviceArray:
+        """Return which rays first meet something else than some faces."""
+        dr, mi = self.rays.dr, self.rays.mi
+        face = self.rays.first(start, ray)
+        met = active & (face != MISS)
+        return ~met | (dr.gather(mi.UInt32, faces, mi.UInt32(face), met) == 0)
+
+    def _out_of_view(self, point: DeviceArray) -> DeviceArray:
+        dr = self.rays.dr
+        if self._view is None:
+            return self.rays.mi.Bool(False)
+        axes, cosine, sine = self._view
+        ray = point - self._looks[0].station
+        x, y, z = (dr.dot(axis, ray) for axis in axes)
+        flat = dr.sqrt(x * x + y * y)
+        return (x < cosine * flat) | (dr.abs(z) > sine * dr.sqrt(flat * flat + z * z))
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """A station on the device, and the window through which it looks."""
+
+    station: DeviceArray
+    normal: DeviceArray | None = None
+    offset: DeviceArray | None = None
+    lift: DeviceArray | None = None
+    behind: DeviceArray | None = None
+
+    @classmethod
+    def of(cls, rays: FaceRays, station: Array, window: Window | None) -> _Look:
+        placed = rays.vector(rays.placed(station))
+        if window is None:
+            return cls(placed)
+        behind = None if window.faces is None else rays.index(window.faces.astype(np.uint32))
+        return cls(placed, rays.vector(window.normal), rays.real(window.offset), rays.real(window.lift), behind)
+
+    def start(self, dr: ModuleType, point: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+        """Return where the rays to points begin, and which points are before the window."""
+        if self.normal is None:
+            return self.station, dr.mask_t(point.x)(False)
+        own, there = self._heights(dr, point)
+        apart = there <= 0.0
+        return self.station - own / dr.select(apart, 1.0, there - own) * (point - self.station), apart
+
+    def mirror_point(self, dr: ModuleType, point: DeviceArray) -> DeviceArray:
+        """Return where on the mirror the station's rays to points come from."""
+        own, there = self._heights(dr, point)
+        share = (-self.lift - own) / dr.select(there <= 0.0, 1.0, there - own)
+        return self.station + share * (point - self.station)
+
+    def _heights(self, dr: ModuleType, point: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+        return dr.dot(self.normal, self.station) - self.offset, dr.dot(self.normal, point) - self.offset
 
 
 class PlaneProbe(Probe):

@@ -26,7 +26,7 @@ from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
 from .faces.panes import DARK, MOST_PANES, Panes
 from .patches import PatchSize, split, too_many_patches
-from .probes import SAME_DISTANCE, CentralRays, PlaneProbe, Probe, ScreenedProbe, Window
+from .probes import SAME_DISTANCE, CentralRays, FieldOfView, PlaneProbe, Probe, ScreenedProbe, Window
 from .refine import Pieces, refined
 from .returning import Return
 from .trace import GRAZING, Tubes, depth_first, face_of_plane, landing
@@ -107,6 +107,11 @@ class Viewpoint:
     def _axes(self) -> Array:
         return self.pose.rotation if self.axes is None else self.axes
 
+    @property
+    def view(self) -> FieldOfView:
+        """What it looks at."""
+        return FieldOfView(self._axes, self.azimuth_fov, self.elevation_fov)
+
     @classmethod
     def of(cls, radar: RadarSpec, pose: Pose, velocity: Array) -> Viewpoint:
         """Return the station of a radar."""
@@ -127,6 +132,11 @@ class Viewpoint:
         flat = local[:, 0] ** 2 + local[:, 1] ** 2
         ahead = local[:, 0] >= np.cos(self.azimuth_fov / 2.0) * np.sqrt(flat)
         return ahead & (np.abs(local[:, 2]) <= np.sin(self.elevation_fov / 2.0) * np.sqrt(flat + local[:, 2] ** 2))
+
+    def touches(self, corners: Array) -> Mask:
+        """Return whether a corner or the middle of triangles (n, 3, 3) is in the field of view, shape (n,)."""
+        points = np.concatenate([corners, middle(corners)[:, None]], axis=1)
+        return np.asarray(self.sees(points.reshape(-1, 3)).reshape(-1, 4).any(axis=1))
 
     def may_see(self, faces: FaceTable, rows: Index, reach: float) -> Mask:
         """Return of which of some faces a part may be in the field of view and in reach, and that are not edge-on."""
@@ -230,7 +240,7 @@ class Tracer:
             fine, piece_of = split(coarse[part], source[None], receiver, size, limit)
             number = np.arange(len(piece_of)) - np.searchsorted(piece_of, piece_of)
             whole = part[piece_of]
-            kept = np.flatnonzero(self.tx.sees(middle(fine)))
+            kept = np.flatnonzero(self.tx.touches(fine))
             whole, number, fine = whole[kept], number[kept], fine[kept]
             origin = (whole - first[whole]) * (1 << 32) + number
             start = np.broadcast_to(source, (len(whole), 1, 3))
@@ -259,7 +269,7 @@ class Tracer:
         return tubes.take(rows, corners)
 
     def _watched(self, tubes: ImageTubes) -> ImageTubes:
-        return tubes.take(np.flatnonzero(self.rx.sees(middle(tubes.corners))))
+        return tubes.take(np.flatnonzero(self.rx.touches(tubes.corners)))
 
     def _labelled(self, tubes: ImageTubes, source: Array, probe: Probe) -> Pieces:
         """Return pieces of footprints, each with what its rays meet."""
@@ -282,7 +292,7 @@ class Tracer:
         if not len(tubes):
             return tubes
         start = station.pose.position
-        probe = ScreenedProbe(self.rays, start, station.window, self.panes, tubes.face[:, -1])
+        probe = ScreenedProbe(self.rays, start, station.window, self.panes, tubes.face[:, -1], station.view)
         corners, rows, dark = self._labelled(tubes, station.pose.position, probe)
         lit = dark != DARK
         found = tubes.take(rows[lit], corners[lit])

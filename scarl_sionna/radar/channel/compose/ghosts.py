@@ -113,9 +113,6 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image]) -> R
     legs = [view.leg(image.way, image.pose.rotation, points, velocities) for image, points, velocities in ends]
     there, back = legs
     visible = there.visible & back.visible
-    station = Viewpoint.of(view.radar, pose, np.zeros(3))
-    for one in legs:
-        visible &= station.sees(one.image)
     changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
     changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones)
     changed |= {
@@ -267,14 +264,14 @@ def _lies_on(state: WorldState, mirror: Mirror, thickness: float) -> npt.NDArray
 
 
 def _viewpoint(view: MirrorView, image: Image) -> Viewpoint:
-    """Return an image of the radar, which looks through its last mirror, if any: what lies on it hides nothing."""
-    axes, window = view.mount.pose.rotation, None
+    """Return an image of the radar, which looks through its mirrors: what lies on them hides nothing."""
+    axes, window, source = view.mount.pose.rotation, None, view.mount.pose.position
+    lift = view.knobs.thickness
     for mirror in image.way:
         axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
-    if image.way:
-        mirror = image.way[-1]
-        side = -np.sign(float(mirror.height(image.pose.position)))
-        lift = view.knobs.thickness
-        window = Window(side * mirror.normal, side * mirror.offset + lift, _lies_on(view.state, mirror, lift))
+        side = np.sign(float(mirror.height(source)))
+        faces = _lies_on(view.state, mirror, lift)
+        window = Window(side * mirror.normal, side * mirror.offset + lift, faces, lift, source, window)
+        source = mirrored((mirror,), source)
     station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
     return replace(station, window=window, axes=axes)

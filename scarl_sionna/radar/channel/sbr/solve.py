@@ -254,8 +254,6 @@ def _rows(
     columns["depth"] = np.full(len(patches), patches.depth, dtype=np.int32)
     columns["diffuse"] = np.zeros(len(patches), dtype=np.int8)
     seen = columns["length"] < 2.0 * tracer.reach
-    if patches.depth > 1:
-        seen &= tracer.tx.sees(columns["tx_point"])
     rows = np.flatnonzero(is_rough & seen)
     if len(rows):
         some = {name: column[rows] for name, column in columns.items()}
