@@ -10,7 +10,6 @@ import numpy.typing as npt
 from scarl_sionna.core.settings.auto import ErrorEstimate, SbrLevel
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
@@ -91,7 +90,7 @@ def band_power(
     num_frequencies : int
         Over the sampled band, weighted by a Hann window.
     """
-    length = PathGeometry.of(paths, radar).center_length()[rows]
+    length = paths.length[rows]
     share = (np.arange(num_frequencies) + 0.5) / num_frequencies
     weight = np.sin(np.pi * share) ** 2
     weight = weight**2 / np.sum(weight**2)

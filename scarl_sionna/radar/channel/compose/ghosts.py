@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import SPECULAR
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
+from scarl_sionna.radar.channel.sbr.bodies import Bodies
+from scarl_sionna.radar.channel.sbr.solve import solve_between
 from scarl_sionna.radar.channel.scatterers import PlacedModel
 from scarl_sionna.radar.optics.probes import Window
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
@@ -230,26 +231,50 @@ def _of_model(
     }
 
 
-def of_meshes(view: MirrorView, lit: Sequence[int], chosen: Sequence[int], settings: RadarSettings) -> FromImages:
-    """Return what makes the paths of meshes between two images of the radar, by `sbr`.
+class Meshes:
+    """The meshes of one share of a solve, seen from images of the radar by `sbr`.
 
     Parameters
     ----------
-    view : MirrorView
-    lit : sequence of int
-        Instances that the images light.
-    chosen : sequence of int
-        Instances that scatter: `lit` and what reflects between them.
-    settings : RadarSettings
+    bodies : Bodies
+        What scatters.
     """
-    from scarl_sionna.radar.channel.sbr.solve import solve_between
 
-    def solve(tx: Image, rx: Image) -> RadarPaths:
-        first = _viewpoint(view, tx)
-        stations = (first, first if tx is rx else _viewpoint(view, rx))
-        return solve_between(view.state, view.radar, stations, chosen, settings, lit)
+    def __init__(self, bodies: Bodies) -> None:
+        self.bodies = bodies
+        self._on: dict[int, npt.NDArray[np.bool_]] = {}
 
-    return solve
+    def seen(self, view: MirrorView, lit: Sequence[int]) -> FromImages:
+        """Return what makes the paths of meshes between two images of the radar.
+
+        Parameters
+        ----------
+        view : MirrorView
+            Its mirrors are the same at every call.
+        lit : sequence of int
+            Instances that the images light, of those that scatter.
+        """
+
+        def solve(tx: Image, rx: Image) -> RadarPaths:
+            first = self._viewpoint(view, tx)
+            return solve_between(self.bodies, (first, first if tx is rx else self._viewpoint(view, rx)), lit)
+
+        return solve
+
+    def _viewpoint(self, view: MirrorView, image: Image) -> Viewpoint:
+        """Return an image of the radar, which looks through its mirrors: what lies on them hides nothing."""
+        axes, window, source = view.mount.pose.rotation, None, view.mount.pose.position
+        lift = view.knobs.thickness
+        for mirror in image.way:
+            axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
+            side = np.sign(float(mirror.height(source)))
+            if mirror.number not in self._on:
+                self._on[mirror.number] = _lies_on(view.state, mirror, lift)
+            faces = self._on[mirror.number]
+            window = Window(side * mirror.normal, side * mirror.offset + lift, faces, lift, source, window)
+            source = mirrored((mirror,), source)
+        station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
+        return replace(station, window=window, axes=axes)
 
 
 def _lies_on(state: WorldState, mirror: Mirror, thickness: float) -> npt.NDArray[np.bool_]:
@@ -261,17 +286,3 @@ def _lies_on(state: WorldState, mirror: Mirror, thickness: float) -> npt.NDArray
     found[near] = inside(triangles.corners[near].mean(axis=1), mirror.corners.reshape(-1, 3, 3), mirror.normal)
     found[mirror.faces] = True
     return found
-
-
-def _viewpoint(view: MirrorView, image: Image) -> Viewpoint:
-    """Return an image of the radar, which looks through its mirrors: what lies on them hides nothing."""
-    axes, window, source = view.mount.pose.rotation, None, view.mount.pose.position
-    lift = view.knobs.thickness
-    for mirror in image.way:
-        axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
-        side = np.sign(float(mirror.height(source)))
-        faces = _lies_on(view.state, mirror, lift)
-        window = Window(side * mirror.normal, side * mirror.offset + lift, faces, lift, source, window)
-        source = mirrored((mirror,), source)
-    station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
-    return replace(station, window=window, axes=axes)

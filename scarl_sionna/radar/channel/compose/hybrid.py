@@ -23,13 +23,14 @@ from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.multipath.solve import solve_sionna
 from scarl_sionna.radar.channel.raycast.solve import solve_raycast
-from scarl_sionna.radar.channel.sbr.solve import solve_sbr
+from scarl_sionna.radar.channel.sbr.bodies import Bodies
+from scarl_sionna.radar.channel.sbr.solve import solve_bodies
 from scarl_sionna.radar.channel.scatterers import PlacedModel, solve_scatterers
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
-from .ghosts import STRAIGHT, Faces, of_meshes, of_models, paths_through_mirrors
+from .ghosts import STRAIGHT, Faces, Meshes, of_models, paths_through_mirrors
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .plan import ResolvedPlan, resolve
@@ -37,7 +38,8 @@ from .plan import ResolvedPlan, resolve
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
-SOLVERS_OF_OBJECTS = {"sbr": solve_sbr, "scatterers": solve_scatterers, "raycast": solve_raycast}
+SOLVERS_OF_OBJECTS = {"scatterers": solve_scatterers, "raycast": solve_raycast}
+"""Beside `sbr`, which keeps what the straight ways and those over mirrors share."""
 
 
 class DoubleCountError(ScarlError):
@@ -139,6 +141,7 @@ class _Work:
         self.faces: list[Faces] = []
         self.rows: list[dict[str, Any]] = []
         self.clock: dict[str, float] = {}
+        self._meshes: dict[tuple[int, ...], Meshes] = {}  # by what a share owns
 
     def _add(self, new: _Contribution) -> None:
         self.blocks.extend(new.blocks)
@@ -163,7 +166,10 @@ class _Work:
         if not owned:
             return
         settings = self._settings(share, owned)
-        found = SOLVERS_OF_OBJECTS[share.solver](self.state, self.radar, self.mount, settings)
+        if share.solver == "sbr":
+            found = solve_bodies(self._bodies(settings, owned).bodies, self.mount)
+        else:
+            found = SOLVERS_OF_OBJECTS[share.solver](self.state, self.radar, self.mount, settings)
         detail = {
             name: value for name, value in found.diagnostics.items() if name not in ("method", "left_out", "seconds")
         }
@@ -177,6 +183,13 @@ class _Work:
                 report={"reason": share.reason, "detail": detail},
             )
         )
+
+    def _bodies(self, settings: RadarSettings, owned: Sequence[int]) -> Meshes:
+        """Return the meshes of a share, made ready once."""
+        key = tuple(owned)
+        if key not in self._meshes:
+            self._meshes[key] = Meshes(Bodies(self.state, self.radar, settings, key))
+        return self._meshes[key]
 
     def _settings(self, share: Share, owned: Sequence[int]) -> RadarSettings:
         """Return the settings of a share's solver: its own, or those of the solve, for the instances that it owns."""
@@ -227,7 +240,7 @@ class _Work:
         view = MirrorView(self.state, self.radar, self.mount, objects, mirrors[0], self.settings.mirrors)
         settings = self._settings(share, owned if share.solver == "sbr" else objects)
         if share.solver == "sbr":
-            solve = of_meshes(view, objects, owned, settings)
+            solve = self._bodies(settings, owned).seen(view, objects)
         else:
             frames, models = settings.scatterers.placements, loaded_models(settings.scatterers.models)
             names = {self.state.world.instances[number].name: number for number in objects}
@@ -271,8 +284,10 @@ def chains_of(paths: RadarPaths) -> set[tuple[int, ...]]:
     if not paths.num_paths:
         return set()
     both = np.stack([paths.instance, paths.interaction], axis=2).reshape(paths.num_paths, -1)
-    width = 2 * paths.depth
-    rows = np.unique(np.column_stack([width, both]), axis=0)
+    rows = np.column_stack([2 * paths.depth, both])
+    new = np.ones(len(rows), dtype=np.bool_)  # solvers give equal chains one after the other
+    new[1:] = (rows[1:] != rows[:-1]).any(axis=1)
+    rows = np.unique(rows[new], axis=0)
     return {tuple(int(value) for value in row[1 : 1 + row[0]]) for row in rows}
 
 

@@ -18,26 +18,16 @@ from scarl_sionna.core.errors import ScarlWarning, UnknownNameError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.settings.sbr import SbrSettings
-from scarl_sionna.core.settings.warn import WarningLevels
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine import variant
 from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
-from scarl_sionna.engine.rays.face_planes import FaceTable, face_table
-from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.rays.overlap import seen_overlaps
-from scarl_sionna.engine.smooth.surface import state_sheets, state_surface
 from scarl_sionna.radar.channel.antennas import check_antennas
-from scarl_sionna.radar.optics.body.mesh import MOSTLY_COARSE
-from scarl_sionna.radar.optics.faces.curved import CurvedFaces, DeviceCurves
-from scarl_sionna.radar.optics.faces.panes import Panes, pane_parts
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Tracer, Viewpoint
-from scarl_sionna.radar.optics.surfaces import FaceSurfaces
 from scarl_sionna.radar.paths import RadarPaths, bend_of
 
+from .bodies import Bodies
 from .diffuse import rough_pieces, scattered_rows, way_back
 from .rows import Columns, above_floor, in_order, joined, received
 
@@ -109,38 +99,52 @@ def solve_sbr(
     for station in [mount] if receiver is None else [mount, receiver]:
         check_antennas(state, radar, station.pose)
     chosen, left_out = _chosen(state, settings.instances)
-    tx = Viewpoint.of(radar, mount.pose, mount.twist.linear)
-    rx = tx if receiver is None else Viewpoint.of(radar, receiver.pose, receiver.twist.linear)
-    found = solve_between(state, radar, (tx, rx), chosen, settings)
-    _warn_of_bodies(state, radar, mount.pose.position, found, chosen, settings.warn_at)
+    return solve_bodies(Bodies(state, radar, settings, chosen), mount, receiver, left_out)
+
+
+def solve_bodies(
+    bodies: Bodies, mount: Mount, receiver: Mount | None = None, left_out: Sequence[str] = ()
+) -> RadarPaths:
+    """Return the paths of :func:`solve_sbr` for bodies made ready, without checks of where the radars stand.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    mount : Mount
+    receiver : Mount, optional
+    left_out : sequence of str
+        Names for ``diagnostics["left_out"]``.
+
+    Raises
+    ------
+    MaterialRangeError
+        If a material that scatters has no data at the middle of the band.
+    ParameterRangeError
+        If the scene needs more patches than `max_patches`.
+    """
+    tx = Viewpoint.of(bodies.radar, mount.pose, mount.twist.linear)
+    rx = tx if receiver is None else Viewpoint.of(bodies.radar, receiver.pose, receiver.twist.linear)
+    found = solve_between(bodies, (tx, rx))
+    _warn_of_bodies(bodies, mount.pose.position, found)
     return replace(
         found,
         tx_twist=mount.twist,
         rx_twist=(receiver or mount).twist,
-        diagnostics={**found.diagnostics, "left_out": left_out},
+        diagnostics={**found.diagnostics, "left_out": list(left_out)},
     )
 
 
 def solve_between(
-    state: WorldState,
-    radar: RadarSpec,
-    stations: tuple[Viewpoint, Viewpoint],
-    chosen_instances: Sequence[int],
-    settings: RadarSettings,
-    lit: Sequence[int] | None = None,
+    bodies: Bodies, stations: tuple[Viewpoint, Viewpoint], lit: Sequence[int] | None = None
 ) -> RadarPaths:
     """Return the paths between two stations, which may be images of a radar, without checks of where they stand.
 
     Parameters
     ----------
-    state : WorldState
-    radar : RadarSpec
+    bodies : Bodies
+        What scatters: the same for all pairs of stations of one solve.
     stations : tuple of two Viewpoint
         Transmitter and receiver; the same object for a monostatic radar.
-    chosen_instances : sequence of int
-        What scatters.
-    settings : RadarSettings
-        As in :func:`solve_sbr`.
     lit : sequence of int, optional
         Instances on which tubes start; all that scatter if left out.
 
@@ -151,37 +155,36 @@ def solve_between(
     ParameterRangeError
         If the scene needs more patches than `max_patches`.
     """
-    knobs, (tx, rx) = settings.sbr, stations
-    reach = radar.max_range if settings.max_distance is None else settings.max_distance
+    knobs, (tx, rx) = bodies.knobs, stations
     clock = time.perf_counter()
-    faces, curved, coarse = _faces(state, knobs, radar.center_frequency, list(chosen_instances))
-    chosen = np.isin(state.world.parts.instance, chosen_instances)[faces.part]
-    first = chosen if lit is None else np.isin(state.world.parts.instance, lit)[faces.part]
+    faces, reach = bodies.faces, bodies.reach
     apart = float(np.linalg.norm(tx.pose.position - rx.pose.position))  # the way there is at most half of it longer
-    start = np.flatnonzero(first & ~faces.repeated)
+    start = np.flatnonzero((bodies.scatters if lit is None else bodies.of(lit)) & ~faces.repeated)
     start = start[tx.may_see(faces, start, reach + apart / 2.0)]
-    used = np.flatnonzero(np.bincount(faces.part[chosen], minlength=len(state.world.parts.name)))
     blocks: list[Columns] = []
     rough: dict[int, list[Columns]] = {}
-    with variant.optical() as mi:
-        rays = StateRays(mi, state)
-        thin = pane_parts(state, radar.center_frequency, knobs.pane_loss_db)
-        owner = np.where(knobs.own_panes, 0, state.world.parts.instance[faces.part])
-        panes = Panes(rays, faces, thin, owner) if len(thin) else None
-        shown = np.union1d(used, thin)
-        surfaces = FaceSurfaces(rays, state, faces, shown, radar.center_frequency, knobs.coefficient_nodes)
-        size = PatchSize.of(radar, knobs)
-        curves = None if curved is None else DeviceCurves(rays, curved)
-        near = NearField(rays, surfaces, tx, rx, size.wavenumber, knobs.integration_phase, curves)
-        sheets = state_sheets(state, used)
-        tracer = Tracer(rays, faces, chosen, sheets, tx, rx, reach, size, knobs.for_scene(), panes)
+    with bodies.active():
+        size = PatchSize.of(bodies.radar, knobs)
+        near = NearField(bodies.rays, bodies.surfaces, tx, rx, size.wavenumber, knobs.integration_phase, bodies.curves)
+        tracer = Tracer(
+            bodies.rays,
+            faces,
+            bodies.scatters,
+            bodies.sheets,
+            tx,
+            rx,
+            reach,
+            size,
+            knobs.for_scene(),
+            bodies.panes,
+        )
         for patches in tracer.bounces(start):
             if len(patches):
-                blocks += [_rows(state, tracer, near, some, rough) for some in near.kinds(patches)]
+                blocks += [_rows(bodies.state, tracer, near, some, rough) for some in near.kinds(patches)]
     for depth in sorted(rough):
         blocks += _scattered(rough.pop(depth), knobs.seed, tx is rx)
     columns = joined(blocks, knobs.max_depth)
-    amplitude = received(columns, radar, tx.pose, rx.pose)
+    amplitude = received(columns, bodies.radar, tx.pose, rx.pose)
     diagnostics: dict[str, Any] = {
         "method": "sbr",
         "settings": knobs.model_dump(),
@@ -190,35 +193,13 @@ def solve_between(
         "num_tubes": dict(tracer.count),
         "num_patches": len(columns["length"]),
     }
-    if tx.window is None and rx.window is None:  # once, not for each image
-        _warn_of_coarse_faces(state, columns, coarse, knobs.crease_angle_deg)
-    _warn_of_grazing(columns["cosine"], amplitude**2, settings.warn_at.grazing_incidence)
-    columns, diagnostics["floor"] = above_floor(columns, amplitude, radar, knobs.floor_db)
+    if tx.window is None and rx.window is None:  # of what the radar itself sees
+        _warn_of_coarse_faces(bodies, columns)
+    _warn_of_grazing(bodies, columns["cosine"], amplitude**2)
+    columns, diagnostics["floor"] = above_floor(columns, amplitude, bodies.radar, knobs.floor_db)
     columns = in_order(columns)
     diagnostics["seconds"] = time.perf_counter() - clock
     return _paths(columns, tx.pose, rx.pose, diagnostics)
-
-
-def _faces(
-    state: WorldState, knobs: SbrSettings, frequency: float, chosen: list[int]
-) -> tuple[FaceTable, CurvedFaces | None, dict[int, int]]:
-    """Return the triangles of a state, and those that stand for a curved surface, each in a plane of its own.
-
-    The last result is the number of coarse faces of the instances that mostly consist of them.
-    """
-    faces = face_table(state)
-    if knobs.crease_angle_deg == 0.0:
-        return faces, None, {}
-    parts = np.flatnonzero(np.isin(state.world.parts.instance, chosen))
-    surface = state_surface(state, float(np.radians(knobs.crease_angle_deg)), parts)
-    wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
-    curved = CurvedFaces.of(surface, faces.triangles, wavenumber, knobs.surface_phase)
-    coarse = {}
-    for number in np.unique(state.world.parts.instance[faces.part[surface.coarse]]).tolist():
-        own = np.flatnonzero(state.world.parts.instance[faces.part] == number)
-        if surface.take(own).coarse_share(faces.triangles.corners[own]) > MOSTLY_COARSE:
-            coarse[number] = int(surface.coarse[own].sum())
-    return faces if curved is None else replace(faces, plane=curved.apart(faces.plane)), curved, coarse
 
 
 def _chosen(state: WorldState, instances: Sequence[str | int] | None) -> tuple[list[int], list[str]]:
@@ -271,10 +252,10 @@ def _scattered(pieces: list[Columns], seed: int, monostatic: bool) -> list[Colum
     return [block, way_back(block, first)] if monostatic and block["depth"][0] > 1 else [block]
 
 
-def _warn_of_bodies(
-    state: WorldState, radar: RadarSpec, origin: Array, found: RadarPaths, chosen: list[int], levels: WarningLevels
-) -> None:
+def _warn_of_bodies(bodies: Bodies, origin: Array, found: RadarPaths) -> None:
     """Warn once of bodies that are too small for physical optics, and once of parts that both scatter in one place."""
+    state, radar, chosen = bodies.state, bodies.radar, bodies.instances
+    levels = bodies.settings.warn_at
     small = []
     for number in chosen:
         info = state.world.instances[number]
@@ -300,30 +281,30 @@ def _warn_of_bodies(
         )
 
 
-def _warn_of_coarse_faces(state: WorldState, columns: Columns, coarse: dict[int, int], crease_angle_deg: float) -> None:
+def _warn_of_coarse_faces(bodies: Bodies, columns: Columns) -> None:
     """Warn once of bodies in view that are drawn with too few faces for a curve."""
-    seen = {number: count for number, count in coarse.items() if np.any(columns["instance"] == number)}
+    seen = {number: count for number, count in bodies.coarse.items() if np.any(columns["instance"] == number)}
     if seen:
         worst = max(seen, key=lambda number: seen[number])
-        warnings.warn(
-            f"{len(seen)} instance(s) in view consist of faces that bend by more than {crease_angle_deg:g} deg from "
-            f"one to the next, such as '{state.world.instances[worst].name}' ({seen[worst]} faces): they scatter as "
-            "flat ones. If the body is round, draw it with 11 sides or more, or raise crease_angle_deg",
-            ScarlWarning,
-            stacklevel=4,
+        bodies.warn_once(
+            "coarse faces",
+            f"{len(seen)} instance(s) in view consist of faces that bend by more than "
+            f"{bodies.knobs.crease_angle_deg:g} deg from one to the next, such as "
+            f"'{bodies.state.world.instances[worst].name}' ({seen[worst]} faces): they scatter as flat ones. If the "
+            "body is round, draw it with 11 sides or more, or raise crease_angle_deg",
         )
 
 
-def _warn_of_grazing(cosine: Array, power: Array, grazing_cosine: float) -> None:
+def _warn_of_grazing(bodies: Bodies, cosine: Array, power: Array) -> None:
     """Warn where most of the power comes from patches met at less than a cosine of incidence."""
-    grazing = float(power[cosine < grazing_cosine].sum())
+    least = bodies.settings.warn_at.grazing_incidence
+    grazing = float(power[cosine < least].sum())
     if grazing > 0.5 * float(power.sum()):
-        warnings.warn(
+        bodies.warn_once(
+            "grazing",
             f"{100.0 * grazing / float(power.sum()):.0f} % of the patches' power comes from surfaces seen within "
-            f"{np.degrees(np.arcsin(grazing_cosine)):.0f} deg of grazing, where diffraction, which 'sbr' does not "
+            f"{np.degrees(np.arcsin(least)):.0f} deg of grazing, where diffraction, which 'sbr' does not "
             "have, is as strong; method='sionna' has mirror multipath there",
-            ScarlWarning,
-            stacklevel=4,
         )
 
 

@@ -1,0 +1,167 @@
+"""What all pairs of stations of one solve share: the faces of a state, which scatter, and their surfaces."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.rays.face_planes import FaceTable, face_table
+from scarl_sionna.engine.rays.face_rays import StateRays
+from scarl_sionna.engine.smooth.surface import state_sheets, state_surface
+from scarl_sionna.radar.optics.body.mesh import MOSTLY_COARSE
+from scarl_sionna.radar.optics.faces.curved import CurvedFaces, DeviceCurves
+from scarl_sionna.radar.optics.faces.panes import Panes, pane_parts
+from scarl_sionna.radar.optics.surfaces import FaceSurfaces
+
+if TYPE_CHECKING:
+    from scarl_sionna.engine.world import WorldState
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Some instances of a state, made ready once for all pairs of stations between which they scatter.
+
+    Attributes
+    ----------
+    state : WorldState
+    radar : RadarSpec
+    settings : RadarSettings
+        Those of the solve.
+    instances : sequence of int
+        What scatters; the rest hides what is behind it.
+    """
+
+    state: WorldState
+    radar: RadarSpec
+    settings: RadarSettings
+    instances: Sequence[int]
+    _warned: set[str] = field(default_factory=set)
+
+    @property
+    def knobs(self) -> SbrSettings:
+        """Settings of `sbr`."""
+        return self.settings.sbr
+
+    @property
+    def reach(self) -> float:
+        """Half of the longest path [m]."""
+        limit = self.settings.max_distance
+        return self.radar.max_range if limit is None else limit
+
+    @contextmanager
+    def active(self) -> Iterator[None]:
+        """Enter the variant of the rays, with the state in the engine's scene."""
+        with variant.optical():
+            self.state._applied("optical")
+            yield
+
+    def warn_once(self, kind: str, text: str) -> None:
+        """Warn the caller of the solve, but of each kind only once in a solve."""
+        if kind not in self._warned:
+            self._warned.add(kind)
+            warnings.warn(text, ScarlWarning, stacklevel=5)
+
+    @cached_property
+    def _table(self) -> tuple[FaceTable, CurvedFaces | None, dict[int, int]]:
+        return _faces(self.state, self.knobs, self.radar.center_frequency, list(self.instances))
+
+    @property
+    def faces(self) -> FaceTable:
+        """The triangles of the state; those that stand for a curved surface are each in a plane of their own."""
+        return self._table[0]
+
+    @property
+    def coarse(self) -> dict[int, int]:
+        """Number of coarse faces of the instances that mostly consist of them."""
+        return self._table[2]
+
+    @cached_property
+    def scatters(self) -> Mask:
+        """Faces that scatter; the others are obstacles, shape (num_faces,)."""
+        return self.of(self.instances)
+
+    def of(self, instances: Sequence[int]) -> Mask:
+        """Return the faces of some instances, shape (num_faces,)."""
+        return np.asarray(np.isin(self.state.world.parts.instance, instances)[self.faces.part])
+
+    @cached_property
+    def _parts(self) -> Index:
+        """Rows of the part table that scatter."""
+        count = np.bincount(self.faces.part[self.scatters], minlength=len(self.state.world.parts.name))
+        return np.flatnonzero(count)
+
+    @cached_property
+    def _thin(self) -> Index:
+        """Rows of the part table that let waves through."""
+        return pane_parts(self.state, self.radar.center_frequency, self.knobs.pane_loss_db)
+
+    @cached_property
+    def sheets(self) -> Array:
+        """Size of the sheet to which each face belongs [m], shape (num_faces,)."""
+        return state_sheets(self.state, self._parts)
+
+    @cached_property
+    def rays(self) -> StateRays:
+        """Rays of the state; use them, and what follows, inside :meth:`active`."""
+        with variant.optical() as mi:
+            return StateRays(mi, self.state)
+
+    @cached_property
+    def panes(self) -> Panes | None:
+        """What lets waves through, None if nothing does."""
+        if not len(self._thin):
+            return None
+        owner = np.where(self.knobs.own_panes, 0, self.state.world.parts.instance[self.faces.part])
+        return Panes(self.rays, self.faces, self._thin, owner)
+
+    @cached_property
+    def surfaces(self) -> FaceSurfaces:
+        """Reflection, transmission and motion of the faces."""
+        shown = np.union1d(self._parts, self._thin)
+        frequency = self.radar.center_frequency
+        return FaceSurfaces(self.rays, self.state, self.faces, shown, frequency, self.knobs.coefficient_nodes)
+
+    @cached_property
+    def curves(self) -> DeviceCurves | None:
+        """The curved surfaces behind faces, None if there are none."""
+        curved = self._table[1]
+        return None if curved is None else DeviceCurves(self.rays, curved)
+
+
+def _faces(
+    state: WorldState, knobs: SbrSettings, frequency: float, chosen: list[int]
+) -> tuple[FaceTable, CurvedFaces | None, dict[int, int]]:
+    """Return the triangles of a state, and those that stand for a curved surface, each in a plane of its own.
+
+    The last result is the number of coarse faces of the instances that mostly consist of them.
+    """
+    faces = face_table(state)
+    if knobs.crease_angle_deg == 0.0:
+        return faces, None, {}
+    parts = np.flatnonzero(np.isin(state.world.parts.instance, chosen))
+    surface = state_surface(state, float(np.radians(knobs.crease_angle_deg)), parts)
+    wavenumber = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
+    curved = CurvedFaces.of(surface, faces.triangles, wavenumber, knobs.surface_phase)
+    coarse = {}
+    for number in np.unique(state.world.parts.instance[faces.part[surface.coarse]]).tolist():
+        own = np.flatnonzero(state.world.parts.instance[faces.part] == number)
+        if surface.take(own).coarse_share(faces.triangles.corners[own]) > MOSTLY_COARSE:
+            coarse[number] = int(surface.coarse[own].sum())
+    return faces if curved is None else replace(faces, plane=curved.apart(faces.plane)), curved, coarse
