@@ -16,6 +16,7 @@ from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.types import DeviceArray
 
 from .faces.curved import DeviceCurves
+from .faces.oblique import Ends, edge_terms, is_oblique
 from .faces.panes import through_panes
 from .fields import Field, OnDevice, Wave, radiating_vector, reflected_field
 from .phase import spherical_wave_integral
@@ -68,6 +69,12 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
         Patches over each of which the phase is all but linear: one of :meth:`NearField.kinds`.
     diffuse : bool
         Whether to return what a rough surface scatters, column ``scattered``: the transfer of a patch of 1 m2.
+
+    Returns
+    -------
+    dict
+        Of patches on flat faces also ``oblique``, (n,) bool: of these `a` is that for an integral of 1 m2, and
+        ``edges``, (n, 6) complex128 [m2], has the integral in parts, see :func:`.oblique.edge_terms`.
 
     Notes
     -----
@@ -123,6 +130,7 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
         reflected = [(kept * re, kept * im) for re, im in smooth]
         rate += dr.dot(moving[k], arriving - travel[k + 1])
     back = travel[-1]
+    oblique, edges = None, []
     out, home = dr.norm(center - image[-1]), dr.norm(receiver - center)
     if near.curves is not None and near.curves.curved.is_curved[tubes.face[0, -1]]:
         ends = image[-1], receiver
@@ -130,7 +138,12 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
             face[-1], corner, ends, normal, wavenumber, near.integration_phase
         )
     else:
-        integral = spherical_wave_integral(rays, corner, image[-1], receiver, wavenumber, near.integration_phase)
+        flat = Ends(corner, image[-1], receiver, wavenumber)
+        oblique = is_oblique(dr, flat)
+        ends = image[-1], receiver
+        parts = spherical_wave_integral(rays, corner, ends, wavenumber, near.integration_phase, ~oblique)
+        integral = dr.select(oblique, 1.0, parts[0]), dr.select(oblique, 0.0, parts[1])
+        edges = edge_terms(rays, flat)
     scale = 0.125 / np.pi / (out * home)
     factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
     columns: dict[str, Any] = {
@@ -142,6 +155,10 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
         "length": out + home,
         "cosine": dr.abs(dr.dot(normal, back)),
     }
+    for number, (re, im) in enumerate(edges):
+        columns |= {f"edge{number}": dr.select(oblique, re, 0.0), f"edge{number}j": dr.select(oblique, im, 0.0)}
+    if oblique is not None:
+        columns["oblique"] = oblique
     receive = _spherical_basis(rays, near.rx.pose, -back)
     vector = radiating_vector(on, Wave(field, arriving), Wave(reflected, onward), normal, back)
     vector, kept_out = through_panes(rays, surfaces, tubes.way_out, vector, back)
@@ -156,6 +173,8 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     dr.eval(*columns.values())
     found = {name: column.numpy() for name, column in columns.items()}
     found["a"] = _matrices(found, "re", "im")
+    if edges:
+        found["edges"] = np.stack([found.pop(f"edge{k}") + 1j * found.pop(f"edge{k}j") for k in range(6)], axis=1)
     if diffuse:
         found["scattered"] = _matrices(found, "sre", "sim")
     for name in ("tx_point", "rx_point", "tx_velocity", "rx_velocity"):

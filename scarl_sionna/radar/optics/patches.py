@@ -16,6 +16,8 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.device import device
 from scarl_sionna.engine.types import DeviceArray
 
+from .faces.oblique import Ends, is_oblique
+
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
@@ -74,7 +76,8 @@ class PatchSize:
 
         With e the part of a side across a leg of length R, the quadratic phase at its half is k e^2 / (8 R); an antenna
         at a distance D from the centre turns the phase there by k e D / (2 R); at the end of the band it is turned by
-        the difference of wavenumbers times half the difference of path length along the side.
+        the difference of wavenumbers times half the difference of path length along the side, which does not matter where
+        a patch is represented by its edges (:mod:`.oblique`).
 
         Parameters
         ----------
@@ -100,7 +103,9 @@ class PatchSize:
                 distance = dr.norm(leg)
                 legs.append((leg / distance, distance))
             longest = dr.opaque(Real, self.longest)
-            found = [self._excess(dr, corner[(k + 1) % 3] - corner[k], legs, longest) for k in range(3)]
+            ends = Ends(corner, dr.gather(Vector, on.reals(source), row), on.vector(receiver), self.wavenumber)
+            band = dr.select(is_oblique(dr, ends), 0.0, self.half_band)
+            found = [self._excess(dr, corner[(k + 1) % 3] - corner[k], legs, longest, band) for k in range(3)]
             dr.eval(*found)
             return np.stack([side.numpy() for side in found], axis=1)
 
@@ -111,7 +116,12 @@ class PatchSize:
         return np.where(longest <= 1.0, 1.0, _SPLIT_AGAIN * (2.0 * np.ceil(longest / _FILL) - 1.0) * least)
 
     def _excess(
-        self, dr: ModuleType, side: DeviceArray, legs: list[tuple[DeviceArray, DeviceArray]], longest: DeviceArray
+        self,
+        dr: ModuleType,
+        side: DeviceArray,
+        legs: list[tuple[DeviceArray, DeviceArray]],
+        longest: DeviceArray,
+        half_band: DeviceArray,
     ) -> DeviceArray:
         curvature, turn, along = 0.0, 0.0, 0.0
         square = dr.squared_norm(side)
@@ -122,7 +132,7 @@ class PatchSize:
             turn += dr.sqrt(across) / distance
             along += radial
         phase = dr.sqrt(self.wavenumber * curvature / 8.0 / self.max_phase)
-        ramp = dr.maximum(self.wavenumber * self.aperture * turn, self.half_band * dr.abs(along)) / 2.0 / self.max_ramp
+        ramp = dr.maximum(self.wavenumber * self.aperture * turn, half_band * dr.abs(along)) / 2.0 / self.max_ramp
         return dr.maximum(dr.maximum(phase, ramp), dr.sqrt(square) / longest)
 
 

@@ -15,7 +15,6 @@ import numpy.typing as npt
 from scarl_sionna.engine.device import Device, device
 from scarl_sionna.engine.types import DeviceArray
 
-from .boundary import edge_integral, is_oblique
 from .fields import HOST, OnDevice, second_difference
 
 Array = npt.NDArray[np.float64]
@@ -116,7 +115,12 @@ def _single(values: Array) -> npt.NDArray[np.float32]:
 
 
 def spherical_wave_integral(
-    on: Device, corner: list[DeviceArray], source: DeviceArray, receiver: DeviceArray, wavenumber: float, largest: float
+    on: Device,
+    corner: list[DeviceArray],
+    stations: tuple[DeviceArray, DeviceArray],
+    wavenumber: float,
+    largest: float,
+    wanted: DeviceArray = True,
 ) -> Pair:
     r"""Return the integrals over triangles of exp(-jk (length - length at the centre)) from sources to a receiver.
 
@@ -125,12 +129,15 @@ def spherical_wave_integral(
     on : Device
     corner : list of Dr.Jit Array3f64
         The three corners [m].
-    source, receiver : Dr.Jit Array3f64
+    stations : tuple of two Dr.Jit Array3f64
+        Source and receiver.
     wavenumber : float
         [rad/m].
     largest : float
         A triangle is cut into n^2 equal ones, so that the phase departs from a linear one by less than this at half of
         their sides [rad].
+    wanted : Dr.Jit Bool
+        Triangles of which the integral is needed; 0 of the others.
 
     Returns
     -------
@@ -142,24 +149,21 @@ def spherical_wave_integral(
     Over each part the linear phase is integrated exactly, and the quadratic one enters by its mean, a 12th of the sum
     over the corners.
     """
-    dr = on.dr
+    dr, (source, receiver) = on.dr, stations
     center = (corner[0] + corner[1] + corner[2]) / 3.0
     out, home = dr.norm(center - source), dr.norm(center - receiver)
     edge = [corner[(k + 1) % 3] - corner[k] for k in range(3)]
     longest = dr.maximum(dr.maximum(dr.squared_norm(edge[0]), dr.squared_norm(edge[1])), dr.squared_norm(edge[2]))
     cuts = dr.ceil(dr.sqrt(wavenumber * longest * (1.0 / out + 1.0 / home) / 8.0 / largest))
     cuts = dr.maximum(cuts, 1.0)
-    oblique = is_oblique(dr, corner, source, receiver, wavenumber)
-    by_edges = edge_integral(on, corner, source, receiver, wavenumber)
-    cuts = dr.select(oblique, 1.0, cuts)
     twice_area = dr.norm(dr.cross(edge[0] / cuts, edge[1] / cuts))
     length = out + home
 
     def of_part(parts: list[DeviceArray]) -> Pair:
         return _linear_integral(dr, parts, source, receiver, wavenumber, length)
 
-    re, im = over_parts(on, corner, cuts, of_part)
-    return dr.select(oblique, by_edges[0], re * twice_area), dr.select(oblique, by_edges[1], im * twice_area)
+    re, im = over_parts(on, corner, dr.select(wanted, cuts, 0.0), of_part)
+    return re * twice_area, im * twice_area
 
 
 def over_parts(
@@ -220,13 +224,14 @@ def _linear_integral(
     arriving, leaving = center - source, receiver - center
     out, home = dr.norm(arriving), dr.norm(leaving)
     arriving, leaving = arriving / out, leaving / home
+    slope = wavenumber * (leaving - arriving)
     phases, spread = [], 0.0
     for point in corner:
         offset = point - center
         square = dr.squared_norm(offset)
         spread += (square - dr.dot(offset, arriving) ** 2) / out + (square - dr.dot(offset, leaving) ** 2) / home
-        phases.append(wavenumber * (length - dr.norm(point - source) - dr.norm(receiver - point)))
-    mean = (phases[0] + phases[1] + phases[2]) / 3.0
-    sine, cosine = dr.sincos(mean + wavenumber * spread / 8.0)
-    re, im = second_difference(OnDevice(dr), *(phase - mean for phase in phases))
-    return re * cosine - im * sine, re * sine + im * cosine
+        phases.append(dr.dot(offset, slope))
+    phase = wavenumber * (out + home - length + spread / 24.0)
+    sine, cosine = dr.sincos(phase)
+    re, im = second_difference(OnDevice(dr), *phases)
+    return re * cosine + im * sine, im * cosine - re * sine

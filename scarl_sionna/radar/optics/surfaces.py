@@ -165,6 +165,8 @@ class FaceSurfaces:
         for part, moved in state._part_motion.items():  # joints included: wheels, limbs
             motion[part] = np.concatenate([moved.twist.linear, moved.twist.angular, moved.pose.position])
         self._motion = rays.reals(motion)
+        self.angular = motion[faces.part, 3:6]
+        """Angular velocity of each face, shape (num_faces, 3) [rad/s, world]."""
 
     def plane(self, face: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the unit normals and offsets of faces."""

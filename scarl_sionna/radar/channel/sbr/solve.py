@@ -29,6 +29,7 @@ from scarl_sionna.radar.paths import RadarPaths, bend_of
 
 from .bodies import Bodies
 from .diffuse import rough_pieces, scattered_rows, way_back
+from .edge_rows import with_edges
 from .rows import Columns, above_floor, in_order, joined, received
 
 if TYPE_CHECKING:
@@ -237,10 +238,12 @@ def _rows(
     seen = columns["length"] < 2.0 * tracer.reach
     rows = np.flatnonzero(is_rough & seen)
     if len(rows):
-        some = {name: column[rows] for name, column in columns.items()}
+        some = {name: column[rows] for name, column in columns.items() if name not in ("oblique", "edges")}
         some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
         rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
     columns.pop("scattered", None)
+    columns = with_edges(columns, patches, near, tracer.faces.triangles.normal)
+    seen = columns["length"] < 2.0 * tracer.reach
     return {name: column[seen] for name, column in columns.items()}
 
 
