@@ -165,8 +165,7 @@ class FaceSurfaces:
         for part, moved in state._part_motion.items():  # joints included: wheels, limbs
             motion[part] = np.concatenate([moved.twist.linear, moved.twist.angular, moved.pose.position])
         self._motion = rays.reals(motion)
-        self.angular = motion[faces.part, 3:6]
-        """Angular velocity of each face, shape (num_faces, 3) [rad/s, world]."""
+        self._motion_of_part, self._part_of_face = motion, faces.part
 
     def plane(self, face: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the unit normals and offsets of faces."""
@@ -179,6 +178,11 @@ class FaceSurfaces:
         row = 3 * dr.gather(rays.mi.UInt32, self._part, face)
         linear, angular, origin = (dr.gather(rays.Vector, self._motion, row + k) for k in range(3))
         return linear + dr.cross(angular, point - origin)
+
+    def velocity_on_host(self, face: Index, point: Array) -> Array:
+        """Return the velocity of surface points in NumPy, shape (n, 3) [m/s]."""
+        linear, angular, origin = np.split(self._motion_of_part[self._part_of_face[face]], 3, axis=1)
+        return np.asarray(linear + np.cross(angular, point - origin))
 
     def _material(self, face: DeviceArray) -> DeviceArray:
         dr, mi = self._rays.dr, self._rays.mi

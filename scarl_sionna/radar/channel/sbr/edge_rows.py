@@ -14,16 +14,16 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 Columns = dict[str, npt.NDArray[Any]]
 
-CANCELLED = 0.05
-"""What is left of a point after patches that share it are joined is dropped below this part of what they bring: the
-currents of patches differ by no more than 1 % from one to the next, what is there beyond the edges of a face by all."""
+CANCELLED = 1e-6
+"""What is left of a point after patches that share it are joined is dropped below this part of what they bring: it is
+rounding. What patches differ by from one to the next is not, since it adds up over a face."""
 _SAME_POINT = 1e-6
 """Points this near to each other are one [m]."""
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], dtype=np.uint64)
 """Odd multipliers of a hash of places: change no result."""
 
 
-def with_edges(columns: Columns, tubes: ImageTubes, near: NearField, normal: Array) -> Columns:
+def with_edges(columns: Columns, tubes: ImageTubes, near: NearField, planes: tuple[Array, Array]) -> Columns:
     """Return the columns with rows of corners and edges in place of those of oblique patches.
 
     Parameters
@@ -34,8 +34,8 @@ def with_edges(columns: Columns, tubes: ImageTubes, near: NearField, normal: Arr
     tubes : ImageTubes
         The patches.
     near : NearField
-    normal : ndarray of float64, shape (num_faces, 3)
-        Of all faces.
+    planes : tuple of ndarray of float64, shape (num_faces, 3) and (num_faces,)
+        Normals and offsets of all faces.
     """
     oblique, edges = columns.pop("oblique", None), columns.pop("edges", None)
     if oblique is None or edges is None or not oblique.any():
@@ -50,7 +50,7 @@ def with_edges(columns: Columns, tubes: ImageTubes, near: NearField, normal: Arr
     brought = np.add.reduceat(_size(a)[order], first) if len(first) else _size(a)
     kept = _size(total) > CANCELLED * brought
     row = order[first][kept]
-    made = _moved(columns, tubes, near, normal, patch[row], point[row])
+    made = _moved(columns, tubes, near, planes, patch[row], point[row])
     made["a"] = total[kept]
     whole = ~oblique
     return {name: np.concatenate([column[whole], made[name]]) for name, column in columns.items()}
@@ -83,26 +83,32 @@ def _hash(key: npt.NDArray[np.uint64], rows: Index) -> npt.NDArray[np.uint64]:
 
 
 def _moved(
-    columns: Columns, tubes: ImageTubes, near: NearField, normal: Array, patch: Index, point: Array
+    columns: Columns, tubes: ImageTubes, near: NearField, planes: tuple[Array, Array], patch: Index, point: Array
 ) -> Columns:
     """Return the columns of patches at other points of theirs."""
     made = {name: column[patch] for name, column in columns.items() if name != "a"}
-    face = tubes.face[patch]
-    offset = point - columns["rx_point"][patch]
-    turned = np.cross(near.surfaces.angular[face[:, -1]], offset)
-    seen = np.stack([offset, turned])
-    for mirror in face[:, -2::-1].T:
-        n = normal[mirror]
-        seen = seen - 2.0 * np.einsum("kij,ij->ki", seen, n)[..., None] * n
-    made["tx_point"] = made["tx_point"] + seen[0]
-    made["rx_point"] = point
-    made["tx_velocity"] = made["tx_velocity"] + seen[1]
-    made["rx_velocity"] = made["rx_velocity"] + turned
+    face, image = tubes.face[patch], tubes.image[patch]
+    velocity = near.surfaces.velocity_on_host(face[:, -1], point)
+    made["rx_point"], made["rx_velocity"] = point, velocity - near.rx.velocity
+    seen, moved, here = point, velocity, point
+    for k in range(face.shape[1] - 2, -1, -1):  # back along the chain: where it reflects, and what it shows
+        normal, offset = planes[0][face[:, k]], planes[1][face[:, k]]
+        ray = here - image[:, k + 1]
+        share = (offset - _dot(normal, image[:, k + 1])) / _dot(normal, ray)
+        here = image[:, k + 1] + share[:, None] * ray
+        seen = seen - 2.0 * (_dot(normal, seen) - offset)[:, None] * normal
+        mirror = near.surfaces.velocity_on_host(face[:, k], here)
+        moved = moved - 2.0 * _dot(normal, moved - mirror)[:, None] * normal
+    made["tx_point"], made["tx_velocity"] = seen, moved - near.tx.velocity
     length, rate = np.zeros(len(patch)), np.zeros(len(patch))
     for name, station in (("tx", near.tx), ("rx", near.rx)):
         ray = made[f"{name}_point"] - station.pose.position
-        distance = np.sqrt(np.einsum("ij,ij->i", ray, ray))
+        distance = np.sqrt(_dot(ray, ray))
         length += distance
-        rate += np.einsum("ij,ij->i", ray, made[f"{name}_velocity"]) / distance
+        rate += _dot(ray, made[f"{name}_velocity"]) / distance
     made["length"], made["length_rate"] = length, rate
     return made
+
+
+def _dot(first: Array, second: Array) -> Array:
+    return np.asarray(np.einsum("ij,ij->i", first, second))

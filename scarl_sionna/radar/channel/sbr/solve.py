@@ -242,7 +242,8 @@ def _rows(
         some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
         rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
     columns.pop("scattered", None)
-    columns = with_edges(columns, patches, near, tracer.faces.triangles.normal)
+    triangles = tracer.faces.triangles
+    columns = with_edges(columns, patches, near, (triangles.normal, triangles.offset))
     seen = columns["length"] < 2.0 * tracer.reach
     return {name: column[seen] for name, column in columns.items()}
 
