@@ -29,7 +29,7 @@ from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
 
 from .budget import box_points
-from .mirror_faces import inside
+from .mirror_faces import NO_MIRROR, inside
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches, ways
 
@@ -56,7 +56,7 @@ STRAIGHT: Faces = ((), ())
 
 
 def paths_through_mirrors(
-    view: MirrorView, solve: FromImages, over: Sequence[Mirror], depth: int, reach: float
+    view: MirrorView, solve: FromImages, over: Sequence[Mirror], depth: int, reach: float, cut: bool = False
 ) -> list[tuple[RadarPaths, Faces]]:
     """Return the paths of objects over at least one mirror, one block for each pair of a way there and a way back.
 
@@ -74,6 +74,8 @@ def paths_through_mirrors(
         Most mirrors of one way.
     reach : float
         Half of the longest length [m].
+    cut : bool
+        Whether `solve` itself leaves out what its images do not show. If not, each path is there or not by its points.
     """
     pose = view.mount.pose
     corners = np.concatenate([box_points(view.state, number) for number in view.owned])
@@ -88,7 +90,7 @@ def paths_through_mirrors(
         axes = _looking((images[0] + images[1]) / 2.0, corners.mean(axis=0))
         tx = Image(Pose.from_rotation(images[0], axes), there)
         rx = tx if there is back else Image(Pose.from_rotation(images[1], axes), back)
-        block = _seen(view, solve(tx, rx), (tx, rx))
+        block = _seen(view, solve(tx, rx), (tx, rx), cut)
         met = tuple(mirror.number for mirror in there), tuple(mirror.number for mirror in back)
         blocks.append((block, met))
         if there is not back:
@@ -105,15 +107,16 @@ def _looking(start: Array, end: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
-def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image]) -> RadarPaths:
-    """Return the paths as the radar itself sees them, without those that the surroundings hide."""
+def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut: bool) -> RadarPaths:
+    """Return the paths as the radar itself sees them, without those that the surroundings hide unless that is done."""
     state, pose = view.state, view.mount.pose
     both = images[0].way, images[1].way
     moving = (found.filled("tx_velocity"), found.filled("rx_velocity"))  # the images of the radar were at rest
     ends = zip(images, (found.tx_point, found.rx_point), moving, strict=True)
-    legs = [view.leg(image.way, image.pose.rotation, points, velocities) for image, points, velocities in ends]
+    legs = [
+        view.leg(image.way, image.pose.rotation, points, velocities, not cut) for image, points, velocities in ends
+    ]
     there, back = legs
-    visible = there.visible & back.visible
     changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
     changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones)
     changed |= {
@@ -133,7 +136,12 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image]) -> R
         "tx_twist": view.mount.twist,
         "rx_twist": view.mount.twist,
     }
-    return RadarPaths(**changed).select(visible)
+    result = RadarPaths(**changed)
+    if cut:
+        return result
+    station = Viewpoint.of(view.radar, pose, np.zeros(3))
+    visible = [leg.visible & station.sees(leg.image) for leg in legs]
+    return result.select(visible[0] & visible[1])
 
 
 def _chained(
@@ -242,7 +250,7 @@ class Meshes:
 
     def __init__(self, bodies: Bodies) -> None:
         self.bodies = bodies
-        self._on: dict[int, npt.NDArray[np.bool_]] = {}
+        self._mirror_of_face: npt.NDArray[np.int64] | None = None
 
     def seen(self, view: MirrorView, lit: Sequence[int]) -> FromImages:
         """Return what makes the paths of meshes between two images of the radar.
@@ -261,6 +269,11 @@ class Meshes:
 
         return solve
 
+    def _owner(self, view: MirrorView) -> npt.NDArray[np.int64]:
+        if self._mirror_of_face is None:
+            self._mirror_of_face = _owners(view.state, view.mirrors, view.knobs.thickness)
+        return self._mirror_of_face
+
     def _viewpoint(self, view: MirrorView, image: Image) -> Viewpoint:
         """Return an image of the radar, which looks through its mirrors: what lies on them hides nothing."""
         axes, window, source = view.mount.pose.rotation, None, view.mount.pose.position
@@ -268,21 +281,26 @@ class Meshes:
         for mirror in image.way:
             axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
             side = np.sign(float(mirror.height(source)))
-            if mirror.number not in self._on:
-                self._on[mirror.number] = _lies_on(view.state, mirror, lift)
-            faces = self._on[mirror.number]
+            faces = self._owner(view) == mirror.number
             window = Window(side * mirror.normal, side * mirror.offset + lift, faces, lift, source, window)
             source = mirrored((mirror,), source)
         station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
         return replace(station, window=window, axes=axes)
 
 
-def _lies_on(state: WorldState, mirror: Mirror, thickness: float) -> npt.NDArray[np.bool_]:
-    """Return which faces of a state are the mirror's, or lie on it, as a marking does, shape (num_faces,)."""
+def _owners(state: WorldState, mirrors: Sequence[Mirror], thickness: float) -> npt.NDArray[np.int64]:
+    """Return the mirror that each face of a state is part of, or lies on, as a marking does; `NO_MIRROR` if none.
+
+    What lies on several belongs to the nearest, so that nothing is seen over two.
+    """
     triangles = state._triangles
-    height = np.abs(triangles.corners @ mirror.normal - mirror.offset)
-    near = np.flatnonzero((height < thickness).all(axis=1))
-    found = np.zeros(len(height), dtype=np.bool_)
-    found[near] = inside(triangles.corners[near].mean(axis=1), mirror.corners.reshape(-1, 3, 3), mirror.normal)
-    found[mirror.faces] = True
-    return found
+    owner = np.full(len(triangles.corners), NO_MIRROR, dtype=np.int64)
+    least = np.full(len(owner), thickness)
+    for mirror in mirrors:
+        height = np.abs(triangles.corners @ mirror.normal - mirror.offset).max(axis=1)
+        near = np.flatnonzero(height < least)
+        near = near[inside(triangles.corners[near].mean(axis=1), mirror.corners.reshape(-1, 3, 3), mirror.normal)]
+        owner[near], least[near] = mirror.number, height[near]
+    for mirror in mirrors:
+        owner[mirror.faces] = mirror.number
+    return owner

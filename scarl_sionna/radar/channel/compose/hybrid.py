@@ -246,7 +246,8 @@ class _Work:
             names = {self.state.world.instances[number].name: number for number in objects}
             placed = [PlacedModel(name, names[name], model, frames.get(name, Pose())) for name, model in models.items()]
             solve = of_models(self.state, self.radar, placed)
-        found = paths_through_mirrors(view, solve, mirrors[1], self.plan.plan.mirror_depth, self.reach)
+        depth, cut = self.plan.plan.mirror_depth, share.solver == "sbr"
+        found = paths_through_mirrors(view, solve, mirrors[1], depth, self.reach, cut)
         self._add(
             _Contribution(
                 solver=share.solver,

@@ -102,7 +102,7 @@ class MirrorView:
             self.knobs.thickness,
         )
 
-    def leg(self, way: Way, rotation: Array, points: Array, velocities: Array) -> Leg:
+    def leg(self, way: Way, rotation: Array, points: Array, velocities: Array, tested: bool = True) -> Leg:
         """Return a way to points.
 
         Parameters
@@ -116,6 +116,8 @@ class MirrorView:
             the direction in which the wave meets the object first [m, world].
         velocities : ndarray of float64, shape (num_points, 3)
             Of these points [m/s, world].
+        tested : bool
+            Whether to find out what the mirrors show and what is hidden; if not, all points are taken as visible.
         """
         state, station = self.state, self.station
         chain = chain_of(way, len(points))
@@ -140,7 +142,7 @@ class MirrorView:
         velocity = np.broadcast_to(station.velocity, points.shape).copy()
         for k, mirror in enumerate(way):
             velocity -= 2.0 * np.einsum("pi,i->p", velocity - surface[:, k], mirror.normal)[:, None] * mirror.normal
-        visible = right & self._open(way, vertices, points)
+        visible = right & self._open(way, vertices, points) if tested else np.ones(len(points), dtype=np.bool_)
         seen = chain.image_velocity(velocities, surface) - station.velocity
         return Leg(visible, images[:, 0], jones, travel[:, -1], velocity, seen)
 
