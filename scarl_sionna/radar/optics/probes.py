@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.types import DeviceArray
 
-from .faces.panes import Panes
+from .faces.panes import STEP_ON, Panes
 from .tube_shape import WEIGHTS, inset
 
 Array = npt.NDArray[np.float64]
@@ -164,19 +164,26 @@ class Window:
     normal : ndarray of float64, shape (3,)
         Unit normal, from the image to what it sees.
     offset : float
-        normal . point [m].
+        normal . point of the mirror's plane [m].
     faces : ndarray of bool, shape (num_faces,), optional
-        What a ray must meet behind the window to come from the mirror; the plane has no end if left out.
+        The mirror's faces and what lies on it: what a ray must meet behind the window to come from the mirror, and what
+        hides nothing; the plane has no end if left out.
+    lift : float
+        What is so near to the plane may lie on it: rays begin this far from it [m].
     """
 
     normal: Array
     offset: float
     faces: npt.NDArray[np.bool_] | None = None
+    lift: float = 0.0
 
     def entry(self, station: Array, points: Array) -> Array:
-        """Return where the rays from a station (3,) to points (n, 3) before it pass through, shape (n, 3) [m]."""
+        """Return where rays from a station (3,) to points (n, 3) begin, shape (n, 3) [m].
+
+        Points must be farther than `lift` from the plane.
+        """
         own, there = station @ self.normal - self.offset, points @ self.normal - self.offset
-        return np.asarray(station - (own / (there - own))[:, None] * (points - station))
+        return np.asarray(station + ((self.lift - own) / (there - own))[:, None] * (points - station))
 
 
 class ScreenedProbe(Probe):
@@ -184,6 +191,12 @@ class ScreenedProbe(Probe):
 
     Those of an image begin at its window, since what is before it is not there; points before it are hidden. With
     panes more than 1 stands for a point that is seen through some; `face`, (num_rows,), is that of each tube.
+
+    Notes
+    -----
+    The foot of an object that stands on a mirror is where the way over the mirror and the straight one have their
+    common specular point, so it must not be cut off: a point nearer to the plane than `lift` is seen if a ray from it
+    back to the image meets the mirror, or what lies on it, first, unless it is on what lies there itself.
     """
 
     def __init__(
@@ -196,33 +209,41 @@ class ScreenedProbe(Probe):
     ) -> None:
         super().__init__(rays)
         self._panes = panes
-        self._face = None if panes is None or face is None else rays.index(face)
+        self._face = None if face is None else rays.index(face)
         self._station = rays.vector(rays.placed(station))
-        self._window = None if window is None else (rays.vector(window.normal), rays.real(window.offset))
-        behind = None if window is None else window.faces
-        self._behind = None if behind is None else rays.index(behind.astype(np.uint32))
+        self._window = window
+        if window is not None:
+            self._plane = rays.vector(window.normal), rays.real(window.offset), rays.real(window.lift)
+            self._mirror = None if window.faces is None else rays.index(window.faces.astype(np.uint32))
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi = self.rays.dr, self.rays.mi
-        start, apart = self._station, mi.Bool(False)
-        if self._window is not None:
-            normal, offset = self._window
-            own, there = dr.dot(normal, start) - offset, dr.dot(normal, point) - offset
-            apart = there <= 0.0
-            start = start - own / dr.select(apart, 1.0, there - own) * (point - start)
-        ray = point - start
+        ray = point - self._station
         distance = dr.norm(ray)
-        before = distance - SAME_DISTANCE * (1.0 + distance)
+        near = SAME_DISTANCE * (1.0 + distance)
         ray = ray / dr.maximum(distance, 1e-12)
-        if self._panes is None:
-            hidden = dr.select(self.rays.blocked(start, ray, before), mi.Int32(1), mi.Int32(0))
-        else:
-            hidden = self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row))
-        if self._behind is not None:
-            back = self.rays.first(start, -ray)
+        if self._window is None:
+            return self._hidden(self._station, ray, distance - near, row)
+        normal, offset, lift = self._plane
+        own, there = dr.dot(normal, self._station) - offset, dr.dot(normal, point) - offset
+        low, apart = there <= lift, there <= near
+        first = distance * (lift - own) / dr.select(low, 1.0, there - own)
+        start = self._station + first * ray
+        hidden = dr.select(low, mi.Int32(0), self._hidden(start, ray, distance - first - near, row))
+        if self._mirror is not None:
+            back = self.rays.first(dr.select(low, point - STEP_ON * (1.0 + distance) * ray, start), -ray)
             met = ~apart & (back != MISS)
-            apart |= ~met | (dr.gather(mi.UInt32, self._behind, mi.UInt32(back), met) == 0)
+            apart |= ~met | (dr.gather(mi.UInt32, self._mirror, mi.UInt32(back), met) == 0)
+            if self._face is not None:
+                apart |= low & (dr.gather(mi.UInt32, self._mirror, dr.gather(mi.UInt32, self._face, row)) != 0)
         return dr.select(apart, mi.Int32(1), hidden)
+
+    def _hidden(self, start: DeviceArray, ray: DeviceArray, before: DeviceArray, row: DeviceArray) -> DeviceArray:
+        """Return whether something is in the way of rays up to a distance, or the label of the panes that are."""
+        dr, mi = self.rays.dr, self.rays.mi
+        if self._panes is None or self._face is None:
+            return dr.select(self.rays.blocked(start, ray, before), mi.Int32(1), mi.Int32(0))
+        return self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row))
 
 
 class PlaneProbe(Probe):

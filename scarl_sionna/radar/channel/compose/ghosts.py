@@ -275,7 +275,7 @@ class Meshes:
             lift = view.knobs.thickness
             if mirror.number not in self._on:
                 self._on[mirror.number] = _lies_on(view.state, mirror, lift)
-            window = Window(side * mirror.normal, side * mirror.offset + lift, self._on[mirror.number])
+            window = Window(side * mirror.normal, side * mirror.offset, self._on[mirror.number], lift)
         station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
         return replace(station, window=window, axes=axes)
 
