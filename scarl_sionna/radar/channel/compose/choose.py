@@ -157,7 +157,7 @@ def level_of(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrLeve
 def sbr_settings(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrSettings:
     """Return the knobs of `sbr` for a tolerance [dB]; raises as :func:`level_of`."""
     level = level_of(tolerance_db, rules)
-    return SbrSettings(**level.model_dump(exclude={"tolerance_db", "patch_error"}))
+    return SbrSettings(**level.model_dump(exclude={"tolerance_db", "patch_error"}), max_turn=level.max_phase)
 
 
 def choose(view: View) -> tuple[list[Choice], list[Mirror]]:

@@ -266,9 +266,10 @@ class Meshes:
 
     def _viewpoint(self, view: MirrorView, image: Image) -> Viewpoint:
         """Return an image of the radar, which looks through its last mirror, if any: what lies on it hides nothing."""
-        axes, window = view.mount.pose.rotation, None
-        for mirror in image.way:
+        axes, window, passing = view.mount.pose.rotation, None, view.mount.twist.linear
+        for mirror in image.way:  # static ones
             axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
+            passing = passing - 2.0 * (mirror.normal @ passing) * mirror.normal
         if image.way:
             mirror = image.way[-1]
             side = -np.sign(float(mirror.height(image.pose.position)))
@@ -277,7 +278,7 @@ class Meshes:
                 self._on[mirror.number] = _lies_on(view.state, mirror, lift)
             window = Window(side * mirror.normal, side * mirror.offset, self._on[mirror.number], lift)
         station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
-        return replace(station, window=window, axes=axes)
+        return replace(station, window=window, axes=axes, passing=passing)
 
 
 def _lies_on(state: WorldState, mirror: Mirror, thickness: float) -> npt.NDArray[np.bool_]:

@@ -118,6 +118,13 @@ class Bodies:
         return state_sheets(self.state, self._parts)
 
     @cached_property
+    def velocity(self) -> Array | None:
+        """Velocity of the faces' centres [m/s], shape (num_faces, 3); None where patches do not follow from motion."""
+        if self.knobs.max_turn is None:
+            return None
+        return self.state.point_velocity(self.faces.part, self.faces.triangles.corners.mean(axis=1))
+
+    @cached_property
     def rays(self) -> StateRays:
         """Rays of the state; use them, and what follows, inside :meth:`active`."""
         with variant.optical() as mi:
