@@ -108,7 +108,7 @@ class Bodies:
         return np.flatnonzero(count)
 
     @cached_property
-    def _thin(self) -> Index:
+    def thin(self) -> Index:
         """Rows of the part table that let waves through."""
         return pane_parts(self.state, self.radar.center_frequency, self.knobs.pane_loss_db)
 
@@ -133,15 +133,15 @@ class Bodies:
     @cached_property
     def panes(self) -> Panes | None:
         """What lets waves through, None if nothing does."""
-        if not len(self._thin):
+        if not len(self.thin):
             return None
         owner = np.where(self.knobs.own_panes, 0, self.state.world.parts.instance[self.faces.part])
-        return Panes(self.rays, self.faces, self._thin, owner)
+        return Panes(self.rays, self.faces, self.thin, owner)
 
     @cached_property
     def surfaces(self) -> FaceSurfaces:
         """Reflection, transmission and motion of the faces."""
-        shown = np.union1d(self._parts, self._thin)
+        shown = np.union1d(self._parts, self.thin)
         frequency = self.radar.center_frequency
         return FaceSurfaces(self.rays, self.state, self.faces, shown, frequency, self.knobs.coefficient_nodes)
 
