@@ -231,14 +231,43 @@ def test_patches_of_a_body_that_crosses(tmp_path, motion: str) -> None:
 
     def solve(time: float, max_phase: float = 1e-3) -> RadarPaths:
         mount = moved_mount(Pose(), twist, time)
-        return solve_paths(world.at(time), radar, mount, "sbr", floor_db=None, max_phase=max_phase)
+        knobs = {"floor_db": None, "max_phase": max_phase, "max_turn": None}
+        return solve_paths(world.at(time), radar, mount, "sbr", **knobs)
 
     now = solve(0.0)
     assert now.num_paths > 500 and np.isfinite(now.tx_velocity).all()
     assert at_chirps(solve, radar, (1, 64, 128, 255), Accuracy()) < -40.0
     large = at_chirps(lambda time: solve(time, 0.2), radar, (128,), Accuracy())
-    assert large > -20.0  # the default's patches, as large as the body's faces: docs/sbr.md
+    assert large > -20.0  # patches as large as the body's faces: docs/sbr.md
     assert at_chirps(solve, radar, (255,), Accuracy(motion_tolerance=None)) > -25.0
+
+
+@pytest.mark.parametrize("distance", [3.0, 10.0])
+@pytest.mark.parametrize("shape", ["box", "plate"])
+def test_default_patches_are_small_enough_for_what_crosses(tmp_path, shape: str, distance: float) -> None:
+    """30 m/s sideways: solved anew at single chirps, finer; without `max_turn` 0 to -8 dB (docs/sbr.md)."""
+    trajectory = {"kind": "constant_twist", "position": [distance, 0.3, 0], "velocity": [0, 30.0, 0]}
+    trajectory["angular_velocity_z"] = 0.0
+    mesh = box((0.05, 0.04, 0.03)) if shape == "box" else plane(0.1, 0.08, (0, 0, 0), (-1, 0.05, 0.02))
+    body = Thing("body", mesh, "Car", "steel", trajectory)
+    world = load_scene(write_scene(tmp_path, actors=[body]))
+    radar = ends_of_the_array("ideal").with_(num_samples=64)
+
+    def solve(time: float) -> RadarPaths:
+        finer = {} if time == 0.0 else {"max_phase": 0.1, "max_turn": 0.15}
+        return solve_paths(world.at(time), radar, moved_mount(Pose(), Twist(), time), "sbr", floor_db=None, **finer)
+
+    assert at_chirps(solve, radar, (64, 128, 255), Accuracy()) < -40.0
+
+
+def test_a_scene_at_rest_has_the_same_patches_with_and_without_motion(tmp_path) -> None:
+    body = Thing("body", box((0.5, 0.4, 0.3), (6.0, 0.0, 0.0)), "Car", "steel")
+    state = load_scene(write_scene(tmp_path, [body])).at(0.0)
+    radar = ends_of_the_array("ideal")
+    one, other = (solve_paths(state, radar, Pose(), "sbr", max_turn=turn) for turn in (0.25, None))
+    assert np.array_equal(one.rx_point, other.rx_point) and np.array_equal(one.a, other.a)
+    moving = solve_paths(state, radar, Mount(Pose(), Twist([0.0, 10.0, 0.0])), "sbr", max_turn=0.25)
+    assert moving.num_paths > 5 * one.num_paths
 
 
 @pytest.mark.parametrize("time", [0.4e-3, -2e-3])

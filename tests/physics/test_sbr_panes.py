@@ -129,3 +129,28 @@ def test_a_car_is_not_seen_through_its_own_windows_but_others_are(tmp_path) -> N
     )
     assert np.array_equal(shut.a, default.a)
     assert seen.num_paths > 1.2 * shut.num_paths
+
+
+@pytest.mark.parametrize(("material", "seen"), [("sheet", True), ("steel", False)])
+def test_auto_looks_through_a_sheet_as_the_tracing_does(tmp_path, material, seen) -> None:
+    """What is behind plastic is planned, charged and computed; its echo is that of `sbr` alone."""
+    things = [PLATE, tilted(5.0, 10.0, material)]
+    state = ss.load_scene(write_scene(tmp_path, things, materials=MATERIALS)).at(0.0)
+    paths = ss.solve_paths(state, RADAR, ss.Pose(), method="auto", max_distance=40.0)
+    choice = next(one for one in paths.diagnostics["choices"] if one["instance"] == "target")
+    assert (choice["visible_share"] > 0.9) == seen
+    assert (choice["tubes"] > 0) == seen
+    target = next(number for number, info in state.world.instances.items() if info.name == "target")
+    assert bool((paths.instance[:, 0] == target).any()) == seen
+
+
+@pytest.mark.parametrize(("material", "seen"), [("sheet", True), ("steel", False)])
+def test_a_ground_bounce_passes_a_sheet(tmp_path, material, seen) -> None:
+    """The last leg over a mirror may cross a pane, that of the object itself may not."""
+    ground = Thing("ground", plane(64.0, 32.0, (0, 0, -1.0)), "Roads", "steel", is_object=False)
+    pane = Thing("pane", plane(0.6, 2.0, (9.0, 0, -0.1), (-1, 0, 0)), "Static", material)
+    state = ss.load_scene(write_scene(tmp_path, [PLATE, pane, ground], materials=MATERIALS)).at(0.0)
+    paths = ss.solve_paths(state, RADAR, ss.Pose(), method="auto", max_distance=40.0)
+    number = {info.name: key for key, info in state.world.instances.items()}
+    over = (paths.instance == number["ground"]).any(axis=1) & (paths.instance == number["target"]).any(axis=1)
+    assert bool(over.any()) == seen

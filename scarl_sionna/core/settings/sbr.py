@@ -104,6 +104,14 @@ class SbrSettings(Spec):
         description="scene: largest change of the phase between the middle and the end of a patch's side that "
         "another antenna, or the end of the band, makes [rad] (docs/sbr.md)",
     )
+    max_turn: Annotated[float, Unit("rad")] | None = Field(
+        0.25,
+        gt=0.0,
+        le=3.0,
+        description="scene: the same that motion across the view makes over a frame, since a patch keeps the pattern "
+        "of the frame's start: the error of its amplitude is the square over six [rad]. None: patches do not follow "
+        "from motion (docs/sbr.md)",
+    )
     ray_share: float = Field(
         0.5,
         gt=0.0,

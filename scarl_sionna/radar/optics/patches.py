@@ -25,6 +25,8 @@ _FILL = 0.8
 """Bands are this part of the length allowed, so that the diagonals of their pieces are not too long as well. What is
 too long is cut again, so this decides the number of cuts, not the accuracy."""
 
+FINEST = 4.0 / np.pi
+"""1 over half of the phase over a quarter of a wavelength [1/rad]: the pattern of smaller patches hardly changes."""
 _SPLIT_AGAIN = 1.3
 """Pieces of pieces that are too long after the second cut; mean over triangles of all shapes. Only for the count
 beforehand."""
@@ -46,6 +48,12 @@ class PatchSize:
         [rad].
     longest : float
         Side that no patch exceeds [m].
+    max_turn : float or None
+        [rad]; None: patches do not follow from motion.
+    duration : float
+        Of a frame [s].
+    passed : tuple of ndarray of float64, shape (num_rows, 3), optional
+        Ways over a frame past the source and past the receiver, for each row of :meth:`excess` [m].
     """
 
     wavenumber: float
@@ -54,6 +62,9 @@ class PatchSize:
     max_phase: float
     max_ramp: float
     longest: float = np.inf
+    max_turn: float | None = None
+    duration: float = 0.0
+    passed: tuple[Array, Array] | None = None
 
     @classmethod
     def of(cls, radar: RadarSpec, settings: SbrSettings) -> PatchSize:
@@ -65,6 +76,8 @@ class PatchSize:
             float(np.linalg.norm(arms, axis=1).max()),
             settings.max_phase,
             settings.max_ramp,
+            max_turn=settings.max_turn,
+            duration=radar.doppler_interval * radar.num_chirps,
         )
 
     def length(self, distance: Array) -> Array:
@@ -76,8 +89,11 @@ class PatchSize:
 
         With e the part of a side across a leg of length R, the quadratic phase at its half is k e^2 / (8 R); an antenna
         at a distance D from the centre turns the phase there by k e D / (2 R); at the end of the band it is turned by
-        the difference of wavenumbers times half the difference of path length along the side, which does not matter where
-        a patch is represented by its edges (:mod:`.oblique`).
+        the difference of wavenumbers times half the difference of path length along the side. What moves by u over a
+        frame turns it by k side . u / (2 R), u without its part along the leg, both legs together: the square root
+        of its square and of its double product with the phase that is there anyway, 1 rad at most. A quarter of a
+        wavelength is never too long for that. Neither the band nor motion matters where a patch is represented by its
+        edges (:mod:`.oblique`).
 
         Parameters
         ----------
@@ -94,24 +110,39 @@ class PatchSize:
             corner = on.corners(corners)
             center = (corner[0] + corner[1] + corner[2]) / 3.0
             row = on.index(rows)
-            legs = []
-            for end in (
-                dr.gather(Vector, on.reals(source), row),
-                on.vector(receiver),
-            ):
+            legs, slopes = [], []
+            for number, end in enumerate((dr.gather(Vector, on.reals(source), row), on.vector(receiver))):
                 leg = center - end
                 distance = dr.norm(leg)
                 legs.append((leg / distance, distance))
+                if self.passed is not None:
+                    way, ray = dr.gather(Vector, on.reals(self.passed[number]), row), legs[-1][0]
+                    slopes.append((way - dr.dot(way, ray) * ray) / distance)
             longest = dr.opaque(Real, self.longest)
             ends = Ends(corner, dr.gather(Vector, on.reals(source), row), on.vector(receiver), self.wavenumber)
-            band = dr.select(is_oblique(dr, ends), 0.0, self.half_band)
-            found = [self._excess(dr, corner[(k + 1) % 3] - corner[k], legs, longest, band) for k in range(3)]
+            by_area = dr.select(is_oblique(dr, ends), 0.0, Real(1.0))
+            sides = [corner[(k + 1) % 3] - corner[k] for k in range(3)]
+            found = [self._excess(dr, side, legs, longest, by_area * self.half_band) for side in sides]
+            if slopes and self.max_turn is not None:
+                rays = legs[0][0] + legs[1][0]
+                turned = [by_area * self._turned(dr, side, slopes[0] + slopes[1], rays) for side in sides]
+                found = [dr.maximum(one, other) for one, other in zip(found, turned, strict=True)]
             dr.eval(*found)
             return np.stack([side.numpy() for side in found], axis=1)
 
+    def _turned(self, dr: ModuleType, side: DeviceArray, slope: DeviceArray, rays: DeviceArray) -> DeviceArray:
+        """Return by how much a side is too long for what motion turns there."""
+        half = 0.5 * self.wavenumber
+        turn, own = dr.abs(half * dr.dot(side, slope)), dr.minimum(dr.abs(half * dr.dot(side, rays)), 1.0)
+        # the pattern sinc(own + turn) departs from sinc(own) by (turn^2 + 2 own turn) / 6
+        return dr.minimum(dr.sqrt(turn**2 + 2.0 * own * turn) / self.max_turn, FINEST * half * dr.norm(side))
+
     def pieces(self, corners: Array, source: Array, receiver: Array) -> Array:
         """Return about how many patches :func:`split` makes of each triangle: within a factor of 1.5 over many."""
-        excess = self.excess(corners, source[None], np.zeros(len(corners), dtype=np.int64), receiver)
+        return self.pieces_of(self.excess(corners, source[None], np.zeros(len(corners), dtype=np.int64), receiver))
+
+    def pieces_of(self, excess: Array) -> Array:
+        """Return the same from by how much the sides of each triangle are too long."""
         longest, least = excess.max(axis=1), np.maximum(np.ceil(excess.min(axis=1) / _FILL), 1.0)
         return np.where(longest <= 1.0, 1.0, _SPLIT_AGAIN * (2.0 * np.ceil(longest / _FILL) - 1.0) * least)
 
@@ -172,11 +203,12 @@ def split(
         If there are more than `max_patches` pieces.
     """
     rows = np.arange(len(corners))
-    one_source = len(source) == 1
+    one_source = len(source) == 1 and size.passed is None
     done: list[tuple[Array, Index]] = [(corners[:0], rows[:0])]
     count = 0
     while len(rows):
-        excess = size.excess(corners, source, np.zeros_like(rows) if one_source else rows, receiver) / allowed
+        number = np.zeros_like(rows) if one_source else rows
+        excess = size.excess(corners, source, number, receiver) / allowed
         longest = excess.max(axis=1)
         small = longest <= 1.0
         if small.all():

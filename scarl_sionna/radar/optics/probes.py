@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.types import DeviceArray
 
-from .faces.panes import Panes
+from .faces.panes import STEP_ON, Panes
 from .tube_shape import WEIGHTS, inset
 
 Array = npt.NDArray[np.float64]
@@ -165,11 +165,12 @@ class Window:
     normal : ndarray of float64, shape (3,)
         Unit normal, from the image to what it sees.
     offset : float
-        normal . point [m].
+        normal . point of the mirror's plane [m].
     faces : ndarray of bool, shape (num_faces,), optional
-        What a ray must meet behind the window to come from the mirror; the plane has no end if left out.
+        The mirror's faces and what lies on it: what a ray must meet behind the window to come from the mirror, and what
+        hides nothing; the plane has no end if left out.
     lift : float
-        Height of the plane over the mirror [m].
+        What is so near to the plane may lie on it: rays begin this far from it [m].
     source : ndarray of float64, shape (3,), optional
         What the mirror shows: the station itself, or its image by the mirrors before [m, world]. What stands between
         it and the mirror hides, too; left out, nothing does.
@@ -185,9 +186,12 @@ class Window:
     earlier: Window | None = None
 
     def entry(self, station: Array, points: Array) -> Array:
-        """Return where the rays from a station (3,) to points (n, 3) before it pass through, shape (n, 3) [m]."""
+        """Return where rays from a station (3,) to points (n, 3) begin, shape (n, 3) [m].
+
+        Points must be farther than `lift` from the plane.
+        """
         own, there = station @ self.normal - self.offset, points @ self.normal - self.offset
-        return np.asarray(station - (own / (there - own))[:, None] * (points - station))
+        return np.asarray(station + ((self.lift - own) / (there - own))[:, None] * (points - station))
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,8 +215,13 @@ class ScreenedProbe(Probe):
     """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point.
 
     Those of an image begin at its window, since what is before it is not there; points before it are hidden, and so are
-    those out of its field of view, if it has one. With panes more than 1 stands for a point that is seen through some;
-    `face`, (num_rows,), is that of each tube.
+    those out of its field of view, if it has one. With panes more than 1 stands for a point that is seen through some; `face`, (num_rows,), is that of each tube.
+
+    Notes
+    -----
+    The foot of an object that stands on a mirror is where the way over the mirror and the straight one have their
+    common specular point, so it must not be cut off: a point nearer to the plane than `lift` is seen if a ray from it
+    back to the image meets the mirror, or what lies on it, first, unless it is on what lies there itself.
     """
 
     def __init__(
@@ -230,7 +239,7 @@ class ScreenedProbe(Probe):
         if view is not None:
             limits = rays.real(float(np.cos(view.azimuth / 2.0))), rays.real(float(np.sin(view.elevation / 2.0)))
             self._view = [rays.vector(axis) for axis in view.axes.T], *limits
-        self._face = None if panes is None or face is None else rays.index(face)
+        self._face = None if face is None else rays.index(face)
         self._looks = [_Look.of(rays, station, window)]
         while window is not None and window.source is not None:
             self._looks.append(_Look.of(rays, window.source, window.earlier))
@@ -238,26 +247,38 @@ class ScreenedProbe(Probe):
 
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi = self.rays.dr, self.rays.mi
-        apart, hidden, seen = self._out_of_view(point), mi.Int32(0), point
-        mirror = None
+        apart, hidden, mirror = self._out_of_view(point), mi.Int32(0), None
         for number, look in enumerate(self._looks):
-            start, before_window = look.start(dr, seen)
-            ray = seen - start
+            ray = point - look.station
             distance = dr.norm(ray)
-            before = distance - SAME_DISTANCE * (1.0 + distance)
+            near = SAME_DISTANCE * (1.0 + distance)
             ray = ray / dr.maximum(distance, 1e-12)
-            apart |= before_window
-            if mirror is not None:
-                apart |= self._misses(start, ray, mirror, ~apart)
-            elif self._panes is None:
-                hidden = dr.select(self.rays.blocked(start, ray, before), mi.Int32(1), mi.Int32(0))
+            low, first, met = mi.Bool(False), 0.0, 0.0
+            if look.normal is not None:
+                own, there = look.heights(dr, point)
+                low = there <= look.lift
+                apart |= there <= near
+                slope = dr.select(apart, 1.0, there - own)
+                first, met = distance * (look.lift - own) / slope, -distance * own / slope
+            start = look.station + first * ray
+            if mirror is None:
+                hidden = dr.select(low, mi.Int32(0), self._hidden(start, ray, distance - first - near, row))
             else:
-                hidden = self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row))
+                apart |= ~low & self._misses(start, ray, mirror, ~apart & ~low)
             if look.behind is not None:
-                apart |= self._misses(start, -ray, look.behind, ~apart)
-            if number + 1 < len(self._looks):
-                seen, mirror = look.mirror_point(dr, seen), look.behind
+                begin = dr.select(low, point - STEP_ON * (1.0 + distance) * ray, start)
+                apart |= self._misses(begin, -ray, look.behind, ~apart)
+                if mirror is None and self._face is not None:
+                    apart |= low & (dr.gather(mi.UInt32, look.behind, dr.gather(mi.UInt32, self._face, row)) != 0)
+            point, mirror = look.station + met * ray, look.behind
         return dr.select(apart, mi.Int32(1), hidden)
+
+    def _hidden(self, start: DeviceArray, ray: DeviceArray, before: DeviceArray, row: DeviceArray) -> DeviceArray:
+        """Return whether something is in the way of rays up to a distance, or the label of the panes that are."""
+        dr, mi = self.rays.dr, self.rays.mi
+        if self._panes is None or self._face is None:
+            return dr.select(self.rays.blocked(start, ray, before), mi.Int32(1), mi.Int32(0))
+        return self._panes.label(start, ray, before, dr.gather(mi.UInt32, self._face, row))
 
     def _misses(self, start: DeviceArray, ray: DeviceArray, faces: DeviceArray, active: DeviceArray) -> DeviceArray:
         """Return which rays first meet something else than some faces."""
@@ -279,7 +300,7 @@ class ScreenedProbe(Probe):
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """A station on the device, and the window through which it looks."""
+    """A station on the device, and the mirror over which it looks; its faces and `lift` as of :class:`Window`."""
 
     station: DeviceArray
     normal: DeviceArray | None = None
@@ -295,21 +316,8 @@ class _Look:
         behind = None if window.faces is None else rays.index(window.faces.astype(np.uint32))
         return cls(placed, rays.vector(window.normal), rays.real(window.offset), rays.real(window.lift), behind)
 
-    def start(self, dr: ModuleType, point: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
-        """Return where the rays to points begin, and which points are before the window."""
-        if self.normal is None:
-            return self.station, dr.mask_t(point.x)(False)
-        own, there = self._heights(dr, point)
-        apart = there <= 0.0
-        return self.station - own / dr.select(apart, 1.0, there - own) * (point - self.station), apart
-
-    def mirror_point(self, dr: ModuleType, point: DeviceArray) -> DeviceArray:
-        """Return where on the mirror the station's rays to points come from."""
-        own, there = self._heights(dr, point)
-        share = (-self.lift - own) / dr.select(there <= 0.0, 1.0, there - own)
-        return self.station + share * (point - self.station)
-
-    def _heights(self, dr: ModuleType, point: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+    def heights(self, dr: ModuleType, point: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+        """Return the heights of the station and of points over the mirror [m]."""
         return dr.dot(self.normal, self.station) - self.offset, dr.dot(self.normal, point) - self.offset
 
 

@@ -91,6 +91,8 @@ class Viewpoint:
         [rad].
     window : Window, optional
         Of a station that is an image: the plane of the mirror, through which it looks.
+    passing : ndarray of float64, shape (3,), optional
+        Of an image: its velocity as far as the size of patches goes [m/s]; `velocity` if left out.
     axes : ndarray of float64, shape (3, 3), optional
         Of an image: the mirrored axes of the radar, as columns, in which its field of view is meant; those of `pose` if
         left out.
@@ -102,6 +104,12 @@ class Viewpoint:
     elevation_fov: float
     window: Window | None = None
     axes: Array | None = None
+    passing: Array | None = None
+
+    @property
+    def drift(self) -> Array:
+        """Velocity that counts for the size of patches, shape (3,) [m/s]."""
+        return self.velocity if self.passing is None else self.passing
 
     @property
     def _axes(self) -> Array:
@@ -185,6 +193,8 @@ class Tracer:
         Those of :meth:`.SbrSettings.for_scene`.
     panes : Panes or None
         What lets waves through.
+    velocity : ndarray of float64, shape (num_faces, 3), or None
+        Of the faces' centres [m/s]; None: patches do not follow from motion.
     count : Counter
         Tubes traced so far, by bounce.
     """
@@ -199,6 +209,7 @@ class Tracer:
     size: PatchSize
     settings: SbrSettings
     panes: Panes | None = None
+    velocity: Array | None = None
     count: Counter[int] = field(default_factory=Counter)
 
     def bounces(self, face: Index) -> Iterator[ImageTubes]:
@@ -212,7 +223,7 @@ class Tracer:
             return self._next(arrival.lit, of_plane, plane_of_face).batches(self.settings.max_tubes)
 
         for arrival in depth_first(self._starts(face), self._arrive, go_on, self.settings.max_depth):
-            yield arrival.seen
+            yield from self._for_motion(arrival.seen)
 
     def _arrive(self, depth: int, tubes: ImageTubes) -> Iterator[Arrival]:
         self.count[depth] += len(tubes)
@@ -267,6 +278,30 @@ class Tracer:
         limit = self.settings.max_patches
         corners, rows = split(tubes.corners, tubes.image[:, -1], self.rx.pose.position, self.size, limit)
         return tubes.take(rows, corners)
+
+    def _for_motion(self, tubes: ImageTubes) -> Iterator[ImageTubes]:
+        """Yield footprints, cut so that motion over a frame changes the pattern of none: see `max_turn`."""
+        if self.velocity is None or self.size.max_turn is None or not len(tubes):
+            yield tubes
+            return
+        image = np.broadcast_to(self.tx.drift, (len(tubes), 3))
+        for face in tubes.face.T[:-1]:
+            normal = self.faces.triangles.normal[face]
+            along = np.einsum("ij,ij->i", image - self.velocity[face], normal)
+            image = image - 2.0 * along[:, None] * normal
+        own = self.velocity[tubes.face[:, -1]]
+        passed = (own - image) * self.size.duration, (own - self.rx.drift) * self.size.duration
+        if not (passed[0].any() or passed[1].any()):
+            yield tubes
+            return
+        source, receiver = tubes.image[:, -1], self.rx.pose.position
+        size = replace(self.size, max_phase=np.inf, max_ramp=np.inf, passed=passed)
+        excess = size.excess(tubes.corners, source, np.arange(len(tubes)), receiver)
+        batch = (np.cumsum(size.pieces_of(excess)) / self.settings.max_tubes).astype(np.int64)
+        for rows in np.split(np.arange(len(tubes)), np.flatnonzero(np.diff(batch)) + 1):
+            size = replace(size, passed=(passed[0][rows], passed[1][rows]))
+            corners, piece_of = split(tubes.corners[rows], source[rows], receiver, size, self.settings.max_patches)
+            yield tubes.take(rows[piece_of], corners)
 
     def _watched(self, tubes: ImageTubes) -> ImageTubes:
         return tubes.take(np.flatnonzero(self.rx.touches(tubes.corners)))

@@ -17,6 +17,7 @@ from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings, SbrLevel
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.optics.faces.panes import pane_parts
 from scarl_sionna.radar.scatterers.model import ScattererModel
 
 from .budget import Estimate, estimate, num_tubes, surface_distance
@@ -157,7 +158,7 @@ def level_of(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrLeve
 def sbr_settings(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrSettings:
     """Return the knobs of `sbr` for a tolerance [dB]; raises as :func:`level_of`."""
     level = level_of(tolerance_db, rules)
-    return SbrSettings(**level.model_dump(exclude={"tolerance_db", "patch_error"}))
+    return SbrSettings(**level.model_dump(exclude={"tolerance_db", "patch_error"}), max_turn=level.max_phase)
 
 
 def choose(view: View) -> tuple[list[Choice], list[Mirror]]:
@@ -214,7 +215,8 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     """Find out what the radar sees of objects, straight and over mirrors; return the mirrors that change most."""
     accuracy = view.settings.accuracy
     candidates = view.candidates
-    mirror_view = MirrorView(view.state, view.radar, view.mount, (), candidates, view.settings.mirrors)
+    thin = pane_parts(view.state, view.radar.center_frequency, view.sbr.pane_loss_db)
+    mirror_view = MirrorView(view.state, view.radar, view.mount, (), candidates, view.settings.mirrors, thin)
     seen = sights(mirror_view, [choice.item.number for choice in coherent], view.rules)
     gain: dict[int, float] = {}
     for choice in coherent:

@@ -114,7 +114,8 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut:
     moving = (found.filled("tx_velocity"), found.filled("rx_velocity"))  # the images of the radar were at rest
     ends = zip(images, (found.tx_point, found.rx_point), moving, strict=True)
     legs = [
-        view.leg(image.way, image.pose.rotation, points, velocities, not cut) for image, points, velocities in ends
+        view.leg(image.way, image.pose.rotation, points, velocities, tested=not cut)
+        for image, points, velocities in ends
     ]
     there, back = legs
     changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
@@ -277,15 +278,16 @@ class Meshes:
     def _viewpoint(self, view: MirrorView, image: Image) -> Viewpoint:
         """Return an image of the radar, which looks through its mirrors: what lies on them hides nothing."""
         axes, window, source = view.mount.pose.rotation, None, view.mount.pose.position
-        lift = view.knobs.thickness
-        for mirror in image.way:
+        passing, lift = view.mount.twist.linear, view.knobs.thickness
+        for mirror in image.way:  # static ones
             axes = axes - 2.0 * np.outer(mirror.normal, mirror.normal @ axes)
+            passing = passing - 2.0 * (mirror.normal @ passing) * mirror.normal
             side = np.sign(float(mirror.height(source)))
             faces = self._owner(view) == mirror.number
-            window = Window(side * mirror.normal, side * mirror.offset + lift, faces, lift, source, window)
+            window = Window(side * mirror.normal, side * mirror.offset, faces, lift, source, window)
             source = mirrored((mirror,), source)
         station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
-        return replace(station, window=window, axes=axes)
+        return replace(station, window=window, axes=axes, passing=passing)
 
 
 def _owners(state: WorldState, mirrors: Sequence[Mirror], thickness: float) -> npt.NDArray[np.int64]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -240,7 +240,9 @@ class _Work:
         view = MirrorView(self.state, self.radar, self.mount, objects, mirrors[0], self.settings.mirrors)
         settings = self._settings(share, owned if share.solver == "sbr" else objects)
         if share.solver == "sbr":
-            solve = self._bodies(settings, owned).seen(view, objects)
+            meshes = self._bodies(settings, owned)
+            view = replace(view, thin=meshes.bodies.thin)
+            solve = meshes.seen(view, objects)
         else:
             frames, models = settings.scatterers.placements, loaded_models(settings.scatterers.models)
             names = {self.state.world.instances[number].name: number for number in objects}

@@ -6,7 +6,7 @@ With each leg: what the mirrors do to polarisation and rate, and whether somethi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.multipath.images import material_coefficients, spherical_basis, transfer
 from scarl_sionna.radar.channel.multipath.station import Station
+from scarl_sionna.radar.optics.faces.panes import MOST_PANES
 
 from .mirror_faces import MirrorFaces
 from .mirrors import Mirror, Way, chain_of
@@ -76,6 +77,9 @@ class MirrorView:
     mirrors : sequence of Mirror
         All of the solve, as of :func:`.mirrors.find_mirrors`.
     knobs : MirrorSettings
+    thin : ndarray of int64
+        Rows of the part table that let waves through on the last leg, to a point; see
+        :func:`~scarl_sionna.radar.optics.faces.panes.pane_parts`.
     """
 
     state: WorldState
@@ -84,6 +88,7 @@ class MirrorView:
     owned: Sequence[int]
     mirrors: Sequence[Mirror]
     knobs: MirrorSettings
+    thin: npt.NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @cached_property
     def station(self) -> Station:
@@ -102,7 +107,15 @@ class MirrorView:
             self.knobs.thickness,
         )
 
-    def leg(self, way: Way, rotation: Array, points: Array, velocities: Array, tested: bool = True) -> Leg:
+    def leg(
+        self,
+        way: Way,
+        rotation: Array,
+        points: Array,
+        velocities: Array,
+        owner: npt.NDArray[np.int64] | None = None,
+        tested: bool = True,
+    ) -> Leg:
         """Return a way to points.
 
         Parameters
@@ -116,6 +129,8 @@ class MirrorView:
             the direction in which the wave meets the object first [m, world].
         velocities : ndarray of float64, shape (num_points, 3)
             Of these points [m/s, world].
+        owner : ndarray of int64, shape (num_points,), optional
+            Instances of the points: panes of their own hide them.
         tested : bool
             Whether to find out what the mirrors show and what is hidden; if not, all points are taken as visible.
         """
@@ -142,11 +157,13 @@ class MirrorView:
         velocity = np.broadcast_to(station.velocity, points.shape).copy()
         for k, mirror in enumerate(way):
             velocity -= 2.0 * np.einsum("pi,i->p", velocity - surface[:, k], mirror.normal)[:, None] * mirror.normal
-        visible = right & self._open(way, vertices, points) if tested else np.ones(len(points), dtype=np.bool_)
+        visible = right & self._open(way, vertices, points, owner) if tested else np.ones(len(points), dtype=np.bool_)
         seen = chain.image_velocity(velocities, surface) - station.velocity
         return Leg(visible, images[:, 0], jones, travel[:, -1], velocity, seen)
 
-    def _open(self, way: Way, vertices: Array, points: Array) -> npt.NDArray[np.bool_]:
+    def _open(
+        self, way: Way, vertices: Array, points: Array, owner: npt.NDArray[np.int64] | None
+    ) -> npt.NDArray[np.bool_]:
         """Return which ways meet each mirror where it is, and no other mirror in its place, with nothing in between."""
         state, count = self.state, len(points)
         here, seen = np.broadcast_to(self.station.position, (count, 3)).copy(), np.ones(count, dtype=bool)
@@ -159,9 +176,9 @@ class MirrorView:
             distance = np.linalg.norm(ahead, axis=1)
             far = distance > _LIFT
             direction = np.where(far[:, None], ahead / np.maximum(distance, _LIFT)[:, None], [1.0, 0.0, 0.0])
-            hits = state.cast(here[rows], direction)
-            met = np.zeros(len(rows), dtype=bool)
             if k < len(way):
+                hits = state.cast(here[rows], direction)
+                met = np.zeros(len(rows), dtype=bool)
                 met[hits.ray] = self.faces.owner(hits, end[rows[hits.ray]]) == way[k].number
                 side = np.sign(way[k].height(here[rows]))
                 lift = np.full(len(rows), _LIFT)
@@ -170,8 +187,29 @@ class MirrorView:
                 )  # out from under a marking
                 here[rows] = vertices[rows, k] + (lift * side)[:, None] * way[k].normal
             else:
-                met[:] = True
-                foreign = ~np.isin(state.world.parts.instance[hits.part], self.owned)
-                met[hits.ray[foreign & (hits.distance < distance[hits.ray] - self.knobs.thickness)]] = False
+                own = None if owner is None else owner[rows]
+                met = ~self._in_the_way(here[rows], direction, distance, own)
             seen[rows] = met & far
         return seen
+
+    def _in_the_way(
+        self, start: Array, direction: Array, distance: Array, owner: npt.NDArray[np.int64] | None
+    ) -> npt.NDArray[np.bool_]:
+        """Return which rays meet something foreign that lets nothing through, or too many panes, before a distance."""
+        state, hidden = self.state, np.zeros(len(start), dtype=np.bool_)
+        rows, gone = np.arange(len(start)), np.zeros(len(start))
+        for panes_left in range(MOST_PANES, -1, -1):
+            hits = state.cast(start[rows] + gone[rows, None] * direction[rows], direction[rows])
+            met = rows[hits.ray]
+            before = gone[met] + hits.distance < distance[met] - self.knobs.thickness
+            instance = state.world.parts.instance[hits.part]
+            foreign = before & ~np.isin(instance, self.owned)
+            pane = foreign & np.isin(hits.part, self.thin) & (panes_left > 0)
+            if owner is not None:
+                pane &= instance != owner[met]
+            hidden[met[foreign & ~pane]] = True
+            gone[met[pane]] += hits.distance[pane] + _LIFT
+            rows = met[pane]
+            if not len(rows):
+                break
+        return hidden

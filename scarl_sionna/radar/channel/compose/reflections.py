@@ -108,7 +108,7 @@ def _by_way(view: MirrorView, way: Way, numbers: Sequence[int], count: int) -> l
     points = [lit_points(view.state, image, number, count) for number in numbers]
     size = np.array([len(some) for some in points])
     joined = np.concatenate(points)
-    leg = view.leg(way, np.eye(3), joined, np.zeros_like(joined))
+    leg = view.leg(way, np.eye(3), joined, np.zeros_like(joined), np.repeat(np.array(numbers, dtype=np.int64), size))
     seen = leg.visible & Viewpoint.of(view.radar, pose, np.zeros(3)).sees(leg.image)
     ahead = leg.image - pose.position
     length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))

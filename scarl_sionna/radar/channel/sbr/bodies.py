@@ -108,7 +108,7 @@ class Bodies:
         return np.flatnonzero(count)
 
     @cached_property
-    def _thin(self) -> Index:
+    def thin(self) -> Index:
         """Rows of the part table that let waves through."""
         return pane_parts(self.state, self.radar.center_frequency, self.knobs.pane_loss_db)
 
@@ -116,6 +116,13 @@ class Bodies:
     def sheets(self) -> Array:
         """Size of the sheet to which each face belongs [m], shape (num_faces,)."""
         return state_sheets(self.state, self._parts)
+
+    @cached_property
+    def velocity(self) -> Array | None:
+        """Velocity of the faces' centres [m/s], shape (num_faces, 3); None where patches do not follow from motion."""
+        if self.knobs.max_turn is None:
+            return None
+        return self.state.point_velocity(self.faces.part, self.faces.triangles.corners.mean(axis=1))
 
     @cached_property
     def rays(self) -> StateRays:
@@ -126,15 +133,15 @@ class Bodies:
     @cached_property
     def panes(self) -> Panes | None:
         """What lets waves through, None if nothing does."""
-        if not len(self._thin):
+        if not len(self.thin):
             return None
         owner = np.where(self.knobs.own_panes, 0, self.state.world.parts.instance[self.faces.part])
-        return Panes(self.rays, self.faces, self._thin, owner)
+        return Panes(self.rays, self.faces, self.thin, owner)
 
     @cached_property
     def surfaces(self) -> FaceSurfaces:
         """Reflection, transmission and motion of the faces."""
-        shown = np.union1d(self._parts, self._thin)
+        shown = np.union1d(self._parts, self.thin)
         frequency = self.radar.center_frequency
         return FaceSurfaces(self.rays, self.state, self.faces, shown, frequency, self.knobs.coefficient_nodes)
 

@@ -178,6 +178,7 @@ def solve_between(
             size,
             knobs.for_scene(),
             bodies.panes,
+            bodies.velocity,
         )
         for patches in tracer.bounces(start):
             if len(patches):
