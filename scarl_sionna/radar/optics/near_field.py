@@ -16,7 +16,7 @@ from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.types import DeviceArray
 
 from .faces.curved import DeviceCurves
-from .faces.oblique import Ends, edge_terms, is_oblique
+from .faces.oblique import Ends, edge_terms, is_oblique, steady_slope
 from .faces.panes import through_panes
 from .fields import Field, OnDevice, Wave, radiating_vector, reflected_field
 from .phase import spherical_wave_integral
@@ -41,6 +41,10 @@ class NearField:
         See :func:`.phase.spherical_wave_integral` [rad].
     curves : DeviceCurves or None
         The curved surfaces behind faces.
+    duration : float
+        Of a frame [s].
+    max_turn : float or None
+        As in SbrSettings [rad].
     """
 
     rays: StateRays
@@ -50,6 +54,8 @@ class NearField:
     wavenumber: float
     integration_phase: float
     curves: DeviceCurves | None = None
+    duration: float = 0.0
+    max_turn: float | None = None
 
     def kinds(self, tubes: ImageTubes) -> list[ImageTubes]:
         """Return the patches on flat faces, and those on curved ones."""
@@ -138,7 +144,12 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
             face[-1], corner, ends, normal, wavenumber, near.integration_phase
         )
     else:
-        flat = Ends(corner, image[-1], receiver, wavenumber)
+        unfolded = _unfolded_velocity(dr, moving, plane[:-1])
+        passing = [
+            (near.duration * (unfolded - rays.vector(near.tx.drift)), travel[0], out),
+            (near.duration * (moving[-1] - rays.vector(near.rx.drift)), travel[-1], home),
+        ]
+        flat = Ends(corner, image[-1], receiver, wavenumber, steady_slope(dr, wavenumber, passing, near.max_turn))
         oblique = is_oblique(dr, flat)
         ends = image[-1], receiver
         parts = spherical_wave_integral(rays, corner, ends, wavenumber, near.integration_phase, ~oblique)

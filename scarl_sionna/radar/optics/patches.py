@@ -16,7 +16,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.device import device
 from scarl_sionna.engine.types import DeviceArray
 
-from .faces.oblique import Ends, is_oblique
+from .faces.oblique import Ends, is_oblique, steady_slope
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -92,7 +92,7 @@ class PatchSize:
         the difference of wavenumbers times half the difference of path length along the side. What moves by u over a
         frame turns it by k side . u / (2 R), u without its part along the leg, both legs together: the square root
         of its square and of its double product with the phase that is there anyway, 1 rad at most. A quarter of a
-        wavelength is never too long for that. Neither the band nor motion matters where a patch is represented by its
+        wavelength is never too long for that. The band does not matter where a patch is represented by its
         edges (:mod:`.oblique`).
 
         Parameters
@@ -110,22 +110,25 @@ class PatchSize:
             corner = on.corners(corners)
             center = (corner[0] + corner[1] + corner[2]) / 3.0
             row = on.index(rows)
-            legs, slopes = [], []
+            legs, slopes, passing = [], [], []
             for number, end in enumerate((dr.gather(Vector, on.reals(source), row), on.vector(receiver))):
                 leg = center - end
                 distance = dr.norm(leg)
                 legs.append((leg / distance, distance))
                 if self.passed is not None:
                     way, ray = dr.gather(Vector, on.reals(self.passed[number]), row), legs[-1][0]
+                    passing.append((way, ray, distance))
                     slopes.append((way - dr.dot(way, ray) * ray) / distance)
             longest = dr.opaque(Real, self.longest)
-            ends = Ends(corner, dr.gather(Vector, on.reals(source), row), on.vector(receiver), self.wavenumber)
+            steady = steady_slope(dr, self.wavenumber, passing, self.max_turn) if passing else 0.0
+            image = dr.gather(Vector, on.reals(source), row)
+            ends = Ends(corner, image, on.vector(receiver), self.wavenumber, steady)
             by_area = dr.select(is_oblique(dr, ends), 0.0, Real(1.0))
             sides = [corner[(k + 1) % 3] - corner[k] for k in range(3)]
             found = [self._excess(dr, side, legs, longest, by_area * self.half_band) for side in sides]
             if slopes and self.max_turn is not None:
                 rays = legs[0][0] + legs[1][0]
-                turned = [by_area * self._turned(dr, side, slopes[0] + slopes[1], rays) for side in sides]
+                turned = [self._turned(dr, side, slopes[0] + slopes[1], rays) for side in sides]
                 found = [dr.maximum(one, other) for one, other in zip(found, turned, strict=True)]
             dr.eval(*found)
             return np.stack([side.numpy() for side in found], axis=1)

@@ -295,7 +295,9 @@ class Tracer:
             yield tubes
             return
         source, receiver = tubes.image[:, -1], self.rx.pose.position
-        size = replace(self.size, max_phase=np.inf, max_ramp=np.inf, passed=passed)
+        size = replace(
+            self.size, max_phase=np.inf, passed=passed
+        )  # edges may not do for what moves: the band counts again
         excess = size.excess(tubes.corners, source, np.arange(len(tubes)), receiver)
         batch = (np.cumsum(size.pieces_of(excess)) / self.settings.max_tubes).astype(np.int64)
         for rows in np.split(np.arange(len(tubes)), np.flatnonzero(np.diff(batch)) + 1):

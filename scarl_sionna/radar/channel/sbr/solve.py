@@ -166,7 +166,17 @@ def solve_between(
     rough: dict[int, list[Columns]] = {}
     with bodies.active():
         size = PatchSize.of(bodies.radar, knobs)
-        near = NearField(bodies.rays, bodies.surfaces, tx, rx, size.wavenumber, knobs.integration_phase, bodies.curves)
+        near = NearField(
+            bodies.rays,
+            bodies.surfaces,
+            tx,
+            rx,
+            size.wavenumber,
+            knobs.integration_phase,
+            bodies.curves,
+            size.duration,
+            size.max_turn,
+        )
         tracer = Tracer(
             bodies.rays,
             faces,

@@ -23,6 +23,9 @@ NODES = 20
 """Gauss-Legendre nodes of an edge along which the phase stands still: right to 1e-6 over 35 rad, the most that is flat
 by `CURVATURE` where patches depart from a linear phase by 3 rad."""
 
+STEADY = 0.25
+"""`max_turn` of edges where patches have none [rad]: 1 %, or -40 dB, over a frame."""
+
 
 class Ends(NamedTuple):
     """Patches between two points: the image from which the wave comes, and the receiver."""
@@ -33,6 +36,33 @@ class Ends(NamedTuple):
     receiver: DeviceArray
     wavenumber: float
     """[rad/m]."""
+    steady: DeviceArray | float = 0.0
+    """Slope of the phase that motion over a frame asks for [rad/m], see :func:`steady_slope`."""
+
+
+def steady_slope(
+    dr: ModuleType,
+    wavenumber: float,
+    legs: list[tuple[DeviceArray, DeviceArray, DeviceArray]],
+    max_turn: float | None,
+) -> DeviceArray:
+    """Return the slope of the phase above which what moves keeps the strength of its edges over a frame [rad/m].
+
+    The strength of a corner goes with the square of the slope, so a change by d alters it by 2 d / slope. That may be
+    what `max_turn` allows the pattern of a patch, max_turn^2 / 6.
+
+    Parameters
+    ----------
+    dr : module
+    wavenumber : float
+        [rad/m].
+    legs : list of tuple
+        Way over a frame past each end [m], unit direction of its leg, and length [m].
+    max_turn : float or None
+        [rad]; None, where patches do not follow from motion: `STEADY`.
+    """
+    change = sum(dr.norm(way - dr.dot(way, ray) * ray) / distance for way, ray, distance in legs)
+    return 12.0 / (max_turn or STEADY) ** 2 * wavenumber * change
 
 
 def is_oblique(dr: ModuleType, ends: Ends) -> DeviceArray:
@@ -42,7 +72,7 @@ def is_oblique(dr: ModuleType, ends: Ends) -> DeviceArray:
     least = dr.inf
     for point in corner:
         least = dr.minimum(least, dr.squared_norm(_slope(dr, point, ends, normal)))
-    return least * CURVATURE > _curvature(dr, ends)
+    return least > _flat(dr, ends)
 
 
 def edge_terms(on: Device, ends: Ends) -> list[tuple[DeviceArray, DeviceArray]]:
@@ -81,7 +111,7 @@ def edge_terms(on: Device, ends: Ends) -> list[tuple[DeviceArray, DeviceArray]]:
     dr, mi, Real = on.dr, on.mi, on.Real
     corner, source, receiver = ends.corner, ends.source, ends.receiver
     normal = dr.normalize(dr.cross(corner[1] - corner[0], corner[2] - corner[0]))
-    strength, bend = _Strength(dr, ends, normal), _curvature(dr, ends)
+    strength, flat = _Strength(dr, ends, normal), _flat(dr, ends)
     place, share = np.polynomial.legendre.leggauss(NODES)
     places, shares = Real((place + 1.0) / 2.0), Real(share / 2.0)
     at_corner = [[Real(0.0), Real(0.0)] for _ in range(3)]
@@ -92,7 +122,7 @@ def edge_terms(on: Device, ends: Ends) -> list[tuple[DeviceArray, DeviceArray]]:
         along = side / dr.maximum(extent, 1e-30)
         outward = dr.cross(along, normal)
         tips = [strength.along(start, along, outward), strength.along(start + side, along, outward)]
-        steep = dr.minimum(dr.abs(tips[0][1]), dr.abs(tips[1][1])) ** 2 * CURVATURE > bend
+        steep = dr.minimum(dr.abs(tips[0][1]), dr.abs(tips[1][1])) ** 2 > flat
         steep &= tips[0][1] * tips[1][1] > 0.0
         for sign, number, (weight, slope) in zip((1.0, -1.0), (k, (k + 1) % 3), tips, strict=True):  # 1 / j^2 = -1
             at_corner[number][0] += dr.select(steep, sign * weight / dr.select(steep, slope, 1.0), 0.0)
@@ -115,7 +145,7 @@ def edge_terms(on: Device, ends: Ends) -> list[tuple[DeviceArray, DeviceArray]]:
         width = dr.width(extent)
         state = (dr.zeros(mi.UInt32, width), dr.zeros(Real, width), dr.zeros(Real, width))
         _, re, im = dr.while_loop(
-            state, lambda number, re, im, flat=~steep: flat & (number < NODES), node, label="nodes of an edge"
+            state, lambda number, re, im, wanted=~steep: wanted & (number < NODES), node, label="nodes of an edge"
         )
         at_middle.append((extent * re, extent * im))
     return [(re, im) for re, im in at_corner] + at_middle
@@ -134,9 +164,7 @@ class _Strength:
         out, home = (self._dr.norm(point - end) for end in (self._ends.source, self._ends.receiver))
         return (self._heights[0] / out + self._heights[1] / home) / (out * home)
 
-    def along(
-        self, point: DeviceArray, along: DeviceArray, outward: DeviceArray
-    ) -> tuple[DeviceArray, DeviceArray]:
+    def along(self, point: DeviceArray, along: DeviceArray, outward: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return w (n . g) / |g|^2, and the slope along the edge."""
         dr = self._dr
         slope = _slope(dr, point, self._ends, self._normal)
@@ -145,10 +173,11 @@ class _Strength:
         return weight, dr.dot(along, slope)
 
 
-def _curvature(dr: ModuleType, ends: Ends) -> DeviceArray:
-    """Return the largest curvature of the phase over patches, by their middle [rad/m2]."""
+def _flat(dr: ModuleType, ends: Ends) -> DeviceArray:
+    """Return the square of the slope up to which edges do not represent patches [rad2/m2]."""
     center = (ends.corner[0] + ends.corner[1] + ends.corner[2]) / 3.0
-    return ends.wavenumber * (1.0 / dr.norm(center - ends.source) + 1.0 / dr.norm(center - ends.receiver))
+    curvature = 1.0 / dr.norm(center - ends.source) + 1.0 / dr.norm(center - ends.receiver)
+    return dr.maximum(ends.wavenumber * curvature / CURVATURE, ends.steady**2)
 
 
 def _slope(dr: ModuleType, point: DeviceArray, ends: Ends, normal: DeviceArray) -> DeviceArray:
