@@ -78,7 +78,7 @@ def check_size(body: Body, frequency: float) -> None:
         )
 
 
-def actor_parts(world: World, name: str) -> list[tuple[trimesh.Trimesh, RadioMaterial]]:
+def actor_parts(world: World, name: str, time: float | None = None) -> list[tuple[trimesh.Trimesh, RadioMaterial]]:
     """Return the meshes of an actor or object of a scene, each with its radio material, for :func:`load_body`.
 
     Parameters
@@ -86,21 +86,29 @@ def actor_parts(world: World, name: str) -> list[tuple[trimesh.Trimesh, RadioMat
     world : World
     name : str
         An actor's meshes are in the actor's frame, those of a static object in the world's.
+    time : float, optional
+        At which limbs and wheels stand where their joints have them [s]; 0, or where the scene's time is nearest to it.
 
     Raises
     ------
     UnknownNameError
         If the scene has nothing of that name.
+    TimeRangeError
+        If the scene has no such time.
     """
     import trimesh
 
     known = {info.name: info for info in world.instances.values()}
     if name not in known:
         raise UnknownNameError("actor or object", name, known)
-    state_free = world._triangles
+    start, stop = world.time_range
+    joints = world.at(min(max(0.0, start), stop) if time is None else time)._joints.get(name, {})
     result = []
     for part in known[name].parts:
-        corners = state_free.of_parts([part])
+        corners = world._triangles.of_parts([part])
+        joint = joints.get(world.parts.name[part])
+        if joint is not None:
+            corners = joint.pose.apply(corners)
         faces = np.arange(3 * len(corners)).reshape(-1, 3)
         mesh = trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False)
         result.append((mesh, world.materials[world.parts.material[part]]))
