@@ -185,7 +185,7 @@ def surfaces_of(
     materials : MaterialTable or None
         Where names are looked up; None is the built-in table.
     rough : bool
-        Whether a material's scattering coefficient S takes its part from the mirror reflection, sqrt(1 - S^2).
+        Whether scattering and heights take their part from the mirror reflection, :func:`.rough.coherent_share`.
 
     Raises
     ------
@@ -225,8 +225,8 @@ def _surface(entry: RadioMaterial | complex | None, frequency: float, rough: boo
 
 def surface_of(entry: RadioMaterial, frequency: float, rough: bool = False) -> Surface:
     """Return what a material reflects like at a frequency [Hz]; `rough` as of :func:`surfaces_of`."""
-    coherence = entry.coherence if rough else 1.0
-    return Surface(entry.at(frequency), entry.thickness, frequency, coherence, film_of(entry, frequency))
+    kept, height = (entry.coherence, entry.roughness_rms) if rough else (1.0, 0.0)
+    return Surface(entry.at(frequency), entry.thickness, frequency, kept, film_of(entry, frequency), height)
 
 
 def _permittivity(value: complex) -> complex:
