@@ -263,9 +263,10 @@ def draw_road_users(rows: Any) -> None:
         ("car_abadpour_right_dBsm", "KIT, right", ">"),
     ):
         panels[2].plot(aspect, [float(entry[key]) for entry in cars], mark, ms=4, color="C1", label=label)
-    panels[3].text(90.0, 2.0, "nothing measured at 77 GHz at hand", ha="center", fontsize=8)
+    panels[3].text(120.0, 2.0, "nothing measured at 77 GHz at hand", ha="center", fontsize=8)
+    panels[0].set_ylim(-20.0, 4.0)
     for axes in panels:
-        axes.legend(fontsize=7, loc="lower right")
+        axes.legend(fontsize=7, loc="upper right" if axes is panels[1] else "lower left")
     for axes in panels[2:]:
         axes.set_xlabel("aspect [deg], 0: front")
     figure.savefig(ROOT / "docs/figures/rcs_road_users.png", dpi=80)
