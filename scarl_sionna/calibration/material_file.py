@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from scarl_sionna.scene.materials.table import RadioMaterial
 
 from .errors import CalibrationError
 from .estimate import INTERVAL, CalibrationResult
+from .spec import SlabMeasurement
 
 
 def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
@@ -38,8 +40,8 @@ def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
             f" (noise taken {result.misfit:.2g} times as stated, to explain the misfit)" if result.misfit > 1.1 else ""
         )
         base = result.model.table[owner]
-        if "scattering_coefficient" in values:  # frames then read what was calibrated, not the table's albedo
-            base = base.with_(diffuse_albedo=None)
+        if "scattering_coefficient" in values or ("roughness_rms" in values and _scatters(used.values(), owner)):
+            base = base.with_(diffuse_albedo=None)  # frames then read what was calibrated, not the table's albedo
         out.append(
             base.with_(
                 **values,
@@ -48,6 +50,12 @@ def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
             )
         )
     return out
+
+
+def _scatters(measurements: Iterable[object], material: str) -> bool:
+    """Return whether the backscatter of a material was among what was measured."""
+    bench = [item for item in measurements if isinstance(item, SlabMeasurement)]
+    return any(item.material == material and item.quantity.endswith("backscatter") for item in bench)
 
 
 def save_materials(result: CalibrationResult, path: str | Path) -> Path:

@@ -14,8 +14,9 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.units import SPEED_OF_LIGHT, VACUUM_PERMITTIVITY
+from scarl_sionna.core.units import VACUUM_PERMITTIVITY
 from scarl_sionna.scene.materials.fresnel import reflection, transmission
+from scarl_sionna.scene.materials.rough import coherent_share, diffuse_share
 from scarl_sionna.scene.materials.table import RadioMaterial
 
 from .spec import LobedTarget, SlabMeasurement
@@ -95,9 +96,10 @@ def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex
     with S the scattering coefficient and h the rms height; the exponential (Ament) counts for reflection only.
     Backscatter is the root of the power per unit area of a Lambertian surface, co-polar and cross-polar,
 
-    .. math:: \sigma^0 = 4 S^2 |\Gamma(0)|^2 \cos^2\theta \, (1 - K_x) \quad\text{and}\quad K_x
+    .. math:: \sigma^0 = 4 (1 - (1 - S^2) e^{-4 (k h)^2}) |\Gamma(0)|^2 \cos^2\theta \, (1 - K_x)
+              \quad\text{and}\quad K_x
 
-    as of :func:`~scarl_sionna.scene.materials.rough.sigma0`.
+    All as in :mod:`~scarl_sionna.scene.materials.rough`, which frames read.
 
     References
     ----------
@@ -115,16 +117,14 @@ def slab_field(measurement: SlabMeasurement, material: TrialMaterial) -> Complex
         rows = np.flatnonzero(frequency == value)
         met = np.ones(len(rows)) if rough else cosine[rows]  # facets that send back are met along their normals
         out[rows] = formula(material.as_radio(), float(value), met)[("TE", "TM").index(measurement.polarization)]
-    scattering, crossed = material.scattering_coefficient, material.xpd_coefficient
+    own, crossed = material.as_radio(), material.xpd_coefficient
     if measurement.quantity == "backscatter":
-        return 2.0 * scattering * np.sqrt(1.0 - crossed + 0j) * cosine * out
+        return np.asarray(2.0 * diffuse_share(own, frequency) * np.sqrt(1.0 - crossed + 0j) * cosine * out)
     if measurement.quantity == "cross_backscatter":
-        return 2.0 * scattering * np.sqrt(crossed + 0j) * cosine * out
-    out = out * np.sqrt(1.0 - scattering**2 + 0j)
+        return np.asarray(2.0 * diffuse_share(own, frequency) * np.sqrt(crossed + 0j) * cosine * out)
     if measurement.quantity == "reflection":
-        height = 2.0 * np.pi * frequency / SPEED_OF_LIGHT * material.roughness_rms * cosine
-        out = out * np.exp(-2.0 * height**2)
-    return out
+        return np.asarray(out * coherent_share(own, frequency, cosine))
+    return np.asarray(out * np.sqrt(1.0 - material.scattering_coefficient**2 + 0j))
 
 
 def target_field(target: LobedTarget, changes: dict[str, complex], aspect_deg: npt.ArrayLike) -> Complex:

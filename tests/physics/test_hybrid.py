@@ -23,7 +23,7 @@ from tests.oracles import rcs as rcs_oracle
 from tests.scenes import Material, Thing, ball, plane, write_scene
 
 RADAR = RadarSpec(elevation_fov_deg=120.0)
-SMOOTH = builtin_materials()["asphalt"].with_(name="smooth_asphalt", scattering_coefficient=0.0)
+SMOOTH = builtin_materials()["asphalt"].with_(name="smooth_asphalt", scattering_coefficient=0.0, roughness_rms=0.0)
 TABLE = MaterialTable([*builtin_materials().values(), SMOOTH])
 MATERIALS = {"asphalt": Material(radio="smooth_asphalt"), "wall": Material(radio="concrete")}
 GROUND = Thing("ground", plane(256.0, 256.0), "Roads", "asphalt")

@@ -15,6 +15,7 @@ from scarl_sionna.radar.optics.body.parts import actor_parts, load_body
 from scarl_sionna.radar.rcs import scattering_matrix
 from scarl_sionna.radar.scatterers.compile import compile_scatterers
 from scarl_sionna.scene.materials.table import RadioMaterial, UnknownMaterialError
+from scarl_sionna.scene.motion.trajectory import WaypointTrajectory
 from tests.oracles import fresnel
 from tests.oracles import rcs as oracle
 from tests.scenes import Thing, write_scene
@@ -109,6 +110,22 @@ def test_parts_of_a_scenes_actor(tmp_path):
     assert found == pytest.approx(ss.rcs(PLATE, F77, 0.02, 0.1, material="plastic"), rel=1e-4)  # PLY holds float32
     with pytest.raises(UnknownNameError, match="target"):
         actor_parts(world, "tarqet")
+
+
+@pytest.mark.parametrize("time", [None, 0.9])
+def test_limbs_of_an_actor_stand_where_its_gait_has_them(time):
+    """The parts fill the height of the body, and moved by the actor's pose they are the triangles of the scene."""
+    path = WaypointTrajectory([0.0, 4.0], [[5.0, 2.0, 0.0], [9.0, 5.0, 0.0]])
+    world = ss.stage("highway_guardrail", [ss.StagedActor("walker", "adult_man", path)])
+    parts = actor_parts(world, "walker", time)
+    bounds = np.array([mesh.bounds for mesh, _ in parts])
+    assert bounds[:, 0, 2].min() == pytest.approx(0.0, abs=0.02)
+    assert bounds[:, 1, 2].max() == pytest.approx(ss.read_actor_model("adult_man").height, abs=0.05)
+    state = world.at(time or 0.0)
+    rows = next(info.parts for info in world.instances.values() if info.name == "walker")
+    for row, (mesh, _) in zip(rows, parts, strict=True):
+        there = state.actor_pose("walker").apply(mesh.triangles)
+        np.testing.assert_allclose(there, state._triangles.of_parts([row]), atol=1e-9)
 
 
 def test_compiled_parts():

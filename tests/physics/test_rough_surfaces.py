@@ -13,8 +13,10 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.channel.multipath.images import material_coefficients
+from scarl_sionna.radar.optics.body.parts import surface_of
 from scarl_sionna.scene.materials.fresnel import power_reflectance
-from scarl_sionna.scene.materials.rough import diffuse_albedo, sigma0
+from scarl_sionna.scene.materials.rough import coherent_share, diffuse_albedo, sigma0
 from scarl_sionna.scene.materials.table import builtin_materials
 from tests.scenes import Material, Thing, plane, write_scene
 
@@ -111,10 +113,40 @@ def test_there_is_no_brewster_null_and_the_law_is_monotonic() -> None:
         assert levels[2] / levels[0] == pytest.approx(crossed / (1.0 - crossed))
 
 
+@pytest.mark.parametrize("grazing_deg", [5.0, 20.0, 60.0, 90.0])
+def test_heights_take_from_the_mirror_what_random_phases_cancel(grazing_deg) -> None:
+    """Mean over drawn heights of the phase 2 k h sin(grazing) that each turns the reflected wave by, in two solvers."""
+    height, sine = 0.4e-3, np.sin(np.radians(grazing_deg))
+    rough = TABLE["asphalt"].with_(roughness_rms=height, scattering_coefficient=0.0)
+    drawn = np.random.default_rng(5).normal(scale=height, size=400_000)
+    phase = 4.0 * np.pi * FREQUENCY / 299_792_458.0 * sine * drawn
+    mean, error = np.cos(phase).mean(), np.cos(phase).std() / np.sqrt(len(drawn))
+    assert error < 1.2e-3
+    smooth = rough.with_(roughness_rms=0.0)
+    field, direction = np.array([[[0.0], [1.0], [0.0]]], complex), np.array([[np.sqrt(1.0 - sine**2), 0.0, -sine]])
+    up = np.array([[0.0, 0.0, 1.0]])
+    kept = [surface_of(m, FREQUENCY, True).reflect(field, direction, up)[0][0, 1, 0] for m in (rough, smooth)]
+    assert abs(kept[0] / kept[1] - mean) < 5.0 * error
+    index, cosine = np.zeros((1, 1), np.int64), np.array([sine])
+    images = [material_coefficients([m], index, FREQUENCY)(0, cosine) for m in (rough, smooth)]
+    assert np.abs(np.ravel(images[0][:2]) / np.ravel(images[1][:2]) - mean).max() < 5.0 * error
+
+
+def test_what_the_mirror_lacks_is_scattered() -> None:
+    for name in ("brick", "wood", "rubber", "road_paint"):
+        material = TABLE[name]
+        reflectance = power_reflectance(material, FREQUENCY, 1.0)[0]
+        mirror = float(coherent_share(material, FREQUENCY, 1.0)) ** 2 * reflectance
+        assert mirror + diffuse_albedo(material, FREQUENCY) == pytest.approx(reflectance, rel=1e-12)
+
+
 def test_albedo_of_a_material_without_measurement() -> None:
     concrete = TABLE["concrete"]
-    exact = concrete.scattering_coefficient**2 * abs((1 - np.sqrt(5.24 - 0.3224j)) / (1 + np.sqrt(5.24 - 0.3224j))) ** 2
-    assert diffuse_albedo(concrete, 77e9) == pytest.approx(exact, rel=1e-3)
+    reflectance = abs((1 - np.sqrt(5.24 - 0.3224j)) / (1 + np.sqrt(5.24 - 0.3224j))) ** 2
+    # S = 0.3, h = 0.3 mm, k = 2 pi / 3.8934 mm: what the mirror lacks, 1 - 0.91 exp(-4 (k h)^2)
+    assert diffuse_albedo(concrete, 77e9) == pytest.approx((1.0 - 0.91 * 0.391579) * reflectance, rel=1e-3)
+    flat = concrete.with_(roughness_rms=0.0)
+    assert diffuse_albedo(flat, 77e9) == pytest.approx(0.09 * reflectance, rel=1e-3)
     assert diffuse_albedo(TABLE["metal"], 77e9) == 0.0
     film = TABLE["asphalt"].with_(water_film=5e-4)
     ratio = power_reflectance(film, 77e9, 1.0)[0] / power_reflectance(TABLE["asphalt"], 77e9, 1.0)[0]

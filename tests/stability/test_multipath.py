@@ -28,6 +28,7 @@ from scarl_sionna.radar.channel.multipath.legs import legs_of
 from scarl_sionna.radar.channel.multipath.station import EndPoints, Station
 from scarl_sionna.radar.point_scatterers import PointScatterers
 from scarl_sionna.radar.points import solve_points
+from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from tests.oracles import multipath as oracle
 from tests.scenes import Thing, ball, box, plane, write_scene
 
@@ -134,7 +135,9 @@ def test_amplitudes_agree_with_the_engine(tmp_path) -> None:
         Thing("ground", plane(256.0, 256.0), "Roads", "steel"),
         Thing("wall", oblique_wall(15.0).mesh, "Wall", "grey"),
     ]
-    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    table = builtin_materials()
+    flat = table["concrete"].with_(roughness_rms=0.0)  # the engine knows no heights
+    state = load_scene(write_scene(tmp_path, things), MaterialTable([*table.values(), flat])).at(0.0)
     start, target = np.array([0.0, 0.0, 1.0]), np.array([12.0, -1.0, 2.5])
     settings = SionnaSettings(max_depth=3, num_samples=50_000, max_num_paths=10_000)
     traced = trace_paths(state, start, [target], settings)

@@ -52,7 +52,7 @@ def test_signal_of_every_antenna_at_5_m(tmp_path, mirror: str) -> None:
     5 m that of a pane turns by degrees: the error is found and stated, and a path's own antenna has none.
     """
     smooth = builtin_materials()[{"steel": "metal", "glass": "concrete"}[mirror]].with_(
-        name="smooth", scattering_coefficient=0.0
+        name="smooth", scattering_coefficient=0.0, roughness_rms=0.0
     )
     table = MaterialTable([*builtin_materials().values(), smooth])
     wall = Thing("wall", plane(32.0, 64.0, (5, 0, 0), (-1, 0, 0)), "Wall", "face")

@@ -29,6 +29,7 @@ from scarl_sionna.calibration.spec import SceneGeometry
 from scarl_sionna.cli import app
 from scarl_sionna.core.errors import MaterialRangeError, ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.core.settings.sionna import SionnaSettings
+from scarl_sionna.scene.materials.rough import sigma0
 from scarl_sionna.scene.materials.table import UnknownMaterialError, load_materials
 from tests.calibration_street import RADAR, TARGETS, noisy, street
 
@@ -237,6 +238,19 @@ def test_roughness_from_two_frequencies() -> None:
     spec = bench(material="concrete", frequency=frequency, angle_deg=tuple(np.tile(np.linspace(0, 70, 8), 2)))
     result = calibrate(simulated(CalibrationProblem(parameters=[free], measurements=[spec]), [2.5e-4]))
     assert result.converged and result.values[0] == pytest.approx(2.5e-4, abs=4.0 * result.std[0])
+
+
+def test_frames_read_the_backscatter_that_was_calibrated(tmp_path: Path) -> None:
+    """The saved entry has, by the frames' law, what the bench measured; one of reflections alone keeps its albedo."""
+    free = FreeParameter(name="asphalt.roughness_rms", lower=1e-5, upper=4e-4)
+    specs = [bench("co", quantity="backscatter", angle_deg=(30.0, 50.0, 70.0), values=(-20.0,) * 3, noise=0.05)]
+    problem = simulated(CalibrationProblem(parameters=[free], measurements=specs), [2e-4])
+    entry = load_materials([save_materials(calibrate(problem), tmp_path / "mine.toml")])["asphalt"]
+    frames = sigma0(entry, 77e9, np.radians([60.0, 40.0, 20.0]), "VV")
+    np.testing.assert_allclose(10.0 * np.log10(frames), problem.measurements[0].values, atol=0.2)
+    mirror = simulated(CalibrationProblem(parameters=[free], measurements=[bench()]), [2e-4])
+    kept = load_materials([save_materials(calibrate(mirror), tmp_path / "other.toml")])["asphalt"]
+    assert kept.diffuse_albedo == load_materials()["asphalt"].diffuse_albedo
 
 
 def test_entry_is_saved_and_loaded(tmp_path: Path) -> None:

@@ -163,7 +163,10 @@ def test_diffuse_scattering_has_lambert_power(tmp_path) -> None:
     distance = np.sqrt(16.0 + y**2 + z**2)
     cosine = 4.0 / distance
     index = np.sqrt(material.at(77e9))
-    albedo = material.scattering_coefficient**2 * np.abs((1.0 - index) / (1.0 + index)) ** 2
+    coherent = (1.0 - material.scattering_coefficient**2) * np.exp(
+        -4.0 * (2.0 * np.pi * material.roughness_rms / RADAR.wavelength) ** 2
+    )
+    albedo = (1.0 - coherent) * np.abs((1.0 - index) / (1.0 + index)) ** 2
     pattern = cosine**2 / np.pi * albedo
     cell = (16.0 / 800) ** 2
     # Mean of both polarisations, all that is received: half of the sum of the squared transfer

@@ -118,6 +118,7 @@ def test_a_users_own_xml_gets_our_materials(tmp_path, bsdf: str, used: str, expe
     material = builtin_materials()[expected]
     if material.thickness is None:
         coherent = np.sqrt(1 - material.scattering_coefficient**2)
+        coherent *= np.exp(-2 * (2 * np.pi * material.roughness_rms / RADAR.wavelength) ** 2)  # Ament, along the normal
         expected_level = abs((1 - q) / (1 + q)) * coherent * RADAR.wavelength / (4 * np.pi * 14.0)
         assert abs(paths.a[0, 0, 0]) == pytest.approx(expected_level, rel=1e-6)
 

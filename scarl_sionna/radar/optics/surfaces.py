@@ -20,7 +20,7 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import FaceRays
 from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection, transmission
-from scarl_sionna.scene.materials.rough import diffuse_albedo
+from scarl_sionna.scene.materials.rough import diffuse_albedo, height_loss
 
 from .fields import HOST, reflected_field
 
@@ -45,9 +45,11 @@ class Surface:
     frequency : float
         [Hz].
     coherence : float
-        Part of the reflected field that a rough surface leaves in the mirror reflection, 0 to 1.
+        Part of the reflected field that scattering leaves in the mirror reflection, 0 to 1.
     film : tuple of (complex, float), optional
         Relative permittivity and depth [m] of a film on the face, such as water.
+    height : float
+        Standard deviation of the face's heights, which take more of it, :func:`.rough.height_loss` [m].
     """
 
     permittivity: complex | None = None
@@ -55,6 +57,7 @@ class Surface:
     frequency: float = 77e9
     coherence: float = 1.0
     film: tuple[complex, float] | None = None
+    height: float = 0.0
 
     def coefficients(self, cosine: Real) -> tuple[Complex, Complex]:
         """Return TE and TM reflection coefficients; a perfect conductor has -1 and +1."""
@@ -82,8 +85,10 @@ class Surface:
         return reflected, onward
 
     def _coherent(self, cosine: Real) -> tuple[Complex, Complex]:
-        te, tm = self.coefficients(np.clip(cosine, 0.0, 1.0))
-        return self.coherence * te, self.coherence * tm
+        cosine = np.clip(cosine, 0.0, 1.0)
+        te, tm = self.coefficients(cosine)
+        kept = self.coherence * height_loss(self.height, self.frequency, cosine)
+        return kept * te, kept * tm
 
 
 @dataclass(frozen=True)
@@ -141,7 +146,8 @@ class FaceSurfaces:
         cosine = np.linspace(0.0, 1.0, nodes) ** 2
         columns, passed = (np.zeros((len(names), nodes, 4)) for _ in range(2))
         for index, material in enumerate(self.materials):
-            te, tm = reflection(material, frequency, cosine)
+            lost = height_loss(material.roughness_rms, frequency, cosine)
+            te, tm = (lost * value for value in reflection(material, frequency, cosine))
             columns[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
             if material.thickness is not None:
                 te, tm = transmission(material, frequency, cosine)
@@ -189,7 +195,7 @@ class FaceSurfaces:
         return dr.gather(mi.UInt32, self._material_of_part, dr.gather(mi.UInt32, self._part, face))
 
     def coefficients(self, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
-        """Return the TE and the TM reflection coefficient of a smooth surface, each as real and imaginary part."""
+        """Return the TE and the TM reflection coefficient, less what heights take, each as real and imaginary part."""
         return self._looked_up(self._coefficient, face, cosine)
 
     def transmission(self, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:

@@ -2,17 +2,87 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .fresnel import power_reflectance
 from .table import RadioMaterial
 
 Channel = Literal["VV", "HH", "HV", "VH"]
+
+
+def height_loss(height: complex, frequency: npt.ArrayLike, cosine: npt.ArrayLike) -> npt.NDArray[Any]:
+    r"""Return the part of the reflected field that heights of a surface leave in the mirror reflection, 0 to 1.
+
+    Parameters
+    ----------
+    height : float
+        Their standard deviation, a material's `roughness_rms` [m]; complex where a calibration differentiates.
+    frequency : array_like of float, any shape
+        [Hz].
+    cosine : array_like of float, any shape
+        Of the angle of incidence, which is the sine of the grazing angle.
+
+    Notes
+    -----
+    .. math:: e^{-2 (k h \cos\theta)^2}
+
+    for heights of normal distribution and standard deviation h [1]_. The phase of a facet is 2 k h cos(theta): near
+    grazing every surface is smooth.
+
+    References
+    ----------
+    .. [1] W. S. Ament, "Toward a theory of reflection by a rough surface", Proc. IRE 41(1), 1953.
+    """
+    wavenumber = 2.0 * np.pi / SPEED_OF_LIGHT * np.asarray(frequency)
+    return np.asarray(np.exp(-2.0 * (wavenumber * height * np.asarray(cosine)) ** 2))
+
+
+def coherent_share(material: RadioMaterial, frequency: npt.ArrayLike, cosine: npt.ArrayLike) -> npt.NDArray[Any]:
+    r"""Return the part of the reflected field that a rough surface leaves in the mirror reflection, 0 to 1.
+
+    All solvers and the calibration reflect by it.
+
+    Parameters
+    ----------
+    material : RadioMaterial
+        Its `scattering_coefficient` and `roughness_rms` count.
+    frequency, cosine : array_like of float
+        As of :func:`height_loss`.
+
+    Notes
+    -----
+    .. math:: \sqrt{1 - S^2} \; e^{-2 (k h \cos\theta)^2}
+
+    The scattering coefficient S [1]_ is what is lost at all angles, such as by texture finer than the wavelength and by
+    grains within; the second factor is that of :func:`height_loss`.
+
+    References
+    ----------
+    .. [1] V. Degli-Esposti et al., "Measurement and modelling of scattering from buildings", IEEE Trans. Antennas
+           Propag. 55(1), 2007.
+    """
+    kept = np.sqrt(1.0 - material.scattering_coefficient**2)
+    return np.asarray(kept * height_loss(material.roughness_rms, frequency, cosine))
+
+
+def diffuse_share(material: RadioMaterial, frequency: npt.ArrayLike) -> npt.NDArray[Any]:
+    r"""Return the part of the reflected field that is scattered diffusely, 0 to 1; parameters as of `coherent_share`.
+
+    Notes
+    -----
+    .. math:: \sqrt{1 - (1 - S^2) \, e^{-4 (k h)^2}}
+
+    What the mirror reflection along the normal loses; the scattering coefficient itself where there are no heights.
+    """
+    if material.roughness_rms == 0.0:
+        return np.asarray(material.scattering_coefficient * np.ones(np.shape(frequency)))
+    return np.asarray(np.sqrt(1.0 - coherent_share(material, frequency, 1.0) ** 2))
 
 
 def diffuse_albedo(material: RadioMaterial, frequency: float) -> float:
@@ -21,8 +91,8 @@ def diffuse_albedo(material: RadioMaterial, frequency: float) -> float:
     Parameters
     ----------
     material : RadioMaterial
-        Its `diffuse_albedo` counts where it states one (measured backscatter), else scattering coefficient and
-        reflectance.
+        Its `diffuse_albedo` counts where it states one (measured backscatter), else scattering coefficient, heights
+        and reflectance.
     frequency : float
         [Hz].
 
@@ -33,11 +103,12 @@ def diffuse_albedo(material: RadioMaterial, frequency: float) -> float:
 
     Notes
     -----
-    .. math:: \rho = S^2 |\Gamma(0)|^2
+    .. math:: \rho = (1 - (1 - S^2) \, e^{-4 (k h)^2}) \, |\Gamma(0)|^2
 
-    with the reflectance along the normal: what comes back from a rough surface comes from facets that face the radar,
-    so V and H do not differ and there is no Brewster angle, as in the limit of geometrical optics [1]_. Under a film of
-    water a measured albedo is raised as the reflectance is, to 1 at most.
+    which is what the mirror reflection of :func:`coherent_share` lacks along the normal, with the reflectance there:
+    what comes back from a rough surface comes from facets that face the radar, so V and H do not differ and there is no
+    Brewster angle, as in the limit of geometrical optics [1]_. Under a film of water a measured albedo is raised as the
+    reflectance is, to 1 at most.
 
     References
     ----------
@@ -45,7 +116,7 @@ def diffuse_albedo(material: RadioMaterial, frequency: float) -> float:
     """
     reflectance = float(power_reflectance(material, frequency, 1.0)[0])
     if material.diffuse_albedo is None:
-        return material.scattering_coefficient**2 * reflectance
+        return float(diffuse_share(material, frequency) ** 2) * reflectance
     if material.water_film > 0.0:
         dry = float(power_reflectance(material.with_(water_film=0.0), frequency, 1.0)[0])
         return min(material.diffuse_albedo * reflectance / dry, 1.0)

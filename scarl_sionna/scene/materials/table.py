@@ -65,16 +65,18 @@ class RadioMaterial(Spec):
     thickness: Metres | None = Field(None, gt=0.0, description="of the layer with air behind [m]; None: half space")
     water_film: Metres = Field(0.0, ge=0.0, le=0.1, description="depth of water on its face [m]; 0: dry")
     water_temperature: Annotated[float, Unit("K")] = Field(283.15, ge=250.0, le=330.0, description="of that water [K]")
-    roughness_rms: Metres = Field(0.0, ge=0.0, description="standard deviation of the surface height [m]")
+    roughness_rms: Metres = Field(
+        0.0, ge=0.0, description="standard deviation of the surface height [m]; what a mirror loses by it is scattered"
+    )
     scattering_coefficient: float = Field(
-        0.0, ge=0.0, le=1.0, description="fraction of the reflected field that is scattered diffusely"
+        0.0, ge=0.0, le=1.0, description="fraction of the reflected field that is scattered diffusely at all angles"
     )
     diffuse_albedo: float | None = Field(
         None,
         ge=0.0,
         le=1.0,
         description="share of the incident power that is scattered diffusely, from measured backscatter; None: from "
-        "scattering_coefficient and the reflectance along the normal",
+        "scattering_coefficient, roughness_rms and the reflectance along the normal",
     )
     xpd_coefficient: float = Field(0.0, ge=0.0, le=1.0, description="fraction of the diffuse power that is cross-polar")
     lidar_reflectance: float = Field(0.3, ge=0.0, le=1.0, description="diffuse, at 1550 nm; a scene may state its own")
@@ -102,7 +104,7 @@ class RadioMaterial(Spec):
 
     @property
     def coherence(self) -> float:
-        """Part of the reflected field that a rough surface leaves in the mirror reflection, sqrt(1 - S^2), 0 to 1."""
+        """What scattering leaves of a field that is reflected or passes, sqrt(1 - S^2); heights take more (`rough`)."""
         return math.sqrt(1.0 - self.scattering_coefficient**2)
 
     def permittivity_at(self, frequency: float) -> float:

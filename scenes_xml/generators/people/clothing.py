@@ -8,15 +8,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..geometry.mesh import Mesh, box, merge, tube
-from .pedestrian import BodyShape, ellipsoid, loft
+from .pedestrian import LIGHT_TRUNK, BodyShape, ellipsoid, fair_girth, loft
 
 
 def _skirt(rows: list[tuple[float, float, float, float]], shape: BodyShape, light: bool) -> Mesh:
     """Return a hanging garment around the trunk from (z, half depth, half width, middle x)."""
-    h, g = shape.height, shape.height * shape.build * (1.04 if light else 1.0)  # what eight sides cut off
+    h, g = shape.height, shape.height * shape.build * (fair_girth(LIGHT_TRUNK) if light else 1.0)
     return loft(
         np.array([(z * h, depth * g, width * g * shape.hips, x * h, 0.0) for z, depth, width, x in rows]),
-        8 if light else 28,
+        LIGHT_TRUNK if light else 28,
         2.5,
     )
 
@@ -56,7 +56,7 @@ def collar(shape: BodyShape) -> Mesh:
 def long_hair(shape: BodyShape, light: bool = False) -> Mesh:
     """Return hair down to the shoulders; it goes with the head."""
     h = shape.height * shape.head_scale
-    rows, segments = (3, 7) if light else (12, 20)
+    rows, segments = (3, 12) if light else (12, 20)
     cap = ellipsoid(
         (-0.003 * h, 0.0, 0.084 * h), (0.0550 * h, 0.0490 * h, 0.0640 * h), low=0.05, rows=rows, segments=segments
     )

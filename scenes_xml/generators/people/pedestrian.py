@@ -16,6 +16,9 @@ from ..geometry.mesh import Array, Mesh, grid, merge, outward
 UPPER_LEG, LOWER_LEG, FOOT = 0.245, 0.246, 0.143
 UPPER_ARM, LOWER_ARM = 0.188, 0.152
 TORSO, HEAD = 0.288, 0.130
+LIGHT_SIDES, LIGHT_TRUNK = 12, 14
+"""Corners of the limbs' and of the trunk's cross-sections at the light level: few enough for traffic, and so many that
+faces bend by less than the radar's `crease_angle_deg` (35 deg), so that it takes them for round."""
 
 
 @dataclass(frozen=True)
@@ -85,10 +88,10 @@ Stations = list[tuple[float, float, float]]
 def _limb(stations: Stations, length: float, scale: float, few: tuple[float, ...] | None = None) -> Mesh:
     """Return a limb along -z with round ends; a station is (part of the length, half girth along x, along y).
 
-    With `few` parts of the length it has six sides through these and pointed ends.
+    With `few` parts of the length it has a few sides through these and pointed ends.
     """
     if few is not None:
-        return _six_sided(stations, length, scale, few)
+        return _few_sided(stations, length, scale, few)
     t, rx, ry = np.array(stations).T
     fine = np.linspace(0, 1, 13)
     x, y = np.interp(fine, t, rx) * scale, np.interp(fine, t, ry) * scale
@@ -99,16 +102,18 @@ def _limb(stations: Stations, length: float, scale: float, few: tuple[float, ...
     return loft(np.array(top + rows + bottom), 14, 2.0)
 
 
-def _six_sided(stations: Stations, length: float, scale: float, at: tuple[float, ...]) -> Mesh:
-    """Return a limb of six sides.
+def fair_girth(sides: int) -> float:
+    """Return by how much a cross-section of a few sides is wider than the round one of the same mean width (Cauchy)."""
+    return float(np.pi / (sides * np.sin(np.pi / sides)))
 
-    Its girth, and by Cauchy its mean width over the directions around it, is the round limb's.
-    """
+
+def _few_sided(stations: Stations, length: float, scale: float, at: tuple[float, ...]) -> Mesh:
+    """Return a limb of `LIGHT_SIDES` sides, whose girth is the round limb's, and so its mean width around it."""
     t, rx, ry = np.array(stations).T
     share = np.array(at)
-    girth = scale * np.pi / 3.0
+    girth = scale * fair_girth(LIGHT_SIDES)
     x, y = np.interp(share, t, rx) * girth, np.interp(share, t, ry) * girth
-    mesh = loft(np.stack([-share * length, x, y, 0.0 * x, 0.0 * x], 1), 6, 2.0)
+    mesh = loft(np.stack([-share * length, x, y, 0.0 * x, 0.0 * x], 1), LIGHT_SIDES, 2.0)
     vertices = mesh.vertices.copy()
     on_axis = np.hypot(vertices[:, 0], vertices[:, 1]) < 1e-9
     vertices[on_axis, 2] += np.where(vertices[on_axis, 2] > -0.5 * length, 0.6 * x[0], -0.8 * x[-1])
@@ -121,7 +126,7 @@ def body(shape: BodyShape, light: bool = False) -> dict[str, tuple[Mesh, str]]:
     a name is a segment's, with a suffix where it has several shapes.
 
     Roles: ``skin``, ``hair``, ``top``, ``trousers``, ``shoes``. A `light` body has one shape for each of the 13
-    segments and the hair, of a twentieth of the triangles.
+    segments and the hair, of a twelfth of the triangles.
     """
     h, g = shape.height, shape.height * shape.build
     parts: dict[str, tuple[Mesh, str]] = {
@@ -172,7 +177,7 @@ def _torso(h: float, g: float, shoulders: float, light: bool) -> Mesh:
     ]  # fmt: skip # a table
     table = [(z, depth, width * (1.0 + (shoulders - 1.0) * min(z / 0.24, 1.0)), x) for z, depth, width, x in table]
     if light:
-        return loft(_rows([table[k] for k in (0, 3, 5, 8)], h, g), 8, 2.4)
+        return loft(_rows([table[k] for k in (0, 3, 5, 8)], h, g), LIGHT_TRUNK, 2.4)
     return loft(_rings(table, h, g, 18), 26, 2.4)
 
 
@@ -187,7 +192,7 @@ def _pelvis(h: float, g: float, hips: float, light: bool) -> Mesh:
         for z, depth, width, x in table
     ]
     if light:
-        return loft(_rows([table[k] for k in (0, 2, 4)], h, g), 8, 2.3)
+        return loft(_rows([table[k] for k in (0, 2, 4)], h, g), LIGHT_TRUNK, 2.3)
     return loft(_rings(table, h, g, 18), 26, 2.3)
 
 
@@ -211,7 +216,7 @@ def _head(h: float, g: float, light: bool) -> Mesh:
         return merge(
             [
                 loft(neck, 4, 2.0),
-                ellipsoid((0.012 * h, 0.0, 0.072 * h), (0.054 * h, 0.045 * h, 0.066 * h), rows=4, segments=7),
+                ellipsoid((0.012 * h, 0.0, 0.072 * h), (0.053 * h, 0.044 * h, 0.065 * h), rows=5, segments=12),
             ]
         )
     skull = ellipsoid((0.008 * h, 0.0, 0.078 * h), (0.051 * h, 0.043 * h, 0.062 * h))
@@ -227,7 +232,7 @@ def _head(h: float, g: float, light: bool) -> Mesh:
 def _hair(h: float, light: bool) -> Mesh:
     if light:
         return ellipsoid(
-            (-0.010 * h, 0.0, 0.082 * h), (0.050 * h, 0.0475 * h, 0.0625 * h), low=-0.2, rows=3, segments=6
+            (-0.010 * h, 0.0, 0.082 * h), (0.050 * h, 0.0475 * h, 0.0625 * h), low=-0.2, rows=3, segments=12
         )
     cap = ellipsoid((-0.003 * h, 0.0, 0.084 * h), (0.0535 * h, 0.0475 * h, 0.0625 * h), low=0.05)
     back = ellipsoid((-0.020 * h, 0.0, 0.070 * h), (0.038 * h, 0.0445 * h, 0.055 * h), low=-0.75)

@@ -17,6 +17,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.paths.tracing import DIFFRACTION, REFRACTION, SPECULAR, TracedPaths
 from scarl_sionna.engine.rays.edges import Wedge, wedge_at
 from scarl_sionna.scene.materials.fresnel import reflection
+from scarl_sionna.scene.materials.rough import coherent_share
 
 from .images import Chain, material_coefficients, propagated, spherical_basis
 from .station import EndPoints, Station
@@ -106,10 +107,10 @@ def edge_leg(
     known = [state.world.materials[state.world.parts.material[index]] if index >= 0 else None for index in part]
     own = known[where]
     assert own is not None  # the row of a diffraction is a part
-    coherent = np.sqrt(1.0 - own.scattering_coefficient**2)
 
     def faces(cosine: float) -> tuple[complex, complex]:
         te, tm = reflection(own, frequency, cosine)
+        coherent = complex(coherent_share(own, frequency, cosine))
         return complex(te) * coherent, complex(tm) * coherent
 
     materials = [material for material in known if material is not None]

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.scene.materials.fresnel import reflection, transmission
+from scarl_sionna.scene.materials.rough import coherent_share
 from scarl_sionna.scene.materials.table import RadioMaterial
 
 Array = npt.NDArray[np.float64]
@@ -215,8 +216,8 @@ def material_coefficients(
 
     Notes
     -----
-    Of a rough surface only the coherent part ``sqrt(1 - S**2)`` of the field is reflected or passes, S its scattering
-    coefficient, as in Sionna RT.
+    Of a rough surface only the coherent part of the field is reflected, :func:`.rough.coherent_share`; what passes
+    keeps ``sqrt(1 - S**2)``, S its scattering coefficient, as in Sionna RT.
     """
 
     def coefficients(k: int, cosine: Array) -> tuple[Complex, Complex, Complex, Complex]:
@@ -225,9 +226,10 @@ def material_coefficients(
             if number < 0:
                 continue
             rows = np.flatnonzero(index[:, k] == number)
-            coherent = np.sqrt(1.0 - materials[number].scattering_coefficient ** 2)
-            out[:2, rows] = np.stack(reflection(materials[number], frequency, cosine[rows])) * coherent
-            out[2:, rows] = np.stack(transmission(materials[number], frequency, cosine[rows])) * coherent
+            own, met = materials[number], cosine[rows]
+            out[:2, rows] = np.stack(reflection(own, frequency, met)) * coherent_share(own, frequency, met)
+            passed = np.sqrt(1.0 - own.scattering_coefficient**2)
+            out[2:, rows] = np.stack(transmission(own, frequency, met)) * passed
         return out[0], out[1], out[2], out[3]
 
     return coefficients

@@ -78,7 +78,7 @@ def check_size(body: Body, frequency: float) -> None:
         )
 
 
-def actor_parts(world: World, name: str) -> list[tuple[trimesh.Trimesh, RadioMaterial]]:
+def actor_parts(world: World, name: str, time: float | None = None) -> list[tuple[trimesh.Trimesh, RadioMaterial]]:
     """Return the meshes of an actor or object of a scene, each with its radio material, for :func:`load_body`.
 
     Parameters
@@ -86,21 +86,29 @@ def actor_parts(world: World, name: str) -> list[tuple[trimesh.Trimesh, RadioMat
     world : World
     name : str
         An actor's meshes are in the actor's frame, those of a static object in the world's.
+    time : float, optional
+        At which limbs and wheels stand where their joints have them [s]; 0, or where the scene's time is nearest to it.
 
     Raises
     ------
     UnknownNameError
         If the scene has nothing of that name.
+    TimeRangeError
+        If the scene has no such time.
     """
     import trimesh
 
     known = {info.name: info for info in world.instances.values()}
     if name not in known:
         raise UnknownNameError("actor or object", name, known)
-    state_free = world._triangles
+    start, stop = world.time_range
+    joints = world.at(min(max(0.0, start), stop) if time is None else time)._joints.get(name, {})
     result = []
     for part in known[name].parts:
-        corners = state_free.of_parts([part])
+        corners = world._triangles.of_parts([part])
+        joint = joints.get(world.parts.name[part])
+        if joint is not None:
+            corners = joint.pose.apply(corners)
         faces = np.arange(3 * len(corners)).reshape(-1, 3)
         mesh = trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False)
         result.append((mesh, world.materials[world.parts.material[part]]))
@@ -177,7 +185,7 @@ def surfaces_of(
     materials : MaterialTable or None
         Where names are looked up; None is the built-in table.
     rough : bool
-        Whether a material's scattering coefficient S takes its part from the mirror reflection, sqrt(1 - S^2).
+        Whether scattering and heights take their part from the mirror reflection, :func:`.rough.coherent_share`.
 
     Raises
     ------
@@ -217,8 +225,8 @@ def _surface(entry: RadioMaterial | complex | None, frequency: float, rough: boo
 
 def surface_of(entry: RadioMaterial, frequency: float, rough: bool = False) -> Surface:
     """Return what a material reflects like at a frequency [Hz]; `rough` as of :func:`surfaces_of`."""
-    coherence = entry.coherence if rough else 1.0
-    return Surface(entry.at(frequency), entry.thickness, frequency, coherence, film_of(entry, frequency))
+    kept, height = (entry.coherence, entry.roughness_rms) if rough else (1.0, 0.0)
+    return Surface(entry.at(frequency), entry.thickness, frequency, kept, film_of(entry, frequency), height)
 
 
 def _permittivity(value: complex) -> complex:
