@@ -205,3 +205,21 @@ def test_rates_of_edges(tmp_path) -> None:
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     assert paths.num_paths > found[False].num_paths
     assert paths.length_rate == pytest.approx(-2 * away @ velocity, abs=1e-9)
+
+
+def test_what_hides_edges_in_a_scene(tmp_path) -> None:
+    """A screen before one half of a plate hides the edges of that half; one beside it hides none."""
+    target, pose = plane(0.1, 0.1, normal=(0, 0, 1)), looking_back(0.02, 0.2, 5.0)
+    points = {}
+    for shift in (0.36, 5.0):
+        screen = plane(0.6, 0.6, centre=(shift, 0, 2.5), normal=(0, 0, 1))
+        things = [Thing("target", target, "Static", "steel"), Thing("screen", screen, "Static", "steel")]
+        state = load_scene(write_scene(tmp_path / str(shift), things)).at(0.0)
+        rows = []
+        for on in (True, False):
+            knobs = SbrSettings(floor_db=None, edge_diffraction=on, max_depth=1)
+            paths = solve_paths(state, RADAR, pose, method="sbr", instances=["target"], settings=knobs)
+            rows.append({tuple(point) for point in np.round(paths.rx_point, 9)})
+        points[shift] = np.array(sorted(rows[0] - rows[1]))
+    assert len(points[5.0]) > len(points[0.36]) > 0
+    assert points[5.0][:, 0].max() > 0.04 > 0.03 > points[0.36][:, 0].max()
