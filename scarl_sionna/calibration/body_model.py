@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.radar.optics.body.parts import check_size, load_body, surface_of
-from scarl_sionna.radar.optics.far_field import Looks
+from scarl_sionna.radar.optics.plane_waves import Looks
 from scarl_sionna.radar.optics.replay import FixedTubes
 from scarl_sionna.radar.optics.surfaces import PartSurfaces
 from scarl_sionna.scene.materials.table import MaterialTable

@@ -21,7 +21,8 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT, power_to_db
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from .optics.body.parts import Material, Mesh, actor_parts, check_size, load_body, surfaces_of
-from .optics.far_field import Looks, scattering_matrices
+from .optics.far_field import scattering_matrices
+from .optics.plane_waves import Looks
 
 __all__ = ["POLARIZATIONS", "RcsCut", "actor_parts", "load_body", "rcs", "rcs_cut", "scattering_matrix"]
 
@@ -97,8 +98,9 @@ def rcs(
     -----
     .. math:: \sigma = 4 \pi |S|^2
 
-    *Validity*: targets above 3 wavelengths, within some 20 dB of their peaks. *Not modelled*: edge diffraction,
-    creeping waves, what passes through a dielectric, rough surfaces. *Convergence*: docs/rcs.md.
+    *Validity*: targets above 3 wavelengths, within some 20 dB of their peaks, with ``SbrSettings(edge_diffraction=
+    True)`` some 30 dB. *Not modelled*: creeping waves, what passes through a dielectric, rough surfaces. *Convergence*:
+    docs/rcs.md.
 
     References
     ----------

@@ -19,7 +19,8 @@ from scarl_sionna.calibration import (
 )
 from scarl_sionna.core.errors import MeshError, ParameterRangeError
 from scarl_sionna.radar.optics.body.parts import load_body
-from scarl_sionna.radar.optics.far_field import Looks, scattering_matrices
+from scarl_sionna.radar.optics.far_field import scattering_matrices
+from scarl_sionna.radar.optics.plane_waves import Looks
 from scarl_sionna.radar.optics.replay import FixedTubes
 from scarl_sionna.radar.optics.surfaces import PartSurfaces, Surface
 from scarl_sionna.scene.materials.table import builtin_materials

@@ -160,6 +160,11 @@ class SbrSettings(Spec):
         description="largest departure of the phase over a part of a curved face from a linear one, at half of its "
         "longest side [rad] (docs/rcs.md)",
     )
+    edge_diffraction: bool = Field(
+        False,
+        description="whether edges that bend by more than crease_angle_deg, and borders of sheets, scatter what their "
+        "currents have beyond physical optics, where both ends see them without a bounce (docs/rcs.md)",
+    )
     grazing_cosine: float = Field(
         0.02,
         ge=0.0,

@@ -3,99 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
-from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .body.mesh import Body
+from .edges.far_field import add_edges
 from .faces.curved import CurvedFaces
 from .fields import HOST, Wave, radiating_vector
 from .phase import plane_wave_integral
-from .plane_waves import Bounce, Waves, bounces, unhidden
+from .plane_waves import Bounce, Looks, Plan, bounces, plan_of, unhidden
 from .surfaces import PartSurfaces
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 Index = npt.NDArray[np.int64]
-
-_BACKWARD = 1e-12
-"""An observer within this (1 + direction . observer, so 1e-6 rad) of the source sees what the source lights."""
-
-
-@dataclass(frozen=True, eq=False)
-class Looks:
-    """What to solve for: one row a pair of directions at one frequency, all arrays of shape (num_looks,).
-
-    Attributes
-    ----------
-    frequency : ndarray of float64
-        [Hz].
-    theta, phi : ndarray of float64
-        Where the wave comes from, from +z and from +x [rad].
-    theta_s, phi_s : ndarray of float64
-        Where the observer stands [rad].
-    """
-
-    frequency: Array
-    theta: Array
-    phi: Array
-    theta_s: Array
-    phi_s: Array
-
-    def __len__(self) -> int:
-        return len(self.frequency)
-
-
-def unit_vectors(theta: Array, phi: Array) -> tuple[Array, Array, Array]:
-    """Return r_hat, theta_hat and phi_hat, each of shape (n, 3)."""
-    st, ct, sp, cp = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
-    r_hat = np.stack([st * cp, st * sp, ct], axis=1)
-    theta_hat = np.stack([ct * cp, ct * sp, -st], axis=1)
-    phi_hat = np.stack([-sp, cp, np.zeros_like(phi)], axis=1)
-    return r_hat, theta_hat, phi_hat
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """Looks sorted by wave and observer: `view` is a pair (wave, observer), with one look a frequency."""
-
-    waves: Waves
-    first_view: Index  # (num_waves + 1,): views of each wave
-    observer: Array  # (num_views, 3)
-    receive: Array  # (num_views, 2, 3): theta_hat and phi_hat there
-    backward: npt.NDArray[np.bool_]  # (num_views,)
-    first_look: Index  # (num_views + 1,): entries of `look` of each view
-    look: Index  # (num_looks,)
-    wavenumber: Array  # (num_looks,), in the order of `look`
-
-
-def plan_of(looks: Looks) -> Plan:
-    """Return the looks sorted by wave and observer."""
-    angles = np.column_stack([looks.theta, looks.phi, looks.theta_s, looks.phi_s])
-    views, view_of = np.unique(angles, axis=0, return_inverse=True)
-    view_of = view_of.reshape(-1)
-    order = np.lexsort((looks.frequency, view_of))
-    sources, wave_of = np.unique(views[:, :2], axis=0, return_inverse=True)
-    wave_of = wave_of.reshape(-1)  # views are sorted by their source first
-    r_hat, theta_hat, phi_hat = unit_vectors(sources[:, 0], sources[:, 1])
-    highest = np.zeros(len(sources))
-    np.maximum.at(highest, wave_of[view_of], looks.frequency)
-    waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), SPEED_OF_LIGHT / highest)
-    observer, theta_s, phi_s = unit_vectors(views[:, 2], views[:, 3])
-    return Plan(
-        waves=waves,
-        first_view=np.searchsorted(wave_of, np.arange(len(sources) + 1)),
-        observer=observer,
-        receive=np.stack([theta_s, phi_s], axis=1),
-        backward=1.0 + np.einsum("ij,ij->i", observer, waves.direction[wave_of]) < _BACKWARD,
-        first_look=np.searchsorted(view_of[order], np.arange(len(views) + 1)),
-        look=order,
-        wavenumber=2.0 * np.pi * looks.frequency[order] / SPEED_OF_LIGHT,
-    )
 
 
 def scattering_matrices(
@@ -126,11 +50,25 @@ def scattering_matrices(
     The currents of the first bounce radiate in all directions (behind the surface they make the shadow); those of later
     bounces only in front of their surface. Where something stands between a footprint and the observer, it is left out.
 
+    With `edge_diffraction` the fringe currents of edges are added (:mod:`.edges.far_field`), and what a bistatic pair
+    receives is the mean of both senses: exactly reciprocal, which physical optics is not.
+
     References
     ----------
     .. [1] H. Ling, R.-C. Chou, S.-W. Lee, "Shooting and Bouncing Rays", IEEE Trans. Antennas Propag. 37(2), 1989.
     .. [2] C. A. Balanis, *Advanced Engineering Electromagnetics*, 2nd ed., sections 6.8 and 7.10.
     """
+    found = _one_way(body, surfaces, looks, settings)
+    if settings.edge_diffraction and len(looks):
+        apart = np.flatnonzero(~looks.is_backward)
+        if len(apart):
+            reverse = _one_way(body, surfaces, looks.take(apart).reversed(), settings)
+            found[apart] = 0.5 * (found[apart] + reverse.transpose(0, 2, 1))
+    return found
+
+
+def _one_way(body: Body, surfaces: PartSurfaces, looks: Looks, settings: SbrSettings) -> npt.NDArray[np.complex128]:
+    """Return the matrices by the currents that the transmitter makes."""
     result = np.zeros((len(looks), 4), dtype=np.complex128)
     if len(looks):
         plan = plan_of(looks)
@@ -139,6 +77,8 @@ def scattering_matrices(
         for bounce in bounces(body, surfaces, plan.waves, settings):
             for seen in footprints_seen(body, bounce, plan, settings):
                 _radiate(result, body.curved, bounce, plan, seen)
+        if settings.edge_diffraction:
+            add_edges(result, body, surfaces, plan, settings)
     return result.reshape(len(looks), 2, 2)
 
 

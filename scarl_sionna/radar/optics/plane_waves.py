@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.rays.face_rays import MISS
 
 from .body.mesh import Body
@@ -19,6 +20,9 @@ from .trace import GRAZING, Tubes, depth_first, face_of_plane, gathered, landing
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
+
+_BACKWARD = 1e-12
+"""An observer within this (1 + direction . observer, so 1e-6 rad) of the source sees what the source lights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,91 @@ class Waves:
     direction: Array
     field: Array
     wavelength: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """What to solve for: one row a pair of directions at one frequency, all arrays of shape (num_looks,).
+
+    Attributes
+    ----------
+    frequency : ndarray of float64
+        [Hz].
+    theta, phi : ndarray of float64
+        Where the wave comes from, from +z and from +x [rad].
+    theta_s, phi_s : ndarray of float64
+        Where the observer stands [rad].
+    """
+
+    frequency: Array
+    theta: Array
+    phi: Array
+    theta_s: Array
+    phi_s: Array
+
+    def __len__(self) -> int:
+        return len(self.frequency)
+
+    def take(self, rows: Index) -> Looks:
+        """Return some rows."""
+        return Looks(*(column[rows] for column in vars(self).values()))
+
+    def reversed(self) -> Looks:
+        """Return the looks with source and observer in each other's place."""
+        return Looks(self.frequency, self.theta_s, self.phi_s, self.theta, self.phi)
+
+    @property
+    def is_backward(self) -> npt.NDArray[np.bool_]:
+        """Whether the observer stands where the wave comes from, shape (num_looks,)."""
+        return (self.theta == self.theta_s) & (self.phi == self.phi_s)
+
+
+def unit_vectors(theta: Array, phi: Array) -> tuple[Array, Array, Array]:
+    """Return r_hat, theta_hat and phi_hat, each of shape (n, 3)."""
+    st, ct, sp, cp = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
+    r_hat = np.stack([st * cp, st * sp, ct], axis=1)
+    theta_hat = np.stack([ct * cp, ct * sp, -st], axis=1)
+    phi_hat = np.stack([-sp, cp, np.zeros_like(phi)], axis=1)
+    return r_hat, theta_hat, phi_hat
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Looks sorted by wave and observer: `view` is a pair (wave, observer), with one look a frequency."""
+
+    waves: Waves
+    first_view: Index  # (num_waves + 1,): views of each wave
+    observer: Array  # (num_views, 3)
+    receive: Array  # (num_views, 2, 3): theta_hat and phi_hat there
+    backward: npt.NDArray[np.bool_]  # (num_views,)
+    first_look: Index  # (num_views + 1,): entries of `look` of each view
+    look: Index  # (num_looks,)
+    wavenumber: Array  # (num_looks,), in the order of `look`
+
+
+def plan_of(looks: Looks) -> Plan:
+    """Return the looks sorted by wave and observer."""
+    angles = np.column_stack([looks.theta, looks.phi, looks.theta_s, looks.phi_s])
+    views, view_of = np.unique(angles, axis=0, return_inverse=True)
+    view_of = view_of.reshape(-1)
+    order = np.lexsort((looks.frequency, view_of))
+    sources, wave_of = np.unique(views[:, :2], axis=0, return_inverse=True)
+    wave_of = wave_of.reshape(-1)  # views are sorted by their source first
+    r_hat, theta_hat, phi_hat = unit_vectors(sources[:, 0], sources[:, 1])
+    highest = np.zeros(len(sources))
+    np.maximum.at(highest, wave_of[view_of], looks.frequency)
+    waves = Waves(-r_hat, np.stack([theta_hat, phi_hat], axis=2), SPEED_OF_LIGHT / highest)
+    observer, theta_s, phi_s = unit_vectors(views[:, 2], views[:, 3])
+    return Plan(
+        waves=waves,
+        first_view=np.searchsorted(wave_of, np.arange(len(sources) + 1)),
+        observer=observer,
+        receive=np.stack([theta_s, phi_s], axis=1),
+        backward=1.0 + np.einsum("ij,ij->i", observer, waves.direction[wave_of]) < _BACKWARD,
+        first_look=np.searchsorted(view_of[order], np.arange(len(views) + 1)),
+        look=order,
+        wavenumber=2.0 * np.pi * looks.frequency[order] / SPEED_OF_LIGHT,
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,9 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.settings.sbr import DEFAULT_SBR, SbrSettings
 
 from .body.mesh import Body
-from .far_field import Looks, Plan, footprints_seen, phase_weights, plan_of
+from .far_field import footprints_seen, phase_weights
 from .fields import HOST, Wave, radiating_vector
-from .plane_waves import bounces
+from .plane_waves import Looks, Plan, bounces, plan_of
 from .surfaces import PartSurfaces
 
 Array = npt.NDArray[np.float64]

@@ -113,6 +113,15 @@ class PartSurfaces:
                 reflected[rows], onward[rows] = surface.reflect(field[rows], direction[rows], normal[rows])
         return reflected, onward
 
+    def conduction(self, part: Index) -> Complex:
+        """Return by what the fringe currents of a perfect conductor are scaled, for parts of any shape.
+
+        That is minus the coherent reflection at normal incidence: 1 for a metal. It is a rule of thumb.
+        """
+        upright = np.ones(1)
+        level = [-surface.coherence * surface.coefficients(upright)[0][0] for surface in self.parts]
+        return np.asarray(np.array(level, dtype=np.complex128)[part])
+
 
 class FaceSurfaces:
     """Planes, materials and velocities of all faces.

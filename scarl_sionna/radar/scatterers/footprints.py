@@ -17,9 +17,8 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.rays.face_rays import MISS
 from scarl_sionna.radar.optics.body.mesh import Body
 from scarl_sionna.radar.optics.faces.curved import CurvedFaces, parts_of
-from scarl_sionna.radar.optics.far_field import unit_vectors
 from scarl_sionna.radar.optics.fields import HOST, Wave, radiating_vector
-from scarl_sionna.radar.optics.plane_waves import Bounce, PlaneTubes, Waves, bounces, unhidden
+from scarl_sionna.radar.optics.plane_waves import Bounce, PlaneTubes, Waves, bounces, unhidden, unit_vectors
 from scarl_sionna.radar.optics.surfaces import PartSurfaces
 
 Array = npt.NDArray[np.float64]

@@ -22,6 +22,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.paths.tracing import DIFFUSE, SPECULAR
 from scarl_sionna.engine.rays.overlap import seen_overlaps
 from scarl_sionna.radar.channel.antennas import check_antennas
+from scarl_sionna.radar.optics.edges.near_field import EdgeView, edge_rows
 from scarl_sionna.radar.optics.near_field import NearField, radiated
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.spherical_waves import ImageTubes, Tracer, Viewpoint
@@ -88,9 +89,10 @@ def solve_sbr(
     The direct and the reversed sense of a chain of bounces are both there, since tubes start on every face that is lit:
     no row is doubled by reciprocity.
 
-    *Not modelled*: edge diffraction, creeping waves, what passes through a dielectric between two bounces, diffuse
-    scattering between mirrors and, for a bistatic pair, before them, the direct path of such a pair, the acceleration
-    of bodies themselves (turning ones, wheels: :func:`scarl_sionna.synthesize_blocks`).
+    *Not modelled*: edge diffraction (but with `edge_diffraction` that of single edges which both ends see), creeping
+    waves, what passes through a dielectric between two bounces, diffuse scattering between mirrors and, for a bistatic
+    pair, before them, the direct path of such a pair, the acceleration of bodies themselves (turning ones, wheels:
+    :func:`scarl_sionna.synthesize_blocks`).
     *Convergence and validity*: docs/sbr.md.
 
     References
@@ -193,6 +195,10 @@ def solve_between(
         for patches in tracer.bounces(start):
             if len(patches):
                 blocks += [_rows(bodies.state, tracer, near, some, rough) for some in near.kinds(patches)]
+        if knobs.edge_diffraction and tx.window is None and rx.window is None:
+            edges = EdgeView(bodies.state, faces, bodies.rays, tx, rx, reach, size, knobs.max_patches)
+            seen = np.unique(bodies.state.world.parts.instance[faces.part[start]]).tolist()
+            blocks.append(edge_rows(edges, edges.pieces(seen, float(np.radians(knobs.crease_angle_deg)))))
     for depth in sorted(rough):
         blocks += _scattered(rough.pop(depth), knobs.seed, tx is rx)
     columns = joined(blocks, knobs.max_depth)
@@ -318,8 +324,8 @@ def _warn_of_grazing(bodies: Bodies, cosine: Array, power: Array) -> None:
         bodies.warn_once(
             "grazing",
             f"{100.0 * grazing / float(power.sum()):.0f} % of the patches' power comes from surfaces seen within "
-            f"{np.degrees(np.arcsin(least)):.0f} deg of grazing, where diffraction, which 'sbr' does not "
-            "have, is as strong; method='sionna' has mirror multipath there",
+            f"{np.degrees(np.arcsin(least)):.0f} deg of grazing, where diffraction, of which 'sbr' has "
+            "none or that of single edges, is as strong; method='sionna' has mirror multipath there",
         )
 
 

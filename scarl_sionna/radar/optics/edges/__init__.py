@@ -1,0 +1,1 @@
+"""Edge diffraction: what the currents near an edge radiate beyond those of physical optics."""
