@@ -215,7 +215,8 @@ class ScreenedProbe(Probe):
     """Whether a point is hidden (1) from a station, (3,) [m], or not (0): rays run from the station to the point.
 
     Those of an image begin at its window, since what is before it is not there; points before it are hidden, and so are
-    those out of its field of view, if it has one. With panes more than 1 stands for a point that is seen through some; `face`, (num_rows,), is that of each tube.
+    those that are out of its field of view, if it has one. With panes more than 1 stands for a point that is seen
+    through some; `face`, (num_rows,), is that of each tube.
 
     Notes
     -----
@@ -248,7 +249,7 @@ class ScreenedProbe(Probe):
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi = self.rays.dr, self.rays.mi
         apart, hidden, mirror = self._out_of_view(point), mi.Int32(0), None
-        for number, look in enumerate(self._looks):
+        for look in self._looks:
             ray = point - look.station
             distance = dr.norm(ray)
             near = SAME_DISTANCE * (1.0 + distance)

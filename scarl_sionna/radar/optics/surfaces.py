@@ -194,7 +194,7 @@ class FaceSurfaces:
         linear, angular, origin = (dr.gather(rays.Vector, self._motion, row + k) for k in range(3))
         return linear + dr.cross(angular, point - origin)
 
-    def velocity_on_host(self, face: Index, point: Array) -> Array:
+    def velocity_on_host(self, face: Index, point: Real) -> Real:
         """Return the velocity of surface points in NumPy, shape (n, 3) [m/s]."""
         linear, angular, origin = np.split(self._motion_of_part[self._part_of_face[face]], 3, axis=1)
         return np.asarray(linear + np.cross(angular, point - origin))
