@@ -25,6 +25,7 @@ class SbrLevel(Spec):
     max_phase: Annotated[float, Unit("rad")] = Field(gt=0.0, le=3.0, description="as in SbrSettings [rad]")
     integration_phase: Annotated[float, Unit("rad")] = Field(gt=0.0, le=3.0, description="as in SbrSettings [rad]")
     edge_share: float = Field(gt=0.0, le=4.0, description="as in SbrSettings: a ratio")
+    sheet_share: float = Field(0.15, gt=0.0, le=64.0, description="as in SbrSettings: a ratio")
     return_angle: Annotated[float, Unit("rad")] | None = Field(
         None, gt=0.0, le=math.pi, description="as in SbrSettings [rad]"
     )
@@ -82,30 +83,31 @@ class AutoSettings(Spec):
         (
             SbrLevel(
                 tolerance_db=3.0,
-                max_phase=2.0,
-                integration_phase=0.1,
+                max_phase=3.0,
+                integration_phase=0.2,
                 edge_share=0.25,
                 return_angle=0.8,
-                max_depth=4,
-                patch_error=0.12,
-            ),
-            SbrLevel(
-                tolerance_db=1.0,
-                max_phase=1.0,
-                integration_phase=0.05,
-                edge_share=0.125,
-                return_angle=1.5,
                 max_depth=4,
                 patch_error=0.05,
             ),
             SbrLevel(
+                tolerance_db=1.0,
+                max_phase=1.0,
+                integration_phase=0.1,
+                edge_share=0.125,
+                return_angle=1.5,
+                max_depth=4,
+                patch_error=0.02,
+            ),
+            SbrLevel(
                 tolerance_db=0.3,
                 max_phase=0.4,
-                integration_phase=0.02,
+                integration_phase=0.05,
                 edge_share=0.125,
+                sheet_share=0.05,
                 return_angle=2.0,
                 max_depth=5,
-                patch_error=0.015,
+                patch_error=0.007,
             ),
         ),
         description="knobs of 'sbr' by tolerance, the coarsest first; finer tolerances than the last are refused; "
