@@ -206,15 +206,19 @@ def test_a_side_is_too_long_by_what_another_antenna_or_frequency_turns_over_it()
     size = replace(PatchSize.of(radar, SbrSettings()), max_phase=1e9)
     arms = np.linalg.norm(np.concatenate([radar.tx_array, radar.rx_array]), axis=1)
     source = np.array([5.0, 6.0, 7.0])
-    for side, wanted in (
-        ((0.0, 0.02, 0.0), 2.0 * np.pi * radar.center_frequency / 299792458.0 * arms.max() * 0.02 / 9.0),
-        ((0.5, 0.0, 0.0), np.pi * radar.sampled_bandwidth / 299792458.0 * 0.5),
+    point = replace(size, aperture=0.0)
+    tilted, edge_on = 0.5 * np.array([np.sin(0.03), np.cos(0.03), 0.0]), np.array([0.5, 0.0, 0.0])
+    band = np.pi * radar.sampled_bandwidth / 299792458.0
+    for limits, side, wanted in (
+        (size, (0.0, 0.02, 0.0), 2.0 * np.pi * radar.center_frequency / 299792458.0 * arms.max() * 0.02 / 9.0),
+        (point, tilted, band * tilted[0]),
+        (point, edge_on, 0.0),  # its edges represent it, right over the band
     ):
-        corners = np.array([[[9.0, 0.0, 0.0], [9.0, 0.0, 0.0], [9.0, 0.0, 1e-9]]])
+        corners = np.array([[[9.0, 0.0, 0.0], [9.0, 0.0, 0.0], [9.0, 0.0, 1e-6]]])
         corners[0, 0] -= np.array(side) / 2.0
         corners[0, 1] += np.array(side) / 2.0
-        found = size.excess(corners + source, source[None], np.zeros(1, np.int64), source)[0, 0]
-        assert found == pytest.approx(wanted / 0.5, rel=1e-3)
+        found = limits.excess(corners + source, source[None], np.zeros(1, np.int64), source)[0, 0]
+        assert found == pytest.approx(wanted / 0.5, rel=1e-3, abs=1e-9)
     slanted = np.array([[[9.0, 0.0, 0.0], [9.05, 0.05, 0.0], [9.0, 0.05, 0.0]]]) + source
     phases = PatchSize(1600.0, 0.0, 0.0, 0.2, 0.5).excess(slanted, source[None], np.zeros(1, np.int64), source)[0]
     across = np.sqrt(1600.0 * 2.0 * 0.05**2 / 9.0 / 8.0 / 0.2)
