@@ -4,8 +4,8 @@
     python benchmarks/whole_streets.py street 0:18     frames of the ready scenes
     python benchmarks/whole_streets.py --write docs/accuracy.md     table and chart from the results
 
-The reference is `sbr` of all coherent bodies, of fields at 0.2 rad with five bounces and edges cut twice as finely as by
-default, of streets at 0.4 rad with four bounces, with their ways over the mirrors that `auto` found.
+The reference is `sbr` of all coherent bodies, of fields at 0.2 rad with five bounces and edges cut twice as finely as
+by default, of streets at 0.4 rad with four bounces, with ways over the mirrors that `auto` found.
 Counted are objects whose echo in the reference is 10 dB over the noise of a cell.
 """
 
