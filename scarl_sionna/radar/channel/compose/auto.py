@@ -163,7 +163,12 @@ def _planned(
 def _warn_of_reflections(choices: list[Choice], view: View) -> None:
     """Warn of coherent objects whose ground bounce, or reflection at another mirror, is not computed."""
     coherent = [choice for choice in choices if choice.method in ("sbr", "scatterers") and choice.item.in_view]
-    without = [(choice.without, choice.item.name) for choice in coherent if choice.without is not None]
+    tolerance = view.settings.accuracy.channel_tolerance_db
+    without = [
+        (choice.without, choice.item.name)
+        for choice in coherent
+        if choice.without is not None and choice.without.change_db > tolerance
+    ]
     if not without:
         return
     change, name = max(without, key=lambda pair: pair[0].change_db)
@@ -171,7 +176,7 @@ def _warn_of_reflections(choices: list[Choice], view: View) -> None:
     most = f"by up to {change.change_db:.1f} dB" if np.isfinite(change.change_db) else "which alone shows it"
     warnings.warn(
         f"{len(without)} of {len(coherent)} objects are computed without reflections (ground bounce, walls) that can "
-        f"change their echo by more than the tolerance of {view.settings.accuracy.channel_tolerance_db:g} dB, most of "
+        f"change their echo by more than the tolerance of {tolerance:g} dB, most of "
         f"all '{name}' over '{mirror}', {most}: the tube budget does not pay for them; raise "
         "Accuracy.tube_budget, or see diagnostics['choices'] for each",
         ScarlWarning,

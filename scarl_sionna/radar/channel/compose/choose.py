@@ -40,7 +40,8 @@ class Choice:
     tubes : int
         That it costs straight; each further pair of ways costs as much.
     changes : list of Change
-        What mirrors do to it, as far as it exceeds the tolerance and is above the floor, the largest first.
+        What mirrors do to it, as far as it exceeds the tolerance, or `smallest_change_db` where that is less, and is
+        above the floor, the largest first.
     mirrors : list of Mirror
         Of them, those that the budget pays for.
     sight : Sight
@@ -214,6 +215,7 @@ def _toward(state: WorldState, item: Estimate, pose: Pose) -> np.ndarray:
 def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     """Find out what the radar sees of objects, straight and over mirrors; return the mirrors that change most."""
     accuracy = view.settings.accuracy
+    least = min(accuracy.channel_tolerance_db, view.rules.smallest_change_db)
     candidates = view.candidates
     thin = pane_parts(view.state, view.radar.center_frequency, view.sbr.pane_loss_db)
     mirror_view = MirrorView(view.state, view.radar, view.mount, (), candidates, view.settings.mirrors, thin)
@@ -225,8 +227,7 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
         choice.changes = [
             change
             for change in changes(own, candidates, view.reach)
-            if change.change_db > accuracy.channel_tolerance_db
-            and choice.item.level_db(change.field) > accuracy.channel_floor_db
+            if change.change_db > least and choice.item.level_db(change.field) > accuracy.channel_floor_db
         ]
         for change in choice.changes:
             level = choice.item.level_db(change.field) - accuracy.channel_floor_db
