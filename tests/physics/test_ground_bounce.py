@@ -31,8 +31,8 @@ def test_the_foot_of_a_post_is_seen_over_the_road(tmp_path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("tolerance", "bar"), [(1.0, 1.0), (0.3, 0.5)])
-def test_two_ray_fading_of_a_post_is_that_of_image_theory(tmp_path, tolerance, bar) -> None:
+@pytest.mark.parametrize("tolerance", [1.0, 0.3])
+def test_two_ray_fading_of_a_post_is_that_of_image_theory(tmp_path, tolerance) -> None:
     errors = []
     for distance in problem.DISTANCES:
         state, alone = problem.states("post", float(distance), tmp_path / f"{distance:.1f}")
@@ -40,8 +40,7 @@ def test_two_ray_fading_of_a_post_is_that_of_image_theory(tmp_path, tolerance, b
         found = problem.by_auto(state, tolerance)
         assert found["road"]
         errors.append(problem.error_db(found["power"], exact, free))
-    assert max(errors) < bar
-    assert np.quantile(errors, 0.85) < 0.5
+    assert max(errors) < 0.5
 
 
 @pytest.mark.slow

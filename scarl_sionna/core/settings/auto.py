@@ -88,7 +88,7 @@ class AutoSettings(Spec):
                 edge_share=0.25,
                 return_angle=0.8,
                 max_depth=4,
-                patch_error=0.05,
+                patch_error=0.08,
             ),
             SbrLevel(
                 tolerance_db=1.0,
@@ -97,7 +97,7 @@ class AutoSettings(Spec):
                 edge_share=0.125,
                 return_angle=1.5,
                 max_depth=4,
-                patch_error=0.02,
+                patch_error=0.03,
             ),
             SbrLevel(
                 tolerance_db=0.3,
@@ -107,7 +107,7 @@ class AutoSettings(Spec):
                 sheet_share=0.05,
                 return_angle=2.0,
                 max_depth=5,
-                patch_error=0.007,
+                patch_error=0.01,
             ),
         ),
         description="knobs of 'sbr' by tolerance, the coarsest first; finer tolerances than the last are refused; "
