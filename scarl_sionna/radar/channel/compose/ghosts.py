@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, permutations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -29,7 +29,7 @@ from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading
 
 from .budget import box_points
-from .mirror_faces import NO_MIRROR, inside
+from .mirror_faces import COINCIDENT, NO_MIRROR, inside
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches, ways
 
@@ -79,6 +79,7 @@ def paths_through_mirrors(
     """
     pose = view.mount.pose
     corners = np.concatenate([box_points(view.state, number) for number in view.owned])
+    doubled = _doubled(view.mirrors) if cut else set()  # rays cannot tell which of them they meet
     open_ways = [way for way in ways(over, depth) if reaches(way, pose.position, corners).any()]
     blocks = []
     for there, back in combinations_with_replacement(open_ways, 2):
@@ -90,7 +91,9 @@ def paths_through_mirrors(
         axes = _looking((images[0] + images[1]) / 2.0, corners.mean(axis=0))
         tx = Image(Pose.from_rotation(images[0], axes), there)
         rx = tx if there is back else Image(Pose.from_rotation(images[1], axes), back)
-        block = _seen(view, solve(tx, rx), (tx, rx), cut)
+        block = _seen(
+            view, solve(tx, rx), (tx, rx), cut and doubled.isdisjoint(mirror.number for mirror in there + back)
+        )
         met = tuple(mirror.number for mirror in there), tuple(mirror.number for mirror in back)
         blocks.append((block, met))
         if there is not back:
@@ -288,6 +291,19 @@ class Meshes:
             source = mirrored((mirror,), source)
         station = Viewpoint.of(view.radar, image.pose, np.zeros(3))
         return replace(station, window=window, axes=axes, passing=passing)
+
+
+def _doubled(mirrors: Sequence[Mirror]) -> set[int]:
+    """Return the numbers of mirrors that lie on another one in the same plane, at some of a few points of each face."""
+    found: set[int] = set()
+    shares = np.random.default_rng(0).dirichlet(np.ones(3), 16)
+    for one, other in permutations(mirrors, 2):
+        if {one.number, other.number} <= found or np.abs(one.height(other.corners)).max() > COINCIDENT:
+            continue
+        points = (shares @ other.corners.reshape(-1, 3, 3)).reshape(-1, 3)
+        if inside(points, one.corners.reshape(-1, 3, 3), one.normal).any():
+            found |= {one.number, other.number}
+    return found
 
 
 def _owners(state: WorldState, mirrors: Sequence[Mirror], thickness: float) -> npt.NDArray[np.int64]:
