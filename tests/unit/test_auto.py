@@ -12,13 +12,14 @@ import trimesh
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.settings.auto import AutoSettings
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
 from scarl_sionna.radar.channel.compose.budget import estimate, lit_points, surface_distance
-from scarl_sionna.radar.channel.compose.choose import sbr_settings
+from scarl_sionna.radar.channel.compose.choose import level_of
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
 from scarl_sionna.radar.channel.compose.reflections import changes, sights
@@ -31,6 +32,8 @@ from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = RadarSpec()
 SETTINGS = RadarSettings(raycast={"num_rays": 100_000}, accuracy=Accuracy(tube_budget=10_000))
+COARSEST = Accuracy(channel_tolerance_db=3.0)
+"""No level of `sbr` is coarser: what the budget does not pay for is left out."""
 POSE = Pose([0.0, 0.0, 0.6])
 MATERIALS = {"asphalt": Material(radio="asphalt"), "leaf": Material(radio="foliage")}
 
@@ -125,11 +128,11 @@ def test_without_a_budget_all_is_raycast(state) -> None:
 
 
 def test_a_tolerance_sets_the_knobs() -> None:
-    phases = [sbr_settings(tolerance).max_phase for tolerance in (3.0, 1.0, 0.3)]
+    phases = [level_of(tolerance).max_phase for tolerance in (3.0, 1.0, 0.3)]
     assert phases == sorted(phases, reverse=True) and len(set(phases)) == 3
-    assert sbr_settings(1.0).max_depth <= sbr_settings(0.3).max_depth
+    assert level_of(1.0).max_depth <= level_of(0.3).max_depth
     with pytest.raises(ParameterRangeError, match=r"0\.05 dB.*at least 0\.3 dB, the finest that is tested"):
-        sbr_settings(0.05)
+        level_of(0.05)
 
 
 def test_a_model_is_used_where_it_holds(state) -> None:
@@ -234,8 +237,7 @@ def platoon(tmp_path_factory):
 
 def test_what_one_object_spends_of_the_budget_the_next_lacks(platoon) -> None:
     def found(budget: float) -> dict[str, dict]:
-        accuracy = Accuracy(tube_budget=int(budget))
-        return choices(solve_paths(platoon, RADAR, POSE, accuracy=accuracy))
+        return choices(solve_paths(platoon, RADAR, POSE, accuracy=COARSEST.with_(tube_budget=int(budget))))
 
     alone = {name: entry["tubes"] for name, entry in found(1e9).items()}
     assert sorted(alone) == ["far", "middle", "near"] and min(alone.values()) > 200
@@ -265,14 +267,14 @@ def test_echoes_through_mirrors_are_paid_from_what_is_left(tmp_path) -> None:
     number = {info.name: key for key, info in state.world.instances.items()}
 
     def through(budget: float) -> dict[str, bool]:
-        plan = plan_channel(state, wide, POSE, accuracy=Accuracy(tube_budget=int(budget)))
+        plan = plan_channel(state, wide, POSE, accuracy=COARSEST.with_(tube_budget=int(budget)))
         (share,) = (share for share in plan.shares if share.solver == "sbr")
         assert {number["near"], number["far"]} <= set(share.instances) and plan.predicted["tubes"] <= budget
         seen = {item for reflection in share.reflections for item in reflection.instances}
         return {name: number[name] in seen for name in ("near", "far")}
 
     # all three pairs of ways of each: straight, and two more tracings with the wall
-    whole = {name: entry["tubes"] for name, entry in choices(solve_paths(state, wide, POSE)).items()}
+    whole = {name: entry["tubes"] for name, entry in choices(solve_paths(state, wide, POSE, accuracy=COARSEST)).items()}
     tubes = {name: whole[name] // 3 for name in ("near", "far")}
     assert through(tubes["near"] + tubes["far"] + 1) == {"near": False, "far": False}
     assert through(3 * tubes["near"] + tubes["far"] + 1) == {"near": True, "far": False}
@@ -385,7 +387,8 @@ def test_a_ground_bounce_that_is_not_computed_is_told(tmp_path) -> None:
         Thing("sign", plane(0.5, 0.5, (30, 2, 1), (-1, -0.05, 0)), "TrafficSign", "steel"),
     ]
     state = load_scene(write_scene(tmp_path, things)).at(0.0)
-    straight = choices(solve_paths(state, RADAR, POSE, settings=SETTINGS, tube_budget=500_000))["sign"]["tubes"] // 3
+    coarsest = {"tube_budget": 500_000, "channel_tolerance_db": 3.0}
+    straight = choices(solve_paths(state, RADAR, POSE, settings=SETTINGS, **coarsest))["sign"]["tubes"] // 3
     few, many = (SETTINGS.with_(accuracy=Accuracy(tube_budget=budget)) for budget in (straight + 1, 500_000))
     with pytest.warns(ScarlWarning, match=r"1 of 1 objects .* most of all 'sign' over 'road', by up to 1[12]\.\d dB"):
         without = solve_paths(state, RADAR, POSE, settings=few)
@@ -399,3 +402,29 @@ def test_a_ground_bounce_that_is_not_computed_is_told(tmp_path) -> None:
     assert choices(with_bounce)["sign"]["without_reflection_db"] is None
     deeper = with_bounce.depth[(with_bounce.instance == 2).any(axis=1)].max()
     assert deeper > without.depth[(without.instance == 2).any(axis=1)].max()
+
+
+def test_what_the_budget_does_not_pay_for_is_computed_more_coarsely_before_it_is_left_out(tmp_path) -> None:
+    things = [
+        Thing("road", plane(64.0, 16.0, (30, 0, 0)), "Roads", "steel", is_object=False),
+        Thing("sign", plane(0.5, 0.5, (30, 2, 1), (-1, -0.05, 0)), "TrafficSign", "steel"),
+        Thing("box", box((2.0, 1.0, 1.0), (20, -2, 0.6)), "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    levels = AutoSettings().levels
+    cost = {
+        level.tolerance_db: plan_channel(
+            state, RADAR, POSE, tube_budget=10**9, channel_tolerance_db=level.tolerance_db
+        ).predicted["tubes"]
+        for level in levels
+    }
+    assert list(cost.values()) == sorted(cost.values())
+    for level in levels:  # each pays for itself and for nothing finer
+        budget = int(cost[level.tolerance_db])
+        paths = solve_paths(state, RADAR, POSE, tube_budget=budget, channel_tolerance_db=0.3)
+        assert paths.diagnostics["level_db"] == level.tolerance_db
+        assert {choices(paths)[name]["method"] for name in ("sign", "box")} == {"sbr"}
+        assert {tuple(choices(paths)[name]["mirrors"]) for name in ("sign", "box")} == {("road",)}
+        assert paths.diagnostics["predicted"]["tubes"] == budget
+    few = solve_paths(state, RADAR, POSE, tube_budget=int(cost[3.0]) - 1, channel_tolerance_db=0.3)
+    assert few.diagnostics["level_db"] == 3.0 and not few.diagnostics["met"]

@@ -15,7 +15,7 @@ from scarl_sionna.core.settings.auto import SbrLevel
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.fusion import Rig
-from scarl_sionna.radar.channel.compose.choose import sbr_settings
+from scarl_sionna.radar.channel.compose.choose import level_of
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import RIG
 
@@ -45,7 +45,6 @@ def test_every_number_cites_its_chart(path: str, text: str) -> None:
 
 NEW = {
     "auto.too_near": 2.5,
-    "auto.tubes.growth": 3.0,
     "auto.mirror_classes": ["Wall"],
     "mirrors.max_mirrors": 3,
     "raycast.cells_per_resolution": 1.0,
@@ -85,6 +84,6 @@ def test_levels_fall_and_what_is_finer_than_the_last_is_refused() -> None:
     with pytest.raises(ScarlError, match="fall"):
         ss.AutoSettings(levels=())
     rules = ss.AutoSettings(levels=(level, level.with_(tolerance_db=0.5, max_phase=0.3)))
-    assert [sbr_settings(tolerance, rules).max_phase for tolerance in (5.0, 1.0, 0.9)] == [1.0, 1.0, 0.3]
+    assert [level_of(tolerance, rules).max_phase for tolerance in (5.0, 1.0, 0.9)] == [1.0, 1.0, 0.3]
     with pytest.raises(ScarlError, match="at least 0.5 dB"):
-        sbr_settings(0.4, rules)
+        level_of(0.4, rules)

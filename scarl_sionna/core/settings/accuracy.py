@@ -38,9 +38,10 @@ class Accuracy(Spec):
         "not computed by 'auto'; docs/accuracy.md, what is left out",
     )
     tube_budget: int = Field(
-        300_000,
+        1_000_000,
         ge=0,
-        description="ray tubes that 'auto' may spend on physical optics in one solve; docs/accuracy.md, whole streets",
+        description="ray tubes that 'auto' may spend on physical optics in one solve: where they do not pay for "
+        "`channel_tolerance_db`, coarser levels are taken before anything is left out; docs/accuracy.md, budget",
     )
 
 

@@ -30,6 +30,12 @@ class SbrLevel(Spec):
         None, gt=0.0, le=math.pi, description="as in SbrSettings [rad]"
     )
     max_depth: int = Field(ge=1, le=32, description="number of bounces followed, as in SbrSettings")
+    growth: float = Field(
+        5.0,
+        ge=1.0,
+        description="number of tubes of all bounces over that of an object's faces, patches and edges: what a budget "
+        "counts; docs/accuracy.md, budget",
+    )
     patch_error: float = Field(
         0.1,
         ge=0.0,
@@ -40,7 +46,7 @@ class SbrLevel(Spec):
 class TubeEstimate(Spec):
     """How many ray tubes `sbr` will need for an object: what the budget is counted in.
 
-    num = growth^(bounces - 1) * (least + per_face * faces + per_patch * area / patch size^2
+    num = growth of the level * (least + per_face * faces + per_patch * area / patch size^2
     + per_edge * size / edge spacing * sqrt(faces / 100)); how right it is stands in docs/accuracy.md.
     """
 
@@ -50,9 +56,8 @@ class TubeEstimate(Spec):
     per_edge: float = Field(
         0.1, ge=0.0, description="number of tubes a step of the edge spacing along long edges; fit, not charted"
     )
-    growth: float = Field(1.5, ge=1.0, description="factor for each further bounce; fit, not charted")
     seconds: Seconds = Field(
-        3e-5, ge=0.0, description="processor time of a tube on one core of 2025 [s]; docs/accuracy.md, whole streets"
+        2e-5, ge=0.0, description="processor time of a tube on one core of 2025 [s]; docs/accuracy.md, whole streets"
     )
 
 
@@ -87,7 +92,8 @@ class AutoSettings(Spec):
                 integration_phase=0.2,
                 edge_share=0.25,
                 return_angle=0.8,
-                max_depth=4,
+                max_depth=5,
+                growth=3.0,
                 patch_error=0.08,
             ),
             SbrLevel(
@@ -96,17 +102,19 @@ class AutoSettings(Spec):
                 integration_phase=0.1,
                 edge_share=0.125,
                 return_angle=1.5,
-                max_depth=4,
+                max_depth=5,
+                growth=8.0,
                 patch_error=0.03,
             ),
             SbrLevel(
                 tolerance_db=0.3,
-                max_phase=0.4,
+                max_phase=0.6,
                 integration_phase=0.05,
                 edge_share=0.125,
                 sheet_share=0.05,
                 return_angle=2.0,
                 max_depth=5,
+                growth=17.0,
                 patch_error=0.01,
             ),
         ),
@@ -179,8 +187,12 @@ class AutoSettings(Spec):
     @model_validator(mode="before")
     @classmethod
     def _rules_before_whole_streets(cls, values: object) -> object:
-        """Leave out the rules of an earlier planner, as datasets of schema 2 state them: those of today hold."""
-        if not isinstance(values, dict) or not _EARLIER & set(values):
+        """Leave out the rules of earlier planners, as datasets of their time state them: those of today hold."""
+        if not isinstance(values, dict):
+            return values
+        tubes = values.get("tubes")
+        counted_by_depth = isinstance(tubes, dict) and "growth" in tubes
+        if not (_EARLIER & set(values) or counted_by_depth):
             return values
         return {name: value for name, value in values.items() if name not in _EARLIER | {"levels", "tubes"}}
 

@@ -92,7 +92,7 @@ class RadarSettings(Spec):
     def preset(cls, quality: str) -> RadarSettings:
         """Return the settings of a quality.
 
-        ``"full"`` are the defaults, ``"draft"`` has a quarter of the rays and a tenth of the tubes.
+        ``"full"`` are the defaults, ``"draft"`` has a quarter of the rays and a twentieth of the tubes.
 
         Raises
         ------
@@ -103,7 +103,7 @@ class RadarSettings(Spec):
             raise UnknownNameError("quality", quality, QUALITIES)
         if quality == "full":
             return cls()
-        return cls(raycast=RaycastSettings(num_rays=250_000), accuracy=Accuracy(tube_budget=30_000))
+        return cls(raycast=RaycastSettings(num_rays=250_000), accuracy=Accuracy(tube_budget=50_000))
 
     @classmethod
     def of(cls, method: str | None = None, **fields: object) -> RadarSettings:

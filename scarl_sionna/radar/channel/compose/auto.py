@@ -23,10 +23,12 @@ from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
-from .choose import Choice, View, choose, level_of
+from .budget import sbr_settings
+from .choose import Chosen, View, choose, level_of
 from .expected_error import expected_errors
 from .hybrid import solve_hybrid
 from .mirrors import Mirror, Way, mirrored, reaches
+from .spend import Choice
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World, WorldState
@@ -61,8 +63,9 @@ def solve_auto(
         ``diagnostics["choices"]`` says for every instance in view who computes it and why, over which mirrors, what
         error is expected, and by how much a reflection that is left out can change it [dB]; ``diagnostics["met"]``
         whether 90 % of the objects that can be detected are expected to keep the tolerance, and
-        ``diagnostics["expected_error_db"]`` what they keep; ``diagnostics["left_out"]`` what is not computed and how
-        much power it can hold.
+        ``diagnostics["expected_error_db"]`` what they keep; ``diagnostics["level_db"]`` the tolerance of the level that
+        was taken, a coarser one where the budget does not pay for that asked for; ``diagnostics["left_out"]`` what is
+        not computed and how much power it can hold.
 
     Raises
     ------
@@ -81,16 +84,18 @@ def solve_auto(
     """
     refuse_receiver("auto", receiver)
     start = time.perf_counter()
-    choices, plan = _planned(state, radar, mount, settings)
+    chosen, plan = _planned(state, radar, mount, settings)
+    choices = chosen.choices
     planned = time.perf_counter() - start
     paths = solve_hybrid(state, radar, mount, settings.with_(plan=plan))
-    errors = _errors(paths, radar, choices, settings)
+    errors = _errors(paths, radar, chosen, settings)
     met = _met(choices, errors, settings)
     _warn_of_tolerance(met, settings.accuracy.channel_tolerance_db)
     diagnostics = dict(paths.diagnostics)
     diagnostics |= {
         "method": "auto",
         "tolerance_db": settings.accuracy.channel_tolerance_db,
+        "level_db": chosen.level.tolerance_db,
         **met,
         "predicted": dict(plan.predicted),
         "choices": [
@@ -121,11 +126,10 @@ def plan_channel(
     return _planned(state, radar, Mount.of(mount), (settings or RadarSettings()).changed("auto", **fields))[1]
 
 
-def _errors(paths: RadarPaths, radar: RadarSpec, choices: list[Choice], settings: RadarSettings) -> dict[int, float]:
+def _errors(paths: RadarPaths, radar: RadarSpec, chosen: Chosen, settings: RadarSettings) -> dict[int, float]:
     """Return the expected error of the objects that are computed by physical optics [dB]."""
-    level = level_of(settings.accuracy.channel_tolerance_db, settings.auto)
-    numbers = [choice.item.number for choice in choices if choice.method == "sbr"]
-    return expected_errors(paths, radar, numbers, settings.auto.errors, level)
+    numbers = [choice.item.number for choice in chosen.choices if choice.method == "sbr"]
+    return expected_errors(paths, radar, numbers, settings.auto.errors, chosen.level)
 
 
 def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSettings) -> dict[str, Any]:
@@ -149,15 +153,13 @@ def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSett
     }
 
 
-def _planned(
-    state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings
-) -> tuple[list[Choice], ChannelPlan]:
+def _planned(state: WorldState, radar: RadarSpec, mount: Mount, settings: RadarSettings) -> tuple[Chosen, ChannelPlan]:
     """Return what becomes of each instance, and the plan of it."""
     level_of(settings.accuracy.channel_tolerance_db, settings.auto)  # refuses a tolerance that is too fine
     view = View(state, radar, mount, settings, loaded_models(settings.scatterers.models))
-    choices, mirrors = choose(view)
-    _warn_of_reflections(choices, view)
-    return choices, _plan(view, choices, mirrors)
+    chosen = choose(view)
+    _warn_of_reflections(chosen.choices, view)
+    return chosen, _plan(view, chosen)
 
 
 def _warn_of_reflections(choices: list[Choice], view: View) -> None:
@@ -197,14 +199,14 @@ def _warn_of_tolerance(met: Mapping[str, Any], tolerance_db: float) -> None:
     )
 
 
-def _plan(view: View, choices: list[Choice], mirrors: list[Mirror]) -> ChannelPlan:
-    echoing = _echoing(view)
+def _plan(view: View, chosen: Chosen) -> ChannelPlan:
+    choices, echoing = chosen.choices, _echoing(view)
     shares = []
     for solver, reason in (("sbr", "coherent bodies within the budget"), ("scatterers", "objects with a model")):
         own = [choice for choice in choices if choice.method == solver]
         if not own:
             continue
-        settings: Spec = view.sbr
+        settings: Spec = sbr_settings(chosen.level)
         if solver == "scatterers":
             models = {choice.item.name: view.models[choice.item.name] for choice in own}
             settings = view.settings.scatterers.with_(models=models)
@@ -220,9 +222,8 @@ def _plan(view: View, choices: list[Choice], mirrors: list[Mirror]) -> ChannelPl
     used = {view.instance(mirror) for choice in choices for mirror in choice.mirrors}
     used |= {view.instance(mirror) for mirror in echoing}
     tubes = sum(choice.cost for choice in choices)
-    tolerance = view.settings.accuracy.channel_tolerance_db
     seconds = round(tubes * view.rules.tubes.seconds, 2)
-    predicted = {"tubes": float(tubes), "cpu_seconds": seconds, "tolerance_db": tolerance}
+    predicted = {"tubes": float(tubes), "cpu_seconds": seconds, "tolerance_db": chosen.level.tolerance_db}
     return ChannelPlan(tuple(shares), tuple(sorted(used)), bool(echoing), left_out=left_out, predicted=predicted)
 
 

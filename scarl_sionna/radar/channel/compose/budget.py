@@ -11,7 +11,7 @@ import trimesh
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
+from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings, SbrLevel
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
@@ -152,16 +152,21 @@ def box_points(state: WorldState, number: int) -> Array:
     return world_from_box(state, info).apply(signs * info.size)
 
 
+def sbr_settings(level: SbrLevel) -> SbrSettings:
+    """Return the knobs of `sbr` at a level."""
+    return SbrSettings(**level.model_dump(exclude={"tolerance_db", "growth", "patch_error"}), max_turn=level.max_phase)
+
+
 def num_tubes(
-    item: Estimate, distance: float, radar: RadarSpec, settings: SbrSettings, rules: AutoSettings = DEFAULT_AUTO
+    item: Estimate, distance: float, radar: RadarSpec, level: SbrLevel, rules: AutoSettings = DEFAULT_AUTO
 ) -> int:
     """Return about how many tubes `sbr` traces for an object at a distance [m], by :class:`.TubeEstimate`."""
-    fit = rules.tubes
+    fit, settings = rules.tubes, sbr_settings(level)
     side = np.sqrt(4.0 * settings.max_phase * distance * radar.wavelength / (2.0 * np.pi))
     edges = item.size / settings.spacings(radar.wavelength, side)[1] * np.sqrt(item.num_faces / 100.0)
     patches = min(item.area, (3.0 * distance) ** 2) / side**2
     once = fit.least + fit.per_face * item.num_faces + fit.per_edge * edges + fit.per_patch * patches
-    return int(fit.growth ** (settings.max_depth - 1) * once)
+    return int(level.growth * once)
 
 
 def lit_points(state: WorldState, position: Array, number: int, count: int) -> Array:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -23,57 +23,11 @@ from scarl_sionna.radar.scatterers.model import ScattererModel
 from .budget import Estimate, estimate, num_tubes, surface_distance
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
-from .reflections import HIDDEN, Change, Sight, changes, sights
+from .reflections import changes, sights
+from .spend import Choice, spend
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
-
-
-@dataclass
-class Choice:
-    """What becomes of one instance.
-
-    Attributes
-    ----------
-    item : Estimate
-    method, reason : str
-    tubes : int
-        That it costs straight; each further pair of ways costs as much.
-    changes : list of Change
-        What mirrors do to it, as far as it exceeds the tolerance, or `smallest_change_db` where that is less, and is
-        above the floor, the largest first.
-    mirrors : list of Mirror
-        Of them, those that the budget pays for.
-    sight : Sight
-        The straight way.
-    over_budget : bool
-        Whether it is left to its class because its tubes are over the budget.
-    """
-
-    item: Estimate
-    method: str
-    reason: str
-    tubes: int = 0
-    changes: list[Change] = field(default_factory=list)
-    mirrors: list[Mirror] = field(default_factory=list)
-    sight: Sight = HIDDEN
-    over_budget: bool = False
-
-    @property
-    def without(self) -> Change | None:
-        """The reflection that is left out and can change it most, if there is one."""
-        left = (change for change in self.changes if change.mirror not in self.mirrors)
-        return next(left, None) if self.method in ("sbr", "scatterers") else None
-
-    @property
-    def cost(self) -> int:
-        """Tubes over all pairs of ways."""
-        return self.tubes * _num_pairs(len(self.mirrors))
-
-
-def _num_pairs(mirrors: int) -> int:
-    """Return the number of pairs of a way there and a way back, the reverse of each not counted."""
-    return (mirrors + 1) * (mirrors + 2) // 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +55,6 @@ class View:
         """Half of the longest length [m]."""
         limit = self.settings.max_distance
         return self.radar.max_range if limit is None else limit
-
-    @cached_property
-    def sbr(self) -> SbrSettings:
-        """Knobs of `sbr` for the tolerance asked for."""
-        return sbr_settings(self.settings.accuracy.channel_tolerance_db, self.rules)
 
     @cached_property
     def items(self) -> list[Estimate]:
@@ -156,14 +105,27 @@ def level_of(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrLeve
     return next(level for level in rules.levels if tolerance_db >= level.tolerance_db)
 
 
-def sbr_settings(tolerance_db: float, rules: AutoSettings = DEFAULT_AUTO) -> SbrSettings:
-    """Return the knobs of `sbr` for a tolerance [dB]; raises as :func:`level_of`."""
-    level = level_of(tolerance_db, rules)
-    return SbrSettings(**level.model_dump(exclude={"tolerance_db", "patch_error"}), max_turn=level.max_phase)
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """What becomes of all instances.
+
+    Attributes
+    ----------
+    choices : list of Choice
+    mirrors : list of Mirror
+        That serve them.
+    level : SbrLevel
+        How finely coherent bodies are computed: that of the tolerance, or the finest coarser one with which the budget
+        pays for all of them and for their reflections, or the coarsest.
+    """
+
+    choices: list[Choice]
+    mirrors: list[Mirror]
+    level: SbrLevel
 
 
-def choose(view: View) -> tuple[list[Choice], list[Mirror]]:
-    """Return what becomes of each instance, and the mirrors that serve it."""
+def choose(view: View) -> Chosen:
+    """Return what becomes of each instance, the mirrors that serve it, and how finely it is computed."""
     choices = {item.number: _one(view, item) for item in view.items}
     flat = {view.instance(mirror) for mirror in view.candidates}
     for choice in choices.values():
@@ -178,9 +140,28 @@ def choose(view: View) -> tuple[list[Choice], list[Mirror]]:
     mirrors = _look(view, [choice for choice in coherent if choice.item.distance < view.reach])
     for choice in coherent:
         _settle(view, choice)
-    served = {mirror.number for mirror in mirrors}
-    _spend(view, [choice for choice in choices.values() if choice.method in ("sbr", "scatterers")], served)
-    return list(choices.values()), mirrors
+    own = [choice for choice in choices.values() if choice.method in ("sbr", "scatterers")]
+    budget = view.settings.accuracy.tube_budget
+    finest = level_of(view.settings.accuracy.channel_tolerance_db, view.rules)
+    coarser = [level for level in view.rules.levels if level.tolerance_db > finest.tolerance_db]
+    for level in (finest, *reversed(coarser)):
+        cost = {choice.item.number: _num_tubes(view, choice, level) for choice in own}
+        if spend(own, cost, {mirror.number for mirror in mirrors}, budget):
+            break
+    for choice in own:
+        if choice.over_budget:
+            text = f"{choice.tubes} tubes are more than is left of the budget of {budget}: RCS by class"
+            choice.method, choice.reason, choice.tubes = "raycast", text, 0
+    return Chosen(list(choices.values()), mirrors, level)
+
+
+def _num_tubes(view: View, choice: Choice, level: SbrLevel) -> int:
+    """Return what a coherent object costs by one pair of ways at a level; nothing if no way leads to it."""
+    item = choice.item
+    if choice.method != "sbr" or (item.in_view and choice.sight.share == 0.0 and not choice.changes):
+        return 0
+    distance = choice.sight.nearest if choice.sight.share > 0.0 else item.distance
+    return num_tubes(item, distance, view.radar, level, view.rules)
 
 
 def _one(view: View, item: Estimate) -> Choice:
@@ -217,7 +198,7 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
     accuracy = view.settings.accuracy
     least = min(accuracy.channel_tolerance_db, view.rules.smallest_change_db)
     candidates = view.candidates
-    thin = pane_parts(view.state, view.radar.center_frequency, view.sbr.pane_loss_db)
+    thin = pane_parts(view.state, view.radar.center_frequency, SbrSettings().pane_loss_db)
     mirror_view = MirrorView(view.state, view.radar, view.mount, (), candidates, view.settings.mirrors, thin)
     seen = sights(mirror_view, [choice.item.number for choice in coherent], view.rules)
     gain: dict[int, float] = {}
@@ -237,41 +218,10 @@ def _look(view: View, coherent: list[Choice]) -> list[Mirror]:
 
 
 def _settle(view: View, choice: Choice) -> None:
-    """Say what a coherent object costs, and which is not lit at all."""
+    """Say which coherent object is not lit at all, and which only by mirrors."""
     item = choice.item
     if choice.method == "out of view":
         if choice.changes and item.size >= view.rules.smallest_body * view.radar.wavelength:
             choice.method, choice.reason = "sbr", "out of view, its ghosts are not"
     elif choice.method == "sbr" and choice.sight.share == 0.0 and not choice.changes:
         choice.reason = "hidden: only bounces of others reach it"
-        return
-    if choice.method == "sbr":
-        distance = choice.sight.nearest if choice.sight.share > 0.0 else item.distance
-        choice.tubes = num_tubes(item, distance, view.radar, view.sbr, view.rules)
-
-
-def _spend(view: View, coherent: Sequence[Choice], served: set[int]) -> None:
-    """Spend the budget: each object with the reflection that changes it most, then the others by what they change."""
-    left = view.settings.accuracy.tube_budget
-    further: list[tuple[Choice, Change]] = []
-    for choice in coherent:
-        if choice.tubes > left and choice.method == "sbr":
-            text = f"{choice.tubes} tubes are over the budget of {left} that is left: RCS by class"
-            choice.method, choice.reason, choice.tubes, choice.over_budget = "raycast", text, 0, True
-            continue
-        left -= choice.tubes
-        possible = [change for change in choice.changes if change.mirror.number in served]
-        for change in possible[:1]:
-            left -= _add(choice, change, left)
-        further += [(choice, change) for change in possible[1:]]
-    for choice, change in sorted(further, key=lambda pair: -pair[1].change_db):
-        left -= _add(choice, change, left)
-
-
-def _add(choice: Choice, change: Change, left: int) -> int:
-    """Add a mirror if the budget pays for it; return what it costs."""
-    more = choice.tubes * (_num_pairs(len(choice.mirrors) + 1) - _num_pairs(len(choice.mirrors)))
-    if more > left:
-        return 0
-    choice.mirrors.append(change.mirror)
-    return more

@@ -1,0 +1,224 @@
+"""How far an object's echo jumps when the plan of `auto` changes as the scene moves.
+
+    python benchmarks/jumps.py 0:6                      six frames of the ready scenes, a line of JSON a change
+    python benchmarks/jumps.py --write docs/accuracy.md     table from the results
+
+The radar moves 1 m ahead in steps of 1 mm, and the scene runs for 1 s in steps of 1 ms. As long as the plan stays, the
+echo moves as that of the reference. Where the plan changes, the same state is solved by the plan before and by the
+plan after: what an object's echo differs by is the jump that the planning adds, whatever the scene does meanwhile.
+Changes of plan are found on a grid of `GRID` steps and brought to one step by halving: one that is undone within them
+is not seen. Within a plan, echoes before and after single steps are compared at `PAIRS` random places of each move;
+what they differ by is the reference's own change and the solver's noise together.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import scarl_sionna as ss
+from benchmarks.harness import machine
+from benchmarks.street_scenes import PLACES, street
+from benchmarks.whole_streets import RADAR, echoes
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.settings.plan import ChannelPlan
+from scarl_sionna.engine.world import WorldState
+from scarl_sionna.radar.channel import plan_channel, solve_paths
+
+RESULTS = Path("docs/figures/data/jumps.jsonl")
+STEPS, GRID = 1000, 50
+"""Steps of 1 mm or 1 ms, and those between two plans of the first search."""
+REACH = 30.0
+TOLERANCE = 1.0
+PAIRS = 2
+COUNTED_DB = 10.0
+"""Objects this far over the noise of a cell are counted."""
+
+At = Callable[[int], tuple[WorldState, Mount]]
+
+
+def moves(seed: int) -> dict[str, At]:
+    """Return the state and the radar's mount after a number of steps of 1 mm, and of 1 ms."""
+    first = street(seed)
+    pose = first.mount.pose
+    world, begin = first.state.world, first.state.time
+    on_ego = first.state.actor_pose("ego").inverse().compose(pose)
+
+    def ahead(step: int) -> tuple[WorldState, Mount]:
+        moved = ss.Pose(pose.apply(np.array([1e-3 * step, 0.0, 0.0])), pose.quaternion)
+        return first.state, replace(first.mount, pose=moved)
+
+    def later(step: int) -> tuple[WorldState, Mount]:
+        state = world.at(begin + 1e-3 * step)
+        return state, state.mount("ego", on_ego)
+
+    return {"1 mm": ahead, "1 ms": later}
+
+
+def signature(plan: ChannelPlan) -> dict[int, tuple[str, tuple[int, ...]]]:
+    """Return the solver of each instance and the mirrors that it is seen over."""
+    found: dict[int, tuple[str, tuple[int, ...]]] = {}
+    for share in plan.shares:
+        over: dict[int, tuple[int, ...]] = {}
+        for reflection in share.reflections:
+            for number in reflection.instances:
+                over[int(number)] = tuple(int(mirror) for mirror in reflection.mirrors)
+        for number in share.instances:
+            found[int(number)] = (share.solver, over.get(int(number), ()))
+    return found
+
+
+def only(plan: ChannelPlan, numbers: list[int]) -> ChannelPlan:
+    """Return the part of a plan that computes some instances."""
+    shares = []
+    for share in plan.shares:
+        own = tuple(number for number in map(int, share.instances) if number in numbers)
+        over = [
+            replace(item, instances=tuple(number for number in item.instances if number in own))
+            for item in share.reflections
+        ]
+        if own:
+            kept = tuple(item for item in over if item.instances)
+            shares.append(replace(share, instances=own, reflections=kept, through_mirrors=bool(kept)))
+    return replace(plan, shares=tuple(shares), echoes=False)
+
+
+class Walk:
+    """One move of one place: its plans, made when they are asked for."""
+
+    def __init__(self, at: At) -> None:
+        self.at = at
+        self.plans: dict[int, ChannelPlan] = {}
+
+    def plan(self, step: int) -> ChannelPlan:
+        """Return the plan after some steps."""
+        if step not in self.plans:
+            state, mount = self.at(step)
+            self.plans[step] = plan_channel(state, RADAR, mount, channel_tolerance_db=TOLERANCE, max_distance=REACH)
+        return self.plans[step]
+
+    def changes(self, low: int, high: int) -> list[int]:
+        """Return steps between two at which the plan is another than a step before."""
+        if signature(self.plan(low)) == signature(self.plan(high)):
+            return []
+        if high - low == 1:
+            return [high]
+        middle = (low + high) // 2
+        return self.changes(low, middle) + self.changes(middle, high)
+
+    def jump(self, step: int) -> list[dict[str, Any]]:
+        """Return what echoes differ by between the plan before a step and that after it, in the state after it."""
+        before, after = self.plan(step - 1), self.plan(step)
+        old, new = signature(before), signature(after)
+        state, mount = self.at(step)
+        changed = sorted(number for number in new if new[number] != old.get(number, ("none", ())))
+        both = [
+            echoes(solve_paths(state, RADAR, mount, "hybrid", plan=only(plan, changed), max_distance=REACH), changed)
+            for plan in (before, after)
+        ]
+        table = state.world.instances
+        return [
+            {
+                "instance": table[number].name,
+                "class": table[number].semantic,
+                "before": list(map(str, old.get(number, ("none", ())))),
+                "after": list(map(str, new[number])),
+                "level_db": round(max(both[0][number], both[1][number]), 2),
+                "jump_db": round(abs(both[0][number] - both[1][number]), 2),
+            }
+            for number in changed
+            if max(both[0][number], both[1][number]) > COUNTED_DB
+        ]
+
+    def step_db(self, step: int) -> list[float]:
+        """Return what the echoes of all coherent objects change by in one step, with the plan before it [dB]."""
+        plan = self.plan(step)
+        numbers = sorted(number for number, (solver, _) in signature(plan).items() if solver == "sbr")
+        both = [
+            echoes(solve_paths(*self._problem(place), "hybrid", plan=plan, max_distance=REACH), numbers)
+            for place in (step, step + 1)
+        ]
+        return [
+            round(abs(both[0][number] - both[1][number]), 2)
+            for number in numbers
+            if max(both[0][number], both[1][number]) > COUNTED_DB
+        ]
+
+    def _problem(self, step: int) -> tuple[WorldState, ss.RadarSpec, Mount]:
+        state, mount = self.at(step)
+        return state, RADAR, mount
+
+
+def solve(seed: int) -> dict[str, Any]:
+    """Return the line of one place."""
+    line: dict[str, Any] = {"seed": seed, "name": street(seed).name, "moves": {}}
+    for name, at in moves(seed).items():
+        walk, start = Walk(at), time.process_time()
+        marks = list(range(0, STEPS, GRID)) + [STEPS]
+        steps = [step for low, high in pairwise(marks) for step in walk.changes(low, high)]
+        found = [{"step": step, "objects": walk.jump(step)} for step in steps]
+        rng = np.random.default_rng([3, seed])
+        within = [value for step in rng.integers(0, STEPS, PAIRS) for value in walk.step_db(int(step))]
+        seconds = round(time.process_time() - start)
+        line["moves"][name] = {"changes": found, "within": within, "plans": len(walk.plans), "cpu": seconds}
+    return line
+
+
+def report(lines: list[dict[str, Any]]) -> str:
+    """Return the markdown of the results."""
+    text = [
+        f"`python benchmarks/jumps.py 0:{len(lines)}`, tolerance {TOLERANCE:g} dB, default budget, within {REACH:g} m, "
+        f"{lines[-1]['machine']}.",
+        "",
+        "| place | move | changes of plan in 1,000 steps | echoes 10 dB over the noise that they touch | of them above "
+        "0.5 dB | largest jump [dB] | echoes within a plan, largest change in a step [dB] |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for line in lines:
+        for name, move in line["moves"].items():
+            jumps = [item["jump_db"] for change in move["changes"] for item in change["objects"]]
+            above = sum(jump > 0.5 for jump in jumps)
+            largest = f"{max(jumps):.2f}" if jumps else "none"
+            within = f"{len(move['within'])}, {max(move['within'], default=0.0):.2f}"
+            cells = [line["name"], name, len(move["changes"]), len(jumps), above, largest, within]
+            text.append("| " + " | ".join(map(str, cells)) + " |")
+    return "\n".join(text)
+
+
+def main() -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("seeds", nargs="?", default=f"0:{len(PLACES)}", help="first:last, the last not included")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--write", type=Path, metavar="PAGE")
+    arguments = parser.parse_args()
+    if arguments.write is not None:
+        lines = [json.loads(line) for line in arguments.out.read_text().splitlines()]
+        begin, end = "<!-- begin jumps -->", "<!-- end jumps -->"
+        text = arguments.write.read_text(encoding="utf-8")
+        block = f"{begin}\n{report(lines)}\n{end}"
+        arguments.write.write_text(re.sub(f"{begin}.*?{end}", lambda _: block, text, flags=re.DOTALL), encoding="utf-8")
+        return
+    warnings.simplefilter("ignore")
+    for seed in range(*map(int, arguments.seeds.split(":"))):
+        line = {**solve(seed), "machine": machine()}
+        with arguments.out.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+        print(report([line]).splitlines()[-2:], flush=True)
+
+
+if __name__ == "__main__":
+    main()
