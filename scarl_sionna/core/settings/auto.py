@@ -70,6 +70,25 @@ class ErrorEstimate(Spec):
         description="field of what bounces on, relative to that of the last bounce followed: a "
         "ratio; docs/accuracy.md, expected error",
     )
+    median: float = Field(
+        0.15,
+        gt=0.0,
+        description="half of the objects are off by less than this part of their expected error: a ratio; "
+        "docs/accuracy.md, expected error",
+    )
+    tail: float = Field(
+        1.27,
+        gt=0.0,
+        description="exponent by which the odds of being within an error grow with it: a number; docs/accuracy.md, "
+        "expected error",
+    )
+    confidence: float = Field(
+        0.8,
+        gt=0.0,
+        lt=1.0,
+        description="probability with which the error is kept that a solve states: a ratio; docs/accuracy.md, expected "
+        "error",
+    )
     by_class_db: Decibels = Field(
         8.0,
         ge=0.0,

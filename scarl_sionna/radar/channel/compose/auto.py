@@ -25,7 +25,7 @@ from scarl_sionna.radar.scatterers.model import loaded_models
 
 from .budget import sbr_settings
 from .choose import Chosen, View, choose, level_of
-from .expected_error import expected_errors
+from .expected_error import expected_errors, kept_error
 from .hybrid import solve_hybrid
 from .mirrors import Mirror, Way, mirrored, reaches
 from .spend import Choice
@@ -135,20 +135,20 @@ def _errors(paths: RadarPaths, radar: RadarSpec, chosen: Chosen, settings: Radar
 def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSettings) -> dict[str, Any]:
     """Return whether the objects that can be seen are within the tolerance, and the error that 90 % of them keep."""
     accuracy, rules = settings.accuracy, settings.auto
-    found = []
+    found, bounds = [], []
     for choice in choices:
         item = choice.item
         if item.expected_db < rules.counts_from_db or not (item.is_coherent and item.info.is_object):
             continue
         if choice.over_budget:
-            found.append(rules.errors.by_class_db)
+            bounds.append(rules.errors.by_class_db)
         elif choice.method == "sbr" and item.number in errors:
             left = 0.0 if choice.without is None else float(choice.without.change_db)
-            found.append(max(errors[item.number], left))
-    expected = float(np.quantile(found, ENOUGH, method="inverted_cdf")) if found else 0.0
+            (bounds if left > errors[item.number] else found).append(max(errors[item.number], left))
+    expected = kept_error(found, bounds, ENOUGH, rules.errors)
     return {
-        "expected_error_db": round(min(expected, 99.0), 2),
-        "num_counted": len(found),
+        "expected_error_db": round(expected, 2),
+        "num_counted": len(found) + len(bounds),
         "met": expected <= accuracy.channel_tolerance_db,
     }
 

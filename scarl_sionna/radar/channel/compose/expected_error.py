@@ -15,6 +15,8 @@ from scarl_sionna.radar.paths import RadarPaths
 Array = npt.NDArray[np.float64]
 
 
+LEAST_DB, MOST_DB = 1e-3, 99.0
+"""Range of the errors that are reported [dB]: what is beyond is not told apart."""
 NUM_FREQUENCIES = 16
 """At which an object's field is summed over the band: its power is their mean, whatever range cells it fills."""
 
@@ -58,6 +60,59 @@ def expected_errors(
     error = 20.0 * np.log10(1.0 + np.sqrt(square))
     met = np.bincount(place, minlength=count) > 0
     return {number: float(error[k]) for k, number in enumerate(sorted(numbers)) if met[k]}
+
+
+def kept_error(errors: Sequence[float], bounds: Sequence[float], share: float, fit: ErrorEstimate) -> float:
+    r"""Return the error that a share of objects keeps with a probability of `fit.confidence` [dB].
+
+    Parameters
+    ----------
+    errors : sequence of float
+        Expected error of the objects that are computed [dB], see :func:`expected_errors`.
+    bounds : sequence of float
+        Error of the others, which is certain [dB].
+    share : float
+        Of all objects, 0 to 1.
+    fit : ErrorEstimate
+        How the errors that were found are distributed about those expected.
+
+    Notes
+    -----
+    An object whose expected error is e is taken to be off by at most x with the probability
+
+    .. math:: F = \frac{1}{1 + (m e / x)^a}
+
+    independently of the others (log-logistic, median m e): most objects are off by far less than expected, and one in
+    twenty by more. The number of objects beyond x is then a sum of independent trials of different odds.
+
+    References
+    ----------
+    .. [1] Y. H. Wang, "On the number of successes in independent trials", Statistica Sinica 3(2), 1993.
+    """
+    computed, certain = np.asarray(errors, dtype=np.float64), np.asarray(bounds, dtype=np.float64)
+    count = len(computed) + len(certain)
+    if count == 0:
+        return 0.0
+    allowed = count - int(np.ceil(share * count - 1e-9))
+
+    def is_kept(most: float) -> bool:
+        left = allowed - int(np.count_nonzero(certain > most))
+        if left < 0:
+            return False
+        beyond = np.zeros(len(computed) + 1)  # probability of so many objects beyond
+        beyond[0] = 1.0
+        for miss in 1.0 - 1.0 / (1.0 + (fit.median * computed / most) ** fit.tail):
+            beyond[1:] = beyond[1:] * (1.0 - miss) + beyond[:-1] * miss
+            beyond[0] *= 1.0 - miss
+        return bool(beyond[: left + 1].sum() >= fit.confidence)
+
+    low, high = LEAST_DB, MOST_DB
+    if is_kept(low) or not is_kept(high):
+        return low if is_kept(low) else high
+    while high / low > 1.001:
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if is_kept(middle) else (middle, high)
+    return high
 
 
 def owners(paths: RadarPaths, numbers: Sequence[int]) -> npt.NDArray[np.int64]:
