@@ -135,7 +135,8 @@ def _errors(paths: RadarPaths, radar: RadarSpec, chosen: Chosen, settings: Radar
 def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSettings) -> dict[str, Any]:
     """Return whether the objects that can be seen are within the tolerance, and the error that 90 % of them keep."""
     accuracy, rules = settings.accuracy, settings.auto
-    found, bounds = [], []
+    found: list[float] = []
+    bounds: list[float] = []
     for choice in choices:
         item = choice.item
         if item.expected_db < rules.counts_from_db or not (item.is_coherent and item.info.is_object):
