@@ -195,7 +195,7 @@ class AutoSettings(Spec):
         description="semantic classes whose large flat static faces act as mirrors; docs/accuracy.md, wall and two-ray",
     )
     smallest_change_db: Decibels = Field(
-        1.0,
+        0.5,
         ge=0.0,
         description="reflections that can change an object by more than this, by image theory, are computed also where "
         "the tolerance is coarser: a body may turn a flash to the mirror and none to the radar [dB]; docs/accuracy.md, "
