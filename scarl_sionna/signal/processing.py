@@ -18,6 +18,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
 
 from .noise import cell_noise_power
+from .uneven import doppler_matrix, middle_time, over_range, stepped_map
 from .windows import window_values
 
 if TYPE_CHECKING:
@@ -244,12 +245,13 @@ def range_doppler(
     data = np.empty((radar.num_virtual, num_doppler, num_range), dtype=np.complex64)
     for tx in range(radar.num_tx):
         factor = _motion_compensation(radar, num_doppler, tx) if compensate_motion else None
+        taper = fast if factor is None else factor * fast
         for channel in range(tx * radar.num_rx, (tx + 1) * radar.num_rx):
-            tapered = np.asarray(cube[channel], dtype=np.complex64) * slow[:, None]
-            rows = scipy.fft.fft(tapered, num_doppler, axis=0, workers=-1, overwrite_x=True)
-            rows = np.fft.fftshift(rows, axes=0)
-            rows *= fast if factor is None else factor * fast
-            data[channel] = scipy.fft.fft(rows, num_range, axis=1, workers=-1, overwrite_x=True)
+            samples = np.asarray(cube[channel], dtype=np.complex64)
+            if radar.waveform.chirp_frequencies is not None:
+                data[channel] = stepped_map(samples, radar, slow, taper, (num_doppler, num_range), compensate_motion)
+                continue
+            data[channel] = over_range(_over_doppler(samples, radar, slow, num_doppler) * taper, radar, num_range)
     return RangeDoppler(
         data=data,
         range=range_axis(radar, num_range),
@@ -258,6 +260,16 @@ def range_doppler(
         window=("rect" if window is None else window, "rect" if doppler_window is None else doppler_window),
         noise_power=cell_noise_power(radar, window, doppler_window),
     )
+
+
+def _over_doppler(
+    samples: npt.NDArray[np.complex64], radar: RadarSpec, window: npt.NDArray[np.float32], num_doppler: int
+) -> npt.NDArray[np.complex64]:
+    """Return the spectrum over slow time, rising; shape (num_doppler, num_samples)."""
+    if radar.waveform.chirp_delays is not None:
+        return np.asarray(doppler_matrix(radar, window, num_doppler) @ samples)
+    rows = scipy.fft.fft(samples * window[:, None], num_doppler, axis=0, workers=-1, overwrite_x=True)
+    return np.asarray(np.fft.fftshift(rows, axes=0))
 
 
 def _bins(name: str, asked: int | None, least: int) -> int:
@@ -276,7 +288,7 @@ def _motion_compensation(radar: RadarSpec, num_doppler: int, tx: int) -> npt.NDA
     tx_delay = radar.tx_delay(tx)
     sample = np.arange(radar.num_samples)
     ts_middle = (radar.num_samples - 1) / (2.0 * radar.sample_rate)
-    middle = (radar.num_chirps - 1) / 2.0 * radar.doppler_interval + ts_middle + tx_delay
-    shift = doppler * (1.0 + radar.waveform.chirp_slope * middle / radar.center_frequency)
+    middle = middle_time(radar) + tx_delay
+    shift = doppler * (1.0 + radar.waveform.sweep.slope * middle / radar.center_frequency)
     cycles = shift[:, None] * (sample / radar.sample_rate - ts_middle)[None, :] + (doppler * tx_delay)[:, None]
     return np.exp(-2j * np.pi * cycles).astype(np.complex64)

@@ -213,6 +213,8 @@ def label_cells(
     method : {"spread", "synthesis"}
         ``"spread"`` puts each path's field onto the cells of the windows' main lobes. ``"synthesis"`` makes the raw
         data of each instance alone and transforms it: exact, sidelobes included, one synthesis for each instance.
+        Chirps with carriers of their own have no lobe that is a product over range and Doppler: they are always
+        synthesized.
 
     Returns
     -------
@@ -239,7 +241,8 @@ def label_cells(
     if method not in ("spread", "synthesis"):
         raise ParameterRangeError("method", repr(method), "'spread' or 'synthesis'")
     labels = label_paths(paths, state)
-    table = CellSpread.of(rd, paths) if method == "spread" else None
+    stepped = rd.radar.waveform.chirp_frequencies is not None
+    table = CellSpread.of(rd, paths) if method == "spread" and not stepped else None
     cells, powers, rows = [], [], []
     groups = _groups(labels)
     for number in range(len(groups.key)):

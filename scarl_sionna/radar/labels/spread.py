@@ -64,6 +64,7 @@ class PathCells:
     kept: npt.NDArray[np.bool_]
     range_lobe: Array
     doppler_lobe: Array
+    doppler_window: Array
     terms: PairTerms
 
     @classmethod
@@ -85,16 +86,18 @@ class PathCells:
             kept=length < 2.0 * radar.max_range,
             range_lobe=main_lobe(window, radar.num_samples),
             doppler_lobe=main_lobe(doppler_window, radar.num_chirps),
+            doppler_window=window_values(doppler_window, radar.num_chirps),
             terms=terms,
         )
 
     def range_bin(self, index: Index, doppler: float | Array) -> Array:
         """Return the places over range in the row of a Doppler frequency [Hz], not padded, modulo num_samples."""
         radar = self.radar
-        coupling = 1.0 + radar.waveform.chirp_slope * FrameGrid(radar).center_time(0) / radar.center_frequency
+        slope = radar.waveform.sweep.slope
+        coupling = 1.0 + slope * FrameGrid(radar).center_time(0) / radar.center_frequency
         removed = np.asarray(doppler) * coupling * radar.num_samples / radar.sample_rate
         beat = self.beat_bin[index].reshape((-1,) + (1,) * (removed.ndim - 1))
-        return np.mod(beat - removed, radar.num_samples)
+        return np.mod(np.copysign(1.0, slope) * (beat - removed), radar.num_samples)
 
     def fields(self, index: Index, doppler: float | Array) -> npt.NDArray[np.complex128]:
         """Return beat amplitudes with their phases at mid-frame [sqrt(W)], shape (len(index), num_virtual).
@@ -118,14 +121,28 @@ class PathCells:
                 out[:, tx * radar.num_rx + rx] = amplitude * phasor(cycles)
         return out
 
+    def _stepped_lobe(self, x: Array, y: Array) -> Array:
+        """Return how well a tone `x` range and `y` Doppler bins off adds up over chirps with own carriers."""
+        radar = self.radar
+        steps, chirp = np.asarray(radar.waveform.chirp_frequencies), np.arange(radar.num_chirps)
+        cycles = np.outer(y / radar.num_chirps, chirp) + np.outer(x / radar.sampled_bandwidth, steps)
+        return np.asarray(np.abs(phasor(cycles) @ self.doppler_window))
+
     def near(self, distance: float, radial_velocity: float) -> tuple[Index, Array]:
         """Return the paths whose main lobe covers a range [m] and a velocity [m/s], and the lobe's value there."""
         radar = self.radar
         doppler = 2.0 * radial_velocity * radar.center_frequency / SPEED_OF_LIGHT
         y = _wrapped(doppler * radar.doppler_interval * radar.num_chirps - self.doppler_bin, radar.num_chirps)
-        index = np.flatnonzero((np.abs(y) * _STEPS_PER_BIN < len(self.doppler_lobe)) & self.kept)
+        steps = radar.waveform.chirp_frequencies
+        wide = np.inf if steps is not None else len(self.doppler_lobe)
+        index = np.flatnonzero((np.abs(y) * _STEPS_PER_BIN < wide) & self.kept)
         x = _wrapped(distance / radar.range_resolution - self.range_bin(index, doppler), radar.num_samples)
-        weight = _lobe_at(self.range_lobe, x) * _lobe_at(self.doppler_lobe, y[index])
+        weight = _lobe_at(self.range_lobe, x)
+        if steps is None:
+            weight *= _lobe_at(self.doppler_lobe, y[index])
+        else:
+            index, x, weight = index[weight != 0.0], x[weight != 0.0], weight[weight != 0.0]
+            weight *= self._stepped_lobe(x, y[index])
         return index[weight != 0.0], weight[weight != 0.0]
 
 
