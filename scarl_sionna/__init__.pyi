@@ -22,6 +22,7 @@ from .core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, Tabl
 from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
 from .core.specs.lighting import Lighting
 from .core.specs.radar.array import AntennaArray
+from .core.specs.radar.coded import Ofdm, Pmcw
 from .core.specs.radar.converter import Adc
 from .core.specs.radar.front_end import FrontEnd
 from .core.specs.radar.multiplexing import IdealMimo, Tdm
@@ -74,6 +75,8 @@ __all__ = [
     "BrownConrady",
     "CameraSpec",
     "Fmcw",
+    "Ofdm",
+    "Pmcw",
     "Dataset",
     "Frame",
     "FrontEnd",

@@ -15,9 +15,11 @@ from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.units import watt_to_dbm
 
 from .noise import cell_noise_power
+from .receivers import channel_of, range_weights
 from .uneven import doppler_matrix, middle_time, over_range, stepped_map
 from .windows import window_values
 
@@ -161,7 +163,7 @@ def range_axis(radar: RadarSpec, num_range_bins: int | None = None) -> Array:
     ----------
     .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
-    count = radar.num_samples if num_range_bins is None else num_range_bins
+    count = radar.num_range_bins if num_range_bins is None else num_range_bins
     return np.arange(count, dtype=np.float64) * (radar.max_range / count)
 
 
@@ -221,6 +223,9 @@ def range_doppler(
     ``exp(-2j pi nu t_i)``. Both use the row's own velocity, so a target beyond the unambiguous velocity comes out at
     an aliased velocity **and** a range that is off by the corresponding amount.
 
+    Of symbols (OFDM, phase codes) the receiver takes the channel first, by division or correlation: all tones at one
+    time, so that the coupling ``nu`` is not there.
+
     What is left is the smear by migration within the frame, symmetric about the point, and a scale error of the
     velocity of ``S tau / f_c``, 2e-4 at the largest range of the default radar.
 
@@ -237,21 +242,22 @@ def range_doppler(
             f"shape {expected} = (num_virtual, num_chirps, num_samples)",
             "make it with virtual_cube",
         )
-    num_range = _bins("num_range_bins", num_range_bins, radar.num_samples)
+    seen = seen_by(radar)
+    num_range = _bins("num_range_bins", num_range_bins, seen.num_samples)
     num_doppler = _bins("num_doppler_bins", num_doppler_bins, radar.num_chirps)
     doppler_window = window if doppler_window is None else doppler_window
-    fast = window_values(window, radar.num_samples).astype(np.float32)
+    fast = range_weights(radar, window).astype(np.float32)
     slow = window_values(doppler_window, radar.num_chirps).astype(np.float32)
     data = np.empty((radar.num_virtual, num_doppler, num_range), dtype=np.complex64)
     for tx in range(radar.num_tx):
-        factor = _motion_compensation(radar, num_doppler, tx) if compensate_motion else None
+        factor = _motion_compensation(seen, num_doppler, tx) if compensate_motion else None
         taper = fast if factor is None else factor * fast
         for channel in range(tx * radar.num_rx, (tx + 1) * radar.num_rx):
-            samples = np.asarray(cube[channel], dtype=np.complex64)
+            samples = channel_of(cube[channel], radar)
             if radar.waveform.chirp_frequencies is not None:
                 data[channel] = stepped_map(samples, radar, slow, taper, (num_doppler, num_range), compensate_motion)
                 continue
-            data[channel] = over_range(_over_doppler(samples, radar, slow, num_doppler) * taper, radar, num_range)
+            data[channel] = over_range(_over_doppler(samples, seen, slow, num_doppler) * taper, seen, num_range)
     return RangeDoppler(
         data=data,
         range=range_axis(radar, num_range),

@@ -14,7 +14,8 @@ Complex = npt.NDArray[np.complex64]
 
 def middle_time(radar: RadarSpec) -> float:
     """Return the time of the middle sample of the first transmitter's middle chirp [s]."""
-    in_chirp = radar.waveform.sweep.first + (radar.num_samples - 1) / (2.0 * radar.sample_rate)
+    sweep = radar.waveform.sweep
+    in_chirp = sweep.wait + sweep.first + (radar.num_samples - 1) / (2.0 * radar.sample_rate)
     return (radar.num_chirps - 1) / 2.0 * radar.doppler_interval + in_chirp
 
 
@@ -38,9 +39,9 @@ def doppler_matrix(radar: RadarSpec, window: npt.NDArray[np.float32], num_dopple
 
 def _chirp_times(radar: RadarSpec) -> Array:
     """Return the starts of the first transmitter's chirps [s]."""
-    even = np.arange(radar.num_chirps) * radar.doppler_interval
+    even = np.arange(radar.num_chirps, dtype=np.float64) * radar.doppler_interval
     late = radar.waveform.chirp_delays
-    return even if late is None else np.asarray(even + np.asarray(late), dtype=np.float64)
+    return even if late is None else even + np.asarray(late)
 
 
 def stepped_map(

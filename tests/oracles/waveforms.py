@@ -39,3 +39,38 @@ def dechirped(position, velocity, starts, ts, carriers, slope):
         return carriers * theta + np.longdouble(slope) * theta * theta / 2
 
     return strength * turns(cycles(ts) - cycles(ts - delay.astype(np.longdouble)))
+
+
+def symbol_train(symbols, tones, interval, prefix, period, time):
+    """Return what is sent at times [s] of any shape: sums of tones, each symbol after its prefix; nothing between.
+
+    `symbols` are strengths, shape (num_symbols, num_tones), `tones` frequencies [Hz].
+    """
+    out = np.zeros(np.shape(time), complex)
+    for number, strengths in enumerate(symbols):
+        after = time - number * interval - prefix
+        on = (after >= -prefix) & (after < period)
+        for strength, tone in zip(strengths, tones, strict=True):
+            out[on] += strength * turns(tone * after[on].astype(np.longdouble))
+    return out
+
+
+def chip_train(chips, chip_rate, time):
+    """Return a periodic phase code in its band at times [s]: chips are pulses of all its lines, in closed form.
+
+    The lines are those from -length // 2 on.
+    """
+    length = len(chips)
+    out = np.zeros(np.shape(time), complex)
+    for number, chip in enumerate(chips):
+        place = np.mod(time * chip_rate - number, length)
+        place = np.where(np.abs(place - np.rint(place)) < 1e-9, np.rint(place) + 1e-9, place)
+        pulse = (np.exp(2j * np.pi * place) - 1.0) / (np.exp(2j * np.pi * place / length) - 1.0) / length
+        out += chip * pulse * np.exp(-2j * np.pi * (length // 2) * place / length)
+    return out
+
+
+def received(position, velocity, times, carrier, sent):
+    """Return what arrives of `sent` (a function of time), mixed with the carrier, for times of any shape."""
+    delay, strength = retarded(position, velocity, times)
+    return strength * sent(times - delay) * turns(-np.longdouble(carrier) * delay.astype(np.longdouble))

@@ -21,6 +21,9 @@ WAVEFORMS = {
     "late": ss.Fmcw(**RAMP, adc_start_time=5e-6),
     "jitter": ss.Fmcw(**RAMP, chirp_jitter=4e-6),
     "step": ss.Fmcw(**RAMP, frequency_step=1e6),
+    "ofdm": ss.Ofdm(num_chirps=32, num_subcarriers=64),
+    "comb": ss.Ofdm(num_chirps=32, num_subcarriers=128, comb=2, pilot_spacing=1),
+    "pmcw": ss.Pmcw(num_chirps=32, code_length=127, chip_rate=150e6, repetitions=4),
 }
 
 

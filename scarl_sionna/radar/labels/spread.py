@@ -11,12 +11,15 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.specs.radar.coded import is_coded
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
 from scarl_sionna.signal.processing import RangeDoppler
+from scarl_sionna.signal.receivers import response_weights
 from scarl_sionna.signal.windows import window_values
 
 Array = npt.NDArray[np.float64]
@@ -29,7 +32,12 @@ _CELLS_PER_BLOCK = 1_000_000
 @lru_cache(maxsize=32)
 def main_lobe(window: str, count: int) -> Array:
     """Return a window's transform from 0 to its first minimum, `_STEPS_PER_BIN` values a bin; 1 at 0, real."""
-    values = window_values(window, count)
+    return lobe_of(window_values(window, count))
+
+
+def lobe_of(values: Array) -> Array:
+    """Return the transform of weights, the real part about their middle, as :func:`main_lobe` does."""
+    count = len(values)
     position = np.arange(count) - (count - 1) / 2.0
     for reach in range(1, count + 2):
         offset = np.arange(reach * _STEPS_PER_BIN + 2) / _STEPS_PER_BIN
@@ -56,6 +64,8 @@ class PathCells:
         is within [0, num_chirps), 0 at rest.
     kept : ndarray of bool, shape (num_paths,)
         False for paths that the receiver's filter removes.
+    loss : ndarray of float64, shape (num_paths,)
+        What Doppler within the window of a symbol leaves of the amplitude; 1 for ramps.
     """
 
     radar: RadarSpec
@@ -65,6 +75,7 @@ class PathCells:
     range_lobe: Array
     doppler_lobe: Array
     doppler_window: Array
+    loss: Array
     terms: PairTerms
 
     @classmethod
@@ -74,6 +85,8 @@ class PathCells:
         """Return the places of paths, as `range_doppler` has them after its compensation of motion."""
         window = "rect" if window is None else window
         doppler_window = window if doppler_window is None else doppler_window
+        response, waveform, radar = response_weights(radar, window), radar.waveform, seen_by(radar)
+        seconds = waveform.repetitions / waveform.spacing if is_coded(waveform) else 0.0
         terms = PairTerms.of(paths, radar)
         length = terms.geometry.center_length()
         grid = FrameGrid(radar)
@@ -83,10 +96,11 @@ class PathCells:
             radar=radar,
             beat_bin=over_x * radar.num_samples / radar.sample_rate,
             doppler_bin=doppler_bin,
-            kept=length < 2.0 * radar.max_range,
-            range_lobe=main_lobe(window, radar.num_samples),
+            kept=(length < 2.0 * radar.max_range) | (not radar.waveform.sweep.video),
+            range_lobe=lobe_of(response),
             doppler_lobe=main_lobe(doppler_window, radar.num_chirps),
             doppler_window=window_values(doppler_window, radar.num_chirps),
+            loss=np.sinc(over_y * seconds),
             terms=terms,
         )
 
@@ -118,7 +132,7 @@ class PathCells:
                 cycles = grid.expand(*delay_terms(*self.terms.start(tx, rx)), tx)[0]
                 grown = self.terms.growth(tx, rx, grid.center_time(tx))
                 amplitude = self.terms.geometry.pair_amplitude(tx, rx) * grown
-                out[:, tx * radar.num_rx + rx] = amplitude * phasor(cycles)
+                out[:, tx * radar.num_rx + rx] = amplitude * self.loss * phasor(cycles)
         return out
 
     def _stepped_lobe(self, x: Array, y: Array) -> Array:

@@ -106,12 +106,14 @@ class FrameGrid:
     def starts(self, tx: int) -> Array:
         """Return when a transmitter's chirps start in the frame [s], shape (num_chirps,)."""
         even = np.arange(self.radar.num_chirps, dtype=np.float64) * self.radar.doppler_interval + self.tx_delay(tx)
+        even += self.radar.waveform.sweep.wait
         offsets = self.radar.waveform.chirp_delays
         return even if offsets is None else even + np.asarray(offsets)
 
     def center_time(self, tx: int) -> float:
         """Time of the middle sample of the middle chirp of a transmitter in the frame [s]."""
-        return (self.radar.num_chirps - 1) / 2.0 * self.radar.doppler_interval + self.ts_center + self.tx_delay(tx)
+        middle = (self.radar.num_chirps - 1) / 2.0 * self.radar.doppler_interval + self.ts_center + self.tx_delay(tx)
+        return middle + self.radar.waveform.sweep.wait
 
     def expand(self, delay: Array, rate: Array, acceleration: Array, tx: int) -> tuple[Array, Array, Array, Array]:
         """Return constant [cycles], frequencies over x and y [Hz] and rate of the delay at the transmitter's middle.

@@ -20,7 +20,8 @@ from .front_end import FrontEnd
 from .multiplexing import AnyMultiplexing, IdealMimo
 from .parts import into_parts, misplaced, place_of
 from .presets import PRESETS
-from .waveform import AnyWaveform, Fmcw
+from .waveform import Fmcw
+from .waveforms import AnyWaveform
 
 RadarT = TypeVar("RadarT", bound="RadarSpec")
 
@@ -160,6 +161,11 @@ class RadarSpec(Spec):
         return self.waveform.num_samples
 
     @property
+    def num_range_bins(self) -> int:
+        """Bins of range without zero padding."""
+        return self.waveform.num_range_bins
+
+    @property
     def num_chirps_total(self) -> int:
         """Rows of the raw data of one receiver."""
         return self.multiplexing.num_rows(self.num_chirps, self.num_tx)
@@ -215,8 +221,8 @@ class RadarSpec(Spec):
 
     @property
     def max_range(self) -> float:
-        """Unambiguous range of complex samples [m]."""
-        return self.range_resolution * self.num_samples
+        """Unambiguous range [m]."""
+        return self.range_resolution * self.num_range_bins
 
     @property
     def unambiguous_velocity(self) -> float:

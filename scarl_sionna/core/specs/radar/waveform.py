@@ -31,6 +31,8 @@ class Sweep(NamedTuple):
         Of the chirp [s].
     video : float
         1 if the receiver mixes with the ramp itself, which leaves the residual video phase; 0 if it does not.
+    wait : float
+        From the chirp's start to the start of the line [s].
     """
 
     start_frequency: float
@@ -38,6 +40,7 @@ class Sweep(NamedTuple):
     first: float
     duration: float
     video: float
+    wait: float = 0.0
 
 
 class Waveform(Protocol):
@@ -65,7 +68,15 @@ class Waveform(Protocol):
 
     @property
     def sample_rate(self) -> float:
-        """Complex samples a second [Hz]: the bandwidth of the receiver's noise."""
+        """Complex samples a second [Hz]."""
+
+    @property
+    def noise_bandwidth(self) -> float:
+        """Bandwidth of the receiver's noise in a sample [Hz]."""
+
+    @property
+    def num_range_bins(self) -> int:
+        """Bins of range without zero padding; as many range resolutions are unambiguous."""
 
     @property
     def sampled_bandwidth(self) -> float:
@@ -195,6 +206,16 @@ class Fmcw(Spec):
         return self.sampling_frequency or self.num_samples / (self.ramp_time - self.adc_start_time)
 
     @property
+    def noise_bandwidth(self) -> float:
+        """Of the noise in a sample [Hz]."""
+        return self.sample_rate
+
+    @property
+    def num_range_bins(self) -> int:
+        """Range bins without zero padding, one a sample."""
+        return self.num_samples
+
+    @property
     def chirp_interval(self) -> float:
         """Time from ramp to ramp [s]."""
         return self.ramp_time + self.idle_time
@@ -257,7 +278,3 @@ class Fmcw(Spec):
         if steps is not None:
             changes |= {"frequency_offsets": steps[first : first + count], "frequency_step": 0.0}
         return self.with_(**changes)
-
-
-AnyWaveform = Fmcw
-"""The waveforms that a radar can have, told apart by `kind`: a union as soon as there are several."""
