@@ -28,6 +28,7 @@ from .core.specs.radar.front_end import FrontEnd
 from .core.specs.radar.multiplexing import IdealMimo, Tdm
 from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
+from .core.specs.radar.waveforms import SteppedFmcw
 from .core.specs.weather import Weather
 from .dataset.readers.reader import Dataset, open_dataset
 from .engine.load import load_scene, stage
@@ -103,6 +104,7 @@ __all__ = [
     "ScattererModel",
     "SpinningScan",
     "StagedActor",
+    "SteppedFmcw",
     "TableScan",
     "Tdm",
     "Twist",

@@ -53,7 +53,7 @@ def cell_noise_power(
        IEEE 66(1), 1978.
     """
     doppler_window = window if doppler_window is None else doppler_window
-    slow = noise_bandwidth(doppler_window, radar.num_chirps) / (radar.num_chirps * num_channels)
+    slow = noise_bandwidth(doppler_window, radar.num_doppler_bins) / (radar.num_doppler_bins * num_channels)
     return sample_noise_power(radar) * noise_share(radar, window) * slow
 
 

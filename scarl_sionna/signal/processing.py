@@ -20,7 +20,7 @@ from scarl_sionna.core.units import watt_to_dbm
 
 from .noise import cell_noise_power
 from .receivers import channel_of, range_weights
-from .uneven import doppler_matrix, middle_time, over_range, stepped_map
+from .uneven import burst_map, doppler_matrix, middle_time, over_range, stepped_map
 from .windows import window_values
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def doppler_axis(radar: RadarSpec, num_doppler_bins: int | None = None) -> Array
     ----------
     .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
-    count = radar.num_chirps if num_doppler_bins is None else num_doppler_bins
+    count = radar.num_doppler_bins if num_doppler_bins is None else num_doppler_bins
     return np.arange(-(count // 2), count - count // 2, dtype=np.float64) * (2.0 * radar.unambiguous_velocity / count)
 
 
@@ -244,7 +244,7 @@ def range_doppler(
         )
     seen = seen_by(radar)
     num_range = _bins("num_range_bins", num_range_bins, seen.num_samples)
-    num_doppler = _bins("num_doppler_bins", num_doppler_bins, radar.num_chirps)
+    num_doppler = _bins("num_doppler_bins", num_doppler_bins, radar.num_doppler_bins)
     doppler_window = window if doppler_window is None else doppler_window
     fast = range_weights(radar, window).astype(np.float32)
     slow = window_values(doppler_window, radar.num_chirps).astype(np.float32)
@@ -254,6 +254,11 @@ def range_doppler(
         taper = fast if factor is None else factor * fast
         for channel in range(tx * radar.num_rx, (tx + 1) * radar.num_rx):
             samples = channel_of(cube[channel], radar)
+            if radar.waveform.burst > 1:
+                sender = tx if compensate_motion else None
+                windows = window, doppler_window
+                data[channel] = burst_map(samples, radar, windows, (num_doppler, num_range), sender)
+                continue
             if radar.waveform.chirp_frequencies is not None:
                 data[channel] = stepped_map(samples, radar, slow, taper, (num_doppler, num_range), compensate_motion)
                 continue

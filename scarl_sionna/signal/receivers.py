@@ -9,6 +9,7 @@ import scipy.fft
 from scarl_sionna.core.specs.radar.coded import Coded, is_coded
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
+from .uneven import burst_weights
 from .windows import noise_bandwidth, window_values
 
 Array = npt.NDArray[np.float64]
@@ -87,6 +88,8 @@ def noise_share(radar: RadarSpec, window: str | None) -> float:
     the squares of all weights summed.
     """
     waveform = radar.waveform
+    if waveform.burst > 1:
+        return float(np.sum(burst_weights(radar, window) ** 2))
     if not is_coded(waveform):
         return noise_bandwidth(window, radar.num_samples) / radar.num_samples
     powers = _line_powers(waveform)

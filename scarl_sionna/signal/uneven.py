@@ -7,6 +7,9 @@ import numpy.typing as npt
 import scipy.fft
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+
+from .windows import window_values
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex64]
@@ -28,7 +31,7 @@ def over_range(rows: npt.NDArray[np.complexfloating], radar: RadarSpec, num_rang
 
 def dopplers(radar: RadarSpec, num_doppler: int) -> Array:
     """Return the Doppler frequencies of the rows of a map, rising [Hz]."""
-    return (np.arange(num_doppler) - num_doppler // 2) / (num_doppler * radar.doppler_interval)
+    return (np.arange(num_doppler) - num_doppler // 2) / (num_doppler * radar.slow_interval)
 
 
 def doppler_matrix(radar: RadarSpec, window: npt.NDArray[np.float32], num_doppler: int) -> Complex:
@@ -42,6 +45,66 @@ def _chirp_times(radar: RadarSpec) -> Array:
     even = np.arange(radar.num_chirps, dtype=np.float64) * radar.doppler_interval
     late = radar.waveform.chirp_delays
     return even if late is None else even + np.asarray(late)
+
+
+def burst_weights(radar: RadarSpec, window: str | None) -> Array:
+    """Return a window over the whole band at the samples of a burst, sum 1, shape (burst, num_samples)."""
+    waveform, count = radar.waveform, radar.num_range_bins
+    carriers = np.asarray(waveform.chirp_frequencies)[: waveform.burst]
+    place = np.abs(carriers - carriers[0])[:, None] * (count / radar.sampled_bandwidth) + np.arange(radar.num_samples)
+    values = np.interp(place, np.arange(count), window_values(window, count))
+    return np.asarray(values / values.sum())
+
+
+def burst_map(
+    samples: Complex, radar: RadarSpec, windows: tuple[str | None, str | None], shape: tuple[int, int], tx: int | None
+) -> Complex:
+    r"""Return the range-Doppler map of a channel of bursts of stepped ramps, put together to one band.
+
+    Parameters
+    ----------
+    samples : ndarray of complex64, shape (num_chirps, num_samples)
+    radar : RadarSpec
+    windows : tuple of str or None
+        Over the whole band and over the bursts.
+    shape : tuple of int
+        Doppler and range bins.
+    tx : int or None
+        Transmitter, whose motion is compensated; None for the plain transform.
+
+    Returns
+    -------
+    ndarray of complex64, shape (num_doppler_bins, num_range_bins)
+
+    Notes
+    -----
+    The transform over the bursts gives each row its Doppler frequency nu, and so the phase that motion adds from sample
+    to sample of a burst. Then the samples' frequencies F over those of the mean ramp make range: ``sum exp(-2j pi F
+    tau)``.
+
+    References
+    ----------
+    .. [1] M. A. Richards, *Fundamentals of Radar Signal Processing*, 2nd ed., 2014, chapter 4 (stepped frequency).
+    """
+    (num_doppler, num_range), size, slope = shape, radar.waveform.burst, radar.waveform.sweep.slope
+    carriers = np.asarray(radar.waveform.chirp_frequencies)[:size]
+    slow = window_values(windows[1], radar.num_doppler_bins).astype(np.float32)
+    bursts = samples.reshape(-1, size, radar.num_samples) * slow[:, None, None]
+    rows = np.fft.fftshift(scipy.fft.fft(bursts, num_doppler, axis=0, workers=-1), axes=0)
+    taper = burst_weights(radar, windows[0])
+    x = (np.arange(radar.num_samples) - 0.5 * (radar.num_samples - 1)) / radar.sample_rate
+    place = np.arange(num_range) * (2.0 * radar.max_range / (SPEED_OF_LIGHT * num_range))
+    out = np.zeros(shape, dtype=np.complex64)
+    for number, carrier in enumerate(carriers):
+        factor = np.broadcast_to(taper[number], (num_doppler, radar.num_samples))
+        if tx is not None:
+            after = (number - 0.5 * (size - 1)) * radar.doppler_interval + x
+            middle = middle_time(radar) + radar.tx_delay(tx)
+            turned = after + (slope * x + carrier) / radar.center_frequency * (middle + after) + radar.tx_delay(tx)
+            factor = factor * np.exp(-2j * np.pi * dopplers(radar, num_doppler)[:, None] * turned)
+        part = over_range(np.asarray(rows[:, number] * factor, dtype=np.complex64), radar, num_range)
+        out += part * np.exp(-2j * np.pi * carrier * place).astype(np.complex64)
+    return out
 
 
 def stepped_map(

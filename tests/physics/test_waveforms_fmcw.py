@@ -29,6 +29,9 @@ WAVEFORMS = {
     "hops": ss.Fmcw(**RAMP, frequency_offsets=tuple((np.arange(64) * 37 % 64 * 1.5e6).tolist())),
     "stagger": ss.Fmcw(**RAMP, chirp_offsets=tuple((np.arange(64) % 3 * 4e-6).tolist())),
     "jitter": ss.Fmcw(**RAMP, chirp_jitter=8e-6, jitter_seed=3),
+    "stepped": ss.SteppedFmcw(**RAMP, num_steps=4),
+    "overlapping steps": ss.SteppedFmcw(**RAMP, num_steps=4, frequency_step=110e6, adc_start_time=1e-6),
+    "falling steps": ss.SteppedFmcw(**RAMP, num_steps=2, direction="down"),
     "all": ss.Fmcw(**RAMP, direction="down", adc_start_time=2e-6, frequency_step=1e6, chirp_jitter=8e-6),
 }
 BOUND = Accuracy().synthesis_tolerance + Accuracy().motion_tolerance
@@ -52,6 +55,11 @@ def exact(radar, point, velocity, amplitude):
     carriers = wave.start_frequency + wave.frequency_step * np.arange(wave.num_chirps)
     if wave.frequency_offsets is not None:
         carriers = wave.start_frequency + np.asarray(wave.frequency_offsets)
+    if wave.kind == "stepped_fmcw":
+        sampled = wave.bandwidth * (wave.ramp_time - wave.adc_start_time) / wave.ramp_time
+        sign = {"up": 1.0, "down": -1.0}[wave.direction]
+        order = np.arange(wave.num_chirps) % wave.num_steps
+        carriers = wave.start_frequency + sign * (wave.frequency_step or sampled) * order
     starts = np.arange(wave.num_chirps) * (wave.ramp_time + wave.idle_time) + late
     rate = wave.sampling_frequency or wave.num_samples / (wave.ramp_time - wave.adc_start_time)
     ts = wave.adc_start_time + np.arange(wave.num_samples) / rate
@@ -121,7 +129,7 @@ def test_the_map_has_its_peak_at_the_point(name, window) -> None:
         point, velocity = on_a_ray(distance, speed)
         paths = point_targets([point], [velocity], 1.0, radar, Pose())
         cube = virtual_cube(synthesize(paths, radar, method="direct"), radar)
-        rd = range_doppler(cube, radar, window, num_range_bins=16 * radar.num_samples, num_doppler_bins=8 * 64)
+        rd = range_doppler(cube, radar, window, num_range_bins=16 * radar.num_range_bins, num_doppler_bins=8 * 64)
         row, column = np.unravel_index(rd.power.argmax(), rd.power.shape)
         found = between(rd.range, rd.power[row], column), between(rd.radial_velocity, rd.power[:, column], row)
         assert found[0] == pytest.approx(distance, abs=0.05 * step)

@@ -21,6 +21,7 @@ WAVEFORMS = {
     "late": ss.Fmcw(**RAMP, adc_start_time=5e-6),
     "jitter": ss.Fmcw(**RAMP, chirp_jitter=4e-6),
     "step": ss.Fmcw(**RAMP, frequency_step=1e6),
+    "bursts": ss.SteppedFmcw(num_chirps=128, num_samples=64, num_steps=4, bandwidth=75e6),
     "ofdm": ss.Ofdm(num_chirps=32, num_subcarriers=64),
     "comb": ss.Ofdm(num_chirps=32, num_subcarriers=128, comb=2, pilot_spacing=1),
     "pmcw": ss.Pmcw(num_chirps=32, code_length=127, chip_rate=150e6, repetitions=4),
@@ -53,7 +54,9 @@ def test_cells_have_the_power_of_their_instance(name) -> None:
     assert inside.sum() >= 9
     assert found.power.argmax() == expected.power.argmax()
     # migration over the frame, 0.1 bins, and a jitter of a tenth of the interval change the lobe by that
-    assert np.abs(found.power - expected.power)[inside].max() < 5e-3 * expected.power.max()
+    # a row off by one of 32 bursts shears the lobe over range by a 32nd of a bin, of a slope of at most 1.3 a bin
+    bound = 5e-3 + (2 * 1.3 / 32 / 4 if name == "bursts" else 0.0)
+    assert np.abs(found.power - expected.power)[inside].max() < bound * expected.power.max()
 
 
 @pytest.mark.parametrize("name", WAVEFORMS)

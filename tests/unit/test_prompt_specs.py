@@ -74,8 +74,9 @@ def test_a_signature_is_one_line(kind: type[Spec]) -> None:
 
 
 def test_a_default_in_a_signature_shows_as_it_is_written() -> None:
-    kinds = "waveform.Fmcw | scarl_sionna.core.specs.radar.coded.Ofdm | scarl_sionna.core.specs.radar.coded.Pmcw"
-    assert f"waveform: scarl_sionna.core.specs.radar.{kinds} = Fmcw(), " in str(inspect.signature(ss.RadarSpec))
+    kinds = ("waveform.Fmcw", "waveforms.SteppedFmcw", "coded.Ofdm", "coded.Pmcw")
+    union = " | ".join(f"scarl_sionna.core.specs.radar.{name}" for name in kinds)
+    assert f"waveform: {union} = Fmcw(), " in str(inspect.signature(ss.RadarSpec))
 
 
 def test_specifications_show_units_and_stay_short() -> None:

@@ -47,6 +47,10 @@ class Tone(Spec):
         return self.num_samples
 
     @property
+    def burst(self) -> int:
+        return 1
+
+    @property
     def chirp_interval(self) -> float:
         return self.num_samples / self.chip_rate
 

@@ -13,6 +13,7 @@ from scarl_sionna.dataset.store.manifest import _derived
 
 WAVEFORMS = (
     ss.Fmcw(direction="down", adc_start_time=2e-6, chirp_jitter=1e-6),
+    ss.SteppedFmcw(num_steps=2),
     ss.Ofdm(num_subcarriers=64, comb=2, comb_offset=1),
     ss.Pmcw(code="golay", code_length=64, prefix_chips=10),
     ss.Pmcw(code="own", code_length=2, code_phases_deg=(0.0, 180.0)),
@@ -58,7 +59,30 @@ def test_parts_of_a_frame_keep_what_each_chirp_has() -> None:
     own = data.with_(data_phases_deg=tuple((float(row),) * 8 for row in range(16)))
     assert np.array_equal(own.chirps(4, 8).chirps(2, 3).spectrum, own.spectrum[6:9])
     with pytest.raises(ParameterRangeError, match="take turns"):
-        WAVEFORMS[2].chirps(3, 4)
+        WAVEFORMS[3].chirps(3, 4)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"num_steps": 3}, "multiple of num_steps"),
+        ({"chirp_jitter": 1e-6}, "kind = 'fmcw'"),
+        ({"frequency_step": 301e6}, "leave gaps"),
+        ({"frequency_step": -1e6}, "leave gaps"),
+    ],
+)
+def test_what_no_burst_can_be_is_refused(fields, message) -> None:
+    with pytest.raises(ParameterRangeError, match=message):
+        ss.SteppedFmcw(**fields)
+
+
+def test_bursts_trade_velocity_for_range() -> None:
+    ramps, bursts = ss.RadarSpec(), ss.RadarSpec(waveform=ss.SteppedFmcw(num_steps=4))
+    assert bursts.range_resolution == pytest.approx(ramps.range_resolution / 4)
+    assert bursts.max_range == pytest.approx(ramps.max_range)
+    assert bursts.unambiguous_velocity == pytest.approx(ramps.unambiguous_velocity / 4, rel=0.01)
+    assert bursts.velocity_resolution == pytest.approx(ramps.velocity_resolution, rel=0.01)
+    assert (bursts.num_doppler_bins, bursts.num_range_bins) == (64, 2048)
 
 
 def autocorrelation(code):

@@ -241,7 +241,7 @@ def label_cells(
     if method not in ("spread", "synthesis"):
         raise ParameterRangeError("method", repr(method), "'spread' or 'synthesis'")
     labels = label_paths(paths, state)
-    stepped = rd.radar.waveform.chirp_frequencies is not None
+    stepped = rd.radar.waveform.chirp_frequencies is not None and rd.radar.waveform.burst == 1
     table = CellSpread.of(rd, paths) if method == "spread" and not stepped else None
     cells, powers, rows = [], [], []
     groups = _groups(labels)

@@ -72,6 +72,11 @@ class _Symbols(Spec):
         return self.carrier_frequency
 
     @property
+    def burst(self) -> int:
+        """1: every symbol is a sample of slow time."""
+        return 1
+
+    @property
     def chirp_delays(self) -> None:
         """None: symbols follow each other regularly."""
         return None

@@ -12,6 +12,7 @@ from scarl_sionna.core.units import Hertz, Seconds
 from .coded import AT_ONCE, Coded, is_coded, sweep_of
 from .spec import RadarSpec
 from .waveform import Sweep
+from .waveforms import SteppedFmcw
 
 
 class Tones(Spec):
@@ -25,6 +26,12 @@ class Tones(Spec):
     num_chirps: int
     num_samples: int
     chirp_interval: Seconds
+    tx_interval: Seconds = Field(description="from a transmitter's chirp to the next one's, where they take turns [s]")
+
+    @property
+    def burst(self) -> int:
+        """1: every chirp is a sample of slow time."""
+        return 1
 
     @property
     def center_frequency(self) -> float:
@@ -81,6 +88,10 @@ class TonesRadar(RadarSpec):
 
     waveform: Tones  # type: ignore[assignment]
 
+    def tx_delay(self, tx: int) -> float:
+        """Return the start of a transmitter's chirps after the first transmitter's [s]."""
+        return self.multiplexing.tx_delay(tx, self.waveform.tx_interval)
+
 
 def seen_by(radar: RadarSpec, wait: float | None = None, every: bool = False) -> RadarSpec:
     """Return the radar as it is after its receiver has undone the waveform; one with ramps is that already.
@@ -94,6 +105,8 @@ def seen_by(radar: RadarSpec, wait: float | None = None, every: bool = False) ->
         All tones that are sent, or those that the receiver uses.
     """
     waveform = radar.waveform
+    if isinstance(waveform, SteppedFmcw):
+        return _tones_radar(radar, _of_bursts(radar, waveform))
     if not is_coded(waveform):
         return radar
     sweep = sweep_of(waveform, wait)
@@ -106,7 +119,28 @@ def seen_by(radar: RadarSpec, wait: float | None = None, every: bool = False) ->
         num_chirps=waveform.num_chirps,
         num_samples=len(indices),
         chirp_interval=waveform.chirp_interval,
+        tx_interval=waveform.chirp_interval,
     )
+    return _tones_radar(radar, tones)
+
+
+def _of_bursts(radar: RadarSpec, waveform: SteppedFmcw) -> Tones:
+    """Return the tones of a burst of stepped ramps in its middle."""
+    count, spacing = waveform.num_range_bins, waveform.ramp_bandwidth / waveform.num_samples
+    in_ramp = waveform.sweep.first + 0.5 * (waveform.num_samples - 1) / waveform.sample_rate
+    return Tones(
+        lowest=waveform.center_frequency - 0.5 * spacing * (count - 1),
+        step=spacing,
+        wait=0.5 * (waveform.burst - 1) * radar.doppler_interval + in_ramp,
+        carrier_frequency=waveform.carrier_frequency,
+        num_chirps=radar.num_doppler_bins,
+        num_samples=count,
+        chirp_interval=waveform.chirp_interval * waveform.burst,
+        tx_interval=waveform.chirp_interval,
+    )
+
+
+def _tones_radar(radar: RadarSpec, tones: Tones) -> TonesRadar:
     names = (name for name in RadarSpec.model_fields if name != "waveform")
     return TonesRadar(waveform=tones, **{name: getattr(radar, name) for name in names})
 

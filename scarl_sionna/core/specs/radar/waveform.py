@@ -87,6 +87,10 @@ class Waveform(Protocol):
         """Time from the start of a chirp to the start of the next one, of any transmitter [s]."""
 
     @property
+    def burst(self) -> int:
+        """Chirps of a transmitter that together make one sample of slow time."""
+
+    @property
     def top_frequency(self) -> float:
         """Highest frequency that is sent [Hz]."""
 
@@ -214,6 +218,11 @@ class Fmcw(Spec):
     def num_range_bins(self) -> int:
         """Range bins without zero padding, one a sample."""
         return self.num_samples
+
+    @property
+    def burst(self) -> int:
+        """1: every chirp is a sample of slow time."""
+        return 1
 
     @property
     def chirp_interval(self) -> float:
