@@ -5,6 +5,7 @@ The transform, local to the main lobe.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -27,12 +28,23 @@ Index = npt.NDArray[np.int64]
 
 _STEPS_PER_BIN = 256
 _CELLS_PER_BLOCK = 1_000_000
+MAX_REACH = 32
+"""Bins to which a window's sidelobes are followed: Hann's are 95 dB down there, those without a window 40 dB. Those of
+a code do not fall: they are followed all the way."""
 
 
 @lru_cache(maxsize=32)
 def main_lobe(window: str, count: int) -> Array:
     """Return a window's transform from 0 to its first minimum, `_STEPS_PER_BIN` values a bin; 1 at 0, real."""
     return lobe_of(window_values(window, count))
+
+
+def sides_of(values: Array, reach: int | None = None) -> Array:
+    """Return the transform of weights from 0 to `reach` bins, or half of all, real, as :func:`main_lobe` does."""
+    count = len(values)
+    steps = np.arange((count // 2 if reach is None else min(reach, count // 2)) * _STEPS_PER_BIN)
+    spectrum = np.fft.fft(values, count * _STEPS_PER_BIN)[: len(steps)]
+    return np.asarray((spectrum * phasor(steps * ((count - 1) / 2.0 / (count * _STEPS_PER_BIN)))).real)
 
 
 def lobe_of(values: Array) -> Array:
@@ -64,6 +76,10 @@ class PathCells:
         is within [0, num_chirps), 0 at rest.
     kept : ndarray of bool, shape (num_paths,)
         False for paths that the receiver's filter removes.
+    response : ndarray of float64, shape (num_range_bins,)
+        Weights over what is sampled whose transform is the response over range.
+    reach : int or None
+        Bins to which the sidelobes over range are followed; None for all.
     loss : ndarray of float64, shape (num_paths,)
         What Doppler within the window of a symbol leaves of the amplitude; 1 for ramps.
     """
@@ -75,6 +91,8 @@ class PathCells:
     range_lobe: Array
     doppler_lobe: Array
     doppler_window: Array
+    response: Array
+    reach: int | None
     loss: Array
     terms: PairTerms
 
@@ -100,6 +118,8 @@ class PathCells:
             range_lobe=lobe_of(response),
             doppler_lobe=main_lobe(doppler_window, radar.num_chirps),
             doppler_window=window_values(doppler_window, radar.num_chirps),
+            response=response,
+            reach=None if is_coded(waveform) and not waveform.divides else MAX_REACH,
             loss=np.sinc(over_y * seconds),
             terms=terms,
         )
@@ -121,6 +141,16 @@ class PathCells:
         tx = np.repeat(np.arange(self.radar.num_tx), self.radar.num_rx)
         delay = np.array([self.radar.tx_delay(int(number)) for number in tx])
         return np.asarray(self._middle[index] * phasor(-doppler * delay))
+
+    @cached_property
+    def range_sides(self) -> Array:
+        """Response over range to many bins, as :func:`sides_of` has it."""
+        return sides_of(self.response, self.reach)
+
+    @cached_property
+    def doppler_sides(self) -> Array:
+        """Response over Doppler to many bins, as :func:`sides_of` has it."""
+        return sides_of(self.doppler_window, MAX_REACH)
 
     @cached_property
     def _middle(self) -> npt.NDArray[np.complex128]:
@@ -182,17 +212,50 @@ class CellSpread:
         field[~cells.kept] = 0.0
         return cls(cells, field, (rd.data.shape[1], rd.data.shape[2]))
 
-    def power(self, index: Index) -> Array:
-        """Return the power of some paths in every cell, averaged over the channels [W], flat."""
+    def power(self, index: Index, limit: float | None = None) -> Array:
+        """Return the power of some paths in every cell, averaged over the channels [W], flat.
+
+        Parameters
+        ----------
+        index : ndarray of int64
+        limit : float, optional
+            Sidelobes of the paths' strongest cell down to this power are put onto the cells as well [W], along the
+            range and along the Doppler axis, of all but paths too weak together. Left out: main lobes only.
+        """
+        parts: list[_Part] = [(index, self._footprint)]
+        found = self._summed(parts)
+        if limit is None or not found.any():
+            return found
+        level = float(np.sqrt(limit / found.max()))
+        arms = self._arms(level)
+        if arms is None:
+            return found
+        size = np.sqrt(np.mean(np.abs(self.field[index]) ** 2, axis=1))
+        rising = np.argsort(size)
+        few = np.cumsum(size[rising]) * arms.highest < 0.5 * np.sqrt(limit)
+        return self._summed([*parts, (index[np.sort(rising[~few])], arms.footprint)])
+
+    def _arms(self, level: float) -> _Arms | None:
+        """Return the sidelobes above a level of the amplitude; None if there are none."""
+        wide = [_above(side, level) for side in (self.cells.doppler_sides, self.cells.range_sides)]
+        main = len(self.cells.doppler_lobe), len(self.cells.range_lobe)
+        if all(len(lobe) <= count for lobe, count in zip(wide, main, strict=True)):
+            return None
+        highest = max(float(np.abs(lobe[count:]).max(initial=0.0)) for lobe, count in zip(wide, main, strict=True))
+        return _Arms(self, wide[0], wide[1], highest)
+
+    def _summed(self, parts: list[_Part]) -> Array:
+        """Return the power in every cell of the summed fields of paths, flat; each part has its footprint."""
         channels = self.field.shape[1]
         place = np.full(self.shape[0] * self.shape[1], -1, dtype=np.int64)
-        for block in self._blocks(index):
-            place[self._footprint(block)[0].ravel()] = 0
+        blocks = [(block, footprint) for index, footprint in parts for block in _blocks(index, footprint)]
+        for block, footprint in blocks:
+            place[footprint(block)[0].ravel()] = 0
         used = np.flatnonzero(place == 0)
         place[used] = np.arange(len(used))
         real, imag = np.zeros((channels, len(used))), np.zeros((channels, len(used)))
-        for block in self._blocks(index):
-            cell, weight = self._footprint(block)
+        for block, footprint in blocks:
+            cell, weight = footprint(block)
             where = place[cell].ravel()
             for channel in range(channels):
                 value = self.field[block, channel].astype(np.complex128)
@@ -202,25 +265,66 @@ class CellSpread:
         out[used] = np.mean(real**2 + imag**2, axis=0)
         return out
 
-    def _blocks(self, index: Index) -> list[Index]:
-        """Return the paths in blocks of a bounded number of cells."""
-        if not len(index):
-            return []
-        width = max(1, _CELLS_PER_BLOCK // self._footprint(index[:1])[0].shape[1])
-        return [index[start : start + width] for start in range(0, len(index), width)]
-
-    def _footprint(self, index: Index) -> tuple[Index, Array]:
-        """Return the flat cells of each path's main lobe and the lobe's value there, shapes (len(index), num_cells)."""
+    def _footprint(
+        self, index: Index, doppler_lobe: Array | None = None, range_lobe: Array | None = None
+    ) -> tuple[Index, Array]:
+        """Return the flat cells of each path's lobe and the lobe's value there, shapes (len(index), num_cells)."""
         radar = self.cells.radar
         num_doppler, num_range = self.shape
-        rows, by_row = _axis(self.cells.doppler_bin[index], radar.num_chirps, num_doppler, self.cells.doppler_lobe)
+        over_doppler = self.cells.doppler_lobe if doppler_lobe is None else doppler_lobe
+        over_range = self.cells.range_lobe if range_lobe is None else range_lobe
+        rows, by_row = _axis(self.cells.doppler_bin[index], radar.num_chirps, num_doppler, over_doppler)
         rows = (rows + num_doppler // 2) % num_doppler
         doppler = (rows - num_doppler // 2) / (num_doppler * radar.doppler_interval)
         place = self.cells.range_bin(index, doppler)
-        columns, by_column = _axis(place, radar.num_samples, num_range, self.cells.range_lobe)
+        columns, by_column = _axis(place, radar.num_samples, num_range, over_range)
         flat = rows[:, :, None] * num_range + columns
         weight = by_row[:, :, None] * by_column
         return flat.reshape(len(index), -1), weight.reshape(len(index), -1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Arms:
+    """Sidelobes of paths along both axes, through their main lobes; `highest` is the highest sidelobe."""
+
+    spread: CellSpread
+    doppler_lobe: Array
+    range_lobe: Array
+    highest: float
+
+    def footprint(self, index: Index) -> tuple[Index, Array]:
+        """Return the flat cells of each path's sidelobes and their values there."""
+        cells = self.spread.cells
+        beside_range = _without_main(self.range_lobe, len(cells.range_lobe))
+        beside_doppler = _without_main(self.doppler_lobe, len(cells.doppler_lobe))
+        along = self.spread._footprint(index, None, beside_range)
+        across = self.spread._footprint(index, beside_doppler, None)
+        return np.concatenate([along[0], across[0]], axis=1), np.concatenate([along[1], across[1]], axis=1)
+
+
+_Footprint = Callable[[Index], tuple[Index, Array]]
+_Part = tuple[Index, _Footprint]
+
+
+def _blocks(index: Index, footprint: _Footprint) -> list[Index]:
+    """Return paths in blocks of a bounded number of cells."""
+    if not len(index):
+        return []
+    width = max(1, _CELLS_PER_BLOCK // footprint(index[:1])[0].shape[1])
+    return [index[start : start + width] for start in range(0, len(index), width)]
+
+
+def _above(lobe: Array, level: float) -> Array:
+    """Return a response up to where it stays below a level."""
+    above = np.flatnonzero(np.abs(lobe) > level)
+    return lobe[: above[-1] + 2] if len(above) else lobe[:1]
+
+
+def _without_main(lobe: Array, count: int) -> Array:
+    """Return a response with its main lobe, the first `count` values, set to 0."""
+    out = lobe.copy()
+    out[:count] = 0.0
+    return out
 
 
 def _axis(place: Array, count: int, num_bins: int, lobe: Array) -> tuple[Index, Array]:
