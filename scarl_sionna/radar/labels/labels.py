@@ -242,7 +242,7 @@ def label_cells(
     acceleration. Cells that hold only sidelobes of what is elsewhere are empty. Measured errors: docs/radar_labels.md.
     """
     if method not in ("spread", "sidelobes", "synthesis"):
-        raise ParameterRangeError("method", repr(method), "'spread', 'sidelobes' or 'synthesis'")
+        raise ParameterRangeError("method", repr(method), "'sidelobes', 'spread' or 'synthesis'")
     labels = label_paths(paths, state)
     stepped = rd.radar.waveform.chirp_frequencies is not None and rd.radar.waveform.burst == 1
     table = CellSpread.of(rd, paths) if method != "synthesis" and not stepped else None

@@ -42,9 +42,10 @@ def main_lobe(window: str, count: int) -> Array:
 def sides_of(values: Array, reach: int | None = None) -> Array:
     """Return the transform of weights from 0 to `reach` bins, or half of all, real, as :func:`main_lobe` does."""
     count = len(values)
-    steps = np.arange((count // 2 if reach is None else min(reach, count // 2)) * _STEPS_PER_BIN)
-    spectrum = np.fft.fft(values, count * _STEPS_PER_BIN)[: len(steps)]
-    return np.asarray((spectrum * phasor(steps * ((count - 1) / 2.0 / (count * _STEPS_PER_BIN)))).real)
+    length = (count // 2 if reach is None else min(reach, count // 2)) * _STEPS_PER_BIN
+    spectrum = np.asarray(np.fft.fft(values, count * _STEPS_PER_BIN)[:length], dtype=np.complex128)
+    turns = np.arange(length, dtype=np.float64) * ((count - 1) / 2.0 / (count * _STEPS_PER_BIN))
+    return np.asarray((spectrum * phasor(turns)).real)
 
 
 def lobe_of(values: Array) -> Array:
