@@ -3,9 +3,9 @@
     python benchmarks/waveforms.py [--paths 20000] [--no-speed] [--figure FILE.png]
 
 All have 300 MHz, frames of 9.7 ms and one pair of antennas. Measured are maps without windows. Theory: the gain is the
-number of averaged samples; a moving point loses ``sinc(nu T)`` by Doppler within a symbol of the duration T, and by range
-migration the mean of ``exp(2j pi F u t)`` over frequencies F and times t of the frame; the sidelobes are those of a
-rectangular band, -13.26 dB, or of the code's periodic autocorrelation.
+number of averaged samples; a moving point loses ``sinc(nu T)`` by Doppler within a symbol of the duration T, and by
+range migration the mean of ``exp(2j pi F u t)`` over frequencies F and times t of the frame; the sidelobes are those of
+a rectangular band, -13.26 dB, or of the code's periodic autocorrelation.
 """
 
 from __future__ import annotations
