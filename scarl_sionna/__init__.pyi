@@ -22,13 +22,14 @@ from .core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, Tabl
 from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
 from .core.specs.lighting import Lighting
 from .core.specs.radar.array import AntennaArray
-from .core.specs.radar.coded import Ofdm, Pmcw
 from .core.specs.radar.converter import Adc
 from .core.specs.radar.front_end import FrontEnd
 from .core.specs.radar.multiplexing import IdealMimo, Tdm
 from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
-from .core.specs.radar.waveforms import SteppedFmcw
+from .core.specs.radar.waveforms.coded import Ofdm, Pmcw
+from .core.specs.radar.waveforms.kinds import SteppedFmcw
+from .core.specs.radar.waveforms.phase_coded import PcFmcw
 from .core.specs.weather import Weather
 from .dataset.readers.reader import Dataset, open_dataset
 from .engine.load import load_scene, stage
@@ -77,6 +78,7 @@ __all__ = [
     "CameraSpec",
     "Fmcw",
     "Ofdm",
+    "PcFmcw",
     "Pmcw",
     "Dataset",
     "Frame",

@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from scarl_sionna.core.specs.radar.coded import Coded, is_coded
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveforms.coded import Coded, is_coded
+from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 
 from .uneven import burst_weights
 from .windows import noise_bandwidth, window_values
@@ -38,6 +39,10 @@ def channel_of(samples: npt.NDArray[np.complexfloating], radar: RadarSpec, first
        and radar sensing", Proc. IEEE 99(7), 2011.
     """
     waveform = radar.waveform
+    if isinstance(waveform, PcFmcw):
+        chips = waveform.by_chirp[first : first + len(samples), None]
+        taken = _aligned(samples, waveform) if waveform.coding == "within" else np.asarray(samples)
+        return np.asarray(taken * chips, dtype=np.complex64)
     if not is_coded(waveform):
         return np.asarray(samples, dtype=np.complex64)
     count = waveform.num_samples
@@ -47,6 +52,30 @@ def channel_of(samples: npt.NDArray[np.complexfloating], radar: RadarSpec, first
     strengths = strengths if len(strengths) == 1 else strengths[first : first + len(lines)]
     found = lines / strengths if waveform.divides else lines * np.conj(strengths) * count
     return np.asarray(np.conj(found), dtype=np.complex64)
+
+
+def _aligned(samples: npt.NDArray[np.complexfloating], waveform: PcFmcw) -> npt.NDArray[np.complexfloating]:
+    """Return the samples of coded ramps with the codes of all echoes aligned and taken off, weighted with their power.
+
+    A beat frequency f is advanced by the delay ``f / S`` that it stands for: the phase ``pi f**2 / S``.
+    """
+    count, rate, slope = waveform.num_samples, waveform.sample_rate, waveform.chirp_slope
+    size = scipy.fft.next_fast_len(2 * count)
+    edge = float(np.abs(waveform.lines[0]).max())
+    lowest = -edge if slope > 0.0 else edge - rate  # echoes from distance 0 on, and the code's band
+    frequency = np.mod(np.fft.fftfreq(size, 1.0 / rate) - lowest, rate) + lowest
+    spectrum = scipy.fft.fft(np.asarray(samples, dtype=np.complex64), size, axis=1, workers=-1)
+    spectrum *= np.exp(1j * np.pi * frequency**2 / slope).astype(np.complex64)
+    together = scipy.fft.ifft(spectrum, axis=1, workers=-1, overwrite_x=True)[:, :count]
+    return np.asarray(together * np.conj(waveform.aligned))
+
+
+def _powers(radar: RadarSpec) -> Array | None:
+    """Return what a correlator weights each column of :func:`channel_of` with; None if it weights all alike."""
+    waveform = radar.waveform
+    if isinstance(waveform, PcFmcw) and waveform.coding == "within":
+        return np.asarray(np.abs(waveform.aligned) ** 2)
+    return _line_powers(waveform) if is_coded(waveform) and not waveform.divides else None
 
 
 def _known(waveform: Coded) -> npt.NDArray[np.complex128]:
@@ -64,10 +93,8 @@ def range_weights(radar: RadarSpec, window: str | None) -> Array:
 
     Shape (num_range_bins,). For a correlator the weights times the power of the code's lines sum to 1.
     """
-    values = window_values(window, radar.num_range_bins)
-    if not is_coded(radar.waveform) or radar.waveform.divides:
-        return values
-    return np.asarray(values / np.sum(values * _line_powers(radar.waveform)))
+    values, powers = window_values(window, radar.num_range_bins), _powers(radar)
+    return values if powers is None else np.asarray(values / np.sum(values * powers))
 
 
 def response_weights(radar: RadarSpec, window: str | None) -> Array:
@@ -75,10 +102,8 @@ def response_weights(radar: RadarSpec, window: str | None) -> Array:
 
     They sum to 1, shape (num_range_bins,).
     """
-    values = range_weights(radar, window)
-    if not is_coded(radar.waveform) or radar.waveform.divides:
-        return values
-    return values * _line_powers(radar.waveform)
+    values, powers = range_weights(radar, window), _powers(radar)
+    return values if powers is None else np.asarray(values * powers)
 
 
 def noise_share(radar: RadarSpec, window: str | None) -> float:
@@ -90,8 +115,9 @@ def noise_share(radar: RadarSpec, window: str | None) -> float:
     waveform = radar.waveform
     if waveform.burst > 1:
         return float(np.sum(burst_weights(radar, window) ** 2))
+    powers = _powers(radar)
+    if powers is not None:
+        return float(np.sum(range_weights(radar, window) ** 2 * powers))
     if not is_coded(waveform):
         return noise_bandwidth(window, radar.num_samples) / radar.num_samples
-    powers = _line_powers(waveform)
-    noise = 1.0 / powers if waveform.divides else powers
-    return float(np.sum(range_weights(radar, window) ** 2 * noise))
+    return float(np.sum(range_weights(radar, window) ** 2 / _line_powers(waveform)))

@@ -16,7 +16,7 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import groups, synthesize
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
-from tests.oracles.waveforms import dechirped
+from tests.oracles.waveforms import chip_train, dechirped, retarded
 
 ONE = ((0.0, 0.0, 0.0),)
 RAMP = {"bandwidth": 150e6, "ramp_time": 30e-6, "idle_time": 10e-6, "num_samples": 256, "num_chirps": 64}
@@ -32,6 +32,9 @@ WAVEFORMS = {
     "stepped": ss.SteppedFmcw(**RAMP, num_steps=4),
     "overlapping steps": ss.SteppedFmcw(**RAMP, num_steps=4, frequency_step=110e6, adc_start_time=1e-6),
     "falling steps": ss.SteppedFmcw(**RAMP, num_steps=2, direction="down"),
+    "code across": ss.PcFmcw(**RAMP, coding="across", code_length=63),
+    "code within": ss.PcFmcw(**RAMP, code_length=31),
+    "Zadoff-Chu within": ss.PcFmcw(**RAMP, code="zadoff_chu", code_length=64, direction="down", adc_start_time=1e-6),
     "all": ss.Fmcw(**RAMP, direction="down", adc_start_time=2e-6, frequency_step=1e6, chirp_jitter=8e-6),
 }
 BOUND = Accuracy().synthesis_tolerance + Accuracy().motion_tolerance
@@ -64,7 +67,13 @@ def exact(radar, point, velocity, amplitude):
     rate = wave.sampling_frequency or wave.num_samples / (wave.ramp_time - wave.adc_start_time)
     ts = wave.adc_start_time + np.arange(wave.num_samples) / rate
     slope = {"up": 1.0, "down": -1.0}[wave.direction] * wave.bandwidth / wave.ramp_time
-    return amplitude * dechirped(point, velocity, starts, ts, carriers, slope)
+    beat = amplitude * dechirped(point, velocity, starts, ts, carriers, slope)
+    if wave.kind != "pc_fmcw":
+        return beat
+    if wave.coding == "across":
+        return beat * np.conj(wave.chips[np.arange(wave.num_chirps) % wave.code_length])[:, None]
+    delay, _ = retarded(point, velocity, starts[:, None] + ts)
+    return beat * np.conj(chip_train(wave.chips, wave.code_length / wave.ramp_time, ts - delay))
 
 
 def amplitude_of(paths, radar):

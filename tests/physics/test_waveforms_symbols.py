@@ -213,11 +213,14 @@ def test_two_speeds_in_one_range_cell_and_an_angle(name) -> None:
 
 
 @pytest.mark.parametrize("window", ["hann", "rect"])
-@pytest.mark.parametrize("name", ["ofdm", "comb", "pilots", "m-sequence", "apas", "golay", "gold", "bursts", "overlap"])
+@pytest.mark.parametrize(
+    "name", ["ofdm", "comb", "pilots", "m-sequence", "apas", "golay", "gold", "bursts", "overlap", "coded"]
+)
 def test_noise_in_a_cell_is_what_the_map_says(name, window) -> None:
     """The processing gain: mean of 64 x N cells of noise alone, five standard errors."""
     ramps = {"bandwidth": 150e6, "num_samples": 64, "num_steps": 4}
     others = {"bursts": ss.SteppedFmcw(**ramps), "overlap": ss.SteppedFmcw(**ramps, frequency_step=100e6)}
+    others["coded"] = ss.PcFmcw(num_samples=256)
     radar = radar_of((WAVEFORMS | others)[name].with_(num_chirps=64))
     nothing = point_targets([[30.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 0.0, radar, Pose())
     rng = np.random.default_rng(1)

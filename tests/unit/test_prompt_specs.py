@@ -74,7 +74,10 @@ def test_a_signature_is_one_line(kind: type[Spec]) -> None:
 
 
 def test_a_default_in_a_signature_shows_as_it_is_written() -> None:
-    kinds = ("waveform.Fmcw", "waveforms.SteppedFmcw", "coded.Ofdm", "coded.Pmcw")
+    kinds = (
+        "waveform.Fmcw",
+        *(f"waveforms.{name}" for name in ("kinds.SteppedFmcw", "phase_coded.PcFmcw", "coded.Ofdm", "coded.Pmcw")),
+    )
     union = " | ".join(f"scarl_sionna.core.specs.radar.{name}" for name in kinds)
     assert f"waveform: {union} = Fmcw(), " in str(inspect.signature(ss.RadarSpec))
 

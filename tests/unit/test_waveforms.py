@@ -7,13 +7,14 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.specs.radar import codes
+from scarl_sionna.core.specs.radar.waveforms import codes
 from scarl_sionna.dataset.formats.dca1000 import _ramps
 from scarl_sionna.dataset.store.manifest import _derived
 
 WAVEFORMS = (
     ss.Fmcw(direction="down", adc_start_time=2e-6, chirp_jitter=1e-6),
     ss.SteppedFmcw(num_steps=2),
+    ss.PcFmcw(code="zadoff_chu", code_length=64),
     ss.Ofdm(num_subcarriers=64, comb=2, comb_offset=1),
     ss.Pmcw(code="golay", code_length=64, prefix_chips=10),
     ss.Pmcw(code="own", code_length=2, code_phases_deg=(0.0, 180.0)),
@@ -54,12 +55,14 @@ def test_parts_of_a_frame_keep_what_each_chirp_has() -> None:
         np.asarray(part.chirp_frequencies) + part.sweep.start_frequency,
         np.asarray(ramps.chirp_frequencies)[4:12] + ramps.sweep.start_frequency,
     )
+    coded = ss.PcFmcw(num_chirps=16, coding="across")
+    assert np.array_equal(coded.chirps(4, 8).chirps(2, 3).by_chirp, coded.by_chirp[6:9])
     data = ss.Ofdm(num_chirps=16, num_subcarriers=8)
     assert np.array_equal(data.chirps(4, 8).chirps(2, 3).spectrum, data.spectrum[6:9])
     own = data.with_(data_phases_deg=tuple((float(row),) * 8 for row in range(16)))
     assert np.array_equal(own.chirps(4, 8).chirps(2, 3).spectrum, own.spectrum[6:9])
     with pytest.raises(ParameterRangeError, match="take turns"):
-        WAVEFORMS[3].chirps(3, 4)
+        WAVEFORMS[4].chirps(3, 4)
 
 
 @pytest.mark.parametrize(
@@ -74,6 +77,12 @@ def test_parts_of_a_frame_keep_what_each_chirp_has() -> None:
 def test_what_no_burst_can_be_is_refused(fields, message) -> None:
     with pytest.raises(ParameterRangeError, match=message):
         ss.SteppedFmcw(**fields)
+
+
+def test_codes_within_ramps_fit_into_the_samples() -> None:
+    with pytest.raises(ParameterRangeError, match="512 chips within a ramp"):
+        ss.PcFmcw(code_length=1023)
+    assert ss.PcFmcw(code_length=1023, coding="across").code_length == 1023
 
 
 def test_bursts_trade_velocity_for_range() -> None:

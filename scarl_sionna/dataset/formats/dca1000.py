@@ -21,6 +21,7 @@ from scarl_sionna.core.errors import DatasetError, ParameterRangeError, UnknownN
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveform import Fmcw
+from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.dataset.store.manifest import hash_of
 
 from .output import whole_folder
@@ -165,7 +166,7 @@ def _radars(source: FrameSource, asked: Sequence[str]) -> list[str]:
 def _ramps(name: str, spec: RadarSpec) -> Fmcw:
     """Return the waveform of a radar that such a board can have: equal ramps."""
     waveform = spec.waveform
-    if not isinstance(waveform, Fmcw):
+    if not isinstance(waveform, Fmcw) or isinstance(waveform, PcFmcw):
         raise ParameterRangeError(
             f"radar '{name}'",
             f"a waveform of kind '{waveform.kind}'",

@@ -12,9 +12,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.specs.radar.coded import is_coded
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
+from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
+from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.motion import PairTerms
@@ -143,6 +144,13 @@ class PathCells:
         delay = np.array([self.radar.tx_delay(int(number)) for number in tx])
         return np.asarray(self._middle[index] * phasor(-doppler * delay))
 
+    def _removed(self, delay: Array) -> Array | float:
+        """Return the residual video phase that the filter of coded ramps takes off [cycles]."""
+        waveform = self.radar.waveform
+        if not isinstance(waveform, PcFmcw) or waveform.coding == "across":
+            return 0.0
+        return 0.5 * waveform.chirp_slope * delay**2
+
     @cached_property
     def range_sides(self) -> Array:
         """Response over range to many bins, as :func:`sides_of` has it."""
@@ -160,7 +168,8 @@ class PathCells:
         out = np.empty((len(self.kept), radar.num_virtual), dtype=np.complex128)
         for tx in range(radar.num_tx):
             for rx in range(radar.num_rx):
-                cycles = grid.expand(*delay_terms(*self.terms.start(tx, rx)), tx)[0]
+                terms = delay_terms(*self.terms.start(tx, rx))
+                cycles = grid.expand(*terms, tx)[0] + self._removed(terms[0] + grid.center_time(tx) * terms[1])
                 grown = self.terms.growth(tx, rx, grid.center_time(tx))
                 amplitude = self.terms.geometry.pair_amplitude(tx, rx) * grown
                 out[:, tx * radar.num_rx + rx] = amplitude * self.loss * phasor(cycles)

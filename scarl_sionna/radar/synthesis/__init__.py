@@ -15,14 +15,16 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
-from scarl_sionna.core.specs.radar.coded import is_coded
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
+from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
+from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import add_noise
 
-from . import direct, groups, symbols
+from . import coded_ramps, direct, groups, symbols
 from .moving import Signal, Tolerances, linear_signal, moving_signals
 from .orders import orders
 
@@ -98,6 +100,8 @@ def synthesize(
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     tolerance = accuracy.synthesis_tolerance if method == "nufft" else None
     make = _of_symbols if is_coded(radar.waveform) else _of_ramps
+    if isinstance(radar.waveform, PcFmcw):
+        make = _of_coded_ramps
     for first, signal in make(paths, radar, tolerance, accuracy.motion_tolerance):
         _add(adc, radar, signal, first)
     return adc if rng is None else add_noise(adc, radar, rng)
@@ -151,6 +155,33 @@ def _of_symbols(
         tones = seen_by(radar, float(wait), every=True)
         for first, signal in _of_ramps(kept, tones, symbols.CHANNEL_SHARE * tolerance, motion_tolerance):
             yield first, symbols.modulated(signal, radar, waveform, first, weight)
+
+
+def _of_coded_ramps(
+    paths: RadarPaths, radar: RadarSpec, tolerance: float | None, motion_tolerance: float | None
+) -> Iterator[tuple[int, Signal]]:
+    """Yield first chirps and what makes the signals of ramps with a phase code from there on, to be added up."""
+    waveform = radar.waveform
+    assert isinstance(waveform, PcFmcw)  # by the caller
+    kept, geometry = _within_band(paths, radar)
+    if not kept.num_paths:
+        return
+    if tolerance is None:
+        yield 0, coded_ramps.plain(kept, radar, waveform, motion_tolerance)
+        return
+    higher, screens = np.zeros(1), np.ones((1, radar.num_samples), dtype=np.complex128)
+    share, chips = 1.0, np.conj(waveform.by_chirp)
+    if waveform.coding == "within":
+        length = geometry.center_length()
+        arms = sum(float(np.linalg.norm(array, axis=1).max()) for array in (radar.tx_array, radar.rx_array))
+        arms += radar.frame_time * float(np.abs(kept.length_rate).max())
+        delays = (float(length.min()) - arms) / SPEED_OF_LIGHT, (float(length.max()) + arms) / SPEED_OF_LIGHT
+        higher, screens = coded_ramps.carriers(waveform, delays, tolerance)
+        share = symbols.CHANNEL_SHARE / float(np.abs(screens).sum(axis=0).max())
+    for above, screen in zip(higher, screens, strict=True):
+        ramps = radar.with_(waveform=waveform.ramps(float(above)))
+        for first, signal in _of_ramps(kept, ramps, share * tolerance, motion_tolerance):
+            yield first, coded_ramps.screened(signal, chips[first:], screen)
 
 
 def _check_finite(paths: RadarPaths) -> None:

@@ -21,8 +21,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.specs.radar.coded import Coded, window_start
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveforms.coded import Coded, window_start
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.paths import RadarPaths
 
@@ -65,12 +65,12 @@ class Nodes:
         number = num_nodes(phase, NODES_SHARE * tolerance)
         angle = (np.arange(number) + 0.5) * np.pi / number
         time = np.arange(repeats * count) / waveform.sample_rate
-        weight = _lagrange(np.cos(angle), (time - half) / half if half else time)
+        weight = lagrange(np.cos(angle), (time - half) / half if half else time)
         average = weight.reshape(number, repeats, count).mean(axis=1)
         return cls(window_start(waveform) + half * (1.0 + np.cos(angle)), average)
 
 
-def _lagrange(nodes: Array, values: Array) -> Array:
+def lagrange(nodes: Array, values: Array) -> Array:
     """Return the polynomials that are 1 at one of Chebyshev's nodes and 0 at the others, at values in [-1, 1]."""
     order = np.arange(len(nodes))
     shares = np.cos(np.outer(order, np.arccos(nodes))) * (2.0 / len(nodes))
@@ -127,7 +127,7 @@ def within_prefix(paths: RadarPaths, length: Array, radar: RadarSpec, waveform: 
 
 
 @dataclass(frozen=True, eq=False)
-class _Law:
+class Law:
     """Delays and strengths of the paths of each kind of motion, about given times; see :func:`orders`."""
 
     held: RadarPaths
@@ -136,7 +136,8 @@ class _Law:
     radar: RadarSpec
 
     @classmethod
-    def of(cls, paths: RadarPaths, radar: RadarSpec, tolerance: float | None) -> _Law:
+    def of(cls, paths: RadarPaths, radar: RadarSpec, tolerance: float | None) -> Law:
+        """Return the laws of paths; the tolerance is that of the motion."""
         held, bent, linear, moving = orders(paths, radar, tolerance)
         return cls(paths.select(held | bent), paths.select(linear), paths.select(moving), radar)
 
@@ -162,7 +163,7 @@ def plain(paths: RadarPaths, radar: RadarSpec, waveform: Coded, tolerance: float
 
     A sample is what was sent a delay earlier: of its own symbol, of its prefix, of a symbol before, or nothing.
     """
-    law, strengths, count = _Law.of(paths, radar, tolerance), waveform.spectrum, waveform.num_samples
+    law, strengths, count = Law.of(paths, radar, tolerance), waveform.spectrum, waveform.num_samples
     tones = waveform.spacing * (waveform.sent - count // 2)
     period = waveform.repetitions / waveform.spacing
     half = 0.5 * (waveform.repetitions * count - 1) / waveform.sample_rate

@@ -21,7 +21,7 @@ from .multiplexing import AnyMultiplexing, IdealMimo
 from .parts import into_parts, misplaced, place_of
 from .presets import PRESETS
 from .waveform import Fmcw
-from .waveforms import AnyWaveform
+from .waveforms.kinds import AnyWaveform
 
 RadarT = TypeVar("RadarT", bound="RadarSpec")
 

@@ -9,10 +9,10 @@ from pydantic import Field
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Hertz, Seconds
 
-from .coded import AT_ONCE, Coded, is_coded, sweep_of
 from .spec import RadarSpec
 from .waveform import Sweep
-from .waveforms import SteppedFmcw
+from .waveforms.coded import AT_ONCE, Coded, is_coded, sweep_of
+from .waveforms.kinds import SteppedFmcw
 
 
 class Tones(Spec):

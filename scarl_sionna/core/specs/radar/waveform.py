@@ -7,7 +7,7 @@ slope of a ramp for instance, is read from the waveform itself (``radar.waveform
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple, Protocol
+from typing import ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -151,7 +151,7 @@ class Fmcw(Spec):
     chirp_jitter: Seconds = Field(0.0, ge=0.0, description="chirps start up to that later, drawn uniformly [s]")
     jitter_seed: int = Field(0, ge=0, description="of the drawn starts")
 
-    _quiet = ("direction", "adc_start_time", "frequency_step", "chirp_jitter", "jitter_seed")
+    _quiet: ClassVar[tuple[str, ...]] = ("direction", "adc_start_time", "frequency_step", "chirp_jitter", "jitter_seed")
 
     @model_validator(mode="after")
     def _check(self) -> Fmcw:

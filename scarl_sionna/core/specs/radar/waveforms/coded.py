@@ -15,10 +15,10 @@ from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.specs.radar.waveform import Sweep, Waveform
 from scarl_sionna.core.units import Degrees, Hertz, Seconds
 
 from . import codes
-from .waveform import Sweep, Waveform
 
 Complex = npt.NDArray[np.complex128]
 
@@ -269,10 +269,6 @@ class Pmcw(_Symbols):
 
     @model_validator(mode="after")
     def _check(self) -> Pmcw:
-        if (self.code == "own") != (self.code_phases_deg is not None):
-            raise ValueError("code = 'own' with code_phases_deg, and only with them")
-        if self.code_phases_deg is not None and len(self.code_phases_deg) != self.code_length:
-            raise ValueError(f"code_phases_deg: {self.code_length}, one a chip; there are {len(self.code_phases_deg)}")
         if self.code == "golay" and not 0 < self.prefix_chips <= self.code_length:
             raise ValueError(
                 f"prefix_chips of 1 to {self.code_length} where two codes take turns; it is {self.prefix_chips}: take "
@@ -284,16 +280,7 @@ class Pmcw(_Symbols):
     @property
     def chips(self) -> Complex:
         """Chips of magnitude 1, shape (num_codes, code_length); two codes take turns."""
-        length = self.code_length
-        if self.code_phases_deg is not None:
-            return np.exp(1j * np.deg2rad(np.asarray(self.code_phases_deg)))[None]
-        if self.code == "golay":
-            return np.stack(codes.golay(length))
-        if self.code == "gold":
-            return codes.gold(length, self.code_index)[None]
-        if self.code == "zadoff_chu":
-            return codes.zadoff_chu(length, self.code_index)[None]
-        return (codes.m_sequence(length) if self.code == "m_sequence" else codes.almost_perfect(length))[None]
+        return codes.chips_of(self.code, self.code_length, self.code_index, self.code_phases_deg)
 
     @property
     def num_samples(self) -> int:

@@ -9,8 +9,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from scarl_sionna.core.specs.radar.waveform import Fmcw
+
 from .coded import Ofdm, Pmcw
-from .waveform import Fmcw
+from .phase_coded import PcFmcw
 
 
 class SteppedFmcw(Fmcw):
@@ -89,6 +91,6 @@ def _ramps_by_default(value: object) -> object:
 
 
 AnyWaveform = Annotated[
-    Fmcw | SteppedFmcw | Ofdm | Pmcw, Field(discriminator="kind"), BeforeValidator(_ramps_by_default)
+    Fmcw | SteppedFmcw | PcFmcw | Ofdm | Pmcw, Field(discriminator="kind"), BeforeValidator(_ramps_by_default)
 ]
 """The waveforms that a radar can have, told apart by `kind`; without one it is ``"fmcw"``."""

@@ -120,3 +120,26 @@ def _order(length: int, allowed: str, less: int) -> int:
     if length + less != 1 << bits or not 1 + less <= bits <= 16:
         raise ValueError(f"code_length: {allowed}; {length} is not")
     return bits
+
+
+def chips_of(code: str, length: int, index: int, phases_deg: tuple[float, ...] | None) -> Complex:
+    """Return the chips of a code by its name, shape (num_codes, length); two of ``"golay"`` take turns.
+
+    Raises
+    ------
+    ValueError
+        If there is no such code of that length, or own phases stand without the name ``"own"``.
+    """
+    if (code == "own") != (phases_deg is not None):
+        raise ValueError("code = 'own' with code_phases_deg, and only with them")
+    if phases_deg is not None:
+        if len(phases_deg) != length:
+            raise ValueError(f"code_phases_deg: {length}, one a chip; there are {len(phases_deg)}")
+        return np.asarray(np.exp(1j * np.deg2rad(np.asarray(phases_deg))))[None]
+    if code == "golay":
+        return np.stack(golay(length))
+    if code == "gold":
+        return gold(length, index)[None]
+    if code == "zadoff_chu":
+        return zadoff_chu(length, index)[None]
+    return (m_sequence(length) if code == "m_sequence" else almost_perfect(length))[None]
