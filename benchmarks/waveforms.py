@@ -33,6 +33,7 @@ CODE = {"chip_rate": BAND, "repetitions": 22} | SHARED
 WAVEFORMS = {
     "FMCW": ss.Fmcw(**SHARED),
     "stepped FMCW, 4 x 75 MHz": ss.SteppedFmcw(**SHARED, bandwidth=BAND / 4, num_steps=4),
+    "PC-FMCW, 31 chips within": ss.PcFmcw(**SHARED),
     "OFDM": ss.Ofdm(**SHARED, **OFDM, idle_time=34.6e-6),
     "OFDM, comb of 2": ss.Ofdm(**SHARED, **OFDM, idle_time=34.6e-6, comb=2),
     "PMCW, m-sequence": ss.Pmcw(**CODE, code_length=511),
