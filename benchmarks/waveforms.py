@@ -5,7 +5,7 @@
 All have 300 MHz, frames of 9.7 ms and one pair of antennas. Measured are maps without windows. Theory: the gain is the
 number of averaged samples; a moving point loses ``sinc(nu T)`` by Doppler within a symbol of the duration T, and by
 range migration the mean of ``exp(2j pi F u t)`` over frequencies F and times t of the frame; the sidelobes are those of
-a rectangular band, -13.26 dB, or of the code's periodic autocorrelation.
+a rectangular band, -13.26 dB, of the code's periodic autocorrelation, or of the power of a code within ramps.
 """
 
 from __future__ import annotations
@@ -117,12 +117,25 @@ def sidelobe(waveform) -> tuple[float, float]:
     power = rd.power[radar.num_doppler_bins // 2]
     shifted = np.roll(power, -int(power.argmax()))
     half = shifted[fine : len(shifted) // 2 - 1]  # beyond the first zero, up to half the range
+    if waveform.kind == "pc_fmcw":
+        return decibels(half.max() / shifted[0]), sidelobe_of_code(waveform)
     if not coded:
         return decibels(half.max() / shifted[0]), -13.26
     chips = waveform.chips
     correlation = np.abs(sum(np.fft.ifft(np.abs(np.fft.fft(code)) ** 2) for code in chips)) / len(chips)
     worst = correlation[1 : len(correlation) // 2 - 1].max() / correlation[0]
     return decibels(half.max() / shifted[0]), 2.0 * decibels(worst) if worst > 1e-9 else -np.inf
+
+
+def sidelobe_of_code(waveform) -> float:
+    """Return the highest sidelobe of ramps weighted with the power of their code, dispersed by the receiver [dB]."""
+    order = np.fft.fftfreq(waveform.code_length, 1.0 / waveform.code_length)
+    lines = np.zeros(waveform.num_samples, dtype=complex)
+    dispersed = np.exp(-1j * np.pi * (order / waveform.ramp_time) ** 2 / waveform.chirp_slope)
+    lines[order.astype(int)] = np.fft.fft(waveform.chips) * dispersed
+    power = np.abs(np.fft.ifft(lines)) ** 2
+    response = np.abs(np.fft.fft(power, 16 * len(power)))[: 8 * len(power)]
+    return 2.0 * decibels(response[16:].max() / response[0])
 
 
 def speeds(count: int) -> None:
