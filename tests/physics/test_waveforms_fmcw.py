@@ -15,6 +15,7 @@ from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import groups, synthesize
+from scarl_sionna.radar.synthesis.blocks import later, synthesize_blocks
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.oracles.waveforms import chip_train, dechirped, retarded
 
@@ -190,3 +191,19 @@ def test_one_chirp_makes_a_range_profile() -> None:
 def test_what_no_frame_can_be_is_refused(fields, message) -> None:
     with pytest.raises(ParameterRangeError, match=message):
         ss.Fmcw(**{**RAMP, **fields})
+
+
+@pytest.mark.parametrize("name", [*WAVEFORMS, "ofdm", "pmcw", "golay"])
+def test_blocks_of_chirps_make_the_whole_frame(name) -> None:
+    """What each chirp has of its own stays with it: carriers, starts, chips, data, turns of a pair of codes."""
+    others = {
+        "ofdm": ss.Ofdm(num_subcarriers=64, num_chirps=32),
+        "pmcw": ss.Pmcw(code_length=63, num_chirps=32),
+        "golay": ss.Pmcw(code="golay", code_length=64, prefix_chips=64, num_chirps=32, chip_rate=150e6),
+    }
+    radar = radar_of((WAVEFORMS | others)[name])
+    point, velocity = on_a_ray(30.0, 4.0)
+    paths = point_targets([point], [velocity], 1.0, radar, Pose())
+    whole = synthesize(paths, radar)
+    blocks = synthesize_blocks(lambda time: later(paths, time), radar, 8)
+    assert np.abs(blocks - whole).max() < 2.0 * BOUND * np.abs(whole).max()
