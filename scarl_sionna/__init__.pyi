@@ -27,6 +27,9 @@ from .core.specs.radar.front_end import FrontEnd
 from .core.specs.radar.multiplexing import IdealMimo, Tdm
 from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
+from .core.specs.radar.waveforms.coded import Ofdm, Pmcw
+from .core.specs.radar.waveforms.kinds import SteppedFmcw
+from .core.specs.radar.waveforms.phase_coded import PcFmcw
 from .core.specs.weather import Weather
 from .dataset.readers.reader import Dataset, open_dataset
 from .engine.load import load_scene, stage
@@ -74,6 +77,9 @@ __all__ = [
     "BrownConrady",
     "CameraSpec",
     "Fmcw",
+    "Ofdm",
+    "PcFmcw",
+    "Pmcw",
     "Dataset",
     "Frame",
     "FrontEnd",
@@ -100,6 +106,7 @@ __all__ = [
     "ScattererModel",
     "SpinningScan",
     "StagedActor",
+    "SteppedFmcw",
     "TableScan",
     "Tdm",
     "Twist",

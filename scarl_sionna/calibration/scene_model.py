@@ -181,7 +181,7 @@ def map_model(measurement: RadarMap, table: MaterialTable) -> Callable[[Trials],
     columns: dict[str, Any] = dict(fixed.columns({}))
     total = columns.pop("total")
     paths = RadarPaths(**columns, world_from_tx=pose_of(measurement), world_from_rx=pose_of(measurement))
-    kept = np.flatnonzero(total < 2.0 * radar.max_range)
+    kept = np.flatnonzero((total < 2.0 * radar.max_range) | (radar.waveform.sweep.video == 0.0))
     unit = replace(paths, a=np.ones_like(paths.a))
     basis = np.stack([np.conj(_cells(unit.select(np.array([row])), measurement)) for row in kept], axis=1)
     column = "VH".index(radar.array.polarization)
@@ -206,9 +206,10 @@ def map_data(measurement: RadarMap) -> Complex:
         If its shape is not the radar's, or a value is not finite.
     """
     radar = measurement.radar
-    shape = (radar.num_virtual, radar.num_chirps, radar.num_samples)
+    shape = (radar.num_virtual, radar.num_chirps, radar.num_range_bins)
     if measurement.file is None:
-        stop = radar.num_samples if measurement.stop_bin is None else min(measurement.stop_bin, radar.num_samples)
+        bins = radar.num_range_bins
+        stop = bins if measurement.stop_bin is None else min(measurement.stop_bin, bins)
         shape = (*shape[:2], max(stop - measurement.first_bin, 0))
         data = measurement.data
         if data.size != np.prod(shape):

@@ -224,7 +224,7 @@ class RadarFrame(
         Paths that the signal was made of.
     diagnostics : mapping
         What the solver chose and left out.
-    cell_instance : ndarray of uint16, shape (num_chirps, num_samples), or None
+    cell_instance : ndarray of uint16, shape (num_doppler_bins, num_range_bins), or None
         Ground truth of the range-Doppler map with Hann windows and without zero padding: the instance with most power
         in the cell; 0 where no path reaches. Only with ``cell_labels`` of the settings.
     cell_share, cell_ghost_share : ndarray of uint8, same shape, or None

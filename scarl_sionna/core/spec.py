@@ -37,6 +37,8 @@ class Spec(Described, BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
     _derived: ClassVar[tuple[tuple[str, str], ...]] = ()
     """Properties that its table shows first, each with its unit."""
+    _quiet: ClassVar[tuple[str, ...]] = ()
+    """Fields that its table shows only where they are not the default."""
 
     def __init__(self, **data: object) -> None:
         try:
@@ -120,7 +122,8 @@ class Spec(Described, BaseModel):
         for name, unit in self._derived:
             yield name, value_text(getattr(self, name), unit)
         for name, info in type(self).model_fields.items():
-            if (value := getattr(self, name)) is not None:
+            value = getattr(self, name)
+            if value is not None and not (name in self._quiet and value == info.default):
                 yield name, value_text(value, unit_of(info))
 
     def __repr__(self) -> str:

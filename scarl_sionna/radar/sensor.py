@@ -127,7 +127,7 @@ class Radar:
         self, adc: npt.NDArray[np.complex64], paths: RadarPaths, state: WorldState
     ) -> dict[str, npt.NDArray[Any]]:
         """Return what fills the cells of the frame's range-Doppler map, and the power of every object."""
-        labels = label_cells(range_doppler(virtual_cube(adc, self.spec), self.spec), paths, state)
+        labels = label_cells(range_doppler(virtual_cube(adc, self.spec), self.spec), paths, state, "sidelobes")
         power = labels.entry_share * labels.power.reshape(-1)[labels.cell]
         size = max(state.world.instances, default=0) + 1
         objects = [item.instance for item in state.boxes()]

@@ -207,8 +207,8 @@ def _correlation_loss(rd: RangeDoppler, outer: tuple[int, ...], inner: tuple[int
     N / (mean over cells of the sum of squared correlations).
     """
     radar = rd.radar
-    doppler = _power_correlation(rd.window[1], radar.num_chirps, rd.data.shape[1], outer[0])
-    distance = _power_correlation(rd.window[0], radar.num_samples, rd.data.shape[2], outer[1])
+    doppler = _power_correlation(rd.window[1], radar.num_doppler_bins, rd.data.shape[1], outer[0])
+    distance = _power_correlation(rd.window[0], radar.num_range_bins, rd.data.shape[2], outer[1])
     mask = np.ones(outer)
     middle = tuple(slice((o - i) // 2, (o + i) // 2) for o, i in zip(outer, inner, strict=True))
     mask[middle] = 0.0
@@ -237,10 +237,10 @@ def _points(
     num_doppler, num_range = power.shape
     near = np.clip([range_index - 1, range_index, range_index + 1], 0, num_range - 1)
     below, here, above = power[doppler_index, near]
-    range_offset = tone_offset(below, here, above, rd.window[0], radar.num_samples, num_range)
+    range_offset = tone_offset(below, here, above, rd.window[0], radar.num_range_bins, num_range)
     around = np.array([doppler_index - 1, doppler_index, doppler_index + 1]) % num_doppler
     below, here, above = power[around, range_index]
-    doppler_offset = tone_offset(below, here, above, rd.window[1], radar.num_chirps, num_doppler)
+    doppler_offset = tone_offset(below, here, above, rd.window[1], radar.num_doppler_bins, num_doppler)
     distance = (range_index + range_offset) * (rd.range[1] - rd.range[0])
     velocity = rd.radial_velocity[0] + (doppler_index + doppler_offset) * (
         rd.radial_velocity[1] - rd.radial_velocity[0]
@@ -272,8 +272,8 @@ def _straddle_gain(rd: RangeDoppler, range_offset: Array, doppler_offset: Array,
     """Return the power of a tone at an offset from its bin over that on the bin."""
     gain = np.ones_like(range_offset)
     axes = (
-        (rd.window[0], radar.num_samples, rd.data.shape[2], range_offset),
-        (rd.window[1], radar.num_chirps, rd.data.shape[1], doppler_offset),
+        (rd.window[0], radar.num_range_bins, rd.data.shape[2], range_offset),
+        (rd.window[1], radar.num_doppler_bins, rd.data.shape[1], doppler_offset),
     )
     for window, count, num_bins, offset in axes:
         position = np.arange(count) - (count - 1) / 2.0

@@ -11,15 +11,18 @@ import numpy.typing as npt
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import thermal_noise_power
 
+from .receivers import noise_share
 from .windows import noise_bandwidth
 
 
 def sample_noise_power(radar: RadarSpec) -> float:
     """Return the thermal noise power of one complex sample, referred to the receiver's input [W].
 
-    By definition, :func:`~scarl_sionna.core.units.thermal_noise_power` in the band of the sample rate.
+    By definition, :func:`~scarl_sionna.core.units.thermal_noise_power` in the band of a sample.
     """
-    return thermal_noise_power(radar.sample_rate, radar.front_end.noise_figure_db, radar.front_end.source_temperature)
+    return thermal_noise_power(
+        radar.waveform.noise_bandwidth, radar.front_end.noise_figure_db, radar.front_end.source_temperature
+    )
 
 
 def cell_noise_power(
@@ -41,7 +44,8 @@ def cell_noise_power(
     -------
     float
         ``k T B F * ENBW_range * ENBW_doppler / (num_samples * num_chirps * num_channels)``: the processing gain less
-        the windows' loss [W].
+        the windows' loss [W]. A receiver of symbols has its own noise over range, see
+        :func:`scarl_sionna.signal.receivers.noise_share`.
 
     References
     ----------
@@ -49,9 +53,8 @@ def cell_noise_power(
        IEEE 66(1), 1978.
     """
     doppler_window = window if doppler_window is None else doppler_window
-    gain = radar.num_samples * radar.num_chirps * num_channels
-    bandwidth = noise_bandwidth(window, radar.num_samples) * noise_bandwidth(doppler_window, radar.num_chirps)
-    return sample_noise_power(radar) * bandwidth / gain
+    slow = noise_bandwidth(doppler_window, radar.num_doppler_bins) / (radar.num_doppler_bins * num_channels)
+    return sample_noise_power(radar) * noise_share(radar, window) * slow
 
 
 def angle_cell_noise_power(radar: RadarSpec) -> float:

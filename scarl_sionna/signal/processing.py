@@ -15,9 +15,12 @@ from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.units import watt_to_dbm
 
 from .noise import cell_noise_power
+from .receivers import channel_of, range_weights
+from .uneven import burst_map, doppler_matrix, middle_time, over_range, stepped_map
 from .windows import window_values
 
 if TYPE_CHECKING:
@@ -160,7 +163,7 @@ def range_axis(radar: RadarSpec, num_range_bins: int | None = None) -> Array:
     ----------
     .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
-    count = radar.num_samples if num_range_bins is None else num_range_bins
+    count = radar.num_range_bins if num_range_bins is None else num_range_bins
     return np.arange(count, dtype=np.float64) * (radar.max_range / count)
 
 
@@ -173,7 +176,7 @@ def doppler_axis(radar: RadarSpec, num_doppler_bins: int | None = None) -> Array
     ----------
     .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
-    count = radar.num_chirps if num_doppler_bins is None else num_doppler_bins
+    count = radar.num_doppler_bins if num_doppler_bins is None else num_doppler_bins
     return np.arange(-(count // 2), count - count // 2, dtype=np.float64) * (2.0 * radar.unambiguous_velocity / count)
 
 
@@ -220,6 +223,9 @@ def range_doppler(
     ``exp(-2j pi nu t_i)``. Both use the row's own velocity, so a target beyond the unambiguous velocity comes out at
     an aliased velocity **and** a range that is off by the corresponding amount.
 
+    Of symbols (OFDM, phase codes) the receiver takes the channel first, by division or correlation: all tones at one
+    time, so that the coupling ``nu`` is not there.
+
     What is left is the smear by migration within the frame, symmetric about the point, and a scale error of the
     velocity of ``S tau / f_c``, 2e-4 at the largest range of the default radar.
 
@@ -236,20 +242,27 @@ def range_doppler(
             f"shape {expected} = (num_virtual, num_chirps, num_samples)",
             "make it with virtual_cube",
         )
-    num_range = _bins("num_range_bins", num_range_bins, radar.num_samples)
-    num_doppler = _bins("num_doppler_bins", num_doppler_bins, radar.num_chirps)
+    seen = seen_by(radar)
+    num_range = _bins("num_range_bins", num_range_bins, seen.num_samples)
+    num_doppler = _bins("num_doppler_bins", num_doppler_bins, radar.num_doppler_bins)
     doppler_window = window if doppler_window is None else doppler_window
-    fast = window_values(window, radar.num_samples).astype(np.float32)
+    fast = range_weights(radar, window).astype(np.float32)
     slow = window_values(doppler_window, radar.num_chirps).astype(np.float32)
     data = np.empty((radar.num_virtual, num_doppler, num_range), dtype=np.complex64)
     for tx in range(radar.num_tx):
-        factor = _motion_compensation(radar, num_doppler, tx) if compensate_motion else None
+        factor = _motion_compensation(seen, num_doppler, tx) if compensate_motion else None
+        taper = fast if factor is None else factor * fast
         for channel in range(tx * radar.num_rx, (tx + 1) * radar.num_rx):
-            tapered = np.asarray(cube[channel], dtype=np.complex64) * slow[:, None]
-            rows = scipy.fft.fft(tapered, num_doppler, axis=0, workers=-1, overwrite_x=True)
-            rows = np.fft.fftshift(rows, axes=0)
-            rows *= fast if factor is None else factor * fast
-            data[channel] = scipy.fft.fft(rows, num_range, axis=1, workers=-1, overwrite_x=True)
+            samples = channel_of(cube[channel], radar)
+            if radar.waveform.burst > 1:
+                sender = tx if compensate_motion else None
+                windows = window, doppler_window
+                data[channel] = burst_map(samples, radar, windows, (num_doppler, num_range), sender)
+                continue
+            if radar.waveform.chirp_frequencies is not None:
+                data[channel] = stepped_map(samples, radar, slow, taper, (num_doppler, num_range), compensate_motion)
+                continue
+            data[channel] = over_range(_over_doppler(samples, seen, slow, num_doppler) * taper, seen, num_range)
     return RangeDoppler(
         data=data,
         range=range_axis(radar, num_range),
@@ -258,6 +271,16 @@ def range_doppler(
         window=("rect" if window is None else window, "rect" if doppler_window is None else doppler_window),
         noise_power=cell_noise_power(radar, window, doppler_window),
     )
+
+
+def _over_doppler(
+    samples: npt.NDArray[np.complex64], radar: RadarSpec, window: npt.NDArray[np.float32], num_doppler: int
+) -> npt.NDArray[np.complex64]:
+    """Return the spectrum over slow time, rising; shape (num_doppler, num_samples)."""
+    if radar.waveform.chirp_delays is not None:
+        return np.asarray(doppler_matrix(radar, window, num_doppler) @ samples)
+    rows = scipy.fft.fft(samples * window[:, None], num_doppler, axis=0, workers=-1, overwrite_x=True)
+    return np.asarray(np.fft.fftshift(rows, axes=0))
 
 
 def _bins(name: str, asked: int | None, least: int) -> int:
@@ -276,7 +299,7 @@ def _motion_compensation(radar: RadarSpec, num_doppler: int, tx: int) -> npt.NDA
     tx_delay = radar.tx_delay(tx)
     sample = np.arange(radar.num_samples)
     ts_middle = (radar.num_samples - 1) / (2.0 * radar.sample_rate)
-    middle = (radar.num_chirps - 1) / 2.0 * radar.doppler_interval + ts_middle + tx_delay
-    shift = doppler * (1.0 + radar.waveform.chirp_slope * middle / radar.center_frequency)
+    middle = middle_time(radar) + tx_delay
+    shift = doppler * (1.0 + radar.waveform.sweep.slope * middle / radar.center_frequency)
     cycles = shift[:, None] * (sample / radar.sample_rate - ts_middle)[None, :] + (doppler * tx_delay)[:, None]
     return np.exp(-2j * np.pi * cycles).astype(np.complex64)

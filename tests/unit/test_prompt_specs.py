@@ -74,7 +74,12 @@ def test_a_signature_is_one_line(kind: type[Spec]) -> None:
 
 
 def test_a_default_in_a_signature_shows_as_it_is_written() -> None:
-    assert "waveform: scarl_sionna.core.specs.radar.waveform.Fmcw = Fmcw(), " in str(inspect.signature(ss.RadarSpec))
+    kinds = (
+        "waveform.Fmcw",
+        *(f"waveforms.{name}" for name in ("kinds.SteppedFmcw", "phase_coded.PcFmcw", "coded.Ofdm", "coded.Pmcw")),
+    )
+    union = " | ".join(f"scarl_sionna.core.specs.radar.{name}" for name in kinds)
+    assert f"waveform: {union} = Fmcw(), " in str(inspect.signature(ss.RadarSpec))
 
 
 def test_specifications_show_units_and_stay_short() -> None:

@@ -43,6 +43,14 @@ class Tone(Spec):
         return self.chip_rate
 
     @property
+    def num_range_bins(self) -> int:
+        return self.num_samples
+
+    @property
+    def burst(self) -> int:
+        return 1
+
+    @property
     def chirp_interval(self) -> float:
         return self.num_samples / self.chip_rate
 
@@ -142,7 +150,7 @@ def test_a_name_of_no_part_is_an_unknown_field(name, hint) -> None:
         ({"sampling_frequency": 1e6}, r"RadarSpec\.waveform = .*512 samples at 1 MHz take 512 us, the ramp 30 us"),
         ({"waveform": 3}, r"RadarSpec\.waveform = 3"),
         ({"waveform": 3, "num_chirps": 4}, r"RadarSpec\.waveform = 3"),
-        ({"waveform": {"kind": "pmcw"}}, r"RadarSpec\.waveform\.kind = 'pmcw'"),
+        ({"waveform": {"kind": "pmcv"}}, r"RadarSpec\.waveform\.kind = 'pmcv'.*did you mean 'pmcw'"),
         ({"multiplexing": "fdm"}, r"RadarSpec\.multiplexing = 'fdm' .*'ideal' or 'tdm'"),
     ],
 )

@@ -60,7 +60,7 @@ _ALLOWED: Mapping[str, str] = {
 def refusal(model: type[BaseModel], error: ValidationError) -> SpecError:
     """Return the first thing that pydantic found wrong as an error of the project."""
     item = error.errors()[0]
-    path = tuple(item["loc"])
+    path = _without_kinds(model, tuple(item["loc"]))
     inner = item.get("ctx", {}).get("error")
     if isinstance(inner, UnknownFieldError):
         return UnknownFieldError(model, (*path, *inner.path), inner.known, inner.remedy, inner.owner)
@@ -72,10 +72,18 @@ def refusal(model: type[BaseModel], error: ValidationError) -> SpecError:
     info = model.model_fields.get(str(path[0])) if path else None
     unit = unit_of(info)
     shown = repr(item.get("input")) if item["type"] != "missing" else "nothing"
+    if item["type"] == "union_tag_invalid":
+        path, shown = (*path, tags_of(info)[0]), repr(item["ctx"]["tag"])
     allowed = allowed_text(item, info) + (
         f" [{unit}]" if unit and item["type"] not in ("value_error", "missing") else ""
     )
     return SpecError(model, path, shown[:80], allowed, remedy_of(item, info))
+
+
+def _without_kinds(model: type[BaseModel], path: Path) -> Path:
+    """Return the way to a value without the kinds that pydantic puts behind a field which takes several."""
+    info = model.model_fields.get(str(path[0])) if len(path) > 1 else None
+    return (path[0], *path[2:]) if path[1:] and path[1] in tags_of(info)[1] else path
 
 
 def parts_of(model: type[BaseModel]) -> dict[str, tuple[type[BaseModel], ...]]:

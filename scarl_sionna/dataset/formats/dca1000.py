@@ -19,6 +19,9 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import DatasetError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.results import RadarFrame
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveform import Fmcw
+from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.dataset.store.manifest import hash_of
 
 from .output import whole_folder
@@ -120,7 +123,8 @@ def export_dca1000(
     Raises
     ------
     ParameterRangeError
-        If there is no radar, a radar has an odd number of samples, or the scale changes between frames.
+        If there is no radar, a radar has an odd number of samples or sends anything but equal ramps, or the scale
+        changes between frames.
     UnknownNameError
         If there is no radar of a name.
     OutputError
@@ -159,10 +163,31 @@ def _radars(source: FrameSource, asked: Sequence[str]) -> list[str]:
     return list(asked) or known
 
 
+def _ramps(name: str, spec: RadarSpec) -> Fmcw:
+    """Return the waveform of a radar that such a board can have: equal ramps."""
+    waveform = spec.waveform
+    if not isinstance(waveform, Fmcw) or isinstance(waveform, PcFmcw):
+        raise ParameterRangeError(
+            f"radar '{name}'",
+            f"a waveform of kind '{waveform.kind}'",
+            "'fmcw': captures of the DCA1000 are of de-chirped ramps",
+            "leave the radar out with radars=[...], or read its raw data from the dataset",
+        )
+    if waveform.chirp_frequencies is not None or waveform.chirp_delays is not None:
+        raise ParameterRangeError(
+            f"radar '{name}'",
+            "chirps with carriers or starts of their own",
+            "equal chirps: the description of a capture has one start frequency and one interval",
+            "leave the radar out with radars=[...], or read its raw data from the dataset",
+        )
+    return waveform
+
+
 class _Capture:
     """A capture that is being written."""
 
     def __init__(self, stack: ExitStack, folder: Path, name: str, radar: RadarFrame) -> None:
+        self.waveform = _ramps(name, radar.spec)
         folder.mkdir(parents=True)
         self.folder, self.name, self.first = folder, name, radar
         self.file: IO[bytes] = stack.enter_context((folder / CAPTURE).open("wb"))
@@ -195,8 +220,8 @@ class _Capture:
             "scale": float(self.first.adc_scale),
             "scale_unit": "sqrt(W)",
             "timestamp_ns": self.times,
-            "start_frequency": spec.waveform.start_frequency,
-            "chirp_slope": spec.waveform.chirp_slope,
+            "start_frequency": self.waveform.start_frequency,
+            "chirp_slope": self.waveform.chirp_slope,
             "sample_rate": spec.sample_rate,
             "doppler_interval": spec.doppler_interval,
             "range_resolution": spec.range_resolution,

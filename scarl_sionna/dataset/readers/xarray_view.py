@@ -11,6 +11,7 @@ from scarl_sionna.core.errors import DatasetError
 from scarl_sionna.core.packages import require
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveforms.coded import is_coded, window_start
 from scarl_sionna.dataset.store.manifest import ARRAYS
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
@@ -136,8 +137,12 @@ def _radar_axes(node: xarray.Dataset, spec: RadarSpec) -> xarray.Dataset:
     row = np.arange(spec.num_chirps_total)
     delay = np.array([spec.tx_delay(tx) for tx in range(spec.num_tx)])
     sent = row // spec.num_tx * spec.doppler_interval + delay[row % spec.num_tx]
+    waveform = spec.waveform
+    if waveform.chirp_delays is not None:
+        sent = sent + np.asarray(waveform.chirp_delays)[row // spec.num_tx]
+    first = window_start(waveform) if is_coded(waveform) else waveform.sweep.first
     return node.assign_coords(
-        fast_time=("sample", np.arange(spec.num_samples) / spec.sample_rate, {"units": "s"}),
+        fast_time=("sample", first + np.arange(spec.num_samples) / spec.sample_rate, {"units": "s"}),
         slow_time=("chirp", sent, {"units": "s", "long_name": "start of the ramp"}),
         transmitter=("chirp", row % spec.num_tx),
     )

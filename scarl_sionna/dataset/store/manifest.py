@@ -18,6 +18,7 @@ from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveform import Fmcw
 from scarl_sionna.dataset import schema
 from scarl_sionna.dataset.codec import DEPTH_FORMULA, plain
 from scarl_sionna.dataset.encoding import StoreOptions, spec_of
@@ -351,5 +352,6 @@ def _derived(spec: Spec) -> dict[str, Any]:
     if isinstance(spec, LidarSpec):
         return {"num_azimuth": spec.num_azimuth, "num_elevation": spec.num_elevation}
     if isinstance(spec, RadarSpec):
-        return {name: getattr(spec, name) for name in _RADAR_NUMBERS} | {"chirp_slope": spec.waveform.chirp_slope}
+        ramp = {"chirp_slope": spec.waveform.chirp_slope} if isinstance(spec.waveform, Fmcw) else {}
+        return {name: getattr(spec, name) for name in _RADAR_NUMBERS} | ramp
     return {}

@@ -29,6 +29,8 @@ Array = npt.NDArray[np.float64]
 Ids = npt.NDArray[np.int32]
 Mask = npt.NDArray[np.bool_]
 
+SIDELOBE_LIMIT = 0.1
+"""Power of an instance's sidelobes in a cell, over the noise in it, down to which they count."""
 NO_INSTANCE = 0
 """Instance of what no path explains: noise, sidelobes, a line of sight between two radars."""
 
@@ -198,7 +200,7 @@ def label_cells(
     rd: RangeDoppler,
     paths: RadarPaths,
     state: WorldState | None = None,
-    method: Literal["spread", "synthesis"] = "spread",
+    method: Literal["spread", "sidelobes", "synthesis"] = "spread",
 ) -> CellLabels:
     r"""Return which instances fill the cells of a range-Doppler map, and with which share of the power.
 
@@ -210,9 +212,12 @@ def label_cells(
         That the raw data was made of.
     state : WorldState, optional
         See :func:`label_paths`.
-    method : {"spread", "synthesis"}
-        ``"spread"`` puts each path's field onto the cells of the windows' main lobes. ``"synthesis"`` makes the raw
+    method : {"spread", "sidelobes", "synthesis"}
+        ``"spread"`` puts each path's field onto the cells of the windows' main lobes; ``"sidelobes"`` along both axes
+        as far as the sidelobes of an instance are above a tenth of the map's noise. ``"synthesis"`` makes the raw
         data of each instance alone and transforms it: exact, sidelobes included, one synthesis for each instance.
+        Chirps with carriers of their own have no lobe that is a product over range and Doppler: they are always
+        synthesized.
 
     Returns
     -------
@@ -233,18 +238,20 @@ def label_cells(
     and the transforms W of the windows, cut at their first minimum. The power of a group is the mean over channels of
     :math:`|X_{gc}|^2`, its share that over the sum of all groups: interference between groups belongs to none of them.
 
-    *Not modelled* by ``"spread"``: sidelobes, the smear of range migration within the frame and of the delay's
+    *Not modelled* by ``"spread"``: sidelobes; by both: the smear of range migration within the frame and of the delay's
     acceleration. Cells that hold only sidelobes of what is elsewhere are empty. Measured errors: docs/radar_labels.md.
     """
-    if method not in ("spread", "synthesis"):
-        raise ParameterRangeError("method", repr(method), "'spread' or 'synthesis'")
+    if method not in ("spread", "sidelobes", "synthesis"):
+        raise ParameterRangeError("method", repr(method), "'sidelobes', 'spread' or 'synthesis'")
     labels = label_paths(paths, state)
-    table = CellSpread.of(rd, paths) if method == "spread" else None
+    stepped = rd.radar.waveform.chirp_frequencies is not None and rd.radar.waveform.burst == 1
+    table = CellSpread.of(rd, paths) if method != "synthesis" and not stepped else None
+    limit = SIDELOBE_LIMIT * rd.noise_power if method == "sidelobes" else None
     cells, powers, rows = [], [], []
     groups = _groups(labels)
     for number in range(len(groups.key)):
         index = np.flatnonzero(groups.member == number)
-        power = _synthesized(rd, paths.select(index)) if table is None else table.power(index)
+        power = _synthesized(rd, paths.select(index)) if table is None else table.power(index, limit)
         filled = np.flatnonzero(power)
         cells.append(filled)
         powers.append(power[filled])

@@ -5,6 +5,7 @@ The transform, local to the main lobe.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -12,11 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.tones import seen_by
+from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
+from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
 from scarl_sionna.signal.processing import RangeDoppler
+from scarl_sionna.signal.receivers import response_weights
 from scarl_sionna.signal.windows import window_values
 
 Array = npt.NDArray[np.float64]
@@ -24,12 +29,29 @@ Index = npt.NDArray[np.int64]
 
 _STEPS_PER_BIN = 256
 _CELLS_PER_BLOCK = 1_000_000
+MAX_REACH = 32
+"""Bins to which a window's sidelobes are followed: Hann's are 95 dB down there, those without a window 40 dB. Those of
+a code do not fall: they are followed all the way."""
 
 
 @lru_cache(maxsize=32)
 def main_lobe(window: str, count: int) -> Array:
     """Return a window's transform from 0 to its first minimum, `_STEPS_PER_BIN` values a bin; 1 at 0, real."""
-    values = window_values(window, count)
+    return lobe_of(window_values(window, count))
+
+
+def sides_of(values: Array, reach: int | None = None) -> Array:
+    """Return the transform of weights from 0 to `reach` bins, or half of all, real, as :func:`main_lobe` does."""
+    count = len(values)
+    length = (count // 2 if reach is None else min(reach, count // 2)) * _STEPS_PER_BIN
+    spectrum = np.asarray(np.fft.fft(values, count * _STEPS_PER_BIN)[:length], dtype=np.complex128)
+    turns = np.arange(length, dtype=np.float64) * ((count - 1) / 2.0 / (count * _STEPS_PER_BIN))
+    return np.asarray((spectrum * phasor(turns)).real)
+
+
+def lobe_of(values: Array) -> Array:
+    """Return the transform of weights, the real part about their middle, as :func:`main_lobe` does."""
+    count = len(values)
     position = np.arange(count) - (count - 1) / 2.0
     for reach in range(1, count + 2):
         offset = np.arange(reach * _STEPS_PER_BIN + 2) / _STEPS_PER_BIN
@@ -56,6 +78,12 @@ class PathCells:
         is within [0, num_chirps), 0 at rest.
     kept : ndarray of bool, shape (num_paths,)
         False for paths that the receiver's filter removes.
+    response : ndarray of float64, shape (num_range_bins,)
+        Weights over what is sampled whose transform is the response over range.
+    reach : int or None
+        Bins to which the sidelobes over range are followed; None for all.
+    loss : ndarray of float64, shape (num_paths,)
+        What Doppler within the window of a symbol leaves of the amplitude; 1 for ramps.
     """
 
     radar: RadarSpec
@@ -64,6 +92,10 @@ class PathCells:
     kept: npt.NDArray[np.bool_]
     range_lobe: Array
     doppler_lobe: Array
+    doppler_window: Array
+    response: Array
+    reach: int | None
+    loss: Array
     terms: PairTerms
 
     @classmethod
@@ -73,6 +105,8 @@ class PathCells:
         """Return the places of paths, as `range_doppler` has them after its compensation of motion."""
         window = "rect" if window is None else window
         doppler_window = window if doppler_window is None else doppler_window
+        response, waveform, radar = response_weights(radar, window), radar.waveform, seen_by(radar)
+        seconds = waveform.repetitions / waveform.spacing if is_coded(waveform) else 0.0
         terms = PairTerms.of(paths, radar)
         length = terms.geometry.center_length()
         grid = FrameGrid(radar)
@@ -82,19 +116,24 @@ class PathCells:
             radar=radar,
             beat_bin=over_x * radar.num_samples / radar.sample_rate,
             doppler_bin=doppler_bin,
-            kept=length < 2.0 * radar.max_range,
-            range_lobe=main_lobe(window, radar.num_samples),
+            kept=(length < 2.0 * radar.max_range) | (not radar.waveform.sweep.video),
+            range_lobe=lobe_of(response),
             doppler_lobe=main_lobe(doppler_window, radar.num_chirps),
+            doppler_window=window_values(doppler_window, radar.num_chirps),
+            response=response,
+            reach=None if is_coded(waveform) and not waveform.divides else MAX_REACH,
+            loss=np.sinc(over_y * seconds),
             terms=terms,
         )
 
     def range_bin(self, index: Index, doppler: float | Array) -> Array:
         """Return the places over range in the row of a Doppler frequency [Hz], not padded, modulo num_samples."""
         radar = self.radar
-        coupling = 1.0 + radar.waveform.chirp_slope * FrameGrid(radar).center_time(0) / radar.center_frequency
+        slope = radar.waveform.sweep.slope
+        coupling = 1.0 + slope * FrameGrid(radar).center_time(0) / radar.center_frequency
         removed = np.asarray(doppler) * coupling * radar.num_samples / radar.sample_rate
         beat = self.beat_bin[index].reshape((-1,) + (1,) * (removed.ndim - 1))
-        return np.mod(beat - removed, radar.num_samples)
+        return np.mod(np.copysign(1.0, slope) * (beat - removed), radar.num_samples)
 
     def fields(self, index: Index, doppler: float | Array) -> npt.NDArray[np.complex128]:
         """Return beat amplitudes with their phases at mid-frame [sqrt(W)], shape (len(index), num_virtual).
@@ -105,6 +144,23 @@ class PathCells:
         delay = np.array([self.radar.tx_delay(int(number)) for number in tx])
         return np.asarray(self._middle[index] * phasor(-doppler * delay))
 
+    def _removed(self, delay: Array) -> Array | float:
+        """Return the residual video phase that the filter of coded ramps takes off [cycles]."""
+        waveform = self.radar.waveform
+        if not isinstance(waveform, PcFmcw) or waveform.coding == "across":
+            return 0.0
+        return 0.5 * waveform.chirp_slope * delay**2
+
+    @cached_property
+    def range_sides(self) -> Array:
+        """Response over range to many bins, as :func:`sides_of` has it."""
+        return sides_of(self.response, self.reach)
+
+    @cached_property
+    def doppler_sides(self) -> Array:
+        """Response over Doppler to many bins, as :func:`sides_of` has it."""
+        return sides_of(self.doppler_window, MAX_REACH)
+
     @cached_property
     def _middle(self) -> npt.NDArray[np.complex128]:
         """Fields of all paths at mid-frame [sqrt(W)], shape (num_paths, num_virtual)."""
@@ -112,20 +168,35 @@ class PathCells:
         out = np.empty((len(self.kept), radar.num_virtual), dtype=np.complex128)
         for tx in range(radar.num_tx):
             for rx in range(radar.num_rx):
-                cycles = grid.expand(*delay_terms(*self.terms.start(tx, rx)), tx)[0]
+                terms = delay_terms(*self.terms.start(tx, rx))
+                cycles = grid.expand(*terms, tx)[0] + self._removed(terms[0] + grid.center_time(tx) * terms[1])
                 grown = self.terms.growth(tx, rx, grid.center_time(tx))
                 amplitude = self.terms.geometry.pair_amplitude(tx, rx) * grown
-                out[:, tx * radar.num_rx + rx] = amplitude * phasor(cycles)
+                out[:, tx * radar.num_rx + rx] = amplitude * self.loss * phasor(cycles)
         return out
+
+    def _stepped_lobe(self, x: Array, y: Array) -> Array:
+        """Return how well a tone `x` range and `y` Doppler bins off adds up over chirps with own carriers."""
+        radar = self.radar
+        steps, chirp = np.asarray(radar.waveform.chirp_frequencies), np.arange(radar.num_chirps)
+        cycles = np.outer(y / radar.num_chirps, chirp) + np.outer(x / radar.sampled_bandwidth, steps)
+        return np.asarray(np.abs(phasor(cycles) @ self.doppler_window))
 
     def near(self, distance: float, radial_velocity: float) -> tuple[Index, Array]:
         """Return the paths whose main lobe covers a range [m] and a velocity [m/s], and the lobe's value there."""
         radar = self.radar
         doppler = 2.0 * radial_velocity * radar.center_frequency / SPEED_OF_LIGHT
         y = _wrapped(doppler * radar.doppler_interval * radar.num_chirps - self.doppler_bin, radar.num_chirps)
-        index = np.flatnonzero((np.abs(y) * _STEPS_PER_BIN < len(self.doppler_lobe)) & self.kept)
+        steps = radar.waveform.chirp_frequencies
+        wide = np.inf if steps is not None else len(self.doppler_lobe)
+        index = np.flatnonzero((np.abs(y) * _STEPS_PER_BIN < wide) & self.kept)
         x = _wrapped(distance / radar.range_resolution - self.range_bin(index, doppler), radar.num_samples)
-        weight = _lobe_at(self.range_lobe, x) * _lobe_at(self.doppler_lobe, y[index])
+        weight = _lobe_at(self.range_lobe, x)
+        if steps is None:
+            weight *= _lobe_at(self.doppler_lobe, y[index])
+        else:
+            index, x, weight = index[weight != 0.0], x[weight != 0.0], weight[weight != 0.0]
+            weight *= self._stepped_lobe(x, y[index])
         return index[weight != 0.0], weight[weight != 0.0]
 
 
@@ -151,17 +222,50 @@ class CellSpread:
         field[~cells.kept] = 0.0
         return cls(cells, field, (rd.data.shape[1], rd.data.shape[2]))
 
-    def power(self, index: Index) -> Array:
-        """Return the power of some paths in every cell, averaged over the channels [W], flat."""
+    def power(self, index: Index, limit: float | None = None) -> Array:
+        """Return the power of some paths in every cell, averaged over the channels [W], flat.
+
+        Parameters
+        ----------
+        index : ndarray of int64
+        limit : float, optional
+            Sidelobes of the paths' strongest cell down to this power are put onto the cells as well [W], along the
+            range and along the Doppler axis, of all but paths too weak together. Left out: main lobes only.
+        """
+        parts: list[_Part] = [(index, self._footprint)]
+        found = self._summed(parts)
+        if limit is None or not found.any():
+            return found
+        level = float(np.sqrt(limit / found.max()))
+        arms = self._arms(level)
+        if arms is None:
+            return found
+        size = np.sqrt(np.mean(np.abs(self.field[index]) ** 2, axis=1))
+        rising = np.argsort(size)
+        few = np.cumsum(size[rising]) * arms.highest < 0.5 * np.sqrt(limit)
+        return self._summed([*parts, (index[np.sort(rising[~few])], arms.footprint)])
+
+    def _arms(self, level: float) -> _Arms | None:
+        """Return the sidelobes above a level of the amplitude; None if there are none."""
+        wide = [_above(side, level) for side in (self.cells.doppler_sides, self.cells.range_sides)]
+        main = len(self.cells.doppler_lobe), len(self.cells.range_lobe)
+        if all(len(lobe) <= count for lobe, count in zip(wide, main, strict=True)):
+            return None
+        highest = max(float(np.abs(lobe[count:]).max(initial=0.0)) for lobe, count in zip(wide, main, strict=True))
+        return _Arms(self, wide[0], wide[1], highest)
+
+    def _summed(self, parts: list[_Part]) -> Array:
+        """Return the power in every cell of the summed fields of paths, flat; each part has its footprint."""
         channels = self.field.shape[1]
         place = np.full(self.shape[0] * self.shape[1], -1, dtype=np.int64)
-        for block in self._blocks(index):
-            place[self._footprint(block)[0].ravel()] = 0
+        blocks = [(block, footprint) for index, footprint in parts for block in _blocks(index, footprint)]
+        for block, footprint in blocks:
+            place[footprint(block)[0].ravel()] = 0
         used = np.flatnonzero(place == 0)
         place[used] = np.arange(len(used))
         real, imag = np.zeros((channels, len(used))), np.zeros((channels, len(used)))
-        for block in self._blocks(index):
-            cell, weight = self._footprint(block)
+        for block, footprint in blocks:
+            cell, weight = footprint(block)
             where = place[cell].ravel()
             for channel in range(channels):
                 value = self.field[block, channel].astype(np.complex128)
@@ -171,25 +275,66 @@ class CellSpread:
         out[used] = np.mean(real**2 + imag**2, axis=0)
         return out
 
-    def _blocks(self, index: Index) -> list[Index]:
-        """Return the paths in blocks of a bounded number of cells."""
-        if not len(index):
-            return []
-        width = max(1, _CELLS_PER_BLOCK // self._footprint(index[:1])[0].shape[1])
-        return [index[start : start + width] for start in range(0, len(index), width)]
-
-    def _footprint(self, index: Index) -> tuple[Index, Array]:
-        """Return the flat cells of each path's main lobe and the lobe's value there, shapes (len(index), num_cells)."""
+    def _footprint(
+        self, index: Index, doppler_lobe: Array | None = None, range_lobe: Array | None = None
+    ) -> tuple[Index, Array]:
+        """Return the flat cells of each path's lobe and the lobe's value there, shapes (len(index), num_cells)."""
         radar = self.cells.radar
         num_doppler, num_range = self.shape
-        rows, by_row = _axis(self.cells.doppler_bin[index], radar.num_chirps, num_doppler, self.cells.doppler_lobe)
+        over_doppler = self.cells.doppler_lobe if doppler_lobe is None else doppler_lobe
+        over_range = self.cells.range_lobe if range_lobe is None else range_lobe
+        rows, by_row = _axis(self.cells.doppler_bin[index], radar.num_chirps, num_doppler, over_doppler)
         rows = (rows + num_doppler // 2) % num_doppler
         doppler = (rows - num_doppler // 2) / (num_doppler * radar.doppler_interval)
         place = self.cells.range_bin(index, doppler)
-        columns, by_column = _axis(place, radar.num_samples, num_range, self.cells.range_lobe)
+        columns, by_column = _axis(place, radar.num_samples, num_range, over_range)
         flat = rows[:, :, None] * num_range + columns
         weight = by_row[:, :, None] * by_column
         return flat.reshape(len(index), -1), weight.reshape(len(index), -1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Arms:
+    """Sidelobes of paths along both axes, through their main lobes; `highest` is the highest sidelobe."""
+
+    spread: CellSpread
+    doppler_lobe: Array
+    range_lobe: Array
+    highest: float
+
+    def footprint(self, index: Index) -> tuple[Index, Array]:
+        """Return the flat cells of each path's sidelobes and their values there."""
+        cells = self.spread.cells
+        beside_range = _without_main(self.range_lobe, len(cells.range_lobe))
+        beside_doppler = _without_main(self.doppler_lobe, len(cells.doppler_lobe))
+        along = self.spread._footprint(index, None, beside_range)
+        across = self.spread._footprint(index, beside_doppler, None)
+        return np.concatenate([along[0], across[0]], axis=1), np.concatenate([along[1], across[1]], axis=1)
+
+
+_Footprint = Callable[[Index], tuple[Index, Array]]
+_Part = tuple[Index, _Footprint]
+
+
+def _blocks(index: Index, footprint: _Footprint) -> list[Index]:
+    """Return paths in blocks of a bounded number of cells."""
+    if not len(index):
+        return []
+    width = max(1, _CELLS_PER_BLOCK // footprint(index[:1])[0].shape[1])
+    return [index[start : start + width] for start in range(0, len(index), width)]
+
+
+def _above(lobe: Array, level: float) -> Array:
+    """Return a response up to where it stays below a level."""
+    above = np.flatnonzero(np.abs(lobe) > level)
+    return lobe[: above[-1] + 2] if len(above) else lobe[:1]
+
+
+def _without_main(lobe: Array, count: int) -> Array:
+    """Return a response with its main lobe, the first `count` values, set to 0."""
+    out = lobe.copy()
+    out[:count] = 0.0
+    return out
 
 
 def _axis(place: Array, count: int, num_bins: int, lobe: Array) -> tuple[Index, Array]:

@@ -1,4 +1,4 @@
-"""Beat signal of radar paths: what every transmit-receive pair's converter sees."""
+"""Signal of radar paths: what every transmit-receive pair's converter sees, whatever the waveform."""
 
 from __future__ import annotations
 
@@ -16,11 +16,15 @@ from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.tones import seen_by
+from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
+from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import add_noise
 
-from . import direct, groups
+from . import coded_ramps, direct, groups, symbols
 from .moving import Signal, Tolerances, linear_signal, moving_signals
 from .orders import orders
 
@@ -35,7 +39,7 @@ def synthesize(
     accuracy: Accuracy = DEFAULT_ACCURACY,
     method: Literal["nufft", "direct"] = "nufft",
 ) -> npt.NDArray[np.complex64]:
-    r"""Return the de-chirped signal of every receiver, as sampled.
+    r"""Return the signal of every receiver, as sampled: of ramps de-chirped, of symbols as it arrives.
 
     Parameters
     ----------
@@ -58,12 +62,14 @@ def synthesize(
     Raises
     ------
     ParameterRangeError
-        If a path's length or amplitude is not finite, or the method is unknown.
+        If a path's length or amplitude is not finite, the method is unknown, or transmitters take turns with a code
+        that has no prefix.
 
     Warns
     -----
     ScarlWarning
-        If paths are longer than twice ``radar.max_range``: the receiver's low-pass filter removes them.
+        If paths are longer than twice ``radar.max_range``: the receiver of ramps filters them out. If paths are longer
+        than the prefix of symbols.
 
     Notes
     -----
@@ -72,6 +78,8 @@ def synthesize(
     .. math:: s_{ij}(t) = \sum_p \bar a_p \sqrt{P G_t G_r}\,
         e^{j 2 \pi (f_0 \tau + S \tau t_s - S \tau^2 / 2)}, \quad
         \tau(t) = L_{ij}(t) / (c + L_{ij}'(t)/2)
+
+    for ramps; symbols are in :mod:`scarl_sionna.radar.synthesis.symbols`.
 
     *Kept*: exact delay and strength of each pair at every time (spherical wavefronts, end points that move straight on,
     antennas that move and turn with the radar), motion within a ramp, range migration, residual video phase. Paths of
@@ -90,32 +98,106 @@ def synthesize(
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
-    kept, geometry = _within_band(paths, radar)
-    held, bent, linear, moving = orders(kept, radar, accuracy.motion_tolerance)
-    if linear.any():  # one transform for both
-        linear, held = linear | held, np.zeros_like(held)
     tolerance = accuracy.synthesis_tolerance if method == "nufft" else None
-    if held.any():
-        kept = replace(kept, length_acceleration=np.where(held, 0.0, kept.length_acceleration))
-    for signal in _signals(kept, geometry, radar, held | bent, tolerance):
-        _add(adc, radar, signal)
-    if linear.any():
-        _add(adc, radar, linear_signal(kept.select(linear), radar, tolerance))
-    if moving.any():
-        wanted = None if tolerance is None else Tolerances(tolerance, accuracy.motion_tolerance or tolerance)
-        for first, signal in moving_signals(kept.select(moving), radar, wanted):
-            _add(adc, radar, signal, first)
+    make = _of_symbols if is_coded(radar.waveform) else _of_ramps
+    if isinstance(radar.waveform, PcFmcw):
+        make = _of_coded_ramps
+    for first, signal in make(paths, radar, tolerance, accuracy.motion_tolerance):
+        _add(adc, radar, signal, first)
     return adc if rng is None else add_noise(adc, radar, rng)
 
 
-def _within_band(paths: RadarPaths, radar: RadarSpec) -> tuple[RadarPaths, PathGeometry]:
-    """Return the paths whose beat frequency passes the receiver's filter, and their geometry."""
+def _of_ramps(
+    paths: RadarPaths, radar: RadarSpec, tolerance: float | None, motion_tolerance: float | None
+) -> Iterator[tuple[int, Signal]]:
+    """Yield first chirps and what makes the signals of ramps, or of tones, from there on, to be added up."""
+    kept, geometry = _within_band(paths, radar)
+    held, bent, linear, moving = orders(kept, radar, motion_tolerance)
+    if linear.any():  # one transform for both
+        linear, held = linear | held, np.zeros_like(held)
+    if held.any():
+        kept = replace(kept, length_acceleration=np.where(held, 0.0, kept.length_acceleration))
+    for signal in _signals(kept, geometry, radar, held | bent, tolerance):
+        yield 0, signal
+    if linear.any():
+        yield 0, linear_signal(kept.select(linear), radar, tolerance)
+    if moving.any():
+        wanted = None if tolerance is None else Tolerances(tolerance, motion_tolerance or tolerance)
+        yield from moving_signals(kept.select(moving), radar, wanted)
+
+
+def _of_symbols(
+    paths: RadarPaths, radar: RadarSpec, tolerance: float | None, motion_tolerance: float | None
+) -> Iterator[tuple[int, Signal]]:
+    """Yield first chirps and what makes the signals of symbols from there on, to be added up."""
+    waveform = radar.waveform
+    assert is_coded(waveform)  # by the caller
+    _check_finite(paths)
+    length = PathGeometry.of(paths, radar).center_length()
+    inside = symbols.within_prefix(paths, length, radar, waveform)
+    if not inside.all():
+        warnings.warn(
+            f"{int((~inside).sum())} of {paths.num_paths} paths, up to {length.max():.4g} m long, are longer than the "
+            f"prefix of {waveform.prefix_time * 1e6:.4g} us: the end of the symbol before falls into the receiver's "
+            "window. They are summed sample by sample, which takes long; a longer prefix spares it",
+            ScarlWarning,
+            stacklevel=4,
+        )
+    beyond = paths.select(~inside) if tolerance is not None else paths
+    if beyond.num_paths:
+        yield 0, symbols.plain(beyond, radar, waveform, motion_tolerance)
+    if tolerance is None or not inside.any():
+        return
+    kept = paths.select(inside)
+    change = np.abs(kept.length_rate) + radar.frame_time * np.abs(kept.length_acceleration)
+    nodes = symbols.Nodes.of(waveform, float(change.max()), tolerance)
+    for wait, weight in zip(nodes.wait, nodes.weight, strict=True):
+        tones = seen_by(radar, float(wait), every=True)
+        for first, signal in _of_ramps(kept, tones, symbols.CHANNEL_SHARE * tolerance, motion_tolerance):
+            yield first, symbols.modulated(signal, radar, waveform, first, weight)
+
+
+def _of_coded_ramps(
+    paths: RadarPaths, radar: RadarSpec, tolerance: float | None, motion_tolerance: float | None
+) -> Iterator[tuple[int, Signal]]:
+    """Yield first chirps and what makes the signals of ramps with a phase code from there on, to be added up."""
+    waveform = radar.waveform
+    assert isinstance(waveform, PcFmcw)  # by the caller
+    kept, geometry = _within_band(paths, radar)
+    if not kept.num_paths:
+        return
+    if tolerance is None:
+        yield 0, coded_ramps.plain(kept, radar, waveform, motion_tolerance)
+        return
+    higher, screens = np.zeros(1), np.ones((1, radar.num_samples), dtype=np.complex128)
+    share, chips = 1.0, np.conj(waveform.by_chirp)
+    if waveform.coding == "within":
+        length = geometry.center_length()
+        arms = sum(float(np.linalg.norm(array, axis=1).max()) for array in (radar.tx_array, radar.rx_array))
+        arms += radar.frame_time * float(np.abs(kept.length_rate).max())
+        delays = (float(length.min()) - arms) / SPEED_OF_LIGHT, (float(length.max()) + arms) / SPEED_OF_LIGHT
+        higher, screens = coded_ramps.carriers(waveform, delays, tolerance)
+        share = symbols.CHANNEL_SHARE / float(np.abs(screens).sum(axis=0).max())
+    for above, screen in zip(higher, screens, strict=True):
+        ramps = radar.with_(waveform=waveform.ramps(float(above)))
+        for first, signal in _of_ramps(kept, ramps, share * tolerance, motion_tolerance):
+            yield first, coded_ramps.screened(signal, chips[first:], screen)
+
+
+def _check_finite(paths: RadarPaths) -> None:
     for name in ("a", "tx_point", "rx_point", "inner_length", "length_rate", "length_acceleration"):
         if not np.isfinite(getattr(paths, name)).all():
             raise ParameterRangeError(
                 f"paths.{name}", "NaN or infinity", "finite values", "check the solver's geometry"
             )
+
+
+def _within_band(paths: RadarPaths, radar: RadarSpec) -> tuple[RadarPaths, PathGeometry]:
+    """Return the paths whose beat frequency passes the receiver's filter, and their geometry."""
+    _check_finite(paths)
     geometry = PathGeometry.of(paths, radar)
+    if not radar.waveform.sweep.video:  # nothing is mixed down by a ramp: long delays are ambiguous, not filtered out
+        return paths, geometry
     length = geometry.center_length()
     beyond = length >= 2.0 * radar.max_range
     if not beyond.any():
@@ -125,7 +207,7 @@ def _within_band(paths: RadarPaths, radar: RadarSpec) -> tuple[RadarPaths, PathG
         f"{radar.max_range:.4g} m (up to {length.max():.4g} m) and are filtered out before sampling; "
         "sample faster or sweep less to see them",
         ScarlWarning,
-        stacklevel=3,
+        stacklevel=4,
     )
     kept = paths.select(~beyond)
     return kept, PathGeometry.of(kept, radar)

@@ -25,6 +25,7 @@ from scarl_sionna.signal.noise import add_noise
 
 from . import synthesize
 from .motion import center_terms, is_known
+from .phase import chirps_of
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World
@@ -90,13 +91,13 @@ def synthesize_blocks(
     if not 1 <= chirps_per_block <= radar.num_chirps:
         raise ParameterRangeError("chirps_per_block", chirps_per_block, f"1 to num_chirps = {radar.num_chirps}")
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
-    ramps, single = radar.num_tx, radar.with_(num_chirps=1)
+    ramps, single = radar.num_tx, chirps_of(radar, 0, 1)
     apart, size, before = 0.0, 0.0, None
     for first in range(0, radar.num_chirps, chirps_per_block):
         count = min(chirps_per_block, radar.num_chirps - first)
         start, middle = first * radar.doppler_interval, (first + count / 2.0) * radar.doppler_interval
         paths = paths_at(middle)
-        block = synthesize(later(paths, start - middle), radar.with_(num_chirps=count), None, accuracy, method)
+        block = synthesize(later(paths, start - middle), chirps_of(radar, first, count), None, accuracy, method)
         adc[:, first * ramps : (first + count) * ramps] = block
         if before is not None:
             carried = synthesize(later(before[0], middle - before[1]), single, None, accuracy, method)

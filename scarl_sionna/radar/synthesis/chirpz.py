@@ -66,12 +66,12 @@ class PathPhase:
     @classmethod
     def of(cls, radar: RadarSpec, length: Array, rate: Array, tx: int, reference: float) -> PathPhase:
         """Return the constant [cycles], S tau and alpha [Hz], v [1/s2] and u squared; `reference` is tau_ref [s]."""
-        grid, slope = FrameGrid(radar), radar.waveform.chirp_slope
+        grid, sweep = FrameGrid(radar), radar.waveform.sweep
         constant, over_x, doppler, middle_rate = grid.expand(*delay_terms(length, rate, np.zeros_like(rate)), tx)
         beat = over_x - doppler
-        center = radar.waveform.start_frequency + slope * grid.ts_center
-        difference = (beat - slope * reference) / ((center - beat) * (center - slope * reference))
-        return cls(constant, beat, doppler, doppler * slope * difference, middle_rate**2)
+        seen, expected = sweep.video * beat, sweep.video * sweep.slope * reference
+        difference = (seen - expected) / ((grid.center_frequency - seen) * (grid.center_frequency - expected))
+        return cls(constant, beat, doppler, doppler * sweep.slope * difference, middle_rate**2)
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Layout:
     @classmethod
     def of(cls, radar: RadarSpec, length: Array, rate: Array, tolerance: float) -> Layout | None:
         """Return the layout for paths of some lengths and length rates, or None if it cannot hold the tolerance."""
-        grid, slope = FrameGrid(radar), radar.waveform.chirp_slope
+        grid, sweep = FrameGrid(radar), radar.waveform.sweep
         delay = delay_terms(length, rate, np.zeros_like(rate))[0] + grid.center_time(0) * rate / SPEED_OF_LIGHT
         reference = 0.5 * float(delay.min() + delay.max())
         phase = PathPhase.of(radar, length, rate, 0, reference)
@@ -116,11 +116,17 @@ class Layout:
         extent += grid.tx_delay(radar.num_tx - 1) * float(np.abs(rate).max())
         largest = float(np.abs(phase.doppler).max())
         migration = float(np.abs(phase.migration).max())
-        migration += largest * extent * (slope / radar.waveform.start_frequency) ** 2 / SPEED_OF_LIGHT
+        migration += largest * extent * (sweep.slope / sweep.start_frequency) ** 2 / SPEED_OF_LIGHT
         x, q = float(grid.x[-1]), float(grid.x[-1] + grid.y[-1])
         phases = {
             "migration": 2.0 * np.pi * migration * x * q,
-            "square": 0.5 * np.pi * slope * squared[1] * q * q,  # q squared is taken about its middle
+            "square": 0.5
+            * np.pi
+            * sweep.video
+            * abs(sweep.slope)
+            * squared[1]
+            * q
+            * q,  # q squared is taken about its middle
         }
         budget = PHASE_SHARE * tolerance - 0.5 * sum(phases.values()) ** 2
         terms: list[str] = []
@@ -130,7 +136,7 @@ class Layout:
             else:
                 terms.append(name)
         cell, shape = cls._grid(radar, doppler[1] + 1e-6 * largest, x, q, tolerance)
-        if tolerance < MIN_TOLERANCE or budget < 0.0 or shape[0] * shape[1] > MAX_CELLS:
+        if not grid.even or tolerance < MIN_TOLERANCE or budget < 0.0 or shape[0] * shape[1] > MAX_CELLS:
             return None
         return cls(reference, doppler, squared, migration, tuple(terms), phases, cell, shape)
 
@@ -138,7 +144,7 @@ class Layout:
     def _grid(
         radar: RadarSpec, half_span: float, x: float, q: float, tolerance: float
     ) -> tuple[float, tuple[int, int]]:
-        stretch = 1.0 + radar.waveform.chirp_slope * x / radar.waveform.start_frequency
+        stretch = 1.0 + abs(radar.waveform.sweep.slope) * x / radar.waveform.sweep.start_frequency
         upsampling = _upsampling(tolerance)
         cell = 1.0 / (2.0 * upsampling * max(q * stretch, 0.5 / radar.sample_rate))
         # no path may reach round the edge of the unfolded axis: room for the widest kernel
@@ -209,9 +215,10 @@ class Transform:
         for name in layout.terms:
             error = CORRECTION_SHARE * tolerance / (len(layout.terms) * layout.phases[name])
             self._spreaders.append(_spreader(min(error, 0.03), tolerance, layout.shape))
-        slope = radar.waveform.chirp_slope
-        center = radar.waveform.start_frequency + slope * (self._grid.ts_center - layout.delay)
-        stretch = 1.0 + slope * self._grid.x / center
+        sweep = radar.waveform.sweep
+        center = sweep.start_frequency + sweep.slope * (self._grid.ts_center - sweep.video * layout.delay)
+        stretch = 1.0 + sweep.slope * self._grid.x / center
+        self._video_slope = sweep.video * sweep.slope
         self._length = fft.next_fast_len(layout.shape[1] + radar.num_chirps - 1)
         self._first, self._kernel = self._chirps(stretch)
         self._last = self._screens(stretch)
@@ -243,7 +250,7 @@ class Transform:
         slow = q * stretch[:, None]
         chirp = np.arange(radar.num_chirps) - 0.5 * (radar.num_chirps - 1)
         step = layout.cell * radar.doppler_interval * stretch[:, None]
-        square = 0.5 * radar.waveform.chirp_slope * (q * q - self._half_square)
+        square = 0.5 * self._video_slope * (q * q - self._half_square)
         base = phasor(0.5 * step * chirp**2 + layout.doppler[0] * slow - layout.squared_rate[0] * square)
         factors: dict[str, Array] = {
             "migration": 2.0 * np.pi * layout.migration * self._grid.x[:, None] * q,
@@ -274,9 +281,7 @@ class Transform:
         turn = phase.range_frequency / radar.sample_rate
         half = 0.5 * (1 - radar.num_samples % 2)  # the modes are whole numbers from -(N // 2)
         square = phase.squared_rate - layout.squared_rate[0]
-        offset = (
-            phase.constant + half * turn - (0.5 * radar.waveform.chirp_slope * self._half_square) * phase.squared_rate
-        )
+        offset = phase.constant + half * turn - (0.5 * self._video_slope * self._half_square) * phase.squared_rate
         turned = phasor(offset)
         over_range = 2.0 * np.pi * (turn - np.rint(turn))
         over_doppler = (2.0 * np.pi / (layout.cell * layout.shape[1])) * (phase.doppler - layout.doppler[0])
@@ -326,10 +331,9 @@ class Transform:
 def is_straight(radar: RadarSpec, acceleration: Array, tolerance: float) -> npt.NDArray[np.bool_]:
     """Return which paths, by the second derivative of their length [m/s2], bend by less than the tolerance can tell."""
     grid = FrameGrid(radar)
-    q = grid.x[-1] + grid.y[-1]
-    center = radar.waveform.start_frequency + radar.waveform.chirp_slope * grid.ts_center
+    q = sum(grid.reach)
     # the largest phase is pi f_c b q**2; twice that bounds the small terms beside it
-    phase = (2.0 * np.pi * center * q * q / SPEED_OF_LIGHT) * np.abs(acceleration)
+    phase = (2.0 * np.pi * grid.center_frequency * q * q / SPEED_OF_LIGHT) * np.abs(acceleration)
     return phase <= BEND_SHARE * tolerance
 
 

@@ -24,8 +24,8 @@ def sum_paths(
 ) -> npt.NDArray[np.complex128]:
     """Return the noise-free beat signal of one pair [sqrt(W)], shape (num_chirps, num_samples)."""
     grid = FrameGrid(radar)
-    ts = np.arange(radar.num_samples) / radar.sample_rate
-    chirp = np.arange(radar.num_chirps) * radar.doppler_interval + grid.tx_delay(tx)
+    ts = radar.waveform.sweep.first + np.arange(radar.num_samples) / radar.sample_rate
+    chirp, step = grid.starts(tx), grid.step[:, None]
     out = np.zeros((radar.num_chirps, radar.num_samples), dtype=np.complex128)
     delay, delay_rate, delay_acceleration = delay_terms(length, rate, acceleration)
     rows = max(1, MAX_CHUNK_VALUES // radar.num_samples)
@@ -34,7 +34,7 @@ def sum_paths(
             block = slice(start, start + rows)
             time = chirp[block, None] + ts[None, :]
             tau = delay[path] + time * (delay_rate[path] + 0.5 * time * delay_acceleration[path])
-            out[block] += amplitude[path] * phasor(beat_cycles(radar, tau, ts))
+            out[block] += amplitude[path] * phasor(beat_cycles(radar, tau, ts, step[block]))
     return out
 
 
@@ -44,7 +44,7 @@ def sum_moving(motion: PathMotion, radar: RadarSpec, tx: int, rx: int) -> npt.ND
     Exact in the middle of every ramp, to second order in time within it (the strength to first order).
     """
     grid = FrameGrid(radar)
-    ramp = np.arange(radar.num_chirps, dtype=np.float64) * radar.doppler_interval + grid.tx_delay(tx) + grid.ts_center
+    ramp, step = grid.starts(tx) + grid.ts_center, grid.step[:, None]
     ts, x = grid.ts_center + grid.x, grid.x
     out = np.zeros((radar.num_chirps, radar.num_samples), dtype=np.complex128)
     rows = max(1, MAX_CHUNK_VALUES // radar.num_samples)
@@ -55,5 +55,5 @@ def sum_moving(motion: PathMotion, radar: RadarSpec, tx: int, rx: int) -> npt.ND
             tau, turn, curve = delay_terms(length, rate, bend)
             tau = tau + x * (turn + 0.5 * x * curve)
             grown = amplitude * strength * (1.0 + growth * x)
-            out[block] += grown * phasor(beat_cycles(radar, tau, ts))
+            out[block] += grown * phasor(beat_cycles(radar, tau, ts, step[block]))
     return out

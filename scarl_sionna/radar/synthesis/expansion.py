@@ -99,10 +99,9 @@ class Block:
 
     @property
     def half(self) -> tuple[float, float]:
-        """Half the spans of slow and fast time together, and of fast time [s]; never 0."""
-        x, y = float(self.grid.x[-1]), float(self.grid.y[-1])
-        least = 0.5 / self.radar.sample_rate
-        return max(x + y, least), max(x, least)
+        """Half the spans of slow and fast time together, and of the frequency over the slope [s]; never 0."""
+        (x, y), least = self.grid.reach, 0.5 / self.radar.sample_rate
+        return max(x + y, least), max(x if self.grid.even else float(np.abs(self.grid.z).max()), least)
 
     def times(self, tx: int, count: int) -> Array:
         """Return nodes in time for a transmitter [s]."""
@@ -127,7 +126,7 @@ class Block:
         nodes : tuple of int
             In time, three or more, and in fast time.
         """
-        waveform, (half, fast) = self.radar.waveform, self.half
+        sweep, (half, fast) = self.radar.waveform.sweep, self.half
         count, num_fast = nodes
         place, coefficients, derivatives = chebyshev(count)
         length, strength = motion.ends(*pair, self.times(tx, count))
@@ -137,9 +136,10 @@ class Block:
         delay -= rest
         found = np.zeros((count, num_fast, len(middle)), dtype=np.complex128)
         fast_place, fast_coefficients, _ = chebyshev(num_fast)
-        middle_frequency = waveform.start_frequency + waveform.chirp_slope * (self.grid.ts_center - delay - 0.5 * rest)
-        for x, shares in zip(fast * fast_place, fast_coefficients.T, strict=True):
-            factor = strength * phasor(rest * (middle_frequency + waveform.chirp_slope * x))
+        time = self.grid.ts_center - sweep.video * delay - 0.5 * sweep.video * rest
+        middle_frequency = sweep.start_frequency + sweep.slope * time
+        for z, shares in zip(fast * fast_place, fast_coefficients.T, strict=True):
+            factor = strength * phasor(rest * (middle_frequency + sweep.slope * z))
             # a real matrix on complex columns: one product of float64 matrices
             in_time = (coefficients @ factor.view(np.float64)).view(np.complex128)
             for order, share in enumerate(shares):
@@ -226,5 +226,5 @@ class Series:
         half, fast = block.half
         x, y = block.grid.x, block.grid.y
         in_time = polynomials((x[None, :] + y[:, None]) / half, self.nodes[0])
-        in_fast = polynomials(x / fast, self.nodes[1])
+        in_fast = polynomials(block.grid.z / fast, self.nodes[1])
         return np.stack([in_time[k] * in_fast[m] for k, m in self.terms[1:]]) if self.terms[1:] else in_time[:0]

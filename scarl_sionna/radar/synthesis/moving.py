@@ -16,6 +16,7 @@ from . import direct, groups
 from .expansion import FAST_NODES, MAX_NODES, PAIR_SHARE, REST_SHARE, Block, Expansion, Series, Tones
 from .motion import Ends, PairTerms, PathMotion
 from .orders import Change, frame_span, largest_wavenumber
+from .phase import chirps_of
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -208,7 +209,12 @@ def _ended(motion: PathMotion, radar: RadarSpec, size: int, tolerance: float) ->
 
 def _block(radar: RadarSpec, first: int, size: int) -> Block:
     count = min(size, radar.num_chirps - first)
-    return Block(radar if count == radar.num_chirps else radar.with_(num_chirps=count), first)
+    return Block(radar if count == radar.num_chirps else chirps_of(radar, first, count), first)
+
+
+def _likeness(block: Block) -> tuple[int, int]:
+    """Return what blocks have in common that one transform serves; one of uneven chirps is like no other."""
+    return block.radar.num_chirps, -1 if block.grid.even else block.first
 
 
 class _Center(NamedTuple):
@@ -233,11 +239,11 @@ class _Group:
         size, radar = self._plan.size, self._radar
         blocks = [_block(radar, first, size) for first in range(0, radar.num_chirps, size)]
         tools = {}
-        for count in sorted({block.radar.num_chirps for block in blocks}):
-            alike = [block for block in blocks if block.radar.num_chirps == count]
-            tools[count] = (*self._methods(alike), self._series.screens(alike[0]))
+        for key in sorted({_likeness(block) for block in blocks}):
+            alike = [block for block in blocks if _likeness(block) == key]
+            tools[key] = (*self._methods(alike), self._series.screens(alike[0]))
         for block in blocks:
-            yield block.first, self._signal(block, tools[block.radar.num_chirps])
+            yield block.first, self._signal(block, tools[_likeness(block)])
 
     def _methods(self, blocks: list[Block]) -> tuple[groups.Method | None, groups.Method | None]:
         """Return the transforms of the main and of the other terms for blocks of one size."""

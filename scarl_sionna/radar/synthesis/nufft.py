@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 
 TRANSFORM_SHARE, SERIES_SHARE = 0.6, 0.4
 """Shares of the tolerance: the errors of all transforms together, and the terms left out of the series."""
-EPS_TO_ERROR = {"complex128": 13.0, "complex64": 15.0}
+EPS_TO_ERROR = {"complex128": 13.0, "complex64": 15.0, "uneven": 30.0}
 """Measured largest error of a lone tone over the transform's `eps`, at upsampling 1.25."""
 SINGLE_ERROR = 4e-4
 """Smallest error that a float32 transform is trusted with: its points are rounded to 2**-24 of a turn, times 512
@@ -104,7 +104,7 @@ class Box:
         last = delay_rate + grid.center_time(radar.num_tx - 1) * delay_acceleration
         rates = float(np.minimum(first, last).min()), float(np.maximum(first, last).max())
         # the bend is smaller than the acceleration by the delay's part in it, at most that of the largest range
-        shrink = float(grid.bend(radar.num_samples / radar.sample_rate + radar.waveform.ramp_time, 1.0))
+        shrink = float(grid.bend(radar.num_samples / radar.sample_rate + radar.waveform.sweep.duration, 1.0))
         edges = [s * float(e) for s in (1.0, shrink) for e in (delay_acceleration.min(), delay_acceleration.max())]
         bends = min(edges), max(edges)
         phases = tuple(
@@ -133,7 +133,8 @@ class Transform:
         self._bend = Chebyshev(*box.bends, box.num_terms[1])
         self._radar = radar
         self._shape = (radar.num_chirps, radar.num_samples)
-        self._batches = self._batch(FrameGrid(radar), tolerance)
+        self._grid = FrameGrid(radar)
+        self._batches = self._batch(self._grid, tolerance)
         self._local = threading.local()
 
     def _batch(self, grid: FrameGrid, tolerance: float) -> list[_Batch]:
@@ -150,12 +151,12 @@ class Transform:
         dropped = by_size[: int(np.searchsorted(np.cumsum(size[by_size]), 0.5 * SERIES_SHARE * tolerance))]
         kept = np.setdiff1d(np.arange(len(size)), dropped)
         allowed = TRANSFORM_SHARE * tolerance / (size[kept] * len(kept) ** 0.5)
-        single = allowed >= SINGLE_ERROR
-        coarse = allowed >= COARSE_ERROR
+        single = (allowed >= SINGLE_ERROR) & grid.even
+        coarse = single & (allowed >= COARSE_ERROR)
         batches = []
         for chosen, dtype in ((~single, "complex128"), (single & ~coarse, "complex64"), (coarse, "complex64")):
             if chosen.any():
-                eps = float(allowed[chosen].min()) / EPS_TO_ERROR[dtype]
+                eps = float(allowed[chosen].min()) / EPS_TO_ERROR[dtype if grid.even else "uneven"]
                 eps = max(eps, 1e-14 if dtype == "complex128" else 1e-5)
                 batches.append(_Batch(kept[chosen], screens[kept[chosen]].astype(dtype), dtype, min(eps, 0.01)))
         return batches
@@ -168,8 +169,8 @@ class Transform:
         if not hasattr(self._local, "plans"):
             self._local.plans = [
                 finufft.Plan(
-                    1,
-                    self._shape,
+                    1 if self._grid.even else 3,
+                    self._shape if self._grid.even else 2,
                     n_trans=len(batch.order),
                     eps=batch.eps,
                     isign=1,
@@ -186,16 +187,19 @@ class Transform:
         self, amplitude: npt.NDArray[np.complex128], length: Array, rate: Array, acceleration: Array, tx: int
     ) -> npt.NDArray[np.complex128]:
         """Return the noise-free beat signal of one pair [sqrt(W)], shape (num_chirps, num_samples)."""
-        radar, grid = self._radar, FrameGrid(self._radar)
+        radar, grid = self._radar, self._grid
         delay, delay_rate, delay_acceleration = delay_terms(length, rate, acceleration)
         constant, over_x, over_y, middle_rate = grid.expand(delay, delay_rate, delay_acceleration, tx)
         turn_x = over_x / radar.sample_rate
         turn_y = over_y * radar.doppler_interval
+        bent = grid.bend(delay, delay_acceleration)
+        if not grid.even:
+            return self._run(amplitude * phasor(constant), over_x - over_y, over_y, middle_rate, bent)
         # the transform counts modes from -(N // 2); the middle of the samples lies half a mode higher if N is even
         half_x = 0.5 * (1 - radar.num_samples % 2)
         half_y = 0.5 * (1 - radar.num_chirps % 2)
         strength = amplitude * phasor(constant + half_x * turn_x + half_y * turn_y)
-        return self._run(strength, turn_x, turn_y, middle_rate, grid.bend(delay, delay_acceleration))
+        return self._run(strength, _angle(turn_x), _angle(turn_y), middle_rate, bent)
 
     def signals(
         self, amplitudes: npt.NDArray[np.complex128], length: Array, rate: Array, tx: int
@@ -206,12 +210,14 @@ class Transform:
             yield self.signal(amplitude, length, rate, still, tx)
 
     def _run(
-        self, strength: npt.NDArray[np.complex128], turn_x: Array, turn_y: Array, rate: Array, bend: Array
+        self, strength: npt.NDArray[np.complex128], angle_x: Array, angle_y: Array, rate: Array, bend: Array
     ) -> npt.NDArray[np.complex128]:
-        """Return the sum of all tones with their residual phase, shape (num_chirps, num_samples)."""
+        """Return the sum of all tones with their residual phase, shape (num_chirps, num_samples).
+
+        The tones are angles a sample and a chirp or, of an uneven frame, frequencies over z and q [Hz].
+        """
         over_rate = self._rate.polynomials(rate)
         over_bend = self._bend.polynomials(bend)
-        angle_y, angle_x = _angle(turn_y), _angle(turn_x)
         out = np.zeros(self._shape, dtype=np.complex128)
         for batch, plan in zip(self._batches, self._plans(), strict=True):
             real = np.float64 if batch.dtype == "complex128" else np.float32
@@ -222,7 +228,11 @@ class Transform:
                 if self._bend.count > 1:
                     weight = weight * over_bend[order % self._bend.count]
                 np.multiply(points, weight.astype(real), out=row)
-            plan.setpts(angle_y.astype(real), angle_x.astype(real))
+            if self._grid.even:
+                plan.setpts(angle_y.astype(real), angle_x.astype(real))
+            else:
+                z, q = self._grid.z, self._grid.x + self._grid.y[:, None]
+                plan.setpts(2.0 * np.pi * angle_y, 2.0 * np.pi * angle_x, None, q.ravel(), z.ravel())
             spectra = plan.execute(strengths).reshape(batch.screens.shape)
             spectra *= batch.screens
             out += spectra.sum(axis=0)

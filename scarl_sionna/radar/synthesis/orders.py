@@ -23,13 +23,13 @@ NEAREST_SHARE = 0.1
 def frame_span(radar: RadarSpec) -> float:
     """Return the time from a frame's first sample to its last [s]."""
     last = (radar.num_chirps - 1) * radar.doppler_interval + radar.tx_delay(radar.num_tx - 1)
-    return last + (radar.num_samples - 1) / radar.sample_rate
+    late = radar.waveform.chirp_delays
+    return last + (radar.num_samples - 1) / radar.sample_rate + (0.0 if late is None else max(0.0, *late))
 
 
 def largest_wavenumber(radar: RadarSpec) -> float:
-    """Return the wavenumber at the end of the ramp [rad/m]."""
-    top = radar.waveform.start_frequency + radar.waveform.bandwidth
-    return 2.0 * np.pi * top / SPEED_OF_LIGHT
+    """Return the wavenumber of the highest frequency [rad/m]."""
+    return 2.0 * np.pi * radar.waveform.top_frequency / SPEED_OF_LIGHT
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,8 @@ from .front_end import FrontEnd
 from .multiplexing import AnyMultiplexing, IdealMimo
 from .parts import into_parts, misplaced, place_of
 from .presets import PRESETS
-from .waveform import AnyWaveform, Fmcw
+from .waveform import Fmcw
+from .waveforms.kinds import AnyWaveform
 
 RadarT = TypeVar("RadarT", bound="RadarSpec")
 
@@ -160,6 +161,21 @@ class RadarSpec(Spec):
         return self.waveform.num_samples
 
     @property
+    def num_range_bins(self) -> int:
+        """Bins of range without zero padding."""
+        return self.waveform.num_range_bins
+
+    @property
+    def num_doppler_bins(self) -> int:
+        """Bins of Doppler without zero padding: the samples of slow time."""
+        return self.num_chirps // self.waveform.burst
+
+    @property
+    def slow_interval(self) -> float:
+        """Time from one sample of slow time to the next [s]."""
+        return self.doppler_interval * self.waveform.burst
+
+    @property
     def num_chirps_total(self) -> int:
         """Rows of the raw data of one receiver."""
         return self.multiplexing.num_rows(self.num_chirps, self.num_tx)
@@ -215,15 +231,15 @@ class RadarSpec(Spec):
 
     @property
     def max_range(self) -> float:
-        """Unambiguous range of complex samples [m]."""
-        return self.range_resolution * self.num_samples
+        """Unambiguous range [m]."""
+        return self.range_resolution * self.num_range_bins
 
     @property
     def unambiguous_velocity(self) -> float:
         """Radial velocities within +- this value are told apart [m/s]."""
-        return SPEED_OF_LIGHT / self.center_frequency / (4.0 * self.doppler_interval)
+        return SPEED_OF_LIGHT / self.center_frequency / (4.0 * self.slow_interval)
 
     @property
     def velocity_resolution(self) -> float:
         """Width of a Doppler bin [m/s]."""
-        return 2.0 * self.unambiguous_velocity / self.num_chirps
+        return 2.0 * self.unambiguous_velocity / self.num_doppler_bins

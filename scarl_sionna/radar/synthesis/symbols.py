@@ -1,0 +1,199 @@
+r"""The signal of waveforms made of symbols (OFDM, phase codes), from the channel at their tones.
+
+With the tones f_k above the carrier and the time t_n of a sample after the start of its window,
+
+.. math:: y(t_n) = \sum_k X_k e^{j 2 \pi f_k t_n} H_k(t_n), \quad
+          H_k(t) = \sum_p a_p e^{-j 2 \pi (f_c + f_k) \tau_p(t)}
+
+The channel changes over a window by Doppler only, by a turn or less. It is computed at Chebyshev's nodes in the window,
+each a frame of tones that take no time (the transforms of ramps make it), and interpolated between them: ``H_k(t) =
+sum_j l_j(t) H_k(t_j)``. Periods that are averaged share ``exp(2j pi f_k t)``, so their weights are averaged as well.
+Paths longer than the prefix, which bring the end of the symbol before, are summed sample by sample.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveforms.coded import Coded, window_start
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.radar.paths import RadarPaths
+
+from .motion import PairTerms, PathMotion
+from .nufft import num_nodes
+from .orders import orders
+from .phase import delay_terms, phasor
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+Signal = Callable[[int, int], npt.NDArray[np.complexfloating]]
+
+NODES_SHARE = 0.3
+"""Share of the tolerance that interpolation between the nodes may take."""
+CHANNEL_SHARE = 0.4
+"""Share of the tolerance that the channel at each node may take: weights of nodes add up to less than two."""
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """Times in the receiver's window at which the channel is computed, and what each sample takes of each.
+
+    Attributes
+    ----------
+    wait : ndarray of float64, shape (num_nodes,)
+        After the chirp's start [s].
+    weight : ndarray of float64, shape (num_nodes, num_samples)
+        Averaged over the repetitions.
+    """
+
+    wait: Array
+    weight: Array
+
+    @classmethod
+    def of(cls, waveform: Coded, rate: float, tolerance: float) -> Nodes:
+        """Return the nodes for lengths that change by up to `rate` [m/s] either way."""
+        count, repeats = waveform.num_samples, waveform.repetitions
+        half = 0.5 * (repeats * count - 1) / waveform.sample_rate
+        phase = 2.0 * np.pi * waveform.top_frequency * rate / SPEED_OF_LIGHT * half
+        number = num_nodes(phase, NODES_SHARE * tolerance)
+        angle = (np.arange(number) + 0.5) * np.pi / number
+        time = np.arange(repeats * count) / waveform.sample_rate
+        weight = lagrange(np.cos(angle), (time - half) / half if half else time)
+        average = weight.reshape(number, repeats, count).mean(axis=1)
+        return cls(window_start(waveform) + half * (1.0 + np.cos(angle)), average)
+
+
+def lagrange(nodes: Array, values: Array) -> Array:
+    """Return the polynomials that are 1 at one of Chebyshev's nodes and 0 at the others, at values in [-1, 1]."""
+    order = np.arange(len(nodes))
+    shares = np.cos(np.outer(order, np.arccos(nodes))) * (2.0 / len(nodes))
+    shares[0] *= 0.5
+    return np.asarray(shares.T @ np.cos(np.outer(order, np.arccos(np.clip(values, -1.0, 1.0)))))
+
+
+def modulated(signal: Signal, radar: RadarSpec, waveform: Coded, first: int, weight: Array) -> Signal:
+    """Return what makes the samples of a pair from the channel at all tones at one node.
+
+    Parameters
+    ----------
+    signal : callable
+        Channel of a pair with the sign of a ramp's beat signal, some chirps from `first` on.
+    radar : RadarSpec
+    waveform : Coded
+    first : int
+        First chirp.
+    weight : ndarray of float64, shape (num_samples,)
+        Of the node.
+    """
+    strengths, count, sent = waveform.spectrum, waveform.num_samples, waveform.sent
+
+    def of_pair(tx: int, rx: int) -> npt.NDArray[np.complexfloating]:
+        channel = np.conj(signal(tx, rx))
+        rows = strengths if len(strengths) == 1 else strengths[first : first + len(channel)]
+        lines = np.zeros((len(channel), count), dtype=np.complex128)
+        lines[:, (sent - count // 2) % count] = rows * channel
+        return np.asarray(np.fft.ifft(lines, axis=1, norm="forward") * weight)
+
+    return of_pair
+
+
+def within_prefix(paths: RadarPaths, length: Array, radar: RadarSpec, waveform: Coded) -> npt.NDArray[np.bool_]:
+    """Return which paths arrive within the prefix over the whole frame, whichever pair of antennas.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a code without a prefix stands among the chirps of other transmitters.
+    """
+    if math.isinf(waveform.prefix_time):
+        if radar.doppler_interval > waveform.chirp_interval * (1.0 + 1e-9):
+            raise ParameterRangeError(
+                "radar.waveform.prefix_chips",
+                "0",
+                ">= 1 where transmitters take turns",
+                "a code that pauses needs a prefix as long as the delay of the farthest echo",
+            )
+        return np.ones(paths.num_paths, dtype=np.bool_)
+    arms = sum(float(np.linalg.norm(array, axis=1).max()) for array in (radar.tx_array, radar.rx_array))
+    change = radar.frame_time * (np.abs(paths.length_rate) + radar.frame_time * np.abs(paths.length_acceleration))
+    return np.asarray(length + arms + change <= waveform.prefix_time * SPEED_OF_LIGHT)
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Delays and strengths of the paths of each kind of motion, about given times; see :func:`orders`."""
+
+    held: RadarPaths
+    linear: RadarPaths
+    moving: RadarPaths
+    radar: RadarSpec
+
+    @classmethod
+    def of(cls, paths: RadarPaths, radar: RadarSpec, tolerance: float | None) -> Law:
+        """Return the laws of paths; the tolerance is that of the motion."""
+        held, bent, linear, moving = orders(paths, radar, tolerance)
+        return cls(paths.select(held | bent), paths.select(linear), paths.select(moving), radar)
+
+    def at(self, tx: int, rx: int, times: Array) -> tuple[Array, Array, Array, Complex, Array]:
+        """Return delays [s] with two derivatives, amplitudes and their relative rates, (num_times, num_paths) each."""
+        time, found = times[:, None], []
+        for paths, of_pairs in ((self.held, False), (self.linear, True)):
+            terms = PairTerms.of(paths, self.radar)
+            own = terms.geometry.length(tx, rx), paths.length_rate, paths.length_acceleration
+            start, turn, bend = delay_terms(*(terms.start(tx, rx) if of_pairs else own))
+            columns = start + time * (turn + 0.5 * time * bend), turn + time * bend, bend + 0.0 * time
+            amplitude = np.broadcast_to(terms.geometry.pair_amplitude(tx, rx), columns[0].shape)
+            found.append((*columns, amplitude, np.zeros(columns[0].shape)))
+        if self.moving.num_paths:
+            motion = PathMotion.of(self.moving, self.radar)
+            lengths, strength, growth = motion.terms(tx, rx, times)
+            found.append((*delay_terms(*lengths), motion.amplitude * strength, growth))
+        return tuple(np.concatenate(columns, axis=1) for columns in zip(*found, strict=True))  # type: ignore[return-value]
+
+
+def plain(paths: RadarPaths, radar: RadarSpec, waveform: Coded, tolerance: float | None) -> Signal:
+    """Return what makes the samples of a pair as a plain sum in float64 over paths, samples and tones.
+
+    A sample is what was sent a delay earlier: of its own symbol, of its prefix, of a symbol before, or nothing.
+    """
+    law, strengths, count = Law.of(paths, radar, tolerance), waveform.spectrum, waveform.num_samples
+    tones = waveform.spacing * (waveform.sent - count // 2)
+    period = waveform.repetitions / waveform.spacing
+    half = 0.5 * (waveform.repetitions * count - 1) / waveform.sample_rate
+    time = np.arange(waveform.repetitions * count) / waveform.sample_rate
+    step, prefix = radar.doppler_interval, waveform.prefix_time
+
+    def envelope(row: int, after: Array) -> Complex:
+        """Return what was sent at times after the start of a chirp's window."""
+        out = np.zeros(len(after), dtype=np.complex128)
+        for back in range(row + 1):
+            moved = after + back * step
+            inside = (moved >= -prefix) & (moved < period)
+            lines = strengths[0 if len(strengths) == 1 else row - back]
+            out[inside] = phasor(np.outer(moved[inside], tones)) @ lines
+            if np.all(moved >= -prefix):
+                break
+        return out
+
+    def of_pair(tx: int, rx: int) -> npt.NDArray[np.complexfloating]:
+        middle = np.arange(radar.num_chirps, dtype=np.float64) * step + radar.tx_delay(tx)
+        middle += window_start(waveform) + half
+        delay, turn, bend, amplitude, growth = law.at(tx, rx, middle)
+        out = np.zeros((radar.num_chirps, count), dtype=np.complex128)
+        x = time - half
+        for row in range(radar.num_chirps):
+            for path in range(delay.shape[1]):
+                tau = delay[row, path] + x * (turn[row, path] + 0.5 * x * bend[row, path])
+                carried = phasor(-waveform.carrier_frequency * tau) * envelope(row, time - tau)
+                strength = np.conj(amplitude[row, path]) * (1.0 + growth[row, path] * x)
+                out[row] += (strength * carried).reshape(waveform.repetitions, count).mean(axis=0)
+        return out
+
+    return of_pair
