@@ -24,7 +24,7 @@ from .core.specs.lighting import Lighting
 from .core.specs.radar.array import AntennaArray
 from .core.specs.radar.converter import Adc
 from .core.specs.radar.front_end import FrontEnd
-from .core.specs.radar.multiplexing import IdealMimo, Tdm
+from .core.specs.radar.multiplexing import Bpm, Cdm, Ddm, IdealMimo, Tdm
 from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
 from .core.specs.weather import Weather
@@ -71,8 +71,11 @@ __all__ = [
     "Adc",
     "AntennaArray",
     "Atmosphere",
+    "Bpm",
     "BrownConrady",
     "CameraSpec",
+    "Cdm",
+    "Ddm",
     "Fmcw",
     "Dataset",
     "Frame",

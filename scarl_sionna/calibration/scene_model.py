@@ -206,7 +206,7 @@ def map_data(measurement: RadarMap) -> Complex:
         If its shape is not the radar's, or a value is not finite.
     """
     radar = measurement.radar
-    shape = (radar.num_virtual, radar.num_chirps, radar.num_samples)
+    shape = (radar.num_virtual, radar.separated.num_chirps, radar.num_samples)
     if measurement.file is None:
         stop = radar.num_samples if measurement.stop_bin is None else min(measurement.stop_bin, radar.num_samples)
         shape = (*shape[:2], max(stop - measurement.first_bin, 0))

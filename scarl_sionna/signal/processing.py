@@ -17,6 +17,7 @@ from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
 
+from .multiplexing import separate, suppress_images
 from .noise import cell_noise_power
 from .windows import window_values
 
@@ -38,7 +39,8 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
     Returns
     -------
     ndarray of complex64, shape (num_virtual, num_chirps, num_samples)
-        [sqrt(W)]; channel ``i * num_rx + j`` is transmitter i, receiver j.
+        [sqrt(W)]; channel ``i * num_rx + j`` is transmitter i, receiver j. Of a coded multiplexing each row is a chirp,
+        times the transmitter's conjugate code; in random order of time division they are ``num_tx * num_chirps`` rows.
 
     Raises
     ------
@@ -55,6 +57,8 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
         raise ParameterRangeError(
             "adc", f"shape {np.shape(adc)}", f"shape {expected} = (num_rx, num_chirps_total, num_samples)"
         )
+    if radar.multiplexing.is_coded:
+        return separate(np.asarray(adc), radar)
     split = np.asarray(adc).reshape(radar.num_rx, radar.num_chirps, radar.num_tx, radar.num_samples)
     ordered = split.transpose(2, 0, 1, 3).reshape(radar.num_virtual, radar.num_chirps, radar.num_samples)
     return np.ascontiguousarray(ordered, dtype=np.complex64)
@@ -97,6 +101,7 @@ class RangeDoppler(Described):
     radial_velocity : ndarray of float64, shape (num_doppler_bins,)
         Rising; positive when the distance opens [m/s].
     radar : RadarSpec
+        In random order of time division that of its channels, ``radar.separated``.
     window : tuple of str
         Over range and over Doppler.
     noise_power : float
@@ -173,7 +178,7 @@ def doppler_axis(radar: RadarSpec, num_doppler_bins: int | None = None) -> Array
     ----------
     .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
-    count = radar.num_chirps if num_doppler_bins is None else num_doppler_bins
+    count = radar.separated.num_chirps if num_doppler_bins is None else num_doppler_bins
     return np.arange(-(count // 2), count - count // 2, dtype=np.float64) * (2.0 * radar.unambiguous_velocity / count)
 
 
@@ -210,10 +215,13 @@ def range_doppler(
     Raises
     ------
     ParameterRangeError
-        If the shape is not the radar's, or fewer bins than samples are asked for.
+        If the shape is not the radar's, fewer bins than samples are asked for, or Doppler bins that are no multiple of
+        the period of its codes.
 
     Notes
     -----
+    Of periodic codes (:class:`Ddm`, :class:`Bpm`) the images at other velocities are lowered to the noise.
+
     A point of Doppler frequency nu (the slow-time frequency of the beat signal) has, about the middle of the frame, the
     beat frequency ``S tau(0) + nu + S nu t_mid / f_c``: range-Doppler coupling and migration until the middle. Each
     Doppler row is multiplied by the opposite tone over fast time before the range transform, and for transmitter i by
@@ -228,6 +236,8 @@ def range_doppler(
     .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
     cube, radar = cube_of(cube, radar)
+    if radar.separated.num_chirps != radar.num_chirps:
+        radar = radar.separated
     expected = (radar.num_virtual, radar.num_chirps, radar.num_samples)
     if np.shape(cube) != expected:
         raise ParameterRangeError(
@@ -242,21 +252,29 @@ def range_doppler(
     fast = window_values(window, radar.num_samples).astype(np.float32)
     slow = window_values(doppler_window, radar.num_chirps).astype(np.float32)
     data = np.empty((radar.num_virtual, num_doppler, num_range), dtype=np.complex64)
+    is_periodic = radar.multiplexing.code_period(radar.num_tx) is not None
     for tx in range(radar.num_tx):
-        factor = _motion_compensation(radar, num_doppler, tx) if compensate_motion else None
+        factor = None if is_periodic or not compensate_motion else _motion_compensation(radar, num_doppler, tx)
         for channel in range(tx * radar.num_rx, (tx + 1) * radar.num_rx):
             tapered = np.asarray(cube[channel], dtype=np.complex64) * slow[:, None]
             rows = scipy.fft.fft(tapered, num_doppler, axis=0, workers=-1, overwrite_x=True)
             rows = np.fft.fftshift(rows, axes=0)
             rows *= fast if factor is None else factor * fast
             data[channel] = scipy.fft.fft(rows, num_range, axis=1, workers=-1, overwrite_x=True)
+    noise_power = cell_noise_power(radar, window, doppler_window)
+    if is_periodic:  # before the compensation, which is another one in the rows of the images
+        suppress_images(data, radar, noise_power)
+        factor = _motion_compensation(radar, num_doppler, 0, num_range)
+        for channel in range(len(data) if compensate_motion else 0):
+            rows = factor * scipy.fft.ifft(data[channel], axis=1, workers=-1)
+            data[channel] = scipy.fft.fft(rows, axis=1, workers=-1, overwrite_x=True)
     return RangeDoppler(
         data=data,
         range=range_axis(radar, num_range),
         radial_velocity=doppler_axis(radar, num_doppler),
         radar=radar,
         window=("rect" if window is None else window, "rect" if doppler_window is None else doppler_window),
-        noise_power=cell_noise_power(radar, window, doppler_window),
+        noise_power=noise_power,
     )
 
 
@@ -269,12 +287,14 @@ def _bins(name: str, asked: int | None, least: int) -> int:
     return int(asked)
 
 
-def _motion_compensation(radar: RadarSpec, num_doppler: int, tx: int) -> npt.NDArray[np.complex64]:
+def _motion_compensation(
+    radar: RadarSpec, num_doppler: int, tx: int, num_samples: int | None = None
+) -> npt.NDArray[np.complex64]:
     """Return the factor over (Doppler row, fast time) that undoes motion until the middle of the frame."""
     row = np.arange(num_doppler) - num_doppler // 2
     doppler = row / (num_doppler * radar.doppler_interval)
     tx_delay = radar.tx_delay(tx)
-    sample = np.arange(radar.num_samples)
+    sample = np.arange(num_samples or radar.num_samples)
     ts_middle = (radar.num_samples - 1) / (2.0 * radar.sample_rate)
     middle = (radar.num_chirps - 1) / 2.0 * radar.doppler_interval + ts_middle + tx_delay
     shift = doppler * (1.0 + radar.waveform.chirp_slope * middle / radar.center_frequency)

@@ -134,10 +134,16 @@ def _plain_names(node: xarray.Dataset) -> xarray.Dataset:
 
 def _radar_axes(node: xarray.Dataset, spec: RadarSpec) -> xarray.Dataset:
     row = np.arange(spec.num_chirps_total)
-    delay = np.array([spec.tx_delay(tx) for tx in range(spec.num_tx)])
-    sent = row // spec.num_tx * spec.doppler_interval + delay[row % spec.num_tx]
+    transmitter = row % spec.num_tx
+    if spec.multiplexing.is_coded:
+        codes = np.abs(spec.multiplexing.codes(spec.num_chirps, spec.num_tx))
+        transmitter = np.where((codes > 0.0).sum(axis=1) == 1, codes.argmax(axis=1), -1)
+        sent = row * spec.doppler_interval
+    else:
+        delay = np.array([spec.tx_delay(tx) for tx in range(spec.num_tx)])
+        sent = row // spec.num_tx * spec.doppler_interval + delay[transmitter]
     return node.assign_coords(
         fast_time=("sample", np.arange(spec.num_samples) / spec.sample_rate, {"units": "s"}),
         slow_time=("chirp", sent, {"units": "s", "long_name": "start of the ramp"}),
-        transmitter=("chirp", row % spec.num_tx),
+        transmitter=("chirp", transmitter),  # -1: all, each with its code
     )

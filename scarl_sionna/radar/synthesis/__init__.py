@@ -18,6 +18,7 @@ from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
 from . import direct, groups
@@ -53,7 +54,8 @@ def synthesize(
     Returns
     -------
     ndarray of complex64, shape (num_rx, num_chirps_total, num_samples)
-        Beat signal [sqrt(W)]: ``abs(sample)**2`` is received power. Row ``m * num_tx + i`` is chirp m of transmitter i.
+        Beat signal [sqrt(W)]: ``abs(sample)**2`` is received power. Row ``m * num_tx + i`` is chirp m of transmitter i;
+        of a coded multiplexing row m is chirp m, the sum of all transmitters.
 
     Raises
     ------
@@ -89,6 +91,9 @@ def synthesize(
     expect("rng", rng, (np.random.Generator, type(None)), "give numpy.random.default_rng(seed), or None for no noise")
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
+    if radar.multiplexing.is_coded:
+        adc = multiplex(synthesize(paths, radar.separated, None, accuracy, method), radar)
+        return adc if rng is None else add_noise(adc, radar, rng)
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     kept, geometry = _within_band(paths, radar)
     held, bent, linear, moving = orders(kept, radar, accuracy.motion_tolerance)

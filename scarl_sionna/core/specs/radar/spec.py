@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.prompt.describe import Row
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import SPEED_OF_LIGHT, Degrees
+from scarl_sionna.core.units import REFERENCE_TEMPERATURE, SPEED_OF_LIGHT, Degrees
 
 from .array import AntennaArray
 from .converter import Adc
@@ -29,7 +29,8 @@ class RadarSpec(Spec):
     """A MIMO radar, in parts. Positions are in the radar frame: x boresight, y left, z up.
 
     The defaults are Table 1 of SCaRL. Amplitudes: the beat signal is in sqrt(W), so abs(sample)**2 is received power.
-    Transmitters count before chirps: chirp m of transmitter i is row ``m * num_tx + i`` of the raw data.
+    Transmitters count before chirps: chirp m of transmitter i is row ``m * num_tx + i`` of the raw data. With a coded
+    multiplexing (:class:`Ddm`, :class:`Bpm`, :class:`Cdm`, :class:`Tdm` in random order) rows are chirps in time.
 
     What every radar has can be read here, whatever its waveform; what only one waveform has, in its part
     (``radar.waveform.chirp_slope``). :meth:`with_` takes the names of fields inside the parts as a short form.
@@ -70,6 +71,11 @@ class RadarSpec(Spec):
                 if name not in cls.model_fields:
                     raise misplaced(cls, str(name), value)
         return data
+
+    @model_validator(mode="after")
+    def _check(self) -> RadarSpec:
+        self.multiplexing.check(self.num_chirps, self.num_tx)
+        return self
 
     @classmethod
     def preset(cls, name: str) -> RadarSpec:
@@ -176,7 +182,7 @@ class RadarSpec(Spec):
 
     @property
     def doppler_interval(self) -> float:
-        """Time between two chirps of the same transmitter [s]."""
+        """Time between two chirps of the same transmitter [s]; of a random order between two rows of slow time."""
         return self.multiplexing.doppler_interval(self.chirp_interval, self.num_tx)
 
     def tx_delay(self, tx: int) -> float:
@@ -186,7 +192,26 @@ class RadarSpec(Spec):
     @property
     def frame_time(self) -> float:
         """Time from the first chirp's start to the end of the last interval [s]."""
-        return self.doppler_interval * self.num_chirps
+        return self.doppler_interval * self.separated.num_chirps
+
+    @property
+    def separated(self) -> RadarSpec:
+        """The radar whose channels are those of this one once un-multiplexed.
+
+        This radar itself where rows hold one transmitter each; else one with :class:`IdealMimo` and as many chirps as
+        there are rows. In a random order of time division that is `num_tx` times as many, and the noise figure is
+        higher by what the silent rows of a channel cost.
+        """
+        if not self.multiplexing.is_coded:
+            return self
+        parts: dict[str, object] = {"multiplexing": IdealMimo()}
+        silent = self.num_chirps_total / self.num_chirps
+        if silent != 1.0:
+            front = self.front_end
+            excess = 10.0 ** (front.noise_figure_db / 10.0) - 1.0 + front.source_temperature / REFERENCE_TEMPERATURE
+            factor = 1.0 + silent * excess - front.source_temperature / REFERENCE_TEMPERATURE
+            parts |= {"num_chirps": self.num_chirps_total, "noise_figure_db": 10.0 * float(np.log10(factor))}
+        return self.with_(**parts)
 
     @property
     def carrier_frequency(self) -> float:
@@ -226,4 +251,4 @@ class RadarSpec(Spec):
     @property
     def velocity_resolution(self) -> float:
         """Width of a Doppler bin [m/s]."""
-        return 2.0 * self.unambiguous_velocity / self.num_chirps
+        return 2.0 * self.unambiguous_velocity / self.separated.num_chirps
