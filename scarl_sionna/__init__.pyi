@@ -24,6 +24,15 @@ from .core.specs.lighting import Lighting
 from .core.specs.radar.array import AntennaArray
 from .core.specs.radar.converter import Adc
 from .core.specs.radar.front_end import FrontEnd
+from .core.specs.radar.impairments import (
+    Amplifier,
+    ChannelErrors,
+    ChirpErrors,
+    IfFilter,
+    Leakage,
+    Mixer,
+    PhaseNoise,
+)
 from .core.specs.radar.multiplexing import Bpm, Cdm, Ddm, IdealMimo, Tdm
 from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
@@ -69,12 +78,15 @@ __all__ = [
     "plan_channel",
     "ActorModel",
     "Adc",
+    "Amplifier",
     "AntennaArray",
     "Atmosphere",
     "Bpm",
     "BrownConrady",
     "CameraSpec",
     "Cdm",
+    "ChannelErrors",
+    "ChirpErrors",
     "Ddm",
     "Fmcw",
     "Dataset",
@@ -82,12 +94,16 @@ __all__ = [
     "FrontEnd",
     "HeterodyneReceiver",
     "IdealMimo",
+    "IfFilter",
     "ImageFrame",
     "ImageSensor",
     "KannalaBrandt",
+    "Leakage",
     "LidarScan",
     "LidarSpec",
     "Lighting",
+    "Mixer",
+    "PhaseNoise",
     "Pinhole",
     "Pose",
     "RadarFrame",

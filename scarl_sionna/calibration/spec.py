@@ -252,6 +252,8 @@ class RadarMap(SceneGeometry):
         kind = radar.multiplexing.kind
         if radar.multiplexing.code_period(radar.num_tx) is not None:
             raise ValueError(f"a radar whose map is linear in its signal: images of '{kind}' are removed cell by cell")
+        if not radar.front_end.is_ideal:
+            raise ValueError("a radar with an ideal front end: calibrate maps that its errors are removed from")
         return radar
 
 

@@ -24,6 +24,7 @@ from scarl_sionna.signal.noise import add_noise
 from . import direct, groups
 from .moving import Signal, Tolerances, linear_signal, moving_signals
 from .orders import orders
+from .receiver import received
 
 MAX_THREADS = 8
 """Most threads that work on pairs at once: each holds its own strengths and spectra (some 50 MB)."""
@@ -44,7 +45,8 @@ def synthesize(
         Geometry, transfer and motion at the start of the first ramp.
     radar : RadarSpec
     rng : numpy.random.Generator, optional
-        Adds the receiver's thermal noise (:func:`add_noise`); left out: no noise.
+        Adds the receiver's thermal noise (:func:`add_noise`), and where the front end has them phase noise and jitter;
+        left out: nothing random.
     accuracy : Accuracy
         `synthesis_tolerance` bounds the error of the transforms relative to the peak, `motion_tolerance` that of a
         path's motion relative to its amplitude.
@@ -91,6 +93,8 @@ def synthesize(
     expect("rng", rng, (np.random.Generator, type(None)), "give numpy.random.default_rng(seed), or None for no noise")
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
+    if not radar.front_end.is_ideal:
+        return received(paths, radar, rng, lambda some, ideal: synthesize(some, ideal, None, accuracy, method))
     if radar.multiplexing.is_coded:
         adc = multiplex(synthesize(paths, radar.separated, None, accuracy, method), radar)
         return adc if rng is None else add_noise(adc, radar, rng)

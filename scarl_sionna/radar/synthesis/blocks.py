@@ -68,7 +68,7 @@ def synthesize_blocks(
     Raises
     ------
     ParameterRangeError
-        If `chirps_per_block` is out of range.
+        If `chirps_per_block` is out of range, or the radar's front end is not ideal.
 
     Warns
     -----
@@ -90,6 +90,13 @@ def synthesize_blocks(
     """
     if not 1 <= chirps_per_block <= radar.num_chirps:
         raise ParameterRangeError("chirps_per_block", chirps_per_block, f"1 to num_chirps = {radar.num_chirps}")
+    if not radar.front_end.is_ideal:
+        raise ParameterRangeError(
+            "chirps_per_block",
+            chirps_per_block,
+            "None with effects of the front end, which need the whole frame",
+            "use radar.with_(front_end=radar.front_end.ideal()), or leave the blocks out",
+        )
     if radar.multiplexing.is_coded:
         chirps = chirps_per_block * (radar.separated.num_chirps // radar.num_chirps)
         alone = synthesize_blocks(paths_at, radar.separated, chirps, None, accuracy, method, block_tolerance)

@@ -17,6 +17,7 @@ from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, mode
 
 from scarl_sionna.core.errors import ParameterRangeError, SpecError, did_you_mean
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Degrees
 
 Codes = npt.NDArray[np.complex128]
 
@@ -280,7 +281,7 @@ class Cdm(_Coded):
 
     kind: Literal["cdm"] = "cdm"
     code_seed: int = Field(0, ge=0, description="of the codes, where `phases_deg` gives none")
-    phases_deg: tuple[tuple[float, ...], ...] | None = Field(
+    phases_deg: tuple[tuple[Degrees, ...], ...] | None = Field(
         None, description="[deg] of each transmitter, in it of each chirp of the frame; None: seeded codes"
     )
 

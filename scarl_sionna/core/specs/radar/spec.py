@@ -75,6 +75,7 @@ class RadarSpec(Spec):
     @model_validator(mode="after")
     def _check(self) -> RadarSpec:
         self.multiplexing.check(self.num_chirps, self.num_tx)
+        self.front_end.check(self.num_tx, self.num_rx)
         return self
 
     @classmethod
