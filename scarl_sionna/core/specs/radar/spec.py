@@ -84,6 +84,9 @@ class RadarSpec(Spec):
 
         ``"awr1843boost"``: Table 1 of SCaRL, an ideal 12-element virtual line in azimuth.
         ``"awr1843boost_3d"``: the board's own layout, Tx 2 raised by half a wavelength, with time multiplexing.
+        ``"iwr1843boost"``: that layout with the front end of the data sheet.
+        ``"awr1642"``: 2 x 4 antennas, its front end fitted to measured captures.
+        ``"awr2243_cascade"``: four chips, 12 x 16 antennas, time multiplexing.
 
         Raises
         ------
