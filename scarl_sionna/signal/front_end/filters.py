@@ -10,8 +10,8 @@ import scipy.signal
 from scarl_sionna.core.specs.radar.impairments import IfFilter
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
-BELOW = 0.1
-"""Part of the sample rate that counts as beat frequencies below 0 Hz (noise, images); the rest is above."""
+BLEND = 0.2
+"""Part of the sample rate over which beat frequencies below its top go over into those below 0 Hz (noise, images)."""
 
 
 def transfer(filters: IfFilter, frequency: npt.NDArray[np.float64]) -> npt.NDArray[np.complex128]:
@@ -44,17 +44,20 @@ def apply_filters(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt
     Notes
     -----
     The analogue transfer function itself, not a digital copy of it. Samples tell frequencies apart modulo the sample
-    rate only: the top `BELOW` of the band counts as below 0 Hz, so echoes beyond ``(1 - BELOW) max_range`` are filtered
-    as negative frequencies. A filter has settled to the first sample's value before the first sample: a constant is
+    rate only: over the top `BLEND` of the band the transfer function goes over into that of frequencies below 0 Hz
+    (raised cosine: a jump would ring over the whole chirp), so echoes beyond ``(1 - BLEND) max_range`` are filtered as
+    if partly there. A filter has settled to the first sample's value before the first sample: a constant is
     suppressed from the start, an oscillation after the filter's own settling time, 1 us at 175 kHz.
     """
     filters = radar.front_end.filters
     if filters is None:
         return np.asarray(adc, dtype=np.complex64)
     count = scipy.fft.next_fast_len(2 * adc.shape[-1])
-    frequency = np.fft.fftfreq(count) % 1.0
-    frequency = np.where(frequency >= 1.0 - BELOW, frequency - 1.0, frequency) * radar.sample_rate
-    factor = transfer(filters, frequency).astype(np.complex64)
+    share = np.fft.fftfreq(count) % 1.0
+    above = 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 1.0 + BLEND) / BLEND, 0.0, 1.0))
+    below = transfer(filters, (share - 1.0) * radar.sample_rate)
+    factor = above * transfer(filters, share * radar.sample_rate) + (1.0 - above) * below
+    factor = factor.astype(np.complex64)
     still = transfer(filters, np.zeros(1))[0]
     out = np.empty(adc.shape, dtype=np.complex64)
     for index, rows in enumerate(np.asarray(adc, dtype=np.complex64)):
