@@ -13,6 +13,14 @@ from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import FEW_RAYS, PLACE, scene_file
 
 SMALL = ss.RadarSpec().with_(num_chirps=16, num_samples=64)
+REAL = SMALL.with_(
+    phase_noise=ss.PhaseNoise(mask=((1e6, -93.0),)),
+    leakage=(ss.Leakage(length=0.1, level_db=-50.0),),
+    filters=ss.IfFilter(high_pass=(175e3,)),
+    mixer=ss.Mixer(iq_gain_db=0.1),
+    multiplexing=ss.Ddm(),
+    enob=11.0,
+)
 KINDS = {"random": ss.Tdm(order_seed=1), "ddm": ss.Ddm(), "bpm": ss.Bpm(), "cdm": ss.Cdm()}
 
 
@@ -23,6 +31,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> ss.Dataset:
         SensorMount(f"{name}/radar", "radar", SMALL.with_(multiplexing=kind), PLACE, FEW_RAYS)
         for name, kind in KINDS.items()
     ]
+    mounts.append(SensorMount("real/radar", "radar", REAL, PLACE, FEW_RAYS))
     Rig("coded", tuple(mounts)).save(folder / "rig.yaml")
     scene = str(scene_file(folder))
     spec = ScenarioSpec(scene=scene, rig=str(folder / "rig.yaml"), num_frames=1, frame_rate=50.0, seed=0, name="one")
@@ -59,6 +68,17 @@ def test_rows_of_raw_data_have_times_and_transmitters(stored: ss.Dataset, name: 
     assert not (sent.reshape(16, 3) == sent[:3]).all()
     maps = radar_maps_xarray(stored[0].radar[f"{name}/radar"])
     assert dict(maps.sizes)["radial_velocity"] == 48
+
+
+def test_a_real_front_end_goes_through_an_export(stored: ss.Dataset) -> None:
+    radar, ideal = (stored[0].radar[f"{name}/radar"].to_result() for name in ("real", "ddm"))
+    assert radar.spec == REAL
+    places = []
+    for frame in (radar, ideal):
+        power = ss.range_doppler(frame).power
+        power[:, :8] = power[:, -8:] = 0.0  # leakage, on both sides of 0 Hz
+        places.append(np.unravel_index(power.argmax(), power.shape))
+    assert np.abs(np.subtract(*places)).max() <= 1
 
 
 def test_captures_hold_the_rows(stored: ss.Dataset, tmp_path) -> None:

@@ -21,7 +21,7 @@ Adc = npt.NDArray[np.complex64]
 Index = npt.NDArray[np.intp]
 
 GROUP_RATIO = 1.1
-"""Longest over shortest delay of a group: its noise is off by less than 5 % of itself (-26 dB) near the carrier."""
+"""Longest over shortest delay of a group: its noise is off by less than 10 % of itself (-20 dB) near the carrier."""
 BELOW_NOISE = 0.01
 """Groups whose oscillator noise is below this part of the thermal noise get none."""
 

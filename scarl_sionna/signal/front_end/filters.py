@@ -53,7 +53,7 @@ def apply_filters(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt
     if filters is None:
         return np.asarray(adc, dtype=np.complex64)
     count = scipy.fft.next_fast_len(2 * adc.shape[-1])
-    share = np.fft.fftfreq(count) % 1.0
+    share = np.arange(count, dtype=np.float64) / count
     above = 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 1.0 + BLEND) / BLEND, 0.0, 1.0))
     below = transfer(filters, (share - 1.0) * radar.sample_rate)
     factor = above * transfer(filters, share * radar.sample_rate) + (1.0 - above) * below
