@@ -48,6 +48,7 @@ def cell_noise_power(
     .. [1] F. J. Harris, "On the use of windows for harmonic analysis with the discrete Fourier transform", Proc.
        IEEE 66(1), 1978.
     """
+    radar = radar.separated  # in a random order of time division a channel has silent rows
     doppler_window = window if doppler_window is None else doppler_window
     gain = radar.num_samples * radar.num_chirps * num_channels
     bandwidth = noise_bandwidth(window, radar.num_samples) * noise_bandwidth(doppler_window, radar.num_chirps)
