@@ -24,7 +24,16 @@ from .core.specs.lighting import Lighting
 from .core.specs.radar.array import AntennaArray
 from .core.specs.radar.converter import Adc
 from .core.specs.radar.front_end import FrontEnd
-from .core.specs.radar.multiplexing import IdealMimo, Tdm
+from .core.specs.radar.impairments import (
+    Amplifier,
+    ChannelErrors,
+    ChirpErrors,
+    IfFilter,
+    Leakage,
+    Mixer,
+    PhaseNoise,
+)
+from .core.specs.radar.multiplexing import Bpm, Cdm, Ddm, IdealMimo, Tdm
 from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
 from .core.specs.radar.waveforms.coded import Ofdm, Pmcw
@@ -72,10 +81,16 @@ __all__ = [
     "plan_channel",
     "ActorModel",
     "Adc",
+    "Amplifier",
     "AntennaArray",
     "Atmosphere",
+    "Bpm",
     "BrownConrady",
     "CameraSpec",
+    "Cdm",
+    "ChannelErrors",
+    "ChirpErrors",
+    "Ddm",
     "Fmcw",
     "Ofdm",
     "PcFmcw",
@@ -85,12 +100,16 @@ __all__ = [
     "FrontEnd",
     "HeterodyneReceiver",
     "IdealMimo",
+    "IfFilter",
     "ImageFrame",
     "ImageSensor",
     "KannalaBrandt",
+    "Leakage",
     "LidarScan",
     "LidarSpec",
     "Lighting",
+    "Mixer",
+    "PhaseNoise",
     "Pinhole",
     "Pose",
     "RadarFrame",

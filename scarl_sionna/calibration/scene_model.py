@@ -206,7 +206,7 @@ def map_data(measurement: RadarMap) -> Complex:
         If its shape is not the radar's, or a value is not finite.
     """
     radar = measurement.radar
-    shape = (radar.num_virtual, radar.num_chirps, radar.num_range_bins)
+    shape = (radar.num_virtual, radar.num_doppler_bins, radar.num_range_bins)
     if measurement.file is None:
         bins = radar.num_range_bins
         stop = bins if measurement.stop_bin is None else min(measurement.stop_bin, bins)

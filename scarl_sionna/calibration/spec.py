@@ -246,6 +246,16 @@ class RadarMap(SceneGeometry):
     def _read_radar(cls, value: object) -> object:
         return read_radar(value) if isinstance(value, Mapping) else value
 
+    @field_validator("radar")
+    @classmethod
+    def _is_linear(cls, radar: RadarSpec) -> RadarSpec:
+        kind = radar.multiplexing.kind
+        if radar.multiplexing.code_period(radar.num_tx) is not None:
+            raise ValueError(f"a radar whose map is linear in its signal: images of '{kind}' are removed cell by cell")
+        if not radar.front_end.is_ideal:
+            raise ValueError("a radar with an ideal front end: calibrate maps that its errors are removed from")
+        return radar
+
 
 def _form_fits(form: str, imaginary: tuple[float, ...]) -> None:
     if (form == "complex") != bool(imaginary):

@@ -116,7 +116,7 @@ def window_half_width(radar: RadarSpec, below_db: float, window: str = "hann") -
     ParameterRangeError
         If the line's side lobes are higher than that.
     """
-    values = window_values(window, radar.num_chirps)
+    values = window_values(window, radar.separated.num_chirps)
     fine = 256
     line = np.abs(np.fft.rfft(values, fine * len(values)))
     level = 20.0 * np.log10(np.maximum(line / line[0], 1e-15)) + below_db
@@ -126,8 +126,7 @@ def window_half_width(radar: RadarSpec, below_db: float, window: str = "hann") -
         raise ParameterRangeError(
             "below_db", f"{below_db} dB", f"< {highest:.1f} dB, the side lobes of a {window} window"
         )
-    bin_width = 2.0 * radar.unambiguous_velocity / radar.num_chirps
-    return float(inside[-1] / fine * bin_width)
+    return float(inside[-1] / fine * radar.velocity_resolution)
 
 
 def part_of_paths(paths: RadarPaths, state: WorldState) -> npt.NDArray[np.int32]:

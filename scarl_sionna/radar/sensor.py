@@ -102,7 +102,7 @@ class Radar:
                 drops_alone = paths.select(np.arange(alone.num_paths, paths.num_paths))
                 adc += synthesize(drops_alone, self.spec, accuracy=settings.accuracy)
         synthesized = time.perf_counter()
-        codes, scale, num_saturated = quantize(adc, self.spec)
+        codes, scale, num_saturated = quantize(adc, self.spec, noise)
         solve = paths.diagnostics.get("seconds", {})
         quantized = time.perf_counter()
         truth = self._truth(adc, paths, state) if settings.cell_labels else {}

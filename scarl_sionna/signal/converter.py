@@ -17,7 +17,38 @@ def step_size(radar: RadarSpec) -> float:
     return float(np.sqrt(dbm_to_watt(radar.adc.full_scale_dbm)) / (2 ** (radar.adc.bits - 1) - 1))
 
 
-def quantize(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> tuple[npt.NDArray[np.int16], float, int]:
+def converter_noise_power(radar: RadarSpec) -> float:
+    """Return the noise that a converter adds to its quantisation, I and Q together [W].
+
+    As much as lowers the ratio of a full-scale tone to noise and quantisation to ``6.02 enob + 1.76`` dB; 0 if `enob`
+    is not given or above `bits`.
+
+    References
+    ----------
+    .. [1] IEEE Std 1241, *IEEE Standard for Terminology and Test Methods for Analog-to-Digital Converters*.
+    """
+    if radar.adc.enob is None:
+        return 0.0
+    full_scale = dbm_to_watt(radar.adc.full_scale_dbm)
+    return max(0.0, full_scale / (1.5 * 4.0**radar.adc.enob) - step_size(radar) ** 2 / 6.0)
+
+
+def bow(values: npt.NDArray[np.float64], radar: RadarSpec) -> npt.NDArray[np.float64]:
+    """Return values in steps with the converter's nonlinearity added: a cubic, 0 at the middle and both ends.
+
+    Its peak is `inl_lsb`, at 1 / sqrt(3) of full scale; the third harmonic of a full-scale tone is ``0.65 inl_lsb``.
+
+    By definition of the cubic.
+    """
+    if not radar.adc.inl_lsb:
+        return values
+    share = np.clip(values / (2 ** (radar.adc.bits - 1) - 1), -1.0, 1.0)
+    return np.asarray(values + radar.adc.inl_lsb * 1.5 * np.sqrt(3.0) * (share - share**3))
+
+
+def quantize(
+    adc: npt.NDArray[np.complexfloating], radar: RadarSpec, rng: np.random.Generator | None = None
+) -> tuple[npt.NDArray[np.int16], float, int]:
     """Return the signal as the radar's converter gives it.
 
     Parameters
@@ -26,6 +57,8 @@ def quantize(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> tuple[np
         Beat signal [sqrt(W)].
     radar : RadarSpec
         Its converter has `bits` of each of I and Q; a tone of `full_scale_dbm` spans the whole range.
+    rng : numpy.random.Generator, optional
+        Of the converter's own noise, where `enob` gives some; left out: none.
 
     Returns
     -------
@@ -48,6 +81,9 @@ def quantize(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> tuple[np
     highest = 2 ** (radar.adc.bits - 1) - 1
     # float64: scaled float32 could round 32767.4999 up and count it as clipped
     values = np.ascontiguousarray(adc, dtype=np.complex64)[..., None].view(np.float32).astype(np.float64)
-    steps = np.rint(values / scale)
+    extra = converter_noise_power(radar) if rng is not None else 0.0
+    if rng is not None and extra > 0.0:
+        values += rng.normal(0.0, np.sqrt(0.5 * extra), values.shape)
+    steps = np.rint(bow(values / scale, radar))
     codes = np.clip(steps, -highest - 1, highest)
     return codes.astype(np.int16), scale, int(np.count_nonzero(codes != steps))

@@ -18,9 +18,10 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.units import watt_to_dbm
 
+from .multiplexing import separate, suppress_images
 from .noise import cell_noise_power
 from .receivers import channel_of, range_weights
-from .uneven import burst_map, doppler_matrix, middle_time, over_range, stepped_map
+from .uneven import before_range, burst_map, doppler_matrix, middle_time, over_range, stepped_map
 from .windows import window_values
 
 if TYPE_CHECKING:
@@ -41,7 +42,8 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
     Returns
     -------
     ndarray of complex64, shape (num_virtual, num_chirps, num_samples)
-        [sqrt(W)]; channel ``i * num_rx + j`` is transmitter i, receiver j.
+        [sqrt(W)]; channel ``i * num_rx + j`` is transmitter i, receiver j. Of a coded multiplexing each row is a chirp,
+        times the transmitter's conjugate code; in random order of time division they are ``num_tx * num_chirps`` rows.
 
     Raises
     ------
@@ -58,6 +60,8 @@ def virtual_cube(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.
         raise ParameterRangeError(
             "adc", f"shape {np.shape(adc)}", f"shape {expected} = (num_rx, num_chirps_total, num_samples)"
         )
+    if radar.multiplexing.is_coded:
+        return separate(np.asarray(adc), radar)
     split = np.asarray(adc).reshape(radar.num_rx, radar.num_chirps, radar.num_tx, radar.num_samples)
     ordered = split.transpose(2, 0, 1, 3).reshape(radar.num_virtual, radar.num_chirps, radar.num_samples)
     return np.ascontiguousarray(ordered, dtype=np.complex64)
@@ -100,6 +104,7 @@ class RangeDoppler(Described):
     radial_velocity : ndarray of float64, shape (num_doppler_bins,)
         Rising; positive when the distance opens [m/s].
     radar : RadarSpec
+        In random order of time division that of its channels, ``radar.separated``.
     window : tuple of str
         Over range and over Doppler.
     noise_power : float
@@ -213,10 +218,13 @@ def range_doppler(
     Raises
     ------
     ParameterRangeError
-        If the shape is not the radar's, or fewer bins than samples are asked for.
+        If the shape is not the radar's, fewer bins than samples are asked for, or Doppler bins that are no multiple of
+        the period of its codes.
 
     Notes
     -----
+    Of periodic codes (:class:`Ddm`, :class:`Bpm`) the images at other velocities are lowered to the noise.
+
     A point of Doppler frequency nu (the slow-time frequency of the beat signal) has, about the middle of the frame, the
     beat frequency ``S tau(0) + nu + S nu t_mid / f_c``: range-Doppler coupling and migration until the middle. Each
     Doppler row is multiplied by the opposite tone over fast time before the range transform, and for transmitter i by
@@ -234,6 +242,8 @@ def range_doppler(
     .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
     cube, radar = cube_of(cube, radar)
+    if radar.separated.num_chirps != radar.num_chirps:
+        radar = radar.separated
     expected = (radar.num_virtual, radar.num_chirps, radar.num_samples)
     if np.shape(cube) != expected:
         raise ParameterRangeError(
@@ -249,27 +259,32 @@ def range_doppler(
     fast = range_weights(radar, window).astype(np.float32)
     slow = window_values(doppler_window, radar.num_chirps).astype(np.float32)
     data = np.empty((radar.num_virtual, num_doppler, num_range), dtype=np.complex64)
+    is_periodic = radar.multiplexing.code_period(radar.num_tx) is not None
     for tx in range(radar.num_tx):
-        factor = _motion_compensation(seen, num_doppler, tx) if compensate_motion else None
+        factor = None if is_periodic or not compensate_motion else _motion_compensation(seen, num_doppler, tx)
         taper = fast if factor is None else factor * fast
         for channel in range(tx * radar.num_rx, (tx + 1) * radar.num_rx):
-            samples = channel_of(cube[channel], radar)
+            samples, shape = channel_of(cube[channel], radar), (num_doppler, num_range)
             if radar.waveform.burst > 1:
-                sender = tx if compensate_motion else None
                 windows = window, doppler_window
-                data[channel] = burst_map(samples, radar, windows, (num_doppler, num_range), sender)
-                continue
-            if radar.waveform.chirp_frequencies is not None:
-                data[channel] = stepped_map(samples, radar, slow, taper, (num_doppler, num_range), compensate_motion)
-                continue
-            data[channel] = over_range(_over_doppler(samples, seen, slow, num_doppler) * taper, seen, num_range)
+                data[channel] = burst_map(samples, radar, windows, shape, tx if compensate_motion else None)
+            elif radar.waveform.chirp_frequencies is not None:
+                data[channel] = stepped_map(samples, radar, slow, taper, shape, compensate_motion)
+            else:
+                data[channel] = over_range(_over_doppler(samples, seen, slow, num_doppler) * taper, seen, num_range)
+    noise_power = cell_noise_power(radar, window, doppler_window)
+    if is_periodic:  # before the compensation, which is another one in the rows of the images
+        suppress_images(data, radar, noise_power)
+        factor = _motion_compensation(seen, num_doppler, 0, num_range)
+        for channel in range(len(data) if compensate_motion else 0):
+            data[channel] = over_range(factor * before_range(data[channel], seen), seen, num_range)
     return RangeDoppler(
         data=data,
         range=range_axis(radar, num_range),
         radial_velocity=doppler_axis(radar, num_doppler),
         radar=radar,
         window=("rect" if window is None else window, "rect" if doppler_window is None else doppler_window),
-        noise_power=cell_noise_power(radar, window, doppler_window),
+        noise_power=noise_power,
     )
 
 
@@ -292,12 +307,14 @@ def _bins(name: str, asked: int | None, least: int) -> int:
     return int(asked)
 
 
-def _motion_compensation(radar: RadarSpec, num_doppler: int, tx: int) -> npt.NDArray[np.complex64]:
+def _motion_compensation(
+    radar: RadarSpec, num_doppler: int, tx: int, num_samples: int | None = None
+) -> npt.NDArray[np.complex64]:
     """Return the factor over (Doppler row, fast time) that undoes motion until the middle of the frame."""
     row = np.arange(num_doppler) - num_doppler // 2
     doppler = row / (num_doppler * radar.doppler_interval)
     tx_delay = radar.tx_delay(tx)
-    sample = np.arange(radar.num_samples)
+    sample = np.arange(num_samples or radar.num_samples)
     ts_middle = (radar.num_samples - 1) / (2.0 * radar.sample_rate)
     middle = middle_time(radar) + tx_delay
     shift = doppler * (1.0 + radar.waveform.sweep.slope * middle / radar.center_frequency)

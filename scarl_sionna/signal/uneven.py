@@ -29,6 +29,13 @@ def over_range(rows: npt.NDArray[np.complexfloating], radar: RadarSpec, num_rang
     return np.asarray(scipy.fft.fft(rows, num_range, axis=1, workers=-1, overwrite_x=True), dtype=np.complex64)
 
 
+def before_range(rows: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt.NDArray[np.complexfloating]:
+    """Return the values whose :func:`over_range` without more bins is `rows`."""
+    if radar.waveform.sweep.slope < 0.0:
+        return np.asarray(scipy.fft.fft(rows, axis=1, norm="forward", workers=-1))
+    return np.asarray(scipy.fft.ifft(rows, axis=1, workers=-1))
+
+
 def dopplers(radar: RadarSpec, num_doppler: int) -> Array:
     """Return the Doppler frequencies of the rows of a map, rising [Hz]."""
     return (np.arange(num_doppler) - num_doppler // 2) / (num_doppler * radar.slow_interval)

@@ -51,6 +51,14 @@ class Tone(Spec):
         return 1
 
     @property
+    def chirp_delays(self) -> None:
+        return None
+
+    @property
+    def chirp_frequencies(self) -> None:
+        return None
+
+    @property
     def chirp_interval(self) -> float:
         return self.num_samples / self.chip_rate
 
@@ -202,11 +210,12 @@ def test_positions_kept_with_a_specification_cannot_be_written_to() -> None:
 
 
 def test_every_multiplexing_is_found_by_its_name() -> None:
-    assert KINDS == ("ideal", "tdm")
+    assert KINDS == ("ideal", "tdm", "ddm", "bpm", "cdm")
+    fields = {"ddm": {"num_empty_bands": 1}, "bpm": {"block_length": None}, "cdm": {"code_seed": 0, "phases_deg": None}}
     for kind in KINDS:
         radar = ss.RadarSpec(multiplexing=kind)
         assert radar.multiplexing.kind == kind
-        assert radar.model_dump(mode="json")["multiplexing"] == {"kind": kind}
+        assert radar.model_dump(mode="json")["multiplexing"] == {"kind": kind, **fields.get(kind, {})}
         assert ss.RadarSpec(**radar.model_dump(mode="json")) == radar
 
 

@@ -135,14 +135,20 @@ def _plain_names(node: xarray.Dataset) -> xarray.Dataset:
 
 def _radar_axes(node: xarray.Dataset, spec: RadarSpec) -> xarray.Dataset:
     row = np.arange(spec.num_chirps_total)
-    delay = np.array([spec.tx_delay(tx) for tx in range(spec.num_tx)])
-    sent = row // spec.num_tx * spec.doppler_interval + delay[row % spec.num_tx]
+    transmitter, chirp = row % spec.num_tx, row // spec.num_tx
+    if spec.multiplexing.is_coded:
+        codes = np.abs(spec.multiplexing.codes(spec.num_chirps, spec.num_tx))
+        transmitter, chirp = np.where((codes > 0.0).sum(axis=1) == 1, codes.argmax(axis=1), -1), row
+        sent = row * spec.doppler_interval
+    else:
+        delay = np.array([spec.tx_delay(tx) for tx in range(spec.num_tx)])
+        sent = chirp * spec.doppler_interval + delay[transmitter]
     waveform = spec.waveform
     if waveform.chirp_delays is not None:
-        sent = sent + np.asarray(waveform.chirp_delays)[row // spec.num_tx]
+        sent = sent + np.asarray(waveform.chirp_delays)[chirp]
     first = window_start(waveform) if is_coded(waveform) else waveform.sweep.first
     return node.assign_coords(
         fast_time=("sample", first + np.arange(spec.num_samples) / spec.sample_rate, {"units": "s"}),
         slow_time=("chirp", sent, {"units": "s", "long_name": "start of the ramp"}),
-        transmitter=("chirp", row % spec.num_tx),
+        transmitter=("chirp", transmitter),  # -1: all, each with its code
     )

@@ -77,7 +77,7 @@ class PatchSize:
             settings.max_phase,
             settings.max_ramp,
             max_turn=settings.max_turn,
-            duration=radar.doppler_interval * radar.num_chirps,
+            duration=radar.frame_time,
         )
 
     def length(self, distance: Array) -> Array:

@@ -22,11 +22,13 @@ from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
 from . import coded_ramps, direct, groups, symbols
 from .moving import Signal, Tolerances, linear_signal, moving_signals
 from .orders import orders
+from .receiver import received
 
 MAX_THREADS = 8
 """Most threads that work on pairs at once: each holds its own strengths and spectra (some 50 MB)."""
@@ -47,7 +49,8 @@ def synthesize(
         Geometry, transfer and motion at the start of the first ramp.
     radar : RadarSpec
     rng : numpy.random.Generator, optional
-        Adds the receiver's thermal noise (:func:`add_noise`); left out: no noise.
+        Adds the receiver's thermal noise (:func:`add_noise`), and where the front end has them phase noise and jitter;
+        left out: nothing random.
     accuracy : Accuracy
         `synthesis_tolerance` bounds the error of the transforms relative to the peak, `motion_tolerance` that of a
         path's motion relative to its amplitude.
@@ -57,7 +60,8 @@ def synthesize(
     Returns
     -------
     ndarray of complex64, shape (num_rx, num_chirps_total, num_samples)
-        Beat signal [sqrt(W)]: ``abs(sample)**2`` is received power. Row ``m * num_tx + i`` is chirp m of transmitter i.
+        Beat signal [sqrt(W)]: ``abs(sample)**2`` is received power. Row ``m * num_tx + i`` is chirp m of transmitter i;
+        of a coded multiplexing row m is chirp m, the sum of all transmitters.
 
     Raises
     ------
@@ -97,6 +101,11 @@ def synthesize(
     expect("rng", rng, (np.random.Generator, type(None)), "give numpy.random.default_rng(seed), or None for no noise")
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
+    if not radar.front_end.is_ideal:
+        return received(paths, radar, rng, lambda some, ideal: synthesize(some, ideal, None, accuracy, method))
+    if radar.multiplexing.is_coded:
+        adc = multiplex(synthesize(paths, radar.separated, None, accuracy, method), radar)
+        return adc if rng is None else add_noise(adc, radar, rng)
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     tolerance = accuracy.synthesis_tolerance if method == "nufft" else None
     make = _of_symbols if is_coded(radar.waveform) else _of_ramps

@@ -21,6 +21,7 @@ from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
 from . import synthesize
@@ -68,7 +69,7 @@ def synthesize_blocks(
     Raises
     ------
     ParameterRangeError
-        If `chirps_per_block` is out of range.
+        If `chirps_per_block` is out of range, or the radar's front end is not ideal.
 
     Warns
     -----
@@ -90,6 +91,18 @@ def synthesize_blocks(
     """
     if not 1 <= chirps_per_block <= radar.num_chirps:
         raise ParameterRangeError("chirps_per_block", chirps_per_block, f"1 to num_chirps = {radar.num_chirps}")
+    if not radar.front_end.is_ideal:
+        raise ParameterRangeError(
+            "chirps_per_block",
+            chirps_per_block,
+            "None with effects of the front end, which need the whole frame",
+            "use radar.with_(front_end=radar.front_end.ideal()), or leave the blocks out",
+        )
+    if radar.multiplexing.is_coded:
+        chirps = chirps_per_block * (radar.separated.num_chirps // radar.num_chirps)
+        alone = synthesize_blocks(paths_at, radar.separated, chirps, None, accuracy, method, block_tolerance)
+        adc = multiplex(alone, radar)
+        return adc if rng is None else add_noise(adc, radar, rng)
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     ramps, single = radar.num_tx, chirps_of(radar, 0, 1)
     apart, size, before = 0.0, 0.0, None

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Annotated
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import DecibelMilliwatts
+from scarl_sionna.core.units import DecibelMilliwatts, Unit
 
 
 class Adc(Spec):
@@ -13,3 +15,12 @@ class Adc(Spec):
 
     bits: int = Field(16, ge=2, le=16, description="bits of each of I and Q")
     full_scale_dbm: DecibelMilliwatts = Field(-30.0, description="input-referred power of a full-scale tone [dBm]")
+    enob: float | None = Field(None, gt=0.0, le=16.0, description="effective bits with noise; None: those of `bits`")
+    inl_lsb: Annotated[float, Unit("LSB")] | None = Field(
+        None, ge=0.0, description="peak of a cubic nonlinearity, end-point fit [LSB]; None: none"
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_none(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Leave out ideal effects, as files of the first versions have it."""
+        return {name: value for name, value in inner(self).items() if value is not None}

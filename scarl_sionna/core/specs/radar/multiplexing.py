@@ -1,17 +1,25 @@
 """Multiplexing: how the chirps of several transmitters share a frame.
 
-Raw data has one row a chirp of any transmitter: chirp m of transmitter i is row ``m * num_tx + i``. Only this module
-knows one kind from another; the others ask :class:`Multiplexing` when a transmitter sends.
+Raw data has one row a chirp. Where the transmitters take turns in order, or are told apart perfectly, chirp m of
+transmitter i is row ``m * num_tx + i``. Coded kinds number the rows as chirps follow in time: every row is the sum of
+all transmitters, each with its code, which is that of the beat signal. Only this module knows one kind from another;
+the others ask :class:`Multiplexing`.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Literal, Protocol
 
-from pydantic import BeforeValidator, Field
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer
 
-from scarl_sionna.core.errors import ParameterRangeError, did_you_mean
+from scarl_sionna.core.errors import ParameterRangeError, SpecError, did_you_mean
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.units import Degrees
+
+Codes = npt.NDArray[np.complex128]
 
 
 class Multiplexing(Protocol):
@@ -21,24 +29,64 @@ class Multiplexing(Protocol):
     def kind(self) -> str:
         """Name in files."""
 
+    @property
+    def is_coded(self) -> bool:
+        """Whether rows are chirps in time, each the sum of the transmitters by :meth:`codes`."""
+
     def num_rows(self, num_chirps: int, num_tx: int) -> int:
         """Return the rows of a receiver's raw data in a frame of `num_chirps` chirps a transmitter."""
 
     def doppler_interval(self, chirp_interval: float, num_tx: int) -> float:
-        """Return the time between two chirps of a transmitter [s]; `chirp_interval` [s] is from chirp to chirp."""
+        """Return the time between two rows of a channel's slow time [s]; `chirp_interval` is from chirp to chirp."""
 
     def tx_delay(self, tx: int, chirp_interval: float) -> float:
         """Return the start of a transmitter's chirps after the first transmitter's [s]."""
 
+    def codes(self, num_chirps: int, num_tx: int) -> Codes:
+        """Return each transmitter's factor in each row of the raw data, shape (num_rows, num_tx)."""
 
-class IdealMimo(Spec):
-    """All transmitters send at once and are told apart perfectly, as in SCaRL: rows of one chirp share their time."""
+    def code_period(self, num_tx: int) -> int | None:
+        """Return after how many chirps the codes repeat; None if they do not, or there are none."""
 
-    kind: Literal["ideal"] = "ideal"
+    def unused_codes(self, num_tx: int) -> Codes:
+        """Return the codes of a period that no transmitter sends, shape (code_period, num_unused)."""
+
+    def check(self, num_chirps: int, num_tx: int) -> None:
+        """Raise if a frame of so many chirps and transmitters cannot be coded."""
+
+
+class _Plain(Spec):
+    """What is common to the kinds whose rows hold one transmitter each, in order."""
+
+    @property
+    def is_coded(self) -> bool:
+        """Whether rows are chirps in time, each the sum of the transmitters by :meth:`codes`."""
+        return False
 
     def num_rows(self, num_chirps: int, num_tx: int) -> int:
         """Return the rows of a receiver's raw data in a frame of `num_chirps` chirps a transmitter."""
         return num_chirps * num_tx
+
+    def codes(self, num_chirps: int, num_tx: int) -> Codes:
+        """Return 1 where a row is the transmitter's, shape (num_rows, num_tx)."""
+        return np.tile(np.eye(num_tx, dtype=np.complex128), (num_chirps, 1))
+
+    def code_period(self, num_tx: int) -> int | None:
+        """Return None: there is no code that repeats."""
+        return None
+
+    def unused_codes(self, num_tx: int) -> Codes:
+        """Return no code, shape (0, 0)."""
+        return np.zeros((0, 0), dtype=np.complex128)
+
+    def check(self, num_chirps: int, num_tx: int) -> None:
+        """Every frame can be sent."""
+
+
+class IdealMimo(_Plain):
+    """All transmitters send at once and are told apart perfectly, as in SCaRL: rows of one chirp share their time."""
+
+    kind: Literal["ideal"] = "ideal"
 
     def doppler_interval(self, chirp_interval: float, num_tx: int) -> float:
         """Return the time between two chirps of the same transmitter [s]: from chirp to chirp."""
@@ -49,25 +97,231 @@ class IdealMimo(Spec):
         return 0.0
 
 
-class Tdm(Spec):
-    """Time division: the transmitters follow each other in order, one chirp interval apart."""
+class Tdm(_Plain):
+    """Time division: the transmitters follow each other, one chirp interval apart.
+
+    In order, the velocity is unambiguous within ``wavelength / (4 num_tx chirp_interval)``. In random order every turn
+    of all transmitters is shuffled: a transmitter's chirps are at irregular times, its velocity is unambiguous within
+    ``wavelength / (4 chirp_interval)``, and each target has a noise-like floor over all other velocities, ``(num_tx -
+    1) / (num_tx num_chirps)`` of its power.
+
+    References
+    ----------
+    .. [1] J. Li, P. Stoica, *MIMO Radar Signal Processing*, Wiley, 2009.
+    """
 
     kind: Literal["tdm"] = "tdm"
+    order_seed: int | None = Field(None, ge=0, description="of a random order in each turn; None: in order")
 
-    def num_rows(self, num_chirps: int, num_tx: int) -> int:
-        """Return the rows of a receiver's raw data in a frame of `num_chirps` chirps a transmitter."""
-        return num_chirps * num_tx
+    @model_serializer(mode="wrap")
+    def _without_none(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Leave out the seed of no random order, as files of the first versions have it."""
+        return {name: value for name, value in inner(self).items() if value is not None}
+
+    @property
+    def is_coded(self) -> bool:
+        """Whether rows are chirps in time, each the sum of the transmitters by :meth:`codes`."""
+        return self.order_seed is not None
 
     def doppler_interval(self, chirp_interval: float, num_tx: int) -> float:
-        """Return the time between two chirps of the same transmitter [s]: a turn of all transmitters."""
-        return chirp_interval * num_tx
+        """Return the time between two rows of a channel's slow time [s].
+
+        In order a turn of all transmitters; in random order a chirp: a channel's rows without its transmitter are zero.
+        """
+        return chirp_interval if self.is_coded else chirp_interval * num_tx
 
     def tx_delay(self, tx: int, chirp_interval: float) -> float:
-        """Return the start of a transmitter's chirps after the first transmitter's [s]."""
-        return tx * chirp_interval
+        """Return the start of a transmitter's chirps after the first transmitter's [s]; 0 in random order."""
+        return 0.0 if self.is_coded else tx * chirp_interval
+
+    def codes(self, num_chirps: int, num_tx: int) -> Codes:
+        """Return 1 where a row is the transmitter's, shape (num_rows, num_tx)."""
+        out = np.tile(np.eye(num_tx, dtype=np.complex128), (num_chirps, 1))
+        if self.is_coded:
+            rng = np.random.default_rng(self.order_seed)
+            turns = [rng.permutation(num_tx) + turn * num_tx for turn in range(num_chirps)]
+            out = out[np.concatenate(turns)]
+        return out
 
 
-KINDS: tuple[str, ...] = tuple(item.model_fields["kind"].default for item in (IdealMimo, Tdm))
+class _Coded(Spec):
+    """What is common to the kinds whose transmitters send in every chirp, each with its code over slow time."""
+
+    @property
+    def is_coded(self) -> bool:
+        """Whether rows are chirps in time, each the sum of the transmitters by :meth:`codes`."""
+        return True
+
+    def num_rows(self, num_chirps: int, num_tx: int) -> int:
+        """Return the rows of a receiver's raw data: all transmitters send in every chirp."""
+        return num_chirps
+
+    def doppler_interval(self, chirp_interval: float, num_tx: int) -> float:
+        """Return the time between two chirps of the same transmitter [s]: from chirp to chirp."""
+        return chirp_interval
+
+    def tx_delay(self, tx: int, chirp_interval: float) -> float:
+        """Return the start of a transmitter's chirps after the first transmitter's [s]: 0."""
+        return 0.0
+
+
+class _Periodic(_Coded):
+    """Codes that are columns of an orthogonal matrix, repeated over the frame; some columns stay unused."""
+
+    def matrix(self, num_tx: int) -> Codes:
+        """Return the orthogonal matrix of one period, shape (code_period, code_period), of unit entries."""
+        raise NotImplementedError
+
+    def code_period(self, num_tx: int) -> int | None:
+        """Return after how many chirps the codes repeat."""
+        return len(self.matrix(num_tx))
+
+    def codes(self, num_chirps: int, num_tx: int) -> Codes:
+        """Return each transmitter's factor in each row of the raw data, shape (num_chirps, num_tx)."""
+        matrix = self.matrix(num_tx)
+        return np.tile(matrix[:, :num_tx], (num_chirps // len(matrix), 1))
+
+    def unused_codes(self, num_tx: int) -> Codes:
+        """Return the codes of a period that no transmitter sends, shape (code_period, num_unused)."""
+        return self.matrix(num_tx)[:, num_tx:]
+
+    def check(self, num_chirps: int, num_tx: int) -> None:
+        """Raise if the frame does not hold whole periods.
+
+        Raises
+        ------
+        ParameterRangeError
+            If `num_chirps` is no multiple of the code's length.
+        """
+        period = len(self.matrix(num_tx))
+        if num_chirps % period:
+            raise SpecError(
+                type(self),
+                ("waveform", "num_chirps"),
+                num_chirps,
+                f"a multiple of {period}, the period of {type(self).__name__} with {num_tx} transmitters",
+                f"take {max(1, round(num_chirps / period)) * period}, or another multiplexing",
+            )
+
+
+class Ddm(_Periodic):
+    """Doppler division: transmitter i turns its phase by ``i / num_bands`` of a cycle from chirp to chirp.
+
+    The Doppler spectrum falls into ``num_bands = num_tx + num_empty_bands`` bands; a target shows once in each used
+    band (one line a transmitter) and in none of the empty ones. Which bands are empty tells its velocity, within
+    ``wavelength / (4 chirp_interval)``. Two targets at one range whose Doppler frequencies differ by a multiple of a
+    band lie on each other: the stronger one is found.
+
+    References
+    ----------
+    .. [1] F. Xu, S. A. Vorobyov, F. Yang, "Transmit beamspace DDMA based automotive MIMO radar", IEEE Trans. Veh.
+       Technol. 71(2), 2022.
+    """
+
+    kind: Literal["ddm"] = "ddm"
+    num_empty_bands: int = Field(1, ge=1, le=64, description="bands of the Doppler spectrum without a transmitter")
+
+    def matrix(self, num_tx: int) -> Codes:
+        """Return the phase progressions of all bands, shape (num_bands, num_bands)."""
+        bands = np.arange(num_tx + self.num_empty_bands)
+        return np.exp(2j * np.pi * np.outer(bands, bands) / len(bands))
+
+
+class Bpm(_Periodic):
+    """Binary phases: the transmitters' signs follow the columns of a Hadamard matrix over blocks of chirps.
+
+    A moving target leaves images at other velocities, a multiple of ``wavelength / (2 block_length chirp_interval)``
+    away; the columns that no transmitter sends tell them from the target, as the empty bands of :class:`Ddm` do.
+
+    References
+    ----------
+    .. [1] K. J. Horadam, *Hadamard Matrices and Their Applications*, Princeton University Press, 2007.
+    """
+
+    kind: Literal["bpm"] = "bpm"
+    block_length: int | None = Field(
+        None, ge=2, le=1024, description="chirps of a block, a power of 2 above num_tx; None: the smallest"
+    )
+
+    def matrix(self, num_tx: int) -> Codes:
+        """Return the Hadamard matrix, shape (block_length, block_length)."""
+        return scipy.linalg.hadamard(self.block_length or 2 ** int(num_tx).bit_length()).astype(np.complex128)
+
+    def check(self, num_chirps: int, num_tx: int) -> None:
+        """Raise if there is no such code, or the frame does not hold whole periods.
+
+        Raises
+        ------
+        ParameterRangeError
+            If the code's length is no power of 2 above `num_tx`, or `num_chirps` no multiple of it.
+        """
+        length = self.block_length
+        if length is not None and (length & (length - 1) or length <= num_tx):
+            raise SpecError(
+                type(self),
+                ("multiplexing", "block_length"),
+                length,
+                f"a power of 2 above num_tx = {num_tx}: a column that nobody sends tells the velocity",
+                f"take {2 ** int(num_tx).bit_length()}, or None",
+            )
+        super().check(num_chirps, num_tx)
+
+
+class Cdm(_Coded):
+    """Code division over slow time: each transmitter's phases follow a code as long as the frame.
+
+    Seeded codes are orthogonal tones whose chirps are shuffled, the same way for all transmitters: in the cell of a
+    target on a Doppler bin the others cancel (rectangular window); at every other velocity each leaves a noise-like
+    floor of ``1 / num_chirps`` of its power. The velocity is unambiguous within ``wavelength / (4 chirp_interval)``.
+
+    References
+    ----------
+    .. [1] J. Li, P. Stoica, *MIMO Radar Signal Processing*, Wiley, 2009.
+    """
+
+    kind: Literal["cdm"] = "cdm"
+    code_seed: int = Field(0, ge=0, description="of the codes, where `phases_deg` gives none")
+    phases_deg: tuple[tuple[Degrees, ...], ...] | None = Field(
+        None, description="[deg] of each transmitter, in it of each chirp of the frame; None: seeded codes"
+    )
+
+    def codes(self, num_chirps: int, num_tx: int) -> Codes:
+        """Return each transmitter's factor in each row of the raw data, shape (num_chirps, num_tx)."""
+        if self.phases_deg is not None:
+            return np.exp(1j * np.radians(np.array(self.phases_deg, dtype=np.float64).T))
+        rng = np.random.default_rng(self.code_seed)
+        shuffled, tones = rng.permutation(num_chirps), rng.permutation(num_chirps)[:num_tx]
+        return np.exp(2j * np.pi * np.outer(shuffled, tones) / num_chirps)
+
+    def code_period(self, num_tx: int) -> int | None:
+        """Return None: the code is as long as the frame."""
+        return None
+
+    def unused_codes(self, num_tx: int) -> Codes:
+        """Return no code, shape (0, 0)."""
+        return np.zeros((0, 0), dtype=np.complex128)
+
+    def check(self, num_chirps: int, num_tx: int) -> None:
+        """Raise if the codes do not fit.
+
+        Raises
+        ------
+        ParameterRangeError
+            If there are fewer chirps than transmitters, or `phases_deg` has another shape.
+        """
+        if num_chirps < num_tx:
+            allowed = f">= num_tx = {num_tx}, for orthogonal codes"
+            raise SpecError(type(self), ("waveform", "num_chirps"), num_chirps, allowed)
+        if self.phases_deg is None:
+            return
+        lengths = {len(row) for row in self.phases_deg}
+        if len(self.phases_deg) != num_tx or lengths != {num_chirps}:
+            shown = f"{len(self.phases_deg)} codes of {sorted(lengths)} chirps"
+            allowed = f"{num_tx} codes of {num_chirps} chirps"
+            raise SpecError(type(self), ("multiplexing", "phases_deg"), shown, allowed)
+
+
+KINDS: tuple[str, ...] = tuple(item.model_fields["kind"].default for item in (IdealMimo, Tdm, Ddm, Bpm, Cdm))
 """Names of all kinds."""
 
 
@@ -82,5 +336,5 @@ def _by_name(value: object) -> object:
     return {"kind": value}
 
 
-AnyMultiplexing = Annotated[IdealMimo | Tdm, Field(discriminator="kind"), BeforeValidator(_by_name)]
+AnyMultiplexing = Annotated[IdealMimo | Tdm | Ddm | Bpm | Cdm, Field(discriminator="kind"), BeforeValidator(_by_name)]
 """The kinds that a radar can have, told apart by `kind`; the name alone, ``"tdm"``, is a short form."""

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.prompt.describe import Row
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.units import SPEED_OF_LIGHT, Degrees
+from scarl_sionna.core.units import REFERENCE_TEMPERATURE, SPEED_OF_LIGHT, Degrees
 
 from .array import AntennaArray
 from .converter import Adc
@@ -20,6 +20,7 @@ from .front_end import FrontEnd
 from .multiplexing import AnyMultiplexing, IdealMimo
 from .parts import into_parts, misplaced, place_of
 from .presets import PRESETS
+from .together import check_together
 from .waveform import Fmcw
 from .waveforms.kinds import AnyWaveform
 
@@ -30,7 +31,8 @@ class RadarSpec(Spec):
     """A MIMO radar, in parts. Positions are in the radar frame: x boresight, y left, z up.
 
     The defaults are Table 1 of SCaRL. Amplitudes: the beat signal is in sqrt(W), so abs(sample)**2 is received power.
-    Transmitters count before chirps: chirp m of transmitter i is row ``m * num_tx + i`` of the raw data.
+    Transmitters count before chirps: chirp m of transmitter i is row ``m * num_tx + i`` of the raw data. With a coded
+    multiplexing (:class:`Ddm`, :class:`Bpm`, :class:`Cdm`, :class:`Tdm` in random order) rows are chirps in time.
 
     What every radar has can be read here, whatever its waveform; what only one waveform has, in its part
     (``radar.waveform.chirp_slope``). :meth:`with_` takes the names of fields inside the parts as a short form.
@@ -72,12 +74,22 @@ class RadarSpec(Spec):
                     raise misplaced(cls, str(name), value)
         return data
 
+    @model_validator(mode="after")
+    def _check(self) -> RadarSpec:
+        self.multiplexing.check(self.num_chirps, self.num_tx)
+        self.front_end.check(self.num_tx, self.num_rx)
+        check_together(type(self), self.waveform, self.multiplexing, self.front_end, self.num_tx)
+        return self
+
     @classmethod
     def preset(cls, name: str) -> RadarSpec:
         """Return a named radar.
 
         ``"awr1843boost"``: Table 1 of SCaRL, an ideal 12-element virtual line in azimuth.
         ``"awr1843boost_3d"``: the board's own layout, Tx 2 raised by half a wavelength, with time multiplexing.
+        ``"iwr1843boost"``: that layout with the front end of the data sheet.
+        ``"awr1642"``: 2 x 4 antennas, its front end fitted to measured captures.
+        ``"awr2243_cascade"``: four chips, 12 x 16 antennas, time multiplexing.
 
         Raises
         ------
@@ -168,7 +180,7 @@ class RadarSpec(Spec):
     @property
     def num_doppler_bins(self) -> int:
         """Bins of Doppler without zero padding: the samples of slow time."""
-        return self.num_chirps // self.waveform.burst
+        return self.separated.num_chirps // self.waveform.burst
 
     @property
     def slow_interval(self) -> float:
@@ -192,7 +204,7 @@ class RadarSpec(Spec):
 
     @property
     def doppler_interval(self) -> float:
-        """Time between two chirps of the same transmitter [s]."""
+        """Time between two chirps of the same transmitter [s]; of a random order between two rows of slow time."""
         return self.multiplexing.doppler_interval(self.chirp_interval, self.num_tx)
 
     def tx_delay(self, tx: int) -> float:
@@ -202,7 +214,26 @@ class RadarSpec(Spec):
     @property
     def frame_time(self) -> float:
         """Time from the first chirp's start to the end of the last interval [s]."""
-        return self.doppler_interval * self.num_chirps
+        return self.doppler_interval * self.separated.num_chirps
+
+    @property
+    def separated(self) -> RadarSpec:
+        """The radar whose channels are those of this one once un-multiplexed.
+
+        This radar itself where rows hold one transmitter each; else one with :class:`IdealMimo` and as many chirps as
+        there are rows. In a random order of time division that is `num_tx` times as many, and the noise figure is
+        higher by what the silent rows of a channel cost.
+        """
+        if not self.multiplexing.is_coded:
+            return self
+        parts: dict[str, object] = {"multiplexing": IdealMimo()}
+        silent = self.num_chirps_total / self.num_chirps
+        if silent != 1.0:
+            front = self.front_end
+            excess = 10.0 ** (front.noise_figure_db / 10.0) - 1.0 + front.source_temperature / REFERENCE_TEMPERATURE
+            factor = 1.0 + silent * excess - front.source_temperature / REFERENCE_TEMPERATURE
+            parts |= {"num_chirps": self.num_chirps_total, "noise_figure_db": 10.0 * float(np.log10(factor))}
+        return self.with_(**parts)
 
     @property
     def carrier_frequency(self) -> float:

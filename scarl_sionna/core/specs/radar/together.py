@@ -1,0 +1,51 @@
+"""Which waveforms, multiplexing and effects of a front end go together."""
+
+from __future__ import annotations
+
+from scarl_sionna.core.errors import SpecError
+
+from .front_end import FrontEnd
+from .multiplexing import Multiplexing
+from .waveform import Waveform
+
+_OF_RAMPS = ("phase_noise", "chirp_errors", "leakage", "filters")
+"""Effects that are modelled in the beat signal of equal ramps."""
+
+
+def check_together(
+    model: type, waveform: Waveform, multiplexing: Multiplexing, front_end: FrontEnd, num_tx: int
+) -> None:
+    """Raise if parts of a radar do not go together.
+
+    By definition of each: periodic codes are told apart by a regular Doppler transform, a random order is that of
+    chirps that are all alike, and oscillators, leakage and filters are modelled in the beat signal of equal ramps.
+
+    Parameters
+    ----------
+    model : type
+        Class of the specification, for the error.
+    waveform : Waveform
+    multiplexing : Multiplexing
+    front_end : FrontEnd
+    num_tx : int
+
+    Raises
+    ------
+    ParameterRangeError
+        If they do not; the error names the parts.
+    """
+    even = waveform.burst == 1 and waveform.chirp_delays is None and waveform.chirp_frequencies is None
+    ramps = even and waveform.kind == "fmcw"
+    shown = f"{multiplexing.kind!r} with {waveform.kind!r}"
+    if multiplexing.code_period(num_tx) is not None and not even:
+        allowed = "chirps of one carrier at regular times: images are found by a regular Doppler transform"
+        raise SpecError(model, ("multiplexing",), shown, allowed, "take 'tdm' or 'cdm', or equal chirps")
+    if multiplexing.is_coded and multiplexing.kind == "tdm" and not ramps:
+        allowed = "equal ramps ('fmcw') for a random order, in which a channel's chirps have any number"
+        raise SpecError(model, ("multiplexing", "order_seed"), shown, allowed, "leave order_seed out")
+    if waveform.kind == "tones" or ramps:
+        return
+    for name in _OF_RAMPS:
+        if getattr(front_end, name) not in (None, ()):
+            allowed = "equal ramps ('fmcw'), in whose beat signal this effect is modelled"
+            raise SpecError(model, ("front_end", name), f"with {waveform.kind!r}", allowed, "leave it out")

@@ -1,0 +1,131 @@
+"""Echoes and leakage through a front end that is not ideal: what depends on an echo's delay, group by group."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import SPEED_OF_LIGHT, dbm_to_watt
+from scarl_sionna.radar.antenna import PathGeometry
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.front_end.chain import receive
+from scarl_sionna.signal.front_end.oscillators import Oscillators
+from scarl_sionna.signal.noise import sample_noise_power
+
+from . import direct
+
+Adc = npt.NDArray[np.complex64]
+Index = npt.NDArray[np.intp]
+
+GROUP_RATIO = 1.1
+"""Longest over shortest delay of a group: its noise is off by less than 10 % of itself (-20 dB) near the carrier."""
+BELOW_NOISE = 0.01
+"""Groups whose oscillator noise is below this part of the thermal noise get none."""
+
+
+def received(
+    paths: RadarPaths,
+    radar: RadarSpec,
+    rng: np.random.Generator | None,
+    signal: Callable[[RadarPaths, RadarSpec], Adc],
+) -> Adc:
+    """Return the raw data of a radar whose front end is not ideal.
+
+    Parameters
+    ----------
+    paths : RadarPaths
+    radar : RadarSpec
+    rng : numpy.random.Generator or None
+        None leaves out all that is random: thermal and phase noise, jitter.
+    signal : callable
+        Paths and a radar with an ideal front end -> its raw data without noise.
+
+    Returns
+    -------
+    ndarray of complex64, shape (num_rx, num_chirps_total, num_samples)
+        [sqrt(W)]
+
+    Notes
+    -----
+    Errors of the oscillators and ramps turn the phase of an echo by an amount that depends on its delay. Echoes whose
+    delays are within `GROUP_RATIO` share that of the group's mean delay, weighted by power. Groups too weak to matter
+    (`BELOW_NOISE`) get none.
+
+    References
+    ----------
+    .. [1] M. C. Budge, M. P. Burt, "Range correlation effects in radars", Proc. IEEE National Radar Conf., 1993.
+    """
+    alone = radar.separated
+    plain = alone.with_(front_end=alone.front_end.ideal())
+    front = radar.front_end
+    if front.phase_noise is None and front.chirp_errors is None:
+        total = signal(paths, plain)
+        lines = None
+    else:
+        lines = Oscillators(alone, rng)
+        total = _with_lines(paths, plain, lines, signal, rng is not None)
+    for way in front.leakage:
+        total += _leak(way.length, way.level_db, way.phase_deg, plain, lines)
+    return receive(total, radar, rng)
+
+
+def _with_lines(
+    paths: RadarPaths, plain: RadarSpec, lines: Oscillators, signal: Callable[[RadarPaths, RadarSpec], Adc], noisy: bool
+) -> Adc:
+    """Return the echoes with the phases of oscillators and ramps."""
+    geometry = PathGeometry.of(paths, plain)
+    delay = geometry.center_length() / SPEED_OF_LIGHT
+    power = np.abs(geometry.pair_amplitude(0, 0)) ** 2 if paths.num_paths else np.zeros(0)
+    least = BELOW_NOISE * sample_noise_power(plain) if noisy else 0.0
+    total = np.zeros((plain.num_rx, plain.num_chirps_total, plain.num_samples), dtype=np.complex64)
+    clean: list[Index] = []
+    weak = least
+    for index, middle in sorted(groups(delay, power), key=lambda item: power[item[0]].sum() * lines.power(item[1])):
+        weak -= float(power[index].sum()) * lines.power(middle)  # the weakest groups may have so much in all
+        if weak >= 0.0:
+            clean.append(index)
+            continue
+        echoes = signal(paths.select(index), plain)
+        total += turned(echoes, plain, lines, middle)
+    if clean or not paths.num_paths:
+        rest = np.sort(np.concatenate(clean)) if clean else np.arange(0)
+        total += signal(paths.select(rest), plain)
+    return total
+
+
+def groups(delay: npt.NDArray[np.float64], power: npt.NDArray[np.float64]) -> list[tuple[Index, float]]:
+    """Return groups of paths of similar delay and the mean delay of each, weighted by power [s]."""
+    out = []
+    number = np.floor(np.log(np.maximum(delay, 1e-12)) / np.log(GROUP_RATIO)).astype(np.int64)
+    for value in np.unique(number):
+        index = np.flatnonzero(number == value)
+        weight = power[index] if power[index].sum() > 0.0 else np.ones(len(index))
+        out.append((index, float(np.average(delay[index], weights=weight))))
+    return out
+
+
+def turned(echoes: Adc, radar: RadarSpec, lines: Oscillators, delay: float) -> Adc:
+    """Return raw data, a transmitter a row, with the phases that echoes of some delay [s] have."""
+    out = np.empty_like(echoes)
+    for tx in range(radar.num_tx):
+        known: dict[int, npt.NDArray[np.complex64]] = {}
+        for rx in range(radar.num_rx):
+            oscillator = lines.rx[rx]
+            if oscillator not in known:
+                known[oscillator] = np.exp(1j * lines.phase(tx, rx, delay)).astype(np.complex64)
+            out[rx, tx :: radar.num_tx] = echoes[rx, tx :: radar.num_tx] * known[oscillator]
+    return out
+
+
+def _leak(length: float, level_db: float, phase_deg: float, plain: RadarSpec, lines: Oscillators | None) -> Adc:
+    """Return what leaks into every receiver from every transmitter over a fixed way."""
+    power = dbm_to_watt(plain.front_end.tx_power_dbm + level_db)
+    amplitude = np.array([np.sqrt(power) * np.exp(1j * np.radians(phase_deg))])
+    still = np.zeros(1)
+    row = direct.sum_paths(amplitude, np.array([length]), still, still, plain.with_(num_chirps=1), 0)
+    shape = (plain.num_rx, plain.num_chirps_total, plain.num_samples)
+    leak = np.broadcast_to(row.astype(np.complex64), shape)
+    return np.array(leak) if lines is None else turned(np.array(leak), plain, lines, length / SPEED_OF_LIGHT)

@@ -1,0 +1,1 @@
+"""Effects of a real front end on the raw data, a module an effect; `chain` has their order."""

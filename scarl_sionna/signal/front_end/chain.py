@@ -1,0 +1,52 @@
+"""The effects of a front end in physical order, from the transmitters each alone to the converter's input."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.signal.multiplexing import multiplex
+from scarl_sionna.signal.noise import add_noise
+
+from .amplifier import compress
+from .channels import apply_rx, apply_tx
+from .filters import apply_filters
+from .mixer import add_offset, unbalance
+
+
+def receive(
+    alone: npt.NDArray[np.complexfloating], radar: RadarSpec, rng: np.random.Generator | None
+) -> npt.NDArray[np.complex64]:
+    """Return what the converter gets: coupling, sum of the transmitters, noise, amplifier, mixer, filters, constant.
+
+    By definition of the order.
+
+    Parameters
+    ----------
+    alone : ndarray of complex, shape (num_rx, num_rows * num_tx, num_samples)
+        Raw data of ``radar.separated``, with the errors of oscillators and ramps and with leakage [sqrt(W)].
+    radar : RadarSpec
+    rng : numpy.random.Generator or None
+        Of the thermal noise; None: none.
+
+    Returns
+    -------
+    ndarray of complex64, shape (num_rx, num_chirps_total, num_samples)
+        [sqrt(W)]
+    """
+    front, adc = radar.front_end, np.asarray(alone, dtype=np.complex64)
+    if front.channels is not None:
+        adc = apply_tx(adc, front.channels, radar.num_tx)
+    if radar.multiplexing.is_coded:
+        adc = multiplex(adc, radar)
+    if front.channels is not None:
+        adc = apply_rx(adc, front.channels)
+    adc = add_noise(adc, radar, rng)
+    if front.amplifier is not None:
+        adc = compress(adc, front.amplifier)
+    if front.mixer is not None:
+        adc = unbalance(adc, front.mixer)
+    if front.filters is not None:
+        adc = apply_filters(adc, radar)
+    return adc if front.dc_offset_dbm is None else add_offset(adc, front.dc_offset_dbm)
