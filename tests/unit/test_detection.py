@@ -12,7 +12,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import RangeDopplerAngle, range_doppler_angle, steering
-from scarl_sionna.signal.detection import _threshold_factor, cfar, detect
+from scarl_sionna.signal.detection import cfar, detect
+from scarl_sionna.signal.detection.threshold import _threshold_factor
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 RADAR = RadarSpec().with_(num_chirps=32, num_samples=64)

@@ -91,7 +91,7 @@ class Oscillators:
             out += record[np.rint(start * radar.sample_rate).astype(np.intp)[:, None] + np.arange(radar.num_samples)]
         errors = radar.front_end.chirp_errors
         if errors is not None:
-            out += 2.0 * np.pi * radar.waveform.chirp_slope * delay * self._late[:, tx, None]
+            out += 2.0 * np.pi * radar.waveform.sweep.slope * delay * self._late[:, tx, None]
             time = np.arange(radar.num_samples) / radar.sample_rate
             rate = 2.0 * np.pi * errors.ripple_periods * radar.sample_rate / radar.num_samples
             peak = 2.0 * np.pi * errors.ripple_frequency_error / rate
@@ -108,6 +108,6 @@ class Oscillators:
             else:
                 total += float(2.0 * residual_density(front.phase_noise, self._frequency[1:], delay).sum() * step)
         if front.chirp_errors is not None:
-            late = 2.0 * np.pi * radar.waveform.chirp_slope * delay * front.chirp_errors.start_jitter
+            late = 2.0 * np.pi * radar.waveform.sweep.slope * delay * front.chirp_errors.start_jitter
             total += late**2 + (2.0 * np.pi * front.chirp_errors.ripple_frequency_error * delay) ** 2
         return total

@@ -1,0 +1,198 @@
+"""The detector: cells above a constant false-alarm rate, then the angle of every peak."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import scipy.ndimage
+
+from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.units import dbm_to_watt, power_to_db
+
+from ..angle import POSITION_TOLERANCE, RangeDopplerAngle, directions, steering
+from ..antenna import field_gain, virtual_positions
+from ..link import radar_gain
+from ..peaks import parabola_offset, tone_offset
+from ..processing import RangeDoppler
+from ..windows import window_values
+from .leakage import leaked_over_the_ends
+from .points import RadarPoints
+from .threshold import RANK, Along, Kind, Widths, cfar, fitting_window
+
+Array = npt.NDArray[np.float64]
+
+
+def detect(
+    rda: RangeDopplerAngle,
+    radar: RadarSpec | None = None,
+    pfa: float = 1e-6,
+    guard: Widths | None = None,
+    training: Widths | None = None,
+    peaks_only: bool = True,
+    kind: Kind = "ca",
+    along: Along = "both",
+    rank: float = RANK,
+) -> RadarPoints:
+    r"""Return the points above the noise and clutter around them.
+
+    Parameters
+    ----------
+    rda : RangeDopplerAngle
+    radar : RadarSpec, optional
+        Default: that of the map.
+    pfa : float
+        Probability of false alarm of a cell in white noise, 0 < pfa < 1.
+    guard, training : tuple of int, optional
+        Half-widths in cells (Doppler, range): of the neighbours left out, and of the training cells beyond them. Left
+        out: (3, 3) and (6, 8), or what fits into a smaller map.
+    peaks_only : bool
+        Keep one point a local maximum over Doppler and range, and none that may be the leakage of a stronger cell over
+        an end of the range axis.
+    kind, along, rank
+        Of the threshold, see :func:`cfar`.
+
+    Returns
+    -------
+    RadarPoints
+
+    Raises
+    ------
+    ParameterRangeError
+        If `pfa`, a half-width or `rank` is out of range.
+
+    Notes
+    -----
+    The threshold is over the power summed over channels (:func:`cfar`). The angle of a point is the strongest direction
+    of its beam, refined to the maximum of the beamformer; range and velocity are interpolated exactly for a tone in the
+    map's window.
+
+    What a radar cannot measure is 0: azimuth or elevation along which its array has no extent, the velocity in a frame
+    of one chirp, a range that noise would put before the radar.
+
+    References
+    ----------
+    .. [1] M. A. Richards, *Fundamentals of Radar Signal Processing*, 2nd ed., 2014, ch. 6.5.
+    """
+    expect("rda", rda, RangeDopplerAngle, "give ss.range_doppler_angle(cube, radar)")
+    radar = rda.radar if radar is None else radar
+    expect("radar", radar, RadarSpec, HOW_TO_RADAR)
+    rd, power = rda.range_doppler, rda.range_doppler.power
+    fitting = fitting_window((rd.data.shape[1], rd.data.shape[2]))
+    found = cfar(rd, pfa, guard or fitting[0], training or fitting[1], kind, along, rank)
+    peaks = found
+    if peaks_only:
+        peaks = found & (power == scipy.ndimage.maximum_filter(power, size=3, mode=("wrap", "nearest")))
+    row, column = np.nonzero(peaks)
+    if peaks_only:
+        own = ~leaked_over_the_ends(rd, found, row, column)
+        row, column = row[own], column[own]
+    return _points(rda, radar, power, row, column)
+
+
+def _points(
+    rda: RangeDopplerAngle,
+    radar: RadarSpec,
+    power: npt.NDArray[np.float32],
+    doppler_index: npt.NDArray[np.intp],
+    range_index: npt.NDArray[np.intp],
+) -> RadarPoints:
+    """Return the table of detected cells."""
+    rd = rda.range_doppler
+    num_doppler, num_range = power.shape
+    near = np.clip([range_index - 1, range_index, range_index + 1], 0, num_range - 1)
+    below, here, above = power[doppler_index, near]
+    range_offset = tone_offset(below, here, above, rd.window[0], radar.num_range_bins, num_range)
+    around = np.array([doppler_index - 1, doppler_index, doppler_index + 1]) % num_doppler
+    below, here, above = power[around, range_index]
+    doppler_offset = tone_offset(below, here, above, rd.window[1], radar.num_doppler_bins, num_doppler)
+    if num_doppler == 1:
+        doppler_offset = np.zeros_like(doppler_offset)
+    step = rd.range[1] - rd.range[0] if num_range > 1 else radar.max_range
+    distance = np.maximum((range_index + range_offset) * step, 0.0)
+    velocity = rd.radial_velocity[0] + (doppler_index + doppler_offset) * (
+        2.0 * radar.unambiguous_velocity / num_doppler
+    )
+    snapshot = rd.data[:, doppler_index, range_index].T.astype(np.complex128)
+    azimuth, elevation, received = _angles(rda, radar, snapshot, doppler_index, range_index)
+    unit = directions(azimuth, elevation)
+    straddle = _straddle_gain(rd, range_offset, doppler_offset, radar)
+    received = received / straddle
+    gain = field_gain(radar.array.pattern, unit) ** 4
+    of_square_metre = (
+        dbm_to_watt(radar.front_end.tx_power_dbm)
+        * np.maximum(gain, 1e-30)
+        * radar_gain(radar.wavelength, np.maximum(distance, 1e-3))
+    )
+    order = np.argsort(-received, kind="stable")
+    table = {
+        "position": unit * distance[:, None],
+        "range": distance,
+        "azimuth": azimuth,
+        "elevation": elevation,
+        "radial_velocity": velocity,
+        "power": received,
+        "snr_db": power_to_db(received * straddle / rda.noise_power),
+        "rcs": received / of_square_metre,
+    }
+    return RadarPoints(**{name: values[order] for name, values in table.items()})
+
+
+def _straddle_gain(rd: RangeDoppler, range_offset: Array, doppler_offset: Array, radar: RadarSpec) -> Array:
+    """Return the power of a tone at an offset from its bin over that on the bin."""
+    gain = np.ones_like(range_offset)
+    axes = (
+        (rd.window[0], radar.num_range_bins, rd.data.shape[2], range_offset),
+        (rd.window[1], radar.num_doppler_bins, rd.data.shape[1], doppler_offset),
+    )
+    for window, count, num_bins, offset in axes:
+        position = np.arange(count) - (count - 1) / 2.0
+        response = np.cos(2.0 * np.pi * np.outer(offset, position) / num_bins) @ window_values(window, count)
+        gain *= np.maximum(response, 1e-6) ** 2
+    return gain
+
+
+def _angles(
+    rda: RangeDopplerAngle,
+    radar: RadarSpec,
+    snapshot: npt.NDArray[np.complex128],
+    doppler_index: npt.NDArray[np.intp],
+    range_index: npt.NDArray[np.intp],
+) -> tuple[Array, Array, Array]:
+    """Return azimuth, elevation [rad] and beamformed power [W] of cells: the map's best direction, then refined."""
+    shape = rda.data.shape[2:]
+    beams = rda.data[doppler_index, range_index].reshape(len(doppler_index), int(np.prod(shape)))
+    best = np.unravel_index(beams.argmax(axis=1) if beams.size else np.zeros(0, dtype=int), shape)
+    sine = [np.sin(rda.azimuth)[best[0]]]
+    step = [float(np.sin(rda.azimuth[1]) - np.sin(rda.azimuth[0]))]
+    if rda.elevation is not None:
+        sine.append(np.sin(rda.elevation)[best[1]])
+        step.append(float(np.sin(rda.elevation[1]) - np.sin(rda.elevation[0])))
+    if np.ptp(virtual_positions(radar)[:, 1]) < POSITION_TOLERANCE * radar.wavelength:  # no extent: nothing to see
+        sine[0], step[0] = np.zeros_like(sine[0]), 0.0
+    return _refine(radar, snapshot, sine, step)
+
+
+def _refine(
+    radar: RadarSpec, snapshot: npt.NDArray[np.complex128], sine: list[Array], step: list[float], rounds: int = 12
+) -> tuple[Array, Array, Array]:
+    """Return the angles and the power at the beamformer's maximum near a start, by parabolas of shrinking step."""
+
+    def power(sines: list[Array]) -> Array:
+        limited = [np.clip(value, -1.0, 1.0) for value in sines]
+        elevation = np.arcsin(limited[1]) if len(limited) > 1 else np.zeros_like(limited[0])
+        beam = np.conj(steering(radar, directions(np.arcsin(limited[0]), elevation)))
+        return np.abs(np.einsum("pc,pc->p", beam, snapshot) / radar.num_virtual) ** 2
+
+    sine, width = [value.copy() for value in sine], list(step)
+    for _ in range(rounds):
+        for axis in np.flatnonzero(width):
+
+            def moved(sign: float, axis: int = int(axis)) -> list[Array]:
+                return [value + sign * width[axis] * (index == axis) for index, value in enumerate(sine)]
+
+            offset = parabola_offset(power(moved(-1.0)), power(sine), power(moved(1.0)))
+            sine[axis] = np.clip(sine[axis] + offset * width[axis], -1.0, 1.0)
+            width[axis] *= 0.6
+    elevation = np.arcsin(sine[1]) if len(sine) > 1 else np.zeros_like(sine[0])
+    return np.arcsin(sine[0]), elevation, power(sine)

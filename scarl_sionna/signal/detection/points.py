@@ -1,0 +1,84 @@
+"""Points: the table of detections of one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.prompt.describe import Described, Row, field_rows
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RadarPoints(
+    Described,
+    units={
+        "position": "m",
+        "range": "m",
+        "azimuth": "rad",
+        "elevation": "rad",
+        "radial_velocity": "m/s",
+        "power": "W",
+        "snr_db": "dB",
+        "rcs": "m2",
+    },
+):
+    """Detections of one frame, strongest first; every array has one row a point.
+
+    Attributes
+    ----------
+    position : ndarray of float64, shape (num_points, 3)
+        In the radar frame at the start of the first ramp [m].
+    range, azimuth, elevation : ndarray of float64, shape (num_points,)
+        [m], [rad], [rad]; elevation is 0 where the array has no vertical extent.
+    radial_velocity : ndarray of float64, shape (num_points,)
+        Positive when opening, modulo the unambiguous interval [m/s].
+    power : ndarray of float64, shape (num_points,)
+        Received by one channel [W].
+    snr_db : ndarray of float64, shape (num_points,)
+        Power of the cell after beamforming over its thermal noise [dB].
+    rcs : ndarray of float64, shape (num_points,)
+        From the radar equation with the antennas' gains [m2].
+    """
+
+    position: Array
+    range: Array
+    azimuth: Array
+    elevation: Array
+    radial_velocity: Array
+    power: Array
+    snr_db: Array
+    rcs: Array
+
+    def _facts(self) -> Iterable[Row]:
+        yield "num_points", f"{self.num_points}, strongest first"
+        yield from field_rows(self)
+
+    @property
+    def num_points(self) -> int:
+        """Number of detections."""
+        return int(self.range.shape[0])
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the detections from above, in the radar frame, coloured by radial velocity; larger: higher SNR.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Drawn into; default: those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+        """
+        from ..plots import plot_points
+
+        return plot_points(self, ax)

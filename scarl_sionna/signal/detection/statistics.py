@@ -1,0 +1,89 @@
+"""Factors of thresholds: how far a cell of noise must exceed what its training cells say, for a false-alarm rate."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import scipy.special
+from scipy.optimize import brentq
+
+Array = npt.NDArray[np.float64]
+
+_LOGITS = np.linspace(-45.0, 45.0, 721)
+"""Nodes of the trapezoidal rule over probabilities: it converges faster than any power for such integrands."""
+
+
+class Halves(NamedTuple):
+    """Training cells before and behind a cell, and independent over all of them; one half if all count alike."""
+
+    before: int
+    behind: int
+    loss: float
+
+
+@lru_cache(maxsize=4096)
+def factor(kind: str, pfa: float, num_looks: int, halves: Halves, rank: float) -> float:
+    r"""Return the factor on the level of the training cells, dimensionless.
+
+    Parameters
+    ----------
+    kind : {"ca", "go", "so", "os", "osgo"}
+    pfa : float
+        Probability of false alarm.
+    num_looks : int
+        Independent exponential powers whose mean a cell is.
+    halves : Halves
+        Numbers of training cells.
+    rank : float
+        Of the ordered statistic.
+
+    Returns
+    -------
+    float
+
+    Notes
+    -----
+    A cell X of white noise is gamma-distributed, and so are sums of cells; an ordered value has the distribution of
+    Beta(k, n - k + 1) in terms of the cells'; greater and smaller of two halves multiply distributions or survivals. So
+    the probability is the mean of the level's distribution at X / T, an integral over X alone:
+
+    .. math:: P_{fa}(T) = E_X[F_Z(X / T)]
+
+    References
+    ----------
+    .. [1] H. Rohling, "Radar CFAR thresholding in clutter and multiple target situations", IEEE Trans. Aerosp.
+       Electron. Syst. 19(4), 1983.
+    """
+    upper = scipy.special.expit(_LOGITS)
+    weight = upper * scipy.special.expit(-_LOGITS) * (_LOGITS[1] - _LOGITS[0])
+    cell = scipy.special.gammainccinv(num_looks, upper) / num_looks
+
+    def excess(log_factor: float) -> float:
+        level = _distribution(kind, cell / np.exp(log_factor), num_looks, halves, rank)
+        return float(np.log(max(level @ weight, 1e-300)) - np.log(pfa))
+
+    return float(np.exp(brentq(excess, -20.0, 60.0, xtol=1e-10)))
+
+
+def _distribution(kind: str, level: Array, num_looks: int, halves: Halves, rank: float) -> Array:
+    """Return the probability that the level of training cells in noise of power 1 is not above values."""
+    each = [_half(kind, level, num_looks, count, halves.loss, rank) for count in halves[:2] if count > 0]
+    if kind == "so":
+        return np.asarray(1.0 - np.prod([1.0 - part for part in each], axis=0))
+    return np.asarray(np.prod(each, axis=0))
+
+
+def _half(kind: str, level: Array, num_looks: int, count: int, loss: float, rank: float) -> Array:
+    """Return the distribution of the level of one half."""
+    if kind in ("ca", "go", "so"):
+        shape = num_looks * max(count * loss, 1.0)
+        return np.asarray(scipy.special.gammainc(shape, shape * level))
+    order = max(np.ceil(rank * count), 1.0)
+    free = max(count * loss, 1.0)
+    below = order / (count + 1.0) * (free + 1.0)  # the same mean, and the variance of the independent cells
+    return np.asarray(
+        scipy.special.betainc(below, free + 1.0 - below, scipy.special.gammainc(num_looks, num_looks * level))
+    )

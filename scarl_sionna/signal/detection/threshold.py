@@ -1,0 +1,279 @@
+"""Constant false-alarm rate: which cells exceed what the training cells around them say of noise and clutter."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import scipy.ndimage
+import scipy.signal
+import scipy.stats
+
+from scarl_sionna.core.errors import ParameterRangeError
+
+from ..processing import RangeDoppler
+from ..windows import window_values
+from .statistics import Halves, factor
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Kind = Literal["ca", "go", "so", "os", "osgo"]
+Along = Literal["both", "range", "doppler"]
+Widths = tuple[int, int]
+
+KINDS = ("ca", "go", "so", "os", "osgo")
+GUARD: Widths = (3, 3)
+TRAINING: Widths = (6, 8)
+RANK = 0.75
+"""Part of the training cells that the ordered statistic is not below."""
+_VALUES_A_BLOCK = 4_000_000
+
+
+def cfar(
+    rd: RangeDoppler,
+    pfa: float = 1e-6,
+    guard: Widths = GUARD,
+    training: Widths = TRAINING,
+    kind: Kind = "ca",
+    along: Along = "both",
+    rank: float = RANK,
+) -> npt.NDArray[np.bool_]:
+    r"""Return which cells of the channels' mean power stand out, shape (num_doppler, num_range).
+
+    Parameters
+    ----------
+    rd : RangeDoppler
+    pfa : float
+        Probability of false alarm of a cell in white noise, 0 < pfa < 1.
+    guard, training : tuple of int
+        Half-widths in cells (Doppler, range): of the neighbours left out, and of the training cells beyond them.
+    kind : {"ca", "go", "so", "os", "osgo"}
+        What the training cells are summed up to: the mean of all (cell averaging), the greater or the smaller of the
+        means before and behind the cell, the value of a rank among all (ordered statistic), or the greater of those of
+        the two halves.
+    along : {"both", "range", "doppler"}
+        Where training cells lie: all around, or in the cell's own row or column. The halves are before and behind in
+        range, for ``"doppler"`` slower and faster.
+    rank : float
+        Of the ordered statistic, from 0 (smallest) to 1 (largest).
+
+    Returns
+    -------
+    ndarray of bool, shape (num_doppler, num_range)
+
+    Raises
+    ------
+    ParameterRangeError
+        If a value is out of range, or the window is empty or larger than the map.
+
+    Notes
+    -----
+    Doppler is periodic; beyond the ends of range there is nothing, so cells there have fewer training cells. An axis of
+    one bin has no training cells. The factors are exact for independent training cells; how windows link them counts by
+    the effective number of independent ones.
+
+    References
+    ----------
+    .. [1] H. Rohling, "Radar CFAR thresholding in clutter and multiple target situations", IEEE Trans. Aerosp.
+       Electron. Syst. 19(4), 1983: cell averaging and ordered statistic.
+    .. [2] V. G. Hansen, J. H. Sawyers, "Detectability loss due to greatest of selection in a cell-averaging CFAR", IEEE
+       Trans. Aerosp. Electron. Syst. 16(1), 1980.
+    """
+    power = rd.power.astype(np.float64)
+    window = TrainingWindow.of(rd, guard, training, along)
+    if kind == "ca":
+        _check(pfa, kind, rank)
+        total, count = window.sums(power)
+        return np.asarray(power * count > total * _threshold_factor(rd, pfa, count, window.outer, window.inner))
+    cells = np.indices(power.shape).reshape(2, -1)
+    found = exceeds(window, power, (cells[0], cells[1]), len(rd.data), pfa, kind, rank)
+    return found.reshape(power.shape)
+
+
+def exceeds(
+    window: TrainingWindow,
+    power: npt.NDArray[np.floating],
+    cells: tuple[Index, Index],
+    num_looks: int,
+    pfa: float,
+    kind: Kind,
+    rank: float = RANK,
+) -> npt.NDArray[np.bool_]:
+    """Return which of some cells (row, column) of a map of powers stand out, see :func:`cfar`.
+
+    `num_looks` is the number of independent powers whose mean a value is: the channels, or 1 in a beam.
+    """
+    _check(pfa, kind, rank)
+    row, column = cells
+    out = np.zeros(len(row), dtype=bool)
+    offsets, side = window.offsets(kind)
+    block = max(1, _VALUES_A_BLOCK // len(offsets))
+    for first in range(0, len(row), block):
+        part = slice(first, first + block)
+        columns = column[part, None] + offsets[:, 1]
+        inside = (columns >= 0) & (columns < power.shape[1])
+        values = power[(row[part, None] + offsets[:, 0]) % power.shape[0], np.clip(columns, 0, power.shape[1] - 1)]
+        level = np.zeros((len(values), 2))
+        counts = np.stack([(inside & (side == half)).sum(axis=1) for half in (0, 1)], axis=1)
+        for half in range(int(side.max()) + 1):
+            mine = side == half
+            level[:, half] = _level(values[:, mine], inside[:, mine], counts[:, half], kind, rank)
+        which, inverse = np.unique(counts, axis=0, return_inverse=True)
+        factors = np.array([factor(kind, pfa, num_looks, Halves(int(a), int(b), window.loss), rank) for a, b in which])[
+            inverse.reshape(-1)
+        ]
+        if kind == "so":
+            level = np.where(counts > 0, level, np.inf)
+            out[part] = power[row[part], column[part]] > factors * level.min(axis=1)
+        else:
+            out[part] = power[row[part], column[part]] > factors * level.max(axis=1)
+    return out
+
+
+def _level(values: Array, inside: npt.NDArray[np.bool_], count: Index, kind: Kind, rank: float) -> Array:
+    """Return what training values (n, num_cells) are summed up to: their mean, or their value of a rank; 0 for none."""
+    if kind in ("ca", "go", "so"):
+        return np.asarray(np.where(inside, values, 0.0).sum(axis=1) / np.maximum(count, 1))
+    out = np.zeros(len(values))
+    for number in np.unique(count[count > 0]):
+        rows = count == number
+        place = order_of(int(number), rank) - 1
+        ordered = np.partition(np.where(inside[rows], values[rows], np.inf), place, axis=1)
+        out[rows] = ordered[:, place]
+    return out
+
+
+def order_of(count: int, rank: float) -> int:
+    """Return which of `count` ordered values has a rank, from 1, the smallest; by definition."""
+    return int(np.clip(np.ceil(rank * count), 1, count))
+
+
+def _check(pfa: float, kind: str, rank: float) -> None:
+    """Raise if a setting is out of range."""
+    if not 0.0 < pfa < 1.0:
+        raise ParameterRangeError("pfa", pfa, "0 < pfa < 1")
+    if kind not in KINDS:
+        raise ParameterRangeError("kind", repr(kind), " or ".join(map(repr, KINDS)))
+    if not 0.0 < rank <= 1.0:
+        raise ParameterRangeError("rank", rank, "0 < rank <= 1")
+
+
+class TrainingWindow:
+    """Training cells around a cell: full widths in cells (Doppler, range) of the window and of what it leaves out.
+
+    Parameters
+    ----------
+    outer, inner : tuple of int
+    loss : float
+        Independent training cells over training cells.
+    split : int
+        Axis along which the halves lie: 1 for range, 0 for Doppler.
+    """
+
+    def __init__(self, outer: Widths, inner: Widths, loss: float, split: int) -> None:
+        self.outer, self.inner, self.loss, self.split = outer, inner, loss, split
+
+    @classmethod
+    def of(cls, rd: RangeDoppler, guard: Widths, training: Widths, along: Along = "both") -> TrainingWindow:
+        """Return the window on a map.
+
+        Raises
+        ------
+        ParameterRangeError
+            If a width is out of range, or the window larger than the map.
+        """
+        if min(guard) < 0 or min(training) < 1:
+            raise ParameterRangeError("guard, training", f"{guard}, {training}", "guard >= 0 and training >= 1 cells")
+        if along not in ("both", "range", "doppler"):
+            raise ParameterRangeError("along", repr(along), "'both', 'range' or 'doppler'")
+        shape = rd.data.shape[1:]
+        used = [along in ("both", name) and bins > 1 for name, bins in zip(("doppler", "range"), shape, strict=True)]
+        if not any(used):
+            raise ParameterRangeError("along", repr(along), "an axis of two bins or more", f"the map has {shape} bins")
+        outer, inner = (
+            (sizes[0] if used[0] else 1, sizes[1] if used[1] else 1)
+            for sizes in ([2 * (g + t) + 1 for g, t in zip(guard, training, strict=True)], [2 * g + 1 for g in guard])
+        )
+        if outer[0] > shape[0] or outer[1] > shape[1]:
+            raise ParameterRangeError("guard + training", f"a window of {outer} cells", f"at most {shape} cells")
+        return cls(outer, inner, _correlation_loss(rd, outer, inner), 1 if used[1] else 0)
+
+    def sums(self, power: Array) -> tuple[Array, Array]:
+        """Return the sum [W] of the training cells around every cell, and their number."""
+        ones = np.ones_like(power)
+        total = _box_sum(power, self.outer) - _box_sum(power, self.inner)
+        return total, np.rint(_box_sum(ones, self.outer) - _box_sum(ones, self.inner))
+
+    def offsets(self, kind: Kind) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Return the training cells (n, 2) from the cell, and the half that each is in (0 where there are no halves).
+
+        Cells that are in neither half are left out.
+        """
+        half = [size // 2 for size in self.outer]
+        grid = np.stack(np.meshgrid(*(np.arange(-size, size + 1) for size in half), indexing="ij"), axis=-1).reshape(
+            -1, 2
+        )
+        grid = grid[(2 * np.abs(grid) >= self.inner).any(axis=1)]
+        if kind in ("ca", "os"):
+            return grid, np.zeros(len(grid), dtype=np.int64)
+        grid = grid[2 * np.abs(grid[:, self.split]) >= self.inner[self.split]]
+        return grid, (grid[:, self.split] > 0).astype(np.int64)
+
+
+def fitting_window(shape: tuple[int, int], guard: Widths = GUARD, training: Widths = TRAINING) -> tuple[Widths, Widths]:
+    """Return guard and training cells that fit into a map of (Doppler, range) bins: training gives way first.
+
+    By definition; an axis of fewer than 3 bins is left to the detector, which needs one bin or 3.
+    """
+    fitted = []
+    for bins, own_guard, own_training in zip(shape, guard, training, strict=True):
+        while 2 * (own_guard + own_training) + 1 > bins and (own_training > 1 or own_guard > 0):
+            if own_training > 1:
+                own_training -= 1
+            else:
+                own_guard -= 1
+        fitted.append((own_guard, own_training))
+    return (fitted[0][0], fitted[1][0]), (fitted[0][1], fitted[1][1])
+
+
+def _box_sum(values: Array, size: tuple[int, ...]) -> Array:
+    """Return the sum over a box around every cell: periodic over Doppler, zero beyond range."""
+    mean = scipy.ndimage.uniform_filter(values, size=size, mode=("wrap", "constant"))
+    return mean * float(np.prod(size))
+
+
+def _threshold_factor(
+    rd: RangeDoppler, pfa: float, count: Array, outer: tuple[int, ...], inner: tuple[int, ...]
+) -> Array:
+    """Return the factor on the training average for every cell."""
+    channels = len(rd.data)
+    values, inverse = np.unique(count, return_inverse=True)
+    loss = _correlation_loss(rd, outer, inner)
+    freedom = np.maximum(values * loss, 1.0)
+    factors = scipy.stats.f.isf(pfa, 2 * channels, 2 * channels * freedom)
+    return factors[inverse].reshape(count.shape)
+
+
+def _correlation_loss(rd: RangeDoppler, outer: tuple[int, ...], inner: tuple[int, ...]) -> float:
+    """Return independent training cells over training cells.
+
+    N / (mean over cells of the sum of squared correlations).
+    """
+    counts = rd.radar.num_doppler_bins, rd.radar.num_range_bins
+    doppler = _power_correlation(rd.window[1], counts[0], rd.data.shape[1], outer[0])
+    distance = _power_correlation(rd.window[0], counts[1], rd.data.shape[2], outer[1])
+    mask = np.ones(outer)
+    middle = tuple(slice((o - i) // 2, (o + i) // 2) for o, i in zip(outer, inner, strict=True))
+    mask[middle] = 0.0
+    overlap = scipy.signal.correlate(mask, mask, mode="full", method="fft")
+    total = float((overlap * np.outer(doppler, distance)).sum())
+    return float(mask.sum() / total)
+
+
+def _power_correlation(window: str, count: int, num_bins: int, reach: int) -> Array:
+    """Return the correlation of the noise powers of two bins at distances -(reach-1) .. reach-1."""
+    squared = window_values(window, count) ** 2
+    distance = np.arange(-(reach - 1), reach)
+    phasors = np.exp(-2j * np.pi * np.outer(distance, np.arange(count)) / num_bins)
+    return np.abs(phasors @ squared / squared.sum()) ** 2
