@@ -8,7 +8,17 @@ import scipy.special
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.signal.detection.statistics import Halves, factor
-from scarl_sionna.signal.detection.threshold import GUARD, KINDS, RANK, TRAINING, TrainingWindow, _level, cfar, exceeds
+from scarl_sionna.signal.detection.threshold import (
+    GUARD,
+    KINDS,
+    RANK,
+    TRAINING,
+    Statistic,
+    TrainingWindow,
+    _level,
+    cfar,
+    exceeds,
+)
 from scarl_sionna.signal.processing import RangeDoppler, range_doppler
 from scarl_sionna.signal.windows import window_values
 
@@ -92,7 +102,7 @@ def edge_rate(kind: str, pfa: float) -> float:
         power = rd.power / mean
         power[:, 64:] *= 10.0**2.5
         rows, where = np.meshgrid(range(64), columns, indexing="ij")
-        found = exceeds(training, power, (rows.ravel(), where.ravel()), RADAR.num_virtual, pfa, kind)
+        found = exceeds(training, power, (rows.ravel(), where.ravel()), RADAR.num_virtual, pfa, Statistic(kind))
         hits += found.reshape(64, -1).sum(axis=0)
     rates = hits / (40 * 64)
     return float(rates.max() / pfa)

@@ -52,7 +52,7 @@ def test_a_rig_file_of_version_0_1_holds_the_same_radars(tmp_path) -> None:
     assert rig["board"].spec == ss.RadarSpec.preset("awr1843boost_3d")
     # rays and labels are settings today; the budget of `auto` followed the rays
     assert rig["default"].settings == ss.RadarSettings()
-    assert rig["other"].settings == ss.RadarSettings.of(num_rays=20_000, tube_budget=6_000, cell_labels=False)
+    assert rig["other"].settings == ss.RadarSettings.of(num_rays=20_000, tube_budget=20_000, cell_labels=False)
     rig.save(tmp_path / "today.yaml")
     assert ss.Rig.load(tmp_path / "today.yaml").to_dict() == rig.to_dict()
 

@@ -127,7 +127,7 @@ class AutoSettings(Spec):
             ),
             SbrLevel(
                 tolerance_db=0.3,
-                max_phase=0.6,
+                max_phase=0.4,
                 integration_phase=0.05,
                 edge_share=0.125,
                 sheet_share=0.05,

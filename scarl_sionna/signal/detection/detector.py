@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Unpack, cast
+
 import numpy as np
 import numpy.typing as npt
 import scipy.ndimage
@@ -18,9 +20,15 @@ from ..processing import RangeDoppler
 from ..windows import window_values
 from .leakage import leaked_over_the_ends
 from .points import RadarPoints
-from .threshold import RANK, Along, Kind, Widths, cfar, fitting_window
+from .threshold import Options, Widths, cfar, fitting_window
 
 Array = npt.NDArray[np.float64]
+
+
+class PointOptions(Options, total=False):
+    """Keywords of :func:`detect`."""
+
+    peaks_only: bool
 
 
 def detect(
@@ -29,10 +37,7 @@ def detect(
     pfa: float = 1e-6,
     guard: Widths | None = None,
     training: Widths | None = None,
-    peaks_only: bool = True,
-    kind: Kind = "ca",
-    along: Along = "both",
-    rank: float = RANK,
+    **options: Unpack[PointOptions],
 ) -> RadarPoints:
     r"""Return the points above the noise and clutter around them.
 
@@ -46,11 +51,9 @@ def detect(
     guard, training : tuple of int, optional
         Half-widths in cells (Doppler, range): of the neighbours left out, and of the training cells beyond them. Left
         out: (3, 3) and (6, 8), or what fits into a smaller map.
-    peaks_only : bool
-        Keep one point a local maximum over Doppler and range, and none that may be the leakage of a stronger cell over
-        an end of the range axis.
-    kind, along, rank
-        Of the threshold, see :func:`cfar`.
+    **options
+        `peaks_only` (True): keep one point a local maximum over Doppler and range, and none that may be the leakage of
+        a stronger cell over an end of the range axis. `kind`, `along` and `rank` of the threshold, see :func:`cfar`.
 
     Returns
     -------
@@ -79,7 +82,8 @@ def detect(
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     rd, power = rda.range_doppler, rda.range_doppler.power
     fitting = fitting_window((rd.data.shape[1], rd.data.shape[2]))
-    found = cfar(rd, pfa, guard or fitting[0], training or fitting[1], kind, along, rank)
+    peaks_only = options.pop("peaks_only", True)
+    found = cfar(rd, pfa, guard or fitting[0], training or fitting[1], **cast(Options, options))
     peaks = found
     if peaks_only:
         peaks = found & (power == scipy.ndimage.maximum_filter(power, size=3, mode=("wrap", "nearest")))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -30,14 +30,51 @@ RANK = 0.75
 _VALUES_A_BLOCK = 4_000_000
 
 
+class Options(TypedDict, total=False):
+    """Keywords of a threshold, see :class:`Statistic`."""
+
+    kind: Kind
+    along: Along
+    rank: float
+
+
+class Statistic(NamedTuple):
+    """What training cells are summed up to."""
+
+    kind: Kind = "ca"
+    """``"ca"``: the mean of all (cell averaging); ``"go"``, ``"so"``: the greater, the smaller of the means before and
+    behind the cell; ``"os"``: the value of a rank among all (ordered statistic); ``"osgo"``: the greater of those of
+    the two halves."""
+    along: Along = "both"
+    """Where training cells lie: all around, or in the cell's own row (``"range"``) or column (``"doppler"``). The
+    halves are before and behind in range, for ``"doppler"`` slower and faster."""
+    rank: float = RANK
+    """Of the ordered statistic, from 0 (smallest) to 1 (largest)."""
+
+    def check(self, pfa: float) -> None:
+        """Raise if a value is out of range.
+
+        Raises
+        ------
+        ParameterRangeError
+            If one is, or `pfa` is not between 0 and 1.
+        """
+        if not 0.0 < pfa < 1.0:
+            raise ParameterRangeError("pfa", pfa, "0 < pfa < 1")
+        if self.kind not in KINDS:
+            raise ParameterRangeError("kind", repr(self.kind), " or ".join(map(repr, KINDS)))
+        if self.along not in ("both", "range", "doppler"):
+            raise ParameterRangeError("along", repr(self.along), "'both', 'range' or 'doppler'")
+        if not 0.0 < self.rank <= 1.0:
+            raise ParameterRangeError("rank", self.rank, "0 < rank <= 1")
+
+
 def cfar(
     rd: RangeDoppler,
     pfa: float = 1e-6,
     guard: Widths = GUARD,
     training: Widths = TRAINING,
-    kind: Kind = "ca",
-    along: Along = "both",
-    rank: float = RANK,
+    **options: Unpack[Options],
 ) -> npt.NDArray[np.bool_]:
     r"""Return which cells of the channels' mean power stand out, shape (num_doppler, num_range).
 
@@ -48,15 +85,9 @@ def cfar(
         Probability of false alarm of a cell in white noise, 0 < pfa < 1.
     guard, training : tuple of int
         Half-widths in cells (Doppler, range): of the neighbours left out, and of the training cells beyond them.
-    kind : {"ca", "go", "so", "os", "osgo"}
-        What the training cells are summed up to: the mean of all (cell averaging), the greater or the smaller of the
-        means before and behind the cell, the value of a rank among all (ordered statistic), or the greater of those of
-        the two halves.
-    along : {"both", "range", "doppler"}
-        Where training cells lie: all around, or in the cell's own row or column. The halves are before and behind in
-        range, for ``"doppler"`` slower and faster.
-    rank : float
-        Of the ordered statistic, from 0 (smallest) to 1 (largest).
+    **options
+        `kind` (``"ca"``, ``"go"``, ``"so"``, ``"os"``, ``"osgo"``), `along` (``"both"``, ``"range"``, ``"doppler"``)
+        and `rank`, see :class:`Statistic`.
 
     Returns
     -------
@@ -80,15 +111,15 @@ def cfar(
     .. [2] V. G. Hansen, J. H. Sawyers, "Detectability loss due to greatest of selection in a cell-averaging CFAR", IEEE
        Trans. Aerosp. Electron. Syst. 16(1), 1980.
     """
+    statistic = Statistic(**options)
+    statistic.check(pfa)
     power = rd.power.astype(np.float64)
-    window = TrainingWindow.of(rd, guard, training, along)
-    if kind == "ca":
-        _check(pfa, kind, rank)
+    window = TrainingWindow.of(rd, guard, training, statistic.along)
+    if statistic.kind == "ca":
         total, count = window.sums(power)
         return np.asarray(power * count > total * _threshold_factor(rd, pfa, count, window.outer, window.inner))
     cells = np.indices(power.shape).reshape(2, -1)
-    found = exceeds(window, power, (cells[0], cells[1]), len(rd.data), pfa, kind, rank)
-    return found.reshape(power.shape)
+    return exceeds(window, power, (cells[0], cells[1]), len(rd.data), pfa, statistic).reshape(power.shape)
 
 
 def exceeds(
@@ -97,14 +128,14 @@ def exceeds(
     cells: tuple[Index, Index],
     num_looks: int,
     pfa: float,
-    kind: Kind,
-    rank: float = RANK,
+    statistic: Statistic,
 ) -> npt.NDArray[np.bool_]:
     """Return which of some cells (row, column) of a map of powers stand out, see :func:`cfar`.
 
     `num_looks` is the number of independent powers whose mean a value is: the channels, or 1 in a beam.
     """
-    _check(pfa, kind, rank)
+    statistic.check(pfa)
+    kind, _, rank = statistic
     row, column = cells
     out = np.zeros(len(row), dtype=bool)
     offsets, side = window.offsets(kind)
@@ -149,16 +180,6 @@ def order_of(count: int, rank: float) -> int:
     return int(np.clip(np.ceil(rank * count), 1, count))
 
 
-def _check(pfa: float, kind: str, rank: float) -> None:
-    """Raise if a setting is out of range."""
-    if not 0.0 < pfa < 1.0:
-        raise ParameterRangeError("pfa", pfa, "0 < pfa < 1")
-    if kind not in KINDS:
-        raise ParameterRangeError("kind", repr(kind), " or ".join(map(repr, KINDS)))
-    if not 0.0 < rank <= 1.0:
-        raise ParameterRangeError("rank", rank, "0 < rank <= 1")
-
-
 class TrainingWindow:
     """Training cells around a cell: full widths in cells (Doppler, range) of the window and of what it leaves out.
 
@@ -185,8 +206,6 @@ class TrainingWindow:
         """
         if min(guard) < 0 or min(training) < 1:
             raise ParameterRangeError("guard, training", f"{guard}, {training}", "guard >= 0 and training >= 1 cells")
-        if along not in ("both", "range", "doppler"):
-            raise ParameterRangeError("along", repr(along), "'both', 'range' or 'doppler'")
         shape = rd.data.shape[1:]
         used = [along in ("both", name) and bins > 1 for name, bins in zip(("doppler", "range"), shape, strict=True)]
         if not any(used):

@@ -94,6 +94,6 @@ def lift_version_0_1(spec: Mapping[str, Any], settings: FieldValue = None) -> tu
         return spec_data, left
     rays = left.pop("num_rays")
     effort = {"raycast": {"num_rays": rays}}
-    if isinstance(rays, int):  # the budget of `auto` was a tube for ten rays, and a tube counts a third today
-        effort["accuracy"] = {"tube_budget": 3 * rays // 10}
+    if isinstance(rays, int):  # the budget of `auto` followed the rays; today as many tubes are the default
+        effort["accuracy"] = {"tube_budget": rays}
     return spec_data, {**effort, **left}
