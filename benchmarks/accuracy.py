@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import sys
 import time
 import warnings
@@ -24,7 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.harness import machine
+from benchmarks.harness import machine, write_block
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "docs" / "figures" / "data"
@@ -181,17 +180,13 @@ def table(result: dict[str, Any]) -> str:
 
 def write(page: Path) -> None:
     """Draw the figures of all results and renew the marked blocks of a page."""
-    text = page.read_text(encoding="utf-8")
     for name in PROBLEMS:
         file = DATA / f"accuracy_{name}.json"
         if not file.is_file():
             continue
         result = json.loads(file.read_text(encoding="utf-8"))
         draw(result, ROOT / "docs" / "figures" / f"accuracy_{name}.png")
-        begin, end = f"<!-- begin {name} -->", f"<!-- end {name} -->"
-        block = f"{begin}\n{table(result)}\n{end}"
-        text = re.sub(re.escape(begin) + ".*?" + re.escape(end), lambda _, block=block: block, text, flags=re.DOTALL)
-    page.write_text(text, encoding="utf-8")
+        write_block(page, name, table(result))
 
 
 def main() -> None:

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import resource
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,6 +40,26 @@ def _processor() -> str:
 def peak_memory() -> float:
     """Return the largest resident memory of this process so far [GiB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+
+
+def write_block(page: Path, name: str, block: str) -> None:
+    """Replace what stands between `<!-- begin name -->` and `<!-- end name -->` in a page.
+
+    Raises
+    ------
+    SystemExit
+        If the page has no such marks: a table that lands nowhere would be taken as renewed.
+    """
+    begin, end = f"<!-- begin {name} -->", f"<!-- end {name} -->"
+    text, found = re.subn(
+        f"{re.escape(begin)}.*?{re.escape(end)}",
+        lambda _: f"{begin}\n{block}\n{end}",
+        page.read_text(encoding="utf-8"),
+        flags=re.DOTALL,
+    )
+    if found != 1:
+        raise SystemExit(f"{page} has {found} blocks between {begin!r} and {end!r}; one is wanted")
+    page.write_text(text, encoding="utf-8")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import sys
 import time
 import warnings
@@ -31,7 +30,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import scarl_sionna as ss
-from benchmarks.harness import machine
+from benchmarks.harness import machine, write_block
 from benchmarks.street_scenes import PLACES, street
 from benchmarks.whole_streets import RADAR, UNLIMITED, echoes
 from scarl_sionna.core.mount import Mount
@@ -210,10 +209,7 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.write is not None:
         lines = [json.loads(line) for line in arguments.out.read_text().splitlines()]
-        begin, end = "<!-- begin jumps -->", "<!-- end jumps -->"
-        text = arguments.write.read_text(encoding="utf-8")
-        block = f"{begin}\n{report(lines)}\n{end}"
-        arguments.write.write_text(re.sub(f"{begin}.*?{end}", lambda _: block, text, flags=re.DOTALL), encoding="utf-8")
+        write_block(arguments.write, "jumps", report(lines))
         return
     warnings.simplefilter("ignore")
     for seed in range(*map(int, arguments.seeds.split(":"))):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from benchmarks.harness import write_block
 
 KINDS = {"field": "random fields of bodies", "street": "frames of the ready scenes"}
 TOLERANCE = {"auto 3 dB": 3.0, "auto 1 dB": 1.0, "auto 0.3 dB": 0.3}
@@ -24,10 +25,7 @@ def write(page: Path, results: Path) -> None:
     """Draw the chart and renew the marked block of a page."""
     lines = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
     draw(lines, page.parent / "figures" / "accuracy_streets.png")
-    text = page.read_text(encoding="utf-8")
-    begin, end = "<!-- begin streets -->", "<!-- end streets -->"
-    block = f"{begin}\n{report(lines)}\n{end}"
-    page.write_text(re.sub(f"{begin}.*?{end}", lambda _: block, text, flags=re.DOTALL), encoding="utf-8")
+    write_block(page, "streets", report(lines))
 
 
 def draw(lines: Sequence[dict[str, Any]], file: Path) -> None:
