@@ -9,7 +9,7 @@ from operator import or_
 from types import UnionType
 from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from .errors import FrozenError
 from .prompt.describe import Described, Row, short, value_text
@@ -139,6 +139,14 @@ class Spec(Described, BaseModel):
 
     def __str__(self) -> str:
         return repr(self)
+
+
+class WithoutNone(Spec):
+    """A specification whose files leave out the fields that are None, as those of versions that did not know them."""
+
+    @model_serializer(mode="wrap")
+    def _without_none(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
+        return {name: value for name, value in inner(self).items() if value is not None}
 
 
 class _Written:

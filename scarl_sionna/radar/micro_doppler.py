@@ -116,7 +116,7 @@ def window_half_width(radar: RadarSpec, below_db: float, window: str = "hann") -
     ParameterRangeError
         If the line's side lobes are higher than that.
     """
-    values = window_values(window, radar.separated.num_chirps)
+    values = window_values(window, radar.num_slow_chirps)
     fine = 256
     line = np.abs(np.fft.rfft(values, fine * len(values)))
     level = 20.0 * np.log10(np.maximum(line / line[0], 1e-15)) + below_db

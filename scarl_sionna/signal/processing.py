@@ -242,7 +242,7 @@ def range_doppler(
     .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
     cube, radar = cube_of(cube, radar)
-    if radar.separated.num_chirps != radar.num_chirps:
+    if radar.num_slow_chirps != radar.num_chirps:
         radar = radar.separated
     expected = (radar.num_virtual, radar.num_chirps, radar.num_samples)
     if np.shape(cube) != expected:

@@ -14,7 +14,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.radar.points import point_targets
-from scarl_sionna.radar.synthesis import groups, synthesize
+from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.radar.synthesis.blocks import later, synthesize_blocks
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 from tests.oracles.waveforms import chip_train, dechirped, retarded
@@ -91,13 +91,6 @@ def between(axis, power, index):
     """Return where a parabola through the logarithms about a maximum has its own."""
     low, here, high = np.log(power[index - 1 : index + 2].astype(float))
     return axis[index] + 0.5 * (low - high) / (low - 2.0 * here + high) * (axis[1] - axis[0])
-
-
-@pytest.fixture(params=["as planned", "transforms only"])
-def ways(request, monkeypatch):
-    """The plain sum, which a single path goes to, or the transforms, which many do."""
-    if request.param == "transforms only":
-        monkeypatch.setattr(groups, "DIRECT_COST", np.inf)
 
 
 @pytest.mark.usefixtures("ways")

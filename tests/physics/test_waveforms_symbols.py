@@ -13,7 +13,7 @@ from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.points import point_targets
-from scarl_sionna.radar.synthesis import groups, synthesize
+from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.detection import detect
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
@@ -84,13 +84,6 @@ def exact(radar, point, velocity):
     times = start + np.arange(repeats * count) / rate
     samples = received(point, velocity, times, wave.carrier_frequency, sent)
     return samples.reshape(wave.num_chirps, repeats, count).mean(axis=1)
-
-
-@pytest.fixture(params=["as planned", "transforms only"])
-def ways(request, monkeypatch):
-    """The plain sum over tones, which a single path goes to, or the transforms, which many do."""
-    if request.param == "transforms only":
-        monkeypatch.setattr(groups, "DIRECT_COST", np.inf)
 
 
 @pytest.mark.usefixtures("ways")

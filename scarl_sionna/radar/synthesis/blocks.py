@@ -99,7 +99,7 @@ def synthesize_blocks(
             "use radar.with_(front_end=radar.front_end.ideal()), or leave the blocks out",
         )
     if radar.multiplexing.is_coded:
-        chirps = chirps_per_block * (radar.separated.num_chirps // radar.num_chirps)
+        chirps = chirps_per_block * (radar.num_slow_chirps // radar.num_chirps)
         alone = synthesize_blocks(paths_at, radar.separated, chirps, None, accuracy, method, block_tolerance)
         adc = multiplex(alone, radar)
         return adc if rng is None else add_noise(adc, radar, rng)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field
 
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.spec import WithoutNone
 from scarl_sionna.core.units import DecibelMilliwatts, Unit
 
 
-class Adc(Spec):
+class Adc(WithoutNone):
     """Converter of I and Q. The defaults are this project's: Table 1 of SCaRL gives none."""
 
     bits: int = Field(16, ge=2, le=16, description="bits of each of I and Q")
@@ -19,8 +19,3 @@ class Adc(Spec):
     inl_lsb: Annotated[float, Unit("LSB")] | None = Field(
         None, ge=0.0, description="peak of a cubic nonlinearity, end-point fit [LSB]; None: none"
     )
-
-    @model_serializer(mode="wrap")
-    def _without_none(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave out ideal effects, as files of the first versions have it."""
-        return {name: value for name, value in inner(self).items() if value is not None}

@@ -13,10 +13,10 @@ from typing import Annotated, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 import scipy.linalg
-from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import BeforeValidator, Field
 
 from scarl_sionna.core.errors import ParameterRangeError, SpecError, did_you_mean
-from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.spec import Spec, WithoutNone
 from scarl_sionna.core.units import Degrees
 
 Codes = npt.NDArray[np.complex128]
@@ -97,7 +97,7 @@ class IdealMimo(_Plain):
         return 0.0
 
 
-class Tdm(_Plain):
+class Tdm(_Plain, WithoutNone):
     """Time division: the transmitters follow each other, one chirp interval apart.
 
     In order, the velocity is unambiguous within ``wavelength / (4 num_tx chirp_interval)``. In random order every turn
@@ -112,11 +112,6 @@ class Tdm(_Plain):
 
     kind: Literal["tdm"] = "tdm"
     order_seed: int | None = Field(None, ge=0, description="of a random order in each turn; None: in order")
-
-    @model_serializer(mode="wrap")
-    def _without_none(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave out the seed of no random order, as files of the first versions have it."""
-        return {name: value for name, value in inner(self).items() if value is not None}
 
     @property
     def is_coded(self) -> bool:

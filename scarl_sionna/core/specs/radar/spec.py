@@ -180,7 +180,12 @@ class RadarSpec(Spec):
     @property
     def num_doppler_bins(self) -> int:
         """Bins of Doppler without zero padding: the samples of slow time."""
-        return self.separated.num_chirps // self.waveform.burst
+        return self.num_slow_chirps // self.waveform.burst
+
+    @property
+    def num_slow_chirps(self) -> int:
+        """Chirps of a channel once un-multiplexed: all rows where each is the sum of coded transmitters."""
+        return self.num_chirps_total if self.multiplexing.is_coded else self.num_chirps
 
     @property
     def slow_interval(self) -> float:
@@ -214,7 +219,7 @@ class RadarSpec(Spec):
     @property
     def frame_time(self) -> float:
         """Time from the first chirp's start to the end of the last interval [s]."""
-        return self.doppler_interval * self.separated.num_chirps
+        return self.doppler_interval * self.num_slow_chirps
 
     @property
     def separated(self) -> RadarSpec:

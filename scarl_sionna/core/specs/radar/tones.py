@@ -6,16 +6,15 @@ from typing import Literal
 
 from pydantic import Field
 
-from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Hertz, Seconds
 
 from .spec import RadarSpec
-from .waveform import Sweep
+from .waveform import RegularChirps, Sweep
 from .waveforms.coded import AT_ONCE, Coded, is_coded, sweep_of
 from .waveforms.kinds import SteppedFmcw
 
 
-class Tones(Spec):
+class Tones(RegularChirps):
     """The propagation channel at equally spaced frequencies, once a chirp."""
 
     kind: Literal["tones"] = "tones"
@@ -27,11 +26,6 @@ class Tones(Spec):
     num_samples: int
     chirp_interval: Seconds
     tx_interval: Seconds = Field(description="from a transmitter's chirp to the next one's, where they take turns [s]")
-
-    @property
-    def burst(self) -> int:
-        """1: every chirp is a sample of slow time."""
-        return 1
 
     @property
     def center_frequency(self) -> float:
@@ -67,16 +61,6 @@ class Tones(Spec):
     def sweep(self) -> Sweep:
         """The tones."""
         return Sweep(self.lowest, self.step * AT_ONCE, 0.0, 0.0, 0.0, self.wait)
-
-    @property
-    def chirp_delays(self) -> None:
-        """None: chirps follow each other regularly."""
-        return None
-
-    @property
-    def chirp_frequencies(self) -> None:
-        """None: all chirps have the same tones."""
-        return None
 
     def chirps(self, first: int, count: int) -> Tones:
         """Return the frame with some of its chirps only."""

@@ -110,6 +110,25 @@ class Waveform(Protocol):
         """Return the waveform with some of its chirps only."""
 
 
+class RegularChirps(Spec):
+    """A waveform whose chirps follow each other regularly, all at one carrier, each a sample of slow time."""
+
+    @property
+    def burst(self) -> int:
+        """1: every chirp is a sample of slow time."""
+        return 1
+
+    @property
+    def chirp_delays(self) -> None:
+        """None: chirps follow each other regularly."""
+        return None
+
+    @property
+    def chirp_frequencies(self) -> None:
+        """None: all chirps have one carrier."""
+        return None
+
+
 class Fmcw(Spec):
     """Linear frequency modulation.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -152,6 +153,7 @@ def box_points(state: WorldState, number: int) -> Array:
     return world_from_box(state, info).apply(signs * info.size)
 
 
+@lru_cache(maxsize=64)
 def sbr_settings(level: SbrLevel) -> SbrSettings:
     """Return the knobs of `sbr` at a level."""
     return SbrSettings(**level.model_dump(exclude={"tolerance_db", "growth", "patch_error"}), max_turn=level.max_phase)

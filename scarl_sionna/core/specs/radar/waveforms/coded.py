@@ -14,8 +14,7 @@ import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.specs.radar.waveform import Sweep, Waveform
+from scarl_sionna.core.specs.radar.waveform import RegularChirps, Sweep, Waveform
 from scarl_sionna.core.units import Degrees, Hertz, Seconds
 
 from . import codes
@@ -60,7 +59,7 @@ def is_coded(waveform: Waveform) -> TypeGuard[Coded]:
     return waveform.kind in ("ofdm", "pmcw")
 
 
-class _Symbols(Spec):
+class _Symbols(RegularChirps):
     """What OFDM and phase codes have in common."""
 
     carrier_frequency: Hertz = Field(77e9, ge=1e6, description="middle of the band [Hz]")
@@ -70,21 +69,6 @@ class _Symbols(Spec):
     def center_frequency(self) -> float:
         """Middle of the band [Hz]."""
         return self.carrier_frequency
-
-    @property
-    def burst(self) -> int:
-        """1: every symbol is a sample of slow time."""
-        return 1
-
-    @property
-    def chirp_delays(self) -> None:
-        """None: symbols follow each other regularly."""
-        return None
-
-    @property
-    def chirp_frequencies(self) -> None:
-        """None: all symbols have one carrier."""
-        return None
 
 
 class Ofdm(_Symbols):
