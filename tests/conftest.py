@@ -137,6 +137,16 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         session.exitstatus = max(session.exitstatus, pytest.ExitCode.TESTS_FAILED)
 
 
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """After the last line of the report: say that memory made the run fail, which no test does."""
+    peaks = config.stash.get(PEAKS, {})
+    if "workeroutput" in vars(config) or config.getoption("--run-slow"):
+        return
+    for name, peak in peaks.items():
+        if peak > MOST_MEMORY:
+            print(f"failed: {name} took {peak / 1e9:.2f} GB of memory, at most {MOST_MEMORY / 1e9:g} are allowed")
+
+
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     peaks = sorted(config.stash[PEAKS].items(), key=lambda item: -item[1])
     if not peaks:

@@ -265,10 +265,10 @@ class RadarPaths(
 
         return plot_paths(self, view, dynamic_range_db, ax)
 
-    def select(self, index: npt.ArrayLike) -> RadarPaths:
+    def select(self, index: npt.ArrayLike | slice) -> RadarPaths:
         """Return the paths of an index of any shape (n,), a mask of shape (num_paths,) or a slice."""
         chosen = np.asarray(index) if not isinstance(index, slice) else index
-        changed = {
+        changed: dict[str, Any] = {
             item.name: value[chosen]
             for item in fields(self)
             if isinstance(value := getattr(self, item.name), np.ndarray)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,7 @@ from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
 from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
@@ -25,10 +27,11 @@ from scarl_sionna.signal.receivers import response_weights
 from scarl_sionna.signal.windows import window_values
 
 Array = npt.NDArray[np.float64]
+_FieldsT = TypeVar("_FieldsT", bound="npt.NDArray[np.complexfloating]")
 Index = npt.NDArray[np.int64]
 
 _STEPS_PER_BIN = 256
-_CELLS_PER_BLOCK = 1_000_000
+_CELLS_PER_BLOCK, _PATHS_PER_BLOCK = 1_000_000, 1 << 16
 MAX_REACH = 32
 """Bins to which a window's sidelobes are followed: Hann's are 95 dB down there, those without a window 40 dB. Those of
 a code do not fall: they are followed all the way."""
@@ -96,7 +99,7 @@ class PathCells:
     response: Array
     reach: int | None
     loss: Array
-    terms: PairTerms
+    paths: RadarPaths
 
     @classmethod
     def of(
@@ -107,8 +110,7 @@ class PathCells:
         doppler_window = window if doppler_window is None else doppler_window
         response, waveform, radar = response_weights(radar, window), radar.waveform, seen_by(radar)
         seconds = waveform.repetitions / waveform.spacing if is_coded(waveform) else 0.0
-        terms = PairTerms.of(paths, radar)
-        length = terms.geometry.center_length()
+        length = PathGeometry.of(paths, radar).center_length()
         grid = FrameGrid(radar)
         _, over_x, over_y, _ = grid.expand(*delay_terms(length, paths.length_rate, paths.length_acceleration), 0)
         doppler_bin = np.mod(over_y * radar.doppler_interval * radar.num_chirps, radar.num_chirps)
@@ -123,7 +125,7 @@ class PathCells:
             response=response,
             reach=None if is_coded(waveform) and not waveform.divides else MAX_REACH,
             loss=np.sinc(over_y * seconds),
-            terms=terms,
+            paths=paths,
         )
 
     def range_bin(self, index: Index, doppler: float | Array) -> Array:
@@ -164,15 +166,20 @@ class PathCells:
     @cached_property
     def _middle(self) -> npt.NDArray[np.complex128]:
         """Fields of all paths at mid-frame [sqrt(W)], shape (num_paths, num_virtual)."""
+        return self.put_middle(np.empty((len(self.kept), self.radar.num_virtual), dtype=np.complex128))
+
+    def put_middle(self, out: _FieldsT) -> _FieldsT:
+        """Fill the fields of all paths at mid-frame [sqrt(W)] into an array (num_paths, num_virtual), and return it."""
         grid, radar = FrameGrid(self.radar), self.radar
-        out = np.empty((len(self.kept), radar.num_virtual), dtype=np.complex128)
-        for tx in range(radar.num_tx):
-            for rx in range(radar.num_rx):
-                terms = delay_terms(*self.terms.start(tx, rx))
-                cycles = grid.expand(*terms, tx)[0] + self._removed(terms[0] + grid.center_time(tx) * terms[1])
-                grown = self.terms.growth(tx, rx, grid.center_time(tx))
-                amplitude = self.terms.geometry.pair_amplitude(tx, rx) * grown
-                out[:, tx * radar.num_rx + rx] = amplitude * self.loss * phasor(cycles)
+        for first in range(0, len(self.kept), _PATHS_PER_BLOCK):
+            block = slice(first, first + _PATHS_PER_BLOCK)
+            pairs = PairTerms.of(self.paths.select(block), radar)
+            for tx in range(radar.num_tx):
+                for rx in range(radar.num_rx):
+                    terms = delay_terms(*pairs.start(tx, rx))
+                    cycles = grid.expand(*terms, tx)[0] + self._removed(terms[0] + grid.center_time(tx) * terms[1])
+                    amplitude = pairs.geometry.pair_amplitude(tx, rx) * pairs.growth(tx, rx, grid.center_time(tx))
+                    out[block, tx * radar.num_rx + rx] = amplitude * self.loss[block] * phasor(cycles)
         return out
 
     def _stepped_lobe(self, x: Array, y: Array) -> Array:
@@ -218,7 +225,7 @@ class CellSpread:
         """Return the fields of paths in the channels of a map."""
         cells = PathCells.of(paths, rd.radar, *rd.window)
         # the power of a channel does not depend on the phase that TDM adds to it, the same for all paths of a row
-        field = cells.fields(np.arange(paths.num_paths), 0.0).astype(np.complex64)
+        field = cells.put_middle(np.empty((paths.num_paths, rd.radar.num_virtual), dtype=np.complex64))
         field[~cells.kept] = 0.0
         return cls(cells, field, (rd.data.shape[1], rd.data.shape[2]))
 
