@@ -33,7 +33,7 @@ from benchmarks.whole_street_figures import kept, write
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel import ChannelPlan, plan_channel, solve_paths
-from scarl_sionna.radar.channel.compose.expected_error import band_power, owners
+from scarl_sionna.radar.channel.compose.expected_error import mean_power, owners
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
@@ -53,14 +53,17 @@ GONE_DB = 60.0
 
 
 def echoes(paths: RadarPaths, numbers: list[int]) -> dict[int, float]:
-    """Return the power of objects over the noise of a cell [dB], mean over the band and so summed over range cells."""
+    """Return the power of objects over the noise of a cell [dB], mean over the band and so summed over range cells.
+
+    Rough surfaces count by their mean power: their phases are drawn for patches, which differ from method to method.
+    """
     unit = dbm_to_watt(RADAR.front_end.tx_power_dbm) / angle_cell_noise_power(RADAR)
     if not paths.num_paths:
         return dict.fromkeys(numbers, -300.0)
     owner = owners(paths, numbers)
     rows = np.flatnonzero(owner >= 0)
     place = np.searchsorted(numbers, owner[rows])
-    power = unit * band_power(paths, RADAR, rows, place, len(numbers), 96)
+    power = unit * mean_power(paths, RADAR, rows, place, len(numbers), 96)
     return {number: float(10.0 * np.log10(max(power[k], 1e-30))) for k, number in enumerate(numbers)}
 
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scarl_sionna.core.settings.auto import ErrorEstimate, SbrLevel
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.paths.tracing import DIFFUSE
 from scarl_sionna.radar.paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
@@ -38,8 +39,8 @@ def expected_errors(
 
     Notes
     -----
-    With the amplitudes a of an object's patches and the mean over the band, what is left of independent relative errors
-    of the patches, and of bounces beyond the last, relative to the echo is
+    With the amplitudes a of an object's patches and the mean over the band and over the phases of rough surfaces, what
+    is left of independent relative errors of the patches, and of bounces beyond the last, relative to the echo is
 
     .. math:: e^2 = \frac{\epsilon^2 \sum |a|^2 + \kappa^2 \langle|\sum_{last} a|^2\rangle}{\langle|\sum a|^2\rangle}
 
@@ -53,8 +54,8 @@ def expected_errors(
     rows = np.flatnonzero(owner >= 0)
     place, count = place[rows], len(numbers)
     last = np.isin(paths.instance[rows], numbers).sum(axis=1) >= level.max_depth
-    whole = band_power(paths, radar, rows, place, count, NUM_FREQUENCIES)
-    beyond = band_power(paths, radar, rows[last], place[last], count, NUM_FREQUENCIES)
+    whole = mean_power(paths, radar, rows, place, count, NUM_FREQUENCIES)
+    beyond = mean_power(paths, radar, rows[last], place[last], count, NUM_FREQUENCIES)
     apart = np.bincount(place, np.abs(paths.a[rows, 0, 0]) ** 2, count)
     square = (level.patch_error**2 * apart + fit.last_bounce**2 * beyond) / np.maximum(whole, 1e-300)
     error = 20.0 * np.log10(1.0 + np.sqrt(square))
@@ -122,6 +123,25 @@ def owners(paths: RadarPaths, numbers: Sequence[int]) -> npt.NDArray[np.int64]:
         here = paths.instance[:, column]
         owner = np.where((owner < 0) & np.isin(here, numbers), here, owner)
     return owner
+
+
+def mean_power(
+    paths: RadarPaths,
+    radar: RadarSpec,
+    rows: npt.NDArray[np.int64],
+    place: npt.NDArray[np.int64],
+    count: int,
+    num_frequencies: int,
+) -> Array:
+    """Return the mean power of groups of paths over the band and over what rough surfaces may be, shape (count,).
+
+    What a rough patch scatters has a random phase, which is another one where patches are cut otherwise: its power is
+    added, not its field. Parameters as of :func:`band_power`.
+    """
+    rough = (paths.interaction[rows] == DIFFUSE).any(axis=1)
+    found = band_power(paths, radar, rows[~rough], place[~rough], count, num_frequencies)
+    found += np.bincount(place[rough], np.abs(paths.a[rows[rough], 0, 0]) ** 2, count)
+    return found
 
 
 def band_power(
