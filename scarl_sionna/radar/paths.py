@@ -77,6 +77,8 @@ class RadarPaths(
     linear_motion : ndarray of bool, shape (num_paths,), or None
         Whether a path keeps to first order over a frame, as SCaRL has it: the length of every pair is linear in time,
         strengths stay. None: of no path.
+    random_phase : ndarray of bool, shape (num_paths,), or None
+        Whether the phase of `a` is one draw of a rough surface's: what is known is the power. None: of no path.
     tx_twist, rx_twist : Twist
         Motion of the two radar frames. Only the angular velocity acts on a frame's signal: velocities are relative.
     diagnostics : mapping
@@ -99,6 +101,7 @@ class RadarPaths(
     tx_velocity: npt.NDArray[np.float64] | None = None
     rx_velocity: npt.NDArray[np.float64] | None = None
     linear_motion: npt.NDArray[np.bool_] | None = None
+    random_phase: npt.NDArray[np.bool_] | None = None
     tx_twist: Twist = field(default_factory=Twist)
     rx_twist: Twist = field(default_factory=Twist)
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
@@ -285,6 +288,7 @@ _NOT_KNOWN: Mapping[str, tuple[tuple[int, ...], float | bool]] = {
     "tx_velocity": ((3,), np.nan),
     "rx_velocity": ((3,), np.nan),
     "linear_motion": ((), False),
+    "random_phase": ((), False),
 }
 """Optional columns: shape of a path's value, and what stands for none."""
 

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from scarl_sionna.core.settings.auto import ErrorEstimate, SbrLevel
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.engine.paths.tracing import DIFFUSE
 from scarl_sionna.radar.paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
@@ -138,7 +137,7 @@ def mean_power(
     What a rough patch scatters has a random phase, which is another one where patches are cut otherwise: its power is
     added, not its field. Parameters as of :func:`band_power`.
     """
-    rough = (paths.interaction[rows] == DIFFUSE).any(axis=1)
+    rough = paths.filled("random_phase")[rows]
     found = band_power(paths, radar, rows[~rough], place[~rough], count, num_frequencies)
     found += np.bincount(place[rough], np.abs(paths.a[rows[rough], 0, 0]) ** 2, count)
     return found

@@ -352,5 +352,6 @@ def _paths(columns: Columns, tx: Pose, rx: Pose, diagnostics: dict[str, Any]) ->
         world_from_rx=rx,
         tx_velocity=columns["tx_velocity"],
         rx_velocity=columns["rx_velocity"],
+        random_phase=columns["diffuse"] > 0,
         diagnostics=diagnostics,
     )
