@@ -25,6 +25,7 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
 from .faces.panes import DARK, MOST_PANES, Panes
+from .narrow import NarrowBodies
 from .patches import PatchSize, split, too_many_patches
 from .probes import SAME_DISTANCE, CentralRays, FieldOfView, PlaneProbe, Probe, ScreenedProbe, Window
 from .refine import Pieces, refined
@@ -210,6 +211,7 @@ class Tracer:
     settings: SbrSettings
     panes: Panes | None = None
     velocity: Array | None = None
+    narrow: NarrowBodies | None = None
     count: Counter[int] = field(default_factory=Counter)
 
     def bounces(self, face: Index) -> Iterator[ImageTubes]:
@@ -322,7 +324,10 @@ class Tracer:
         wavelength = 2.0 * np.pi / self.size.wavenumber
         sheet = self.sheet[tubes.face[:, -1]]
         wide, fine = self.settings.spacings(wavelength, self.size.length(distance), sheet)
-        return np.where(grazing, np.inf, wide), np.where(grazing, np.inf, fine)
+        wide = np.where(grazing, np.inf, wide)
+        if self.narrow is not None:
+            wide = self.narrow.spacing(self.rays, tubes.corners, source, wide)
+        return wide, np.where(grazing, np.inf, fine)
 
     def _seen(self, tubes: ImageTubes, station: Viewpoint, way: str) -> ImageTubes:
         """Return the parts of footprints from which a station can be seen, through panes or not, with that column."""

@@ -24,6 +24,7 @@ from scarl_sionna.engine.smooth.surface import state_sheets, state_surface
 from scarl_sionna.radar.optics.body.mesh import MOSTLY_COARSE
 from scarl_sionna.radar.optics.faces.curved import CurvedFaces, DeviceCurves
 from scarl_sionna.radar.optics.faces.panes import Panes, pane_parts
+from scarl_sionna.radar.optics.narrow import NarrowBodies
 from scarl_sionna.radar.optics.surfaces import FaceSurfaces
 
 if TYPE_CHECKING:
@@ -100,6 +101,11 @@ class Bodies:
     def of(self, instances: Sequence[int]) -> Mask:
         """Return the faces of some instances, shape (num_faces,)."""
         return np.asarray(np.isin(self.state.world.parts.instance, instances)[self.faces.part])
+
+    @cached_property
+    def narrow(self) -> NarrowBodies:
+        """Where bodies that scatter stand, so that none slips between the probes of a tube."""
+        return NarrowBodies.of(self.faces, self.scatters)
 
     @cached_property
     def _parts(self) -> Index:

@@ -191,6 +191,7 @@ def solve_between(
             knobs.for_scene(),
             bodies.panes,
             bodies.velocity,
+            bodies.narrow,
         )
         for patches in tracer.bounces(start):
             if len(patches):

@@ -1,0 +1,68 @@
+"""A narrow body that a radar sees in the side of a large one: no tube is so coarse that it slips through."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import scarl_sionna as ss
+from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.engine.load import load_scene
+from scarl_sionna.engine.rays.face_planes import face_table
+from scarl_sionna.radar.channel import solve_paths
+from scarl_sionna.radar.optics import narrow
+from tests.scenes import Thing, box, write_scene
+
+RADAR, POSE = ss.RadarSpec(), ss.Pose([0.0, 0.0, 0.0])
+COARSE = SbrSettings(max_phase=3.0, integration_phase=0.1, max_turn=3.0, max_depth=2, floor_db=None)
+
+
+def scene(folder, width: float, place: float):
+    """A wall of steel at 45 deg, 20 m ahead, and a post 15 m to its right, which it shows at 35 m."""
+    wall = box((0.1, 6.0, 3.0))
+    wall.apply_transform(np.array([[1, -1, 0, 0], [1, 1, 0, 0], [0, 0, np.sqrt(2.0), 0], [0, 0, 0, 1]]) / np.sqrt(2.0))
+    wall.vertices[:, 0] += 20.0
+    post = box((width, width, 1.0), (20.0 + place, -15.0, 0.1))
+    return load_scene(
+        write_scene(folder, [Thing("wall", wall, "Wall", "steel"), Thing("post", post, "Pole", "steel")])
+    ).at(0.0)
+
+
+def seen_in_wall(state, knobs: SbrSettings) -> float:
+    """Return the power of the post's echo by the wall alone [dB], each patch by itself."""
+    paths = solve_paths(state, RADAR, POSE, "sbr", settings=knobs)
+    table = {info.name: number for number, info in state.world.instances.items()}
+    by = (paths.depth == 2) & (paths.instance[:, 0] == table["wall"]) & (paths.instance[:, 1] == table["post"])
+    wave = np.exp(-2j * np.pi * RADAR.center_frequency / 299792458.0 * paths.length)
+    return float(20.0 * np.log10(max(abs(np.sum((paths.a[:, 0, 0] * wave)[by])), 1e-30)))
+
+
+@pytest.mark.parametrize("width", [0.04, 0.1])
+@pytest.mark.parametrize("place", [-0.31, 0.0, 0.47])
+def test_a_post_is_found_in_a_wall_by_coarse_tubes(tmp_path, width: float, place: float) -> None:
+    state = scene(tmp_path, width, place)
+    wanted = seen_in_wall(state, COARSE.with_(ray_spacing=5.0))  # a probe every 2 cm of the wall
+    assert wanted > -200.0
+    assert seen_in_wall(state, COARSE) == pytest.approx(wanted, abs=0.3)
+
+
+def test_without_its_balls_it_is_missed_or_found_in_part(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(narrow.NarrowBodies, "spacing", lambda self, on, corners, source, wide: wide)
+    errors = []
+    for number, place in enumerate((-0.31, 0.0, 0.47)):
+        state = scene(tmp_path / str(number), 0.04, place)
+        errors.append(seen_in_wall(state, COARSE) - seen_in_wall(state, COARSE.with_(ray_spacing=5.0)))
+    assert np.abs(errors).max() > 1.0, errors
+
+
+def test_balls_cover_their_body(tmp_path) -> None:
+    state = scene(tmp_path, 0.1, 0.0)
+    faces = face_table(state)
+    numbers = state.world.parts.instance[faces.part]
+    post = next(number for number, info in state.world.instances.items() if info.name == "post")
+    balls = narrow.NarrowBodies.of(faces, numbers == post)
+    points = faces.triangles.corners[numbers == post].reshape(-1, 3)
+    inside = np.linalg.norm(points[:, None] - balls.center, axis=2) <= balls.radius * (1.0 + 1e-9)
+    assert inside.any(axis=1).all()
+    assert balls.width == pytest.approx(0.1, rel=1e-5)
+    assert len(balls.center) == 5 and balls.radius.max() < 0.13
