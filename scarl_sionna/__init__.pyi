@@ -17,6 +17,7 @@ from .core.settings.warn import WarningLevels
 from .core.settings.weather_echoes import WeatherEchoSettings
 from .core.specs.atmosphere import Atmosphere
 from .core.specs.camera import BrownConrady, CameraSpec, ImageSensor, KannalaBrandt, Pinhole
+from .core.specs.interferer import Interferer
 from .core.specs.lidar import LidarSpec
 from .core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, TableScan
 from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
@@ -45,6 +46,8 @@ from .engine.load import load_scene, stage
 from .engine.world import World, WorldState
 from .fusion import Rig
 from .radar.channel import plan_channel, solve_paths
+from .radar.interference.beat import synthesize_interference
+from .radar.interference.ways import one_way_paths
 from .radar.labels.labels import label_cells, label_paths, label_points
 from .radar.paths import RadarPaths
 from .radar.points import point_targets
@@ -103,6 +106,7 @@ __all__ = [
     "IfFilter",
     "ImageFrame",
     "ImageSensor",
+    "Interferer",
     "KannalaBrandt",
     "Leakage",
     "LidarScan",
@@ -142,6 +146,7 @@ __all__ = [
     "label_points",
     "load_scene",
     "observe",
+    "one_way_paths",
     "open_dataset",
     "point_targets",
     "quantize",
@@ -156,6 +161,7 @@ __all__ = [
     "stage",
     "synthesize",
     "synthesize_blocks",
+    "synthesize_interference",
     "virtual_cube",
 ]
 

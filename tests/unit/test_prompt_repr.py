@@ -25,6 +25,7 @@ FLOATS = re.compile(r"[0-9.e+-]+(?:[, ]+[0-9.e+-]+){12,}")
 
 NEEDED = {
     "Amplifier": {"p1db_dbm": -8.0},
+    "Interferer": {"radar": "awr1843boost"},
     "Leakage": {"length": 0.1, "level_db": -40.0},
     "PhaseNoise": {"mask": ((1e6, -95.0),)},
 }
