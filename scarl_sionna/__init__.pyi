@@ -64,6 +64,8 @@ from .scene.document.staging import StagedActor
 from .signal.angle import range_doppler_angle
 from .signal.converter import quantize
 from .signal.detection import detect
+from .signal.mitigation.hits import find_hits
+from .signal.mitigation.repair import mitigate
 from .signal.processing import range_doppler, virtual_cube
 from .simulation import observe, radar_cube, simulate
 
@@ -141,10 +143,12 @@ __all__ = [
     "compile_scatterers",
     "detect",
     "export",
+    "find_hits",
     "label_cells",
     "label_paths",
     "label_points",
     "load_scene",
+    "mitigate",
     "observe",
     "one_way_paths",
     "open_dataset",
