@@ -117,7 +117,7 @@ def hear(
         paths = one_way_paths(sender, _place(state, other), mount, state, settings)
         total += synthesize_interference(paths, sender, radar, start, interval, other.frequency_offset)
         strongest = float(np.max(np.abs(paths.a), initial=0.0))
-        level = None if strongest == 0.0 else 20.0 * np.log10(strongest)
+        level = None if strongest == 0.0 else float(20.0 * np.log10(strongest))
         sources.append({"num_paths": paths.num_paths, "path_gain_db": level, "start_time": start})
     return Interference(total, radar, tuple(sources))
 
