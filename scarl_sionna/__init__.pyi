@@ -49,6 +49,8 @@ from .radar.channel import plan_channel, solve_paths
 from .radar.interference.beat import synthesize_interference
 from .radar.interference.ways import one_way_paths
 from .radar.labels.labels import label_cells, label_paths, label_points
+from .radar.network.images import back_project
+from .radar.network.suites import NetworkFrame, RadarNetwork, network_paths, synthesize_network
 from .radar.paths import RadarPaths
 from .radar.points import point_targets
 from .radar.rcs import rcs
@@ -115,10 +117,12 @@ __all__ = [
     "LidarSpec",
     "Lighting",
     "Mixer",
+    "NetworkFrame",
     "PhaseNoise",
     "Pinhole",
     "Pose",
     "RadarFrame",
+    "RadarNetwork",
     "RadarPaths",
     "RadarSpec",
     "RasterScan",
@@ -140,6 +144,7 @@ __all__ = [
     "WorldState",
     "actor_from_mesh",
     "attenuate_paths",
+    "back_project",
     "compile_scatterers",
     "detect",
     "export",
@@ -149,6 +154,7 @@ __all__ = [
     "label_points",
     "load_scene",
     "mitigate",
+    "network_paths",
     "observe",
     "one_way_paths",
     "open_dataset",
@@ -166,6 +172,7 @@ __all__ = [
     "synthesize",
     "synthesize_blocks",
     "synthesize_interference",
+    "synthesize_network",
     "virtual_cube",
 ]
 
