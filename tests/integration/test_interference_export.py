@@ -8,6 +8,7 @@ import pytest
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError, ScarlError
 from scarl_sionna.fusion import Rig, SensorMount
+from scarl_sionna.radar.weather.attenuation import weather_attenuation
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import FEW_RAYS, PLACE, scene_file
 from tests.scenes import Thing, box, plane, write_scene
@@ -43,6 +44,17 @@ def test_paths_are_the_line_of_sight_and_reflections_by_image_theory(tmp_path) -
     assert paths.length[first] == pytest.approx(free.length[0], abs=1e-9)
     assert paths.length_rate[first] == pytest.approx(free.length_rate[0], abs=1e-12)
     assert np.abs(paths.a[1:, 0, 0]) == pytest.approx(SMALL.wavelength / (4 * np.pi * paths.length[1:]), rel=0.02)
+
+
+def test_rain_lowers_them_by_its_attenuation(tmp_path) -> None:
+    state = walled(tmp_path)
+    rain = ss.Weather(rain_rate=50.0)
+    wet = state.world.with_weather(rain).at(0.0)
+    here, there = ss.Pose([900.0, 0.0, 30.5], FACING), ss.Pose([0.0, 0.0, 30.5])
+    dry, lowered = (np.abs(ss.one_way_paths(SMALL, here, there, one).a[0, 0, 0]) for one in (state, wet))
+    lost = 0.9 * weather_attenuation(rain, SMALL.center_frequency, "V")
+    assert lost > 5.0
+    assert 20.0 * np.log10(dry / lowered) == pytest.approx(lost, abs=1e-6)
 
 
 def test_what_stands_between_blocks_the_line_of_sight(tmp_path) -> None:

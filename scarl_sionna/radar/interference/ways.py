@@ -14,6 +14,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.multipath.images import spherical_basis
 from scarl_sionna.radar.channel.multipath.solve import Sought, solve_sionna
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.weather.attenuation import attenuate, weather_attenuation
 from scarl_sionna.signal.link import spreading
 
 if TYPE_CHECKING:
@@ -39,8 +40,8 @@ def one_way_paths(
     sender_mount, receiver_mount : Mount or Pose
         Of the two radars; a bare pose stands still.
     state : WorldState, optional
-        Surroundings: what blocks the line of sight, and mirror reflections, by the solver ``"sionna"``. Free space if
-        left out.
+        Surroundings: what blocks the line of sight, and mirror reflections, by the solver ``"sionna"``; the air of its
+        weather. Free space if left out.
     settings : RadarSettings, optional
         Its `sionna`, and `max_distance`, half of the longest path.
 
@@ -68,7 +69,13 @@ def one_way_paths(
         here, there = state.as_mount(sender_mount), state.as_mount(receiver_mount)
         knobs = settings or RadarSettings()
         knobs = knobs.with_(max_distance=knobs.max_distance or FARTHEST)
-        return solve_sionna(state, sender, here, knobs, there, Sought(objects=False))
+        paths = solve_sionna(state, sender, here, knobs, there, Sought(objects=False))
+        weather = state.world.weather
+        if weather.is_clear:
+            return paths
+        frequency = sender.center_frequency
+        losses = weather_attenuation(weather, frequency, "V"), weather_attenuation(weather, frequency, "H")
+        return attenuate(paths, sender, losses)
     here, there = Mount.of(sender_mount), Mount.of(receiver_mount)
     ahead = there.pose.position - here.pose.position
     length = float(np.linalg.norm(ahead))
