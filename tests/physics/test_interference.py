@@ -195,6 +195,22 @@ def test_turns_and_codes_of_the_transmitters() -> None:
     assert np.sort(np.round(power, 1)).tolist() == [0.0] * 8 + [4.0] * 8
 
 
+def test_rows_of_the_listening_radar_have_their_times() -> None:
+    """Rows that share a chirp hold the same; transmitters in turn hear at the times of their own rows."""
+    array = ARRAY.with_(tx_positions=((0.0, 0.01, 0.0), (0.0, -0.01, 0.0)))
+    sender = VICTIM.with_(num_chirps=64, bandwidth=310e6, idle_time=7.9e-6)
+    ideal, tdm, coded = (
+        VICTIM.with_(array=array, multiplexing=kind, num_chirps=count)
+        for kind, count in ((ss.IdealMimo(), 8), (ss.Tdm(), 4), (ss.Bpm(), 8))
+    )
+    together = left_by(sender, ideal)
+    assert together.shape == (2, 16, 512)
+    assert np.array_equal(together[:, 0::2], together[:, 1::2])
+    assert np.array_equal(left_by(sender, tdm), together[:, 0::2])
+    assert np.array_equal(left_by(sender, coded), together[:, 0::2])
+    assert not np.allclose(together[0, 0], together[0, 2])
+
+
 def test_transmit_and_receive_polarisation_and_pattern() -> None:
     other = VICTIM.with_(polarization="H")
     crossed = left_by(other)

@@ -146,6 +146,25 @@ def test_clocks_that_are_known_are_taken_out() -> None:
     assert wrong / first[120] == pytest.approx(mean, abs=0.01)
 
 
+def test_a_transmitter_that_starts_late_is_heard_late() -> None:
+    """The raw data of each pair: delay and phase by both clocks."""
+    late, target = 200e-9, np.array([[40.0, 0.0, 0.0]])
+    one = ss.RadarNetwork(RADAR, line(2, 0.4))
+    two = ss.RadarNetwork(RADAR, line(2, 0.4), (0.0, late))
+    turned = ss.RadarNetwork(RADAR, line(2, 0.4), (), (0.0, 90.0))
+    paths = ss.network_paths(one, points=(target, np.zeros((1, 3)), np.ones(1)))
+    frames = [ss.synthesize_network(paths, network) for network in (one, two, turned)]
+    for pair, sign in (((0, 0), 0), ((0, 1), -1), ((1, 0), 1), ((1, 1), 0)):
+        seen = []
+        for frame in frames[:2]:
+            rd = ss.range_doppler(ss.virtual_cube(frame.adc[pair], RADAR), RADAR, num_range_bins=2048)
+            seen.append(rd.range[np.abs(rd.data[0]).max(axis=0).argmax()])
+        moved = 0.5 * sign * late * SPEED_OF_LIGHT
+        assert seen[1] - seen[0] == pytest.approx(moved, abs=0.15 * RADAR.range_resolution)
+        ratio = frames[2].adc[pair][0, 0, 0] / frames[0].adc[pair][0, 0, 0]
+        assert ratio == pytest.approx(1j ** (-sign), abs=1e-4)  # transmit times conj(receive)
+
+
 def test_motion_is_focused_and_pairs_sum_by_power() -> None:
     network = ss.RadarNetwork(RADAR, line(3, 0.4))
     place, velocity = np.array([[25.0, 0.0, 0.0]]), np.array([[-9.0, 3.0, 0.0]])
