@@ -45,20 +45,23 @@ def _sensor(mount: SensorMount) -> Sensor:
 
 
 def _with_places(mount: SensorMount, rig: Rig, carrier: Mount) -> SensorMount:
-    """Return a sensor whose interferers that are radars of the same rig have their specification and place."""
+    """Return a sensor whose interferers that are radars of the same rig have their specification and place.
+
+    A radar leaves itself out, so that one list serves all radars of a rig.
+    """
     settings = mount.settings
     if not isinstance(settings, RadarSettings) or all(item.sensor is None for item in settings.interferers):
         return mount
-    known = tuple(_placed(item, mount, rig, carrier) for item in settings.interferers)
+    known = tuple(_placed(item, rig, carrier) for item in settings.interferers if item.sensor != mount.name)
     return replace(mount, settings=settings.with_(interferers=known))
 
 
-def _placed(item: Interferer, mount: SensorMount, rig: Rig, carrier: Mount) -> Interferer:
+def _placed(item: Interferer, rig: Rig, carrier: Mount) -> Interferer:
     if item.sensor is None:
         return item
     other = rig[item.sensor]
-    if not isinstance(other.spec, RadarSpec) or other.name == mount.name:
-        raise ParameterRangeError(f"interferers of '{mount.name}'", item.sensor, "another radar of the rig")
+    if not isinstance(other.spec, RadarSpec):
+        raise ParameterRangeError("interferers.sensor", f"'{item.sensor}', a {other.kind}", "a radar of the rig")
     when = {"start_time": item.start_time, "frame_interval": item.frame_interval}
     place = carrier.at(other.vehicle_from_sensor)
     fixed: dict[str, Any] = {"pose": place.pose, "velocity": tuple(place.twist.linear.tolist())}

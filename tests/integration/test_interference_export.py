@@ -17,6 +17,7 @@ ISOTROPIC = ss.AntennaArray(
     tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),), pattern={"kind": "isotropic"}
 )
 SMALL = ss.RadarSpec(array=ISOTROPIC).with_(num_chirps=16, num_samples=64)
+CAMERA = SensorMount("a/camera", "camera", ss.CameraSpec(width=32, height=18, samples_per_pixel=1), PLACE)
 FACING = (0.0, 0.0, 0.0, 1.0)
 OTHER = SMALL.with_(bandwidth=330e6, start_frequency=76.98e9, num_chirps=64, noise_figure_db=9.0)
 
@@ -126,9 +127,9 @@ radar:
     (tmp_path / "drive.yaml").write_text(text)
     spec = ScenarioSpec.load(tmp_path / "drive.yaml")
     assert ScenarioSpec(**spec.to_dict()) == spec
-    # the rig's second radar would hear itself: it keeps the other one only
-    with pytest.raises(ScarlError, match="another radar of the rig"):
-        ss.export([spec], tmp_path / "refused")
+    both = ss.observe(ss.load_scene(spec.scene), rig_of().with_radar(spec.radar)).radars
+    heard = {name: len(radar.diagnostics["interferers"]) for name, radar in both.items()}
+    assert heard == {"front/radar": 2, "side/radar": 1}  # a radar leaves itself out
     rig = rig_of(*spec.radar.interferers)
     rig.save(tmp_path / "rig.yaml")
     assert Rig.load(tmp_path / "rig.yaml")["front/radar"].settings == rig["front/radar"].settings
@@ -158,5 +159,8 @@ def test_what_is_refused_says_so(folder) -> None:
         ss.observe(world, rig_of(ss.Interferer(radar=OTHER, actor="nobody")))
     with pytest.raises(ScarlError, match="no/radar"):
         ss.observe(world, rig_of(ss.Interferer(sensor="no/radar")))
+    with_camera = ss.Rig("c", (*rig_of(ss.Interferer(sensor="a/camera")).sensors, CAMERA))
+    with pytest.raises(ParameterRangeError, match="a radar of the rig"):
+        ss.observe(world, with_camera)
     with pytest.raises(ScarlError, match="one place"):
         ss.one_way_paths(OTHER, ss.Pose(), ss.Pose())
