@@ -8,6 +8,7 @@ import scipy.fft
 
 import scarl_sionna as ss
 from scarl_sionna.core.units import SPEED_OF_LIGHT, dbm_to_watt
+from scarl_sionna.signal.receivers import noise_share
 
 DISTANCE = 40.0
 DELAY = DISTANCE / SPEED_OF_LIGHT
@@ -118,9 +119,12 @@ def test_a_ramp_in_a_phase_coded_radar() -> None:
     assert power[whole].sum() / rate == pytest.approx(rate / slope, rel=0.01)
     edges = time[whole][power[whole] > 0.5][[0, -1]]
     assert edges == pytest.approx([enters, leaves], abs=0.01 * (leaves - enters))
-    # the correlator spreads it evenly over range: noise of that power over as many chips
-    channel = scipy.fft.ifft(scipy.fft.fft(np.abs(power[inside])))
-    assert channel.real.mean() == pytest.approx(1.0, rel=0.01)
+    # the correlator spreads it over all of range and Doppler, as noise of its mean power
+    data = left_by(sender, victim)
+    rd = ss.range_doppler(ss.virtual_cube(data, victim), victim, "rect")
+    cells = np.abs(rd.data[0]) ** 2
+    assert cells.mean() == pytest.approx(np.mean(np.abs(data[0]) ** 2) * noise_share(victim, "rect") / 64, rel=0.01)
+    assert np.mean(cells, axis=0).max() < 2.0 * cells.mean()
     averaged = left_by(sender, victim.with_(repetitions=4, num_chirps=16))[0].ravel()
     plain = left_by(sender, victim)[0].reshape(16, 4, 255).mean(axis=1).ravel()
     assert np.abs(averaged - plain).max() < 0.02 * np.sqrt(level(sender))
@@ -161,6 +165,27 @@ def test_codes_in_a_receiver_of_ramps_are_what_their_tones_leave(waveform) -> No
     assert switched.mean() < 0.2
     assert np.abs(error[~switched]).max() < 0.01 * np.abs(expected).max()
     assert np.abs(error).max() < 0.15 * np.abs(expected).max()  # switched on at once: tones far from the band count
+
+
+@pytest.mark.parametrize("bandwidth", [300e6, 345e6])
+def test_coded_ramps_in_a_receiver_of_ramps_are_what_their_lines_leave(bandwidth) -> None:
+    """Against the sum over all lines at a high rate: of one slope they stay in the band, of another they sweep."""
+    ramps = ss.PcFmcw(bandwidth=bandwidth, ramp_time=30e-6, num_chirps=2, code_length=31, start_frequency=76.995e9)
+    late, rate, over = 2e-7, VICTIM.sample_rate, 16
+    data = left_by(VICTIM.with_(waveform=ramps), start_time=late, frame_interval=1.0)[0, 0]
+    time = np.arange(-64 * over, (512 + 64) * over) / (over * rate)
+    u = time - DELAY - late
+    line, strength = ramps.lines
+    cycles = 76.995e9 * (time - DELAY) - 77e9 * time + 0.5 * (ramps.chirp_slope * u**2 - 1e13 * time**2)
+    sent = (np.exp(2j * np.pi * np.outer(u, line)) @ strength) * np.exp(2j * np.pi * cycles) * ((u >= 0) & (u < 30e-6))
+    spectrum = scipy.fft.fft(np.conj(sent))
+    frequency = scipy.fft.fftfreq(len(time), 1.0 / (over * rate))
+    through = np.cos(0.5 * np.pi * np.clip((np.abs(frequency - 0.5 * rate) - 0.45 * rate) / (0.1 * rate), 0.0, 1.0))
+    expected = scipy.fft.ifft(spectrum * through)[64 * over :: over][:512]
+    inside = slice(24, -24)  # away from where it is switched on
+    error = data / np.sqrt(level(VICTIM.with_(waveform=ramps))) - expected
+    assert np.abs(expected[inside]).max() > 0.5
+    assert np.abs(error[inside]).max() < 0.01 * np.abs(expected).max()
 
 
 def test_all_kinds_meet_all_kinds_at_their_level() -> None:
