@@ -17,6 +17,7 @@ from .core.settings.warn import WarningLevels
 from .core.settings.weather_echoes import WeatherEchoSettings
 from .core.specs.atmosphere import Atmosphere
 from .core.specs.camera import BrownConrady, CameraSpec, ImageSensor, KannalaBrandt, Pinhole
+from .core.specs.interferer import Interferer
 from .core.specs.lidar import LidarSpec
 from .core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, TableScan
 from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
@@ -45,7 +46,11 @@ from .engine.load import load_scene, stage
 from .engine.world import World, WorldState
 from .fusion import Rig
 from .radar.channel import plan_channel, solve_paths
+from .radar.interference.beat import synthesize_interference
+from .radar.interference.ways import one_way_paths
 from .radar.labels.labels import label_cells, label_paths, label_points
+from .radar.network.images import back_project
+from .radar.network.suites import NetworkFrame, RadarNetwork, network_paths, synthesize_network
 from .radar.paths import RadarPaths
 from .radar.points import point_targets
 from .radar.rcs import rcs
@@ -61,6 +66,8 @@ from .scene.document.staging import StagedActor
 from .signal.angle import range_doppler_angle
 from .signal.converter import quantize
 from .signal.detection import detect
+from .signal.mitigation.hits import find_hits
+from .signal.mitigation.repair import mitigate
 from .signal.processing import range_doppler, virtual_cube
 from .simulation import observe, radar_cube, simulate
 
@@ -103,16 +110,19 @@ __all__ = [
     "IfFilter",
     "ImageFrame",
     "ImageSensor",
+    "Interferer",
     "KannalaBrandt",
     "Leakage",
     "LidarScan",
     "LidarSpec",
     "Lighting",
     "Mixer",
+    "NetworkFrame",
     "PhaseNoise",
     "Pinhole",
     "Pose",
     "RadarFrame",
+    "RadarNetwork",
     "RadarPaths",
     "RadarSpec",
     "RasterScan",
@@ -134,14 +144,19 @@ __all__ = [
     "WorldState",
     "actor_from_mesh",
     "attenuate_paths",
+    "back_project",
     "compile_scatterers",
     "detect",
     "export",
+    "find_hits",
     "label_cells",
     "label_paths",
     "label_points",
     "load_scene",
+    "mitigate",
+    "network_paths",
     "observe",
+    "one_way_paths",
     "open_dataset",
     "point_targets",
     "quantize",
@@ -156,6 +171,8 @@ __all__ = [
     "stage",
     "synthesize",
     "synthesize_blocks",
+    "synthesize_interference",
+    "synthesize_network",
     "virtual_cube",
 ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -10,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import scarl_sionna.dataset  # noqa: F401  # it draws frames: Frame.plot
 
 from .core import seeds
-from .core.errors import PlacementError
+from .core.errors import ParameterRangeError, PlacementError
 from .core.mount import Mount
 from .core.pose import Pose
 from .core.prompt.arguments import HOW_TO_RADAR, HOW_TO_RIG, HOW_TO_WORLD, expect, number
 from .core.registry import Sensor, sensor_class
 from .core.results import Frame
 from .core.settings.radar import RadarSettings
+from .core.specs.interferer import Interferer
 from .core.specs.radar.spec import RadarSpec
 from .fusion.labels import count_labels
 from .fusion.rig import Rig, SensorMount
@@ -40,6 +42,32 @@ def _sensor(mount: SensorMount) -> Sensor:
     kind: Any = sensor_class(mount.kind)
     sensor: Sensor = kind(mount.spec) if mount.settings is None else kind(mount.spec, mount.settings)
     return sensor
+
+
+def _with_places(mount: SensorMount, rig: Rig, carrier: Mount) -> SensorMount:
+    """Return a sensor whose interferers that are radars of the same rig have their specification and place.
+
+    A radar leaves itself out, so that one list serves all radars of a rig.
+    """
+    settings = mount.settings
+    if not isinstance(settings, RadarSettings) or all(item.sensor is None for item in settings.interferers):
+        return mount
+    known = tuple(_placed(item, rig, carrier) for item in settings.interferers if item.sensor != mount.name)
+    return replace(mount, settings=settings.with_(interferers=known))
+
+
+def _placed(item: Interferer, rig: Rig, carrier: Mount) -> Interferer:
+    if item.sensor is None:
+        return item
+    other = rig[item.sensor]
+    if not isinstance(other.spec, RadarSpec):
+        raise ParameterRangeError("interferers.sensor", f"'{item.sensor}', a {other.kind}", "a radar of the rig")
+    when = {"start_time": item.start_time, "frame_interval": item.frame_interval}
+    place = carrier.at(other.vehicle_from_sensor)
+    fixed: dict[str, Any] = {"pose": place.pose, "velocity": tuple(place.twist.linear.tolist())}
+    if place.actor is not None:
+        fixed = {"pose": place.actor_from_sensor, "actor": place.actor}
+    return Interferer(radar=other.spec, frequency_offset=item.frequency_offset, **when, **fixed)
 
 
 def observe(
@@ -111,7 +139,7 @@ def observe(
     for position, mount in enumerate(rig.sensors):
         on_stage(mount.name, position / len(rig.sensors))
         started = perf_counter()
-        results[mount.name] = _sensor(mount).observe(
+        results[mount.name] = _sensor(_with_places(mount, rig, carrier)).observe(
             state,
             carrier.at(mount.vehicle_from_sensor),
             seeds.generator(seed, mount.kind, frame=timestamp_ns, sensor=mount.name),

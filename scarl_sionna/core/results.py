@@ -205,7 +205,14 @@ class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velo
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RadarFrame(
-    Described, units={"adc_scale": "sqrt(W)", "cell_power": "W", "object_power": "W", "object_ghost_power": "W"}
+    Described,
+    units={
+        "adc_scale": "sqrt(W)",
+        "cell_power": "W",
+        "object_power": "W",
+        "object_ghost_power": "W",
+        "interference_power": "W",
+    },
 ):
     """Raw data of one radar at one instant, as its converter gives it.
 
@@ -233,6 +240,11 @@ class RadarFrame(
         Power of all paths in the cell without noise [W]; compare with `RangeDoppler.noise_power`.
     object_power, object_ghost_power : ndarray of float64, shape (num_objects,), or None
         Power of an object over all cells of that map, direct and by multipath [W], in the order of `Frame.objects`.
+    interference_hit : ndarray of bool, shape (num_chirps_total, num_samples), or None
+        Samples with more power of other radars than of thermal noise, mean over the receivers. Only where the settings
+        have `interferers`, as the next.
+    interference_power : ndarray of float32, shape (num_doppler_bins, num_range_bins), or None
+        Power of other radars in the cells of that map [W], mean over the channels.
     """
 
     spec: RadarSpec
@@ -248,6 +260,8 @@ class RadarFrame(
     cell_power: npt.NDArray[np.float32] | None = None
     object_power: npt.NDArray[np.float64] | None = None
     object_ghost_power: npt.NDArray[np.float64] | None = None
+    interference_hit: npt.NDArray[np.bool_] | None = None
+    interference_power: npt.NDArray[np.float32] | None = None
 
     def _facts(self) -> Iterable[Row]:
         yield "adc", f"complex64 {self.adc_int.shape[:-1]} = (num_rx, num_chirps_total, num_samples) [sqrt(W)]"

@@ -207,6 +207,20 @@ RADAR: tuple[Field, ...] = (
     Field("cell_power", "float32", ("doppler", "range"), "W", "power of all paths in the cell, without noise"),
     Field("object_power", "float64", (OBJECT,), "W", "power of the object over all cells, direct"),
     Field("object_ghost_power", "float64", (OBJECT,), "W", "power of the object over all cells, by multipath"),
+    Field(
+        "interference_hit",
+        "bool",
+        ("chirp", "sample"),
+        "",
+        "more power of other radars than of thermal noise; only with interferers",
+    ),
+    Field(
+        "interference_power",
+        "float32",
+        ("doppler", "range"),
+        "W",
+        "power of other radars in the cell; only with interferers",
+    ),
 )
 
 ADC_COMPLEX = Field(
@@ -224,6 +238,9 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
     "lidar": LIDAR,
     "radar": RADAR,
 }
+
+_OF_INTERFERERS = frozenset({"interference_hit", "interference_power"})
+"""Fields of the radar that only a rig with interferers has."""
 
 RESULT_TYPES: Mapping[type, str] = {ImageFrame: "camera", LidarScan: "lidar", RadarFrame: "radar"}
 """Table of each built-in result type."""
@@ -253,6 +270,13 @@ def check_fields(result_type: type, table: Iterable[Field]) -> None:
             f"the dataset's schema does not know the field {', '.join(unknown)} of {result_type.__name__}; "
             "add it to scarl_sionna/dataset/schema.py with its type, axes, unit and description"
         )
+
+
+def tables_of(rig: Mapping[str, Any]) -> dict[str, tuple[Field, ...]]:
+    """Return the tables that a dataset of a rig states: what only interferers bring stands there with them alone."""
+    if any((mount.get("settings") or {}).get("interferers") for mount in rig["sensors"]):
+        return dict(TABLES)
+    return {name: tuple(item for item in items if item.name not in _OF_INTERFERERS) for name, items in TABLES.items()}
 
 
 def check_schema() -> None:

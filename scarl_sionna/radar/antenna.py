@@ -45,10 +45,10 @@ class PathGeometry:
     center_distance: tuple[Array, Array, Array]
 
     @classmethod
-    def of(cls, paths: RadarPaths, radar: RadarSpec) -> PathGeometry:
-        """Return the geometry of paths for a radar."""
+    def of(cls, paths: RadarPaths, radar: RadarSpec, receiver: RadarSpec | None = None) -> PathGeometry:
+        """Return the geometry of paths for a radar, or from the transmitters of one to the receivers of another."""
         tx = paths.world_from_tx.apply(radar.tx_array)
-        rx = paths.world_from_rx.apply(radar.rx_array)
+        rx = paths.world_from_rx.apply((receiver or radar).rx_array)
         mirror = paths.is_mirror_chain
         image = np.zeros((0, 3, 4)) if paths.rx_image is None else paths.rx_image[mirror]
         mirror_length = np.linalg.norm(_image_of(image, rx)[None] - tx[:, None, None, :], axis=-1)
@@ -62,7 +62,7 @@ class PathGeometry:
             mirror=mirror,
             mirror_length=mirror_length,
             # conj of the field, since the beat is tx conj(rx)
-            amplitude=np.conj(received_amplitude(paths.a, *local, radar)),
+            amplitude=np.conj(received_amplitude(paths.a, *local, radar, receiver)),
             center_distance=(tx_center, rx_center, tx_center[mirror]),
         )
 

@@ -15,7 +15,9 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 
-def received_amplitude(a: Complex, tx_vector: Array, rx_vector: Array, radar: RadarSpec) -> Complex:
+def received_amplitude(
+    a: Complex, tx_vector: Array, rx_vector: Array, radar: RadarSpec, receiver: RadarSpec | None = None
+) -> Complex:
     """Return the amplitude of the field that one antenna pair receives by each path, without the phase over the length.
 
     Parameters
@@ -27,6 +29,8 @@ def received_amplitude(a: Complex, tx_vector: Array, rx_vector: Array, radar: Ra
         transmitter and of the receiver.
     radar : RadarSpec
         Its polarisation, pattern and transmitted power.
+    receiver : RadarSpec, optional
+        Another radar that receives: its polarisation and pattern count at that end.
 
     Returns
     -------
@@ -37,9 +41,10 @@ def received_amplitude(a: Complex, tx_vector: Array, rx_vector: Array, radar: Ra
     ----------
     .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, Eq. (1.6).
     """
-    entry = "VH".index(radar.array.polarization)
-    gain = field_gain(radar.array.pattern, tx_vector) * field_gain(radar.array.pattern, rx_vector)
-    return np.asarray(a[:, entry, entry] * (gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))))
+    sent, heard = radar.array, (receiver or radar).array
+    gain = field_gain(sent.pattern, tx_vector) * field_gain(heard.pattern, rx_vector)
+    entry = "VH".index(heard.polarization), "VH".index(sent.polarization)
+    return np.asarray(a[:, entry[0], entry[1]] * (gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))))
 
 
 def path_amplitude(paths: RadarPaths, radar: RadarSpec) -> Complex:

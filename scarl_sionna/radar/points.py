@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.signal.link import radar_gain
+from scarl_sionna.signal.link import spreading
 
 from .channel.multipath.solve import Sought, solve_sionna
 from .paths import RadarPaths
@@ -30,6 +30,7 @@ def point_targets(
     radar: RadarSpec,
     mount: Mount | Pose,
     state: WorldState | None = None,
+    receiver: Mount | Pose | None = None,
     **fields: object,
 ) -> RadarPaths:
     r"""Return the paths of ideal isotropic point targets.
@@ -48,10 +49,12 @@ def point_targets(
     state : WorldState, optional
         Surroundings: the paths to the targets are then traced in them, with occlusion and mirror reflections (two-ray
         ground, ghosts); free space if left out.
+    receiver : Mount or Pose, optional
+        Of a separate receiver (bistatic); `mount` then is that of the transmitter.
     **fields
         With a `state` only: `settings` (a :class:`~scarl_sionna.RadarSettings`) or its fields, as in
-        :func:`scarl_sionna.solve_paths`, for the solver ``"sionna"``; `receiver` (a Mount or Pose) of a bistatic pair;
-        and `environment`, whether paths that touch no target are there, too (False).
+        :func:`scarl_sionna.solve_paths`, for the solver ``"sionna"``; and `environment`, whether paths that touch no
+        target are there, too (False).
 
     Returns
     -------
@@ -68,10 +71,11 @@ def point_targets(
 
     Notes
     -----
-    .. math:: |a| = \lambda \sqrt{\sigma} / ((4 \pi)^{3/2} R^2), \quad
-              L' = 2 v_r, \quad L'' = 2 (|v|^2 - v_r^2) / R
+    .. math:: |a| = \lambda \sqrt{\sigma} / ((4 \pi)^{3/2} R_1 R_2), \quad
+              L' = \sum v_r, \quad L'' = \sum (|v|^2 - v_r^2) / R
 
-    with v the velocity relative to the radar. The received power is the radar equation's.
+    with v the velocity relative to each end, and both ends in one for a single radar. The received power is the radar
+    equation's.
 
     References
     ----------
@@ -80,37 +84,52 @@ def point_targets(
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     targets = PointScatterers(positions, velocities, rcs)  # type: ignore[arg-type]
     if state is not None:
-        return solve_points(state, radar, mount, targets, **cast("dict[str, Any]", fields))
+        return solve_points(state, radar, mount, targets, receiver=receiver, **cast("dict[str, Any]", fields))
     if fields:
         raise ParameterRangeError("options", ", ".join(sorted(fields)), "none in free space", "give a state")
     place = Mount.of(mount)
-    pose = place.pose
-    targets.require_apart(pose.position)
-    points, motion, sigma = targets.positions, targets.velocities, targets.rcs
-    offset = points - pose.position
-    distance = np.linalg.norm(offset, axis=1)
-    relative = motion - place.twist.linear
-    radial = np.einsum("ij,ij->i", offset, relative) / distance
-    amplitude = np.sqrt(radar_gain(radar.wavelength, distance) * sigma)
-    count = len(points)
+    other = place if receiver is None else Mount.of(receiver)
+    there, back = _leg(targets, place), _leg(targets, other)
+    gain = spreading(radar.wavelength, there.distance, back.distance) ** 2 / (4.0 * np.pi)
+    amplitude = np.sqrt(gain * targets.rcs)
+    points, count = targets.positions, len(targets.positions)
     return RadarPaths(
         tx_point=points,
         rx_point=points.copy(),
         inner_length=np.zeros(count),
         a=amplitude[:, None, None] * np.eye(2, dtype=np.complex128),
-        length_rate=2.0 * radial,
-        length_acceleration=2.0 * np.maximum(np.einsum("ij,ij->i", relative, relative) - radial**2, 0.0) / distance,
+        length_rate=there.rate + back.rate,
+        length_acceleration=there.acceleration + back.acceleration,
         instance=np.arange(1, count + 1, dtype=np.int32)[:, None],
         interaction=np.full((count, 1), POINT_INTERACTION, dtype=np.int32),
         depth=np.ones(count, dtype=np.int32),
         semantic=np.zeros(count, dtype=np.uint8),
-        world_from_tx=pose,
-        world_from_rx=pose,
-        tx_velocity=relative,
-        rx_velocity=relative.copy(),
+        world_from_tx=place.pose,
+        world_from_rx=other.pose,
+        tx_velocity=there.relative,
+        rx_velocity=back.relative.copy(),
         tx_twist=place.twist,
-        rx_twist=place.twist,
+        rx_twist=other.twist,
     )
+
+
+class _Leg(NamedTuple):
+    """Distances [m] of targets from a radar, their rates [m/s] and accelerations [m/s2], and relative velocities."""
+
+    distance: npt.NDArray[np.float64]
+    rate: npt.NDArray[np.float64]
+    acceleration: npt.NDArray[np.float64]
+    relative: npt.NDArray[np.float64]
+
+
+def _leg(targets: PointScatterers, place: Mount) -> _Leg:
+    targets.require_apart(place.pose.position)
+    offset = targets.positions - place.pose.position
+    distance = np.linalg.norm(offset, axis=1)
+    relative = targets.velocities - place.twist.linear
+    radial = np.einsum("ij,ij->i", offset, relative) / distance
+    across = np.maximum(np.einsum("ij,ij->i", relative, relative) - radial**2, 0.0)
+    return _Leg(distance, radial, across / distance, relative)
 
 
 def solve_points(

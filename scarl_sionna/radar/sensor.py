@@ -19,6 +19,7 @@ from scarl_sionna.signal.converter import quantize
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 from .channel import solve_paths
+from .interference.heard import hear
 from .labels.labels import label_cells
 from .paths import RadarPaths
 from .synthesis import synthesize
@@ -101,11 +102,18 @@ class Radar:
             if paths.num_paths > alone.num_paths:  # drops are traced once: they move straight
                 drops_alone = paths.select(np.arange(alone.num_paths, paths.num_paths))
                 adc += synthesize(drops_alone, self.spec, accuracy=settings.accuracy)
+        other = hear(state, self.spec, place, settings.interferers, rng.spawn(1)[0], settings) if self._heard else None
         synthesized = time.perf_counter()
-        codes, scale, num_saturated = quantize(adc, self.spec, noise)
+        codes, scale, num_saturated = quantize(adc if other is None else adc + other.adc, self.spec, noise)
         solve = paths.diagnostics.get("seconds", {})
         quantized = time.perf_counter()
         truth = self._truth(adc, paths, state) if settings.cell_labels else {}
+        chosen = dict(paths.diagnostics)
+        if other is not None:
+            truth["interference_hit"] = other.hit_samples
+            chosen["interferers"] = list(other.sources)
+            if settings.cell_labels:
+                truth["interference_power"] = other.cell_power
         seconds = {
             **(solve if isinstance(solve, Mapping) else {"solve": solve}),
             "synthesize": synthesized - start,
@@ -119,9 +127,13 @@ class Radar:
             adc_scale=scale,
             num_saturated=num_saturated,
             num_paths=paths.num_paths,
-            diagnostics={**paths.diagnostics, "seconds": seconds},
+            diagnostics={**chosen, "seconds": seconds},
             **truth,
         )
+
+    @property
+    def _heard(self) -> bool:
+        return len(self.settings.interferers) > 0
 
     def _truth(
         self, adc: npt.NDArray[np.complex64], paths: RadarPaths, state: WorldState

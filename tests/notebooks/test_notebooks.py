@@ -12,7 +12,8 @@ FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 QUICK = (
     "01_first_frame", "03_radar_signal_chain", "05_where_methods_fail", "06_materials", "07_rcs_of_your_mesh", "08_coherent_lidar",
-    "10_reproduce_scarl", "11_multipath_and_ghosts"
+    "10_reproduce_scarl", "11_multipath_and_ghosts", "14_interference",
+    "15_six_radars_as_one"
 )
 TIMEOUT = 180.0
 """What a notebook may take on two cores [s]."""

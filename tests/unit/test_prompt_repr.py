@@ -25,6 +25,7 @@ FLOATS = re.compile(r"[0-9.e+-]+(?:[, ]+[0-9.e+-]+){12,}")
 
 NEEDED = {
     "Amplifier": {"p1db_dbm": -8.0},
+    "Interferer": {"radar": "awr1843boost"},
     "Leakage": {"length": 0.1, "level_db": -40.0},
     "PhaseNoise": {"mask": ((1e6, -95.0),)},
 }
@@ -62,7 +63,10 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     )
     write_dataset(folder / "data", RIG.to_dict(), {"street": [make_frame(0), make_frame(1)]})
     dataset = ss.open_dataset(folder / "data")
+    network = ss.RadarNetwork(RADAR, (ss.Pose(), ss.Pose([0, 1, 0])))
     extra = [
+        network,
+        ss.NetworkFrame(network, {(0, 0): radar_frame.adc}),
         world,
         state,
         state.mount("ego", ss.Pose([2.0, 0.0, 0.8])),

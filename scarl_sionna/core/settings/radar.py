@@ -6,10 +6,19 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, Field, PlainSerializer, SerializationInfo, SkipValidation
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    SerializationInfo,
+    SerializerFunctionWrapHandler,
+    SkipValidation,
+    model_serializer,
+)
 
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.spec import Spec
+from scarl_sionna.core.specs.interferer import Interferer
 from scarl_sionna.core.units import Metres
 
 from .accuracy import Accuracy
@@ -65,6 +74,9 @@ class RadarSettings(Spec):
         description="paths are solved again in the middle of every block of so many chirps, for wheels and limbs; "
         "None: once a frame",
     )
+    interferers: tuple[Interferer, ...] = Field(
+        (), description="other radars whose signals stand in the raw data; docs/interference.md"
+    )
     cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
     auto: AutoSettings = Field(AutoSettings(), description="rules by which 'auto' chooses for each object")
     mirrors: MirrorSettings = Field(
@@ -87,6 +99,13 @@ class RadarSettings(Spec):
     plan: Annotated[SkipValidation[ChannelPlan | None], BeforeValidator(_plan), PlainSerializer(_plan_data)] = Field(
         None, description="who computes what, for 'hybrid'"
     )
+
+    _quiet = ("interferers",)
+
+    @model_serializer(mode="wrap")
+    def _without_none(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Leave out interferers where there are none, as files of the first versions have it."""
+        return {name: value for name, value in inner(self).items() if name != "interferers" or len(value)}
 
     @classmethod
     def preset(cls, quality: str) -> RadarSettings:

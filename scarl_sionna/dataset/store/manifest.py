@@ -226,7 +226,7 @@ def manifest_data(plan: DatasetPlan, shards: Mapping[str, list[list[Any] | None]
         "semantic_colors": SEMANTIC_COLORS.tolist(),
         "schema": {
             table: {item.name: {key: value for key, value in asdict(item).items() if key != "name"} for item in items}
-            for table, items in schema.TABLES.items()
+            for table, items in schema.tables_of(plan.rig).items()
         },
         "shards": {name: shards.get(name, []) for name in sorted(shards)},
     }

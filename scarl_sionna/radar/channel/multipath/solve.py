@@ -74,10 +74,13 @@ class Sought:
         2).
     environment : bool
         Also the paths from the radar to itself, or to the receiver, that touch no scatterer.
+    objects : bool
+        Whether to warn of objects of the environment that may lie between the rays.
     """
 
     scatterers: PointScatterers | None = None
     environment: bool = True
+    objects: bool = True
 
 
 def solve_sionna(
@@ -165,9 +168,8 @@ def solve_sionna(
     spread = warn_of_edge_wavefronts(radar.wavelength, solver.mirrors, settings.warn_at.wavefront_error)
     num_hidden = warn_of_hidden_antennas(state, solver.mirrors, settings.warn_at.wide_arm)
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
-    num_missed = (
-        _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if sought.environment else 0
-    )
+    sees_objects = sought.environment and sought.objects
+    num_missed = _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if sees_objects else 0
     columns = _joined(blocks)
     keep = columns.pop("total") < 2.0 * reach
     diagnostics = {

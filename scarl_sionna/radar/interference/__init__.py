@@ -1,0 +1,1 @@
+"""Other radars in the raw data of a radar."""

@@ -1,0 +1,1 @@
+"""Baselines against other radars: which samples they hit, and what to put in their place."""
