@@ -17,6 +17,7 @@ from scarl_sionna.core.settings.radar import METHODS, QUALITIES, RadarSettings
 from scarl_sionna.core.spec import Spec, SpecT
 from scarl_sionna.core.specs.lighting import LIGHTING_PRESETS
 from scarl_sionna.core.specs.weather import WEATHER_PRESETS
+from scarl_sionna.core.untrusted.yaml_text import parse_yaml
 from scarl_sionna.fusion.rig import RIG_PRESETS
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scene.actors.model import DETAILS
@@ -161,7 +162,7 @@ class ScenarioOptions:
 def _value(text: str, value: str) -> object:
     """Return a value as YAML has it: numbers, true, null, lists, texts."""
     try:
-        return yaml.safe_load(value)
+        return parse_yaml(value)
     except yaml.YAMLError as error:
         raise ParameterRangeError("--set", text, "a value as in YAML", str(error).splitlines()[0]) from error
 

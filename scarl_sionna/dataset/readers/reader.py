@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
+import re
 import threading
 import warnings
 from collections import OrderedDict
@@ -15,13 +15,16 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import DatasetError, ScarlWarning, UnknownNameError
+from scarl_sionna.core.errors import DatasetDamage, DatasetError, DatasetUnreachable, ScarlWarning, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity
 from scarl_sionna.core.results import Frame, ObjectState, SensorResult
 from scarl_sionna.core.spec import FieldValue, Spec
+from scarl_sionna.core.untrusted.checked import checked, plain
+from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.dataset.encoding import mount_today, spec_of
-from scarl_sionna.dataset.store.files import Files, open_files
+from scarl_sionna.dataset.store.files import Files, open_files, read_small
+from scarl_sionna.dataset.store.forms import MetasForm
 from scarl_sionna.dataset.store.manifest import (
     ARRAYS,
     BACKUP,
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
 
 _CACHED_SHARDS = 64
 """Shards whose indices and JSON are kept in memory, a scene."""
+_RECORD = re.compile(r"\d{6,7}\.json")
 _ALTERED = ValueError("it is not what was written (size or checksum)")
 
 
@@ -243,19 +247,21 @@ class Scene(Described, Sequence["StoredFrame"]):
         key = array_key(self.name, name, number, info)
         try:
             places = shard.places.get(name)
+            end = shard.files[key][0]
             if places is None:
-                end = shard.files[key][0]
                 tail = self.dataset.files.read(key, end - index_length(self._options.shard_frames), end)
                 places = shard.places[name] = parse_index(tail, self._options.shard_frames)
             place = places[position]
             if place is None:
                 return None
+            if place[0] + place[1] > end:
+                raise _ALTERED
             return decode_chunk(self.dataset.files.read(key, place[0], place[0] + place[1]), info)
-        except (OSError, DatasetError, RuntimeError, KeyError) as error:
-            raise self._damaged(key, error) from error
+        except (OSError, DatasetError, RuntimeError, KeyError, ValueError) as error:
+            raise self._damaged(key, error, index) from error
 
-    def read_file(self, name: str) -> bytes:
-        """Return a file of the dataset.
+    def read_file(self, name: str, index: int | None = None) -> bytes:
+        """Return a file of the dataset; `index` is the frame that an error names.
 
         Raises
         ------
@@ -264,8 +270,8 @@ class Scene(Described, Sequence["StoredFrame"]):
         """
         try:
             return self.dataset.files.read(name)
-        except OSError as error:
-            raise self._damaged(name, error) from error
+        except (OSError, DatasetError) as error:
+            raise self._damaged(name, error, index) from error
 
     def image_file(self, index: int, sensor: str, image: str) -> str | None:
         """Return the name of an image's PNG file in the dataset, or None if the frame does not have it."""
@@ -281,38 +287,54 @@ class Scene(Described, Sequence["StoredFrame"]):
             If the file is missing, or is not the one that was written.
         """
         name = self.image_file(index, sensor, image)
-        return None if name is None else self._read_checked(name, self._shard(index).files[name])
+        return None if name is None else self._read_checked(name, self._shard(index).files[name], index)
 
-    def _read_checked(self, name: str, written: tuple[int, str]) -> bytes:
+    def _read_checked(self, name: str, written: tuple[int, str], index: int) -> bytes:
         """Return a file whose size and SHA-256 are those that its shard's record states."""
-        data = self.read_file(name)
+        data = self.read_file(name, index)
         if (len(data), hashlib.sha256(data).hexdigest()) != written:
-            raise self._damaged(name, _ALTERED)
+            raise self._damaged(name, _ALTERED, index)
         return data
 
     def meta(self, index: int) -> dict[str, Any]:
         """Return what of a frame stands in JSON."""
-        return self._shard(index).metas[index]
+        try:
+            return self._shard(index).metas[index]
+        except KeyError as error:
+            name = meta_name(self.name, index // self._options.shard_frames)
+            raise self._damaged(name, ValueError(f"it has no frame {index}"), index) from error
 
-    def _damaged(self, key: str, error: Exception) -> DatasetError:
+    def _damaged(self, key: str, error: Exception, index: int | None = None) -> DatasetError:
+        if isinstance(error, DatasetUnreachable | DatasetDamage):
+            return error
         text = "is not there" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
-        return DatasetError(
-            f"{key} {text}", self.dataset.place, "run `scarl-sionna verify --repair`, then the export again"
+        frame = "" if index is None else f"frame {index} of {self.name}: "
+        return DatasetDamage(
+            f"{frame}{key} {text}",
+            self.dataset.place,
+            "run `scarl-sionna verify --repair`, then the export again",
+            (key, self.name, index),
         )
 
     def _find_frames(self) -> Iterator[int]:
         """Yield the frames of finished shards: from the manifest, and from records that came after it."""
-        there: set[str] | None = None
-        for shard in range(self.plan.num_shards(self._options)):
-            row = self._row(shard)
+        full = {shard for shard in range(self._num_rows) if self._is_full(shard)}
+        shards, there = sorted(full), set[int]()
+        if len(full) < self.plan.num_shards(self._options):
+            names = self.dataset.files.names(f"{SHARDS}/{self.name}")
+            there = {int(name[:-5]) for name in names if _RECORD.fullmatch(name)} - full
+            shards = sorted(full | {shard for shard in there if shard < self.plan.num_shards(self._options)})
+        for shard in shards:
             frames = self.plan.shard_range(shard, self._options)
-            if row is not None and row[1] == len(frames):
-                yield from frames
-                continue
-            if there is None:
-                there = set(self.dataset.files.names(f"{SHARDS}/{self.name}"))
-            if f"{shard:06d}.json" in there:
-                yield from (index for index in self._record(shard).frames if index in frames)
+            yield from (index for index in self._record(shard).frames if index in frames) if shard in there else frames
+
+    @property
+    def _num_rows(self) -> int:
+        return len(self.dataset.manifest["shards"].get(self.name, []))
+
+    def _is_full(self, shard: int) -> bool:
+        row = self._row(shard)
+        return row is not None and row[1] == len(self.plan.shard_range(shard, self._options))
 
     def _row(self, shard: int) -> list[Any] | None:
         """Return what the manifest states of a shard: checksum of its record and number of frames first."""
@@ -322,8 +344,8 @@ class Scene(Described, Sequence["StoredFrame"]):
     def _record(self, shard: int) -> ShardRecord:
         key = record_name(self.name, shard)
         try:
-            text = self.dataset.files.read(key)
-        except OSError as error:
+            text = read_small(self.dataset.files, key)
+        except (OSError, DatasetError) as error:
             raise self._damaged(key, error) from error
         row = self._row(shard)
         frames = row[1] if row is not None and row[0] != hashlib.sha256(text).hexdigest() else None
@@ -343,10 +365,13 @@ class Scene(Described, Sequence["StoredFrame"]):
         record = self._record(number)
         try:
             name = meta_name(self.name, number)
-            text = self._read_checked(name, record.files[name]) if name in record.files else self.read_file(name)
-            metas = {int(meta["index"]): meta for meta in json.loads(text)}
-        except (ValueError, KeyError, TypeError) as error:
-            raise self._damaged(meta_name(self.name, number), error) from error
+            if name in record.files:
+                text = self._read_checked(name, record.files[name], index)
+            else:
+                text = self.read_file(name, index)
+            metas = {meta.index: plain(meta) for meta in checked(MetasForm, parse_json(text)).root}
+        except ValueError as error:
+            raise self._damaged(meta_name(self.name, number), error, index) from error
         shard = _Shard(record, metas)
         with self._lock:
             self._shards[number] = shard
