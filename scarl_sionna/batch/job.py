@@ -244,7 +244,14 @@ class TimedPool(ThreadPoolExecutor):
 
 @lru_cache(maxsize=2)
 def _world(scenario: ScenarioSpec) -> World:
-    """Return the loaded scene; kept, for the next shard of this process is likely to be of the same scene."""
+    """Return the loaded scene; kept, for the next shard of this process is likely to be of the same scene.
+
+    What earlier scenes left goes back to the system first, so that a process that makes many drives stays as large as
+    after the first few.
+    """
+    from scarl_sionna.engine.memory import release_memory
+
+    release_memory()
     return load_world(scenario)
 
 
