@@ -38,7 +38,8 @@ def export(
     Parameters
     ----------
     scenarios : ScenarioSpec, str, path, or several of them
-        Scenarios, their files (.yaml, .json), names of ready scenarios, or names of scenes; all have the same rig.
+        Scenarios, their files (.yaml, .json), names of ready scenarios, or names of scenes; all have the same rig. For
+        many drives of one, see :class:`scarl_sionna.batch.Sweep`.
     out : path
         Folder of the dataset.
     workers : int
