@@ -27,9 +27,9 @@ import scarl_sionna as ss
 from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.formats import convert
 from scarl_sionna.dataset.formats.tfrecord import read_tfrecord
-from scarl_sionna.dataset.readers import reader
-from scarl_sionna.dataset.readers.reader import Scene
+from scarl_sionna.dataset.readers import shard_files
 from scarl_sionna.dataset.readers.samples import FrameSamples
+from scarl_sionna.dataset.readers.shard_files import ShardFiles
 from scarl_sionna.dataset.readers.tables import box_table
 from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset
 
@@ -109,11 +109,11 @@ def checks(place: Path, rounds: int) -> None:
     for _ in range(rounds):
         whole.append(_seconds(place))
         with (
-            mock.patch.object(Scene, "_read_checked", lambda scene, name, written, index: scene.read_file(name, index)),
+            mock.patch.object(ShardFiles, "_read_checked", lambda files, name, _, index: files.read_file(name, index)),
             mock.patch.object(
-                reader, "checked", lambda form, data: form.model_construct(root=[_Bare(m) for m in data])
+                shard_files, "checked", lambda form, data: form.model_construct(root=[*map(_Bare, data)])
             ),
-            mock.patch.object(reader, "plain", dict),
+            mock.patch.object(shard_files, "plain", dict),
         ):
             bare.append(_seconds(place))
     share = float(np.median(np.array(whole) / np.array(bare)) - 1.0)
