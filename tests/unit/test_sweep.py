@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from scarl_sionna.batch import ExportSettings, Sweep, export
+from scarl_sionna.batch import ExportSettings, Sweep, estimate, export, one_call
 from scarl_sionna.batch import plan as planning
 from scarl_sionna.batch.plan import plan_export
 from scarl_sionna.batch.sweep import parse_seeds
 from scarl_sionna.cli.main import app
-from scarl_sionna.core.errors import ExportError, ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import ExportError, InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.dataset.encoding import StoreOptions
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
@@ -131,6 +131,16 @@ def test_files_that_changed_since_the_plan_stop_the_job(drive, tmp_path) -> None
         export([drive], tmp_path / "out", ExportSettings(plan_file=plan_file))
 
 
+def test_the_forecast_counts_the_files(tmp_path) -> None:
+    scenarios = [ScenarioSpec.load(path) for path in scenario_files(tmp_path / "in", one=3, two=2)]
+    settings = ExportSettings(options=StoreOptions(shard_frames=2))
+    forecast = estimate(plan_export(scenarios, settings.options), tmp_path / "out", settings)
+    export(scenarios, tmp_path / "out", settings)
+    files = [path for path in (tmp_path / "out").rglob("*") if path.is_file() and ".locks" not in path.parts]
+    assert forecast.num_files == len(files)
+    assert f"files:  {len(files)}" in str(forecast)
+
+
 def test_the_command_sweeps(tmp_path) -> None:
     (path,) = scenario_files(tmp_path / "in", one=1)
     options = ["--seeds", "0:2", "--set", "weather=rain,clear", "--splits", "0.5,0.5,0", "--plan", str(tmp_path / "p")]
@@ -141,3 +151,13 @@ def test_the_command_sweeps(tmp_path) -> None:
     assert dataset.scenes == [f"one_s00000{seed}_weather-{word}" for seed in range(2) for word in ("clear", "rain")]
     wrong = CliRunner().invoke(app, ["demo", "--set", "weather=rain,clear", "--out", str(tmp_path / "demo")])
     assert wrong.exit_code == 2 and "only export takes several" in wrong.output
+
+
+def test_progress_as_a_callback_and_as_a_bar(drive, tmp_path, capsys) -> None:
+    seen: list[tuple[int, int]] = []
+    one_call.export(drive, tmp_path / "called", on_progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(0, 2), (1, 2), (2, 2)]
+    one_call.export(drive, tmp_path / "drawn", on_progress="bar")
+    assert "2/2" in capsys.readouterr().out
+    with pytest.raises(InputTypeError, match='a function or "bar"'):
+        one_call.export(drive, tmp_path / "none", on_progress=3)  # type: ignore[arg-type]
