@@ -15,6 +15,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -26,7 +27,9 @@ import scarl_sionna as ss
 from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.formats import convert
 from scarl_sionna.dataset.formats.tfrecord import read_tfrecord
+from scarl_sionna.dataset.readers import shard_files
 from scarl_sionna.dataset.readers.samples import FrameSamples
+from scarl_sionna.dataset.readers.shard_files import ShardFiles
 from scarl_sionna.dataset.readers.tables import box_table
 from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset
 
@@ -95,6 +98,49 @@ def readers(place: Path, count: int, threads: int) -> None:
     print(f"\nbox_table: {rows} rows in {time.perf_counter() - started:.2f} s")
 
 
+def checks(place: Path, rounds: int) -> None:
+    """Print what the checks of images and records cost: whole frames with and without them, in turns.
+
+    Without: SHA-256 is not computed, and JSON is not held to its models. The CRC-32C of chunks stays, in any Zarr
+    reader.
+    """
+    whole: list[float] = []
+    bare: list[float] = []
+    for _ in range(rounds):
+        whole.append(_seconds(place))
+        with (
+            mock.patch.object(ShardFiles, "_read_checked", lambda files, name, _, index: files.read_file(name, index)),
+            mock.patch.object(
+                shard_files, "checked", lambda form, data: form.model_construct(root=[*map(_Bare, data)])
+            ),
+            mock.patch.object(shard_files, "plain", dict),
+        ):
+            bare.append(_seconds(place))
+    share = float(np.median(np.array(whole) / np.array(bare)) - 1.0)
+    print(
+        f"\nchecks: {np.median(whole) * 1e3:.2f} ms of CPU a frame, {np.median(bare) * 1e3:.2f} ms without "
+        f"({share * 100.0:+.1f} %, median of {rounds} pairs)"
+    )
+
+
+class _Bare(dict[str, Any]):
+    """JSON of a frame as it stands."""
+
+    @property
+    def index(self) -> int:
+        """Number of the frame."""
+        return int(self["index"])
+
+
+def _seconds(place: Path) -> float:
+    """Return the CPU time of reading one frame with all that it has [s], the dataset opened anew."""
+    dataset = ss.open_dataset(place)
+    started = time.process_time()
+    for frame in dataset:
+        frame.to_frame()
+    return (time.process_time() - started) / len(dataset)
+
+
 def exporters(place: Path, folder: Path, num_frames: int) -> None:
     """Print a row for every exporter."""
     print("\n| format | ms a frame, wall | ms a frame, CPU | MB a frame |\n|---|---|---|---|")
@@ -120,6 +166,7 @@ def main() -> None:
     parser.add_argument("--reads", type=int, default=60, help="frames read for each row")
     parser.add_argument("--threads", type=int, default=2, help="frames that tf.data reads at once")
     parser.add_argument("--folder", type=Path, default=None, help="where to put the data (default: a temporary folder)")
+    parser.add_argument("--part", choices=["all", "checks"], default="all")
     arguments = parser.parse_args()
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     print(machine())
@@ -127,9 +174,13 @@ def main() -> None:
         place = make_dataset(Path(name) / "ds", arguments.frames)
         size = sum(path.stat().st_size for path in place.rglob("*") if path.is_file())
         print(f"dataset: {arguments.frames} frames, {size / arguments.frames / 1e6:.2f} MB a frame on disk")
+        if arguments.part == "checks":
+            checks(place, 15)
+            return
         tensorflow()
         readers(place, arguments.reads, arguments.threads)
         exporters(place, Path(name), arguments.frames)
+        checks(place, 15)
 
 
 if __name__ == "__main__":

@@ -8,5 +8,6 @@ from .estimate import Estimate, estimate
 from .job import ShardReport
 from .report import ExportReport
 from .stop import ExportStopped
+from .sweep import Sweep
 
-__all__ = ["Estimate", "ExportReport", "ExportSettings", "ExportStopped", "ShardReport", "estimate", "export"]
+__all__ = ["Estimate", "ExportReport", "ExportSettings", "ExportStopped", "ShardReport", "Sweep", "estimate", "export"]

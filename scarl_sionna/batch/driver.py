@@ -44,6 +44,9 @@ class ExportSettings:
         Remove the dataset that is there first; files that are not its own stay.
     licence, description : str
         For the dataset card.
+    plan_file : path, optional
+        Plan that jobs of an array share: read if it is there, else computed once and written. Each job compares what it
+        makes with the files as they are then.
     """
 
     workers: int = 0
@@ -54,6 +57,7 @@ class ExportSettings:
     overwrite: bool = False
     licence: str = "not stated"
     description: str = ""
+    plan_file: str | Path | None = None
 
     def __post_init__(self) -> None:
         if self.workers < 0:
@@ -111,7 +115,7 @@ def _export(
     scenarios: Iterable[ScenarioSpec], out: str | Path, settings: ExportSettings, on_event: OnEvent
 ) -> ExportReport:
     started = perf_counter()
-    plan = plan_export(scenarios, settings.options, settings.licence, settings.description)
+    plan = plan_export(scenarios, settings.options, settings.licence, settings.description, settings.plan_file)
     part = None if settings.part is None else f"{settings.part[0]}_of_{settings.part[1]}"
     with DatasetFolder(out, plan.dataset, overwrite=settings.overwrite, part=part) as folder, _log_file(folder.root):
         jobs, report = _jobs(plan, folder, settings)
@@ -183,6 +187,7 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
                     settings.options,
                     folder.plan.scene_hash(name),
                     settings.on_error,
+                    settings.plan_file is not None,
                 )
             )
     return jobs, report

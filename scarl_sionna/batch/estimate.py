@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-from scarl_sionna.dataset.encoding import encode_frame
+from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions, encode_frame
+from scarl_sionna.dataset.store.layout import MARKED as AT_THE_TOP
+from scarl_sionna.dataset.store.shard_writer import metadata_texts
 from scarl_sionna.simulation import load_world, observe
 
 from .driver import ExportSettings
@@ -35,6 +37,8 @@ class Estimate:
     processes : int
     free_bytes : int
         Room on the disk [bytes].
+    num_files : int
+        Files of the dataset, if all frames have the arrays and images of the measured one.
     """
 
     num_frames: int
@@ -44,6 +48,7 @@ class Estimate:
     stages: Mapping[str, float]
     processes: int
     free_bytes: int
+    num_files: int
 
     @property
     def num_bytes(self) -> float:
@@ -61,6 +66,7 @@ class Estimate:
             f"frames: {self.num_frames}",
             f"size:   {size_text(self.num_bytes)} ({size_text(self.bytes_per_frame)} a frame; "
             f"{size_text(self.free_bytes)} free)",
+            f"files:  {self.num_files}",
             f"time:   {time_text(self.seconds)} in {self.processes} process{'es' if self.processes > 1 else ''} "
             f"({self.seconds_per_frame:.2f} s a frame: {stages})",
             "measured on the second of two frames; several processes on one machine share its cores, "
@@ -95,7 +101,18 @@ def estimate(plan: ExportPlan, out: str | Path, settings: ExportSettings) -> Est
         {**frame.timings, "encoding (beside)": encoding},
         processes,
         _free(Path(out)),
+        _num_files(plan, encoded, settings.options),
     )
+
+
+def _num_files(plan: ExportPlan, frame: EncodedFrame, options: StoreOptions) -> int:
+    """Return the number of files of a dataset whose frames are all like one."""
+    names = set(AT_THE_TOP)
+    count = 0
+    for scene in plan.dataset.scenes:
+        names |= metadata_texts(scene, frame.arrays, options).keys()
+        count += scene.num_shards(options) * (len(frame.arrays) + 2) + scene.num_frames * len(frame.files)
+    return count + len(names)
 
 
 def _free(path: Path) -> int:

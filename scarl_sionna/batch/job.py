@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 from scarl_sionna.core.errors import ExportError, OutputError, ScarlError
 from scarl_sionna.core.results import Frame
 from scarl_sionna.dataset.encoding import StoreOptions, encode_frame
-from scarl_sionna.dataset.store.manifest import ScenePlan
+from scarl_sionna.dataset.store.manifest import ScenePlan, differences
 from scarl_sionna.dataset.store.shard_writer import ShardWriter
 from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
@@ -51,6 +51,7 @@ class ShardJob:
     options: StoreOptions
     configuration: str
     on_error: OnError = "raise"
+    is_planned_before: bool = False
 
     @property
     def name(self) -> str:
@@ -112,6 +113,8 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
         kept = len(shard.frames) - len(missing)
         if missing:
             started = perf_counter()
+            if job.is_planned_before:
+                _check_plan(job)
             world = _world(scenario)
             _add(seconds, "scene", perf_counter() - started)
         with FrameSink(shard, job.options, on_event, seconds) as sink:
@@ -244,8 +247,34 @@ class TimedPool(ThreadPoolExecutor):
 
 @lru_cache(maxsize=2)
 def _world(scenario: ScenarioSpec) -> World:
-    """Return the loaded scene; kept, for the next shard of this process is likely to be of the same scene."""
+    """Return the loaded scene; kept, for the next shard of this process is likely to be of the same scene.
+
+    What earlier scenes left goes back to the system first, so that a process that makes many drives stays as large as
+    after the first few.
+    """
+    from scarl_sionna.engine.memory import release_memory
+
+    release_memory()
     return load_world(scenario)
+
+
+def _check_plan(job: ShardJob) -> None:
+    """Raise if the files of a scenario are no longer those of the plan that the export took from a file."""
+    now = ScenePlan(job.scene.name, 1, _configuration(job.scenario)).configuration
+    there = {name: value for name, value in job.scene.configuration.items() if name != "settings_files"}
+    found = differences(there, dict(now))
+    if found:
+        raise ExportError(
+            f"{job.scene.name} is not what the plan file says ({'; '.join(found[:3])}): files have changed since; "
+            "remove the plan file, and export into another folder"
+        )
+
+
+@lru_cache(maxsize=2)
+def _configuration(scenario: ScenarioSpec) -> dict[str, Any]:
+    from .plan import scene_configuration
+
+    return scene_configuration(scenario)
 
 
 def forget_worlds() -> None:

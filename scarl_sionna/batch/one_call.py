@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from scarl_sionna.core.errors import InputTypeError, UnknownNameError
 from scarl_sionna.core.settings.radar import RadarSettings
@@ -28,7 +31,7 @@ def export(
     workers: int = 0,
     *,
     radar: RadarSettings | None = None,
-    on_progress: OnProgress | None = None,
+    on_progress: OnProgress | Literal["bar"] | None = None,
     **settings: object,
 ) -> ExportReport:
     """Make a dataset of scenarios, or what is missing of it: the same call goes on where it was stopped.
@@ -38,7 +41,8 @@ def export(
     Parameters
     ----------
     scenarios : ScenarioSpec, str, path, or several of them
-        Scenarios, their files (.yaml, .json), names of ready scenarios, or names of scenes; all have the same rig.
+        Scenarios, their files (.yaml, .json), names of ready scenarios, or names of scenes; all have the same rig. For
+        many drives of one, see :class:`scarl_sionna.batch.Sweep`.
     out : path
         Folder of the dataset.
     workers : int
@@ -46,8 +50,8 @@ def export(
         ``if __name__ == "__main__":``, as every program that starts processes.
     radar : RadarSettings, optional
         The fields that are set in it replace those of every scenario: method, tolerance, noise and the like.
-    on_progress : callable
-        Called with the frames done and in all.
+    on_progress : callable or "bar"
+        Called with the frames done and in all; ``"bar"`` draws a progress bar, in a notebook, too.
     **settings
         Further fields of :class:`scarl_sionna.batch.ExportSettings`: ``overwrite``, ``licence``, ``on_error``, ...
 
@@ -74,8 +78,20 @@ def export(
     chosen = [_scenario(item) for item in several]
     if radar is not None:
         chosen = [item.with_(radar=radar if item.radar is None else item.radar.merged(radar)) for item in chosen]
-    progress = _Progress(on_progress or (lambda done, total: None))
-    return run(chosen, out, ExportSettings(workers=workers, **cast("dict[str, Any]", settings)), on_event=progress)
+    if on_progress is not None and on_progress != "bar" and not callable(on_progress):
+        raise InputTypeError("on_progress", on_progress, 'a function or "bar"', "leave it out for no progress")
+    chosen_settings = ExportSettings(workers=workers, **cast("dict[str, Any]", settings))
+    with _bar() if on_progress == "bar" else nullcontext(on_progress or (lambda done, total: None)) as report:
+        return run(chosen, out, chosen_settings, on_event=_Progress(report))
+
+
+@contextmanager
+def _bar() -> Iterator[OnProgress]:
+    """Yield a callback that draws a progress bar, in a terminal or a notebook."""
+    columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns) as progress:
+        task = progress.add_task("export", total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
 def _scenario(item: Scenario) -> ScenarioSpec:

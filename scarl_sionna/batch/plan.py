@@ -20,6 +20,8 @@ from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.simulation import resolve_rig
 
+from .plan_file import shared_plan
+
 if TYPE_CHECKING:
     from scarl_sionna.scene.document.model import SceneDocument
 
@@ -42,9 +44,15 @@ class ExportPlan:
 
 
 def plan_export(
-    scenarios: Iterable[ScenarioSpec], options: StoreOptions, licence: str = "not stated", description: str = ""
+    scenarios: Iterable[ScenarioSpec],
+    options: StoreOptions,
+    licence: str = "not stated",
+    description: str = "",
+    plan_file: str | Path | None = None,
 ) -> ExportPlan:
-    """Return the plan of an export; nothing is simulated and nothing written.
+    """Return the plan of an export; nothing is simulated, and nothing written but the plan file.
+
+    `plan_file`: what of the scenarios stands in it is not computed again, and the rest is added; see `shared_plan`.
 
     Raises
     ------
@@ -73,10 +81,11 @@ def plan_export(
     named = {name: scenario.resolved() for name, scenario in named.items()}
     files = settings_files(rig)
     stated = {"settings_files": files} if files else {}
-    scenes = tuple(
-        ScenePlan(name, scenario.num_frames, {**scene_configuration(scenario), **stated}, scenario.split)
-        for name, scenario in named.items()
-    )
+    with shared_plan(plan_file, software, scene_configuration) as configuration_of:
+        scenes = tuple(
+            ScenePlan(name, scenario.num_frames, {**configuration_of(scenario), **stated}, scenario.split)
+            for name, scenario in named.items()
+        )
     return ExportPlan(named, rig, DatasetPlan(rig.to_dict(), scenes, options, software, licence, description))
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,8 @@ from scarl_sionna.core.errors import ParameterRangeError, SceneError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.core.untrusted.files import MEGABYTE
+from scarl_sionna.core.untrusted.numpy_file import read_npy
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.paths.tracing import REFRACTION, SPECULAR, TracedPaths, trace_paths
@@ -218,8 +219,8 @@ def map_data(measurement: RadarMap) -> Complex:
             )
         return np.conj(data)
     try:
-        data = np.load(Path(measurement.file), allow_pickle=False)
-    except (OSError, ValueError) as error:
+        data = read_npy(measurement.file, 2000 * MEGABYTE)
+    except OSError as error:
         raise SceneError(
             f"cannot be read as .npy ({error})", measurement.file, "save the map with numpy.save"
         ) from error

@@ -11,18 +11,21 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 from pydantic import Field, field_validator, model_validator
 
-from scarl_sionna.core.errors import ParameterRangeError, SceneError
+from scarl_sionna.core.errors import InputFileError, ParameterRangeError, SceneError
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.version_0_1 import read_radar
 from scarl_sionna.core.units import Decibels, Degrees, Hertz, Metres, Unit
+from scarl_sionna.core.untrusted.checked import Table, Text, checked, plain
+from scarl_sionna.core.untrusted.files import MEGABYTE, read_text
+from scarl_sionna.core.untrusted.yaml_text import read_yaml
 
 Array = npt.NDArray[np.float64]
 Numbers = float | tuple[float, ...]
 Point = tuple[Metres, Metres, Metres]
+_MOST_BYTES = 256 * MEGABYTE
 Form = Literal["complex", "amplitude", "power", "power_db"]
 
 _NOISE = (
@@ -310,25 +313,42 @@ class CalibrationProblem(Spec):
         """
         path = Path(path)
         try:
-            content = yaml.safe_load(path.read_text(encoding="utf-8"))
+            content = read_yaml(path)
+        except InputFileError as error:
+            raise SceneError(str(error.strerror), path) from error
         except OSError as error:
             raise SceneError(
                 f"cannot be read ({error.strerror})", path, "check the path and its permissions"
             ) from error
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise SceneError(f"not a valid YAML file ({error})", path, "correct the line named above") from error
         if not isinstance(content, dict):
             raise SceneError("holds no calibration problem", path, "see docs/calibration.md")
+        try:
+            content = plain(checked(_ProblemForm, content))
+        except ValueError as error:
+            raise SceneError(f"holds no calibration problem ({error})", path, "see docs/calibration.md") from error
         beside = path.parent
         content["materials"] = [str(beside / name) for name in content.get("materials", ())]
         content["measurements"] = [_read_measurement(item, beside) for item in content.get("measurements", ())]
         return cls(**content)
 
 
-def _read_measurement(item: object, folder: Path) -> object:
+class _MeasurementForm(Table):
+    """Types of what names files in an entry of `measurements`."""
+
+    table: Text | None = None
+    columns: dict[str, Text | Annotated[tuple[Text, float], Field(strict=False)]] = Field(default_factory=dict)
+    rows: Annotated[list[Annotated[int, Field(ge=-(10**9), le=10**9)]], Field(min_length=2, max_length=3)] | None = None
+
+
+class _ProblemForm(Table):
+    """Types of what names files in a calibration problem."""
+
+    materials: list[Text] = Field(default_factory=list)
+    measurements: list[_MeasurementForm] = Field(default_factory=list)
+
+
+def _read_measurement(item: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return a measurement with its table's columns in place and paths relative to the problem's folder."""
-    if not isinstance(item, dict):
-        return item
     item = dict(item)
     table, columns, rows = item.pop("table", None), item.pop("columns", {}), item.pop("rows", None)
     if table is not None:
@@ -342,7 +362,7 @@ def _read_measurement(item: object, folder: Path) -> object:
 def _columns(path: Path, columns: dict[str, Any], rows: list[int] | None) -> dict[str, list[float]]:
     """Return columns of a CSV file with a header; lines that start with # are comments."""
     try:
-        lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line and not line.startswith("#")]
+        lines = [line for line in read_text(path, _MOST_BYTES).splitlines() if line and not line.startswith("#")]
     except OSError as error:
         raise SceneError(f"cannot be read ({error.strerror})", path, "check the path and its permissions") from error
     header = [name.strip() for name in lines[0].split(",")] if lines else []
@@ -352,10 +372,12 @@ def _columns(path: Path, columns: dict[str, Any], rows: list[int] | None) -> dic
         raise SceneError(
             f"not a table of numbers ({error})", path, "one header line, then numbers with commas"
         ) from error
+    if rows and rows[2:] == [0]:
+        raise ParameterRangeError("rows", rows, "[first, stop] or [first, stop, step] with a step")
     body = body[slice(*rows)] if rows else body
     out = {}
     for key, column in columns.items():
-        name, factor = (column[0], float(column[1])) if isinstance(column, list) else (column, 1.0)
+        name, factor = (column[0], float(column[1])) if isinstance(column, tuple) else (column, 1.0)
         if name not in header:
             raise ParameterRangeError(
                 f"columns.{key}", repr(name), f"one of {', '.join(header)}", f"the header of {path}"

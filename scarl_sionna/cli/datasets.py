@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
@@ -35,15 +36,23 @@ from .common import (
 from .options import ScenarioOptions, grouped_options, scenario_options
 
 if TYPE_CHECKING:
-    from scarl_sionna.batch import ExportReport, ExportSettings
+    from scarl_sionna.batch import ExportReport, ExportSettings, Sweep
 
 app = typer.Typer()
 
 
 @dataclass(frozen=True)
 class _Job:
-    """Options of how a dataset is made."""
+    """Options of which drives a dataset is made of, and how."""
 
+    seeds: Annotated[
+        str | None,
+        typer.Option(metavar="A:B", help="A drive for each seed: 0:1900 (1900 left out), 0:100:5, or 3,7,9."),
+    ] = None
+    splits: Annotated[
+        str | None,
+        typer.Option(metavar="TRAIN,VAL,TEST", help="Shares, for instance 0.8,0.1,0.1; variants of a drive together."),
+    ] = None
     workers: Annotated[int, typer.Option(min=0, help="Processes on this machine (0: in this process).")] = 0
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, for instance tcp://host:8786.")
@@ -52,12 +61,31 @@ class _Job:
         str | None,
         typer.Option(metavar="i/n", help="Only every n-th shard from the i-th (0-based) on, for jobs of an array."),
     ] = None
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            help="Plan of all drives that jobs of an array share: read if it is there, else computed once and written."
+        ),
+    ] = None
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Measure one frame, show size and time, write nothing.")
     ] = False
     on_error: Annotated[
         str, typer.Option(metavar="record|raise", help="A frame that fails: go on without it, or stop.")
     ] = "raise"
+
+    def sweep(self, grid: Mapping[str, Sequence[object]]) -> Sweep:
+        """Return the sweep over seeds and the values of fields."""
+        from scarl_sionna.batch.sweep import Sweep, parse_seeds
+
+        seeds = () if self.seeds is None else parse_seeds(self.seeds)
+        if self.splits is None:
+            return Sweep(seeds, grid)
+        try:
+            train, val, test = (float(share) for share in self.splits.split(","))
+        except ValueError:
+            raise ParameterRangeError("--splits", self.splits, "three numbers, for instance 0.8,0.1,0.1") from None
+        return Sweep(seeds, grid, (train, val, test))
 
 
 @dataclass(frozen=True)
@@ -99,14 +127,15 @@ def export(
     However it was stopped, the same command goes on where it was; the bytes do not depend on the number of workers.
     """
     with reported(context, f"go on with the same command; finished frames are kept in {out}"):
-        specs = [chosen.apply(scenario_of(text)) for text in scenarios]
+        single, grid = chosen.divided()
+        specs = job.sweep(grid).apply(single.apply(scenario_of(text)) for text in scenarios)
         settings = _settings(job, stored)
         if job.dry_run:
             from scarl_sionna.batch.estimate import estimate
             from scarl_sionna.batch.plan import plan_export
 
             with collected_warnings():
-                typer.echo(str(estimate(plan_export(specs, settings.options), out, settings)))
+                typer.echo(str(estimate(plan_export(specs, settings.options, plan_file=job.plan), out, settings)))
             return
         report = _export(specs, out, settings)
         typer.echo(str(report))
@@ -129,6 +158,7 @@ def _settings(job: _Job, stored: _Stored) -> ExportSettings:
         stored.overwrite,
         stored.licence,
         stored.description,
+        job.plan,
     )
 
 

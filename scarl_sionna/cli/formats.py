@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.untrusted.yaml_text import parse_yaml
 
 from .common import collected_warnings, reported
 from .options import grouped_options
@@ -124,7 +125,7 @@ def _options(given: list[str], function: Callable[..., Any]) -> dict[str, Any]:
         if name not in known:
             raise UnknownNameError("option of this format", name, known)
         try:
-            out[name] = yaml.safe_load(value)
+            out[name] = parse_yaml(value)
         except yaml.YAMLError as error:
             raise ParameterRangeError(
                 f"--option {name}", repr(value), "a number, true, false, a text or a list"

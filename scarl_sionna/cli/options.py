@@ -5,19 +5,20 @@ from __future__ import annotations
 import functools
 import inspect
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Annotated, Any, cast
 
 import typer
 import yaml
 
-from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.settings.radar import METHODS, QUALITIES, RadarSettings
-from scarl_sionna.core.spec import Spec, SpecT
 from scarl_sionna.core.specs.lighting import LIGHTING_PRESETS
 from scarl_sionna.core.specs.weather import WEATHER_PRESETS
+from scarl_sionna.core.untrusted.yaml_text import parse_yaml
 from scarl_sionna.fusion.rig import RIG_PRESETS
+from scarl_sionna.scenario.spec.fields import with_field
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scene.actors.model import DETAILS
 
@@ -117,7 +118,7 @@ _SET = Annotated[
         "--set",
         metavar="FIELD=VALUE",
         help="Any other field of the scenario, for instance radar.raycast.num_rays=50000 or radar.sbr.max_depth=2. "
-        "May be repeated.",
+        "May be repeated. Of export also several values with commas, all combinations: weather=rain,clear.",
     ),
 ]
 
@@ -144,13 +145,36 @@ class ScenarioOptions:
         scenario = scenario.with_(**changes) if changes else scenario
         for name, value in self.radar.items():
             if value is not None:
-                scenario = _with_field(scenario, f"radar.{RADAR_OPTIONS[name][0]}", value)
+                scenario = with_field(scenario, f"radar.{RADAR_OPTIONS[name][0]}", value)
+        for path, values in self._further():
+            if len(values) > 1:
+                raise ParameterRangeError(
+                    f"--set {path}", f"{len(values)} values", "one value", "only export takes several; a list is [1, 2]"
+                )
+            scenario = with_field(scenario, path, values[0])
+        return scenario
+
+    def divided(self) -> tuple[ScenarioOptions, dict[str, list[object]]]:
+        """Return what is one value for all, and the fields of which several values are given: ``weather=rain,clear``.
+
+        Raises
+        ------
+        ParameterRangeError
+            If a text is not FIELD=VALUE, or a value is not YAML.
+        """
+        several = {path: values for path, values in self._further() if len(values) > 1}
+        single = tuple(text for text in self.further if text.partition("=")[0].strip() not in several)
+        return ScenarioOptions(self.fields, self.radar, single), several
+
+    def _further(self) -> Iterator[tuple[str, list[object]]]:
+        """Yield the path and the values of each ``--set``."""
         for text in self.further:
             path, equals, value = text.partition("=")
             if not equals or not path.strip():
                 raise ParameterRangeError("--set", text, "FIELD=VALUE, for instance radar.raycast.num_rays=50000")
-            scenario = _with_field(scenario, path.strip(), _value(text, value))
-        return scenario
+            found = _value(text, value)
+            is_several = isinstance(found, str) and "," in found and value.strip()[:1] not in ("'", '"')
+            yield path.strip(), cast("list[object]", _value(text, f"[{value}]")) if is_several else [found]
 
     @property
     def says_anything(self) -> bool:
@@ -161,32 +185,9 @@ class ScenarioOptions:
 def _value(text: str, value: str) -> object:
     """Return a value as YAML has it: numbers, true, null, lists, texts."""
     try:
-        return yaml.safe_load(value)
+        return parse_yaml(value)
     except yaml.YAMLError as error:
         raise ParameterRangeError("--set", text, "a value as in YAML", str(error).splitlines()[0]) from error
-
-
-def _with_field(spec: SpecT, path: str, value: object) -> SpecT:
-    """Return a specification with the field at a dotted path changed."""
-    name, _, rest = path.partition(".")
-    if name not in type(spec).model_fields:
-        raise UnknownNameError(f"field of {type(spec).__name__}", name, type(spec).model_fields)
-    if not rest:
-        return spec.with_(**{name: value})
-    inner = getattr(spec, name)
-    if inner is None:
-        inner = _empty(type(spec), name)
-    if not isinstance(inner, Spec):
-        raise ParameterRangeError(f"--set {path}", value, f"'{name}' has no fields", f"set {name}=...")
-    return spec.with_(**{name: _with_field(inner, rest, value)})
-
-
-def _empty(kind: type[Spec], name: str) -> Spec | None:
-    """Return the specification of an optional field that is left out, with its defaults."""
-    for option in typing.get_args(kind.model_fields[name].annotation):
-        if isinstance(option, type) and issubclass(option, Spec):
-            return option()
-    return None
 
 
 def scenario_options(command: Callable[..., None]) -> Callable[..., None]:

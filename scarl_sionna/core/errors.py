@@ -6,6 +6,7 @@ bug. Each one keeps its data as attributes.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -146,6 +147,17 @@ class OutputError(ScarlError, OSError):
     """A result cannot be written."""
 
 
+class InputFileError(ScarlError, OSError):
+    """A file is not what it should be: no regular file, too large, cut, damaged, or not of its format."""
+
+    def __init__(self, message: str, path: object = None, remedy: str = "") -> None:
+        self.path, self.remedy = path, remedy
+        super().__init__(errno.EINVAL, message + (f"; {remedy}" if remedy else ""))
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.strerror}" if self.path is not None else str(self.strerror)
+
+
 class MissingPackageError(ScarlError, ImportError):
     """An optional package is not installed."""
 
@@ -161,6 +173,29 @@ class DatasetError(ScarlError):
         self.path, self.remedy = path, remedy
         where = f"{path}: " if path is not None else ""
         super().__init__(where + message + (f"; {remedy}" if remedy else ""))
+
+
+class DatasetDamage(DatasetError):
+    """Bytes of a dataset are not those that were written.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file in the dataset.
+    scene : str
+    frame : int or None
+        The frame that was asked for; None where the damage is not of one frame.
+    """
+
+    def __init__(
+        self, message: str, path: object = None, remedy: str = "", place: tuple[str, str, int | None] = ("", "", None)
+    ) -> None:
+        super().__init__(message, path, remedy)
+        self.file, self.scene, self.frame = place
+
+
+class DatasetUnreachable(DatasetError):
+    """A server does not answer, or not as a file server does; the dataset may be whole."""
 
 
 class TrajectoryFileError(ScarlError):

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from scarl_sionna.core.errors import OutputError
+from scarl_sionna.core.errors import OutputError, ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.registry import SETTINGS_TYPES, SPEC_TYPES, lifted, sensor_class, spec_type
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, RadarFrame, SensorResult
@@ -26,6 +26,7 @@ from scarl_sionna.core.spec import FieldValue, Spec
 from . import schema
 from .codec import encode_depth, plain
 from .schema import Field
+from .store.forms import MOST_SHARD_FRAMES
 from .store.shards import ArrayInfo, encode_chunk
 
 NOT_DATA = frozenset({"seconds"})
@@ -52,6 +53,10 @@ class StoreOptions:
     shard_frames: int = 8
     radar_format: Literal["int16", "complex64"] = "int16"
     object_capacity: int = 1024
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.shard_frames <= MOST_SHARD_FRAMES:
+            raise ParameterRangeError("shard_frames", self.shard_frames, f"1 to {MOST_SHARD_FRAMES}")
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ one **shard** ({shard_frames} frames by default). A chunk is compressed with Blo
 that every Zarr v3 reader sees damage. Reading a frame, or a part of it, reads that frame's chunk and nothing else.
 `open_dataset` holds images and the JSON of a shard to the SHA-256 in the shard's record, and the record to that in the manifest:
 of 1,000 single bits flipped at random over all these files none is read in silence (`pytest tests/unit/test_reader_damage.py --run-slow`), for
-4 % more CPU time of reading frames with images.
+3 % more CPU time of reading frames with images (`python benchmarks/readers.py --part checks`). The error names file and frame.
 
 Lengths that differ from frame to frame (returns of a scan, objects) are filled with zeros to a capacity: all shots times
 `max_returns`, and `object_capacity` = {object_capacity}. The zeros take no room on disk. `num_points` and `num_objects` tell how many entries are valid;

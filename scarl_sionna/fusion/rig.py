@@ -24,10 +24,21 @@ from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.lidar_pattern import RasterScan
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.untrusted.checked import Table, Text, checked
+from scarl_sionna.core.untrusted.yaml_text import read_yaml
 
 _NAME = re.compile(r"[A-Za-z0-9_\-]+(/[A-Za-z0-9_\-]+)*")
 _FACING_BACK = (0.0, 0.0, 0.0, 1.0)
 _FACING_FRONT = (1.0, 0.0, 0.0, 0.0)
+
+
+class _MountForm(Table):
+    """Types of a rig's entry of a sensor; what is in it is for the specification to check."""
+
+    name: Text
+    kind: Text
+    spec: dict[str, Any] | None = None
+    settings: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -103,18 +114,22 @@ class SensorMount(Described):
         UnknownNameError
             If there is no such kind of sensor.
         """
-        what = f"sensor '{data.get('name', '?')}'"
+        what = f"sensor '{data.get('name', '?')}'" if isinstance(data, Mapping) else "sensor"
         _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec", "settings"})
         pose = data["vehicle_from_sensor"]
         _check_keys(f"{what} vehicle_from_sensor", pose, required={"position"}, optional={"quaternion"})
-        kind = data["kind"]
-        spec, settings = lifted(kind, data.get("spec") or {}, data.get("settings"))
+        try:
+            form = checked(_MountForm, dict(data))
+        except ValueError as error:
+            raise ParameterRangeError(what, repr(dict(data))[:80], "the form of Rig.to_dict()", str(error)) from error
+        kind = form.kind
+        spec, settings = lifted(kind, form.spec or {}, form.settings)
         try:
             place = Pose(pose["position"], pose.get("quaternion", _FACING_FRONT))
         except ParameterRangeError as error:
             where = f"{what} vehicle_from_sensor.{error.name}"
             raise ParameterRangeError(where, error.value, error.allowed, "keep to the form of Rig.to_dict()") from error
-        return cls(data["name"], kind, spec_type(kind)(**spec), place, _settings_of(kind, what, settings))
+        return cls(form.name, kind, spec_type(kind)(**spec), place, _settings_of(kind, what, settings))
 
 
 @dataclass(frozen=True, repr=False)
@@ -266,8 +281,8 @@ class Rig(Described):
         """
         path = Path(path)
         try:
-            data = yaml.safe_load(path.read_text(encoding="utf-8"))  # JSON is a subset of YAML
-        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+            data = read_yaml(path)
+        except OSError as error:
             raise ParameterRangeError("rig file", path, "a readable YAML or JSON file", str(error)) from error
         return cls.from_dict(data)
 

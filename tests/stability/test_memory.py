@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.memory import release_memory, resident_bytes
+from scarl_sionna.simulation import observe
+from tests.exports import RIG
+from tests.scenes import Thing, ball, box, plane, write_scene
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
@@ -26,6 +32,38 @@ def test_loaded_and_dropped_worlds_leave_nothing() -> None:
     # Four loads after the second, when all kernels are there: 48 MB if one texture were lost, a few pages of the heap
     # if none
     assert taken[-1] - taken[1] < 20e6
+
+
+def different_world(folder: Path, number: int) -> Path:
+    """Write a scene whose shapes, their number and their sizes depend on a number."""
+    rng = np.random.default_rng(number)
+    things = [Thing("road", plane(100.0 + number, 40.0), "Roads", is_object=False)]
+    for index in range(3 + number % 5):
+        place = rng.uniform((10.0, -8.0, 1.0), (60.0, 8.0, 1.0))
+        shape = (
+            box(rng.uniform(0.5, 4.0, 3), place) if index % 2 else ball(rng.uniform(0.3, 1.0), place, 2 + number % 3)
+        )
+        things.append(Thing(f"thing_{index}", shape, "Car"))
+    ego = Thing("ego", box([4.0, 1.6, 0.6], [0, 0, 0.4]), "Car", trajectory=EGO)
+    return write_scene(folder / str(number), things, [ego], ego="ego")
+
+
+EGO = {"kind": "constant_twist", "position": [0.0, 0.0, 0.0], "velocity": [8.0, 0.0, 0.0]}
+
+
+@pytest.mark.own_process("many")
+@pytest.mark.parametrize("count", [12, pytest.param(200, marks=pytest.mark.slow)])
+def test_different_worlds_loaded_observed_and_dropped(count: int, tmp_path) -> None:
+    """Every world has its own shapes, light and seed, and is seen by a camera, a lidar and a radar."""
+    taken = []
+    for number in range(count):
+        lighting = Lighting(sun_elevation_deg=10.0 + 0.3 * number, turbidity=2.0 + 0.02 * number)
+        world = load_scene(different_world(tmp_path, number)).with_lighting(lighting)
+        observe(world, RIG, 0.5, number, index=0)
+        del world
+        release_memory()
+        taken.append(resident_bytes()[0])
+    assert taken[-1] - taken[4] < 100e6, [round(value / 1e6) for value in taken[4 :: max(count // 20, 1)]]
 
 
 @pytest.mark.own_process

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,6 +13,8 @@ from pydantic import Field, model_validator
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Degrees, Hertz, Seconds
+from scarl_sionna.core.untrusted.files import MEGABYTE, read_text
+from scarl_sionna.core.untrusted.numpy_file import read_npz
 
 Array = npt.NDArray[np.float64]
 
@@ -267,7 +270,7 @@ class TableScan(Spec):
                 x, y, z = columns["x"], columns["y"], columns["z"]
                 azimuth, elevation = np.degrees(np.arctan2(y, x)), np.degrees(np.arctan2(z, np.hypot(x, y)))
             time = columns.get("time")
-        except (OSError, KeyError, ValueError) as error:
+        except (OSError, KeyError, ValueError, TypeError, IndexError) as error:
             what = "a .csv or .npz with columns azimuth_deg, elevation_deg (or x, y, z) and time"
             raise ParameterRangeError("scan table", path, what, str(error)) from error
         return cls(
@@ -325,11 +328,14 @@ def _binned(
     return bins(elevation, shape[0]), bins(azimuth, shape[1])
 
 
+_MOST_BYTES = 256 * MEGABYTE
+
+
 def _read_columns(path: Path) -> dict[str, Array]:
     if path.suffix == ".npz":
-        with np.load(path) as arrays:
-            return {name: np.asarray(arrays[name], dtype=np.float64) for name in arrays.files}
+        return {name: np.asarray(values, dtype=np.float64) for name, values in read_npz(path, _MOST_BYTES).items()}
     if path.suffix != ".csv":
         raise ValueError(f"the ending '{path.suffix}' is neither .csv nor .npz")
-    table: Any = np.atleast_1d(np.genfromtxt(path, delimiter=",", names=True, dtype=np.float64, encoding="utf-8"))
+    text = io.StringIO(read_text(path, _MOST_BYTES))
+    table: Any = np.atleast_1d(np.genfromtxt(text, delimiter=",", names=True, dtype=np.float64))
     return {name: np.asarray(table[name]) for name in table.dtype.names or ()}

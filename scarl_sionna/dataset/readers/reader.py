@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import threading
 import warnings
-from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -25,23 +21,18 @@ from scarl_sionna.dataset.store.files import Files, open_files
 from scarl_sionna.dataset.store.manifest import (
     ARRAYS,
     BACKUP,
-    SHARDS,
     DatasetPlan,
     ScenePlan,
     plan_of,
     recover_manifest,
 )
-from scarl_sionna.dataset.store.shard_writer import ShardRecord, array_key, image_name, meta_name, record_name
-from scarl_sionna.dataset.store.shards import ArrayInfo, decode_chunk, index_length, parse_index
+from scarl_sionna.dataset.store.shards import ArrayInfo
 
+from .shard_files import ShardFiles
 from .stored import StoredImage, StoredImages, StoredLidar, StoredRadar, StoredResult, SuiteMapping, stored_result
 
 if TYPE_CHECKING:
     import zarr
-
-_CACHED_SHARDS = 64
-"""Shards whose indices and JSON are kept in memory, a scene."""
-_ALTERED = ValueError("it is not what was written (size or checksum)")
 
 
 class Dataset(Described, Sequence["StoredFrame"]):
@@ -151,10 +142,9 @@ class Scene(Described, Sequence["StoredFrame"]):
 
     def __init__(self, dataset: Dataset, plan: ScenePlan) -> None:
         self.dataset, self.plan, self.name = dataset, plan, plan.name
-        self._options = dataset.plan.options
-        self._lock = threading.Lock()
-        self._shards: OrderedDict[int, _Shard] = OrderedDict()
-        self.frames: tuple[int, ...] = tuple(self._find_frames())
+        rows = dataset.manifest["shards"].get(self.name, [])
+        self._files = ShardFiles(dataset.files, dataset.place, plan, dataset.plan.options, rows)
+        self.frames: tuple[int, ...] = tuple(self._files.frames())
 
     def _facts(self) -> Iterable[Row]:
         yield "name", self.name
@@ -223,7 +213,7 @@ class Scene(Described, Sequence["StoredFrame"]):
 
     def arrays(self, index: int) -> dict[str, ArrayInfo]:
         """Return the arrays of a frame's shard by name."""
-        return dict(self._shard(index).arrays)
+        return self._files.arrays(index)
 
     def read_array(self, index: int, name: str) -> npt.NDArray[Any] | None:
         """Return one array of one frame, or None if the frame does not have it.
@@ -235,42 +225,21 @@ class Scene(Described, Sequence["StoredFrame"]):
         DatasetError
             If the file is missing, cut or damaged.
         """
-        shard = self._shard(index)
-        info = shard.arrays.get(name)
-        if info is None:
-            return None
-        number, position = divmod(index, self._options.shard_frames)
-        key = array_key(self.name, name, number, info)
-        try:
-            places = shard.places.get(name)
-            if places is None:
-                end = shard.files[key][0]
-                tail = self.dataset.files.read(key, end - index_length(self._options.shard_frames), end)
-                places = shard.places[name] = parse_index(tail, self._options.shard_frames)
-            place = places[position]
-            if place is None:
-                return None
-            return decode_chunk(self.dataset.files.read(key, place[0], place[0] + place[1]), info)
-        except (OSError, DatasetError, RuntimeError, KeyError) as error:
-            raise self._damaged(key, error) from error
+        return self._files.read_array(index, name)
 
-    def read_file(self, name: str) -> bytes:
-        """Return a file of the dataset.
+    def read_file(self, name: str, index: int | None = None) -> bytes:
+        """Return a file of the dataset; `index` is the frame that an error names.
 
         Raises
         ------
         DatasetError
             If the file is missing or cannot be read.
         """
-        try:
-            return self.dataset.files.read(name)
-        except OSError as error:
-            raise self._damaged(name, error) from error
+        return self._files.read_file(name, index)
 
     def image_file(self, index: int, sensor: str, image: str) -> str | None:
         """Return the name of an image's PNG file in the dataset, or None if the frame does not have it."""
-        name = image_name(self.name, f"{sensor}/{image}/{index:06d}.png")
-        return name if name in self._shard(index).files else None
+        return self._files.image_file(index, sensor, image)
 
     def read_image(self, index: int, sensor: str, image: str) -> bytes | None:
         """Return an image's PNG file, or None if the frame does not have it.
@@ -280,88 +249,11 @@ class Scene(Described, Sequence["StoredFrame"]):
         DatasetError
             If the file is missing, or is not the one that was written.
         """
-        name = self.image_file(index, sensor, image)
-        return None if name is None else self._read_checked(name, self._shard(index).files[name])
-
-    def _read_checked(self, name: str, written: tuple[int, str]) -> bytes:
-        """Return a file whose size and SHA-256 are those that its shard's record states."""
-        data = self.read_file(name)
-        if (len(data), hashlib.sha256(data).hexdigest()) != written:
-            raise self._damaged(name, _ALTERED)
-        return data
+        return self._files.read_image(index, sensor, image)
 
     def meta(self, index: int) -> dict[str, Any]:
         """Return what of a frame stands in JSON."""
-        return self._shard(index).metas[index]
-
-    def _damaged(self, key: str, error: Exception) -> DatasetError:
-        text = "is not there" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
-        return DatasetError(
-            f"{key} {text}", self.dataset.place, "run `scarl-sionna verify --repair`, then the export again"
-        )
-
-    def _find_frames(self) -> Iterator[int]:
-        """Yield the frames of finished shards: from the manifest, and from records that came after it."""
-        there: set[str] | None = None
-        for shard in range(self.plan.num_shards(self._options)):
-            row = self._row(shard)
-            frames = self.plan.shard_range(shard, self._options)
-            if row is not None and row[1] == len(frames):
-                yield from frames
-                continue
-            if there is None:
-                there = set(self.dataset.files.names(f"{SHARDS}/{self.name}"))
-            if f"{shard:06d}.json" in there:
-                yield from (index for index in self._record(shard).frames if index in frames)
-
-    def _row(self, shard: int) -> list[Any] | None:
-        """Return what the manifest states of a shard: checksum of its record and number of frames first."""
-        rows = self.dataset.manifest["shards"].get(self.name, [])
-        return rows[shard] if shard < len(rows) else None
-
-    def _record(self, shard: int) -> ShardRecord:
-        key = record_name(self.name, shard)
-        try:
-            text = self.dataset.files.read(key)
-        except OSError as error:
-            raise self._damaged(key, error) from error
-        row = self._row(shard)
-        frames = row[1] if row is not None and row[0] != hashlib.sha256(text).hexdigest() else None
-        if frames == len(self.plan.shard_range(shard, self._options)):
-            raise self._damaged(key, _ALTERED)
-        record = ShardRecord.parse(text, f"{self.dataset.place}/{key}")
-        if frames == len(record.frames):  # one that came after the manifest has more
-            raise self._damaged(key, _ALTERED)
-        return record
-
-    def _shard(self, index: int) -> _Shard:
-        number = index // self._options.shard_frames
-        with self._lock:
-            if number in self._shards:
-                self._shards.move_to_end(number)
-                return self._shards[number]
-        record = self._record(number)
-        try:
-            name = meta_name(self.name, number)
-            text = self._read_checked(name, record.files[name]) if name in record.files else self.read_file(name)
-            metas = {int(meta["index"]): meta for meta in json.loads(text)}
-        except (ValueError, KeyError, TypeError) as error:
-            raise self._damaged(meta_name(self.name, number), error) from error
-        shard = _Shard(record, metas)
-        with self._lock:
-            self._shards[number] = shard
-            while len(self._shards) > _CACHED_SHARDS:
-                self._shards.popitem(last=False)
-        return shard
-
-
-class _Shard:
-    """What is kept of a shard: its arrays, size and checksum of its files, its JSON, and the indices that were read."""
-
-    def __init__(self, record: ShardRecord, metas: dict[int, dict[str, Any]]) -> None:
-        self.arrays, self.metas = record.arrays, metas
-        self.files = record.files
-        self.places: dict[str, list[tuple[int, int] | None]] = {}
+        return self._files.meta(index)
 
 
 class StoredFrame(Described):

@@ -6,18 +6,24 @@ import errno
 import hashlib
 import os
 import re
+import warnings
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Protocol
 
-from scarl_sionna.core.errors import DatasetError, OutputError
+from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, OutputError, ScarlWarning
+from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular
 
 from .atomic import partial_path
 
 _SAFE = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_.\-]*(/[A-Za-z0-9_\-][A-Za-z0-9_.\-]*)*")
 _SYNC_THREADS = 8
 _MAKE_TRIES = 100
+_MOST_BYTES = 2**40
+_MOST_JSON_BYTES = 100 * MEGABYTE
+_NO_LISTING = (401, 403, 404, 405, 501)
+"""Answers of HTTP servers that give files and list no folders."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+:(//|:)")
 
 
@@ -81,10 +87,13 @@ class LocalFiles:
 
     def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
         """Return a file's bytes, or those from `start` to `stop`."""
-        with open(self.path(name), "rb") as file:
-            if start is not None:
-                file.seek(start)
-            return file.read() if stop is None else file.read(stop - (start or 0))
+        with open_regular(self.path(name), _MOST_BYTES) as file:
+            size = os.fstat(file.fileno()).st_size
+            first, last = start or 0, size if stop is None else min(stop, size)
+            if first < 0:
+                raise DatasetError(f"{name} is asked for from byte {first} on: it is shorter than what ends it")
+            file.seek(first)
+            return file.read(max(last - first, 0))
 
     def names(self, folder: str) -> list[str]:
         """Return the names in a folder, sorted; none if it is not there."""
@@ -102,6 +111,7 @@ class RemoteFiles:
 
         fsspec = require("fsspec", "remote")
         self.url = url
+        self._warned = False
         try:
             self._system, self._root = fsspec.core.url_to_fs(url)
         except (ValueError, ImportError) as error:
@@ -110,16 +120,77 @@ class RemoteFiles:
             ) from error
 
     def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
-        """Return a file's bytes, or those from `start` to `stop`."""
-        return bytes(self._system.cat_file(f"{self._root.rstrip('/')}/{name}", start=start, end=stop))
+        """Return a file's bytes, or those from `start` to `stop`.
+
+        Warns
+        -----
+        ScarlWarning
+            Once, if the server sends whole files where a part was asked for.
+
+        Raises
+        ------
+        FileNotFoundError
+            If the server says that there is no such file.
+        DatasetUnreachable
+            If it does not answer, or refuses.
+        """
+        try:
+            data = bytes(self._system.cat_file(f"{self._root.rstrip('/')}/{name}", start=start, end=stop))
+        except (FileNotFoundError, NotADirectoryError):
+            raise
+        except Exception as error:  # every protocol has errors of its own
+            raise self._unreachable(name, error) from error
+        if stop is not None and len(data) > stop - (start or 0):
+            if not self._warned:
+                self._warned = True
+                warnings.warn(
+                    f"{self.url}: the server sends whole files where parts are asked for (no HTTP ranges); "
+                    "reading is slow: use another server, or copy the dataset",
+                    ScarlWarning,
+                    stacklevel=2,
+                )
+            data = data[start or 0 : stop]
+        return data
 
     def names(self, folder: str) -> list[str]:
-        """Return the names in a folder, sorted; none if it is not there."""
+        """Return the names in a folder, sorted; none if it is not there, or the server lists no folders.
+
+        Raises
+        ------
+        DatasetUnreachable
+            If the server does not answer.
+        """
         try:
             found = self._system.ls(f"{self._root.rstrip('/')}/{folder}", detail=False)
-        except (FileNotFoundError, NotADirectoryError):
+        except (FileNotFoundError, NotADirectoryError, PermissionError, NotImplementedError):
             return []
+        except Exception as error:
+            if getattr(error, "status", None) in _NO_LISTING:
+                return []
+            raise self._unreachable(folder, error) from error
         return sorted(str(name).rstrip("/").rpartition("/")[2] for name in found)
+
+    def _unreachable(self, name: str, error: Exception) -> DatasetUnreachable:
+        status = getattr(error, "status", None)
+        what = f"answers {status} for {name}" if status is not None else f"does not give {name}"
+        reason = str(error) or type(error).__name__
+        return DatasetUnreachable(
+            f"the server {what} ({reason:.200})", self.url, "check the address, the network and your permissions"
+        )
+
+
+def read_small(files: Files, name: str) -> bytes:
+    """Return the bytes of a JSON file.
+
+    Raises
+    ------
+    DatasetError
+        If it is larger than any that is written.
+    """
+    data = files.read(name, 0, _MOST_JSON_BYTES + 1)
+    if len(data) > _MOST_JSON_BYTES:
+        raise DatasetError(f"{name} has more than {_MOST_JSON_BYTES} bytes", files.url, "do not trust this dataset")
+    return data
 
 
 def open_files(place: str | Path) -> Files:

@@ -19,11 +19,14 @@ from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveform import Fmcw
+from scarl_sionna.core.untrusted.checked import checked
+from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.dataset import schema
 from scarl_sionna.dataset.codec import DEPTH_FORMULA, plain
 from scarl_sionna.dataset.encoding import StoreOptions, spec_of
 
-from .files import Files, check_name
+from .files import Files, check_name, read_small
+from .forms import ManifestForm
 
 FORMAT = "scarl-dataset"
 MANIFEST = "manifest.json"
@@ -269,7 +272,7 @@ def read_manifest(files: Files, name: str = MANIFEST) -> dict[str, Any]:
         If there is none, it is of a newer schema or damaged, or names that lead out of the dataset stand in it.
     """
     try:
-        data = json.loads(files.read(name))
+        data = parse_json(read_small(files, name))
     except (FileNotFoundError, NotADirectoryError) as error:
         raise ManifestMissing(
             f"no dataset here (no {name})", files.url, "give the folder that `scarl-sionna export --out` wrote"
@@ -288,15 +291,16 @@ def read_manifest(files: Files, name: str = MANIFEST) -> dict[str, Any]:
             "update scarl-sionna",
         )
     try:
-        for name in (*data["scenes"], *data["shards"], *data["configuration"]["scenes"]):
-            if not _SCENE_NAME.fullmatch(name):
-                check_name(f"../{name}", "scene name")
+        checked(ManifestForm, data)
+        for scene in (*data["scenes"], *data["shards"], *data["configuration"]["scenes"]):
+            if not _SCENE_NAME.fullmatch(scene):
+                check_name(f"../{scene}", "scene name")
         for mount in data["configuration"]["rig"]["sensors"]:
             check_name(mount["name"], "sensor name")
         plan_of(data)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ManifestDamage(
-            f"{name} is damaged: {error!r:.200}", files.url, "run the export again: it writes it anew"
+            f"{name} is damaged: {error!s:.200}", files.url, "run the export again: it writes it anew"
         ) from error
     return data
 

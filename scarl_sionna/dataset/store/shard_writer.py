@@ -15,9 +15,12 @@ from pathlib import Path
 from types import TracebackType
 
 from scarl_sionna.core.errors import DatasetError, OutputError
+from scarl_sionna.core.untrusted.checked import checked
+from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
 from .files import Batch, LocalFiles, check_name, make_folder, output_error, write_whole
+from .forms import RecordForm
 from .layout import METADATA, WORK_FOLDER, clear_work
 from .locks import FileLock
 from .manifest import ARRAYS, IMAGES, SHARDS, ScenePlan
@@ -74,17 +77,17 @@ class ShardRecord:
             If it is damaged or names a file outside of the scene.
         """
         try:
-            data = json.loads(text)
-            arrays = {check_name(name, "array"): ArrayInfo.from_dict(info) for name, info in data["arrays"].items()}
-            files = {
-                check_name(name, "file"): (int(size), str(digest)) for name, (size, digest) in data["files"].items()
+            data = checked(RecordForm, parse_json(text))
+            arrays = {
+                check_name(name, "array"): ArrayInfo(info.dtype, tuple(info.shape), tuple(info.axes), info.attributes)
+                for name, info in data.arrays.items()
             }
-            failed = {int(index): str(reason) for index, reason in data["failed"].items()}
-            frames = tuple(int(index) for index in data["frames"])
-            return cls(str(data["configuration"]), frames, failed, arrays, files)
-        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            files = {check_name(name, "file"): item for name, item in data.files.items()}
+            failed = {int(index): reason for index, reason in data.failed.items()}
+            return cls(data.configuration, tuple(data.frames), failed, arrays, files)
+        except ValueError as error:
             raise DatasetError(
-                f"the record of a shard is damaged: {error!r:.120}", where, "run verify --repair, then export"
+                f"the record of a shard is damaged: {error!s:.200}", where, "run verify --repair, then export"
             ) from error
 
 

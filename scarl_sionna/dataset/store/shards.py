@@ -30,6 +30,7 @@ SMALL = 256
 """Chunks below this size [bytes] are not compressed."""
 _MISSING = 2**64 - 1
 _CRC_LENGTH = 4
+_BLOSC_HEADER = 16
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,15 @@ def decode_chunk(data: bytes, info: ArrayInfo) -> npt.NDArray[Any]:
     body, crc = data[:-_CRC_LENGTH], data[-_CRC_LENGTH:]
     if len(data) < _CRC_LENGTH or _crc(body) != crc:
         raise DatasetError("a chunk is damaged (its checksum does not match)")
-    raw = Blosc().decode(body) if info.compressed else body
+    if info.compressed:  # the size in Blosc's own header decides how much it sets aside
+        head = np.frombuffer(body, dtype="<u4", count=4) if len(body) >= _BLOSC_HEADER else np.zeros(4, dtype="<u4")
+        if (int(head[1]), int(head[3])) != (info.chunk_bytes, len(body)):
+            raise DatasetError(f"a chunk claims {int(head[1])} bytes, it should have {info.chunk_bytes}")
+        raw = Blosc().decode(body)
+    else:
+        raw = body
+    if len(raw) != info.chunk_bytes:
+        raise DatasetError(f"a chunk has {len(raw)} bytes, it should have {info.chunk_bytes}")
     values = np.frombuffer(raw, dtype=np.dtype(info.dtype).newbyteorder("<"))
     return values.astype(info.dtype, copy=False).reshape(info.shape)
 

@@ -18,6 +18,9 @@ from scarl_sionna.core.errors import InputTypeError, OutputError, ParameterRange
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.settings.scatterers import TR38901
 from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.core.untrusted.files import MEGABYTE
+from scarl_sionna.core.untrusted.json_text import parse_json
+from scarl_sionna.core.untrusted.numpy_file import read_npz
 
 from .table import AspectTable, direction_of
 from .tr38901 import tr38901_fields
@@ -25,6 +28,7 @@ from .tr38901 import tr38901_fields
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
+_MOST_BYTES = 2000 * MEGABYTE
 FORMAT_VERSION = 2
 """Version of the saved file; 1 held the amplitudes as one array."""
 _ROUNDING = 1e-9
@@ -257,17 +261,17 @@ class ScattererModel(
             If the file is missing, no model, or of a newer version.
         """
         try:
-            with np.load(path, allow_pickle=False) as data:
-                version = int(data["version"])
-                if version > FORMAT_VERSION:
-                    raise SceneError(f"is of version {version}, this program reads up to {FORMAT_VERSION}", path)
-                frequency, cell, nearest, reach = (float(value) for value in data["numbers"])
-                error_of, provenance = (json.loads(str(data[name])) for name in ("error", "provenance"))
-                centers, azimuth, elevation = (data[name] for name in ("centers", "azimuth", "elevation"))
-                table = AspectTable.dense(data["amplitude"]) if version == 1 else AspectTable.from_arrays(data)
-        except (OSError, KeyError, ValueError) as error:
+            data = read_npz(path, _MOST_BYTES)
+            version = int(data["version"])
+            if version > FORMAT_VERSION:
+                raise SceneError(f"is of version {version}, this program reads up to {FORMAT_VERSION}", path)
+            frequency, cell, nearest, reach = (float(value) for value in data["numbers"])
+            error_of, provenance = (dict(parse_json(str(data[name]))) for name in ("error", "provenance"))
+            centers, azimuth, elevation = (data[name] for name in ("centers", "azimuth", "elevation"))
+            table = AspectTable.dense(data["amplitude"]) if version == 1 else AspectTable.from_arrays(data)
+            return cls(centers, azimuth, elevation, table, frequency, cell, nearest, reach, error_of, provenance)
+        except (OSError, KeyError, ValueError, TypeError, IndexError, OverflowError) as error:
             raise SceneError(f"is no scatterer model ({error})", path, "write one with ScattererModel.save") from error
-        return cls(centers, azimuth, elevation, table, frequency, cell, nearest, reach, error_of, provenance)
 
     @classmethod
     def tr38901(cls, object_type: str, frequency: float = 77e9, model_type: int = 2) -> ScattererModel:

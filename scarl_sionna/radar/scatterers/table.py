@@ -127,9 +127,34 @@ class AspectTable(Described):
 
     @classmethod
     def from_arrays(cls, data: Mapping[str, npt.NDArray[Any]]) -> AspectTable:
-        """Make a table from what :meth:`arrays` returned."""
+        """Make a table from what :meth:`arrays` returned.
+
+        Raises
+        ------
+        ValueError
+            If the arrays do not fit each other.
+        """
         rows, columns = (int(value) for value in data["counts"])
-        return cls(data["row_start"], data["column_start"], rows, columns, data["held"], data["values"])
+        starts = [_starts(data[name], size) for name, size in (("row_start", rows), ("column_start", columns))]
+        held, values = data["held"], data["values"]
+        if held.dtype != np.int32 or held.ndim != 3 or held.shape[:2] != (len(starts[0]), len(starts[1])):
+            raise ValueError(f"`held` of type {held.dtype} and shape {held.shape} does not fit the blocks")
+        if values.dtype != np.complex64 or values.shape[1:] != (2, 2) or not np.isfinite(values).all():
+            raise ValueError("`values` are not finite complex64 matrices of shape (n, 2, 2)")
+        aspects = np.diff(starts[0], append=rows)[:, None] * np.diff(starts[1], append=columns)
+        if (held < ABSENT).any() or (np.where(held >= 0, held + aspects[:, :, None], 0) > len(values)).any():
+            raise ValueError("`held` points outside of `values`")
+        return cls(starts[0], starts[1], rows, columns, held, values)
+
+
+def _starts(values: npt.NDArray[Any], size: int) -> Index:
+    """Return the first rows or columns of blocks after a check that they rise from 0 and stay below a size."""
+    if values.ndim != 1 or values.dtype.kind not in "iu" or not 0 < size < 10**6 or not len(values) or values[0] != 0:
+        raise ValueError("blocks that do not begin with 0")
+    starts = values.astype(np.int64)
+    if np.any(np.diff(starts, append=size) <= 0):
+        raise ValueError("blocks that do not rise")
+    return starts
 
 
 class TableBuilder:

@@ -60,6 +60,10 @@ def quintic_step(x: npt.ArrayLike) -> Array:
     return x * x * x * (10.0 + x * (6.0 * x - 15.0))
 
 
+MOST_KNOTS = 30_000
+"""Knots of a path: 90 km of a vehicle's way, and no more than some seconds to fit them."""
+
+
 class SmoothPath:
     """Curve through points in space, by arc length; its derivatives are continuous up to the fourth.
 
@@ -112,6 +116,13 @@ class SmoothPath:
         if steps.min() <= 0.0:
             raise ParameterRangeError("points", f"point {int(steps.argmin())} twice in a row", "distinct neighbours")
         chord = np.concatenate([[0.0], np.cumsum(steps)])
+        if not chord[-1] + sum(extend) <= MOST_KNOTS * smoothing:
+            raise ParameterRangeError(
+                "length of the path",
+                f"{chord[-1]:.4g} m",
+                f"at most {MOST_KNOTS * smoothing:.4g} m ({MOST_KNOTS} knots, {smoothing:.3g} m apart)",
+                "does a point jump? cut the way into several",
+            )
         dense, way = _densify(given, chord, smoothing, extend, sparse)
         if offset != 0.0 or shifts:  # beside a curve, not beside a corner
             dense = _least_squares(way, dense, smoothing)(way)

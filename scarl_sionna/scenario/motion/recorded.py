@@ -33,8 +33,8 @@ _JUMP = 0.8
 _FAST, _FAST_SMOOTHING = 12.0, 0.75
 """Above this speed [m/s] the knots of a path are further apart, by this time [s]: a lane change at 30 m/s begins within
 some 14 m."""
-_FASTEST = 90.0
-"""Speed between two samples above which a record was carried elsewhere [m/s]."""
+FASTEST, FARTHEST_STEP = 90.0, 5.0
+"""Speed between two samples above which a record was carried elsewhere [m/s], and a step [m] that is never a jump."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,13 +142,13 @@ def _way_and_jumps(name: str, times: Array, points: Array, headings: Array, on_w
     sideways = -steps[:, 0] * forward[:, 1] + steps[:, 1] * forward[:, 0]
     jumps = np.where(on_wheels & (np.abs(sideways) > _JUMP), sideways, 0.0)
     along = np.sqrt(np.maximum(np.square(steps).sum(1) - np.square(jumps), 0.0))
-    far = np.maximum(_FASTEST * np.diff(times), 5.0)
+    far = np.maximum(FASTEST * np.diff(times), FARTHEST_STEP)
     if np.any((along > far) | (np.abs(jumps) > 8.0)):
         index = int(np.flatnonzero((along > far) | (np.abs(jumps) > 8.0))[0])
         raise ParameterRangeError(
             f"step of '{name}'",
             f"{np.linalg.norm(steps[index]):.4g} m from {times[index]:g} to {times[index + 1]:g} s",
-            f"at most {_FASTEST:g} m/s and a lane to the side",
+            f"at most {FASTEST:g} m/s and a lane to the side",
             "it was carried elsewhere; in SUMO set time-to-teleport to -1",
         )
     along[along < 2e-3 * np.diff(times)] = 0.0

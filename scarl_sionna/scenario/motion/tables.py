@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -18,17 +19,22 @@ from scarl_sionna.core.errors import (
     TrajectoryFileError,
 )
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.scenario.traffic.fcd import model_of_type, read_fcd
+from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular, read_bytes, read_text
+from scarl_sionna.scenario.traffic.fcd import MOST_RECORD_BYTES, model_of_type, read_fcd
 from scarl_sionna.scenario.traffic.planned import Ground, PlannedActor, lane_ground
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory, WaypointTrajectory
 
 from .bodies import ActorBody, BodyLike, body_of
 from .paths import sample_motion
+from .recorded import FARTHEST_STEP, FASTEST
 from .routes import vehicle_trajectory
 
 Array = npt.NDArray[np.float64]
 
+_MOST_BYTES = 256 * MEGABYTE
+_FARTHEST = 1e8
+"""Coordinates beyond it [m] are no place on Earth, whatever the projection."""
 COLUMNS = ("time", "id", "x", "y", "z", "yaw_deg", "speed", "model")
 """Columns of a table: the first four are needed."""
 _SAME = {
@@ -159,9 +165,9 @@ def _root_tag(path: Path) -> str:
     import xml.etree.ElementTree as ET
 
     try:
-        with path.open("rb") as file:
+        with open_regular(path, MOST_RECORD_BYTES) as file:
             return str(next(iter(ET.iterparse(file, ("start",))))[1].tag)
-    except (OSError, ET.ParseError, StopIteration) as error:
+    except (OSError, ET.ParseError, StopIteration, ValueError, LookupError) as error:
         raise TrajectoryFileError(f"cannot be read as XML ({error})", path) from error
 
 
@@ -176,9 +182,9 @@ def _pandas() -> ModuleType:
 
 def _csv(path: Path) -> dict[str, list[object]]:
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = read_text(path, _MOST_BYTES, "utf-8-sig")
+        rows = [row for row in csv.reader(io.StringIO(text, newline="")) if row]
+    except (OSError, csv.Error) as error:
         raise TrajectoryFileError(f"cannot be read ({error})", path, "give a readable CSV file") from error
     if not rows:
         raise TrajectoryFileError("is empty", path, "the first line names the columns: " + ", ".join(COLUMNS))
@@ -192,7 +198,7 @@ def _csv(path: Path) -> dict[str, list[object]]:
 def _parquet(path: Path) -> dict[str, list[object]]:
     pandas = _pandas()
     try:
-        frame = pandas.read_parquet(path)
+        frame = pandas.read_parquet(io.BytesIO(read_bytes(path, _MOST_BYTES)))
     except Exception as error:  # what pyarrow raises on a broken file is not one class
         raise TrajectoryFileError(f"cannot be read ({error})", path, "give a readable Parquet file") from error
     return {str(name): frame[name].tolist() for name in frame.columns}
@@ -229,6 +235,7 @@ def _actors(
                 "time",
             )
         plan = np.stack([numbers["x"][rows], numbers["y"][rows]], axis=1)
+        _check_steps(path, name, times, plan, listed)
         height = numbers["z"][rows] if "z" in numbers else ground(plan) if ground is not None else np.zeros(len(rows))
         kind = str(columns["model"][listed[0]] or "").strip() if "model" in columns else ""
         model = model_of_type(kind) if not (models and kind in models) else kind
@@ -242,15 +249,32 @@ def _actors(
     return actors
 
 
+def _check_steps(path: Path, name: str, times: Array, plan: Array, rows: Sequence[int]) -> None:
+    """Raise where an actor jumps: the curve through a jump would go for kilometres."""
+    far = np.maximum(FASTEST * np.diff(times), FARTHEST_STEP)
+    steps = np.linalg.norm(np.diff(plan, axis=0), axis=1)
+    bad = np.flatnonzero(~(steps <= far))
+    if bad.size:
+        index = int(bad[0])
+        raise TrajectoryFileError(
+            f"'{name}' goes {steps[index]:.4g} m in {times[index + 1] - times[index]:.3g} s",
+            path,
+            f"at most {FASTEST:g} m/s; give actors that are carried elsewhere another id",
+            rows[index + 1] + 1,
+        )
+
+
 def _floats(path: Path, name: str, values: Sequence[object]) -> Array:
     numbers = np.empty(len(values))
     for index, value in enumerate(values):
         try:
             numbers[index] = float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             numbers[index] = np.nan
         if not np.isfinite(numbers[index]):
-            raise TrajectoryFileError(f"{value!r} is not a finite number", path, row=index + 1, column=name)
+            raise TrajectoryFileError(f"{value!r:.60} is not a finite number", path, row=index + 1, column=name)
+        if abs(numbers[index]) > _FARTHEST:
+            raise TrajectoryFileError(f"{value!r:.60} is beyond {_FARTHEST:g}", path, row=index + 1, column=name)
     return numbers
 
 

@@ -11,38 +11,11 @@ from typing import Any
 import yaml
 
 from scarl_sionna.core.errors import ScenarioError, ScenarioFileError, ScenarioKeyError, ScenarioPlace
+from scarl_sionna.core.untrusted.files import read_text
+from scarl_sionna.core.untrusted.yaml_text import MOST_BYTES, PlainLoader, constructed
 
 KeyPath = tuple[str | int, ...]
 """Keys and list positions from the top, for instance ``("actors", 1, "model")``."""
-
-_DEEPEST = 32
-"""More levels than any scenario has: an alias inside its own anchor."""
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML as in version 1.2: ``1e3`` is a number, ``18:30`` is a text, a date is a text."""
-
-
-_Loader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if tag.rpartition(":")[2] not in ("int", "float", "timestamp")]
-    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-}
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:int", re.compile(r"^[-+]?(?:0x[0-9a-fA-F]+|[0-9]+)$"), list("-+0123456789")
-)
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|\.(?:inf|Inf|INF))$|^\.(?:nan|NaN|NAN)$"),
-    list("-+0123456789."),
-)
-
-
-def _decimal(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
-    text = str(node.value)
-    return int(text, 16 if "x" in text else 10)
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _decimal)
 
 
 @dataclass(frozen=True)
@@ -93,8 +66,9 @@ def read_marked(path: Path) -> tuple[Any, Origin]:
     """
     file = str(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(path, MOST_BYTES)
+        loader = PlainLoader(text)
+    except (OSError, yaml.YAMLError) as error:  # of a character that YAML does not allow
         reason = getattr(error, "strerror", None) or str(error)
         raise ScenarioFileError(
             f"scenario file = {path} cannot be read ({reason})",
@@ -102,7 +76,6 @@ def read_marked(path: Path) -> tuple[Any, Origin]:
             "give a readable YAML or JSON file",
             value=path,
         ) from error
-    loader = _Loader(text)
     try:
         node = loader.get_single_node()
         marks: dict[KeyPath, tuple[int, int]] = {}
@@ -111,7 +84,7 @@ def read_marked(path: Path) -> tuple[Any, Origin]:
             _walk(loader, node, (), marks, problems, file)
         if problems:
             raise ScenarioError.first_of(problems)
-        data = None if node is None else loader.construct_document(node)
+        data = None if node is None else constructed(loader, node)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = ScenarioPlace("", file) if mark is None else ScenarioPlace("", file, mark.line + 1, mark.column + 1)
@@ -127,7 +100,7 @@ def read_marked(path: Path) -> tuple[Any, Origin]:
 
 
 def _walk(
-    loader: _Loader,
+    loader: PlainLoader,
     node: yaml.Node,
     path: KeyPath,
     marks: dict[KeyPath, tuple[int, int]],
@@ -135,8 +108,6 @@ def _walk(
     file: str,
 ) -> None:
     """Note line and column of every key and list item below a node."""
-    if len(path) > _DEEPEST:
-        raise yaml.MarkedYAMLError(problem="is nested too deeply", problem_mark=node.start_mark)
     marks.setdefault(path, _mark(node))
     if isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):

@@ -130,6 +130,11 @@ class ScenarioSpec(Spec):
         return self.name or re.sub(r"[^A-Za-z0-9_\-]", "_", Path(self.scene).stem)
 
     @property
+    def folder(self) -> Path | None:
+        """Folder of the scenario's file, beside which the files that it names are looked for first."""
+        return None if self._origin is None else self._origin.folder
+
+    @property
     def times(self) -> tuple[float, ...]:
         """Time of each frame [s]."""
         return tuple(self.start_time + index / self.frame_rate for index in range(self.num_frames))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ import numpy as np
 
 from scarl_sionna.core.errors import MissingPackageError, ParameterRangeError, ScarlWarning, TrajectoryFileError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.untrusted.xml_text import read_xml
 from scarl_sionna.scenario.motion.bodies import BodyLike, body_of
 from scarl_sionna.scenario.motion.recorded import Record, smooth_record
 from scarl_sionna.scene.lanes import LaneNetwork
@@ -79,12 +79,12 @@ def read_commonroad(
     except ImportError as error:
         raise MissingPackageError("commonroad-io", "commonroad") from error
     try:
-        if ET.parse(path).getroot().tag != "commonRoad":
+        if read_xml(path).tag != "commonRoad":
             raise TrajectoryFileError("the root element is not <commonRoad>", path)
         scenario, _ = XMLFileReader(str(path)).open()
     except TrajectoryFileError:
         raise
-    except (OSError, ET.ParseError) as error:
+    except OSError as error:
         raise TrajectoryFileError(f"cannot be read ({error})", path) from error
     except Exception as error:  # the package raises whatever its parser stumbles on
         raise TrajectoryFileError(

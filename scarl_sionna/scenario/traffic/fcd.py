@@ -5,7 +5,9 @@ from __future__ import annotations
 import gzip
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -13,11 +15,16 @@ import numpy as np
 
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning, TrajectoryFileError
 from scarl_sionna.core.seeds import generator
+from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular
 from scarl_sionna.scenario.motion.bodies import BodyLike, body_of
 from scarl_sionna.scenario.motion.recorded import Record, smooth_record
 from scarl_sionna.scene.lanes import LaneNetwork
 
 from .planned import Conversion, Ground, PlannedActor, draw_variant
+
+MOST_RECORD_BYTES = 2000 * MEGABYTE
+"""Size of a record of traffic on the disk [bytes]; it is read piece by piece."""
+_MOST_SAMPLES = 5_000_000
 
 _WORDS = (
     ("bus", "bus"), ("coach", "bus"), ("truck", "lorry"), ("lorry", "lorry"), ("trailer", "lorry"), ("delivery",
@@ -171,10 +178,11 @@ def planned_from_samples(
 def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]]]:
     samples: Samples = {}
     kinds: dict[str, tuple[str, bool]] = {}
+    num_samples = 0
     try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+        with _opened(path) as file:
             time, root = float("nan"), None
-            for event, element in ET.iterparse(cast(BinaryIO, file), ("start", "end")):
+            for event, element in ET.iterparse(file, ("start", "end")):
                 if root is None:
                     root = element
                     if element.tag != "fcd-export":
@@ -186,6 +194,9 @@ def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]]]:
                 if event == "start" and element.tag == "timestep":
                     time = _number(element, "time", path, "timestep")
                 elif event == "end" and element.tag in ("vehicle", "person"):
+                    num_samples += 1
+                    if num_samples > _MOST_SAMPLES:
+                        raise TrajectoryFileError(f"holds more than {_MOST_SAMPLES} samples", path, "cut it")
                     name = str(element.get("id"))
                     where = f"{element.tag} '{name}' at {time:g} s"
                     row = [_number(element, key, path, where) for key in ("x", "y")]
@@ -196,15 +207,26 @@ def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]]]:
                     kinds[name] = (str(element.get("type", "")), element.tag == "person")
                 elif event == "end" and element.tag == "timestep":
                     root.clear()
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         raise TrajectoryFileError(
             f"cannot be read ({error})", path, "give a file that sumo --fcd-output wrote"
         ) from error
-    except ET.ParseError as error:
+    except (ET.ParseError, ValueError, LookupError) as error:
         raise TrajectoryFileError(
             f"is not valid XML ({error})", path, "give a file that sumo --fcd-output wrote"
         ) from error
     return samples, kinds
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    """Open a file, packed by gzip or not."""
+    with open_regular(path, MOST_RECORD_BYTES) as file:
+        if path.suffix != ".gz":
+            yield file
+            return
+        with gzip.GzipFile(fileobj=file) as unpacked:
+            yield cast(BinaryIO, unpacked)
 
 
 def _number(element: ET.Element, key: str, path: Path, where: str) -> float:

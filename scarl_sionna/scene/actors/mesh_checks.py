@@ -9,6 +9,7 @@ import numpy.typing as npt
 import trimesh
 
 from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlWarning
+from scarl_sionna.scene.document.mesh_files import check_triangles
 
 Array = npt.NDArray[np.float64]
 
@@ -35,9 +36,13 @@ def checked_part(body: trimesh.Trimesh, what: str) -> trimesh.Trimesh:
     vertices, faces = np.asarray(body.vertices, dtype=np.float64), np.asarray(body.faces, dtype=np.int64)
     if len(faces) == 0:
         raise MeshError(f"{what} has no triangles", remedy="leave the part out, or export it with its surface")
-    bad = int(np.count_nonzero(~np.isfinite(vertices).all(axis=1)))
+    bad = int(np.count_nonzero(~np.isfinite(vertices).all(axis=-1)))
     if bad:
         raise MeshError(f"{what} has {bad} vertices that are not finite (NaN or inf)", remedy="export it again")
+    try:
+        check_triangles(vertices, faces)
+    except MeshError as error:
+        raise MeshError(f"{what} {error}") from None
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)

@@ -14,9 +14,9 @@ import numpy as np
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.scene.document.material_entries import material_entries
 from scarl_sionna.scene.document.model import MaterialEntry
+from scarl_sionna.scene.document.tables_form import model_tables
 from scarl_sionna.scene.document.xml_file import bsdf_of, check_shapes, parse_xml
 
 Color = tuple[float, float, float]
@@ -169,7 +169,7 @@ def _unpacked(name: str) -> Path:
 
 @lru_cache(maxsize=256)
 def _read(file: Path, _changed: int) -> ActorModel:
-    table = read_toml(file)
+    table = model_tables(file)
     where = f"{file.parent.name}/actor.toml"
     if unknown := set(table) - _TABLES:
         raise UnknownNameError(f"table of {where}", sorted(unknown)[0], _TABLES)

@@ -10,7 +10,6 @@ from typing import Any
 from scarl_sionna.core.errors import SceneError, UnknownNameError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.core.specs.lighting import Lighting
-from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.scene.actors.model import read_actor_model
 from scarl_sionna.scene.lanes import LaneNetwork, lanes_from_tables
 from scarl_sionna.scene.motion.articulation import joints_from_tables
@@ -19,6 +18,7 @@ from scarl_sionna.scene.motion.trajectory import trajectory_from_table
 from .material_entries import material_entries
 from .model import InstanceEntry, SceneDocument
 from .staging import StagedActor, stage
+from .tables_form import scene_tables
 from .xml_file import bsdf_of, check_shapes, parse_xml
 
 _TABLES = {"scene", "lighting", "materials", "instances", "actors", "lanes", "parking", "signals"}
@@ -57,7 +57,7 @@ def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
     toml_path = path.parent / "scene.toml"
     table: dict[str, Any] = {}
     if toml_path.is_file():
-        table = read_toml(toml_path)
+        table = scene_tables(toml_path)
         if unknown := set(table) - _TABLES:
             raise UnknownNameError(f"table of {toml_path.parent.name}/scene.toml", sorted(unknown)[0], _TABLES)
     info = table.get("scene", {})

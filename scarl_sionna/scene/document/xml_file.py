@@ -5,7 +5,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from scarl_sionna.core.errors import MeshError, SceneError
+from scarl_sionna.core.errors import InputFileError, SceneError
+from scarl_sionna.core.untrusted.xml_text import read_xml
+
+from .mesh_files import check_mesh
 
 MESH_PLUGINS = ("ply", "obj", "cube")
 """Shape plugins that a scene may use: the ones that are triangle meshes."""
@@ -16,9 +19,11 @@ def parse_xml(path: Path) -> ET.Element:
     if not path.is_file():
         raise SceneError("scene file not found", path, "give the name of a scene or the path of a Mitsuba XML")
     try:
-        root = ET.fromstring(path.read_text(encoding="utf-8"))
-    except (ET.ParseError, UnicodeDecodeError) as error:
-        raise SceneError(f"is not valid XML ({error})", path) from error
+        root = read_xml(path)
+    except InputFileError as error:
+        raise SceneError(str(error.strerror), path) from error
+    except OSError as error:
+        raise SceneError(f"cannot be read ({error.strerror})", path, "check its permissions") from error
     if root.tag != "scene":
         raise SceneError(f"the root element is <{root.tag}>, not <scene>", path, "give a Mitsuba 3 scene")
     _substitute_defaults(root)
@@ -58,8 +63,8 @@ def check_shapes(root: ET.Element, path: Path) -> dict[str, ET.Element]:
             raise SceneError(f"a shape of type '{kind}' has no id", path, 'add id="..." to every shape')
         if shape_id in shapes:
             raise SceneError(f"two shapes have the id '{shape_id}'", path)
-        if kind == "ply":
-            _check_ply_header(shape_id, Path(property_of(shape, "filename")))
+        if kind in ("ply", "obj"):
+            check_mesh(shape_id, Path(property_of(shape, "filename")), kind)
         shapes[shape_id] = shape
     if not shapes:
         raise SceneError("the scene has no shapes", path)
@@ -72,21 +77,6 @@ def property_of(element: ET.Element, name: str) -> str:
         if child.get("name") == name:
             return str(child.get("value"))
     return ""
-
-
-def _check_ply_header(shape_id: str, file: Path) -> None:
-    """Refuse what the engine would not survive: no PLY, or no faces."""
-    with file.open("rb") as stream:
-        header = stream.read(4096).split(b"end_header")[0]
-    if not header.startswith(b"ply"):
-        raise MeshError(f"mesh of shape '{shape_id}' is not a PLY file", file)
-    counts = {
-        words[1].decode(): int(words[2])
-        for line in header.splitlines()
-        if (words := line.split()) and words[0] == b"element" and len(words) == 3
-    }
-    if counts.get("face", 0) < 1 or counts.get("vertex", 0) < 3:
-        raise MeshError(f"mesh of shape '{shape_id}' has no faces", file, "export it again with triangles")
 
 
 def bsdf_of(shape: ET.Element, path: Path) -> str:

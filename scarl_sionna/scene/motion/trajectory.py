@@ -155,8 +155,8 @@ class WaypointTrajectory:
         name: str = "actor",
     ) -> None:
         self.name = name
-        time_array = np.asarray(times, dtype=np.float64)
-        points = np.asarray(positions, dtype=np.float64)
+        time_array = _numbers(times, f"{name}.trajectory.times")
+        points = _numbers(positions, f"{name}.trajectory.positions")
         if time_array.ndim != 1 or time_array.size < 2 or not np.all(np.diff(time_array) > 0):
             raise ParameterRangeError(f"{name}.trajectory.times", times, "two or more strictly rising times [s]")
         if points.shape != (time_array.size, 3) or not np.isfinite(points).all():
@@ -164,17 +164,17 @@ class WaypointTrajectory:
                 f"{name}.trajectory.positions", f"shape {points.shape}", f"finite, shape ({time_array.size}, 3) [m]"
             )
         self.start, self.stop = float(time_array[0]), float(time_array[-1])
-        self._position = CubicSpline(time_array, points)
+        self._position = _spline(time_array, points, name)
         self._points = points
         self._times = time_array
         self._yaw = None
         if yaw_deg is not None:
-            yaw = np.asarray(yaw_deg, dtype=np.float64)
+            yaw = _numbers(yaw_deg, f"{name}.trajectory.yaw_deg")
             if yaw.shape != time_array.shape or not np.isfinite(yaw).all():
                 raise ParameterRangeError(
                     f"{name}.trajectory.yaw_deg", yaw_deg, f"finite, shape ({time_array.size},) [deg]"
                 )
-            self._yaw = CubicSpline(time_array, np.unwrap(np.radians(yaw)))
+            self._yaw = _spline(time_array, np.unwrap(np.radians(yaw)), name)
 
     def _check(self, time: float) -> None:
         if not self.start <= time <= self.stop:
@@ -227,6 +227,26 @@ class WaypointTrajectory:
         return Twist(self._position(time, 1), np.array([0.0, 0.0, self._heading(time)[1]]))
 
 
+def _numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):  # a text, or lists of different lengths
+        raise ParameterRangeError(name, f"{values!r:.60}", "numbers in lists of one length") from None
+
+
+def _spline(times: npt.NDArray[np.float64], values: npt.NDArray[np.float64], name: str) -> CubicSpline:
+    """Return the cubic spline through values, or raise where its derivatives are beyond all numbers."""
+    if np.isfinite(times).all():
+        with np.errstate(all="ignore"):
+            try:
+                spline = CubicSpline(times, values)
+            except (ValueError, np.linalg.LinAlgError):
+                spline = None
+        if spline is not None and np.isfinite(spline.c).all():
+            return spline
+    raise ParameterRangeError(f"{name}.trajectory.times", f"{times[:4].tolist()} ...", "finite, apart [s]")
+
+
 def _take(table: Mapping[str, Any], actor: str, kind: str, required: set[str], optional: set[str]) -> dict[str, Any]:
     """Return the values of a trajectory table, after a check of its keys."""
     keys = set(table) - {"kind"}
@@ -254,10 +274,17 @@ def trajectory_from_table(table: Mapping[str, Any], actor: str) -> Trajectory:
         return WaypointTrajectory(values["times"], values["positions"], values.get("yaw_deg"), name=actor)
     if kind == "static":
         values = _take(table, actor, kind, {"position"}, {"yaw_deg"})
-        return StaticTrajectory(Pose.from_euler(values["position"], yaw=np.radians(values.get("yaw_deg", 0.0))))
+        return StaticTrajectory(_place(values, actor))
     if kind == "constant_twist":
         values = _take(table, actor, kind, {"position", "velocity"}, {"yaw_deg", "angular_velocity_z"})
-        start = Pose.from_euler(values["position"], yaw=np.radians(values.get("yaw_deg", 0.0)))
         angular = np.array([0.0, 0.0, float(values.get("angular_velocity_z", 0.0))])
-        return ConstantTwistTrajectory(start, Twist(values["velocity"], angular))
+        return ConstantTwistTrajectory(_place(values, actor), Twist(values["velocity"], angular))
     raise UnknownNameError(f"trajectory kind of '{actor}'", str(kind), ("waypoints", "static", "constant_twist"))
+
+
+def _place(values: Mapping[str, Any], actor: str) -> Pose:
+    """Return the pose of a position [m] and a heading [deg]."""
+    yaw = _numbers(values.get("yaw_deg", 0.0), f"{actor}.trajectory.yaw_deg")
+    if yaw.ndim:
+        raise ParameterRangeError(f"{actor}.trajectory.yaw_deg", values["yaw_deg"], "one number [deg]")
+    return Pose.from_euler(values["position"], yaw=float(np.radians(yaw)))

@@ -14,6 +14,7 @@ from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScarlWarnin
 from scarl_sionna.core.settings.sbr import SMALLEST_SIZE
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.optics.surfaces import PartSurfaces, Surface
+from scarl_sionna.scene.document.mesh_files import check_triangles
 from scarl_sionna.scene.materials.fresnel import film_of
 from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial, builtin_materials
 
@@ -163,6 +164,10 @@ def _read(path: Path) -> trimesh.Trimesh:
         raise MeshError(f"cannot be read as a mesh ({error})", path, "give a PLY, OBJ, STL or glTF file") from error
     if not isinstance(mesh, trimesh.Trimesh):
         raise MeshError("the mesh has no faces", path, "give a triangle mesh, not a point cloud or a curve")
+    try:
+        check_triangles(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    except MeshError as error:
+        raise MeshError(f"the mesh {error}", path) from None
     return mesh
 
 

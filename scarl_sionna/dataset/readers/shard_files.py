@@ -1,0 +1,208 @@
+"""The files of a scene's shards, each byte of them checked before it is handed out."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import threading
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy.typing as npt
+
+from scarl_sionna.core.errors import DatasetDamage, DatasetError, DatasetUnreachable
+from scarl_sionna.core.untrusted.checked import checked, plain
+from scarl_sionna.core.untrusted.json_text import parse_json
+from scarl_sionna.dataset.encoding import StoreOptions
+from scarl_sionna.dataset.store.files import Files, read_small
+from scarl_sionna.dataset.store.forms import MetasForm
+from scarl_sionna.dataset.store.manifest import SHARDS, ScenePlan
+from scarl_sionna.dataset.store.shard_writer import ShardRecord, array_key, image_name, meta_name, record_name
+from scarl_sionna.dataset.store.shards import ArrayInfo, decode_chunk, index_length, parse_index
+
+_CACHED_SHARDS = 64
+"""Shards whose indices and JSON are kept in memory, a scene."""
+_RECORD = re.compile(r"\d{6,7}\.json")
+_ALTERED = ValueError("it is not what was written (size or checksum)")
+
+
+class ShardFiles:
+    """Reads the shards of one scene. Safe to use from several threads.
+
+    Parameters
+    ----------
+    files : Files
+        Of the dataset.
+    place : str
+        Of the dataset, for errors.
+    plan : ScenePlan
+    options : StoreOptions
+    rows : sequence
+        What the manifest states of each shard: checksum of its record and number of frames first; None: not finished.
+    """
+
+    def __init__(
+        self, files: Files, place: str, plan: ScenePlan, options: StoreOptions, rows: Sequence[list[Any] | None]
+    ) -> None:
+        self._files, self._place, self._plan, self._options, self._rows = files, place, plan, options, rows
+        self._lock = threading.Lock()
+        self._shards: OrderedDict[int, _Shard] = OrderedDict()
+
+    def arrays(self, index: int) -> dict[str, ArrayInfo]:
+        """Return the arrays of a frame's shard by name."""
+        return dict(self._shard(index).arrays)
+
+    def read_array(self, index: int, name: str) -> npt.NDArray[Any] | None:
+        """Return one array of one frame, or None if the frame does not have it.
+
+        With the shape and in the unit that the schema states, see docs/dataset.md.
+
+        Raises
+        ------
+        DatasetError
+            If the file is missing, cut or damaged.
+        """
+        shard = self._shard(index)
+        info = shard.arrays.get(name)
+        if info is None:
+            return None
+        number, position = divmod(index, self._options.shard_frames)
+        key = array_key(self._plan.name, name, number, info)
+        try:
+            places = shard.places.get(name)
+            end = shard.files[key][0]
+            if places is None:
+                tail = self._files.read(key, end - index_length(self._options.shard_frames), end)
+                places = shard.places[name] = parse_index(tail, self._options.shard_frames)
+            place = places[position]
+            if place is None:
+                return None
+            if place[0] + place[1] > end:
+                raise _ALTERED
+            return decode_chunk(self._files.read(key, place[0], place[0] + place[1]), info)
+        except (OSError, DatasetError, RuntimeError, KeyError, ValueError) as error:
+            raise self._damaged(key, error, index) from error
+
+    def read_file(self, name: str, index: int | None = None) -> bytes:
+        """Return a file of the dataset; `index` is the frame that an error names.
+
+        Raises
+        ------
+        DatasetError
+            If the file is missing or cannot be read.
+        """
+        try:
+            return self._files.read(name)
+        except (OSError, DatasetError) as error:
+            raise self._damaged(name, error, index) from error
+
+    def image_file(self, index: int, sensor: str, image: str) -> str | None:
+        """Return the name of an image's PNG file in the dataset, or None if the frame does not have it."""
+        name = image_name(self._plan.name, f"{sensor}/{image}/{index:06d}.png")
+        return name if name in self._shard(index).files else None
+
+    def read_image(self, index: int, sensor: str, image: str) -> bytes | None:
+        """Return an image's PNG file, or None if the frame does not have it.
+
+        Raises
+        ------
+        DatasetError
+            If the file is missing, or is not the one that was written.
+        """
+        name = self.image_file(index, sensor, image)
+        return None if name is None else self._read_checked(name, self._shard(index).files[name], index)
+
+    def _read_checked(self, name: str, written: tuple[int, str], index: int) -> bytes:
+        """Return a file whose size and SHA-256 are those that its shard's record states."""
+        data = self.read_file(name, index)
+        if (len(data), hashlib.sha256(data).hexdigest()) != written:
+            raise self._damaged(name, _ALTERED, index)
+        return data
+
+    def meta(self, index: int) -> dict[str, Any]:
+        """Return what of a frame stands in JSON."""
+        try:
+            return self._shard(index).metas[index]
+        except KeyError as error:
+            name = meta_name(self._plan.name, index // self._options.shard_frames)
+            raise self._damaged(name, ValueError(f"it has no frame {index}"), index) from error
+
+    def _damaged(self, key: str, error: Exception, index: int | None = None) -> DatasetError:
+        if isinstance(error, DatasetUnreachable | DatasetDamage):
+            return error
+        text = "is not there" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
+        frame = "" if index is None else f"frame {index} of {self._plan.name}: "
+        return DatasetDamage(
+            f"{frame}{key} {text}",
+            self._place,
+            "run `scarl-sionna verify --repair`, then the export again",
+            (key, self._plan.name, index),
+        )
+
+    def frames(self) -> Iterator[int]:
+        """Yield the frames of finished shards: from the manifest, and from records that came after it."""
+        full = {shard for shard in range(len(self._rows)) if self._is_full(shard)}
+        shards, there = sorted(full), set[int]()
+        if len(full) < self._plan.num_shards(self._options):
+            names = self._files.names(f"{SHARDS}/{self._plan.name}")
+            there = {int(name[:-5]) for name in names if _RECORD.fullmatch(name)} - full
+            shards = sorted(full | {shard for shard in there if shard < self._plan.num_shards(self._options)})
+        for shard in shards:
+            frames = self._plan.shard_range(shard, self._options)
+            yield from (index for index in self._record(shard).frames if index in frames) if shard in there else frames
+
+    def _is_full(self, shard: int) -> bool:
+        row = self._row(shard)
+        return row is not None and row[1] == len(self._plan.shard_range(shard, self._options))
+
+    def _row(self, shard: int) -> list[Any] | None:
+        """Return what the manifest states of a shard: checksum of its record and number of frames first."""
+        return self._rows[shard] if shard < len(self._rows) else None
+
+    def _record(self, shard: int) -> ShardRecord:
+        key = record_name(self._plan.name, shard)
+        try:
+            text = read_small(self._files, key)
+        except (OSError, DatasetError) as error:
+            raise self._damaged(key, error) from error
+        row = self._row(shard)
+        frames = row[1] if row is not None and row[0] != hashlib.sha256(text).hexdigest() else None
+        if frames == len(self._plan.shard_range(shard, self._options)):
+            raise self._damaged(key, _ALTERED)
+        record = ShardRecord.parse(text, f"{self._place}/{key}")
+        if frames == len(record.frames):  # one that came after the manifest has more
+            raise self._damaged(key, _ALTERED)
+        return record
+
+    def _shard(self, index: int) -> _Shard:
+        number = index // self._options.shard_frames
+        with self._lock:
+            if number in self._shards:
+                self._shards.move_to_end(number)
+                return self._shards[number]
+        record = self._record(number)
+        try:
+            name = meta_name(self._plan.name, number)
+            if name in record.files:
+                text = self._read_checked(name, record.files[name], index)
+            else:
+                text = self.read_file(name, index)
+            metas = {meta.index: plain(meta) for meta in checked(MetasForm, parse_json(text)).root}
+        except ValueError as error:
+            raise self._damaged(meta_name(self._plan.name, number), error, index) from error
+        shard = _Shard(record, metas)
+        with self._lock:
+            self._shards[number] = shard
+            while len(self._shards) > _CACHED_SHARDS:
+                self._shards.popitem(last=False)
+        return shard
+
+
+class _Shard:
+    """What is kept of a shard: its arrays, size and checksum of its files, its JSON, and the indices that were read."""
+
+    def __init__(self, record: ShardRecord, metas: dict[int, dict[str, Any]]) -> None:
+        self.arrays, self.metas = record.arrays, metas
+        self.files = record.files
+        self.places: dict[str, list[tuple[int, int] | None]] = {}
