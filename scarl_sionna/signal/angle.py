@@ -160,6 +160,49 @@ def steering(radar: RadarSpec, unit_vectors: npt.ArrayLike) -> npt.NDArray[np.co
     return np.exp(-2j * np.pi * radar.center_frequency / SPEED_OF_LIGHT * length)
 
 
+def fraunhofer_distance(radar: RadarSpec) -> float:
+    """Return the distance beyond which waves at the virtual array count as plane [m]: 2 D^2 / wavelength.
+
+    References
+    ----------
+    .. [1] C. A. Balanis, *Antenna Theory*, 4th ed., 2016, Eq. (2-58).
+    """
+    extent = np.ptp(virtual_positions(radar), axis=0)
+    return float(2.0 * (extent @ extent) / radar.wavelength)
+
+
+def near_steering(radar: RadarSpec, unit_vectors: npt.ArrayLike, distance: npt.ArrayLike) -> npt.NDArray[np.complex128]:
+    """Return the beat phasors of every channel for points at some distance, by spherical waves where that matters.
+
+    Parameters
+    ----------
+    radar : RadarSpec
+    unit_vectors : array_like, shape (..., 3)
+        Directions of the points in the radar's frame.
+    distance : array_like, shape (...)
+        Of the points from the radar's origin [m]: below :func:`fraunhofer_distance` the lengths to every antenna are
+        exact, beyond it this is :func:`steering`.
+
+    Returns
+    -------
+    ndarray of complex128, shape (..., num_virtual)
+        Relative to a channel at the origin.
+    """
+    unit = np.asarray(unit_vectors, dtype=np.float64)
+    out = steering(radar, unit)
+    distance = np.broadcast_to(np.asarray(distance, dtype=np.float64), unit.shape[:-1])
+    near = distance < fraunhofer_distance(radar)
+    if near.any():
+        away = distance[near][:, None]
+        point = unit[near] * away
+        send, receive = (
+            away - np.linalg.norm(point[:, None, :] - array, axis=-1) for array in (radar.tx_array, radar.rx_array)
+        )
+        shorter = (send[:, :, None] + receive[:, None, :]).reshape(len(point), -1)
+        out[near] = np.exp(-2j * np.pi * radar.center_frequency / SPEED_OF_LIGHT * shorter)
+    return out
+
+
 def range_doppler_angle(
     cube: npt.NDArray[np.complexfloating] | RadarFrame,
     radar: RadarSpec | None = None,

@@ -10,7 +10,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.rays.face_planes import face_table
 from scarl_sionna.radar.channel import solve_paths
-from scarl_sionna.radar.optics import narrow
+from scarl_sionna.radar.optics.tubes import narrow
 from tests.scenes import Thing, box, write_scene
 
 RADAR, POSE = ss.RadarSpec(), ss.Pose([0.0, 0.0, 0.0])

@@ -26,7 +26,7 @@ from scarl_sionna.radar.optics.fields import (
 from scarl_sionna.radar.optics.patches import PatchSize
 from scarl_sionna.radar.optics.phase import many_plane_wave_integrals, plane_wave_integral
 from scarl_sionna.radar.optics.surfaces import Surface
-from scarl_sionna.radar.optics.trace import Tubes, depth_first, face_of_plane, landing
+from scarl_sionna.radar.optics.tubes.trace import Tubes, depth_first, face_of_plane, landing
 
 COUNT = 200
 GLASS = Surface(6.3 - 0.5j, 4e-3, 77e9, 0.9)

@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.radar.optics.probes import Probe
-from scarl_sionna.radar.optics.tube_shape import LARGEST_LATTICE, TOO_LONG, cut_off, halved, layouts, sides_and_height
+from scarl_sionna.radar.optics.tubes.probes import Probe
+from scarl_sionna.radar.optics.tubes.tube_shape import (
+    LARGEST_LATTICE,
+    TOO_LONG,
+    cut_off,
+    halved,
+    layouts,
+    sides_and_height,
+)
 
 
 def area(tri: np.ndarray) -> np.ndarray:

@@ -13,10 +13,10 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.rays.face_rays import MISS
 
 from .body.mesh import Body
-from .probes import ParallelRays, PlaneProbe, ShadowProbe
-from .refine import Pieces, refine
 from .surfaces import PartSurfaces
-from .trace import GRAZING, Tubes, depth_first, face_of_plane, gathered, landing
+from .tubes.probes import ParallelRays, PlaneProbe, ShadowProbe
+from .tubes.refine import Pieces, refine
+from .tubes.trace import GRAZING, Tubes, depth_first, face_of_plane, gathered, landing
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

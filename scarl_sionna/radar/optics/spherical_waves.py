@@ -4,8 +4,8 @@ They say which patches the transmitter lights and the receiver sees, directly an
 
 A tube is a triangle on a face with the image of the transmitter from which its rays seem to come. Its reflection is
 cast onward from the image of that image; the footprint where it lands is the central projection of the triangle, exact
-in float64. Tubes are cut where the thing that they meet changes (:func:`.refine.refine`). Fields are computed once a
-chain of faces is known, at the exact reflection points (:mod:`.near_field`).
+in float64. Tubes are cut where the thing that they meet changes (:func:`.tubes.refine.refine`). Fields are computed
+once a chain of faces is known, at the exact reflection points (:mod:`.near_field`).
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import MISS, StateRays
 
 from .faces.panes import DARK, MOST_PANES, Panes
-from .narrow import NarrowBodies
 from .patches import PatchSize, split, too_many_patches
-from .probes import SAME_DISTANCE, CentralRays, FieldOfView, PlaneProbe, Probe, ScreenedProbe, Window
-from .refine import Pieces, refined
-from .returning import Return
-from .trace import GRAZING, Tubes, depth_first, face_of_plane, landing
-from .tube_shape import middle
+from .tubes.narrow import NarrowBodies
+from .tubes.probes import SAME_DISTANCE, CentralRays, FieldOfView, PlaneProbe, Probe, ScreenedProbe, Window
+from .tubes.refine import Pieces, refined
+from .tubes.returning import Return
+from .tubes.trace import GRAZING, Tubes, depth_first, face_of_plane, landing
+from .tubes.tube_shape import middle
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

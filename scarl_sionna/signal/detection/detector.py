@@ -12,7 +12,7 @@ from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, power_to_db
 
-from ..angle import POSITION_TOLERANCE, RangeDopplerAngle, directions, steering
+from ..angle import POSITION_TOLERANCE, RangeDopplerAngle, directions, fraunhofer_distance, near_steering
 from ..antenna import field_gain, virtual_positions
 from ..link import radar_gain
 from ..peaks import parabola_offset, tone_offset
@@ -67,8 +67,8 @@ def detect(
     Notes
     -----
     The threshold is over the power summed over channels (:func:`cfar`). The angle of a point is the strongest direction
-    of its beam, refined to the maximum of the beamformer; range and velocity are interpolated exactly for a tone in the
-    map's window.
+    of its beam, refined to the maximum of the beamformer (of spherical waves for what is closer than the Fraunhofer
+    distance of the array); range and velocity are interpolated exactly for a tone in the map's window.
 
     What a radar cannot measure is 0: azimuth or elevation along which its array has no extent, the velocity in a frame
     of one chirp, a range that noise would put before the radar.
@@ -118,7 +118,7 @@ def _points(
         2.0 * radar.unambiguous_velocity / num_doppler
     )
     snapshot = rd.data[:, doppler_index, range_index].T.astype(np.complex128)
-    azimuth, elevation, received = _angles(rda, radar, snapshot, doppler_index, range_index)
+    azimuth, elevation, received = _angles(rda, radar, snapshot, (doppler_index, range_index), distance)
     unit = directions(azimuth, elevation)
     straddle = _straddle_gain(rd, range_offset, doppler_offset, radar)
     received = received / straddle
@@ -160,12 +160,18 @@ def _angles(
     rda: RangeDopplerAngle,
     radar: RadarSpec,
     snapshot: npt.NDArray[np.complex128],
-    doppler_index: npt.NDArray[np.intp],
-    range_index: npt.NDArray[np.intp],
+    cells: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]],
+    distance: Array,
 ) -> tuple[Array, Array, Array]:
     """Return azimuth, elevation [rad] and beamformed power [W] of cells: the map's best direction, then refined."""
     shape = rda.data.shape[2:]
-    beams = rda.data[doppler_index, range_index].reshape(len(doppler_index), int(np.prod(shape)))
+    beams = rda.data[cells].reshape(len(distance), int(np.prod(shape)))
+    near = np.flatnonzero(distance < fraunhofer_distance(radar))
+    if len(near):  # the map's beams are plane waves
+        elevation = np.zeros(1) if rda.elevation is None else rda.elevation
+        unit = directions(*np.meshgrid(rda.azimuth, elevation, indexing="ij")).reshape(-1, 3)
+        for row in near:
+            beams[row] = np.abs(np.conj(near_steering(radar, unit, distance[row])) @ snapshot[row]) ** 2
     best = np.unravel_index(beams.argmax(axis=1) if beams.size else np.zeros(0, dtype=int), shape)
     sine = [np.sin(rda.azimuth)[best[0]]]
     step = [float(np.sin(rda.azimuth[1]) - np.sin(rda.azimuth[0]))]
@@ -174,18 +180,23 @@ def _angles(
         step.append(float(np.sin(rda.elevation[1]) - np.sin(rda.elevation[0])))
     if np.ptp(virtual_positions(radar)[:, 1]) < POSITION_TOLERANCE * radar.wavelength:  # no extent: nothing to see
         sine[0], step[0] = np.zeros_like(sine[0]), 0.0
-    return _refine(radar, snapshot, sine, step)
+    return _refine(radar, snapshot, distance, sine, step)
 
 
 def _refine(
-    radar: RadarSpec, snapshot: npt.NDArray[np.complex128], sine: list[Array], step: list[float], rounds: int = 12
+    radar: RadarSpec,
+    snapshot: npt.NDArray[np.complex128],
+    distance: Array,
+    sine: list[Array],
+    step: list[float],
+    rounds: int = 12,
 ) -> tuple[Array, Array, Array]:
     """Return the angles and the power at the beamformer's maximum near a start, by parabolas of shrinking step."""
 
     def power(sines: list[Array]) -> Array:
         limited = [np.clip(value, -1.0, 1.0) for value in sines]
         elevation = np.arcsin(limited[1]) if len(limited) > 1 else np.zeros_like(limited[0])
-        beam = np.conj(steering(radar, directions(np.arcsin(limited[0]), elevation)))
+        beam = np.conj(near_steering(radar, directions(np.arcsin(limited[0]), elevation), distance))
         return np.abs(np.einsum("pc,pc->p", beam, snapshot) / radar.num_virtual) ** 2
 
     sine, width = [value.copy() for value in sine], list(step)

@@ -22,8 +22,8 @@ from scarl_sionna.radar.channel.multipath.images import spherical_basis
 from scarl_sionna.radar.channel.sbr.bodies import Bodies
 from scarl_sionna.radar.channel.sbr.solve import solve_between
 from scarl_sionna.radar.channel.scatterers import PlacedModel
-from scarl_sionna.radar.optics.probes import Window
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
+from scarl_sionna.radar.optics.tubes.probes import Window
 from scarl_sionna.radar.paths import RadarPaths, bend_of
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.signal.link import spreading

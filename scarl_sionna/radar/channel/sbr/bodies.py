@@ -24,8 +24,8 @@ from scarl_sionna.engine.smooth.surface import state_sheets, state_surface
 from scarl_sionna.radar.optics.body.mesh import MOSTLY_COARSE
 from scarl_sionna.radar.optics.faces.curved import CurvedFaces, DeviceCurves
 from scarl_sionna.radar.optics.faces.panes import Panes, pane_parts
-from scarl_sionna.radar.optics.narrow import NarrowBodies
 from scarl_sionna.radar.optics.surfaces import FaceSurfaces
+from scarl_sionna.radar.optics.tubes.narrow import NarrowBodies
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState

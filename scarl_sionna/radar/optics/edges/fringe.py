@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import wofz
 
-from ..trace import GRAZING as UNLIT
+from ..tubes.trace import GRAZING as UNLIT
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

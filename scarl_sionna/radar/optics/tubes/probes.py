@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scarl_sionna.engine.rays.face_rays import MISS, FaceRays
 from scarl_sionna.engine.types import DeviceArray
 
-from .faces.panes import STEP_ON, Panes
+from ..faces.panes import STEP_ON, Panes
 from .tube_shape import WEIGHTS, inset
 
 Array = npt.NDArray[np.float64]

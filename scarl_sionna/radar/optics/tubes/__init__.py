@@ -1,0 +1,1 @@
+"""Ray tubes: where they are probed, how they are cut and followed, whatever the wave."""
