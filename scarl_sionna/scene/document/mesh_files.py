@@ -193,7 +193,8 @@ def check_triangles(points: npt.NDArray[np.float64], faces: npt.NDArray[np.int64
     if bad.any():
         row = int(np.flatnonzero(bad)[0])
         raise MeshError(
-            f"has vertex {row} at {points[row].tolist()} m, allowed are finite coordinates within {FARTHEST:g} m",
+            f"has an invalid vertex position, not finite or beyond {FARTHEST:g} m: vertex {row} at "
+            f"{points[row].tolist()} m",
             remedy="export it again",
         )
     outside = (faces < 0) | (faces >= len(points))
