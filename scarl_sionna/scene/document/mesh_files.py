@@ -133,7 +133,10 @@ def _binary(
     for element in elements:
         kind = _fields(element, order)
         if element.count * kind.itemsize > len(data) - start:
-            raise ValueError(f"it is cut, or faces are no triangles: too short for {element.count} '{element.name}'")
+            raise ValueError(
+                f"it is cut, or faces are no triangles: {element.count} '{element.name}' take "
+                f"{element.count * kind.itemsize} bytes, {len(data) - start} are left"
+            )
         rows = np.frombuffer(data, kind, element.count, start)
         start += rows.nbytes
         if element.name == "vertex":
