@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,13 @@ NO_MIRROR = -1
 COINCIDENT = 1e-4
 """Planes this near to each other [m] are one up to the rounding of float32 meshes: of several mirrors there, the first
 is met."""
+_NEAR = 10.0 * COINCIDENT
+"""By which the boxes of triangles are widened [m]: what is within `COINCIDENT` of the edges of a sharp corner may be
+farther from its point."""
 _PAIRS = 1 << 20
-"""Points times triangles that are looked at in one piece: bounds the memory, changes no result."""
+"""Points and triangles near to them that are compared in one piece: bounds the memory, changes no result."""
+_MOST_CELLS = 1024
+"""Of a grid along each axis: bounds the memory, changes no result."""
 
 
 class MirrorFaces:
@@ -101,15 +106,64 @@ def inside(point: Array, corners: Array, normal: Array) -> Flags:
     """Return which points are over one of the triangles in a plane, or within `COINCIDENT` of its edges [m]."""
     across = np.delete(np.arange(3), np.abs(normal).argmax())
     flat, triangles = point[:, across], corners[:, :, across]
-    lower, upper = flat.min(axis=0) - COINCIDENT, flat.max(axis=0) + COINCIDENT
-    triangles = triangles[((triangles.max(axis=1) > lower) & (triangles.min(axis=1) < upper)).all(axis=1)]
+    lower, upper = triangles.min(axis=1) - _NEAR, triangles.max(axis=1) + _NEAR
+    used = ((upper > flat.min(axis=0)) & (lower < flat.max(axis=0))).all(axis=1)
+    triangles, cells = triangles[used], _Cells(lower[used], upper[used])
     edge = np.roll(triangles, -1, axis=1) - triangles
     turn = np.sign(edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0])
     edge /= np.maximum(np.linalg.norm(edge, axis=2, keepdims=True), COINCIDENT)
     found = np.zeros(len(flat), dtype=np.bool_)
-    step = max(_PAIRS // max(len(triangles), 1), 1)
-    for first in range(0, len(flat), step):
-        away = flat[first : first + step, None, None] - triangles
-        side = (edge[..., 0] * away[..., 1] - edge[..., 1] * away[..., 0]) * turn[:, None]
-        found[first : first + step] = ((side > -COINCIDENT).all(axis=2) & (turn != 0.0)).any(axis=1)
+    for row, near in cells.pairs(flat):
+        away = flat[row, None] - triangles[near]
+        side = (edge[near, :, 0] * away[..., 1] - edge[near, :, 1] * away[..., 0]) * turn[near, None]
+        found[row[(side > -COINCIDENT).all(axis=1) & (turn[near] != 0.0)]] = True
     return found
+
+
+class _Cells:
+    """Boxes in a plane by the cells of a grid, so that each point is compared with the few boxes about it.
+
+    `lower` and `upper` are the corners of the boxes, (n, 2).
+    """
+
+    def __init__(self, lower: Array, upper: Array) -> None:
+        self.num_boxes = len(lower)
+        if not self.num_boxes:
+            return
+        self._origin, size = lower.min(axis=0), np.ptp(np.concatenate([lower, upper]), axis=0)
+        side = float(np.sqrt(max(size[0] * size[1], 1e-12) / self.num_boxes))
+        cells = np.clip(size / side, 1, _MOST_CELLS)
+        while True:
+            self._shape = np.maximum(cells, 1).astype(np.int64)
+            self._side = np.maximum(size, 1e-9) / self._shape
+            first, wide = self._cell(lower), self._cell(upper) - self._cell(lower) + 1
+            count = wide.prod(axis=1)
+            if count.sum() <= max(_PAIRS, 4 * self.num_boxes):
+                break
+            cells /= 2.0  # boxes that overlap a lot
+        box = np.repeat(np.arange(self.num_boxes), count)
+        step = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count)
+        cell = first[box] + np.stack([step // wide[box, 1], step % wide[box, 1]], axis=1)
+        number = self._number(cell)
+        self._box = box[np.argsort(number, kind="stable")]
+        self._count = np.bincount(number, minlength=int(self._shape.prod()))
+        self._start = np.cumsum(self._count) - self._count
+
+    def _cell(self, point: Array) -> Index:
+        return np.clip(((point - self._origin) / self._side).astype(np.int64), 0, self._shape - 1)
+
+    def _number(self, cell: Index) -> Index:
+        return np.asarray(cell[:, 0] * self._shape[1] + cell[:, 1])
+
+    def pairs(self, point: Array) -> Iterator[tuple[Index, Index]]:
+        """Yield rows of points and of the boxes in their cells, piece by piece."""
+        if not self.num_boxes or not len(point):
+            return
+        number = self._number(self._cell(point))
+        done = np.cumsum(self._count[number])
+        edges = np.searchsorted(done // _PAIRS, np.arange(1, done[-1] // _PAIRS + 1))
+        for first, last in zip([0, *edges], [*edges, len(point)], strict=True):
+            count = self._count[number[first:last]]
+            row = np.repeat(np.arange(first, last), count)
+            step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+            yield row, self._box[self._start[number[row]] + step]
