@@ -10,7 +10,8 @@ import numpy as np
 from ..generators.geometry.mesh import Mesh, box, merge
 from ..generators.vehicles import car, car_light
 from ..generators.vehicles.car import CarShape
-from ..generators.vehicles.vehicle_parts import bar, car_underbody, plate_text
+from ..generators.vehicles.number_plates import NumberPlates
+from ..generators.vehicles.vehicle_parts import bar, car_underbody
 from . import materials
 from .materials import ROLES, VEHICLE, Color
 from .model import Model, Part
@@ -75,12 +76,12 @@ def build(name: str) -> Model:
         part: Part(replace(mesh, uv=None), ROLES[role], 50.0 if role == "paint" else 35.0)
         for part, (mesh, role) in car.build(shape, turning_wheels=True, mirrors_apart=True).items()
     }
-    plates, letters = _plates(shape)
-    detailed |= {"plates": Part(plates, "number_plate"), "plate_text": Part(letters, "black_plastic")}
+    plates = NumberPlates(shape.length / 2, 0.475, shape.extra["plate_z"], 0.04, 3)
+    detailed |= {part: Part(mesh, ROLES[role]) for part, (mesh, role) in plates.parts().items()}
     detailed["underbody"] = Part(merge(list(under.values())), "underbody_steel")
     detailed |= _extras(shape, name, detailed)
     light = {part: Part(mesh, ROLES[role], 40.0) for part, (mesh, role) in car_light.build(shape).items()}
-    light["plates"] = Part(plates, "number_plate")
+    light |= {part: Part(mesh, ROLES[role]) for part, (mesh, role) in plates.parts(fine=False).items()}
     light["underbody"] = Part(under["floor"], "underbody_steel")
     centres = {wheel: car.wheel_centre(shape, wheel) for wheel in car.WHEELS}
     wheels = {wheel: [f"wheel_{wheel}_tyre", f"wheel_{wheel}_rim"] for wheel in car.WHEELS}
@@ -100,16 +101,6 @@ def build(name: str) -> Model:
     bsdfs = {"paint": materials.paint(default), **VEHICLE}
     variants = {variant: {"paint": color} for variant, color in PAINTS[name].items()}
     return Model(head, detailed, light, bsdfs, variants, joints(centres, wheels))
-
-
-def _plates(shape: CarShape) -> tuple[Mesh, Mesh]:
-    """Return both number plates, flat, 3 mm inside the outer length, and their letters, which reach it."""
-    x = shape.length / 2 - 0.003
-    boxes, letters = [], []
-    for sign, z in ((1.0, 0.475), (-1.0, shape.extra["plate_z"])):
-        boxes.append(box((0.04, 0.52, 0.11), (sign * (x - 0.02), 0.0, z)))
-        letters.append(plate_text(sign * x, z, sign > 0, 3))
-    return merge(boxes), merge(letters)
 
 
 def _extras(shape: CarShape, name: str, parts: dict[str, Part]) -> dict[str, Part]:

@@ -75,6 +75,9 @@ VEHICLE: dict[str, Bsdf] = {
         roughness=0.4,
         specular=0.4,
     ),
+    "plate_letters": _bsdf(
+        "metal", 0.08, (0.014, 0.014, 0.015), "estimate, black paint on the plate", roughness=0.45, specular=0.5
+    ),
     "underbody_steel": _bsdf(
         "metal", 0.15, (0.035, 0.034, 0.033), "estimate, dirty steel with underseal", roughness=0.8, specular=0.3
     ),
@@ -87,6 +90,7 @@ ROLES = {
     "paint": "paint", "glass": "car_glass", "trim": "black_plastic", "tyre": "tyre_rubber", "rim": "wheel_rim",
     "wheel": "wheel_mean",
     "headlamp": "headlamp", "taillamp": "taillamp", "chrome": "bright_metal", "plate": "number_plate",
+    "plate_text": "plate_letters",
     "indicator": "indicator", "mirror_glass": "mirror_silver", "underbody": "underbody_steel",
     "chassis": "chassis_steel",
 }  # fmt: skip # a table

@@ -177,6 +177,26 @@ def test_bodies_look_outward(name):
             assert (centred * mesh.face_normals * mesh.area_faces[:, None]).sum() > 0.0
 
 
+@pytest.mark.parametrize("name", VEHICLES)
+def test_letters_lie_in_the_plates(name):
+    """Both together are the plates' faces, once: a letter in front of a plate hides a sixth of it from the radar."""
+    shapes = meshes(name, "")
+    faces = {"plates": [], "plate_text": []}
+    reach = np.abs(shapes["plate_text"].vertices[:, 0]).max()
+    for shape, found in faces.items():
+        for triangle, normal in zip(shapes[shape].triangles, shapes[shape].face_normals, strict=True):
+            if np.abs(np.abs(triangle[:, 0]) - reach).max() < 1e-6:
+                assert normal[0] * triangle[0, 0] > 0.0
+                found.append(triangle)
+        assert shape == "plates" or len(found) == len(shapes[shape].triangles)
+    for sign in (1.0, -1.0):
+        tiles = np.array([t for found in faces.values() for t in found if t[0, 0] * sign > 0.0])[:, :, 1:]
+        edge = tiles[:, 1:] - tiles[:, :1]
+        area = 0.5 * np.abs(edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]).sum()
+        assert area == pytest.approx(np.prod(np.ptp(tiles.reshape(-1, 2), axis=0)), rel=1e-5)
+        assert area == pytest.approx(0.52 * 0.11, rel=1e-5)
+
+
 @pytest.mark.parametrize("name", ["saloon", "van"])
 def test_files_are_what_the_script_writes(name, tmp_path):
     build(name, tmp_path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.radar.channel.compose.mirror_faces import NO_MIRROR, MirrorFaces
+from scarl_sionna.radar.channel.compose.mirror_faces import COINCIDENT, NO_MIRROR, MirrorFaces, inside
 from scarl_sionna.scene.tables import RayHits
 
 OTHER = 4
@@ -49,3 +49,36 @@ def owner(mirrors, face, hit, aim=None) -> int:
 def test_a_hit_has_one_owner(second, face, hit, aim, expected) -> None:
     mirrors = [level(0, (0.0, 4.0), 0.0), level(1, *second)]
     assert owner(mirrors, face, hit, aim) == expected
+
+
+def barycentric(point, corners):
+    """Return which points are in one of some triangles, one pair after the other."""
+    found = np.zeros(len(point), dtype=bool)
+    for a, b, c in corners:
+        matrix = np.stack([b - a, c - a], axis=1)
+        if abs(np.linalg.det(matrix)) > 0.0:
+            share = np.linalg.solve(matrix, (point - a).T)
+            found |= (share >= 0.0).all(axis=0) & (share.sum(axis=0) <= 1.0)
+    return found
+
+
+@pytest.mark.parametrize(("count", "spread"), [(1, 3.0), (40, 0.5), (400, 0.2), (60, 40.0)])
+def test_points_over_triangles(count, spread) -> None:
+    """The grid finds what a search through all triangles finds; large and flat triangles, one of no area."""
+    rng = np.random.default_rng(count)
+    corners = rng.uniform(-10.0, 10.0, (count, 1, 2)) + rng.normal(0.0, spread, (count, 3, 2))
+    corners[-1] = corners[-1, :1] if count > 1 else corners[-1]
+    point = rng.uniform(-14.0 - 3.0 * spread, 14.0 + 3.0 * spread, (3000, 2))
+    expected = barycentric(point, corners)
+    assert 0.0 < expected.mean() < 1.0
+    for axis in range(3):  # planes across each axis
+        flat = np.insert(point, axis, 5.0, axis=1), np.insert(corners, axis, 5.0, axis=2)
+        np.testing.assert_array_equal(inside(*flat, np.eye(3)[axis]), expected)
+
+
+def test_points_at_the_edges_of_triangles() -> None:
+    corners = np.array([[(0, 0, 0), (4, 0, 0), (0, 4, 0)]], dtype=float)
+    near, far = 0.5 * COINCIDENT, 2.0 * COINCIDENT
+    point = np.array([(2, -near, 0), (2, -far, 0), (-near, 2, 0), (-far, 2, 0), (4, 0, 0), (2, 2, 0), (2.001, 2, 0)])
+    assert inside(point, corners, np.array([0, 0, 1])).tolist() == [True, False, True, False, True, True, False]
+    assert not inside(point, corners[:0], np.array([0, 0, 1])).any()

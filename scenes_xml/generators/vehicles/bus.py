@@ -11,7 +11,8 @@ from ..geometry import decal
 from ..geometry.decal import strips
 from ..geometry.mesh import Mesh, box, merge, outward, revolve
 from .body_loft import BodyShape, loft, side_panel
-from .vehicle_parts import bar, plate_text, prism
+from .number_plates import NumberPlates
+from .vehicle_parts import bar, prism
 from .wheels import WheelShape, wheel_parts
 
 LENGTH, WIDTH, HEIGHT = 12.0, 2.55, 3.12
@@ -181,25 +182,22 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     """Return the parts of the bus: name -> (mesh, role)."""
     painted, floor = loft(BODY if fine else LIGHT_BODY, fine)
     body = merge([painted, floor])
-    x = LENGTH / 2 - 0.003
-    plates = merge([box((0.06, 0.52, 0.11), (s * (x - 0.03), 0.0, z)) for s, z in ((1.0, 0.55), (-1.0, 0.66))])
     parts: dict[str, tuple[Mesh, str]] = {
         "body": (painted, "paint"),
         "glass": (_glass(body, fine), "glass"),
         "roof_units": (_roof_units(fine), "roof_cover"),
         **_lamps(body, fine),
+        **NumberPlates(LENGTH / 2, 0.55, 0.66, 0.06, 7).parts(fine),
         "underbody": (merge([floor, underbody(fine)]), "underbody"),
     }
     if not fine:
-        return parts | {"plates": (plates, "plate"), **wheels(True)}
+        return parts | wheels(True)
     mirrors, mirror_glass = _mirrors()
     markers = [side_panel(body, _rectangle((x0, x0 + 0.10), (0.88, 0.92)), 0.010) for x0 in (-4.3, -1.6, 1.2, 4.0)]
     ends = [panel(body, _rectangle((1.0, 1.14), (1.40, 1.56)), REAR, s, 0.010, cells=(2, 3)) for s in (1.0, -1.0)]
     stripe = [side_panel(body, _rectangle(a, (0.62, 0.74)), 0.006, (2, 3)) for a in ((-5.3, -3.24), (-2.0, 2.66))]
     return parts | {
         "trim": (_trim(body), "trim"),
-        "plates": (plates, "plate"),
-        "plate_text": (merge([plate_text(s * x, z, s > 0, 7) for s, z in ((1.0, 0.55), (-1.0, 0.66))]), "trim"),
         "indicators": (merge([*markers, *ends]), "indicator"),
         "signs": (_sign(body), "led_sign"),
         "stripe": (merge(stripe), "stripe_paint"),

@@ -11,7 +11,8 @@ from ..geometry import decal
 from ..geometry.decal import strips
 from ..geometry.mesh import Mesh, box, grid, merge, outward, revolve
 from .body_loft import BodyShape, loft, side_panel
-from .vehicle_parts import bar, plate_text, prism
+from .number_plates import NumberPlates
+from .vehicle_parts import bar, prism
 from .wheels import WheelShape, wheel_parts
 
 LENGTH, WIDTH, HEIGHT = 9.60, 2.55, 3.75
@@ -224,14 +225,12 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     painted, floor = loft(CAB if fine else replace(CAB, more_stations=LIGHT_STATIONS), fine)
     body = merge([painted, floor])
     panels, frame, marking = _box_body()
-    x = LENGTH / 2 - 0.003
-    ends = ((1.0, 0.80), (-1.0, 0.62))
-    plates = merge([box((0.04, 0.52, 0.11), (s * (x - 0.02), 0.0, z)) for s, z in ends])
     parts: dict[str, tuple[Mesh, str]] = {
         "cab": (merge([painted, _deflector()]), "paint"),
         "load_box": (panels, "box_panel"),
         "glass": (_glass(body, fine), "glass"),
         **_lamps(body, fine),
+        **NumberPlates(LENGTH / 2, 0.80, 0.62, 0.04, 9).parts(fine),
     }
     if not fine:
         (x0, x1), (z0, z1) = BOX
@@ -244,7 +243,6 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
         ]
         return parts | {
             "load_box": (whole, "box_panel"),
-            "plates": (plates, "plate"),
             "chassis": (merge([floor, *rails]), "chassis"),
             **wheels(True),
         }
@@ -259,8 +257,6 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
         "tank": (_tank(), "frame_aluminium"),
         "mudguards": (merge(guards), "trim"),
         "trim": (_cab_trim(body, floor), "trim"),
-        "plates": (plates, "plate"),
-        "plate_text": (merge([plate_text(s * x, z, s > 0, 9) for s, z in ends]), "trim"),
         "indicators": (merge(markers), "indicator"),
         "mirrors": (mirrors, "trim"),
         "mirror_glass": (mirror_glass, "mirror_glass"),

@@ -9,7 +9,8 @@ import numpy as np
 from ..geometry.decal import panel, strips
 from ..geometry.mesh import Mesh, box, merge, outward, revolve
 from .body_loft import BodyShape, loft, side_panel
-from .vehicle_parts import bar, car_underbody, plate_text
+from .number_plates import NumberPlates
+from .vehicle_parts import bar, car_underbody
 from .wheels import WheelShape, wheel_parts
 
 LENGTH, WIDTH, HEIGHT = 5.93, 2.02, 2.60
@@ -148,20 +149,17 @@ def build(fine: bool = True) -> dict[str, tuple[Mesh, str]]:
     painted, floor = loft(BODY if fine else replace(BODY, more_stations=LIGHT), fine)
     body = merge([painted, floor])
     under = car_underbody(FRONT_AXLE, REAR_AXLE, WIDTH, LENGTH, BODY.floor, WHEEL.radius)
-    x = LENGTH / 2 - 0.003
-    plates = merge([box((0.06, 0.52, 0.11), (s * (x - 0.03), 0.0, z)) for s, z in ((1.0, 0.45), (-1.0, 0.66))])
     parts: dict[str, tuple[Mesh, str]] = {
         "body": (painted, "paint"),
         "glass": (_glass(body, fine), "glass"),
         **_lamps(body, fine),
-        "plates": (plates, "plate"),
+        **NumberPlates(LENGTH / 2, 0.45, 0.66, 0.06, 5).parts(fine),
     }
     if not fine:
         return parts | {"trim": (floor, "trim"), "underbody": (under["floor"], "underbody"), **wheels(True)}
     mirrors, mirror_glass = _mirrors()
     return parts | {
         "trim": (merge([floor, _trim(body)]), "trim"),
-        "plate_text": (merge([plate_text(s * x, z, s > 0, 5) for s, z in ((1.0, 0.45), (-1.0, 0.66))]), "trim"),
         "indicators": (side_panel(body, ((1.42, 0.90), (1.50, 0.90), (1.50, 0.94), (1.42, 0.94)), 0.008), "indicator"),
         "mirrors": (mirrors, "trim"),
         "mirror_glass": (mirror_glass, "mirror_glass"),

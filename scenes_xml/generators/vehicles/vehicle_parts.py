@@ -1,4 +1,4 @@
-"""Parts that vehicles of all kinds share: number plates, underbodies, lamps, and prisms to make them of."""
+"""Parts that vehicles of all kinds share: underbodies, lamps, and prisms to make them of."""
 
 from __future__ import annotations
 
@@ -9,24 +9,6 @@ import numpy as np
 from ..geometry.mesh import Array, Mesh, box, merge, outward, revolve, tube
 
 Point = tuple[float, float, float]
-
-
-def plate_text(x: float, z: float, forward: bool, seed: int, size: tuple[float, float] = (0.52, 0.11)) -> Mesh:
-    """Return seven block letters, 2 mm thick, on a number plate with its outer face at `x`, about height `z` [m]."""
-    generator = np.random.default_rng(seed)
-    width, height = size
-    sign = 1.0 if forward else -1.0
-    parts = []
-    for k in range(7):
-        if k == 2:
-            continue
-        y = (-0.36 + 0.12 * k) * width
-        for level, there in zip((0.29, 0.0, -0.29), generator.uniform(size=3) < 0.8, strict=True):
-            if there:
-                parts.append(box((0.002, 0.075 * width, 0.1 * height), (x + sign * 0.001, y, z + level * height)))
-        left = -0.031 if generator.uniform() < 0.5 else 0.031
-        parts.append(box((0.003, 0.02 * width, 0.68 * height), (x + sign * 0.0015, y + left * width, z)))
-    return merge(parts)
 
 
 def bar(start: Point, stop: Point, radius: float, segments: int = 6) -> Mesh:
