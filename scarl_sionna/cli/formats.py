@@ -1,4 +1,4 @@
-"""Commands that show a dataset and write it in other formats: argument parsing, progress and messages only."""
+"""Commands that show a dataset, count it and write it in other formats: arguments, progress and messages only."""
 
 from __future__ import annotations
 
@@ -38,13 +38,16 @@ class _Frames:
     scene: Annotated[
         list[str] | None, typer.Option("--scene", help="Scene to take; several times for several (default: all).")
     ] = None
+    split: Annotated[
+        list[str] | None, typer.Option("--split", help="Split to take, for instance val; several times for several.")
+    ] = None
     frames: Annotated[int | None, typer.Option(help="Take the first frames of each scene only.")] = None
 
     def read(self) -> FrameSource:
         """Return the frames."""
         from scarl_sionna.dataset.formats import as_source
 
-        return as_source(self.source).subset(self.scene or (), self.frames)
+        return as_source(self.source).subset(self.scene or (), self.frames, self.split or ())
 
 
 @app.command()
@@ -103,6 +106,30 @@ def view(
             else:
                 export_rerun(data, save, overwrite=overwrite, on_progress=report)
         typer.echo(f"{data.num_frames} frames " + ("shown" if save is None else f"written to {save}"))
+
+
+@app.command()
+@grouped_options("taken")
+def stats(
+    context: typer.Context,
+    taken: _Frames,
+    out: Annotated[Path, typer.Option(help="Page to write (HTML, one file).")] = Path("stats.html"),
+    every: Annotated[int, typer.Option(min=1, help="Count only every n-th frame of each scene.")] = 1,
+    pfa: Annotated[float, typer.Option(help="Probability of false alarm of the radar detector.")] = 1e-6,
+    margin: Annotated[float, typer.Option(help="A radar point this far from a box is still the object's [m].")] = 0.5,
+) -> None:
+    """Count what a dataset holds and write it as a page, beside published figures of other datasets.
+
+    Radar points of objects against range, their RCS and SNR, class balance, occlusion, weather.
+    """
+    with reported(context, "nothing was written"), collected_warnings():
+        from scarl_sionna.dataset.statistics.collect import dataset_statistics
+
+        data = taken.read()
+        with _progress() as report:
+            found = dataset_statistics(data, pfa=pfa, margin=margin, every=every, on_progress=report)
+        typer.echo(str(found))
+        typer.echo(f"page: {found.save(out)}")
 
 
 @contextmanager
