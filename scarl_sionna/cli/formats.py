@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.untrusted.yaml_text import parse_yaml
+from scarl_sionna.dataset.formats import FORMATS
 
 from .common import collected_warnings, reported
 from .options import grouped_options
@@ -57,7 +58,7 @@ def convert(
     taken: _Frames,
     form: Annotated[
         str,
-        typer.Argument(metavar="FORMAT", help="nuscenes, tfrecord, hdf5, mcap, dca1000 or rerun.", show_default=False),
+        typer.Argument(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.", show_default=False),
     ],
     out: Annotated[Path, typer.Argument(help="Folder or file to write.", show_default=False)],
     option: Annotated[
@@ -70,7 +71,6 @@ def convert(
 ) -> None:
     """Write a dataset in a format that other tools read."""
     with reported(context, "nothing was written"), collected_warnings():
-        from scarl_sionna.dataset.formats import FORMATS
         from scarl_sionna.dataset.formats import convert as run
 
         if form not in FORMATS:

@@ -27,6 +27,7 @@ class Format:
 FORMATS: Mapping[str, Format] = {
     "nuscenes": Format("nuscenes", "export_nuscenes", True, "nuScenes tables and files for nuscenes-devkit"),
     "tfrecord": Format("tfrecord", "export_tfrecord", True, "TFRecord files for TensorFlow"),
+    "webdataset": Format("webdataset", "export_webdataset", True, "WebDataset shards, TAR files of samples"),
     "hdf5": Format("hdf5", "export_hdf5", False, "one HDF5 file with every field"),
     "mcap": Format("mcap", "export_mcap", False, "MCAP recording for Foxglove"),
     "dca1000": Format("dca1000", "export_dca1000", True, "raw radar captures as TI's DCA1000 writes them"),
