@@ -27,8 +27,8 @@ from scarl_sionna.dataset.derived.radar_points import sensed_points
 
 from . import pictures
 from .mcap_schemas import NUMBER_TYPES, SCHEMAS
-from .nuscenes_files import encode_image
 from .output import whole_output_file
+from .pictures import centred_intrinsics, encode_image
 from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
 
 if TYPE_CHECKING:
@@ -205,8 +205,7 @@ def _image_messages(name: str, image: ImageFrame, time: Mapping[str, int]) -> It
         if pixels is not None:
             data = encode_image(pixels, form)
             yield f"/{name}/{kind}", "foxglove.CompressedImage", _compressed(frame_id, data, form, time)
-    matrix = spec.intrinsics.copy()
-    matrix[:2, 2] -= 0.5  # pixels count from the centre of the first one, as in OpenCV
+    matrix = centred_intrinsics(image)
     models = {"brown_conrady": "rational_polynomial", "kannala_brandt": "kannala_brandt"}
     yield (
         f"/{name}/calibration",

@@ -25,10 +25,10 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.dataset.derived.boxes import other_objects, points_inside, visible_fraction
 from scarl_sionna.dataset.derived.radar_points import sensed_points
 
-from . import nuscenes_files as files
-from . import nuscenes_tables as tables
-from .nuscenes_tables import token
+from .nuscenes_parts import files, tables
+from .nuscenes_parts.tables import token
 from .output import whole_folder
+from .pictures import centred_intrinsics, encode_image, undistorted
 from .source import Convertible, FrameSource, OnProgress, SceneFrames, as_source, no_progress
 
 LIDAR_CHANNEL = "LIDAR_TOP"
@@ -298,12 +298,11 @@ class _Writer:
                 continue
             mount = self.source.vehicle_from_sensor(name)
             optical = mount.compose(Pose.from_rotation(np.zeros(3), CAMERA_OPTICAL_FROM_SENSOR.T))
-            matrix = image.spec.intrinsics.copy()
-            matrix[:2, 2] -= 0.5  # nuScenes counts pixels from the centre of the first one
+            matrix = centred_intrinsics(image)
             form, size = self.options.image_format, (image.spec.height, image.spec.width)
             stream = _Stream(self._channel("CAM", name), "camera", optical, form, matrix, size)
             record = self._record(scene, base, stream)
-            (self.root / record["filename"]).write_bytes(files.encode_image(files.undistorted(image), form))
+            (self.root / record["filename"]).write_bytes(encode_image(undistorted(image), form))
 
     def _annotate(
         self, scene: SceneFrames, frame: Frame, cloud: npt.NDArray[np.float64], echoes: npt.NDArray[np.float64]

@@ -22,8 +22,8 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.dataset.readers.samples import FrameSamples
 
-from .nuscenes_files import encode_image
 from .output import whole_folder
+from .pictures import encode_image
 from .source import Convertible, FrameSource, OnProgress, SceneFrames, as_source, no_progress
 
 FORMAT = "scarl-webdataset"
