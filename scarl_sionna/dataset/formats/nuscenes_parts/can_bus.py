@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -57,7 +57,8 @@ def messages(times_us: Sequence[int], motion: Sequence[tuple[Pose, Twist]]) -> d
     """
     seconds = np.array(times_us, np.float64) * 1e-6
     linear = np.array([twist.linear for _, twist in motion])
-    change = np.gradient(linear, seconds, axis=0, edge_order=min(2, len(seconds) - 1))
+    order: Literal[1, 2] = 2 if len(seconds) > 2 else 1
+    change: Array = np.gradient(linear, seconds, axis=0, edge_order=order)
     found: dict[str, list[dict[str, Any]]] = {"ms_imu": [], "pose": [], "vehicle_monitor": []}
     for time, (pose, twist), acceleration in zip(times_us, motion, change, strict=True):
         own = pose.inverse()
