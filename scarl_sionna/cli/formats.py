@@ -132,10 +132,32 @@ def stats(
         typer.echo(f"page: {found.save(out)}")
 
 
+@app.command()
+def archive(
+    context: typer.Context,
+    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")],
+    out: Annotated[Path, typer.Argument(help="Folder to write.", show_default=False)],
+    restore: Annotated[bool, typer.Option("--restore", help="Take a dataset out of its archives again.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace archives that were written before.")] = False,
+) -> None:
+    """Put a finished dataset into one ZIP file a shard, for quotas and object stores; it is read as it is."""
+    with reported(context, "nothing was written"), collected_warnings():
+        from scarl_sionna.dataset.archive import archive_dataset, restore_dataset
+
+        if restore and overwrite:
+            raise ParameterRangeError("--overwrite", "given", "without --restore", "choose a folder that is not there")
+        with _progress("shards") as report:
+            if restore:
+                written = restore_dataset(source, out, on_progress=report)
+            else:
+                written = archive_dataset(source, out, overwrite=overwrite, on_progress=report)
+        typer.echo(f"{source} written to {written}")
+
+
 @contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
+def _progress(what: str = "frames") -> Iterator[Callable[[int, int], None]]:
     """Yield a function that moves a progress bar."""
-    columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
         task = progress.add_task("convert", total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
