@@ -55,7 +55,7 @@ def archive_dataset(
     if isinstance(dataset.files, ArchivedFiles):
         raise DatasetError("is in archives already", place, "copy it as it is")
     shards = [(s, n) for s in dataset.plan.scenes for n in range(s.num_shards(dataset.plan.options))]
-    rows = dataset.manifest["shards"]
+    rows = dataset.manifest.shards
     for scene, number in shards:
         if number >= len(rows.get(scene.name, [])) or rows[scene.name][number] is None:
             raise DatasetError(
@@ -128,7 +128,8 @@ def _of_shard(dataset: Dataset, scene: ScenePlan, number: int) -> tuple[list[str
     """Return the names of a shard's files, and what reads one and holds it to its checksum."""
     record = record_name(scene.name, number)
     text = dataset.files.read(record)
-    if hashlib.sha256(text).hexdigest() != dataset.manifest["shards"][scene.name][number][0]:
+    row = dataset.manifest.shards[scene.name][number]
+    if row is None or hashlib.sha256(text).hexdigest() != row[0]:
         raise DatasetError(f"{record} is not what was written", dataset.place, "run `scarl-sionna verify --repair`")
     written = ShardRecord.parse(text, record).files
 

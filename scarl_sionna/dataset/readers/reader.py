@@ -75,7 +75,7 @@ class Dataset(Described, Sequence["StoredFrame"]):
         yield "scenes", listed(f"{name} ({len(scene)})" for name, scene in self._scenes.items())
         yield "splits", listed(f"{split}: {len(names)}" for split, names in self.splits.items())
         yield "sensors", f"{len(self.sensors)}: {listed(self.sensors)}"
-        yield "licence", str(self.manifest["licence"])
+        yield "licence", self.manifest.licence
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -106,7 +106,7 @@ class Dataset(Described, Sequence["StoredFrame"]):
     @property
     def calibration(self) -> dict[str, Any]:
         """By sensor: place in the vehicle, and numbers such as intrinsics or range resolution."""
-        return dict(self.manifest["calibration"])
+        return dict(self.manifest.calibration)
 
     @property
     def scenes(self) -> list[str]:
@@ -116,7 +116,7 @@ class Dataset(Described, Sequence["StoredFrame"]):
     @property
     def splits(self) -> dict[str, list[str]]:
         """Names of the scenes of each split."""
-        return {split: list(names) for split, names in self.manifest["splits"].items()}
+        return {split: list(names) for split, names in self.manifest.splits.items()}
 
     def scene(self, name: str) -> Scene:
         """Return a scene (sequence) by name.
