@@ -69,6 +69,7 @@ def test_a_point_belongs_to_the_nearest_footprint_whatever_its_height() -> None:
     ]
     assert nearest_footprint(items, points, 0.5 + 1e-9).tolist() == [0, 0, 1, 0, -1, 2, -1, 1, -1]
     assert nearest_footprint(items, points, 0.0).tolist() == [0, 0, -1, -1, -1, 2, -1, -1, -1]
+    assert nearest_footprint([items[1], items[0], items[0]], points[:1], 0.5).tolist() == [1]  # of two alike the first
     assert nearest_footprint([], points).tolist() == [-1] * 9
     assert nearest_footprint(items, np.zeros((0, 3))).shape == (0,)
 
