@@ -42,6 +42,7 @@ from .core.specs.radar.waveforms.kinds import SteppedFmcw
 from .core.specs.radar.waveforms.phase_coded import PcFmcw
 from .core.specs.weather import Weather
 from .dataset.readers.reader import Dataset, open_dataset
+from .dataset.statistics.collect import DatasetStatistics, dataset_statistics
 from .engine.load import load_scene, stage
 from .engine.world import World, WorldState
 from .fusion import Rig
@@ -103,6 +104,7 @@ __all__ = [
     "PcFmcw",
     "Pmcw",
     "Dataset",
+    "DatasetStatistics",
     "Frame",
     "FrontEnd",
     "HeterodyneReceiver",
@@ -146,6 +148,7 @@ __all__ = [
     "attenuate_paths",
     "back_project",
     "compile_scatterers",
+    "dataset_statistics",
     "detect",
     "export",
     "find_hits",

@@ -8,6 +8,7 @@ and 2 GB. The last line of a kind has its name, the number of cases and how many
 from __future__ import annotations
 
 import json
+import os
 import random
 import re
 import resource
@@ -53,6 +54,27 @@ class Kind:
     files: tuple[str, ...]
     read: Callable[[Path], object]
     evil: Callable[[Path, int], bool] = lambda folder, case: False
+
+
+def evil_text(*texts: str) -> Callable[[Path, int], bool]:
+    """Return what replaces a file in the first cases: texts, a pipe, a folder, nothing."""
+
+    def replace(file: Path, case: int) -> bool:
+        whole = [text.encode("utf-8", "surrogatepass") for text in (*texts, "", "\0", "{", "[]", "3", "x" * 100_000)]
+        if case >= len(whole) + 4:
+            return False
+        file.unlink()
+        if case < len(whole):
+            file.write_bytes(whole[case])
+        elif case == len(whole):
+            os.mkfifo(file)
+        elif case == len(whole) + 1:
+            file.mkdir()
+        elif case == len(whole) + 2:
+            file.symlink_to("/dev/zero")
+        return True
+
+    return replace
 
 
 def mutated(data: bytes, rng: random.Random) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import os
 import random
 import shutil
 import zipfile
@@ -13,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.exports import RIG
-from tests.malformed import EVIL, Kind, mutated
+from tests.malformed import EVIL, Kind, evil_text, mutated
+from tests.malformed_datasets import DATASETS
 from tests.scenes import Thing, box, plane, write_scene
 
 REPO = Path(__file__).resolve().parents[1]
@@ -30,29 +30,8 @@ ENTITIES = (
 DEEP = "<scene>" * 50_000
 
 
-def _evil_text(*texts: str) -> Callable[[Path, int], bool]:
-    """Return what replaces a file in the first cases: texts, a pipe, a folder, nothing."""
-
-    def replace(file: Path, case: int) -> bool:
-        whole = [text.encode("utf-8", "surrogatepass") for text in (*texts, "", "\0", "{", "[]", "3", "x" * 100_000)]
-        if case >= len(whole) + 4:
-            return False
-        file.unlink()
-        if case < len(whole):
-            file.write_bytes(whole[case])
-        elif case == len(whole):
-            os.mkfifo(file)
-        elif case == len(whole) + 1:
-            file.mkdir()
-        elif case == len(whole) + 2:
-            file.symlink_to("/dev/zero")
-        return True
-
-    return replace
-
-
 def _kind(write: Callable[[Path], None], files: tuple[str, ...], read: Callable[[Path], object], *texts: str) -> Kind:
-    replace = _evil_text(*texts)
+    replace = evil_text(*texts)
     return Kind(write, files, read, lambda folder, case: replace(folder / files[0], case))
 
 
@@ -357,7 +336,7 @@ def _read_numbers(folder: Path) -> object:
 def _evil_numbers(folder: Path, case: int) -> bool:
     """Change what is inside a packed file, so that its checksums are right."""
     if case % 2:
-        return _evil_text()(folder / "model.npz", case // 2)
+        return evil_text()(folder / "model.npz", case // 2)
     rng = random.Random(case)
     name = rng.choice(("model.npz", "scan.npz"))
     with zipfile.ZipFile(folder / name) as old:
@@ -375,95 +354,6 @@ def _evil_numbers(folder: Path, case: int) -> bool:
         for item, data in members.items():
             new.writestr(item, data)
     return True
-
-
-# datasets
-
-
-def _write_dataset(folder: Path) -> None:
-    from scarl_sionna.dataset.encoding import StoreOptions
-    from scarl_sionna.dataset.store.writer import write_dataset
-    from tests.frames import RIG as SMALL
-    from tests.frames import make_frame
-
-    frames = [make_frame(index) for index in range(3)]
-    write_dataset(folder / "d", SMALL.to_dict(), {"a": frames}, options=StoreOptions(shard_frames=2))
-
-
-def _read_dataset(folder: Path) -> object:
-    from scarl_sionna.core.errors import ScarlError
-    from scarl_sionna.dataset import open_dataset
-    from scarl_sionna.dataset.verify import verify
-
-    errors: list[ScarlError] = []
-    try:
-        dataset = open_dataset(folder / "d")
-        for position in range(len(dataset)):
-            try:
-                dataset[position].to_frame()
-            except ScarlError as error:
-                errors.append(error)
-        repr(dataset)
-    except ScarlError as error:
-        errors.append(error)
-    try:
-        verify(folder / "d", repair=True)
-    except ScarlError as error:
-        errors.append(error)
-    if errors:
-        raise errors[0]
-    return None
-
-
-def _evil_dataset(folder: Path, case: int) -> bool:
-    """Change values inside of the JSON of a dataset, and put the checksums right that would show it."""
-    import hashlib
-    import json
-
-    if case < 12:
-        return _evil_text()(folder / "d/manifest.json", case)
-    root, rng = folder / "d", random.Random(case)
-    (root / "manifest.backup.json").unlink(missing_ok=True)
-    manifest = json.loads((root / "manifest.json").read_text())
-    if case % 3 == 0:
-        _change(manifest, rng)
-    else:
-        record_file, metas_file = root / "shards/a/000000.json", root / "shards/a/000000.frames.json"
-        record, metas = json.loads(record_file.read_text()), json.loads(metas_file.read_text())
-        _change(record if case % 3 == 1 else metas, rng)
-        text = json.dumps(metas).encode()
-        metas_file.write_bytes(text)
-        if isinstance(record.get("files"), dict) and case % 3 == 2:
-            record["files"]["shards/a/000000.frames.json"] = [len(text), hashlib.sha256(text).hexdigest()]
-        text = json.dumps(record).encode()
-        record_file.write_bytes(text)
-        manifest["shards"]["a"][0][0] = hashlib.sha256(text).hexdigest()
-    (root / "manifest.json").write_text(json.dumps(manifest))
-    return case % 5 != 0
-
-
-BAD_VALUES = (
-    None, True, 0, -1, 1e30, 10**8, 10**30, "", "x", "../x", "/etc/passwd", [], [1], ["x"], {}, {"a": 1}, [[]], 1.5,
-)  # fmt: skip # a table
-
-
-def _change(data: object, rng: random.Random) -> None:
-    """Replace, remove or add one value somewhere in plain data."""
-    while True:
-        keys = list(data) if isinstance(data, dict) else list(range(len(data)))  # type: ignore[arg-type, call-overload]
-        if not keys:
-            return
-        key = rng.choice(keys)
-        inner = data[key]  # type: ignore[index]
-        if isinstance(inner, dict | list) and inner and rng.random() < 0.8:
-            data = inner
-            continue
-        how = rng.randrange(6)
-        if how == 0:
-            del data[key]  # type: ignore[attr-defined]
-        else:
-            data[key] = rng.choice(BAD_VALUES)  # type: ignore[index]
-        return
 
 
 KINDS: Mapping[str, Kind] = {
@@ -489,11 +379,5 @@ KINDS: Mapping[str, Kind] = {
     "motion": _kind(_write_motion, ("t.csv", "path.csv", "f.xml", "f.xml.gz", "t.parquet"), _read_motion, ENTITIES),
     "commonroad": _kind(_commonroad, ("c.xml",), _read_commonroad, ENTITIES),
     "numbers": Kind(_write_numbers, ("model.npz", "scan.npz", "scan.csv"), _read_numbers, _evil_numbers),
-    "dataset": Kind(
-        _write_dataset,
-        ("d/manifest.json", "d/shards/a/000000.json", "d/shards/a/000000.frames.json",
-         "d/arrays/a/objects/instance/c/0/0", "d/images/a/front/camera/rgb/000000.png"),
-        _read_dataset,
-        _evil_dataset,
-    ),
+    **DATASETS,
 }  # fmt: skip # a table

@@ -274,15 +274,15 @@ def show_dataset(place: str) -> str:
 
     dataset = open_dataset(place)
     manifest = dataset.manifest
-    rows = [row for items in manifest["shards"].values() for row in items if row]
+    rows = [row for items in manifest.shards.values() for row in items if row]
     lines = [
         f"Dataset {place}: {len(dataset)} frames in {len(dataset.scenes)} scenes, {len(dataset.sensors)} sensors",
-        f"schema version {manifest['schema_version']}, configuration {manifest['configuration_hash'][:16]}, "
-        f"{sum(row[3] for row in rows) / 1e6:.1f} MB, licence: {manifest['licence']}",
+        f"schema version {manifest.schema_version}, configuration {manifest.configuration_hash[:16]}, "
+        f"{sum(row[3] for row in rows) / 1e6:.1f} MB, licence: {manifest.licence}",
     ]
     lines += [
-        f"  scene {name}: {len(dataset.scene(name))} of {item['num_frames']} frames, {item['split']}"
-        for name, item in manifest["scenes"].items()
+        f"  scene {name}: {len(dataset.scene(name))} of {item.num_frames} frames, {item.split}"
+        for name, item in manifest.scenes.items()
     ]
     lines += [f"  sensor {name}: {kind}" for name, kind in dataset.sensors.items()]
     return "\n".join(lines)

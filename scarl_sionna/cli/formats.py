@@ -1,4 +1,4 @@
-"""Commands that show a dataset and write it in other formats: argument parsing, progress and messages only."""
+"""Commands that show a dataset, count it and write it in other formats: arguments, progress and messages only."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.untrusted.yaml_text import parse_yaml
+from scarl_sionna.dataset.formats import FORMATS
 
 from .common import collected_warnings, reported
 from .options import grouped_options
@@ -38,13 +39,16 @@ class _Frames:
     scene: Annotated[
         list[str] | None, typer.Option("--scene", help="Scene to take; several times for several (default: all).")
     ] = None
+    split: Annotated[
+        list[str] | None, typer.Option("--split", help="Split to take, for instance val; several times for several.")
+    ] = None
     frames: Annotated[int | None, typer.Option(help="Take the first frames of each scene only.")] = None
 
     def read(self) -> FrameSource:
         """Return the frames."""
         from scarl_sionna.dataset.formats import as_source
 
-        return as_source(self.source).subset(self.scene or (), self.frames)
+        return as_source(self.source).subset(self.scene or (), self.frames, self.split or ())
 
 
 @app.command()
@@ -54,7 +58,7 @@ def convert(
     taken: _Frames,
     form: Annotated[
         str,
-        typer.Argument(metavar="FORMAT", help="nuscenes, tfrecord, hdf5, mcap, dca1000 or rerun.", show_default=False),
+        typer.Argument(metavar="FORMAT", help=f"One of {', '.join(FORMATS)}.", show_default=False),
     ],
     out: Annotated[Path, typer.Argument(help="Folder or file to write.", show_default=False)],
     option: Annotated[
@@ -67,7 +71,6 @@ def convert(
 ) -> None:
     """Write a dataset in a format that other tools read."""
     with reported(context, "nothing was written"), collected_warnings():
-        from scarl_sionna.dataset.formats import FORMATS
         from scarl_sionna.dataset.formats import convert as run
 
         if form not in FORMATS:
@@ -105,10 +108,56 @@ def view(
         typer.echo(f"{data.num_frames} frames " + ("shown" if save is None else f"written to {save}"))
 
 
+@app.command()
+@grouped_options("taken")
+def stats(
+    context: typer.Context,
+    taken: _Frames,
+    out: Annotated[Path, typer.Option(help="Page to write (HTML, one file).")] = Path("stats.html"),
+    every: Annotated[int, typer.Option(min=1, help="Count only every n-th frame of each scene.")] = 1,
+    pfa: Annotated[float, typer.Option(help="Probability of false alarm of the radar detector.")] = 1e-6,
+    margin: Annotated[float, typer.Option(help="A radar point this far from a box is still the object's [m].")] = 0.5,
+) -> None:
+    """Count what a dataset holds and write it as a page, beside published figures of other datasets.
+
+    Radar points of objects against range, their RCS and SNR, class balance, occlusion, weather.
+    """
+    with reported(context, "nothing was written"), collected_warnings():
+        from scarl_sionna.dataset.statistics.collect import dataset_statistics
+
+        data = taken.read()
+        with _progress() as report:
+            found = dataset_statistics(data, pfa=pfa, margin=margin, every=every, on_progress=report)
+        typer.echo(str(found))
+        typer.echo(f"page: {found.save(out)}")
+
+
+@app.command()
+def archive(
+    context: typer.Context,
+    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")],
+    out: Annotated[Path, typer.Argument(help="Folder to write.", show_default=False)],
+    restore: Annotated[bool, typer.Option("--restore", help="Take a dataset out of its archives again.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace archives that were written before.")] = False,
+) -> None:
+    """Put a finished dataset into one ZIP file a shard, for quotas and object stores; it is read as it is."""
+    with reported(context, "nothing was written"), collected_warnings():
+        from scarl_sionna.dataset.archive import archive_dataset, restore_dataset
+
+        if restore and overwrite:
+            raise ParameterRangeError("--overwrite", "given", "without --restore", "choose a folder that is not there")
+        with _progress("shards") as report:
+            if restore:
+                written = restore_dataset(source, out, on_progress=report)
+            else:
+                written = archive_dataset(source, out, overwrite=overwrite, on_progress=report)
+        typer.echo(f"{source} written to {written}")
+
+
 @contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
+def _progress(what: str = "frames") -> Iterator[Callable[[int, int], None]]:
     """Yield a function that moves a progress bar."""
-    columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
         task = progress.add_task("convert", total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)

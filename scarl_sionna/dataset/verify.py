@@ -16,6 +16,7 @@ from scarl_sionna.core.errors import DatasetError, OutputError, ScarlError, Scar
 from .encoding import decode_png
 from .readers.reader import Dataset, Scene, open_dataset
 from .schema import OBJECT, POINT
+from .store.archives import REMEDY, ArchivedFiles
 from .store.card import dataset_card, is_card, unmarked_card
 from .store.files import output_error
 from .store.layout import (
@@ -124,7 +125,8 @@ def verify(
 
     Checked are: the checksum of every record against the manifest, size and checksum of every file against its record,
     the ``zarr.json`` files against the schema, the dataset card, files that belong to nothing, the number of frames,
-    that every chunk and image decodes, the number of objects and points, the sensors, and that time rises.
+    that every chunk and image decodes, the number of objects and points, the sensors, and that time rises. Of a dataset
+    in archives the files of the shards are checked, as they stand in them.
 
     Parameters
     ----------
@@ -138,7 +140,7 @@ def verify(
     Raises
     ------
     DatasetError
-        If there is no dataset, or its manifest cannot be read.
+        If there is no dataset, its manifest cannot be read, or it is in archives and to be repaired.
     OutputError
         If it is in use or cannot be repaired for lack of permission.
     """
@@ -146,6 +148,9 @@ def verify(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ScarlWarning)  # a manifest that is lost is a fault here
         dataset = open_dataset(root)
+    archived = isinstance(dataset.files, ArchivedFiles)
+    if archived and repair:
+        raise DatasetError("archives are written once and cannot be repaired", root, REMEDY)
     found = Verification()
     if dataset.manifest_fault is not None:
         found.add([Fault(MANIFEST, f"{dataset.manifest_fault} (its copy {BACKUP} is whole)")])
@@ -158,9 +163,10 @@ def verify(
         found.num_planned += len(scene.shard_range(shard, dataset.plan.options))
         found.add(_check_shard(dataset, scene, shard, found, known))
     on_shard(len(shards), len(shards))
-    found.add(_check_manifest(dataset, root, known))
-    found.add(_check_marked(dataset, root, found))
-    found.add(_check_strays(dataset, root, known, found))
+    if not archived:
+        found.add(_check_manifest(dataset, root, known))
+        found.add(_check_marked(dataset, root, found))
+        found.add(_check_strays(dataset, root, known, found))
     found.add(_check_order(dataset))
     if repair and (found.faults or found.unfinished or not (root / BACKUP).exists()):
         _repair(root, dataset, found)

@@ -27,13 +27,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_dataset(root / "out", SOURCE.rig, {"highway": list(SOURCE.scenes[0])})
     for form, name in (("dca1000", "cap"), ("hdf5", "drive.h5")):
         convert(root / "out", form, root / name)
+    convert(root / "out", "webdataset", root / "wds", frames_per_file=2)
     convert(root / "out", "tfrecord", root / "tfr", items=["boxes", "timestamp_ns"])
     return root
 
 
 def blocks(page: str) -> list[str]:
     """Return the Python blocks of a page; the drive of the tests has one camera for all images."""
-    text = (DOCS / page).read_text(encoding="utf-8").replace("front_center/rgb:", "front_center/camera:")
+    text = (DOCS / page).read_text(encoding="utf-8")
+    text = text.replace("front_center/rgb:", "front_center/camera:").replace(
+        "front_center_rgb_rgb", "front_center_camera_rgb"
+    )
     return re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
 
 
@@ -61,7 +65,10 @@ def test_formats(folder, monkeypatch) -> None:
     monkeypatch.chdir(folder)
     tf = tensorflow()
     record = next(iter(tf.data.TFRecordDataset(str(folder / "tfr" / "highway-00000-of-00001.tfrecord"))))
-    names = run("formats.md", {"tf": tf, "record": record}, ("nuscenes",))
+    without = ("nuscenes",) if importlib.util.find_spec("webdataset") else ("nuscenes", "webdataset")
+    names = run("formats.md", {"tf": tf, "record": record}, without)
+    if "pairs" in names:
+        assert sorted(len(boxes) for _, boxes in names["pairs"]) == [3] * 4
     frame = SOURCE.scenes[0].frames
     np.testing.assert_allclose(names["adc"], frame[3].radars["front_center/radar"].adc, rtol=1e-5)
     np.testing.assert_array_equal(names["points"], frame[3].lidars["front_center/lidar"].position)

@@ -384,7 +384,7 @@ def test_a_distorted_camera_is_undistorted_for_nuscenes() -> None:
     """A grid seen through a lens becomes the grid that a pinhole camera with the same matrix sees."""
     from scarl_sionna.core.pose import Pose
     from scarl_sionna.core.specs.lens import BrownConrady
-    from scarl_sionna.dataset.formats.nuscenes_files import undistorted
+    from scarl_sionna.dataset.formats.pictures import undistorted
 
     lens = BrownConrady(k1=-0.25, k2=0.05)
     spec = CameraSpec(width=320, height=200, focal_length_px=200.0, lens=lens)

@@ -17,8 +17,8 @@ from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.dataset.derived.boxes import visible_fraction
 from scarl_sionna.dataset.derived.radar_points import radar_points, sensed_points
 from scarl_sionna.dataset.formats.nuscenes import export_nuscenes
-from scarl_sionna.dataset.formats.nuscenes_files import deviation_code, tone_deviation
-from scarl_sionna.dataset.formats.nuscenes_tables import CATEGORIES, LIDARSEG_LABEL, TABLES, visibility_token
+from scarl_sionna.dataset.formats.nuscenes_parts.files import deviation_code, tone_deviation
+from scarl_sionna.dataset.formats.nuscenes_parts.tables import CATEGORIES, LIDARSEG_LABEL, TABLES, visibility_token
 from scarl_sionna.dataset.formats.output import FILES, MARK
 from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from scarl_sionna.radar.points import point_targets

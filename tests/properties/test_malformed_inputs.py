@@ -29,7 +29,7 @@ from tests.scenes import box
 
 REPO = Path(__file__).resolve().parents[2]
 SLOW = 155
-"""Cases of each kind in the slow run: 13 kinds without CommonRoad, 2,015 cases."""
+"""Cases of each kind in the slow run: 14 kinds without CommonRoad, 2,170 cases."""
 FEW = 15
 
 

@@ -414,3 +414,18 @@ def test_the_page_of_the_schema_is_up_to_date() -> None:
     assert page.read_text(encoding="utf-8") == schema_page(), (
         "python -m scarl_sionna.dataset.schema_docs > docs/dataset.md"
     )
+
+
+def test_the_manifest_is_typed_and_the_plain_data_that_it_was(tmp_path) -> None:
+    write_dataset(tmp_path / "ds", RIG.to_dict(), {"lane": FRAMES[:3]})
+    manifest = open_dataset(tmp_path / "ds").manifest
+    plain = json.loads((tmp_path / "ds" / "manifest.json").read_text())
+    assert manifest == plain and json.loads(json.dumps(manifest)) == plain
+    scene = manifest.scenes["lane"]
+    assert (scene.num_frames, scene.split) == (plain["scenes"]["lane"]["num_frames"], plain["scenes"]["lane"]["split"])
+    assert manifest.schema_version == plain["schema_version"] and manifest.storage.shard_frames == 8
+    assert manifest.licence == plain["licence"] and manifest.configuration_hash == plain["configuration_hash"]
+    assert [list(row) for row in manifest.shards["lane"]] == plain["shards"]["lane"]
+    assert manifest.splits == plain["splits"] and manifest.calibration == plain["calibration"]
+    again = pickle.loads(pickle.dumps(manifest))
+    assert again == manifest and again.scenes["lane"].num_frames == 3

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -18,6 +20,8 @@ OCCLUSION_MARGIN = 0.1
 SURFACE_MARGIN = 0.01
 """A point this far outside of a box counts as on its surface: half of the returns of a flat side are, by rounding
 [m]."""
+MOVING_SPEED = 0.5
+"""An object faster than this counts as moving [m/s]."""
 _GRID = 96  # at most this many rays a side of a box's bounding rectangle: visibility to about 1 %
 
 
@@ -36,6 +40,36 @@ def points_inside(item: ObjectState, points: npt.ArrayLike) -> npt.NDArray[np.bo
     """Return which points (N, 3) [m, world] are inside a box or, to within 1 cm, on its surface."""
     local = item.world_from_box.inverse().apply(points)
     return np.all(np.abs(local) <= item.size / 2.0 + SURFACE_MARGIN, axis=-1)
+
+
+def nearest_footprint(
+    items: Sequence[ObjectState], points: npt.ArrayLike, margin: float = SURFACE_MARGIN
+) -> npt.NDArray[np.int64]:
+    """Return the object whose box, seen from above, is nearest to each point.
+
+    Height does not count: most automotive radars measure none.
+
+    Parameters
+    ----------
+    items : sequence of ObjectState
+    points : array_like, shape (num_points, 3)
+        World [m].
+    margin : float
+        Farthest from the footprint [m].
+
+    Returns
+    -------
+    ndarray of int64, shape (num_points,)
+        Index into `items`, of the first of those equally near; -1 where none is within the margin.
+    """
+    places = np.asarray(points, np.float64).reshape(-1, 3)
+    nearest, found = np.full(len(places), margin), np.full(len(places), -1)
+    for number, item in enumerate(items):
+        local = item.world_from_box.inverse().apply(places)[:, :2]
+        away = np.linalg.norm(np.maximum(np.abs(local) - item.size[:2] / 2.0, 0.0), axis=1)
+        closer = (away < nearest) | ((away == nearest) & (found < 0))
+        nearest[closer], found[closer] = away[closer], number
+    return found
 
 
 def visible_fraction(item: ObjectState, image: ImageFrame) -> float:

@@ -27,8 +27,13 @@ class Format:
 FORMATS: Mapping[str, Format] = {
     "nuscenes": Format("nuscenes", "export_nuscenes", True, "nuScenes tables and files for nuscenes-devkit"),
     "tfrecord": Format("tfrecord", "export_tfrecord", True, "TFRecord files for TensorFlow"),
+    "webdataset": Format("webdataset", "export_webdataset", True, "WebDataset shards, TAR files of samples"),
     "hdf5": Format("hdf5", "export_hdf5", False, "one HDF5 file with every field"),
     "mcap": Format("mcap", "export_mcap", False, "MCAP recording for Foxglove"),
+    "coco": Format("labelled.coco", "export_coco", True, "COCO images with boxes and masks"),
+    "yolo": Format("labelled.yolo", "export_yolo", True, "YOLO images with boxes"),
+    "kitti": Format("labelled.kitti", "export_kitti", True, "KITTI's object data, with radar points"),
+    "rosbag": Format("rosbag", "export_rosbag", True, "ROS 2 bag with the standard messages"),
     "dca1000": Format("dca1000", "export_dca1000", True, "raw radar captures as TI's DCA1000 writes them"),
     "rerun": Format("rerun", "export_rerun", False, ".rrd recording for the Rerun viewer"),
 }

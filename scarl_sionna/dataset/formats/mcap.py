@@ -17,18 +17,24 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.packages import require
-from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS
-from scarl_sionna.core.units import power_to_db
 from scarl_sionna.dataset.derived.boxes import other_objects
-from scarl_sionna.dataset.derived.lidar_points import world_points
-from scarl_sionna.dataset.derived.radar_points import sensed_points
 
 from . import pictures
 from .mcap_schemas import NUMBER_TYPES, SCHEMAS
-from .nuscenes_files import encode_image
 from .output import whole_output_file
+from .pictures import centred_intrinsics, encode_image
+from .recording import (
+    BOX_ALPHA,
+    WORLD,
+    detection_columns,
+    lidar_columns,
+    packed,
+    timed_frames,
+    transforms,
+)
 from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
 
 if TYPE_CHECKING:
@@ -37,13 +43,9 @@ if TYPE_CHECKING:
 Message = tuple[str, str, dict[str, Any]]
 """Topic, schema name and content."""
 
-WORLD, VEHICLE = "world", "vehicle"
 LIBRARY = "scarl-sionna"
 """Stands in the header of our files."""
 _MAGIC = b"\x89MCAP0\r\n"
-BOX_ALPHA = 0.35
-SCENE_GAP = 1_000_000_000
-"""A scene begins this long after the one before it ends [ns]: a recording has one clock."""
 
 
 def is_ours(path: Path) -> bool:
@@ -88,7 +90,7 @@ def export_mcap(
     from mcap.writer import Writer
 
     source = as_source(data)
-    done, delay, last = 0, 0, None
+    done = 0
     with whole_output_file(out, overwrite, is_ours) as partial, partial.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="", library=LIBRARY)
@@ -96,15 +98,11 @@ def export_mcap(
         writer.add_metadata(
             "scarl", {"rig": json.dumps(source.rig), "scenes": json.dumps([s.name for s in source.scenes])}
         )
-        for scene in source.scenes:
-            for position, frame in enumerate(scene):
-                if position == 0 and last is not None:
-                    delay = max(0, last + SCENE_GAP - frame.timestamp_ns)
-                last = frame.timestamp_ns + delay
-                for topic, schema, content in _messages(source, scene.name, frame, last, raw_radar, pfa):
-                    channels.write(topic, schema, content, last, done)
-                done += 1
-                on_progress(done, source.num_frames)
+        for scene, frame, time_ns in timed_frames(source):
+            for topic, schema, content in _messages(source, scene.name, frame, time_ns, raw_radar, pfa):
+                channels.write(topic, schema, content, time_ns, done)
+            done += 1
+            on_progress(done, source.num_frames)
         writer.finish()
     return Path(out)
 
@@ -140,7 +138,7 @@ def _messages(
     for name, scan in frame.lidars.items():
         yield f"/{name}/points", "foxglove.PointCloud", _lidar(name, frame, scan, time)
     for name, radar in frame.radars.items():
-        yield f"/{name}/detections", "foxglove.PointCloud", _detections(name, frame, radar, time, pfa)
+        yield f"/{name}/detections", "foxglove.PointCloud", _cloud(name, detection_columns(frame, radar, pfa), time)
         png = encode_image(pictures.range_doppler_picture(radar), "png")
         yield f"/{name}/range_doppler", "foxglove.CompressedImage", _compressed(f"{name}/map", png, "png", time)
         if raw_radar:
@@ -158,12 +156,8 @@ def _transforms(source: FrameSource, frame: Frame, time: Mapping[str, int]) -> I
             "rotation": place["orientation"],
         }
 
-    yield transform(WORLD, VEHICLE, frame.world_from_vehicle)
-    for name in frame.results:
-        yield transform(VEHICLE, name, source.vehicle_from_sensor(name))
-    optical = Pose.from_rotation(np.zeros(3), CAMERA_OPTICAL_FROM_SENSOR.T)
-    for name in frame.images:
-        yield transform(name, f"{name}/optical", optical)
+    for parent, child, pose in transforms(source, frame):
+        yield transform(parent, child, pose)
 
 
 def _entities(frame: Frame, time: Mapping[str, int]) -> Iterator[dict[str, Any]]:
@@ -205,8 +199,7 @@ def _image_messages(name: str, image: ImageFrame, time: Mapping[str, int]) -> It
         if pixels is not None:
             data = encode_image(pixels, form)
             yield f"/{name}/{kind}", "foxglove.CompressedImage", _compressed(frame_id, data, form, time)
-    matrix = spec.intrinsics.copy()
-    matrix[:2, 2] -= 0.5  # pixels count from the centre of the first one, as in OpenCV
+    matrix = centred_intrinsics(image)
     models = {"brown_conrady": "rational_polynomial", "kannala_brandt": "kannala_brandt"}
     yield (
         f"/{name}/calibration",
@@ -226,42 +219,15 @@ def _image_messages(name: str, image: ImageFrame, time: Mapping[str, int]) -> It
 
 
 def _lidar(name: str, frame: Frame, scan: LidarScan, time: Mapping[str, int]) -> dict[str, Any]:
-    place = scan.world_from_sensor.inverse().apply(world_points(frame, scan))
-    columns: dict[str, npt.NDArray[Any]] = {
-        "x": place[:, 0],
-        "y": place[:, 1],
-        "z": place[:, 2],
-        "intensity": scan.intensity,
-        "radial_velocity": np.nan_to_num(scan.radial_velocity),
-        "semantic": scan.semantic,
-        "instance": scan.instance,
-    }
-    return _cloud(name, columns, time)
-
-
-def _detections(name: str, frame: Frame, radar: RadarFrame, time: Mapping[str, int], pfa: float) -> dict[str, Any]:
-    sensed = sensed_points(frame, radar, pfa)
-    points = sensed.points
-    columns = {
-        "x": points.position[:, 0],
-        "y": points.position[:, 1],
-        "z": points.position[:, 2],
-        "radial_velocity": points.radial_velocity,
-        "velocity_over_ground": sensed.compensated_velocity,
-        "snr_db": points.snr_db,
-        "rcs_dbsm": power_to_db(points.rcs),
-    }
-    return _cloud(name, columns, time)
+    columns = lidar_columns(frame, scan)
+    return _cloud(name, {**columns, "radial_velocity": np.nan_to_num(columns["radial_velocity"])}, time)
 
 
 def _cloud(frame_id: str, columns: Mapping[str, npt.NDArray[Any]], time: Mapping[str, int]) -> dict[str, Any]:
-    kinds = {key: v.dtype.str if v.dtype.kind in "iu" else "<f4" for key, v in columns.items()}
-    rows = np.zeros(len(columns["x"]), dtype=list(kinds.items()))
-    for key, values in columns.items():
-        rows[key] = values
+    rows = packed(columns)
     offsets: Mapping[str, Any] = rows.dtype.fields or {}
     fields = [
-        {"name": k, "offset": offsets[k][1], "type": NUMBER_TYPES[np.dtype(kind).str[1:]]} for k, kind in kinds.items()
+        {"name": key, "offset": offset, "type": NUMBER_TYPES[kind.str[1:]]} for key, (kind, offset) in offsets.items()
     ]
     return {
         "timestamp": time,

@@ -19,16 +19,17 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
+from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose, Twist
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.dataset.derived.boxes import other_objects, points_inside, visible_fraction
 from scarl_sionna.dataset.derived.radar_points import sensed_points
 
-from . import nuscenes_files as files
-from . import nuscenes_tables as tables
-from .nuscenes_tables import token
+from .nuscenes_parts import files, splits, tables
+from .nuscenes_parts.can_bus import FOLDER, write_can_bus
+from .nuscenes_parts.tables import token
 from .output import whole_folder
+from .pictures import centred_intrinsics, encode_image, undistorted
 from .source import Convertible, FrameSource, OnProgress, SceneFrames, as_source, no_progress
 
 LIDAR_CHANNEL = "LIDAR_TOP"
@@ -46,6 +47,7 @@ def export_nuscenes(
     image_format: Literal["jpg", "png"] = "jpg",
     raw_radar: bool = True,
     all_objects: bool = False,
+    official_names: bool = False,
     pfa: float = 1e-6,
     overwrite: bool = False,
     on_progress: OnProgress = no_progress,
@@ -68,6 +70,9 @@ def export_nuscenes(
         Also write the raw radar data as NPY files and the table ``scarl_radar``, which the reader passes over.
     all_objects : bool
         Also label buildings, signs, trees and the like, which nuScenes knows as classes of points but gives no boxes.
+    official_names : bool
+        Scenes get the names of nuScenes' own scenes of the same split, so that tools which know these splits alone
+        (`load_gt`, `NuScenesCanBus`) take them; ``version`` ends with ``trainval``, ``test`` or ``mini`` then.
     pfa : float
         Probability of false alarm of the detector that makes the radar points.
     overwrite : bool
@@ -90,8 +95,10 @@ def export_nuscenes(
     if not source.num_frames:
         raise ParameterRangeError("dataset", "no frames", "at least one frame")
     mark = {"format": FORMAT, "version": version, "rig": source.rig["name"], "scenes": [s.name for s in source.scenes]}
+    names = splits.official_names(source, version) if official_names else {}
+    source = splits.renamed(source, names) if names else source
     with whole_folder(out, mark, overwrite) as folder:
-        writer = _Writer(folder, source, options)
+        writer = _Writer(folder, source, options, {official: own for own, official in names.items()})
         done = 0
         for scene in source.scenes:
             for position, frame in enumerate(scene):
@@ -119,7 +126,7 @@ class _Options:
             raise ParameterRangeError("keyframe_every", self.keyframe_every, ">= 1")
         if self.image_format not in ("jpg", "png"):
             raise ParameterRangeError("image_format", repr(self.image_format), "'jpg' or 'png'")
-        taken = (".", "..", "samples", "sweeps", "maps", "lidarseg")
+        taken = (".", "..", "samples", "sweeps", "maps", "lidarseg", FOLDER)
         if not self.version or set(self.version) & set("/\\") or self.version in taken:
             raise ParameterRangeError("version", repr(self.version), "a plain folder name such as 'v1.0-mini'")
 
@@ -142,8 +149,8 @@ class _Stream:
 class _Writer:
     """Gathers records and writes files of one folder."""
 
-    def __init__(self, root: Path, source: FrameSource, options: _Options) -> None:
-        self.root, self.source, self.options = root, source, options
+    def __init__(self, root: Path, source: FrameSource, options: _Options, own_names: Mapping[str, str]) -> None:
+        self.root, self.source, self.options, self.own_names = root, source, options, own_names
         self.table: dict[str, list[dict[str, Any]]] = {name: [] for name in tables.TABLES}
         self.lidarseg: list[dict[str, Any]] = []
         self.raw_radar: list[dict[str, Any]] = []
@@ -158,6 +165,7 @@ class _Writer:
     def _begin_scene(self) -> None:
         self.map = files.DrivableMap()
         self.poses: list[dict[str, Any]] = []
+        self.motion: list[tuple[Pose, Twist]] = []
         self.annotations: dict[int, list[dict[str, Any]]] = defaultdict(list)
         self.chains: dict[str, list[dict[str, Any]]] = defaultdict(list)
         self.samples: list[dict[str, Any]] = []
@@ -183,6 +191,7 @@ class _Writer:
                 "translation": pose.position.tolist(),
             }
         )
+        self.motion.append((pose, frame.vehicle_twist))
         self.map.add(frame)
         if is_key:
             self.samples.append(
@@ -298,12 +307,11 @@ class _Writer:
                 continue
             mount = self.source.vehicle_from_sensor(name)
             optical = mount.compose(Pose.from_rotation(np.zeros(3), CAMERA_OPTICAL_FROM_SENSOR.T))
-            matrix = image.spec.intrinsics.copy()
-            matrix[:2, 2] -= 0.5  # nuScenes counts pixels from the centre of the first one
+            matrix = centred_intrinsics(image)
             form, size = self.options.image_format, (image.spec.height, image.spec.width)
             stream = _Stream(self._channel("CAM", name), "camera", optical, form, matrix, size)
             record = self._record(scene, base, stream)
-            (self.root / record["filename"]).write_bytes(files.encode_image(files.undistorted(image), form))
+            (self.root / record["filename"]).write_bytes(encode_image(undistorted(image), form))
 
     def _annotate(
         self, scene: SceneFrames, frame: Frame, cloud: npt.NDArray[np.float64], echoes: npt.NDArray[np.float64]
@@ -352,6 +360,8 @@ class _Writer:
         self.map.save(self.root / map_file)
         for record in [*self.poses, *(row for rows in self.annotations.values() for row in rows)]:
             record["translation"] = (np.array(record["translation"]) - origin).tolist()
+        on_map = [(Pose(pose.position - origin, pose.quaternion), twist) for pose, twist in self.motion]
+        write_can_bus(self.root, scene.name, [row["timestamp"] for row in self.poses], on_map)
         _link(self.samples)
         times = np.array([sample["timestamp"] for sample in self.samples])
         for chain in self.chains.values():
@@ -383,13 +393,14 @@ class _Writer:
             {
                 "token": scene_token,
                 "name": scene.name,
-                "description": f"simulated by scarl-sionna: {scene.name}",
+                "description": f"simulated by scarl-sionna: {self.own_names.get(scene.name, scene.name)}",
                 "log_token": log_token,
                 "nbr_samples": len(self.samples),
                 "first_sample_token": self.samples[0]["token"],
                 "last_sample_token": self.samples[-1]["token"],
                 "scarl_world_from_map": origin.tolist(),
                 "scarl_delay_us": self.delay,
+                **({"scarl_scene": self.own_names[scene.name]} if scene.name in self.own_names else {}),
             }
         )
         self.table["log"].append(
@@ -411,7 +422,7 @@ class _Writer:
         )
         return self._begin_scene()
 
-    def save(self, splits: Mapping[str, Sequence[str]]) -> None:
+    def save(self, scenes_of_split: Mapping[str, Sequence[str]]) -> None:
         """Write all tables."""
         if not self.table["sample_data"]:
             raise ParameterRangeError(
@@ -424,8 +435,10 @@ class _Writer:
             extra["lidarseg"] = self.lidarseg
         if self.raw_radar:
             extra["scarl_radar"] = self.raw_radar
-        if splits:
-            extra["splits"] = {name: list(scenes) for name, scenes in splits.items()}
+        if scenes_of_split:
+            extra["splits"] = {name: list(scenes) for name, scenes in scenes_of_split.items()}
+            if self.own_names:
+                extra["splits"] |= {splits.CUSTOM + name: list(scenes) for name, scenes in scenes_of_split.items()}
         for name, rows in {**self.table, **extra}.items():
             (place / f"{name}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 

@@ -1,12 +1,16 @@
-"""Small colour pictures of what is no colour image, for viewers: depth, classes, radar maps."""
+"""Pictures in files: colour images, and small pictures of what is none: depth, classes, radar maps."""
 
 from __future__ import annotations
+
+import io
 
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
+import scipy.ndimage
+from PIL import Image
 
-from scarl_sionna.core.results import RadarFrame
+from scarl_sionna.core.results import ImageFrame, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_COLORS
 from scarl_sionna.core.units import power_to_db
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
@@ -46,3 +50,35 @@ def range_doppler_picture(radar: RadarFrame) -> Picture:
 
 def _colours(name: str, level: npt.ArrayLike) -> Picture:
     return mpl.colormaps[name](np.clip(level, 0.0, 1.0), bytes=True)[..., :3].copy()
+
+
+def undistorted(image: ImageFrame) -> npt.NDArray[np.uint8]:
+    """Return the RGB image as a pinhole camera with the same matrix K would show it.
+
+    Black where the lens sees nothing.
+    """
+    assert image.rgb is not None
+    spec = image.spec
+    if spec.lens.model == "pinhole":
+        return image.rgb
+    line, column = np.mgrid[: spec.height, : spec.width] + 0.5
+    (fx, _, cu), (_, fy, cv), _ = spec.intrinsics
+    pixel, _ = spec.project(np.stack([(column - cu) / fx, (line - cv) / fy, np.ones_like(line)], axis=-1))
+    place = np.nan_to_num(pixel[..., ::-1], nan=-10.0).transpose(2, 0, 1) - 0.5
+    planes = [scipy.ndimage.map_coordinates(image.rgb[..., band], place, order=1, mode="constant") for band in range(3)]
+    return np.stack(planes, axis=-1)
+
+
+def centred_intrinsics(image: ImageFrame) -> npt.NDArray[np.float64]:
+    """Return the intrinsics with pixels counted from the centre of the first one, as OpenCV, KITTI and nuScenes do."""
+    matrix = image.spec.intrinsics.copy()
+    matrix[:2, 2] -= 0.5
+    return matrix
+
+
+def encode_image(pixels: npt.NDArray[np.uint8], kind: str) -> bytes:
+    """Return an image as ``"jpg"`` (quality 95, full colour resolution) or ``"png"``."""
+    buffer = io.BytesIO()
+    options = {"quality": 95, "subsampling": 0} if kind == "jpg" else {}
+    Image.fromarray(pixels).save(buffer, format={"jpg": "JPEG", "png": "PNG"}[kind], **options)
+    return buffer.getvalue()

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from scarl_sionna.core.errors import DatasetError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.results import Frame
+from scarl_sionna.core.results import Frame, ImageFrame, SensorResult
 
 if TYPE_CHECKING:
-    from scarl_sionna.dataset.readers.reader import Dataset
+    from scarl_sionna.dataset.readers.reader import Dataset, StoredFrame
 
 OnProgress = Callable[[int, int], None]
 """Called with the number of finished frames and of all frames."""
@@ -23,6 +23,8 @@ def no_progress(done: int, total: int) -> None:
     """Report nothing."""
 
 
+_OF_OBJECTS = tuple(item.name for item in fields(ImageFrame) if item.name.startswith("object_"))
+"""Fields of an image frame that hold a number for each object."""
 _SCENE_NAME = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_\-.]*")
 
 
@@ -40,10 +42,11 @@ class Frames(Protocol):
 
 @dataclass(frozen=True)
 class SceneFrames:
-    """One drive: a name and its frames in time order."""
+    """One drive: a name, its frames in time order, and how it was made as far as that is known."""
 
     name: str
     frames: Frames
+    configuration: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not _SCENE_NAME.fullmatch(self.name):
@@ -59,7 +62,11 @@ class SceneFrames:
 
     def labels(self) -> Iterator[Frame]:
         """Yield the frames with poses and labels; of a stored one the results of the sensors are not read."""
-        return (_without_results(self.frames, index) for index in range(len(self.frames)))
+        return (_read_by(self.frames, "without_results", index) for index in range(len(self.frames)))
+
+    def without_pictures(self, index: int) -> Frame:
+        """Return a frame; of a stored one only radars, and the numbers of cameras about objects, are read."""
+        return _read_by(self.frames, "without_pictures", index)
 
 
 @dataclass(frozen=True)
@@ -94,13 +101,19 @@ class FrameSource:
         pose = self.mounts[name]["vehicle_from_sensor"]
         return Pose(pose["position"], pose.get("quaternion", (1.0, 0.0, 0.0, 0.0)))
 
-    def subset(self, scenes: Sequence[str] = (), num_frames: int | None = None) -> FrameSource:
-        """Return some scenes by name (none given: all), and the first frames of each.
+    def split_of(self, scene: str) -> str | None:
+        """Return the split that a scene belongs to, or None."""
+        return next((split for split, names in self.splits.items() if scene in names), None)
+
+    def subset(
+        self, scenes: Sequence[str] = (), num_frames: int | None = None, splits: Sequence[str] = ()
+    ) -> FrameSource:
+        """Return some scenes by name or by split (none given: all), and the first frames of each.
 
         Raises
         ------
         UnknownNameError, ParameterRangeError
-            If a scene is unknown or the number is below 1.
+            If a scene or a split is unknown, no scene is left, or the number is below 1.
         """
         if num_frames is not None and num_frames < 1:
             raise ParameterRangeError("num_frames", num_frames, ">= 1")
@@ -108,17 +121,24 @@ class FrameSource:
         for name in scenes:
             if name not in known:
                 raise UnknownNameError("scene", name, known)
+        for name in splits:
+            if name not in self.splits:
+                raise UnknownNameError("split", name, self.splits)
         chosen = [known[name] for name in scenes] if scenes else list(self.scenes)
+        if splits:
+            chosen = [scene for scene in chosen if self.split_of(scene.name) in splits]
+            if not chosen:
+                raise ParameterRangeError("split", ", ".join(splits), "a split with scenes", "see `scarl-sionna info`")
         if num_frames is not None:
-            chosen = [SceneFrames(scene.name, _First(scene.frames, num_frames)) for scene in chosen]
+            chosen = [replace(scene, frames=_First(scene.frames, num_frames)) for scene in chosen]
         kept = {scene.name for scene in chosen}
-        splits = {split: [name for name in names if name in kept] for split, names in self.splits.items()}
-        return FrameSource(self.rig, chosen, {split: names for split, names in splits.items() if names})
+        left = {split: [name for name in names if name in kept] for split, names in self.splits.items()}
+        return FrameSource(self.rig, chosen, {split: names for split, names in left.items() if names})
 
 
-def _without_results(frames: Frames, index: int) -> Frame:
-    """Return a frame, without the results of its sensors where these would have to be read."""
-    read: Callable[[int], Frame] = getattr(frames, "without_results", frames.__getitem__)
+def _read_by(frames: Frames, way: str, index: int) -> Frame:
+    """Return a frame, without what takes long to read where its frames know the way."""
+    read: Callable[[int], Frame] = getattr(frames, way, frames.__getitem__)
     return read(index)
 
 
@@ -134,6 +154,14 @@ class _First:
 
     def __getitem__(self, index: int) -> Frame:
         return self.frames[index]
+
+    def without_results(self, index: int) -> Frame:
+        """Return a frame with poses and labels only."""
+        return _read_by(self.frames, "without_results", index)
+
+    def without_pictures(self, index: int) -> Frame:
+        """Return a frame with radars and the numbers of cameras about objects."""
+        return _read_by(self.frames, "without_pictures", index)
 
 
 @dataclass(frozen=True)
@@ -151,8 +179,21 @@ class _DatasetFrames:
     def without_results(self, index: int) -> Frame:
         """Return a frame with poses and labels only."""
         item = self.scene[index]
+        return self._with(item, {})
+
+    def without_pictures(self, index: int) -> Frame:
+        """Return a frame with radars and the numbers of cameras about objects."""
+        item = self.scene[index]
+        results: dict[str, SensorResult] = {name: radar.to_result() for name, radar in item.radar.items()}
+        for name, image in item.image.items():
+            numbers = {key: getattr(image, key) for key in _OF_OBJECTS}
+            results[name] = ImageFrame(image.spec, image.world_from_sensor, **numbers)
+        return self._with(item, results)
+
+    @staticmethod
+    def _with(item: StoredFrame, results: Mapping[str, SensorResult]) -> Frame:
         pose, twist = item.world_from_vehicle, item.vehicle_twist
-        return Frame(item.index, item.timestamp_ns, item.seed, pose, twist, {}, item.labels)
+        return Frame(item.index, item.timestamp_ns, item.seed, pose, twist, dict(results), item.labels)
 
 
 def as_source(data: Convertible) -> FrameSource:
@@ -176,5 +217,10 @@ def as_source(data: Convertible) -> FrameSource:
         from scarl_sionna.dataset.readers.reader import open_dataset
 
         data = open_dataset(data)
-    scenes = [SceneFrames(name, _DatasetFrames(data.scene(name))) for name in data.scenes]
+    scenes = [_scene_of(data, name) for name in data.scenes]
     return FrameSource(data.rig, scenes, getattr(data, "splits", None) or {})
+
+
+def _scene_of(data: Dataset, name: str) -> SceneFrames:
+    scene = data.scene(name)
+    return SceneFrames(name, _DatasetFrames(scene), scene.configuration)

@@ -17,11 +17,13 @@ from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity
 from scarl_sionna.core.results import Frame, ObjectState, SensorResult
 from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.dataset.encoding import mount_today, spec_of
+from scarl_sionna.dataset.store.archives import REMEDY, ArchivedFiles, archived_files
 from scarl_sionna.dataset.store.files import Files, open_files
 from scarl_sionna.dataset.store.manifest import (
     ARRAYS,
     BACKUP,
     DatasetPlan,
+    ManifestMissing,
     ScenePlan,
     plan_of,
     recover_manifest,
@@ -45,7 +47,14 @@ class Dataset(Described, Sequence["StoredFrame"]):
     def __init__(self, place: str | Path) -> None:
         self.place = str(place)
         self.files: Files = open_files(place)
-        self.manifest, self.manifest_fault = recover_manifest(self.files)
+        try:
+            self.manifest, self.manifest_fault = recover_manifest(self.files)
+        except ManifestMissing:
+            archived = archived_files(self.files)
+            if archived is None:
+                raise
+            self.files = archived
+            self.manifest, self.manifest_fault = recover_manifest(self.files)
         if self.manifest_fault is not None:
             warnings.warn(
                 f"{self.manifest_fault}; read from its copy {BACKUP}; `scarl-sionna verify --repair` puts it back",
@@ -66,7 +75,7 @@ class Dataset(Described, Sequence["StoredFrame"]):
         yield "scenes", listed(f"{name} ({len(scene)})" for name, scene in self._scenes.items())
         yield "splits", listed(f"{split}: {len(names)}" for split, names in self.splits.items())
         yield "sensors", f"{len(self.sensors)}: {listed(self.sensors)}"
-        yield "licence", str(self.manifest["licence"])
+        yield "licence", self.manifest.licence
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -97,7 +106,7 @@ class Dataset(Described, Sequence["StoredFrame"]):
     @property
     def calibration(self) -> dict[str, Any]:
         """By sensor: place in the vehicle, and numbers such as intrinsics or range resolution."""
-        return dict(self.manifest["calibration"])
+        return dict(self.manifest.calibration)
 
     @property
     def scenes(self) -> list[str]:
@@ -107,7 +116,7 @@ class Dataset(Described, Sequence["StoredFrame"]):
     @property
     def splits(self) -> dict[str, list[str]]:
         """Names of the scenes of each split."""
-        return {split: list(names) for split, names in self.manifest["splits"].items()}
+        return {split: list(names) for split, names in self.manifest.splits.items()}
 
     def scene(self, name: str) -> Scene:
         """Return a scene (sequence) by name.
@@ -190,9 +199,16 @@ class Scene(Described, Sequence["StoredFrame"]):
         """The scene's Zarr group: lazy arrays over all frames, for slices.
 
         ``group["front_left/radar/adc"][3, :, :16]``.
+
+        Raises
+        ------
+        DatasetError
+            If the dataset is in archives.
         """
         import zarr
 
+        if isinstance(self.dataset.files, ArchivedFiles):
+            raise DatasetError("archives are no Zarr hierarchy", self.dataset.place, REMEDY)
         place = self.dataset.place.rstrip("/")
         return zarr.open_group(f"{place}/{ARRAYS}/{self.name}", mode="r")
 
@@ -385,7 +401,8 @@ def open_dataset(place: str | Path) -> Dataset:
     Parameters
     ----------
     place : path or str
-        Folder that `scarl-sionna export` or `demo` wrote, also while it is still written, or an fsspec URL
+        Folder that `scarl-sionna export` or `demo` wrote, also while it is still written, or its archives
+        (`scarl-sionna archive`), or an fsspec URL
         (``s3://...``, ``https://...``; over HTTP, where folders cannot be listed, only what stands in the manifest).
 
     Warns

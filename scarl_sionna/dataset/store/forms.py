@@ -26,7 +26,9 @@ _Digest = Annotated[str, Field(max_length=200)]
 _Loose = dict[str, Any]
 
 
-class _Storage(Table):
+class StorageForm(Table):
+    """Types of the storage of a manifest."""
+
     shard_frames: int = Field(8, ge=1, le=MOST_SHARD_FRAMES)
     radar_format: Literal["int16", "complex64"] = "int16"
     object_capacity: int = Field(1024, ge=1, le=1_000_000)
@@ -46,16 +48,21 @@ class _Rig(Table):
 
 
 class _Configuration(Table):
-    storage: _Storage
+    storage: StorageForm
     software: dict[str, Text]
     rig: _Rig
     scenes: dict[str, _Loose]
 
 
-class _Scene(Table):
+class SceneForm(Table):
+    """Types of a scene in a manifest."""
+
     num_frames: int = Field(ge=1, le=MOST_FRAMES)
     split: Text
     seed: int | None = None
+
+
+_Row = Annotated[tuple[_Digest, _Frame, list[_Frame], _Count], Field(strict=False)]
 
 
 class ManifestForm(Table):
@@ -66,10 +73,10 @@ class ManifestForm(Table):
     licence: Text
     configuration: _Configuration
     configuration_hash: _Digest
-    scenes: dict[str, _Scene] = Field(max_length=1_000_000)
+    scenes: dict[str, SceneForm] = Field(max_length=1_000_000)
     splits: dict[str, list[Text]]
     calibration: dict[str, _Loose]
-    shards: dict[str, list[Annotated[tuple[_Digest, _Frame, list[_Frame], _Count], Field(strict=False)] | None]]
+    shards: dict[str, list[_Row | None]]
 
     @model_validator(mode="after")
     def _check(self) -> ManifestForm:

@@ -246,7 +246,7 @@ def dump_manifest(data: Mapping[str, Any]) -> str:
     return head[: head.rindex("\n}")] + ',\n "shards": {\n' + ",\n".join(lists) + "\n }\n}\n"
 
 
-def recover_manifest(files: Files) -> tuple[dict[str, Any], DatasetError | None]:
+def recover_manifest(files: Files) -> tuple[Manifest, DatasetError | None]:
     """Return a dataset's manifest, or its second copy where it is lost or damaged, and then what is wrong with it.
 
     Raises
@@ -263,7 +263,45 @@ def recover_manifest(files: Files) -> tuple[dict[str, Any], DatasetError | None]
             raise error from None
 
 
-def read_manifest(files: Files, name: str = MANIFEST) -> dict[str, Any]:
+class Manifest(dict[str, Any]):
+    """A dataset's manifest, checked: plain data by its keys, and the same with types as attributes.
+
+    ``manifest["scenes"]["drive"]["num_frames"]`` is ``manifest.scenes["drive"].num_frames``.
+
+    Attributes
+    ----------
+    schema_version : int
+    description, licence, configuration_hash : str
+    scenes : dict of str to SceneForm
+        Number of frames, split and seed of each scene.
+    splits : dict of str to list of str
+    storage : StorageForm
+        Frames in a shard, format of radar data, room for objects.
+    calibration : dict of str to dict
+    shards : dict of str to list
+        Of each shard of a scene the checksum of its record, number of frames, failed frames and bytes; None: not there.
+    """
+
+    def __init__(self, data: Mapping[str, Any], form: ManifestForm) -> None:
+        super().__init__(data)
+        self.schema_version, self.description, self.licence = form.schema_version, form.description, form.licence
+        self.configuration_hash, self.storage = form.configuration_hash, form.configuration.storage
+        self.scenes, self.splits, self.shards, self.calibration = (
+            form.scenes,
+            form.splits,
+            form.shards,
+            form.calibration,
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _manifest_of, (dict(self),)
+
+
+def _manifest_of(data: dict[str, Any]) -> Manifest:
+    return Manifest(data, checked(ManifestForm, data))
+
+
+def read_manifest(files: Files, name: str = MANIFEST) -> Manifest:
     """Return a dataset's manifest.
 
     Raises
@@ -291,7 +329,7 @@ def read_manifest(files: Files, name: str = MANIFEST) -> dict[str, Any]:
             "update scarl-sionna",
         )
     try:
-        checked(ManifestForm, data)
+        manifest = _manifest_of(data)
         for scene in (*data["scenes"], *data["shards"], *data["configuration"]["scenes"]):
             if not _SCENE_NAME.fullmatch(scene):
                 check_name(f"../{scene}", "scene name")
@@ -302,7 +340,7 @@ def read_manifest(files: Files, name: str = MANIFEST) -> dict[str, Any]:
         raise ManifestDamage(
             f"{name} is damaged: {error!s:.200}", files.url, "run the export again: it writes it anew"
         ) from error
-    return data
+    return manifest
 
 
 def plan_of(data: Mapping[str, Any]) -> DatasetPlan:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.dataset.derived.boxes import MOVING_SPEED
 
 TABLES = (
     "category",
@@ -65,9 +66,6 @@ ATTRIBUTES = {
     "vehicle.moving": "faster than 0.5 m/s", "vehicle.stopped": "slower than 0.5 m/s, of an object that can move",
     "vehicle.parked": "a static object of the scene",
 }  # fmt: skip # a table
-MOVING_SPEED = 0.5
-"""An object faster than this counts as moving [m/s]."""
-
 CHANNEL_PLACES = {
     "front_left": "FRONT_LEFT", "front_center": "FRONT", "front_right": "FRONT_RIGHT",
     "back_left": "BACK_LEFT", "back_center": "BACK", "back_right": "BACK_RIGHT", "front": "FRONT", "back": "BACK",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -187,28 +186,3 @@ def _same_pose(a: ImageFrame, b: ImageFrame) -> bool:
         and np.array_equal(a.spec.intrinsics, b.spec.intrinsics)
         and a.spec.lens == b.spec.lens
     )
-
-
-def undistorted(image: ImageFrame) -> npt.NDArray[np.uint8]:
-    """Return the RGB image as a pinhole camera with the same matrix K would show it.
-
-    Black where the lens sees nothing.
-    """
-    assert image.rgb is not None
-    spec = image.spec
-    if spec.lens.model == "pinhole":
-        return image.rgb
-    line, column = np.mgrid[: spec.height, : spec.width] + 0.5
-    (fx, _, cu), (_, fy, cv), _ = spec.intrinsics
-    pixel, _ = spec.project(np.stack([(column - cu) / fx, (line - cv) / fy, np.ones_like(line)], axis=-1))
-    place = np.nan_to_num(pixel[..., ::-1], nan=-10.0).transpose(2, 0, 1) - 0.5
-    planes = [scipy.ndimage.map_coordinates(image.rgb[..., band], place, order=1, mode="constant") for band in range(3)]
-    return np.stack(planes, axis=-1)
-
-
-def encode_image(pixels: npt.NDArray[np.uint8], kind: str) -> bytes:
-    """Return an image as ``"jpg"`` (quality 95, full colour resolution) or ``"png"``."""
-    buffer = io.BytesIO()
-    options = {"quality": 95, "subsampling": 0} if kind == "jpg" else {}
-    Image.fromarray(pixels).save(buffer, format={"jpg": "JPEG", "png": "PNG"}[kind], **options)
-    return buffer.getvalue()

@@ -1,0 +1,1 @@
+"""Folders of images or point clouds with labels beside them: COCO, YOLO, KITTI."""

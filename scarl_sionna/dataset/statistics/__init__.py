@@ -1,0 +1,1 @@
+"""What a dataset holds, counted: objects, radar points, occlusion, weather; beside published figures, as a page."""
