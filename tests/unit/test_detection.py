@@ -118,3 +118,8 @@ def test_the_window_may_fill_the_map_but_not_leave_it() -> None:
     for pfa in (0.0, 1.0):
         with pytest.raises(ParameterRangeError, match="pfa"):
             cfar(rd, pfa=pfa)
+
+
+def test_no_direction_at_all_is_refused() -> None:
+    with pytest.raises(ParameterRangeError, match="most_directions"):
+        detect(noise_map(RADAR), most_directions=0)

@@ -7,15 +7,19 @@ from typing import Unpack, cast
 import numpy as np
 import numpy.typing as npt
 import scipy.ndimage
+from scipy.special import gammaincinv
 
+from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, power_to_db
 
-from ..angle import POSITION_TOLERANCE, RangeDopplerAngle, directions, fraunhofer_distance, near_steering
-from ..antenna import field_gain, virtual_positions
+from ..angle import RangeDopplerAngle, directions
+from ..antenna import field_gain
+from ..direction.manifold import Manifold
+from ..direction.several import pursue
 from ..link import radar_gain
-from ..peaks import parabola_offset, tone_offset
+from ..peaks import tone_offset
 from ..processing import RangeDoppler
 from ..windows import window_values
 from .leakage import leaked_over_the_ends
@@ -29,6 +33,7 @@ class PointOptions(Options, total=False):
     """Keywords of :func:`detect`."""
 
     peaks_only: bool
+    most_directions: int
 
 
 def detect(
@@ -53,7 +58,8 @@ def detect(
         out: (3, 3) and (6, 8), or what fits into a smaller map.
     **options
         `peaks_only` (True): keep one point a local maximum over Doppler and range, and none that may be the leakage of
-        a stronger cell over an end of the range axis. `kind`, `along` and `rank` of the threshold, see :func:`cfar`.
+        a stronger cell over an end of the range axis. `most_directions` (3): points of one cell at most, 1 takes its
+        strongest direction only. `kind`, `along` and `rank` of the threshold, see :func:`cfar`.
 
     Returns
     -------
@@ -62,13 +68,14 @@ def detect(
     Raises
     ------
     ParameterRangeError
-        If `pfa`, a half-width or `rank` is out of range.
+        If `pfa`, a half-width, `most_directions` or `rank` is out of range.
 
     Notes
     -----
-    The threshold is over the power summed over channels (:func:`cfar`). The angle of a point is the strongest direction
-    of its beam, refined to the maximum of the beamformer (of spherical waves for what is closer than the Fraunhofer
-    distance of the array); range and velocity are interpolated exactly for a tone in the map's window.
+    The threshold is over the power summed over channels (:func:`cfar`). The direction of a cell is the maximum of the
+    beamformer (of spherical waves for what is closer than the Fraunhofer distance of the array); where more than noise
+    is left, matching pursuit finds further ones (:func:`~scarl_sionna.signal.direction.several.pursue`), and each is a
+    point of its own. Range and velocity are interpolated exactly for a tone in the map's window.
 
     What a radar cannot measure is 0: azimuth or elevation along which its array has no extent, the velocity in a frame
     of one chirp, a range that noise would put before the radar.
@@ -82,7 +89,9 @@ def detect(
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
     rd, power = rda.range_doppler, rda.range_doppler.power
     fitting = fitting_window((rd.data.shape[1], rd.data.shape[2]))
-    peaks_only = options.pop("peaks_only", True)
+    peaks_only, most = options.pop("peaks_only", True), options.pop("most_directions", 3)
+    if most < 1:
+        raise ParameterRangeError("most_directions", most, ">= 1")
     found = cfar(rd, pfa, guard or fitting[0], training or fitting[1], **cast(Options, options))
     peaks = found
     if peaks_only:
@@ -91,17 +100,18 @@ def detect(
     if peaks_only:
         own = ~leaked_over_the_ends(rd, found, row, column)
         row, column = row[own], column[own]
-    return _points(rda, radar, power, row, column)
+    return _points(rda, radar, power, (row, column), most)
 
 
 def _points(
     rda: RangeDopplerAngle,
     radar: RadarSpec,
     power: npt.NDArray[np.float32],
-    doppler_index: npt.NDArray[np.intp],
-    range_index: npt.NDArray[np.intp],
+    cells: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]],
+    most: int,
 ) -> RadarPoints:
-    """Return the table of detected cells."""
+    """Return the table of detected cells (Doppler, range), one row a direction."""
+    doppler_index, range_index = cells
     rd = rda.range_doppler
     num_doppler, num_range = power.shape
     near = np.clip([range_index - 1, range_index, range_index + 1], 0, num_range - 1)
@@ -118,10 +128,12 @@ def _points(
         2.0 * radar.unambiguous_velocity / num_doppler
     )
     snapshot = rd.data[:, doppler_index, range_index].T.astype(np.complex128)
-    azimuth, elevation, received = _angles(rda, radar, snapshot, (doppler_index, range_index), distance)
+    found = pursue(Manifold.of(radar, rda.azimuth, rda.elevation), snapshot, distance, noise_floor(rd, power), most)
+    azimuth, elevation = np.arcsin(np.clip(found.sines, -1.0, 1.0)).T
     unit = directions(azimuth, elevation)
-    straddle = _straddle_gain(rd, range_offset, doppler_offset, radar)
-    received = received / straddle
+    straddle = _straddle_gain(rd, range_offset, doppler_offset, radar)[found.cell]
+    distance, velocity = distance[found.cell], velocity[found.cell]
+    received = np.abs(found.amplitude) ** 2 / straddle
     gain = field_gain(radar.array.pattern, unit) ** 4
     of_square_metre = (
         dbm_to_watt(radar.front_end.tx_power_dbm)
@@ -142,6 +154,12 @@ def _points(
     return RadarPoints(**{name: values[order] for name, values in table.items()})
 
 
+def noise_floor(rd: RangeDoppler, power: npt.NDArray[np.float32]) -> float:
+    """Return the noise of a cell of one channel [W]: by the map's median power, at least the thermal noise."""
+    channels = len(rd.data)
+    return max(rd.noise_power, float(np.median(power)) * channels / float(gammaincinv(channels, 0.5)))
+
+
 def _straddle_gain(rd: RangeDoppler, range_offset: Array, doppler_offset: Array, radar: RadarSpec) -> Array:
     """Return the power of a tone at an offset from its bin over that on the bin."""
     gain = np.ones_like(range_offset)
@@ -154,60 +172,3 @@ def _straddle_gain(rd: RangeDoppler, range_offset: Array, doppler_offset: Array,
         response = np.cos(2.0 * np.pi * np.outer(offset, position) / num_bins) @ window_values(window, count)
         gain *= np.maximum(response, 1e-6) ** 2
     return gain
-
-
-def _angles(
-    rda: RangeDopplerAngle,
-    radar: RadarSpec,
-    snapshot: npt.NDArray[np.complex128],
-    cells: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]],
-    distance: Array,
-) -> tuple[Array, Array, Array]:
-    """Return azimuth, elevation [rad] and beamformed power [W] of cells: the map's best direction, then refined."""
-    shape = rda.data.shape[2:]
-    beams = rda.data[cells].reshape(len(distance), int(np.prod(shape)))
-    near = np.flatnonzero(distance < fraunhofer_distance(radar))
-    if len(near):  # the map's beams are plane waves
-        elevation = np.zeros(1) if rda.elevation is None else rda.elevation
-        unit = directions(*np.meshgrid(rda.azimuth, elevation, indexing="ij")).reshape(-1, 3)
-        for row in near:
-            beams[row] = np.abs(np.conj(near_steering(radar, unit, distance[row])) @ snapshot[row]) ** 2
-    best = np.unravel_index(beams.argmax(axis=1) if beams.size else np.zeros(0, dtype=int), shape)
-    sine = [np.sin(rda.azimuth)[best[0]]]
-    step = [float(np.sin(rda.azimuth[1]) - np.sin(rda.azimuth[0]))]
-    if rda.elevation is not None:
-        sine.append(np.sin(rda.elevation)[best[1]])
-        step.append(float(np.sin(rda.elevation[1]) - np.sin(rda.elevation[0])))
-    if np.ptp(virtual_positions(radar)[:, 1]) < POSITION_TOLERANCE * radar.wavelength:  # no extent: nothing to see
-        sine[0], step[0] = np.zeros_like(sine[0]), 0.0
-    return _refine(radar, snapshot, distance, sine, step)
-
-
-def _refine(
-    radar: RadarSpec,
-    snapshot: npt.NDArray[np.complex128],
-    distance: Array,
-    sine: list[Array],
-    step: list[float],
-    rounds: int = 12,
-) -> tuple[Array, Array, Array]:
-    """Return the angles and the power at the beamformer's maximum near a start, by parabolas of shrinking step."""
-
-    def power(sines: list[Array]) -> Array:
-        limited = [np.clip(value, -1.0, 1.0) for value in sines]
-        elevation = np.arcsin(limited[1]) if len(limited) > 1 else np.zeros_like(limited[0])
-        beam = np.conj(near_steering(radar, directions(np.arcsin(limited[0]), elevation), distance))
-        return np.abs(np.einsum("pc,pc->p", beam, snapshot) / radar.num_virtual) ** 2
-
-    sine, width = [value.copy() for value in sine], list(step)
-    for _ in range(rounds):
-        for axis in np.flatnonzero(width):
-
-            def moved(sign: float, axis: int = int(axis)) -> list[Array]:
-                return [value + sign * width[axis] * (index == axis) for index, value in enumerate(sine)]
-
-            offset = parabola_offset(power(moved(-1.0)), power(sine), power(moved(1.0)))
-            sine[axis] = np.clip(sine[axis] + offset * width[axis], -1.0, 1.0)
-            width[axis] *= 0.6
-    elevation = np.arcsin(sine[1]) if len(sine) > 1 else np.zeros_like(sine[0])
-    return np.arcsin(sine[0]), elevation, power(sine)

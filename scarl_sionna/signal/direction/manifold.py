@@ -1,0 +1,98 @@
+"""The array manifold: phasors of the channels towards a direction, plane or spherical, and a grid of directions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+
+from ..angle import POSITION_TOLERANCE, directions, fraunhofer_distance, near_steering
+from ..antenna import virtual_positions
+from ..peaks import parabola_offset
+
+Array = npt.NDArray[np.float64]
+Phasors = npt.NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Manifold:
+    """A radar's array over a grid of directions, given by the sines of azimuth and elevation.
+
+    Attributes
+    ----------
+    radar : RadarSpec
+    sines : ndarray of float64, shape (num_directions, 2)
+        The grid.
+    step : ndarray of float64, shape (2,)
+        Its steps; 0 on an axis along which the array has no extent, where the sine is 0.
+    """
+
+    radar: RadarSpec
+    sines: Array
+    step: Array
+
+    @classmethod
+    def of(cls, radar: RadarSpec, azimuth: Array, elevation: Array | None) -> Manifold:
+        """Return the grid of a map's axes [rad]; an axis that the array cannot measure is left at 0."""
+        extent = np.ptp(virtual_positions(radar), axis=0)
+        axes = [
+            np.sin(axis) if axis is not None and size > POSITION_TOLERANCE * radar.wavelength else np.zeros(1)
+            for axis, size in ((azimuth, extent[1]), (elevation, extent[2]))
+        ]
+        sines = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        return cls(radar, sines, np.array([axis[1] - axis[0] if len(axis) > 1 else 0.0 for axis in axes]))
+
+    @property
+    def positions(self) -> Array:
+        """Virtual positions of the channels [m], shape (num_virtual, 3)."""
+        return virtual_positions(self.radar)
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Which of azimuth (0) and elevation (1) the array measures."""
+        return tuple(int(axis) for axis in np.flatnonzero(self.step))
+
+    def unit(self, sines: Array) -> Array:
+        """Return unit vectors (..., 3) towards sines (..., 2)."""
+        return directions(*np.moveaxis(np.arcsin(np.clip(sines, -1.0, 1.0)), -1, 0))
+
+    def phasors(self, sines: Array, distance: npt.ArrayLike) -> Phasors:
+        """Return the channels' phasors (..., num_virtual) towards sines (..., 2) at distances [m]."""
+        return near_steering(self.radar, self.unit(sines), distance)
+
+    def power(self, snapshot: Phasors, sines: Array, distance: Array) -> Array:
+        """Return the beamformed power [W] of snapshots (n, num_virtual) towards sines (n, 2), shape (n,)."""
+        beam = np.conj(self.phasors(sines, distance))
+        return np.abs(np.einsum("pc,pc->p", beam, snapshot) / self.radar.num_virtual) ** 2
+
+    def spectrum(self, snapshot: Phasors, distance: Array) -> Array:
+        """Return the beamformed power [W] of snapshots over the whole grid, shape (n, num_directions)."""
+        out = np.empty((len(snapshot), len(self.sines)))
+        plane = distance >= fraunhofer_distance(self.radar)
+        if plane.any():
+            out[plane] = np.abs(snapshot[plane] @ np.conj(self.phasors(self.sines, np.inf)).T) ** 2
+        for row in np.flatnonzero(~plane):
+            out[row] = np.abs(np.conj(self.phasors(self.sines, distance[row])) @ snapshot[row]) ** 2
+        return np.asarray(out / self.radar.num_virtual**2)
+
+    def strongest(self, snapshot: Phasors, distance: Array) -> Array:
+        """Return the sines (n, 2) of the beamformer's maximum: on the grid, then refined."""
+        start = self.spectrum(snapshot, distance).argmax(axis=1) if len(snapshot) else np.zeros(0, dtype=int)
+        return self.refine(snapshot, self.sines[start], distance)
+
+    def refine(self, snapshot: Phasors, sines: Array, distance: Array, rounds: int = 12, scale: float = 1.0) -> Array:
+        """Return the sines (n, 2) at the beamformer's maximum near a start, by parabolas of shrinking step."""
+        sines, width = sines.copy(), scale * self.step
+        for _ in range(rounds):
+            for axis in self.axes:
+                move = np.zeros(2)
+                move[axis] = width[axis]
+                left, here, right = (
+                    self.power(snapshot, np.clip(sines + sign * move, -1.0, 1.0), distance) for sign in (-1, 0, 1)
+                )
+                sines[:, axis] = np.clip(sines[:, axis] + parabola_offset(left, here, right) * width[axis], -1.0, 1.0)
+                width[axis] *= 0.6
+        return sines
