@@ -1,1 +1,1 @@
-"""Street maps in ASAM OpenDRIVE 1.4 to 1.8: read (`read`), evaluated (`curves`, `road`), and built as a scene."""
+"""Street maps in ASAM OpenDRIVE 1.4 to 1.8: `reading`, `geometry`, the lane `network`, `building` of the scene."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .model import Array, PlanPiece
+from ..model import Array, PlanPiece
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
@@ -68,7 +68,7 @@ def _polynomial(piece: PlanPiece, way: Array) -> tuple[Array, Array, Array, Arra
     low = knots[panel]
     rest = target - lengths[panel]
     p = low + rest / np.maximum(_speed(pu, pv, low), 1e-12)
-    for _ in range(6):
+    for _ in range(4):
         p = p - (_arc(pu, pv, low, p) - rest) / np.maximum(_speed(pu, pv, p), 1e-12)
     p = np.clip(p, -0.1 * top, 1.1 * top)
     du, dv = np.polyval(np.polyder(pu), p), np.polyval(np.polyder(pv), p)

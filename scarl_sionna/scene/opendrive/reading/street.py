@@ -10,9 +10,9 @@ from scarl_sionna.core.errors import InputFileError, MapError
 from scarl_sionna.core.untrusted.files import MEGABYTE
 from scarl_sionna.core.untrusted.xml_text import LinedElement, read_xml_with_lines
 
-from .model import Array, Connection, Cubics, Junction, PlanPiece, Road, RoadLink, StreetMap
-from .read_lanes import read_sections
-from .read_objects import read_objects, read_signals, read_structures
+from ..model import Array, Connection, Cubics, Junction, PlanPiece, Road, RoadLink, StreetMap
+from .lanes import read_sections
+from .objects import read_objects, read_signals, read_structures
 from .source import Source, child, children
 
 MOST_BYTES = 128 * MEGABYTE

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections import OrderedDict
 
 import numpy as np
 import numpy.typing as npt
 
+from ..model import Array, LaneSection, MapLane, Road
 from .curves import Frame, evaluate
-from .model import Array, LaneSection, MapLane, Road
 
 LONGEST_STEP = 12.0
 """Largest distance between two stations of a surface [m]."""
+_KEPT = 8
 _INSIDE = np.array([0.2, 0.5, 0.8])
 
 
@@ -31,10 +32,19 @@ class RoadShape:
     def __init__(self, road: Road) -> None:
         self.road = road
         self._starts = np.array([piece.s for piece in road.plan])
+        self._known: OrderedDict[bytes, Frame] = OrderedDict()
 
     def frame(self, s: npt.ArrayLike) -> Frame:
         """Return the reference line in plan at `s` (n,) [m], held at both ends."""
         place = np.clip(np.atleast_1d(np.asarray(s, dtype=np.float64)), 0.0, self.road.length)
+        key = place.tobytes()  # borders of many lanes are asked for at the same stations
+        if key not in self._known:
+            self._known[key] = self._frame(place)
+            if len(self._known) > _KEPT:
+                self._known.popitem(last=False)
+        return self._known[key]
+
+    def _frame(self, place: Array) -> Frame:
         index = np.clip(np.searchsorted(self._starts, place, "right") - 1, 0, None)
         table = np.zeros((4, place.size))
         for k in np.unique(index):
@@ -164,19 +174,6 @@ class RoadShape:
     def _within(section: LaneSection, s: Array) -> Array:
         """Return places held just inside a section, whose polynomials end there."""
         return np.clip(s, section.s, section.stop)
-
-    @cached_property
-    def reach(self) -> tuple[Array, Array]:
-        """Lowest and highest corner of the road's borders, sampled, shape (3,) each [m]."""
-        points = np.concatenate(
-            [
-                self.profile(one, np.linspace(one.s, one.stop, max(2, int((one.stop - one.s) / 5.0) + 2))).reshape(
-                    -1, 3
-                )
-                for one in self.road.sections
-            ]
-        )
-        return points.min(0), points.max(0)
 
 
 def lane_heights(lane: MapLane, way: Array) -> tuple[Array, Array]:

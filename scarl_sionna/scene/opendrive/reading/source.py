@@ -11,7 +11,7 @@ import numpy as np
 from scarl_sionna.core.errors import MapError
 from scarl_sionna.core.untrusted.xml_text import LinedElement
 
-from .model import Cubics, Finding
+from ..model import Cubics, Finding
 
 LARGEST = 1e7
 """Numbers beyond it are no length in metres, and no angle."""
