@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scenes_xml.generators.geometry.mesh import Mesh
 
 from ..model import Array
-from .surfaces import Piece, polygons, sheet
+from .surfaces import LAP, Piece, polygons, sheet
 
 REACH, TILE_SIZE = 60.0, 24.0
 """How far the ground reaches beside the roads, and side of the squares in which its height is sampled [m]."""
@@ -58,7 +58,7 @@ def ground_sheets(pieces: Sequence[Piece]) -> tuple[list[Mesh], GroundHeight]:
     height = GroundHeight(border_points(low))
     taken = shapely.union_all([piece.footprint for piece in low], grid_size=1e-4)
     area = shapely.buffer(shapely.simplify(taken, 1.0), REACH, quad_segs=4)
-    free = shapely.difference(area, shapely.segmentize(taken, 2.0))
+    free = shapely.difference(area, shapely.segmentize(shapely.buffer(taken, -LAP, join_style="mitre"), 2.0))
     shapely.prepare(free)
     x0, y0, x1, y1 = shapely.bounds(free)
     sheets = []

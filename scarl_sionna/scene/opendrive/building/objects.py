@@ -69,11 +69,8 @@ def add_objects(
                 continue
             name = f"object_{count}_{kind.lower()}"
             count += 1
-            parts = (
-                _crosswalk(shape, thing, kit.is_light)
-                if kind == "crosswalk"
-                else _parts(shape, thing, kind, kit.is_light)
-            )
+            make = _crosswalk if kind == "crosswalk" else _parts
+            parts = make(shape, thing, kind, kit.is_light)
             semantic = "RoadLine" if kind == "crosswalk" else LOOKS.get(kind, ("", "Vegetation"))[1]
             assert semantic in SEMANTIC_CLASSES
             shown = {material: mesh for material, mesh in parts.items() if len(mesh.faces)}
@@ -124,7 +121,7 @@ def _rectangle(shape: RoadShape, thing: MapObject) -> Array:
     return base + np.column_stack([c * half[:, 0] - s * half[:, 1], s * half[:, 0] + c * half[:, 1], np.zeros(4)])
 
 
-def _crosswalk(shape: RoadShape, thing: MapObject, is_light: bool) -> dict[str, Mesh]:
+def _crosswalk(shape: RoadShape, thing: MapObject, kind: str, is_light: bool) -> dict[str, Mesh]:
     """Return the bars of a crossing."""
     corners = _rectangle(shape, thing)
     if np.linalg.norm(corners[1] - corners[0]) < 0.5 or np.linalg.norm(corners[3] - corners[0]) < 0.5:

@@ -24,6 +24,8 @@ _OVERLAP = 0.02
 _LAYER = 1.0
 """Surfaces farther apart in height are above each other and keep their ground plans [m]."""
 _WIDE = 5.0
+LAP = 1e-3
+"""How far a surface that was cut reaches over its neighbours [m], so that no ray slips by."""
 
 Heights = Callable[[Array], Array]
 """Heights (n,) of points of the plane (n, 2) [m]."""
@@ -181,10 +183,11 @@ def _without_overlaps(pieces: Sequence[Piece]) -> list[Piece]:
 
 def _cut(piece: Piece, over: Sequence[shapely.Geometry]) -> Piece | None:
     """Return a piece without what others cover; None where nothing is left."""
-    rest = shapely.difference(piece.footprint, shapely.union_all(over), grid_size=1e-4)
+    rest = shapely.difference(piece.footprint, shapely.union_all(over))
     rest = shapely.union_all([part for part in polygons(rest) if not shapely.buffer(part, -_OVERLAP / 2).is_empty])
     if rest.is_empty:
         return None
+    rest = shapely.buffer(rest, LAP, join_style="mitre")
     return replace(
         piece, mesh=sheet(rest, height_of(piece), TILES.get(piece.material, TILE)), footprint=rest, is_cut=True
     )

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
+import shapely
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.scene.lanes import Lane, LaneNetwork, ParkingPlace, check_joint, check_neighbour
@@ -201,5 +202,5 @@ def _wrapped(angle: float) -> float:
 
 
 def _cross(one: Array, other: Array) -> bool:
-    """Return whether two lines come within a metre of each other."""
-    return bool(np.linalg.norm(one[:, None, :2] - other[None, :, :2], axis=2).min() < 1.0)
+    """Return whether two lines come within half a metre of each other."""
+    return bool(shapely.distance(shapely.LineString(one[:, :2]), shapely.LineString(other[:, :2])) < 0.5)
