@@ -15,11 +15,12 @@ from scenes_xml.generators.roadside import furniture, traffic_light
 from scenes_xml.generators.surfaces.interior import limit
 
 from ..geometry.road import RoadShape
-from ..model import Finding, MapSignal, StreetMap
+from ..model import Array, Finding, MapSignal, StreetMap
 from ..network.lights import Lights
 
 HEAD = 2.3
 """Height of a head's lower edge and, about, of a sign's middle where the file states none [m]."""
+_OVERHEAD = 4.0
 _CASE = {"case": "black_plastic", "red": "signal_red_off", "amber": "signal_amber_off", "green": "signal_green_off"}
 _METAL = {"back": "sign_back", "pole": "galvanized_steel"}
 _SIGNS = {
@@ -34,7 +35,7 @@ def add_signals(
     kit: SceneKit, street: StreetMap, shapes: Mapping[str, RoadShape], lights: Lights, findings: list[Finding]
 ) -> None:
     """Add all signs and traffic lights to a scene."""
-    ready: dict[str, Prefab] = {}
+    stand = _Stand(kit, findings)
     count = 0
     for road in street.roads.values():
         for signal in road.signals:
@@ -47,9 +48,9 @@ def add_signals(
                 group = lights.of_signal.get((road.id, signal.id))
                 if group is None:
                     findings.append(Finding(signal.line, "a traffic light stops no lane; it stays dark"))
-                _add_light(kit, ready, name, signal, foot, yaw, _shown(lights, group))
+                stand.light(name, signal, foot, yaw, _shown(lights, group))
             else:
-                _add_sign(kit, ready, name, signal, foot, yaw, findings)
+                stand.sign(name, signal, foot, yaw)
 
 
 def _shown(lights: Lights, group: str | None) -> dict[str, str]:
@@ -61,46 +62,39 @@ def _shown(lights: Lights, group: str | None) -> dict[str, str]:
     return {"red": "signal_red_on"}
 
 
-def _add_light(
-    kit: SceneKit,
-    ready: dict[str, Prefab],
-    name: str,
-    signal: MapSignal,
-    foot: np.ndarray,
-    yaw: float,
-    shown: dict[str, str],
-) -> None:
-    if "head" not in ready:
-        ready["head"] = kit.prefab("signal_head", traffic_light.head(kit.is_light), _CASE)
-        pole = merge([Mesh(m.vertices, m.faces) for m in traffic_light.mast().values()])
-        ready["post"] = kit.prefab("signal_post", {"pole": pole}, {"pole": "grey_steel"})
-    up = signal.z if signal.z > 0.5 else HEAD
-    back = np.array([np.cos(np.radians(yaw)), np.sin(np.radians(yaw)), 0.0])
-    kit.place(
-        ready["head"], f"{name}_head", "TrafficLight", foot + [0.0, 0.0, up] - 0.12 * back, yaw, 1.0, True, **shown
-    )
-    if up < 4.0:
-        kit.place(ready["post"], f"{name}_post", "Pole", foot, yaw, scale=(up + 1.1) / 3.4)
+class _Stand:
+    """Puts signs and lights up; each kind's meshes are written once."""
 
+    def __init__(self, kit: SceneKit, findings: list[Finding]) -> None:
+        self.kit, self.findings = kit, findings
+        self._ready: dict[str, Prefab] = {}
 
-def _add_sign(
-    kit: SceneKit,
-    ready: dict[str, Prefab],
-    name: str,
-    signal: MapSignal,
-    foot: np.ndarray,
-    yaw: float,
-    findings: list[Finding],
-) -> None:
-    form, face = _face(kit, signal)
-    if not face:
-        findings.append(Finding(signal.line, f"sign of type '{signal.kind}' has a blank face"))
-        face = "white_plastic"
-    up = signal.z if signal.z > 0.8 else HEAD
-    key = f"sign_{form}_{face}_{up:.2f}".replace(".", "_")
-    if key not in ready:
-        ready[key] = kit.prefab(key, kit.slim(furniture.sign(form, up), "back", "pole"), {"face": face, **_METAL})
-    kit.place(ready[key], name, "TrafficSign", foot, yaw)
+    def light(self, name: str, signal: MapSignal, foot: Array, yaw: float, shown: Mapping[str, str]) -> None:
+        """Add a head, on a post unless it hangs over the road."""
+        kit = self.kit
+        if "head" not in self._ready:
+            self._ready["head"] = kit.prefab("signal_head", traffic_light.head(kit.is_light), _CASE)
+            pole = merge([Mesh(m.vertices, m.faces) for m in traffic_light.mast().values()])
+            self._ready["post"] = kit.prefab("signal_post", {"pole": pole}, {"pole": "grey_steel"})
+        up = signal.z if signal.z > 0.5 else HEAD
+        back = np.array([np.cos(np.radians(yaw)), np.sin(np.radians(yaw)), 0.0])
+        place = foot + [0.0, 0.0, up] - 0.12 * back
+        kit.place(self._ready["head"], f"{name}_head", "TrafficLight", place, yaw, 1.0, True, **shown)
+        if up < _OVERHEAD:
+            kit.place(self._ready["post"], f"{name}_post", "Pole", foot, yaw, scale=(up + 1.1) / 3.4)
+
+    def sign(self, name: str, signal: MapSignal, foot: Array, yaw: float) -> None:
+        """Add a sign on its pole."""
+        form, face = _face(self.kit, signal)
+        if not face:
+            self.findings.append(Finding(signal.line, f"sign of type '{signal.kind}' has a blank face"))
+            face = "white_plastic"
+        up = signal.z if signal.z > 0.8 else HEAD
+        key = f"sign_{form}_{face}_{up:.2f}".replace(".", "_")
+        if key not in self._ready:
+            parts = self.kit.slim(furniture.sign(form, up), "back", "pole")
+            self._ready[key] = self.kit.prefab(key, parts, {"face": face, **_METAL})
+        self.kit.place(self._ready[key], name, "TrafficSign", foot, yaw)
 
 
 def _face(kit: SceneKit, signal: MapSignal) -> tuple[str, str]:
