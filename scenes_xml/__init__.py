@@ -21,7 +21,7 @@ from .cache import cache_folder, kept_folder
 _ROOT = Path(__file__).resolve().parent
 _DETAILS = ("detailed", "light")
 
-__all__ = ["actor_names", "actor_path", "cache_folder", "scene_names", "scene_path"]
+__all__ = ["actor_names", "actor_path", "cache_folder", "scene_names", "scene_path", "source_hash"]
 
 
 def scene_names() -> tuple[str, ...]:
@@ -85,7 +85,7 @@ def scene_path(name: str, variant: int = 0, detail: str = "detailed") -> Path:
         )
     else:
         folder = kept_folder(
-            "scenes", f"{stem}-{_source_hash()}", main, lambda place: _build(name, variant, detail, place)
+            "scenes", f"{stem}-{source_hash()}", main, lambda place: _build(name, variant, detail, place)
         )
     return folder / f"{name}.xml"
 
@@ -127,7 +127,7 @@ def _packed_files(source: Path) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=1)
-def _source_hash() -> str:
+def source_hash() -> str:
     """Return a hash of all sources that may shape a scene, so that a changed builder never meets an old cache."""
     digest = hashlib.sha256()
     for file in sorted(_ROOT.glob("*/**/*.py"), key=lambda file: file.relative_to(_ROOT).as_posix()):

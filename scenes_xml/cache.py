@@ -27,7 +27,7 @@ SUPERSEDED = 14.0 * DAY
 """Time without use after which a folder is removed when another of its name was used later [s]."""
 UNUSED = 60.0 * DAY
 """Time without use after which any folder is removed [s]."""
-_CLEANED = ("scenes", "models")
+_CLEANED = ("scenes", "models", "maps")
 """Kinds of folders that can be made again at any time."""
 _USERS = "actors"
 """Kind of folders that users made of their meshes, and may name in scenarios: they stay."""

@@ -18,7 +18,7 @@ from scarl_sionna.scenario.spec.named import named_scenario
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec, scenario_names
 from scarl_sionna.scene.document.find import scene_names
 
-from . import calibrate, datasets, formats
+from . import calibrate, datasets, formats, scenes
 from .common import collected_warnings, completing, reported
 from .options import ScenarioOptions, grouped_options, scenario_options
 
@@ -35,6 +35,7 @@ app = typer.Typer(
 app.add_typer(datasets.app)
 app.add_typer(calibrate.app)
 app.add_typer(formats.app)
+app.add_typer(scenes.app)
 _DEFAULTS = ScenarioSpec()
 _STATUS_COLORS = {"ok": "green", "warn": "yellow", "missing": "red"}
 

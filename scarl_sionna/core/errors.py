@@ -95,6 +95,14 @@ class SceneError(ScarlError):
         super().__init__(where + message + (f"; {remedy}" if remedy else ""))
 
 
+class MapError(SceneError):
+    """A street map (OpenDRIVE) cannot be read, or says what cannot be; `line` (from 1): where, None if nowhere."""
+
+    def __init__(self, message: str, path: object = None, remedy: str = "", line: int | None = None) -> None:
+        self.line = line
+        super().__init__((f"line {line}: " if line is not None else "") + message, path, remedy)
+
+
 class MeshError(SceneError):
     """A mesh has no faces, vertices that are not finite, or cannot be read."""
 
@@ -348,6 +356,10 @@ class CollisionError(ScenarioError, PlacementError):
 
 class ScarlWarning(UserWarning):
     """A result is outside the range in which its method is right."""
+
+
+class MapWarning(ScarlWarning):
+    """A street map holds what is not read; the scene's `findings` name the lines."""
 
 
 class SmallMirrorWarning(ScarlWarning):

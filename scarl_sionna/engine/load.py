@@ -27,7 +27,8 @@ def load_scene(
     name_or_path : str or Path
         A scene of ``scenes_xml`` (``"highway_guardrail"``), a scene of Sionna RT
         (``"simple_street_canyon_with_cars"``), or the path of a Mitsuba or Sionna XML; a ``scene.toml`` beside it
-        states classes, materials and actors.
+        states classes, materials and actors. Or the path of an OpenDRIVE map (``.xodr``), from which a scene is built
+        into the cache folder on first use.
     materials : MaterialTable, optional
         Radio materials; default: the built-in table. See :func:`scarl_sionna.scene.materials.table.load_materials`.
     variant : int
@@ -47,8 +48,15 @@ def load_scene(
         If there is no such scene or level.
     SceneError, MeshError, MaterialError
         If its files are missing or broken, or a material is unknown.
+    MapError
+        If a map is broken; it names the line.
     ParameterRangeError
         If the variant is not allowed, or not 0 for a scene that has none.
+
+    Warns
+    -----
+    MapWarning
+        If a map holds what is not used; ``world.document.info["findings"]`` lists it by line.
     """
     expect("name_or_path", name_or_path, (str, Path), "give the name of a scene or the path of an XML file")
     document = read_document(find_scene(name_or_path, variant, detail), detail)

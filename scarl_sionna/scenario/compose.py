@@ -135,7 +135,7 @@ def build_world(spec: ScenarioSpec) -> World:
 
 def scene_of(spec: ScenarioSpec) -> SceneDocument:
     """Return the scene that a scenario names, as its files have it."""
-    from scarl_sionna.scene.document.find import find_scene
+    from scarl_sionna.scene.document.find import MAP_SUFFIX, find_scene
 
     text = spec.scene
     if text in scenes_xml.scene_names():
@@ -154,7 +154,7 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
             "leave it out",
             value=spec.variant,
         )
-    is_path = text.endswith(".xml") or "/" in text
+    is_path = text.endswith((".xml", MAP_SUFFIX)) or "/" in text
     if is_path and not spec.find(text).exists():
         raise ScenarioFileError(
             f"scene file '{text}' is not there",
@@ -163,7 +163,7 @@ def scene_of(spec: ScenarioSpec) -> SceneDocument:
             value=text,
         )
     try:
-        found = find_scene(spec.find(text) if is_path else text)
+        found = find_scene(spec.find(text) if is_path else text, detail=spec.detail)
     except UnknownNameError as error:
         raise name_error(error, spec.place("scene")) from error
     return read_document(found, spec.detail)

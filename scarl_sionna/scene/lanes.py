@@ -261,9 +261,9 @@ class LaneNetwork(Described):
                     if name not in known:
                         raise UnknownNameError(f"name in lanes.{lane.name}.{key}", name, known)
             for name in lane.next:
-                _check_joint(lane, self[name])
+                check_joint(lane, self[name])
             if lane.left is not None:
-                _check_neighbour(lane, self[lane.left])
+                check_neighbour(lane, self[lane.left])
 
     @cached_property
     def _by_name(self) -> dict[str, Lane]:
@@ -390,8 +390,8 @@ def _turn(angle: npt.ArrayLike) -> Array:
     return np.asarray((np.asarray(angle) + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def _check_joint(lane: Lane, following: Lane) -> None:
-    """Raise where a lane does not continue another."""
+def check_joint(lane: Lane, following: Lane) -> None:
+    """Raise `ParameterRangeError` where a lane does not continue another."""
     where = f"lanes.{lane.name}.next"
     if lane.kind != following.kind and {lane.kind, following.kind} != {"drive", "parking"}:
         raise ParameterRangeError(
@@ -407,8 +407,8 @@ def _check_joint(lane: Lane, following: Lane) -> None:
         raise ParameterRangeError(where, f"a kink of {np.degrees(step):.1f} deg to '{following.name}'", "at most 5 deg")
 
 
-def _check_neighbour(lane: Lane, left: Lane) -> None:
-    """Raise where a lane's left neighbour is not beside it."""
+def check_neighbour(lane: Lane, left: Lane) -> None:
+    """Raise `ParameterRangeError` where a lane's left neighbour is not beside it."""
     middle = lane.at(lane.length / 2.0)
     along, away = left.nearest(middle)
     headings = [

@@ -130,7 +130,12 @@ def _trajectory(actor: ActorEntry) -> list[str]:
 
 
 def _lane(lane: Lane) -> list[str]:
-    lines = ["[[lanes]]", f'name = "{lane.name}"', f'kind = "{lane.kind}"', f"width = {toml_value(float(lane.width))}"]
+    lines = [
+        "[[lanes]]",
+        f"name = {toml_value(lane.name)}",
+        f'kind = "{lane.kind}"',
+        f"width = {toml_value(float(lane.width))}",
+    ]
     lines += [f"speed = {toml_value(float(lane.speed))}", "points = [", *_rows(np.asarray(lane.points, float), 4), "]"]
     for key in ("next", "left", "yield_to", "signal"):
         value = getattr(lane, key)

@@ -209,10 +209,10 @@ def test_every_builder_decides_the_name_of_a_variant(tmp_path, monkeypatch):
         if file is not None:
             with (tmp_path / file.relative_to(ROOT)).open("a") as target:
                 target.write("# changed\n")
-        scenes_xml._source_hash.cache_clear()
-        known.add(scenes_xml._source_hash())
+        scenes_xml.source_hash.cache_clear()
+        known.add(scenes_xml.source_hash())
     monkeypatch.undo()
-    scenes_xml._source_hash.cache_clear()
+    scenes_xml.source_hash.cache_clear()
     assert len(known) == len(sources) + 1
 
 

@@ -1,4 +1,4 @@
-"""Finds the XML file of a scene by its name or path: of this package, of Sionna RT, or a user's own."""
+"""Finds the XML of a scene by its name or path: of this package, of Sionna RT, a user's own, or built from a map."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from pathlib import Path
 import scenes_xml
 from scarl_sionna.core.errors import ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.scene.actors.model import DETAILS
+
+MAP_SUFFIX = ".xodr"
+"""Of OpenDRIVE files, from which a scene is built."""
 
 
 def scene_names() -> list[str]:
@@ -39,6 +42,10 @@ def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detail
             raise ParameterRangeError(
                 "variant", variant, f"0: '{name}' is no scene of this package and has no variants"
             )
+        if path is not None and path.suffix == MAP_SUFFIX:
+            from scarl_sionna.scene.opendrive.cached import map_scene  # takes a while, and few need it
+
+            return map_scene(path, detail)
         return path if path is not None else _sionna_file(name)
     try:
         return scenes_xml.scene_path(name, variant, detail)
@@ -53,7 +60,7 @@ def find_scene(name_or_path: str | Path, variant: int = 0, detail: str = "detail
 def _file_of(name_or_path: str | Path) -> Path | None:
     """Return the XML that a path names, or None for what is the name of a scene."""
     path = Path(name_or_path)
-    if path.suffix == ".xml":
+    if path.suffix in (".xml", MAP_SUFFIX):
         return path
     if path.is_dir():
         candidates = sorted(path.glob("*.xml"))
@@ -67,4 +74,5 @@ def _sionna_file(name: str) -> Path:
     sionna = _sionna_scenes()
     if name in sionna:
         return sionna[name]
-    raise UnknownNameError("scene", name, [*scene_names(), *sionna], "or give the path of a Mitsuba XML")
+    known = [*scene_names(), *sionna]
+    raise UnknownNameError("scene", name, known, "or give the path of a Mitsuba XML or an OpenDRIVE file")

@@ -1,0 +1,1 @@
+"""The scene of a map: surfaces, marks, kerbs, ground, bridges, tunnels, objects, signs."""

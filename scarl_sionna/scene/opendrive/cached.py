@@ -1,0 +1,84 @@
+"""A map's scene in the user's cache: built on first use, found again as long as map and builder are the same."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from functools import lru_cache
+from pathlib import Path
+
+import scenes_xml
+from scarl_sionna.core.errors import InputFileError, MapError, MapWarning
+from scarl_sionna.core.toml_file import read_toml
+from scarl_sionna.core.untrusted.files import read_bytes
+from scenes_xml.cache import kept_folder
+
+from .building.scene import build_scene, scene_name
+from .reading.street import MOST_BYTES, read_map
+
+
+def map_scene(path: Path, detail: str = "detailed") -> Path:
+    """Return the XML of an OpenDRIVE file's scene, built into the cache folder unless it is there.
+
+    Parameters
+    ----------
+    path : Path
+        The OpenDRIVE file.
+    detail : str
+        ``detailed`` or ``light``.
+
+    Raises
+    ------
+    MapError
+        If the file cannot be read, or no cache folder can be written.
+
+    Warns
+    -----
+    MapWarning
+        If the file holds what is not used; `findings` of the scene's information list it.
+    """
+    try:
+        data = read_bytes(path, MOST_BYTES)
+    except FileNotFoundError:
+        raise MapError("map file not found", path, "give the path of an OpenDRIVE file (.xodr)") from None
+    except InputFileError as error:
+        raise MapError(str(error.strerror), path) from error
+    except OSError as error:
+        raise MapError(f"cannot be read ({error.strerror})", path, "check its permissions") from error
+    key = hashlib.sha256(path.stem.encode() + b"\0" + data + b"\0" + _builder_hash().encode()).hexdigest()[:16]
+    name = scene_name(path.stem)
+    try:
+        folder = kept_folder(
+            "maps",
+            f"{detail}-{key}",
+            [f"{name}.xml", "scene.toml"],
+            lambda place: build_scene(read_map(path), place, detail),
+        )
+    except OSError as error:
+        if isinstance(error, MapError):
+            raise
+        raise MapError(str(error.strerror or error), path) from error
+    findings = map_findings(folder / f"{name}.xml")
+    if findings:
+        more = f" and {len(findings) - 1} more of its kind" if len(findings) > 1 else ""
+        warnings.warn(
+            f"{path.name} holds what is not used or does not fit: {findings[0]}{more}; "
+            "all stand in world.document.info['findings']",
+            MapWarning,
+            stacklevel=2,
+        )
+    return folder / f"{name}.xml"
+
+
+def map_findings(scene: Path) -> list[str]:
+    """Return the findings in the scene.toml beside a map's XML."""
+    return [str(one) for one in read_toml(scene.parent / "scene.toml").get("scene", {}).get("findings", [])]
+
+
+@lru_cache(maxsize=1)
+def _builder_hash() -> str:
+    """Return a hash of all sources that shape a map's scene."""
+    digest = hashlib.sha256(scenes_xml.source_hash().encode())
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()

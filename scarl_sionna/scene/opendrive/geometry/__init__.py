@@ -1,0 +1,1 @@
+"""Points of roads: reference lines, cross-sections, borders of lanes."""

@@ -1,0 +1,1 @@
+"""Lanes to drive on: links, right of way, traffic lights."""

@@ -1,0 +1,96 @@
+"""A car drives on a map by its lane network, and radar and camera see what is before it; other projects' maps as well.
+
+Maps of others stay outside of the repository: `SCARL_STREET_MAPS` names a folder of them.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import scarl_sionna as ss
+from scarl_sionna.core.errors import MapWarning
+from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.fusion import Rig, SensorMount
+from scarl_sionna.scene.lanes import LaneNetwork
+from scarl_sionna.simulation import load_world
+from tests import street_maps as maps
+
+FOLDER = os.environ.get("SCARL_STREET_MAPS")
+OTHERS = sorted(Path(FOLDER).rglob("*.xodr")) if FOLDER else []
+
+
+def _longest_route(network: LaneNetwork) -> list[str]:
+    found: list[list[str]] = []
+    for lane in network.of_kind("drive"):
+        for choice in (0, -1):
+            route = [lane.name]
+            while (further := network[route[-1]].next) and further[choice] not in route and len(route) < 60:
+                route.append(further[choice])
+            found.append(route)
+    return max(found, key=lambda route: sum(network[name].length for name in route))
+
+
+def _spec(scene: str, route: list[str], duration: float, speed: float, *actors: dict) -> ss.ScenarioSpec:
+    motion = {"kind": "route", "lanes": route, "start": 6.0, "speed": speed}
+    return ss.ScenarioSpec(
+        scene=scene, duration=duration, frame_rate=1.0, ego={"trajectory": motion}, actors=list(actors)
+    )
+
+
+def test_a_car_turns_at_a_crossing_behind_another_and_sensors_see_it(tmp_path):
+    file = tmp_path / "crossing.xodr"
+    file.write_text(maps.MAPS["crossing"])
+    route = ["2/0/1", "121/0/-1", "1/0/-1"]  # from the west, to the left
+    other = {
+        "name": "lead",
+        "model": "suv",
+        "trajectory": {"kind": "route", "lanes": route, "start": 25.0, "speed": 6.0},
+    }
+    world = load_world(_spec(str(file), route, 18.0, 6.0, other))
+    headings = [world.at(t).actor_pose("ego").yaw for t in (0.0, 17.0)]
+    turn = np.degrees(headings[1] - headings[0])
+    assert (turn + 180.0) % 360.0 - 180.0 == pytest.approx(90.0, abs=1.0)
+    for time in np.arange(0.0, 17.5, 0.5):
+        pose = world.at(float(time)).actor_pose("ego")
+        assert abs(pose.position[2]) < 1e-6
+        assert min(world.document.lanes[name].nearest(pose.position)[1] for name in route) < 0.6
+    camera = CameraSpec(width=160, height=90, samples_per_pixel=4, images=("rgb", "semantic", "depth"))
+    rig = Rig(
+        "two",
+        (
+            SensorMount("a/radar", "radar", ss.RadarSpec.preset("awr1843boost"), ss.Pose([2.4, 0.0, 0.6])),
+            SensorMount("a/camera", "camera", camera, ss.Pose([0.3, 0.0, 1.6])),
+        ),
+    )
+    frame = ss.observe(world, rig, time=1.0, radar=RadarSettings(method="auto"))
+    radar, image = frame.results["a/radar"], frame.results["a/camera"]
+    profile = (np.abs(np.asarray(ss.range_doppler(radar).data)) ** 2).sum((0, 1))
+    ranges = np.arange(len(profile)) * radar.spec.range_resolution
+    state = world.at(1.0)
+    box = next(one for one in state.boxes() if one.name == "lead")
+    back = state.actor_pose("ego").apply([2.4, 0.0, 0.6]) - box.world_from_box.position
+    near = np.linalg.norm(back) - 0.5 * box.size[0]
+    ahead = (ranges > 5.0) & (ranges < 30.0)
+    assert ranges[ahead][profile[ahead].argmax()] == pytest.approx(near, abs=1.5)
+    assert len(np.unique(image.semantic)) >= 4 and np.isfinite(image.depth[60:]).all()
+
+
+@pytest.mark.skipif(not OTHERS, reason="SCARL_STREET_MAPS names no folder with OpenDRIVE maps")
+@pytest.mark.parametrize("file", OTHERS, ids=lambda file: file.stem)
+def test_maps_of_other_projects_are_driven_for_a_minute(file):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MapWarning)
+        network = ss.load_scene(file).document.lanes
+        route = _longest_route(network)
+        length = sum(network[name].length for name in route)
+        world = load_world(_spec(str(file), route, 60.0, min(13.0, (length - 20.0) / 60.0)))
+    for time in np.arange(0.0, 59.0, 1.0):
+        place = world.at(float(time)).actor_pose("ego").position
+        away, lane = min((network[name].nearest(place)[1], network[name]) for name in route)
+        assert away + 0.95 < 0.5 * lane.width + 0.3  # a saloon's side against the border
