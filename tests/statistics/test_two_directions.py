@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.labels.labels import label_points
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle
@@ -81,3 +84,19 @@ def test_detection_gives_a_point_for_each_of_two_targets_in_a_cell() -> None:
     assert np.degrees(points.azimuth[order]) == pytest.approx([-12.0, 18.0], abs=0.3)
     assert points.rcs[order] == pytest.approx([1.0, 2.0], rel=0.1)
     assert detect(rda, most_directions=1).num_points < points.num_points
+
+
+def test_the_weaker_target_of_a_cell_has_its_own_label() -> None:
+    """It stands in the first sidelobe of one that is 18 dB stronger, which the plain beam there sees better than it."""
+    radar, sines = LINE, np.array([0.0, 1.43 * 2.0 / LINE.num_virtual])
+    places = 14.3 * np.stack([np.sqrt(1.0 - sines**2), sines, np.zeros(2)], axis=1)
+    paths = point_targets(places, np.zeros((2, 3)), [60.0, 1.0], radar, Pose())
+    paths = replace(paths, instance=np.array([[7], [9]], dtype=np.int32))
+    rda = range_doppler_angle(virtual_cube(synthesize(paths, radar, rng=np.random.default_rng(1)), radar), radar)
+    points = detect(rda)
+    labels = label_points(points, paths, radar)
+    for sine, instance in zip(sines, (7, 9), strict=True):
+        row = np.abs(np.sin(points.azimuth) - sine).argmin()
+        assert np.sin(points.azimuth[row]) == pytest.approx(sine, abs=0.02)
+        assert labels.instance[row] == instance
+        assert labels.explained[row] == pytest.approx(1.0, abs=0.3)

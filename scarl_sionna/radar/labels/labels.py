@@ -16,8 +16,9 @@ from scarl_sionna.engine.paths.tracing import DIFFUSE, REFRACTION
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import POINT_INTERACTION
 from scarl_sionna.radar.synthesis import synthesize
-from scarl_sionna.signal.angle import directions, steering
+from scarl_sionna.signal.angle import directions, near_steering
 from scarl_sionna.signal.detection import RadarPoints
+from scarl_sionna.signal.direction.several import separating_weights
 from scarl_sionna.signal.processing import RangeDoppler, range_doppler, virtual_cube
 
 from .spread import CellSpread, PathCells
@@ -366,12 +367,12 @@ def label_points(
     The field of a group at a point is that of :func:`label_cells` at the point's own range and velocity, summed over
     the channels with the beam's weights towards the point's direction. So a ghost that leaves in one direction and
     arrives from another counts as the virtual array sees it, and paths in another direction count by the beam's
-    sidelobe there.
+    sidelobe there. Points of one cell, which have one range and velocity, have beams that are 0 towards each other.
     """
     labels = label_paths(paths, state)
     groups = _groups(labels)
     cells = PathCells.of(paths, radar, window, doppler_window)
-    beam = np.conj(steering(radar, directions(points.azimuth, points.elevation))) / radar.num_virtual
+    beam = _beams(points, radar)
     count = points.num_points
     instance, mirror = np.zeros(count, np.int32), np.full(count, -1, np.int32)
     semantic, is_ghost = np.zeros(count, np.uint8), np.zeros(count, bool)
@@ -399,6 +400,19 @@ def label_points(
         semantic[row] = labels.semantic[strongest]
         mirror[row] = labels.mirror[strongest, 0] if is_ghost[row] else -1
     return PointLabels(instance, semantic, share, is_ghost, ghost_share, mirror, explained)
+
+
+def _beams(points: RadarPoints, radar: RadarSpec) -> npt.NDArray[np.complex128]:
+    """Return the weights of the channels towards points, shape (num_points, num_virtual)."""
+    phasors = near_steering(radar, directions(points.azimuth, points.elevation), points.range)
+    beam = np.asarray(np.conj(phasors) / radar.num_virtual)
+    place = np.stack([points.range, points.radial_velocity], axis=1)
+    _, cell, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
+    cell = cell.reshape(-1)
+    for number in np.flatnonzero(count > 1):
+        rows = np.flatnonzero(cell == number)
+        beam[rows] = separating_weights(phasors[None, rows])[0]
+    return beam
 
 
 def _doppler_of(radar: RadarSpec, radial_velocity: float) -> float:

@@ -128,11 +128,14 @@ def _too_near(manifold: Manifold, sines: Array) -> npt.NDArray[np.bool_]:
 def _least_squares(manifold: Manifold, snapshot: Phasors, sines: Array, distance: Array) -> tuple[Phasors, Phasors]:
     """Return amplitudes (n, k) of directions (n, k, 2) and their phasors (n, k, num_virtual)."""
     beams = manifold.phasors(sines, np.broadcast_to(distance[:, None], sines.shape[:2]))
-    return np.asarray(np.einsum("pkc,pc->pk", _inverse(beams), snapshot)), beams
+    return np.asarray(np.einsum("pkc,pc->pk", separating_weights(beams), snapshot)), beams
 
 
-def _inverse(beams: Phasors) -> Phasors:
-    """Return weights (n, k, num_virtual) that are 1 on the own phasors and 0 on the others of (n, k, num_virtual)."""
+def separating_weights(beams: Phasors) -> Phasors:
+    """Return weights (n, k, num_virtual) that are 1 on the own phasors and 0 on the others of (n, k, num_virtual).
+
+    Dimensionless; least squares, by definition.
+    """
     gram = np.einsum("pkc,plc->pkl", np.conj(beams), beams)
     gram += _RIDGE * beams.shape[2] * np.eye(beams.shape[1])
     return np.asarray(np.linalg.solve(gram, np.conj(beams)))
@@ -173,7 +176,7 @@ def _part(
         np.repeat(rows, sines.shape[1]),
         sines[each, order].reshape(-1, 2),
         amplitude[each, order].reshape(-1),
-        _inverse(beams)[each, order].reshape(-1, snapshot.shape[1]),
+        separating_weights(beams)[each, order].reshape(-1, snapshot.shape[1]),
     )
 
 
