@@ -104,6 +104,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         dataset,
         dataset.scene(dataset.scenes[0]),
         dataset[0],
+        ss.dataset_statistics(dataset),
         dataset[0].results["radar"],
         dataset[0].radar,
         ScenarioSpec.preset("highway_cut_in") if "highway_cut_in" in _ready() else ScenarioSpec(),

@@ -405,7 +405,7 @@ def label_points(
 def _beams(points: RadarPoints, radar: RadarSpec) -> npt.NDArray[np.complex128]:
     """Return the weights of the channels towards points, shape (num_points, num_virtual)."""
     phasors = near_steering(radar, directions(points.azimuth, points.elevation), points.range)
-    beam = np.asarray(np.conj(phasors) / radar.num_virtual)
+    beam = (np.conj(phasors) / radar.num_virtual).astype(np.complex128)
     place = np.stack([points.range, points.radial_velocity], axis=1)
     _, cell, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
     cell = cell.reshape(-1)
