@@ -109,6 +109,8 @@ class RangeDoppler(Described):
         Over range and over Doppler.
     noise_power : float
         Mean thermal noise power of a cell of one channel [W], from the radar's noise figure.
+    is_compensated : bool
+        Whether motion is compensated in `data`.
     """
 
     data: npt.NDArray[np.complex64]
@@ -117,6 +119,7 @@ class RangeDoppler(Described):
     radar: RadarSpec
     window: tuple[str, str]
     noise_power: float
+    is_compensated: bool = True
 
     def _facts(self) -> Iterable[Row]:
         power = self.power
@@ -285,6 +288,7 @@ def range_doppler(
         radar=radar,
         window=("rect" if window is None else window, "rect" if doppler_window is None else doppler_window),
         noise_power=noise_power,
+        is_compensated=compensate_motion,
     )
 
 
@@ -307,6 +311,36 @@ def _bins(name: str, asked: int | None, least: int) -> int:
     return int(asked)
 
 
+def uncompensated(rd: RangeDoppler) -> npt.NDArray[np.complex64]:
+    """Return a map's data as it is before the compensation of motion.
+
+    Shape (num_virtual, num_doppler_bins, num_range_bins) [sqrt(W)]. There a point of even chirps is one tone over both
+    axes. Exact: the transform over range is undone and made again.
+    """
+    if not rd.is_compensated:
+        return rd.data
+    seen, (num_doppler, num_range) = seen_by(rd.radar), rd.data.shape[1:]
+    out = np.empty_like(rd.data)
+    for channel, data in enumerate(rd.data):
+        if channel % rd.radar.num_rx == 0:
+            moved = _motion_compensation(seen, num_doppler, channel // rd.radar.num_rx, num_range)
+        out[channel] = over_range(np.conj(moved) * before_range(data, seen), seen, num_range)
+    return out
+
+
+def coupling(radar: RadarSpec, tx: int = 0) -> float:
+    """Return by how much the beat frequency rises with the Doppler frequency, dimensionless.
+
+    1 for the range-Doppler coupling, and the migration until the middle of a transmitter's frame: ``S t_mid / f_c``.
+
+    References
+    ----------
+    .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
+    """
+    middle = middle_time(radar) + radar.tx_delay(tx)
+    return 1.0 + radar.waveform.sweep.slope * middle / radar.center_frequency
+
+
 def _motion_compensation(
     radar: RadarSpec, num_doppler: int, tx: int, num_samples: int | None = None
 ) -> npt.NDArray[np.complex64]:
@@ -316,7 +350,6 @@ def _motion_compensation(
     tx_delay = radar.tx_delay(tx)
     sample = np.arange(num_samples or radar.num_samples)
     ts_middle = (radar.num_samples - 1) / (2.0 * radar.sample_rate)
-    middle = middle_time(radar) + tx_delay
-    shift = doppler * (1.0 + radar.waveform.sweep.slope * middle / radar.center_frequency)
+    shift = doppler * coupling(radar, tx)
     cycles = shift[:, None] * (sample / radar.sample_rate - ts_middle)[None, :] + (doppler * tx_delay)[:, None]
     return np.exp(-2j * np.pi * cycles).astype(np.complex64)

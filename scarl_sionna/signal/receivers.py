@@ -11,7 +11,7 @@ from scarl_sionna.core.specs.radar.waveforms.coded import Coded, is_coded
 from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 
 from .uneven import burst_weights
-from .windows import noise_bandwidth, window_values
+from .windows import window_values
 
 Array = npt.NDArray[np.float64]
 
@@ -106,18 +106,24 @@ def response_weights(radar: RadarSpec, window: str | None) -> Array:
     return values if powers is None else np.asarray(values * powers)
 
 
+def noise_weights(radar: RadarSpec, window: str | None) -> Array:
+    """Return the noise power that each value of :func:`channel_of` adds to a range bin, over that of a sample.
+
+    Shape (num_range_bins,), by definition of the receiver: the squares of all weights. Not for bursts.
+    """
+    waveform, powers = radar.waveform, _powers(radar)
+    squares = range_weights(radar, window) ** 2
+    if powers is not None:
+        return np.asarray(squares * powers)
+    return np.asarray(squares / _line_powers(waveform) if is_coded(waveform) else squares)
+
+
 def noise_share(radar: RadarSpec, window: str | None) -> float:
     """Return the noise power of a range bin of one chirp over that of a sample.
 
     For ramps the window's equivalent noise bandwidth over the samples; for symbols by the definition of the receiver,
     the squares of all weights summed.
     """
-    waveform = radar.waveform
-    if waveform.burst > 1:
+    if radar.waveform.burst > 1:
         return float(np.sum(burst_weights(radar, window) ** 2))
-    powers = _powers(radar)
-    if powers is not None:
-        return float(np.sum(range_weights(radar, window) ** 2 * powers))
-    if not is_coded(waveform):
-        return noise_bandwidth(window, radar.num_samples) / radar.num_samples
-    return float(np.sum(range_weights(radar, window) ** 2 / _line_powers(waveform)))
+    return float(np.sum(noise_weights(radar, window)))

@@ -367,7 +367,7 @@ def label_points(
     The field of a group at a point is that of :func:`label_cells` at the point's own range and velocity, summed over
     the channels with the beam's weights towards the point's direction. So a ghost that leaves in one direction and
     arrives from another counts as the virtual array sees it, and paths in another direction count by the beam's
-    sidelobe there. Points of one cell, which have one range and velocity, have beams that are 0 towards each other.
+    sidelobe there. Points of one cell have beams that are 0 towards each other.
     """
     labels = label_paths(paths, state)
     groups = _groups(labels)
@@ -406,9 +406,8 @@ def _beams(points: RadarPoints, radar: RadarSpec) -> npt.NDArray[np.complex128]:
     """Return the weights of the channels towards points, shape (num_points, num_virtual)."""
     phasors = near_steering(radar, directions(points.azimuth, points.elevation), points.range)
     beam = (np.conj(phasors) / radar.num_virtual).astype(np.complex128)
-    place = np.stack([points.range, points.radial_velocity], axis=1)
-    _, cell, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
-    cell = cell.reshape(-1)
+    own = np.arange(points.num_points) if points.cell is None else points.cell
+    _, cell, count = np.unique(own, return_inverse=True, return_counts=True)
     for number in np.flatnonzero(count > 1):
         rows = np.flatnonzero(cell == number)
         beam[rows] = separating_weights(phasors[None, rows])[0]

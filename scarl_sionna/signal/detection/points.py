@@ -40,13 +40,16 @@ class RadarPoints(
     range, azimuth, elevation : ndarray of float64, shape (num_points,)
         [m], [rad], [rad]; elevation is 0 where the array has no vertical extent.
     radial_velocity : ndarray of float64, shape (num_points,)
-        Positive when opening, modulo the unambiguous interval [m/s].
+        Positive when opening, modulo the interval that the radar can tell [m/s].
     power : ndarray of float64, shape (num_points,)
         Received by one channel [W].
     snr_db : ndarray of float64, shape (num_points,)
         Power of the cell after beamforming over its thermal noise [dB].
     rcs : ndarray of float64, shape (num_points,)
         From the radar equation with the antennas' gains [m2].
+    cell : ndarray of int64, shape (num_points,), or None
+        Number of the map's cell that a point was found in, counted along range, then Doppler; several directions of a
+        cell have the same one. None for points that are of no map.
     """
 
     position: Array
@@ -57,6 +60,7 @@ class RadarPoints(
     power: Array
     snr_db: Array
     rcs: Array
+    cell: npt.NDArray[np.int64] | None = None
 
     def _facts(self) -> Iterable[Row]:
         yield "num_points", f"{self.num_points}, strongest first"

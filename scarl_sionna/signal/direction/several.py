@@ -44,7 +44,7 @@ class Directions:
     weights: Phasors
 
 
-def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: float, most: int) -> Directions:
+def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: float | Array, most: int) -> Directions:
     r"""Return the directions that explain snapshots down to the noise; the strongest one of each always.
 
     Parameters
@@ -54,7 +54,7 @@ def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: 
         [sqrt(W)].
     distance : ndarray of float64, shape (num_cells,)
         [m].
-    noise_power : float
+    noise_power : float or ndarray of float64, shape (num_cells,)
         Of one channel's value [W].
     most : int
         Largest number of directions of a cell, dimensionless.
@@ -79,12 +79,12 @@ def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: 
     """
     sines = manifold.strongest(snapshot, distance)[:, None, :]
     parts = [_part(manifold, snapshot, distance, np.arange(len(snapshot)), sines)]
-    penalty = np.log(manifold.radar.num_virtual / FALSE_DIRECTION) * noise_power
+    penalty = np.log(manifold.radar.num_virtual / FALSE_DIRECTION) * np.broadcast_to(noise_power, len(snapshot))
     rows = np.arange(len(snapshot))
     for _ in range(1, min(most, manifold.radar.num_virtual - 1) if manifold.axes else 0):
         rest = _rest(manifold, snapshot[rows], distance[rows], sines)
         next_one = manifold.strongest(rest, distance[rows])
-        promising = manifold.power(rest, next_one, distance[rows]) > 0.25 * penalty / manifold.radar.num_virtual
+        promising = manifold.power(rest, next_one, distance[rows]) > 0.25 * penalty[rows] / manifold.radar.num_virtual
         rows, sines, rest = rows[promising], sines[promising], rest[promising]
         if not len(rows):
             break
@@ -94,7 +94,7 @@ def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: 
         left = snapshot[rows] - np.einsum("pk,pkc->pc", amplitude, beams)
         gained = _energy(rest) - _energy(left)
         size = np.abs(amplitude)
-        better = (gained > penalty) & (size.min(axis=1) > 10.0 ** (-DYNAMIC_RANGE_DB / 20.0) * size.max(axis=1))
+        better = (gained > penalty[rows]) & (size.min(axis=1) > 10.0 ** (-DYNAMIC_RANGE_DB / 20.0) * size.max(axis=1))
         better &= ~_too_near(manifold, more)
         rows, sines = rows[better], more[better]
         parts.append(_part(manifold, snapshot, distance, rows, sines))

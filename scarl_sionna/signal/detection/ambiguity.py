@@ -1,0 +1,64 @@
+"""Velocities beyond the unambiguous interval, told by the phases between transmitters that do not send at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ..direction.manifold import Manifold
+from .cells import Cells, is_regular, transmit_delays
+
+Array = npt.NDArray[np.float64]
+
+_MARGIN_DB = 0.5
+"""Power by which the beam of another interval must be higher; the own one is 1.5 dB higher for three transmitters."""
+_MARGIN_NOISE = 12.0
+"""And by how much noise of a beam: a chance of 1e-4 to be wrong."""
+
+
+def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
+    """Return cells with the intervals that their velocities are off.
+
+    Parameters
+    ----------
+    cells : Cells
+    manifold : Manifold
+    noise_power : float
+        Of a cell after beamforming [W].
+
+    Returns
+    -------
+    Cells
+        With `fold` set; 0 where the velocity seen explains the phases as well, for transmitters that send at once, and
+        where a map is no plain transform of even chirps with motion compensated.
+
+    Notes
+    -----
+    In an interval that is not the target's, the phases between transmitters are wrong and the beam of the whole array
+    falls apart. The interval with the strongest beam is taken, as many as transmitters have different times: the
+    velocities of all of them together are as ambiguous as those of a single transmitter that sends every chirp. Virtual
+    elements at one place, if there are any, take part as all others do.
+
+    References
+    ----------
+    .. [1] F. Roos, J. Bechter, C. Knill, B. Schweizer, C. Waldschmidt, "Radar sensors for autonomous driving:
+       modulation schemes and interference mitigation", IEEE Microw. Mag. 20(9), 2019.
+    """
+    radar = cells.rd.radar
+    turns = np.unique(np.round(transmit_delays(radar) / radar.doppler_interval % 1.0, 6))
+    count = len(turns)
+    if count < 2 or not len(cells.row) or not cells.rd.is_compensated or not is_regular(radar):
+        return cells
+    tried = np.arange(-(count // 2), (count - 1) // 2 + 1)
+    others = [replace(cells, fold=np.full(len(cells.row), fold)) for fold in tried]
+    power = np.stack([manifold.spectrum(other.snapshot, other.distance).max(axis=1) for other in others])
+    best, seen = power.argmax(axis=0), power[count // 2]
+    top = power.max(axis=0)
+    clear = (top > 10.0 ** (_MARGIN_DB / 10.0) * seen) & (top - seen > _MARGIN_NOISE * noise_power)
+    fold = np.where(clear, tried[best], 0)
+    if count % 2 == 0:  # half way round both signs have the same phases: the slower one
+        negative = cells.rd.radial_velocity[cells.row] < 0.0
+        fold = np.where((fold == -(count // 2)) & negative, count // 2, fold)
+    return replace(cells, fold=fold.astype(np.int64))

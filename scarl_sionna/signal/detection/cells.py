@@ -1,0 +1,200 @@
+"""Cells that hold targets: their channels' values at the target's own range and Doppler, and what these stand for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.tones import seen_by
+
+from ..peaks import tone_offset
+from ..processing import RangeDoppler, coupling
+from .subbin import ToneAxis, fit_tones
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Phasors = npt.NDArray[np.complex128]
+
+_VALUES_A_BLOCK = 4_000_000
+
+
+def is_regular(radar: RadarSpec) -> bool:
+    """Return whether a map is a plain transform of even chirps, so that a point is one tone over both its axes.
+
+    By definition; not so for ramps of different carriers and for chirps at uneven times.
+    """
+    waveform = radar.waveform
+    return waveform.burst == 1 and waveform.chirp_frequencies is None and waveform.chirp_delays is None
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Targets in cells of a map.
+
+    Attributes
+    ----------
+    rd : RangeDoppler
+    row, column : ndarray of int, shape (num_targets,)
+        Over Doppler and range.
+    offset : (ndarray, ndarray) of float64, shape (num_targets,)
+        Of the target from the cell over Doppler and range [bins].
+    fold : ndarray of int64, shape (num_targets,)
+        Unambiguous intervals to add to the velocity.
+    """
+
+    rd: RangeDoppler
+    row: Index
+    column: Index
+    offset: tuple[Array, Array]
+    fold: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, rd: RangeDoppler, power: npt.NDArray[np.float32], row: Index, column: Index) -> Cells:
+        """Return cells with the offsets that their neighbours' powers tell; 0 over slow time of a single chirp."""
+        num_doppler, num_range = power.shape
+        below, here, above = (power[(row + step) % num_doppler, column] for step in (-1, 0, 1))
+        doppler = tone_offset(below, here, above, rd.window[1], rd.radar.num_doppler_bins, num_doppler)
+        below, here, above = (power[row, np.clip(column + step, 0, num_range - 1)] for step in (-1, 0, 1))
+        distance = tone_offset(below, here, above, rd.window[0], rd.radar.num_range_bins, num_range)
+        nothing = np.zeros(len(row), dtype=np.int64)
+        return cls(rd, row, column, (doppler if num_doppler > 1 else np.zeros(len(row)), distance), nothing)
+
+    def select(self, index: npt.NDArray[np.integer]) -> Cells:
+        """Return some of the targets."""
+        offset = (self.offset[0][index], self.offset[1][index])
+        return Cells(self.rd, self.row[index], self.column[index], offset, self.fold[index])
+
+    @property
+    def doppler(self) -> Array:
+        """Doppler frequencies [Hz], shape (num_targets,)."""
+        rows = len(self.rd.radial_velocity)
+        cycles = (self.row - rows // 2 + self.offset[0]) / rows + self.fold
+        return np.asarray(cycles / self.rd.radar.slow_interval)
+
+    @property
+    def distance(self) -> Array:
+        """Ranges [m], shape (num_targets,); what noise puts before the radar is at 0."""
+        rd = self.rd
+        step = rd.range[1] - rd.range[0] if len(rd.range) > 1 else rd.radar.max_range
+        aliased = self.fold * (bins_a_hertz(rd) / rd.radar.slow_interval)
+        return np.asarray(np.maximum((self.column + self.offset[1] - aliased) * step, 0.0))
+
+    @property
+    def radial_velocity(self) -> Array:
+        """Radial velocities [m/s], shape (num_targets,)."""
+        interval, rows = 2.0 * self.rd.radar.unambiguous_velocity, len(self.rd.radial_velocity)
+        return np.asarray(self.rd.radial_velocity[self.row] + (self.offset[0] / rows + self.fold) * interval)
+
+    @property
+    def snapshot(self) -> Phasors:
+        """The channels' values in the cells, without what the targets' motion does between transmitters [sqrt(W)].
+
+        Shape (num_targets, num_virtual).
+        """
+        data = self.rd.data[:, self.row, self.column].T.astype(np.complex128)
+        rows = len(self.rd.radial_velocity)
+        removed = (self.row - rows // 2) / (rows * self.rd.radar.slow_interval) if self.rd.is_compensated else 0.0
+        return np.asarray(data * _turns(self, self.doppler - removed))
+
+
+def transmit_delays(radar: RadarSpec) -> Array:
+    """Return the start of every channel's chirps after the first transmitter's [s], shape (num_virtual,)."""
+    return np.repeat([radar.tx_delay(tx) for tx in range(radar.num_tx)], radar.num_rx)
+
+
+def _turns(cells: Cells, doppler: Array) -> Phasors:
+    """Return phasors (num_targets, num_virtual) that undo what Doppler frequencies [Hz] do between transmitters."""
+    if not cells.rd.is_compensated:
+        return np.ones((len(doppler), cells.rd.radar.num_virtual), dtype=np.complex128)
+    return np.asarray(np.exp(-2j * np.pi * np.multiply.outer(doppler, transmit_delays(cells.rd.radar))))
+
+
+def bins_a_hertz(rd: RangeDoppler) -> float:
+    """Return by how many range bins the compensation of motion moves a row of a Doppler frequency of 1 Hz down.
+
+    By definition of :func:`~scarl_sionna.signal.processing.range_doppler`; a target whose velocity is aliased is seen
+    as much too far for each Hz that its row lies too low.
+    """
+    seen = seen_by(rd.radar)
+    sign = 1.0 if seen.waveform.sweep.slope > 0.0 else -1.0
+    return float(sign * coupling(seen) * rd.data.shape[2] / seen.sample_rate)
+
+
+def at_targets(
+    cells: Cells, data: npt.NDArray[np.complex64], weights: Phasors, noise_power: float
+) -> tuple[Cells, Phasors, Array]:
+    """Return where targets are between bins, and the channels' values there.
+
+    Parameters
+    ----------
+    cells : Cells
+    data : ndarray of complex64, shape (num_virtual, num_doppler_bins, num_range_bins)
+        The map's, from :func:`~scarl_sionna.signal.processing.uncompensated` [sqrt(W)]; not used where the map is no
+        plain transform (:func:`is_regular`).
+    weights : ndarray of complex128, shape (num_targets, num_virtual)
+        Of the channels, towards the target; they sum to 1 over its phasors, dimensionless.
+    noise_power : float
+        Of a cell of one channel [W].
+
+    Returns
+    -------
+    cells : Cells
+        The same with the offsets of the tones that fit best.
+    snapshot : ndarray of complex128, shape (num_targets, num_virtual)
+        [sqrt(W)].
+    noise_power : ndarray of float64, shape (num_targets,)
+        Of a value of it [W].
+
+    Notes
+    -----
+    By definition: every cell is a linear combination of the samples, and so are the ones between bins. In the map a
+    target's range differs from row to row, by the compensation of each row's own motion; that is undone first. Where a
+    map is no plain transform (:func:`is_regular`), the cells' own values and offsets are taken.
+    """
+    if not is_regular(cells.rd.radar):
+        gain = straddle_gain(cells)
+        return cells, cells.snapshot / np.sqrt(gain)[:, None], noise_power / gain
+    rd, axes = cells.rd, ToneAxis.of(cells.rd)
+    shift = bins_a_hertz(rd) if rd.is_compensated else 0.0
+    folded = replace(cells, fold=np.zeros_like(cells.fold))  # the map knows of no intervals
+    beat = cells.column + cells.offset[1] + shift * folded.doppler
+    column = np.rint(beat).astype(np.int64)
+    offset, snapshot, noise = np.empty((2, len(beat))), np.empty((len(beat), len(rd.data)), dtype=np.complex128), []
+    block = max(1, _VALUES_A_BLOCK // (len(rd.data) * len(axes[0].offset) * len(axes[1].offset)))
+    turns = _turns(cells, cells.doppler)
+    for first in range(0, len(beat), block):
+        own = slice(first, first + block)
+        values = _patches(data, cells.row[own], column[own], axes) * turns[own].T[:, :, None, None]
+        beam = np.einsum("nc,cnab->nab", weights[own], values)
+        beam_noise = noise_power * np.sum(np.abs(weights[own]) ** 2, axis=1)
+        tone = fit_tones(beam, beam_noise, *axes, (cells.offset[0][own], (beat - column)[own]))
+        snapshot[own] = np.einsum("cnab,na,nb->nc", values, tone.doppler_weight, tone.range_weight, optimize=True)
+        offset[:, own] = tone.doppler_offset, tone.range_offset
+        noise.append(noise_power * tone.noise_gain)
+    moved = replace(folded, offset=(offset[0], offset[1]))
+    found = column + offset[1] - shift * moved.doppler - cells.column
+    found = np.mod(found + 0.5 * data.shape[2], data.shape[2]) - 0.5 * data.shape[2]
+    moved = replace(cells, offset=(offset[0], found))
+    snapshot *= _turns(cells, moved.doppler - cells.doppler)
+    return moved, snapshot, np.concatenate([*noise, np.zeros(0)])
+
+
+def _patches(
+    data: npt.NDArray[np.complex64], row: Index, column: npt.NDArray[np.int64], axes: tuple[ToneAxis, ToneAxis]
+) -> Phasors:
+    """Return the cells around some, shape (num_virtual, n, num_doppler_cells, num_range_cells), phases at mid-frame."""
+    rows = (row[:, None] + axes[0].offset) % data.shape[1]
+    columns = (column[:, None] + axes[1].offset) % data.shape[2]
+    values = data[:, rows[:, :, None], columns[:, None, :]]
+    return np.asarray(values * (axes[0].turn[:, None] * axes[1].turn))
+
+
+def straddle_gain(cells: Cells) -> Array:
+    """Return the power of tones in their cells over that between the bins, by definition of the windows."""
+    gain = np.ones(len(cells.row))
+    for axis, offset in zip(ToneAxis.of(cells.rd), cells.offset, strict=True):
+        gain *= np.maximum(axis.response(offset)[:, len(axis.offset) // 2], 1e-6) ** 2
+    return gain

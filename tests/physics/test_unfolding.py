@@ -1,0 +1,74 @@
+"""Velocities of time multiplexing beyond the unambiguous interval, by the array's own phases."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.labels.labels import label_points
+from scarl_sionna.radar.points import point_targets
+from scarl_sionna.radar.synthesis import synthesize
+from scarl_sionna.signal.angle import range_doppler_angle
+from scarl_sionna.signal.detection import detect
+from scarl_sionna.signal.processing import virtual_cube
+
+RADAR = RadarSpec(multiplexing="tdm").with_(num_chirps=64, num_samples=128)
+
+
+def target(radar, velocity, azimuth_deg=20.0, distance=30.0):
+    azimuth = np.radians(azimuth_deg)
+    unit = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    return point_targets([distance * unit], [velocity * unit], 10.0, radar, Pose())
+
+
+def points_of(paths, radar, **options):
+    adc = synthesize(paths, radar, rng=np.random.default_rng(2))
+    return detect(range_doppler_angle(virtual_cube(adc, radar), radar), radar, **options)
+
+
+@pytest.mark.parametrize("velocity", [-24.0, -13.0, -8.6, 0.0, 4.0, 8.6, 17.0, 24.0])
+def test_three_transmitters_see_three_intervals(velocity):
+    points = points_of(target(RADAR, velocity), RADAR)
+    assert RADAR.unambiguous_velocity == pytest.approx(8.52, abs=0.03)
+    assert points.radial_velocity[0] == pytest.approx(velocity, abs=0.05 * RADAR.velocity_resolution)
+    assert points.range[0] == pytest.approx(30.0, abs=0.05 * RADAR.range_resolution)
+    assert np.degrees(points.azimuth[0]) == pytest.approx(20.0, abs=0.3)
+    assert 10.0 * np.log10(points.rcs[0]) == pytest.approx(10.0, abs=0.4)
+
+
+def test_without_it_range_and_angle_are_wrong():
+    points = points_of(target(RADAR, 13.0), RADAR, unfold=False)
+    assert points.radial_velocity[0] == pytest.approx(13.0 - 2 * RADAR.unambiguous_velocity, abs=0.02)
+    assert abs(np.degrees(points.azimuth[0]) - 20.0) > 5.0
+
+
+def test_two_transmitters_see_two_intervals():
+    half = 0.5 * RADAR.wavelength
+    radar = RADAR.with_(tx_positions=((0, 0, 0), (0, 4 * half, 0)))
+    for velocity in (-1.5, 0.0, 1.5):
+        wanted = velocity * radar.unambiguous_velocity
+        points = points_of(target(radar, wanted), radar)
+        assert points.radial_velocity[0] == pytest.approx(wanted, abs=0.05 * radar.velocity_resolution)
+        assert np.degrees(points.azimuth[0]) == pytest.approx(20.0, abs=0.5)
+
+
+def test_an_unfolded_point_keeps_its_label():
+    radar = RADAR.with_(pattern=IsotropicPattern())
+    paths = target(radar, 13.0)
+    paths.instance[:] = 7
+    points = points_of(paths, radar)
+    labels = label_points(points, paths, radar)
+    assert labels.instance[0] == 7 and labels.share[0] == pytest.approx(1.0)
+    assert labels.explained[0] == pytest.approx(1.0, abs=0.05)
+
+
+def test_noise_and_slow_targets_stay_where_they_are():
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        adc = synthesize(target(RADAR, rng.uniform(-8, 8), rng.uniform(-50, 50)), RADAR, rng=rng)
+        points = detect(range_doppler_angle(virtual_cube(adc, RADAR), RADAR), RADAR, pfa=1e-3)
+        assert (np.abs(points.radial_velocity[points.snr_db < 15.0]) < 1.01 * RADAR.unambiguous_velocity).mean() > 0.9
+        assert abs(points.radial_velocity[0]) < 8.52
