@@ -80,8 +80,10 @@ class ToneAxis:
 
     def response(self, offset: Array) -> Array:
         """Return a tone of amplitude 1 in the cells, shape (n, num_cells), for offsets (n,) [bins of the map]."""
-        cycles = np.subtract.outer(offset, self.offset) / self.num_bins
-        return np.asarray(np.cos(2.0 * np.pi * cycles[..., None] * _positions(len(self.weights))) @ self.weights)
+        turn = 2.0 * np.pi * _positions(len(self.weights)) / self.num_bins
+        tone, cell = np.multiply.outer(offset, turn), np.multiply.outer(self.offset, turn)
+        out = np.cos(tone) @ (np.cos(cell) * self.weights).T + np.sin(tone) @ (np.sin(cell) * self.weights).T
+        return np.asarray(out)
 
     def fit(self, values: Patch) -> tuple[Array, Array]:
         """Return the offsets (n,) whose tones hold most of whitened values (n, num_cells), and that power (n,)."""
