@@ -158,11 +158,12 @@ class Twin:
     def apply(
         self,
         state: object,
+        time: float,
         world_from_part: Mapping[str, Pose],
         twist_of_part: Mapping[str, Twist],
         meshes: Mapping[str, MeshData],
     ) -> None:
-        """Move the actors' parts to a state; nothing is done when it is already applied."""
+        """Move the actors' parts to a state at a time [s], and switch its lights; nothing if it is already applied."""
         if self._applied is state:
             return
         with variant.use(self.kind) as mi:
@@ -175,6 +176,8 @@ class Twin:
                 self._rotate_normals(mi, name, pose)
                 if self._lamps is not None and name in self._lamps.shapes:
                     self._lamps.move(self._params, name, pose)
+            if self._lamps is not None:
+                self._lamps.switch(self._params, time)
             self._params.update()
             if self.sionna_scene is not None:
                 for name, twist in twist_of_part.items():

@@ -26,6 +26,7 @@ from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.scene.document.model import SceneDocument
 from scarl_sionna.scene.document.staging import StagedActor
 from scarl_sionna.scene.document.staging import stage as stage_document
+from scarl_sionna.scene.lanes import SIGNAL_COLORS
 from scarl_sionna.scene.materials.table import MaterialTable
 from scarl_sionna.scene.materials.wet import wet_surfaces
 from scarl_sionna.scene.motion.trajectory import Motion, is_present
@@ -438,11 +439,24 @@ class WorldState(Described):
         names = self.world.parts.name
         twin.apply(
             self,
+            self.time,
             {names[part]: motion.pose for part, motion in self._part_motion.items()},
             {names[part]: motion.twist for part, motion in self._part_motion.items()},
             self.world._meshes,
         )
         return twin
+
+    @property
+    def signals(self) -> dict[str, tuple[str, ...]]:
+        """What traffic lights show: for each group its lit colours of ``("red", "amber", "green")``."""
+        lanes = self.world.document.lanes
+        plan = None if lanes is None else lanes.signals
+        if plan is None:
+            return {}
+        return {
+            group: tuple(color for color in SIGNAL_COLORS if color in plan.shown(group, self.time))
+            for group in plan.green
+        }
 
     def optical_scene(self) -> MitsubaObject:
         """Return the Mitsuba scene of the RGB variant in this state; use it inside ``variant.optical()``."""

@@ -27,6 +27,10 @@ MAX_HEADING_STEP = np.radians(5.0)
 """Largest change of heading where a lane continues another [rad]; people on foot may turn at a corner."""
 MAX_WIDTH, MAX_SPEED = 30.0, 70.0
 """Above these a width [m] or a speed [m/s] was most likely written in another unit."""
+SIGNAL_COLORS = ("red", "amber", "green")
+"""Lenses of a traffic light."""
+AMBER, RED_AMBER = 3.0, 1.0
+"""How long a light shows amber after green at 50 km/h, and red and amber before it [s] (RiLSA 2015)."""
 _MAX_TURN = np.radians(50.0)
 """Largest turn between two segments of a centre line that is still a bend and not a corner [rad]."""
 
@@ -204,6 +208,16 @@ class Signals(Described, units={"cycle": "s"}):
         """Return whether a group shows green at a time [s]."""
         start, stop = self._span(group)
         return start <= time % self.cycle < stop
+
+    def shown(self, group: str, time: float) -> frozenset[str]:
+        """Return which of `SIGNAL_COLORS` a group shows at a time [s]: red, red and amber, green, amber."""
+        start, stop = self._span(group)
+        since = (time - start) % self.cycle
+        if since < stop - start:
+            return frozenset({"green"})
+        if since < stop - start + AMBER:
+            return frozenset({"amber"})
+        return frozenset({"red", "amber"} if since >= self.cycle - RED_AMBER else {"red"})
 
     def green_left(self, group: str, time: float) -> float:
         """Return for how long a group stays green from a time on [s]; 0 where it is red."""

@@ -117,9 +117,16 @@ class SceneKit:
         """Write a mesh in world coordinates and add it as a shape; an `instance` must name it."""
         self.writer.add(shape, part, bsdf, crease_deg)
 
-    def instance(self, name: str, semantic: str, shapes: Sequence[str] = (), is_object: bool = False) -> None:
-        """Say what shapes are: patterns of their ids, by default ``<name>_*``."""
-        self.instances.append(Instance(name, semantic, tuple(shapes) or (f"{name}_*",), is_object))
+    def instance(
+        self,
+        name: str,
+        semantic: str,
+        shapes: Sequence[str] = (),
+        is_object: bool = False,
+        signal: str | None = None,
+    ) -> None:
+        """Say what shapes are: patterns of their ids, by default ``<name>_*``; `signal` switches their lamps."""
+        self.instances.append(Instance(name, semantic, tuple(shapes) or (f"{name}_*",), is_object, signal))
 
     def slim(self, parts: Mapping[str, Mesh], *joined: str) -> dict[str, Mesh]:
         """Return parts as they are, or at the light level with those named `joined` as one, under the last name."""
@@ -145,11 +152,12 @@ class SceneKit:
         yaw_deg: float = 0.0,
         scale: float = 1.0,
         is_object: bool = True,
+        signal: str | None = None,
         **bsdfs: str,
     ) -> None:
         """Place a copy as an instance of its own, foot at `where` [m, world].
 
-        `bsdfs` replaces the material of a part.
+        `bsdfs` replaces the material of a part; `signal` is the group of lights that switches its lamps.
         """
         x, y, z = (round(float(value), 4) for value in where)
         chosen = {**thing.bsdfs, **bsdfs}
@@ -157,7 +165,7 @@ class SceneKit:
             self.writer.placements.append(
                 Placement(f"{name}_{part}", file, chosen[part], round(float(yaw_deg), 4), (x, y, z), scale)
             )
-        self.instance(name, semantic, [f"{name}_{part}" for part in thing.files], is_object)
+        self.instance(name, semantic, [f"{name}_{part}" for part in thing.files], is_object, signal)
 
     def actor(
         self,

@@ -15,12 +15,13 @@ from .xml import Bsdf
 
 @dataclass(frozen=True)
 class Instance:
-    """A static instance: its semantic class, the patterns of its shapes, and whether it has a 3D box."""
+    """A static instance: semantic class, patterns of its shapes, whether it has a 3D box, and its group of lights."""
 
     name: str
     semantic: str
     shapes: tuple[str, ...]
     is_object: bool
+    signal: str | None = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,8 @@ def scene_toml(
         lines += [f"[materials.{name}]", *(f"{key} = {toml_value(value)}" for key, value in b.table().items()), ""]
     for item in instances:
         lines += ["[[instances]]", f'name = "{item.name}"', f'class = "{item.semantic}"']
-        lines += [f"shapes = {toml_value(item.shapes)}", f"object = {toml_value(item.is_object)}", ""]
+        lines += [f"shapes = {toml_value(item.shapes)}", f"object = {toml_value(item.is_object)}"]
+        lines += [f'signal = "{item.signal}"', ""] if item.signal is not None else [""]
     for actor in actors:
         lines += ["[[actors]]", f'name = "{actor.name}"']
         if actor.model is None:

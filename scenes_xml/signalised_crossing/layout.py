@@ -30,7 +30,8 @@ DROPPED = 2.2
 CROSS_X, CROSS_Y = (10.0, 13.5), (13.3, 16.3)
 """Zebra crossings: from the middle along x (over the main street) and along y (over the side street) [m]."""
 CYCLE = 40.0
-GREEN = {"main": (0.0, 18.0), "side": (22.0, 35.0)}
+GREEN = {"main": (0.0, 18.0), "side": (22.0, 35.0), "walk_main": (23.0, 33.0), "walk_side": (1.0, 14.0)}
+"""Traffic of a street, and people who cross it, who have time to get over before its traffic goes [s]."""
 TIMES = np.arange(0.0, 9.0 + 1e-9, 0.5)
 
 

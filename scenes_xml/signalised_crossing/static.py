@@ -167,13 +167,8 @@ def _one(parts: dict[str, Mesh], name: str) -> dict[str, Mesh]:
 
 
 def add_signals(kit: SceneKit, plan: at.Layout) -> None:
-    """Add masts, cantilevers, heads (the main street has green) and heads for people on foot."""
-    colours = {
-        "case": "black_plastic",
-        "red": "signal_red_off",
-        "amber": "signal_amber_off",
-        "green": "signal_green_off",
-    }
+    """Add masts, cantilevers, heads and heads for people on foot."""
+    colours = {"case": "black_plastic", "red": "signal_red", "amber": "signal_amber", "green": "signal_green"}
     head = kit.prefab("signal_head", traffic_light.head(kit.is_light), colours)
     walker = (
         None
@@ -184,7 +179,7 @@ def add_signals(kit: SceneKit, plan: at.Layout) -> None:
     arm = kit.prefab("signal_arm", traffic_light.cantilever(6.2), {"pole": "galvanized_steel"})
     street = kit.prefab("street_sign", traffic_light.plate(2.2, 0.7), {"face": "sign_directions", "back": "sign_back"})
     for name, (heading, is_main) in at.ARMS.items():
-        lit = {"green": "signal_green_on"} if is_main else {"red": "signal_red_on"}
+        group = "main" if is_main else "side"
         stop, half = (plan.stop[0], at.MAIN) if is_main else (plan.stop[1], at.SIDE)
 
         def where(x: float, y: float, z: float = at.KERB, heading: float = heading) -> tuple[float, float, float]:
@@ -195,18 +190,23 @@ def add_signals(kit: SceneKit, plan: at.Layout) -> None:
         if is_main:
             kit.place(arm, f"signal_arm_{name}", "Pole", where(*foot), heading)
             for k, d in enumerate((-1.5 * at.LANE, -0.5 * at.LANE)):
-                kit.place(head, f"signal_{name}_{k}", "TrafficLight", where(foot[0] - 0.1, d, 5.55), heading, **lit)
+                kit.place(
+                    head, f"signal_{name}_{k}", "TrafficLight", where(foot[0] - 0.1, d, 5.55), heading, signal=group
+                )
             if not kit.is_light:
                 kit.place(street, f"street_sign_{name}", "TrafficSign", where(foot[0] - 0.1, -3.5, 6.25), heading)
         else:
             kit.place(post, f"signal_post_{name}", "Pole", where(*foot), heading)
         kit.place(
-            head, f"signal_{name}_low", "TrafficLight", where(foot[0] - 0.12, foot[1], 2.3 + at.KERB), heading, **lit
+            head,
+            f"signal_{name}_low",
+            "TrafficLight",
+            where(foot[0] - 0.12, foot[1], 2.3 + at.KERB),
+            heading,
+            signal=group,
         )
         if walker is None:
             continue
-        # pedestrians who cross this arm wait while its traffic goes
-        shown = {"red": "signal_red_on"} if is_main else {"green": "signal_green_on"}
         cross = np.mean(at.CROSS_X if is_main else at.CROSS_Y) - 0.3
         for side, y, turn in (("right", -half - 0.5, 90.0), ("left", half + 0.5, -90.0)):
             x = -float(cross) - 1.4
@@ -216,7 +216,7 @@ def add_signals(kit: SceneKit, plan: at.Layout) -> None:
                 "TrafficLight",
                 where(x, y, 2.2 + at.KERB),
                 heading - turn,
-                **shown,
+                signal=f"walk_{group}",
             )
             kit.place(post, f"walker_post_{name}_{side}", "Pole", where(x, y), heading - turn, scale=0.85)
 

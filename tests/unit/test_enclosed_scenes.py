@@ -19,7 +19,7 @@ from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.engine.light.lamps import ALWAYS_ON, is_on
+from scarl_sionna.engine.light.lamps import ALWAYS_ON, is_on, lenses
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.scene.document.material_entries import LAMP_KINDS
@@ -166,11 +166,12 @@ def test_lit_lenses_show_the_signals_at_the_start():
     document = world_of("signalised_crossing").document
     signals = document.lanes.signals
     assert signals.is_green("main", 0.0) and not signals.is_green("side", 0.0)
+    switched = lenses(document)
     for arm in ("west", "east"):
-        assert document.bsdf_of_shape[f"signal_{arm}_low_green"] == "signal_green_on"
-        assert document.bsdf_of_shape[f"signal_{arm}_low_red"] == "signal_red_off"
+        assert switched[f"signal_{arm}_low_green"].is_lit(signals, 0.0)
+        assert not switched[f"signal_{arm}_low_red"].is_lit(signals, 0.0)
     for arm in ("south", "north"):
-        assert document.bsdf_of_shape[f"signal_{arm}_low_red"] == "signal_red_on"
+        assert switched[f"signal_{arm}_low_red"].is_lit(signals, 0.0)
 
 
 def test_turns_are_smooth():

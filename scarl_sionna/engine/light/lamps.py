@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.scene.document.model import SceneDocument
+from scarl_sionna.scene.lanes import Signals
 
 from .sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
 
@@ -48,7 +49,7 @@ _GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 8.0}
 """Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear
 position lamp gives 4 to 17 cd (UN Regulations 149 and 148)."""
 _WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0, "indoor": 3.0}
-_SIGNAL_WEIGHT = 0.05
+_SIGNAL, _SIGNAL_WEIGHT = "signal_", 0.05
 """How often a light path asks a surface for light; beams ask at weight 1. Signals are bright to look at and light
 little."""
 
@@ -144,8 +145,35 @@ def _beam(name: str, file: Path) -> ET.Element:
     return element
 
 
+class Lens(NamedTuple):
+    """A lens that a group of lights switches: the group, its colour, and whether its head has an amber one."""
+
+    group: str
+    color: str
+    has_amber: bool
+
+    def is_lit(self, signals: Signals, time: float) -> bool:
+        """Return whether it shines at a time [s]; a head without amber shows red instead."""
+        shown = signals.shown(self.group, time)
+        return self.color in shown or (self.color == "red" and not self.has_amber and "green" not in shown)
+
+
+def lenses(document: SceneDocument) -> dict[str, Lens]:
+    """Return the lenses that groups of lights switch, by shape id."""
+    found = {}
+    for entry in document.instances:
+        if entry.signal is None:
+            continue
+        lamps = {shape: document.materials[document.bsdf_of_shape[shape]].lamp or "" for shape in entry.shapes}
+        has_amber = "signal_amber" in lamps.values()
+        for shape, lamp in lamps.items():
+            if lamp.startswith(_SIGNAL):
+                found[shape] = Lens(entry.signal, lamp.removeprefix(_SIGNAL), has_amber)
+    return found
+
+
 class Lamps:
-    """The lamps of a loaded optical scene: sets their strength once, and moves the beams with their vehicles.
+    """The lamps of a loaded optical scene: sets their strength, moves beams with their vehicles, switches signals.
 
     Parameters
     ----------
@@ -160,13 +188,20 @@ class Lamps:
         self, params: MitsubaObject, document: SceneDocument, lighting: Lighting | None, meshes: Mapping[str, Any]
     ) -> None:
         self._mounts: dict[str, dict[str, Pose]] = {}
+        self._signals = None if document.lanes is None else document.lanes.signals
+        self._lenses = {} if lighting is None else lenses(document)
+        self._radiance: dict[str, Array] = {}
+        self._lit: dict[str, bool] = {}
         for shape, bsdf in document.bsdf_of_shape.items():
             lamp = document.materials[bsdf].lamp
             if lamp is None or not is_on(lamp, lighting):
                 continue
             vertices, faces = meshes[shape].vertices, meshes[shape].faces
             key = f"{shape}.emitter.radiance.value"
-            params[key] = type(params[key])(*(float(v) for v in _glow(lamp, vertices, faces) * _unit_color(lamp)))
+            radiance = _glow(lamp, vertices, faces) * _unit_color(lamp)
+            params[key] = type(params[key])(*radiance.tolist())
+            if shape in self._lenses:
+                self._radiance[shape], self._lit[shape] = radiance, True
             if lamp == "headlamp":
                 self._mounts[shape] = _mounts(vertices)
                 self.move(params, shape, Pose())
@@ -175,6 +210,16 @@ class Lamps:
     def shapes(self) -> tuple[str, ...]:
         """Shapes that carry beams."""
         return tuple(self._mounts)
+
+    def switch(self, params: MitsubaObject, time: float) -> None:
+        """Show what traffic lights show at a time [s]; a lens that is off stays in the scene and gives no light."""
+        if self._signals is None:
+            return
+        for shape, radiance in self._radiance.items():
+            lit = self._lenses[shape].is_lit(self._signals, time)
+            if lit != self._lit[shape]:
+                key, self._lit[shape] = f"{shape}.emitter.radiance.value", lit
+                params[key] = type(params[key])(*(radiance * lit).tolist())
 
     def move(self, params: MitsubaObject, shape: str, world_from_part: Pose) -> None:
         """Put the beams of a shape where it is now."""

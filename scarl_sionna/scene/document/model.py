@@ -34,7 +34,10 @@ class MaterialEntry(Described):
 
 @dataclass(frozen=True, repr=False)
 class InstanceEntry(Described):
-    """One instance of the scene: static, or an actor when it has a trajectory."""
+    """One instance of the scene: static, or an actor when it has a trajectory.
+
+    `signal` is the group of lights that switches its lamps.
+    """
 
     name: str
     semantic: str
@@ -43,6 +46,7 @@ class InstanceEntry(Described):
     trajectory: Trajectory | None = None
     is_room: bool = False
     joints: tuple[Joint, ...] = ()
+    signal: str | None = None
 
 
 @dataclass(frozen=True, repr=False)

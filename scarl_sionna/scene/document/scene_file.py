@@ -70,6 +70,11 @@ def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
     actors = [entry.name for entry in instances if entry.trajectory is not None] + [actor.name for actor in staged]
     if ego is not None and ego not in actors:
         raise UnknownNameError("actor in scene.ego", str(ego), actors)
+    lanes = _lanes(table)
+    groups = lanes.signals.green if lanes is not None and lanes.signals is not None else {}
+    for entry in instances:
+        if entry.signal is not None and entry.signal not in groups:
+            raise UnknownNameError(f"signal of [[instances]] '{entry.name}'", entry.signal, groups)
     document = SceneDocument(
         name=info.get("name", path.stem),
         path=path,
@@ -81,7 +86,7 @@ def read_document(path: Path, detail: str = "detailed") -> SceneDocument:
         info=info,
         is_foreign=not table,
         lighting=_lighting(table.get("lighting", {})),
-        lanes=_lanes(table),
+        lanes=lanes,
     )
     return stage(document, staged) if staged else document
 
@@ -121,7 +126,7 @@ def _guess_class(shape_id: str) -> str:
 def _instances_from_table(table: dict[str, Any], shapes: tuple[str, ...], path: Path) -> tuple[InstanceEntry, ...]:
     owner: dict[str, str] = {}
     entries = []
-    for kind, own_keys in (("instances", {"object", "room"}), ("actors", set())):
+    for kind, own_keys in (("instances", {"object", "room", "signal"}), ("actors", set())):
         for row in table.get(kind, []):
             if "model" in row and kind == "actors":
                 continue
@@ -157,8 +162,8 @@ def _instance(
             raise SceneError(f"shape '{shape}' belongs to both '{owner[shape]}' and '{name}'", path)
         owner[shape] = name
     if kind == "instances":
-        is_room = bool(row.get("room", False))
-        return InstanceEntry(name, row["class"], tuple(members), bool(row.get("object", True)), is_room=is_room)
+        is_object, is_room = bool(row.get("object", True)), bool(row.get("room", False))
+        return InstanceEntry(name, row["class"], tuple(members), is_object, is_room=is_room, signal=row.get("signal"))
     trajectory = trajectory_from_table(row.get("trajectory", {}), name)
     joints = joints_from_tables(row.get("joints", []), name, members, trajectory)
     return InstanceEntry(name, row["class"], tuple(members), True, trajectory, joints=joints)

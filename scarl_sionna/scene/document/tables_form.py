@@ -49,6 +49,7 @@ class _Instance(Table):
     shapes: list[Text] = Field(default_factory=list)
     is_object: bool = Field(True, alias="object")
     room: bool = False
+    signal: Text | None = None
 
 
 class _Actor(Table):

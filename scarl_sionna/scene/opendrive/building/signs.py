@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from PIL import Image
 
+from scarl_sionna.scene.lanes import SIGNAL_COLORS
 from scenes_xml.generators.geometry.mesh import Mesh, merge
 from scenes_xml.generators.kit import Prefab, SceneKit
 from scenes_xml.generators.roadside import furniture, traffic_light
@@ -22,6 +23,8 @@ HEAD = 2.3
 """Height of a head's lower edge and, about, of a sign's middle where the file states none [m]."""
 _OVERHEAD = 4.0
 _CASE = {"case": "black_plastic", "red": "signal_red_off", "amber": "signal_amber_off", "green": "signal_green_off"}
+_LENSES = {color: f"signal_{color}" for color in SIGNAL_COLORS}
+"""Materials of the lenses of a head that stays dark, and of one that a group of lights switches."""
 _METAL = {"back": "sign_back", "pole": "galvanized_steel"}
 _SIGNS = {
     "205": ("triangle", "sign_yield"), "215": ("round", "sign_roundabout"), "350": ("square", "sign_walkers"),
@@ -48,18 +51,9 @@ def add_signals(
                 group = lights.of_signal.get((road.id, signal.id))
                 if group is None:
                     findings.append(Finding(signal.line, "a traffic light stops no lane; it stays dark"))
-                stand.light(name, signal, foot, yaw, _shown(lights, group))
+                stand.light(name, signal, foot, yaw, group)
             else:
                 stand.sign(name, signal, foot, yaw)
-
-
-def _shown(lights: Lights, group: str | None) -> dict[str, str]:
-    """Return the lit lens of a group at time 0."""
-    if group is None or lights.signals is None:
-        return {}
-    if lights.signals.is_green(group, 0.0):
-        return {"green": "signal_green_on"}
-    return {"red": "signal_red_on"}
 
 
 class _Stand:
@@ -69,7 +63,7 @@ class _Stand:
         self.kit, self.findings = kit, findings
         self._ready: dict[str, Prefab] = {}
 
-    def light(self, name: str, signal: MapSignal, foot: Array, yaw: float, shown: Mapping[str, str]) -> None:
+    def light(self, name: str, signal: MapSignal, foot: Array, yaw: float, group: str | None) -> None:
         """Add a head, on a post unless it hangs over the road."""
         kit = self.kit
         if "head" not in self._ready:
@@ -79,7 +73,8 @@ class _Stand:
         up = signal.z if signal.z > 0.5 else HEAD
         back = np.array([np.cos(np.radians(yaw)), np.sin(np.radians(yaw)), 0.0])
         place = foot + [0.0, 0.0, up] - 0.12 * back
-        kit.place(self._ready["head"], f"{name}_head", "TrafficLight", place, yaw, 1.0, True, **shown)
+        lenses = {} if group is None else _LENSES
+        kit.place(self._ready["head"], f"{name}_head", "TrafficLight", place, yaw, 1.0, True, group, **lenses)
         if up < _OVERHEAD:
             kit.place(self._ready["post"], f"{name}_post", "Pole", foot, yaw, scale=(up + 1.1) / 3.4)
 
