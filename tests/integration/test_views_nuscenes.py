@@ -11,14 +11,21 @@ from PIL import Image
 
 from scarl_sionna.core.boxes import CORNERS
 from scarl_sionna.core.errors import OutputError, ParameterRangeError
-from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose
-from scarl_sionna.core.results import LidarScan, RadarFrame
+from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose, Twist
+from scarl_sionna.core.results import LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.dataset.derived.boxes import visible_fraction
 from scarl_sionna.dataset.derived.radar_points import radar_points, sensed_points
 from scarl_sionna.dataset.formats.nuscenes import export_nuscenes
 from scarl_sionna.dataset.formats.nuscenes_parts.files import deviation_code, tone_deviation
-from scarl_sionna.dataset.formats.nuscenes_parts.tables import CATEGORIES, LIDARSEG_LABEL, TABLES, visibility_token
+from scarl_sionna.dataset.formats.nuscenes_parts.tables import (
+    CATEGORIES,
+    LIDARSEG_LABEL,
+    TABLES,
+    category_of,
+    lidarseg_labels,
+    visibility_token,
+)
 from scarl_sionna.dataset.formats.output import FILES, MARK
 from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from scarl_sionna.radar.points import point_targets
@@ -339,3 +346,18 @@ def test_codes() -> None:
     assert tone_deviation(100.0) == pytest.approx(np.sqrt(6 / 100) / (2 * np.pi))
     assert [visibility_token(v) for v in (0.0, 0.4, 0.41, 0.6, 0.7, 0.9, 1.0)] == ["1", "1", "2", "2", "3", "4", "4"]
     assert LIDARSEG_LABEL.dtype == np.uint8
+
+
+def test_a_child_is_no_adult_among_boxes_and_points() -> None:
+    """Only what is a person: a low car stays a car."""
+    lidar = semantic_id("Pedestrian"), semantic_id("Pedestrian"), semantic_id("Car")
+    items = [
+        ObjectState(name, number, semantic, Pose(), np.array([0.6, 0.6, height]), Twist(), True)
+        for number, (name, semantic, height) in enumerate(
+            zip(("child", "adult", "car"), lidar, (1.26, 1.64, 1.3), strict=True), start=1
+        )
+    ]
+    names = [category_of(item) for item in items]
+    assert names == ["human.pedestrian.child", "human.pedestrian.adult", "vehicle.car"]
+    labels = lidarseg_labels(np.array(lidar, np.uint8), np.array([1, 2, 3], np.uint16), items)
+    assert [CATEGORIES[label] for label in labels] == names

@@ -160,6 +160,8 @@ def left_turn(run: Run) -> None:
     assert len(waits) > 5
     assert run.in_ego("van", run.times[waits[-1]])[0] < 0.0 and run.in_ego("motorcycle", run.times[waits[-1]])[0] < 0.0
     assert run.way("ego")[-1, 1] > run.way("ego")[0, 1] + 1.5  # turning left
+    turned = run.motions["ego"].pose(run.last).yaw - run.motions["ego"].pose(run.first).yaw
+    assert np.degrees(turned) == pytest.approx(90.0, abs=3.0)
 
 
 def red_light(run: Run) -> None:

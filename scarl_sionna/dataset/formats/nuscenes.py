@@ -257,13 +257,13 @@ class _Writer:
         places = [self.source.vehicle_from_sensor(name).position for name in scans]
         mount = Pose.from_rotation(np.mean(places, axis=0), files.LIDAR_FROM_VEHICLE_AXES.T)
         world_from_lidar = frame.world_from_vehicle.compose(mount)
-        rows, semantic, _ = files.lidar_rows(frame, list(scans.values()), world_from_lidar)
+        rows, semantic, instance = files.lidar_rows(frame, list(scans.values()), world_from_lidar)
         record = self._record(scene, base, _Stream(LIDAR_CHANNEL, "lidar", mount, "pcd.bin"))
         rows.tofile(self.root / record["filename"])
         if base["is_key_frame"]:
             label_file = f"lidarseg/{self.options.version}/{record['token']}_lidarseg.bin"
             (self.root / label_file).parent.mkdir(parents=True, exist_ok=True)
-            tables.LIDARSEG_LABEL[semantic].tofile(self.root / label_file)
+            tables.lidarseg_labels(semantic, instance, frame.objects).tofile(self.root / label_file)
             self.lidarseg.append(
                 {"token": record["token"], "sample_data_token": record["token"], "filename": label_file}
             )
@@ -321,7 +321,7 @@ class _Writer:
         with_depth = [image for image in cameras if image.depth is not None]
         cameras = with_depth or cameras
         for item in other_objects(frame):
-            category = tables.CATEGORY_OF_CLASS[SEMANTIC_CLASSES[item.semantic]]
+            category = tables.category_of(item)
             if not (self.options.all_objects or tables.has_boxes(category)):
                 continue
             num_lidar = int(np.count_nonzero(points_inside(item, cloud)))
@@ -372,7 +372,7 @@ class _Writer:
         for instance, rows in self.annotations.items():
             _link(rows)
             item = self.instances[instance]
-            category = tables.CATEGORY_OF_CLASS[SEMANTIC_CLASSES[item.semantic]]
+            category = tables.category_of(item)
             self.table["instance"].append(
                 {
                     "token": rows[0]["instance_token"],

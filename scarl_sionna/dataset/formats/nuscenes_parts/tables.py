@@ -9,10 +9,13 @@ References
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.dataset.derived.boxes import MOVING_SPEED
 
@@ -59,6 +62,10 @@ CATEGORY_OF_CLASS = {
 LIDARSEG_LABEL = np.array([CATEGORIES.index(CATEGORY_OF_CLASS[name]) for name in SEMANTIC_CLASSES], dtype=np.uint8)
 """Lidarseg label by semantic id."""
 
+CHILD_HEIGHT = 1.4
+"""Pedestrians whose box is lower are children [m]: the dataset holds their size, not their age."""
+_CHILD = "human.pedestrian.child"
+
 VISIBILITY_LEVELS = (("v0-40", 0.4), ("v40-60", 0.6), ("v60-80", 0.8), ("v80-100", 1.0))
 ATTRIBUTES = {
     "cycle.with_rider": "a rider is on it", "cycle.without_rider": "no rider is on it",
@@ -75,6 +82,23 @@ CHANNEL_PLACES = {
 def token(*parts: object) -> str:
     """Return the token of a record: 32 hexadecimal digits that depend on its names only."""
     return hashlib.md5("\x1f".join(map(str, parts)).encode(), usedforsecurity=False).hexdigest()
+
+
+def category_of(item: ObjectState) -> str:
+    """Return the category of an object: that of its class, and of a pedestrian lower than 1.4 m that of a child."""
+    category = CATEGORY_OF_CLASS[SEMANTIC_CLASSES[item.semantic]]
+    is_child = SEMANTIC_CLASSES[item.semantic] == "Pedestrian" and item.size[2] < CHILD_HEIGHT
+    return _CHILD if is_child else category
+
+
+def lidarseg_labels(
+    semantic: npt.NDArray[np.uint8], instance: npt.NDArray[np.uint16], objects: Sequence[ObjectState]
+) -> npt.NDArray[np.uint8]:
+    """Return the lidarseg labels (n,) of points by their class, and where they are of a child by that."""
+    label = LIDARSEG_LABEL[semantic]
+    children = [item.instance for item in objects if category_of(item) == _CHILD]
+    label[np.isin(instance, children)] = CATEGORIES.index(_CHILD)
+    return label
 
 
 def category_table() -> list[dict[str, Any]]:
