@@ -65,6 +65,30 @@ def test_the_meshes_of_a_wheel_turn(tmp_path):
     assert abs(hit.velocity[0, 2]) > 5.0  # the front of the rim rises
 
 
+@pytest.mark.parametrize("side", [0.8, 0.0, -0.8])
+def test_in_a_bend_each_wheel_rolls_its_own_way(side):
+    """On a circle of 10 m to the left: the contact stands still along the wheel, the angle is that of its own radius.
+
+    Without it (both by the way of the car's middle) the inner and the outer wheel slip by 8 % of the speed.
+    """
+    speed, radius_of_bend = 5.0, 10.0
+    turn = speed / radius_of_bend
+    times = np.linspace(0.0, 8.0, 161)
+    way = np.stack([np.sin(turn * times), 1.0 - np.cos(turn * times), 0.0 * times], axis=1) * radius_of_bend
+    track = WaypointTrajectory(times, way, np.degrees(turn * times))
+    table = {"kind": "wheel", "shapes": ["wheel"], "center": [1.3, side, RADIUS], "radius": RADIUS}
+    wheel = joints_from_tables([table], "car", ["wheel"], track)[0]
+    for time in (2.0, 3.3, 7.5):  # more than half a turn
+        motion = wheel.motions(time)["wheel"]
+        below = np.array([1.3, side, 0.0])
+        rolling = motion.twist.velocity_at(below - motion.pose.position)
+        moving = track.pose(time).inverse().rotate(track.twist(time).velocity_at(track.pose(time).rotate(below)))
+        np.testing.assert_allclose((rolling + moving)[0], 0.0, atol=1e-4)
+        spoke = motion.pose.rotate([0.0, 0.0, 1.0])
+        angle = (radius_of_bend - side) * turn * time / RADIUS
+        np.testing.assert_allclose(spoke[[0, 2]], [np.sin(angle), np.cos(angle)], atol=2e-4)
+
+
 def test_way_travelled_by_a_car_that_brakes_turns_and_reverses():
     times = np.linspace(0, 8, 17)
     angle = 0.8 * np.sin(times / 3)

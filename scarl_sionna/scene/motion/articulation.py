@@ -100,9 +100,44 @@ class Joint(Protocol):
         """Return the motion of each shape relative to the actor, by shape id."""
 
 
+class Rolling:
+    """How far an actor has gone along its heading and how far it has turned, once for all of its wheels."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._trajectory = trajectory
+        self._way = Accumulated(trajectory, lambda speed: speed)
+        self._origin = trajectory.start if np.isfinite(trajectory.start) else 0.0
+        self._headings: dict[int, float] = {0: trajectory.pose(self._origin).yaw}
+        self._last: tuple[float, list[float]] | None = None
+
+    def _turned(self, time: float) -> float:
+        """Return the turn since the start [rad]: no body turns half way round within a panel."""
+        panel = int(np.floor((time - self._origin) / PANEL))
+        step = 1 if panel >= 0 else -1
+        known = panel
+        while known not in self._headings:
+            known -= step
+        for index in range(known, panel, step):
+            yaw = self._trajectory.pose(self._origin + (index + step) * PANEL).yaw
+            self._headings[index + step] = _nearest_turn(yaw, self._headings[index])
+        return _nearest_turn(self._trajectory.pose(time).yaw, self._headings[panel]) - self._headings[0]
+
+    def at(self, time: float) -> list[float]:
+        """Return way [m] and turn [rad] up to a time [s], and their rates."""
+        if self._last is None or self._last[0] != time:
+            rates = forward_speed(self._trajectory, time), float(self._trajectory.twist(time).angular[2])
+            self._last = time, [self._way.at(time), self._turned(time), *rates]
+        return self._last[1]
+
+
+def _nearest_turn(yaw: float, near: float) -> float:
+    """Return an angle with the full turns added that bring it nearest to another [rad]."""
+    return yaw + 2.0 * np.pi * round((near - yaw) / (2.0 * np.pi))
+
+
 @dataclass(frozen=True, eq=False)
 class Wheel:
-    """A wheel that rolls without slip about an axle along the actor's y axis.
+    """A wheel that rolls without slip about an axle along the actor's y axis: in a bend the outer one rolls farther.
 
     Attributes
     ----------
@@ -117,14 +152,13 @@ class Wheel:
     shapes: tuple[str, ...]
     center: npt.NDArray[np.float64]
     radius: float
-    trajectory: Trajectory
-    travelled: Accumulated
+    rolling: Rolling
     changes_shape: bool = False
 
     def motions(self, time: float) -> dict[str, Motion]:
-        """Return the turn about the axle: angle = way / radius."""
-        angle = self.travelled.at(time) / self.radius
-        rate = forward_speed(self.trajectory, time) / self.radius
+        """Return the turn about the axle: angle = way of the wheel / radius."""
+        way, turned, speed, yaw_rate = self.rolling.at(time)
+        angle, rate = (way - self.center[1] * turned) / self.radius, (speed - self.center[1] * yaw_rate) / self.radius
         turn = Motion.about(_AXLE, angle, rate).pose
         spin = np.array([0.0, rate, 0.0])
         origin = self.center - turn.rotate(self.center)
@@ -207,12 +241,12 @@ def joints_from_tables(
     """
     joints: list[Joint] = []
     taken: set[str] = set()
-    travelled = Accumulated(trajectory, lambda speed: speed)
+    rolling = Rolling(trajectory)
     for number, table in enumerate(tables):
         what = f"{actor}.joints[{number}]"
         kind = str(table.get("kind", "wheel"))
         if kind == "wheel":
-            joint: Joint = _wheel(table, what, shapes, trajectory, travelled)
+            joint: Joint = _wheel(table, what, shapes, rolling)
         elif kind == "walk":
             joint = _walk(table, what, shapes, trajectory)
         elif kind == "pedal":
@@ -234,9 +268,7 @@ def _check_keys(table: Mapping[str, Any], what: str, required: set[str], optiona
         raise UnknownNameError(f"key of {what}", sorted(unknown)[0], required | optional | {"kind"})
 
 
-def _wheel(
-    table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory, travelled: Accumulated
-) -> Wheel:
+def _wheel(table: Mapping[str, Any], what: str, shapes: Sequence[str], rolling: Rolling) -> Wheel:
     _check_keys(table, what, {"shapes", "center", "radius"}, set())
     if unknown := [shape for shape in table["shapes"] if shape not in shapes]:
         raise UnknownNameError(f"shape of {what}", str(unknown[0]), shapes)
@@ -245,7 +277,7 @@ def _wheel(
         raise ParameterRangeError(f"{what}.center", table["center"], "three finite coordinates [m]")
     if not (np.isfinite(radius) and radius > 0.0):
         raise ParameterRangeError(f"{what}.radius", f"{radius} m", "> 0 m")
-    return Wheel(tuple(table["shapes"]), center, radius, trajectory, travelled)
+    return Wheel(tuple(table["shapes"]), center, radius, rolling)
 
 
 def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory: Trajectory) -> Walk:
