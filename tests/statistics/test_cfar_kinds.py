@@ -7,7 +7,7 @@ import pytest
 import scipy.special
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.signal.detection.statistics import Halves, factor
+from scarl_sionna.signal.detection.statistics import Halves, factor, rate_of_each
 from scarl_sionna.signal.detection.threshold import (
     GUARD,
     KINDS,
@@ -62,7 +62,7 @@ def test_false_alarms_from_1e_2_to_1e_6(radar: RadarSpec, window: str, kind: str
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("along", ["both", "range", "doppler"])
+@pytest.mark.parametrize("along", ["either", "both", "range", "doppler"])
 def test_alarms_are_as_many_as_asked_for(kind: str, along: str) -> None:
     """The whole detector, counted; without a window, where training cells are independent."""
     rng, alarms, cells = np.random.default_rng(7), 0, 0
@@ -112,3 +112,34 @@ def test_an_edge_of_clutter_makes_few_false_alarms() -> None:
     assert edge_rate("go", 1e-2) < 10.0 and edge_rate("osgo", 1e-2) < 10.0
     assert edge_rate("os", 1e-2) < 10.0
     assert edge_rate("so", 1e-2) > 50.0  # as theory says: it hears the quiet half
+
+
+@pytest.mark.parametrize("window", ["rect", "hann"])
+@pytest.mark.parametrize("kind", ["ca", "go", "os"])
+def test_either_of_two_thresholds_has_the_rate_asked_for(kind: str, window: str) -> None:
+    """Down to 1e-6, by the measured levels along Doppler and range of the same cells; the cell itself is gamma."""
+    rng, looks, levels = np.random.default_rng(3), RADAR.num_virtual, []
+    for _ in range(12):
+        rd, mean = noise(RADAR, window, rng)
+        rows, columns = (axis.ravel() for axis in np.meshgrid(range(0, 64, 2), range(11, 117, 2), indexing="ij"))
+        both = []
+        for along in ("doppler", "range"):
+            training = TrainingWindow.of(rd, GUARD, TRAINING, along)
+            offsets, side = training.offsets(kind)
+            values = rd.power[(rows[:, None] + offsets[:, 0]) % 64, columns[:, None] + offsets[:, 1]] / mean
+            parts = [values[:, side == half] for half in range(side.max() + 1)]
+            found = [
+                _level(part, np.ones_like(part, bool), np.full(len(part), part.shape[1]), kind, RANK) for part in parts
+            ]
+            both.append((np.max(found, axis=0), Halves(int((side == 0).sum()), int((side == 1).sum()), training.loss)))
+        levels.append(np.stack([level for level, _ in both]))
+        halves = both[0][1], both[1][1]
+    measured = np.concatenate(levels, axis=1)
+    for pfa in (1e-2, 1e-4, 1e-6):
+        each = rate_of_each(kind, pfa, looks, halves, RANK)
+        assert 0.5 * pfa <= each < pfa
+        thresholds = [factor(kind, each, looks, half, RANK) for half in halves]
+        lowest = np.min([threshold * level for threshold, level in zip(thresholds, measured, strict=True)], axis=0)
+        rate = scipy.special.gammaincc(looks, looks * lowest).mean() / pfa
+        # short windows under Hann: the effective number of cells holds mean and variance of a level, not its lower tail
+        assert rate == pytest.approx(1.0, abs=0.15 if window == "rect" or pfa > 1e-3 else 0.3)

@@ -91,7 +91,7 @@ def test_correlated_training_cells_keep_the_false_alarm_rate(guard, training, pf
     def detected(factor: float) -> bool:
         cells = np.ones((1, 64, 64), np.complex64)
         cells[0, 32, 32] = np.sqrt(factor)
-        return bool(cfar(replace(rd, data=cells), pfa, guard, training)[32, 32])
+        return bool(cfar(replace(rd, data=cells), pfa, guard, training, along="both")[32, 32])
 
     low, high = 1.0, 1e3
     assert not detected(low) and detected(high)

@@ -90,7 +90,7 @@ def test_training_cells_are_those_of_a_loop_over_the_window() -> None:
     # the factor itself is held by the rate of false alarms, statistics/test_radar_noise.py
     for pfa in (0.6, 0.4, 0.2, 0.1, 0.02):
         factor = _threshold_factor(rd, pfa, count, outer, inner)
-        assert np.array_equal(cfar(rd, pfa, guard, training), power > factor * mean / count)
+        assert np.array_equal(cfar(rd, pfa, guard, training, along="both"), power > factor * mean / count)
     assert count.max() == 7 * 11 - 3 * 5 and count[0, 0] == 7 * 6 - 3 * 3
 
 

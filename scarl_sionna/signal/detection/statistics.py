@@ -57,15 +57,56 @@ def factor(kind: str, pfa: float, num_looks: int, halves: Halves, rank: float) -
     .. [1] H. Rohling, "Radar CFAR thresholding in clutter and multiple target situations", IEEE Trans. Aerosp.
        Electron. Syst. 19(4), 1983.
     """
-    upper = scipy.special.expit(_LOGITS)
-    weight = upper * scipy.special.expit(-_LOGITS) * (_LOGITS[1] - _LOGITS[0])
-    cell = scipy.special.gammainccinv(num_looks, upper) / num_looks
+    cell, weight = _cells(num_looks)
 
     def excess(log_factor: float) -> float:
         level = _distribution(kind, cell / np.exp(log_factor), num_looks, halves, rank)
         return float(np.log(max(level @ weight, 1e-300)) - np.log(pfa))
 
     return float(np.exp(brentq(excess, -20.0, 60.0, xtol=1e-10)))
+
+
+@lru_cache(maxsize=256)
+def rate_of_each(kind: str, pfa: float, num_looks: int, windows: tuple[Halves, Halves], rank: float) -> float:
+    r"""Return the rate of each of two thresholds whose windows share no cell, so that either is exceeded at a rate.
+
+    Parameters
+    ----------
+    kind, pfa, num_looks, rank
+        As for :func:`factor`; `pfa` is the probability that the cell exceeds one threshold or both.
+    windows : (Halves, Halves)
+        Numbers of training cells of the two.
+
+    Returns
+    -------
+    float
+        Between ``pfa / 2`` and `pfa`, dimensionless.
+
+    Notes
+    -----
+    Both look at one cell X, their levels are independent:
+    :math:`P_{fa} = E_X[1 - (1 - F_1(X / T_1)) (1 - F_2(X / T_2))]`.
+    """
+    cell, weight = _cells(num_looks)
+
+    def excess(log_rate: float) -> float:
+        kept = [
+            1.0
+            - _distribution(
+                kind, cell / factor(kind, float(np.exp(log_rate)), num_looks, halves, rank), num_looks, halves, rank
+            )
+            for halves in windows
+        ]
+        return float(np.log((1.0 - kept[0] * kept[1]) @ weight) - np.log(pfa))
+
+    return float(np.exp(brentq(excess, np.log(0.49 * pfa), np.log(min(1.01 * pfa, 1.0 - 1e-12)), xtol=1e-4)))
+
+
+def _cells(num_looks: int) -> tuple[Array, Array]:
+    """Return powers of a cell of noise of mean 1 and their probabilities, to integrate over."""
+    upper = scipy.special.expit(_LOGITS)
+    weight = upper * scipy.special.expit(-_LOGITS) * (_LOGITS[1] - _LOGITS[0])
+    return scipy.special.gammainccinv(num_looks, upper) / num_looks, weight
 
 
 def _distribution(kind: str, level: Array, num_looks: int, halves: Halves, rank: float) -> Array:

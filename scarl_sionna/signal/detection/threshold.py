@@ -14,12 +14,12 @@ from scarl_sionna.core.errors import ParameterRangeError
 
 from ..processing import RangeDoppler
 from ..windows import window_values
-from .statistics import Halves, factor
+from .statistics import Halves, factor, rate_of_each
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Kind = Literal["ca", "go", "so", "os", "osgo"]
-Along = Literal["both", "range", "doppler"]
+Along = Literal["either", "both", "range", "doppler"]
 Widths = tuple[int, int]
 
 KINDS = ("ca", "go", "so", "os", "osgo")
@@ -45,9 +45,10 @@ class Statistic(NamedTuple):
     """``"ca"``: the mean of all (cell averaging); ``"go"``, ``"so"``: the greater, the smaller of the means before and
     behind the cell; ``"os"``: the value of a rank among all (ordered statistic); ``"osgo"``: the greater of those of
     the two halves."""
-    along: Along = "both"
-    """Where training cells lie: all around, or in the cell's own row (``"range"``) or column (``"doppler"``). The
-    halves are before and behind in range, for ``"doppler"`` slower and faster."""
+    along: Along = "either"
+    """Where training cells lie: in the cell's own row (``"range"``) or column (``"doppler"``), all around (``"both"``);
+    ``"either"``: it stands out in its row or in its column. The halves are before and behind in range, for
+    ``"doppler"`` slower and faster."""
     rank: float = RANK
     """Of the ordered statistic, from 0 (smallest) to 1 (largest)."""
 
@@ -63,8 +64,8 @@ class Statistic(NamedTuple):
             raise ParameterRangeError("pfa", pfa, "0 < pfa < 1")
         if self.kind not in KINDS:
             raise ParameterRangeError("kind", repr(self.kind), " or ".join(map(repr, KINDS)))
-        if self.along not in ("both", "range", "doppler"):
-            raise ParameterRangeError("along", repr(self.along), "'both', 'range' or 'doppler'")
+        if self.along not in ("either", "both", "range", "doppler"):
+            raise ParameterRangeError("along", repr(self.along), "'either', 'both', 'range' or 'doppler'")
         if not 0.0 < self.rank <= 1.0:
             raise ParameterRangeError("rank", self.rank, "0 < rank <= 1")
 
@@ -86,8 +87,8 @@ def cfar(
     guard, training : tuple of int
         Half-widths in cells (Doppler, range): of the neighbours left out, and of the training cells beyond them.
     **options
-        `kind` (``"ca"``, ``"go"``, ``"so"``, ``"os"``, ``"osgo"``), `along` (``"both"``, ``"range"``, ``"doppler"``)
-        and `rank`, see :class:`Statistic`.
+        `kind` (``"ca"``, ``"go"``, ``"so"``, ``"os"``, ``"osgo"``), `along` (``"either"``, ``"both"``, ``"range"``,
+        ``"doppler"``) and `rank`, see :class:`Statistic`.
 
     Returns
     -------
@@ -104,6 +105,10 @@ def cfar(
     one bin has no training cells. The factors are exact for independent training cells; how windows link them counts by
     the effective number of independent ones.
 
+    In a window all around, a car hides the people beside it. Along its own velocity a person is alone, and a long
+    vehicle, which fills its row, stands out along range: a cell counts if it stands out along either. Both thresholds
+    together have the rate that is asked for (:func:`~scarl_sionna.signal.detection.statistics.rate_of_each`).
+
     References
     ----------
     .. [1] H. Rohling, "Radar CFAR thresholding in clutter and multiple target situations", IEEE Trans. Aerosp.
@@ -113,6 +118,8 @@ def cfar(
     """
     statistic = Statistic(**options)
     statistic.check(pfa)
+    if statistic.along == "either":
+        return _either(rd, pfa, (guard, training), statistic)
     power = rd.power.astype(np.float64)
     window = TrainingWindow.of(rd, guard, training, statistic.along)
     if statistic.kind == "ca":
@@ -120,6 +127,22 @@ def cfar(
         return np.asarray(power * count > total * _threshold_factor(rd, pfa, count, window.outer, window.inner))
     cells = np.indices(power.shape).reshape(2, -1)
     return exceeds(window, power, (cells[0], cells[1]), len(rd.data), pfa, statistic).reshape(power.shape)
+
+
+def _either(rd: RangeDoppler, pfa: float, widths: tuple[Widths, Widths], statistic: Statistic) -> npt.NDArray[np.bool_]:
+    """Return which cells stand out in their row or in their column; an axis of one bin tells nothing."""
+    shape, kind, rank = rd.data.shape[1:], statistic.kind, statistic.rank
+    axes: list[Along] = [name for name, bins in zip(("doppler", "range"), shape, strict=True) if bins > 1]  # type: ignore[misc]
+    if len(axes) < 2:
+        return cfar(rd, pfa, *widths, kind=kind, along=axes[0] if axes else "both", rank=rank)
+    windows = []
+    for axis in axes:
+        window = TrainingWindow.of(rd, *widths, axis)
+        _, side = window.offsets(kind)
+        windows.append(Halves(int((side == 0).sum()), int((side == 1).sum()), window.loss))
+    each = rate_of_each(kind, pfa, len(rd.data), (windows[0], windows[1]), rank)
+    found = [cfar(rd, each, *widths, kind=kind, along=axis, rank=rank) for axis in axes]
+    return np.asarray(found[0] | found[1])
 
 
 def exceeds(
