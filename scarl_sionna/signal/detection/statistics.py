@@ -61,7 +61,7 @@ def factor(kind: str, pfa: float, num_looks: int, halves: Halves, rank: float) -
 
     def excess(log_factor: float) -> float:
         level = _distribution(kind, cell / np.exp(log_factor), num_looks, halves, rank)
-        return float(np.log(max(level @ weight, 1e-300)) - np.log(pfa))
+        return float(np.log(max(float(level @ weight), 1e-300)) - np.log(pfa))
 
     return float(np.exp(brentq(excess, -20.0, 60.0, xtol=1e-10)))
 
