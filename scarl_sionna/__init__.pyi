@@ -70,6 +70,7 @@ from .signal.detection import detect
 from .signal.mitigation.hits import find_hits
 from .signal.mitigation.repair import mitigate
 from .signal.processing import range_doppler, virtual_cube
+from .signal.tracking import RadarClusters, RadarTracks, cluster, track
 from .simulation import observe, radar_cube, simulate
 
 __all__ = [
@@ -124,9 +125,11 @@ __all__ = [
     "Pinhole",
     "Pose",
     "RadarFrame",
+    "RadarClusters",
     "RadarNetwork",
     "RadarPaths",
     "RadarSpec",
+    "RadarTracks",
     "RasterScan",
     "Rig",
     "RisleyScan",
@@ -147,6 +150,7 @@ __all__ = [
     "actor_from_mesh",
     "attenuate_paths",
     "back_project",
+    "cluster",
     "compile_scatterers",
     "dataset_statistics",
     "detect",
@@ -176,6 +180,7 @@ __all__ = [
     "synthesize_blocks",
     "synthesize_interference",
     "synthesize_network",
+    "track",
     "virtual_cube",
 ]
 

@@ -84,6 +84,8 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         rd,
         rda,
         points,
+        ss.cluster(points),
+        ss.track([ss.cluster(points, min_points=1)], [0.0], ss.Pose(), confirm=1),
         paths,
         *frame.images.values(),
         *frame.lidars.values(),
