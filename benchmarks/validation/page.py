@@ -173,8 +173,8 @@ def draw(rows: list[dict[str, Any]]) -> None:
     axes.legend(fontsize=7, loc="upper right")
     axes.grid(axis="x", alpha=0.3)
     drawn = io.BytesIO()
-    figure.savefig(drawn, dpi=80)
-    Image.open(drawn).convert("RGB").quantize(24).save(FIGURE, optimize=True)  # a third of the size
+    figure.savefig(drawn, dpi=72)
+    Image.open(drawn).convert("RGB").quantize(16).save(FIGURE, optimize=True)  # a third of the size
 
 
 def main() -> None:

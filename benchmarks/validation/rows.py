@@ -28,6 +28,8 @@ ASSUMED_SHARE = 0.1
 """Half width, as a share of the value, of what is no level."""
 TEXTS = ("note", "why")
 """Fields that several rows share."""
+DEFAULTS = {"spread": "stated", "basis": "held out", "unit": "dB"}
+"""What a row has that does not say it in the file."""
 THEMES = ("ground", "people", "vehicles", "layers", "weather", "motion", "front_end")
 
 Spread = Literal["stated", "between", "assumed"]
@@ -99,7 +101,8 @@ def read() -> list[dict[str, Any]]:
     found, texts = [], []
     for line in map(json.loads, lines):
         texts = line.pop("texts", texts)
-        found.append({key: texts[value] if key in TEXTS else value for key, value in line.items()})
+        line = {key: texts[value] if key in TEXTS else value for key, value in line.items()}
+        found.append(line if "cpu_s" in line else {**DEFAULTS, **line})
     return found
 
 
@@ -111,6 +114,7 @@ def save(lines: list[dict[str, Any]]) -> None:
         texts = list(dict.fromkeys(line[key] for line in own for key in TEXTS if key in line))
         for number, line in enumerate(own):
             line.update({key: texts.index(line[key]) for key in TEXTS if key in line})
+            line = {key: value for key, value in line.items() if key not in DEFAULTS or DEFAULTS[key] != value}
             kept.append({**line, "texts": texts} if number == 0 else line)
     RESULTS.write_text("".join(json.dumps(line, separators=(",", ":")) + "\n" for line in kept), encoding="utf-8")
 
