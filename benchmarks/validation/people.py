@@ -39,10 +39,11 @@ ADULTS = ("adult_man", "adult_woman", "standing_adult")
 SECTORS = {"front and rear": (0.0, 30.0), "oblique": (30.0, 60.0), "side": (60.0, 90.1)}
 """Aspects by sector, folded about the side [deg]."""
 FLASH = (
-    "the flash of frame and wheels broadside: at 10 m it is 12 dBsm and two degrees wide, and 72 azimuths miss "
-    "it (every "
-    "half degree from 84 to 96 deg the mean is 3.8 dBsm, 7 dB more); it grows with distance, at 90 deg 0.8, 13.0 and "
-    "19.2 dBsm at 10, 30 and 100 m (near field). The sources' distances were not read"
+    "narrow flashes of frame and wheels near broadside, which 72 azimuths miss: at 10 m, every half degree "
+    "from 84 to 96 "
+    "deg, the mean is 3.8 dBsm and the largest 11.8. They grow with distance: within 1.5 deg of broadside the "
+    "largest is "
+    "0.8, 13.0 and 19.2 dBsm at 10, 30 and 100 m (near field). The sources' distances were not read"
 )
 GARMENTS = (
     "two adults in four garments; our clothes are one mean of many; means of powers. What clothes reflect was "
