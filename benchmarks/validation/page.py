@@ -125,9 +125,9 @@ def page(lines: list[dict[str, Any]]) -> str:
         f"({assumed} rows, deviations in the notes). Many figures were read second hand: read the original "
         f"before citing "
         "one.",
-        "What lies outside, and why, stands below each table, by experiments with one thing changed; what "
-        "follows for a "
-        "user stands in [limits](limits.md#against-measurements).",
+        "What lies outside, and why, stands below each table, by experiments with one thing changed "
+        "(`python benchmarks/validation/experiments.py`); what follows for a user stands in "
+        "[limits](limits.md#against-measurements).",
         "",
         f"*Cost.* {sum(line['cpu_s'] for line in costs):.0f} CPU seconds in all, on {costs[0]['machine']}.",
         "",

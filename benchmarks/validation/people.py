@@ -81,17 +81,20 @@ def table(column: str) -> tuple[Array, Array]:
     return tuple(np.array([float(one[key]) for one in entries]) for key in ("aspect_deg", column))  # type: ignore
 
 
-def powers(world: World, moment: float, phi: Array) -> Array:
-    """Return the RCS of the actor "it" at azimuths, 3.4 m away, mean over the band, VV and HV [m2], shape (n, 2)."""
-    radar, distance = RadarSpec(azimuth_fov_deg=80.0, elevation_fov_deg=80.0), 3.4
+def powers(world: World, moment: float, phi: Array, distance: float = 3.4, height: float = 0.8, **knobs: Any) -> Array:
+    """Return the RCS of the actor "it" at azimuths, mean over the band, VV and HV [m2], shape (n, 2).
+
+    `knobs` are those of `SbrSettings`.
+    """
+    radar, settings = RadarSpec(azimuth_fov_deg=80.0, elevation_fov_deg=80.0), SbrSettings(floor_db=None, **knobs)
     wave = 2.0 * np.pi * (radar.center_frequency + BAND) / SPEED_OF_LIGHT
     state = world.at(moment)
     middle = state.actor_pose("it").position
     found = []
     for angle in phi:
-        place = middle + [distance * np.cos(angle), distance * np.sin(angle), 0.8 - middle[2]]
+        place = middle + [distance * np.cos(angle), distance * np.sin(angle), height - middle[2]]
         pose = Pose.from_euler(place, yaw=np.pi + angle)
-        paths = solve_paths(state, radar, pose, "sbr", settings=SbrSettings(floor_db=None))
+        paths = solve_paths(state, radar, pose, "sbr", settings=settings)
         length = sum(np.linalg.norm(point - place, axis=1) for point in (paths.tx_point, paths.rx_point))
         field = np.exp(-1j * np.outer(wave, length)) @ paths.a[:, :, 0]
         found.append(np.mean(np.abs(field) ** 2, axis=0))
