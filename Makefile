@@ -12,7 +12,7 @@ QUALITY ?= draft
 JOBS ?= 2
 PYTEST_ARGS ?=
 
-.PHONY: help setup demo test test-slow lint format bench docs notebooks clean distclean
+.PHONY: help setup demo test test-slow lint format bench validation docs notebooks clean distclean
 
 help: ## Show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -47,6 +47,11 @@ format: $(TEST_STAMP) ## Format the code
 
 bench: $(STAMP) ## Run the benchmarks: error against time
 	@for name in synthesis radar_frame camera lidar frame; do echo "== benchmarks/$$name.py"; $(BIN)/python benchmarks/$$name.py || exit 1; done
+
+validation: $(TEST_STAMP) ## Set the simulator beside measurements again, and write docs/validation.md
+	@for name in ground people vehicles layers weather motion front_end; do echo "== benchmarks/validation/$$name.py"; \
+		$(BIN)/python benchmarks/validation/$$name.py || exit 1; done
+	$(BIN)/python benchmarks/validation/page.py --figure
 
 notebooks: $(TEST_STAMP) ## Run all notebooks; copies with figures go to build/notebooks
 	$(BIN)/python scripts/run_notebooks.py

@@ -1,0 +1,87 @@
+"""Experiments behind the causes of rows outside: one thing changed at a time.
+
+python benchmarks/validation/experiments.py people | bicycle | car      2, 1 and 5 minutes
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import scarl_sionna as ss
+from benchmarks.measured_rcs import FAR_SETTINGS, alone, azimuths
+from benchmarks.validation.people import mean_db, powers
+from benchmarks.validation.vehicles import SECTORS, in_sector
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
+from scarl_sionna.scene.motion.trajectory import StaticTrajectory
+
+STANDS = StaticTrajectory(Pose())
+
+
+def people(folder: Path) -> None:
+    """Print a standing adult with fewer bounces, and what makes the cross-polar echo of a man."""
+    world = alone("standing_adult", "detailed", STANDS, folder / "adult")
+    for knobs in ({}, {"max_depth": 1}):
+        found = powers(world, 0.0, azimuths(36), **knobs)
+        print("standing_adult", knobs, round(10.0 * np.log10(found[:, 0].mean()), 2), "dBsm")
+    world = alone("adult_man", "light", STANDS, folder / "man")
+    for knobs in ({}, {"diffuse": False}, {"diffuse": False, "max_depth": 1}):
+        found = powers(world, 0.0, azimuths(12), **knobs).mean(axis=0)
+        print("HV over VV", knobs, round(10.0 * np.log10(found[1] / found[0]), 2), "dB")
+
+
+def bicycle(folder: Path) -> None:
+    """Print a bicycle near broadside, finely and from three distances."""
+    world = alone("bicycle", "light", STANDS, folder)
+    found = 10.0 * np.log10(powers(world, 0.0, np.radians(np.arange(84.0, 96.01, 0.5)), 10.0)[:, 0])
+    print("84 to 96 deg, every half degree:", mean_db(found), "largest", round(found.max(), 1), "dBsm")
+    for distance in (10.0, 30.0, 100.0):
+        found = 10.0 * np.log10(powers(world, 0.0, np.radians(np.arange(88.5, 91.6, 0.25)), distance)[:, 0])
+        print(f"within 1.5 deg, {distance:g} m: largest {found.max():.1f} dBsm")
+
+
+def car(folder: Path) -> None:
+    """Print the saloon's parts alone, with fewer bounces, by its flash, and from 20 m."""
+
+    def far(parts: Any, phi: np.ndarray, depth: int = 3) -> np.ndarray:
+        settings = FAR_SETTINGS.with_(max_depth=depth)
+        s = scattering_matrix(load_body(parts), 77e9, np.radians(90.6), phi, settings=settings)
+        return np.asarray(10.0 * np.log10(4.0 * np.pi * np.abs(s[:, 0, 0]) ** 2))
+
+    def medians(aspect: np.ndarray, level: np.ndarray, names: Any) -> str:
+        return ", ".join(f"{name} {np.median(in_sector(aspect, level, name)):.1f}" for name in names)
+
+    def staged(detail: str) -> tuple[Any, list[str]]:
+        world = ss.stage("highway_guardrail", [ss.StagedActor("it", "saloon", STANDS, detail=detail)])
+        return actor_parts(world, "it"), [name for name in world.parts.name if name.startswith("it_")]
+
+    phi, (parts, names) = azimuths(72), staged("detailed")
+    aspect = np.degrees(np.minimum(phi, 2.0 * np.pi - phi))
+    ends = (aspect < 20.1) | (aspect > 119.9)
+    for name in ("it_body", "it_plates"):
+        level = far([parts[names.index(name)]], phi[ends], 1)
+        print(name, "alone:", medians(aspect[ends], level, ("front", "rear")), "dBsm")
+    for depth in (1, 2):
+        print(depth, "bounces:", medians(aspect[ends], far(parts, phi[ends], depth), ("rear corner", "rear")), "dBsm")
+    light, _ = staged("light")
+    side = np.abs(np.degrees(phi) - 90.0) <= 20.0
+    for label, where in (("72 azimuths", phi[side]), ("every quarter degree", np.radians(np.arange(70, 110, 0.25)))):
+        print("light, side,", label, mean_db(far(light, where)), "dBsm")
+    phi = azimuths(24)
+    aspect = np.degrees(np.minimum(phi, 2.0 * np.pi - phi))
+    for detail in ("light", "detailed"):
+        level = 10.0 * np.log10(powers(alone("saloon", detail, STANDS, folder / detail), 0.0, phi, 20.0, 0.6)[:, 0])
+        print(f"{detail}, 20 m, 24 azimuths:", medians(aspect, level, SECTORS), "mean", mean_db(level), "dBsm")
+
+
+if __name__ == "__main__":
+    chosen = {"people": people, "bicycle": bicycle, "car": car}[sys.argv[1]]
+    with tempfile.TemporaryDirectory() as place:
+        chosen(Path(place))
