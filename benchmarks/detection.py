@@ -83,7 +83,7 @@ class Variant:
         return f"{self.kind}, {self.along}, guard {self.guard}, training {self.training}{rank}"
 
 
-DEFAULT = Variant("ca")
+AROUND = Variant("ca")
 VARIANTS = (
     *(Variant(kind, along) for kind in ("ca", "go", "so", "os", "osgo") for along in ("both", "range", "doppler")),
     *(Variant("os", along, rank=rank) for along in ("both", "range", "doppler") for rank in (0.25, 0.5)),
