@@ -12,7 +12,7 @@ from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.detection import RadarPoints, cfar, detect
-from scarl_sionna.signal.processing import virtual_cube
+from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 RADAR = RadarSpec().with_(num_chirps=32, num_samples=64)
 
@@ -75,3 +75,16 @@ def test_settings_of_the_threshold_are_checked() -> None:
     for name, value in (("kind", "median"), ("along", "angle"), ("rank", 0.0), ("rank", 1.1)):
         with pytest.raises(ParameterRangeError, match=name):
             cfar(rd, **{"kind": "os", name: value})
+
+
+@pytest.mark.parametrize("pfa", [1e-300, 1e-17, 1e-12, 0.9, 0.999])
+@pytest.mark.parametrize("along", ["either", "both", "range", "doppler"])
+def test_any_rate_has_a_threshold(pfa: float, along: str) -> None:
+    """From none of the cells of noise to nearly all of them."""
+    rng = np.random.default_rng(4)
+    radar = RadarSpec().with_(num_chirps=32, num_samples=64)
+    cube = (rng.normal(size=(12, 32, 64)) + 1j * rng.normal(size=(12, 32, 64))).astype(np.complex64)
+    share = cfar(range_doppler(cube, radar), pfa, along=along).mean()
+    assert share == pytest.approx(pfa, abs=0.05)
+    with pytest.raises(ParameterRangeError, match="pfa"):
+        cfar(range_doppler(cube, radar), 1e-19, kind="os", along=along)

@@ -12,6 +12,8 @@ from scipy.optimize import brentq
 
 Array = npt.NDArray[np.float64]
 
+LEAST_PFA = 1e-18
+"""Smallest probability that the integrals of :func:`factor` can tell."""
 _LOGITS = np.linspace(-45.0, 45.0, 721)
 """Nodes of the trapezoidal rule over probabilities: it converges faster than any power for such integrands."""
 
@@ -85,8 +87,10 @@ def rate_of_each(kind: str, pfa: float, num_looks: int, windows: tuple[Halves, H
     Notes
     -----
     Both look at one cell X, their levels are independent:
-    :math:`P_{fa} = E_X[1 - (1 - F_1(X / T_1)) (1 - F_2(X / T_2))]`.
+    :math:`P_{fa} = E_X[1 - (1 - F_1(X / T_1)) (1 - F_2(X / T_2))]`. Rates below 1e-14 are halved, to within 1 %.
     """
+    if not 1e-14 < pfa < 0.99:
+        return 0.5 * pfa if pfa < 0.5 else pfa
     cell, weight = _cells(num_looks)
 
     def excess(log_rate: float) -> float:

@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 
 from ..processing import RangeDoppler
 from ..windows import window_values
-from .statistics import Halves, factor, rate_of_each
+from .statistics import LEAST_PFA, Halves, factor, rate_of_each
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -64,6 +64,8 @@ class Statistic(NamedTuple):
             raise ParameterRangeError("pfa", pfa, "0 < pfa < 1")
         if self.kind not in KINDS:
             raise ParameterRangeError("kind", repr(self.kind), " or ".join(map(repr, KINDS)))
+        if pfa < LEAST_PFA and self.kind != "ca":
+            raise ParameterRangeError("pfa", pfa, f">= {LEAST_PFA:g} for kind '{self.kind}'")
         if self.along not in ("either", "both", "range", "doppler"):
             raise ParameterRangeError("along", repr(self.along), "'either', 'both', 'range' or 'doppler'")
         if not 0.0 < self.rank <= 1.0:
@@ -120,8 +122,13 @@ def cfar(
     statistic.check(pfa)
     if statistic.along == "either":
         return _either(rd, pfa, (guard, training), statistic)
+    return _single(rd, pfa, (guard, training), statistic)
+
+
+def _single(rd: RangeDoppler, pfa: float, widths: tuple[Widths, Widths], statistic: Statistic) -> npt.NDArray[np.bool_]:
+    """Return which cells stand out of one window."""
     power = rd.power.astype(np.float64)
-    window = TrainingWindow.of(rd, guard, training, statistic.along)
+    window = TrainingWindow.of(rd, *widths, statistic.along)
     if statistic.kind == "ca":
         total, count = window.sums(power)
         return np.asarray(power * count > total * _threshold_factor(rd, pfa, count, window.outer, window.inner))
@@ -134,14 +141,14 @@ def _either(rd: RangeDoppler, pfa: float, widths: tuple[Widths, Widths], statist
     shape, kind, rank = rd.data.shape[1:], statistic.kind, statistic.rank
     axes: list[Along] = [name for name, bins in zip(("doppler", "range"), shape, strict=True) if bins > 1]  # type: ignore[misc]
     if len(axes) < 2:
-        return cfar(rd, pfa, *widths, kind=kind, along=axes[0] if axes else "both", rank=rank)
+        return _single(rd, pfa, widths, statistic._replace(along=axes[0] if axes else "both"))
     windows = []
     for axis in axes:
         window = TrainingWindow.of(rd, *widths, axis)
         _, side = window.offsets(kind)
         windows.append(Halves(int((side == 0).sum()), int((side == 1).sum()), window.loss))
     each = rate_of_each(kind, pfa, len(rd.data), (windows[0], windows[1]), rank)
-    found = [cfar(rd, each, *widths, kind=kind, along=axis, rank=rank) for axis in axes]
+    found = [_single(rd, each, widths, statistic._replace(along=axis)) for axis in axes]
     return np.asarray(found[0] | found[1])
 
 
