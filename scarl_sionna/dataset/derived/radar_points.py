@@ -15,9 +15,6 @@ from scarl_sionna.signal.processing import virtual_cube
 
 Array = npt.NDArray[np.float64]
 
-GUARD, TRAINING = 3, (6, 8)
-"""Half-widths of the detector's window in cells: left out, and averaged over Doppler and range; `detect`'s own."""
-
 
 @dataclass(frozen=True, eq=False)
 class SensedPoints:
@@ -40,20 +37,7 @@ class SensedPoints:
 def radar_points(radar: RadarFrame, pfa: float = 1e-6) -> RadarPoints:
     """Return the detections of a radar frame; a map smaller than the detector's window gets a smaller window."""
     rda = range_doppler_angle(virtual_cube(radar.adc, radar.spec), radar.spec)
-    windows = [_window(bins, cells) for bins, cells in zip(rda.data.shape[:2], TRAINING, strict=True)]
-    guard, training = zip(*windows, strict=True)
-    return detect(rda, radar.spec, pfa=pfa, guard=guard, training=training)
-
-
-def _window(num_bins: int, training: int) -> tuple[int, int]:
-    """Return guard and training cells on each side that fit into an axis.
-
-    Fewer than 3 bins are left to the detector.
-    """
-    guard = GUARD
-    while 2 * (guard + training) + 1 > num_bins and (training > 1 or guard > 0):
-        training, guard = (training - 1, guard) if training > 1 else (training, guard - 1)
-    return guard, training
+    return detect(rda, radar.spec, pfa=pfa)
 
 
 def sensor_velocity(frame: Frame, world_from_sensor: Pose) -> Array:
