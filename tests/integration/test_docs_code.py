@@ -26,7 +26,10 @@ from tests.drive import drive
 REPO = Path(__file__).resolve().parents[2]
 OWN_TESTS = ("getting_started.md", "reading.md", "formats.md")
 """Pages whose results are looked at by tests of their own."""
-SLOW = ("scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md", "materials.md", "micro_doppler.md")
+SLOW = (
+    "scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md", "materials.md", "micro_doppler.md",
+    "demo.md", "actors.md",
+)  # fmt: skip # a table
 PAGES = sorted(
     path
     for path in (REPO / "README.md", *(REPO / "docs").glob("*.md"))
