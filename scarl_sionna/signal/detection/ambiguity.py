@@ -43,8 +43,8 @@ def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
 
     References
     ----------
-    .. [1] F. Roos, J. Bechter, C. Knill, B. Schweizer, C. Waldschmidt, "Radar sensors for autonomous driving:
-       modulation schemes and interference mitigation", IEEE Microw. Mag. 20(9), 2019.
+    .. [1] F. Roos, J. Bechter, N. Appenrodt, J. Dickmann, C. Waldschmidt, "Enhancement of Doppler unambiguity for
+       chirp-sequence modulated TDM-MIMO radars", IEEE ICMIM 2018.
     """
     radar = cells.rd.radar
     turns = np.unique(np.round(transmit_delays(radar) / radar.doppler_interval % 1.0, 6))
