@@ -49,9 +49,11 @@ _GLOW_INTENSITY = {"headlamp": 450.0, "taillamp": 8.0}
 """Intensity of a lamp's surface seen from the front [cd]: a low beam above its cut-off stays below 625 cd, and a rear
 position lamp gives 4 to 17 cd (UN Regulations 149 and 148)."""
 _WEIGHTS = {"headlamp": 0.3, "taillamp": 0.3, "street_lamp": 2.0, "indoor": 3.0}
-_SIGNAL, _SIGNAL_WEIGHT = "signal_", 0.05
+_SIGNAL_WEIGHT = 0.05
 """How often a light path asks a surface for light; beams ask at weight 1. Signals are bright to look at and light
 little."""
+_SIGNAL = "signal_"
+"""How the lamps of traffic lights begin; the colour follows."""
 
 BEAM_FOV_DEG = 100.0
 _BEAM_SIZE = (256, 768)

@@ -22,7 +22,7 @@ from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
-from scarl_sionna.signal.processing import RangeDoppler
+from scarl_sionna.signal.processing import RangeDoppler, coupling
 from scarl_sionna.signal.receivers import response_weights
 from scarl_sionna.signal.windows import window_values
 
@@ -131,11 +131,9 @@ class PathCells:
     def range_bin(self, index: Index, doppler: float | Array) -> Array:
         """Return the places over range in the row of a Doppler frequency [Hz], not padded, modulo num_samples."""
         radar = self.radar
-        slope = radar.waveform.sweep.slope
-        coupling = 1.0 + slope * FrameGrid(radar).center_time(0) / radar.center_frequency
-        removed = np.asarray(doppler) * coupling * radar.num_samples / radar.sample_rate
+        removed = np.asarray(doppler) * coupling(radar) * radar.num_samples / radar.sample_rate
         beat = self.beat_bin[index].reshape((-1,) + (1,) * (removed.ndim - 1))
-        return np.mod(np.copysign(1.0, slope) * (beat - removed), radar.num_samples)
+        return np.mod(np.copysign(1.0, radar.waveform.sweep.slope) * (beat - removed), radar.num_samples)
 
     def fields(self, index: Index, doppler: float | Array) -> npt.NDArray[np.complex128]:
         """Return beat amplitudes with their phases at mid-frame [sqrt(W)], shape (len(index), num_virtual).

@@ -107,13 +107,14 @@ def detect(
     if peaks_only:
         own = ~leaked_over_the_ends(rd, found, row, column)
         row, column = row[own], column[own]
-    return _points(rda, radar, Cells.of(rd, power, row, column), most, unfold)
+    return _points(rda, radar, Cells.of(rd, power, row, column), noise_floor(rd, power), most, unfold)
 
 
-def _points(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, most: int, unfold: bool) -> RadarPoints:
-    """Return the table of detected cells, one row a direction."""
+def _points(
+    rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, noise: float, most: int, unfold: bool
+) -> RadarPoints:
+    """Return the table of detected cells, one row a direction; `noise` is that of a cell of one channel [W]."""
     rd = rda.range_doppler
-    noise = noise_floor(rd)
     manifold = Manifold.of(radar, rda.azimuth, rda.elevation)
     if unfold:
         cells = unfolded(cells, manifold, noise / radar.num_virtual)
@@ -152,7 +153,7 @@ def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array,
     return RadarPoints(**{name: values[order] for name, values in table.items()})
 
 
-def noise_floor(rd: RangeDoppler) -> float:
+def noise_floor(rd: RangeDoppler, power: npt.NDArray[np.float32]) -> float:
     """Return the noise of a cell of one channel [W]: by the map's median power, at least the thermal noise."""
     channels = len(rd.data)
-    return max(rd.noise_power, float(np.median(rd.power)) * channels / float(gammaincinv(channels, 0.5)))
+    return max(rd.noise_power, float(np.median(power)) * channels / float(gammaincinv(channels, 0.5)))

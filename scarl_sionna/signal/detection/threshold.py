@@ -120,36 +120,28 @@ def cfar(
     """
     statistic = Statistic(**options)
     statistic.check(pfa)
-    if statistic.along == "either":
-        return _either(rd, pfa, (guard, training), statistic)
-    return _single(rd, pfa, (guard, training), statistic)
-
-
-def _single(rd: RangeDoppler, pfa: float, widths: tuple[Widths, Widths], statistic: Statistic) -> npt.NDArray[np.bool_]:
-    """Return which cells stand out of one window."""
+    axes: list[Along] = [statistic.along]
+    if statistic.along == "either":  # an axis of one bin tells nothing
+        named: list[tuple[Along, int]] = [("doppler", rd.data.shape[1]), ("range", rd.data.shape[2])]
+        axes = [name for name, bins in named if bins > 1] or ["both"]
+    windows = [TrainingWindow.of(rd, guard, training, axis) for axis in axes]
     power = rd.power.astype(np.float64)
-    window = TrainingWindow.of(rd, *widths, statistic.along)
+    if len(windows) == 2:
+        halves = windows[0].halves(statistic.kind), windows[1].halves(statistic.kind)
+        pfa = rate_of_each(statistic.kind, pfa, len(rd.data), halves, statistic.rank)
+    found = [_stand_out(rd, power, pfa, window, statistic) for window in windows]
+    return np.logical_or.reduce(found)
+
+
+def _stand_out(
+    rd: RangeDoppler, power: Array, pfa: float, window: TrainingWindow, statistic: Statistic
+) -> npt.NDArray[np.bool_]:
+    """Return which cells stand out of their training cells in one window."""
     if statistic.kind == "ca":
         total, count = window.sums(power)
         return np.asarray(power * count > total * _threshold_factor(rd, pfa, count, window.outer, window.inner))
     cells = np.indices(power.shape).reshape(2, -1)
     return exceeds(window, power, (cells[0], cells[1]), len(rd.data), pfa, statistic).reshape(power.shape)
-
-
-def _either(rd: RangeDoppler, pfa: float, widths: tuple[Widths, Widths], statistic: Statistic) -> npt.NDArray[np.bool_]:
-    """Return which cells stand out in their row or in their column; an axis of one bin tells nothing."""
-    shape, kind, rank = rd.data.shape[1:], statistic.kind, statistic.rank
-    axes: list[Along] = [name for name, bins in zip(("doppler", "range"), shape, strict=True) if bins > 1]  # type: ignore[misc]
-    if len(axes) < 2:
-        return _single(rd, pfa, widths, statistic._replace(along=axes[0] if axes else "both"))
-    windows = []
-    for axis in axes:
-        window = TrainingWindow.of(rd, *widths, axis)
-        _, side = window.offsets(kind)
-        windows.append(Halves(int((side == 0).sum()), int((side == 1).sum()), window.loss))
-    each = rate_of_each(kind, pfa, len(rd.data), (windows[0], windows[1]), rank)
-    found = [_single(rd, each, widths, statistic._replace(along=axis)) for axis in axes]
-    return np.asarray(found[0] | found[1])
 
 
 def exceeds(
@@ -253,6 +245,11 @@ class TrainingWindow:
         ones = np.ones_like(power)
         total = _box_sum(power, self.outer) - _box_sum(power, self.inner)
         return total, np.rint(_box_sum(ones, self.outer) - _box_sum(ones, self.inner))
+
+    def halves(self, kind: Kind) -> Halves:
+        """Return the numbers of training cells of a cell that has all of them."""
+        _, side = self.offsets(kind)
+        return Halves(int((side == 0).sum()), int((side == 1).sum()), self.loss)
 
     def offsets(self, kind: Kind) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Return the training cells (n, 2) from the cell, and the half that each is in (0 where there are no halves).
