@@ -419,10 +419,13 @@ class WorldState(Described):
             [m/s, world].
         """
         velocity = np.zeros_like(point)
-        actor = np.where(part >= 0, self.world.parts.actor[part], -1)
-        for index in np.unique(part[actor >= 0]):
-            rows, motion = part == index, self._part_motion[int(index)]
-            velocity[rows] = motion.twist.velocity_at(point[rows] - motion.pose.position)
+        rows = np.flatnonzero(np.where(part >= 0, self.world.parts.actor[part], -1) >= 0)
+        parts, motion = np.unique(part[rows], return_inverse=True)
+        motions = [self._part_motion[int(index)] for index in parts]
+        if motions:
+            offset = point[rows] - np.array([each.pose.position for each in motions])[motion]
+            turning = np.array([each.twist.angular for each in motions])[motion]
+            velocity[rows] = np.array([each.twist.linear for each in motions])[motion] + np.cross(turning, offset)
         return velocity
 
     @cached_property

@@ -21,6 +21,8 @@ from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.simulation import load_world
 from tests import street_maps as maps
 
+pytestmark = pytest.mark.own_process  # beside what a worker has already, its worlds would pass the bound of memory
+
 FOLDER = os.environ.get("SCARL_STREET_MAPS")
 OTHERS = sorted(Path(FOLDER).rglob("*.xodr")) if FOLDER else []
 

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
@@ -66,8 +67,14 @@ def lobe_of(values: Array) -> Array:
 
 
 def _lobe_at(lobe: Array, offset: Array) -> Array:
-    """Return the transform at offsets [bins], 0 beyond the main lobe."""
-    return np.interp(np.abs(offset) * _STEPS_PER_BIN, np.arange(len(lobe)), lobe, right=0.0)
+    """Return the transform at offsets [bins], 0 beyond the main lobe; linear between the values of the table."""
+    last = len(lobe) - 1
+    place = np.abs(offset) * _STEPS_PER_BIN
+    step = np.minimum(place, last + 1.0).astype(np.int64)
+    slope = np.append(np.diff(lobe), (0.0, 0.0))
+    value = np.append(lobe, 0.0)[step] + slope[step] * (place - step)
+    value[place > last] = 0.0
+    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,24 +268,29 @@ class CellSpread:
 
     def _summed(self, parts: list[_Part]) -> Array:
         """Return the power in every cell of the summed fields of paths, flat; each part has its footprint."""
-        channels = self.field.shape[1]
-        place = np.full(self.shape[0] * self.shape[1], -1, dtype=np.int64)
-        blocks = [(block, footprint) for index, footprint in parts for block in _blocks(index, footprint)]
-        for block, footprint in blocks:
-            place[footprint(block)[0].ravel()] = 0
-        used = np.flatnonzero(place == 0)
-        place[used] = np.arange(len(used))
-        real, imag = np.zeros((channels, len(used))), np.zeros((channels, len(used)))
-        for block, footprint in blocks:
-            cell, weight = footprint(block)
-            where = place[cell].ravel()
-            for channel in range(channels):
-                value = self.field[block, channel].astype(np.complex128)
-                real[channel] += np.bincount(where, (weight * value.real[:, None]).ravel(), len(used))
-                imag[channel] += np.bincount(where, (weight * value.imag[:, None]).ravel(), len(used))
-        out = np.zeros(len(place))
-        out[used] = np.mean(real**2 + imag**2, axis=0)
+        total, filled = self._total, np.zeros(len(self._total), dtype=np.bool_)
+        place = np.empty(len(total), dtype=np.int64)
+        for index, footprint in parts:
+            for block in _blocks(index, footprint):
+                cell, weight = footprint(block)
+                touched = np.zeros(len(total), dtype=np.bool_)
+                touched[cell.ravel()] = True
+                filled |= touched
+                used = np.flatnonzero(touched)
+                place[used] = np.arange(len(used))
+                starts = np.arange(len(block) + 1) * cell.shape[1]
+                spread = csr_array((weight.ravel(), place[cell.ravel()], starts), shape=(len(block), len(used)))
+                total[used] += spread.T @ self.field[block].astype(np.complex128).view(np.float64)
+        used = np.flatnonzero(filled)
+        out = np.zeros(len(total))
+        out[used] = np.sum(total[used] ** 2, axis=1) / self.field.shape[1]
+        total[used] = 0.0
         return out
+
+    @cached_property
+    def _total(self) -> Array:
+        """Real and imaginary parts of the field in every cell and channel, zeros between the sums of two groups."""
+        return np.zeros((self.shape[0] * self.shape[1], 2 * self.field.shape[1]))
 
     def _footprint(
         self, index: Index, doppler_lobe: Array | None = None, range_lobe: Array | None = None
@@ -349,5 +361,7 @@ def _axis(place: Array, count: int, num_bins: int, lobe: Array) -> tuple[Index, 
     width = min(int(np.floor(2.0 * reach)) + 1, num_bins)
     first = np.ceil(place * scale - reach).astype(np.int64)
     bins = first[..., None] + np.arange(width)
-    offset = _wrapped(bins / scale - place[..., None], count)
+    offset = bins / scale - place[..., None]
+    if len(lobe) / _STEPS_PER_BIN > count / 2.0:
+        offset = _wrapped(offset, count)
     return bins % num_bins, _lobe_at(lobe, offset)
