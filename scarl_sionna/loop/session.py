@@ -109,6 +109,12 @@ class Session(Described):
             raise PlacementError(
                 f"scene '{loaded.name}' has no ego vehicle: give Session(..., vehicle='ego'), or a pose"
             )
+        self._bodies = {model: tuple(names) for model, names in self._free.items()}
+        self._begin()
+
+    def _begin(self) -> None:
+        """Set everything to before the first step."""
+        self._free = {model: list(names) for model, names in self._bodies.items()}
         self._body: dict[str, str] = {name: name for name in self._own}
         self._model: dict[str, str] = {}
         self._last: dict[str, Pose] = {}
@@ -116,6 +122,28 @@ class Session(Described):
         self._num_looks: dict[str, int] = {}
         self._num_steps = 0
         self.seconds: dict[str, float] = {}
+
+    def restart(self, seed: int | None = None) -> None:
+        """Go back to before the first step, in the same scene, which is not loaded again.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Root of the random numbers from now on, >= 0; None: as before.
+
+        Raises
+        ------
+        SessionError
+            If the session is closed.
+        SpecError
+            If the seed is not allowed.
+        """
+        world = self.world
+        if seed is not None:
+            self.settings = SessionSettings(**{**dict(self.settings), "seed": seed})
+        names, self._motion = list(self._motion), {}
+        self._world = world.with_motion({name: self._told(name) for name in names})
+        self._begin()
 
     def _told(self, name: str) -> ToldTrajectory:
         away = Pose(np.array([0.0, 0.0, -DEPTH - BETWEEN * len(self._motion)]))

@@ -223,3 +223,15 @@ def test_what_the_scene_moves_goes_on_by_itself(world: ss.World) -> None:
         frame = session.step(0.5, {"ego": ss.ActorPose(ss.Pose(), ss.Twist())})
     place = next(item.world_from_box.position for item in frame.objects if item.name == "car")
     np.testing.assert_array_equal(place[:2], world.at(0.5).actor_pose("car").position[:2])
+
+
+def test_a_session_begins_anew_with_the_same_bytes(session: ss.Session, world: ss.World) -> None:
+    first = session.step(0.0, told(world, 0.0))
+    session.step(0.5, {"ego": told(world, 0.5)["ego"]})
+    session.restart()
+    assert session.time is None and session.actors == {}
+    again = session.step(0.0, told(world, 0.0))
+    session.restart(seed=7)
+    other = session.step(0.0, told(world, 0.0))
+    assert same(first.results["radar"], again.results["radar"]) and again.index == 0
+    assert not same(first.results["radar"], other.results["radar"])  # the noise of another seed
