@@ -65,8 +65,8 @@ class Session(Described):
     -----
     The scene is loaded once, with a body for every actor that can be there; a step moves bodies, and an actor that
     comes takes one of its model that is free. Who is not among the poses of a step is away from then on: 500 m below
-    the scene, without a box. A frame is that of :func:`scarl_sionna.observe` at the same time, seed and world, so that
-    it has the bytes of an export of the same motion.
+    the scene, without a box. A frame is that of :func:`scarl_sionna.observe` at the same time, seed and world; a
+    recorded session gives the same bytes again.
     """
 
     def __init__(
