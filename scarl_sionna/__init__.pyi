@@ -46,6 +46,9 @@ from .dataset.statistics.collect import DatasetStatistics, dataset_statistics
 from .engine.load import load_scene, stage
 from .engine.world import World, WorldState
 from .fusion import Rig
+from .loop.motion import ActorPose
+from .loop.session import Session
+from .loop.settings import SessionSettings
 from .radar.channel import plan_channel, solve_paths
 from .radar.interference.beat import synthesize_interference
 from .radar.interference.ways import one_way_paths
@@ -89,6 +92,7 @@ __all__ = [
     "WeatherEchoSettings",
     "plan_channel",
     "ActorModel",
+    "ActorPose",
     "Adc",
     "Amplifier",
     "AntennaArray",
@@ -138,6 +142,8 @@ __all__ = [
     "ScarlReceiver",
     "ScarlWarning",
     "ScattererModel",
+    "Session",
+    "SessionSettings",
     "SpinningScan",
     "StagedActor",
     "SteppedFmcw",

@@ -79,6 +79,7 @@ def observe(
     radar: RadarSettings | None = None,
     vehicle: Mount | Pose | None = None,
     index: int = 0,
+    only: Collection[str] | None = None,
     on_stage: OnStage = _ignore,
 ) -> Frame:
     """Return what every sensor of a rig sees at one instant.
@@ -98,6 +99,8 @@ def observe(
         The vehicle that carries the rig; default: the world's ego actor. A bare pose stands still.
     index : int
         Number of the frame in its sequence.
+    only : collection of str, optional
+        Names of the sensors that look; the others stay in the rig, where radars may hear them. Default: all.
     on_stage : callable
         Called with each sensor's name before it works, and the part of the frame that is done.
 
@@ -109,6 +112,8 @@ def observe(
     ------
     InputTypeError
         If a name stands where a world or a rig belongs, and so on.
+    UnknownNameError
+        If `only` names a sensor that the rig does not have.
     PlacementError
         If the world has no ego actor and no vehicle is given.
     TimeRangeError
@@ -118,6 +123,8 @@ def observe(
 
     expect("world", world, World, HOW_TO_WORLD)
     expect("rig", rig, Rig, HOW_TO_RIG)
+    for name in only or ():
+        rig[name]  # raises if there is none
     timestamp_ns = round(number("time", time, "give seconds: observe(world, rig, time=0.5)") * 1e9)
     timings: dict[str, float] = {}
     started = perf_counter()
@@ -136,8 +143,9 @@ def observe(
     timings["world"] = perf_counter() - started
 
     results: dict[str, Any] = {}
-    for position, mount in enumerate(rig.sensors):
-        on_stage(mount.name, position / len(rig.sensors))
+    looking = rig.sensors if only is None else tuple(rig[name] for name in rig.names if name in set(only))
+    for position, mount in enumerate(looking):
+        on_stage(mount.name, position / len(looking))
         started = perf_counter()
         results[mount.name] = _sensor(_with_places(mount, rig, carrier)).observe(
             state,

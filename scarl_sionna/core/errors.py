@@ -226,6 +226,10 @@ class SimulatorError(ScarlError, RuntimeError):
     """Another simulator (SUMO) refused its input or stopped."""
 
 
+class SessionError(ScarlError, RuntimeError):
+    """A session is closed, has no body left for an actor, or kept no record."""
+
+
 class ExportError(ScarlError, RuntimeError):
     """An export stopped; what was finished is kept, and the same command goes on from there."""
 

@@ -24,12 +24,12 @@ from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.scene.document.model import SceneDocument
-from scarl_sionna.scene.document.staging import StagedActor
+from scarl_sionna.scene.document.staging import StagedActor, on_trajectories
 from scarl_sionna.scene.document.staging import stage as stage_document
 from scarl_sionna.scene.lanes import SIGNAL_COLORS
 from scarl_sionna.scene.materials.table import MaterialTable
 from scarl_sionna.scene.materials.wet import wet_surfaces
-from scarl_sionna.scene.motion.trajectory import Motion, is_present
+from scarl_sionna.scene.motion.trajectory import Motion, Trajectory, is_present
 from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
 
 from .instances import Shapes, describe_instance
@@ -161,6 +161,33 @@ class World(Described):
         document, materials, lighting = self._dry
         staged = World(stage_document(replace(document, lighting=lighting), actors, ego), materials)
         return staged if self.weather == Weather() else staged.with_weather(self.weather)
+
+    def with_motion(self, trajectories: Mapping[str, Trajectory]) -> World:
+        """Return this world with other trajectories of its actors, by their names; it shares everything else.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such actor.
+        """
+        for name in trajectories:
+            self.actor(name)
+        other = copy.copy(self)
+        other.__dict__.pop("_actor_of_name", None)
+        entries = {entry.name: entry for entry in on_trajectories(self._entries, trajectories)}
+        other._entries = list(entries.values())
+        other.document, dry = (
+            replace(document, instances=tuple(entries[entry.name] for entry in document.instances))
+            for document in (self.document, self._dry[0])
+        )
+        other._dry = dry, *self._dry[1:]
+        other.actors = tuple(
+            Actor(
+                actor.name, actor.instance, trajectories.get(actor.name, actor.trajectory), entries[actor.name].joints
+            )
+            for actor in self.actors
+        )
+        return other
 
     def mesh(self, part: int) -> MeshData:
         """Return the mesh of a part: of a static one in the world's frame, else in its own (`WorldState.part_pose`)."""

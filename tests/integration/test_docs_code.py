@@ -28,7 +28,7 @@ OWN_TESTS = ("getting_started.md", "reading.md", "formats.md")
 """Pages whose results are looked at by tests of their own."""
 SLOW = (
     "scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md", "materials.md", "micro_doppler.md",
-    "demo.md", "actors.md", "export.md", "interference.md",
+    "demo.md", "actors.md", "export.md", "interference.md", "session.md",
 )  # fmt: skip # a table
 PAGES = sorted(
     path

@@ -97,6 +97,8 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         model,
         ss.Pose([1, 2, 3]),
         ss.Twist(),
+        ss.ActorPose(ss.Pose([1, 2, 3]), ss.Twist(), "saloon"),
+        ss.Session(world, RIG),
         ss.StagedActor("van", model, world.actors[0].trajectory),
         ss.Rig.scarl(),
         ss.Rig.scarl().sensors[0],

@@ -15,7 +15,7 @@ import numpy as np
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.scene.actors.model import DETAILS, ActorModel, Color, ModelLevel, check_colors, read_actor_model
-from scarl_sionna.scene.motion.articulation import joints_from_tables
+from scarl_sionna.scene.motion.articulation import joints_from_tables, joints_on
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
 from .model import InstanceEntry, MaterialEntry, SceneDocument
@@ -133,6 +133,16 @@ def stage(document: SceneDocument, actors: Sequence[StagedActor], ego: str | Non
         ego=document.ego if ego is None else ego,
         files=tuple(dict.fromkeys((*document.files, *(actor.model.path for actor in actors)))),
     )
+
+
+def on_trajectories(entries: Sequence[InstanceEntry], trajectories: Mapping[str, Trajectory]) -> list[InstanceEntry]:
+    """Return instances of a scene, those whose name has a trajectory with that one and with joints that follow it."""
+    return [
+        replace(entry, trajectory=trajectories[entry.name], joints=joints_on(entry.joints, trajectories[entry.name]))
+        if entry.name in trajectories
+        else entry
+        for entry in entries
+    ]
 
 
 class _Stager:

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
+from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 
 from .gait import SEGMENTS, WalkingGait, walking_gait
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
-from .trajectory import Motion, Trajectory, forward_speeds
+from .trajectory import Motion, Trajectory, forward_speeds, known_until
 
 PANEL = 0.25
 """Length of the panels over which a rate is integrated by an 8-point Gauss rule [s]."""
@@ -48,7 +48,8 @@ class Accumulated:
 
     Notes
     -----
-    Counted from the trajectory's start, or from time 0 where it has none. Panels once integrated are kept.
+    Counted from the trajectory's start, or from time 0 where it has none. Panels once integrated are kept, as far as
+    the trajectory will not change.
     """
 
     def __init__(self, trajectory: Trajectory, rate: Callable[[float], float]) -> None:
@@ -79,10 +80,18 @@ class Accumulated:
         new = list(range(known, panel, step))
         starts = [self._origin + index * PANEL for index in (*new, panel)]
         *parts, rest = self._integrals(starts, [*(start + step * PANEL for start in starts[:-1]), time])
+        final, total = known_until(self._trajectory), self._sums[known]
         for index, part in zip(new, parts, strict=True):
-            self._sums[index + step] = self._sums[index] + part
-        self._last = time, self._sums[panel] + rest
-        return self._last[1]
+            total += part
+            if self._origin + (index + step) * PANEL <= final:
+                self._sums[index + step] = total
+        if time <= final:
+            self._last = time, total + rest
+        return total + rest
+
+    def on(self, trajectory: Trajectory) -> Accumulated:
+        """Return the integral of the same rate over another trajectory."""
+        return Accumulated(trajectory, self._rate)
 
 
 class Joint(Protocol):
@@ -117,17 +126,23 @@ class Rolling:
         known = panel
         while known not in self._headings:
             known -= step
+        final, heading = known_until(self._trajectory), self._headings[known]
         for index in range(known, panel, step):
-            yaw = self._trajectory.pose(self._origin + (index + step) * PANEL).yaw
-            self._headings[index + step] = _nearest_turn(yaw, self._headings[index])
-        return _nearest_turn(self._trajectory.pose(time).yaw, self._headings[panel]) - self._headings[0]
+            when = self._origin + (index + step) * PANEL
+            heading = _nearest_turn(self._trajectory.pose(when).yaw, heading)
+            if when <= final:
+                self._headings[index + step] = heading
+        return _nearest_turn(self._trajectory.pose(time).yaw, heading) - self._headings[0]
 
     def at(self, time: float) -> list[float]:
         """Return way [m] and turn [rad] up to a time [s], and their rates."""
-        if self._last is None or self._last[0] != time:
-            rates = forward_speed(self._trajectory, time), float(self._trajectory.twist(time).angular[2])
-            self._last = time, [self._way.at(time), self._turned(time), *rates]
-        return self._last[1]
+        if self._last is not None and self._last[0] == time:
+            return self._last[1]
+        rates = forward_speed(self._trajectory, time), float(self._trajectory.twist(time).angular[2])
+        found = [self._way.at(time), self._turned(time), *rates]
+        if time <= known_until(self._trajectory):
+            self._last = time, found
+        return found
 
 
 def _nearest_turn(yaw: float, near: float) -> float:
@@ -213,6 +228,22 @@ class Pedal:
         rate = self.cadence.rate(forward_speed(self.trajectory, time))
         moved = self.legs.motions(self.turned.at(time) + self.start_angle, rate)
         return {shape: moved[part] for shape, part in self.shapes.items()}
+
+
+def joints_on(joints: Sequence[Joint], trajectory: Trajectory) -> tuple[Joint, ...]:
+    """Return the same joints of an actor that moves along another trajectory."""
+    rolling = Rolling(trajectory)
+    found: list[Joint] = []
+    for joint in joints:
+        if isinstance(joint, Wheel):
+            found.append(replace(joint, rolling=rolling))
+        elif isinstance(joint, Walk):
+            found.append(replace(joint, trajectory=trajectory, phase=joint.phase.on(trajectory)))
+        elif isinstance(joint, Pedal):
+            found.append(replace(joint, trajectory=trajectory, turned=joint.turned.on(trajectory)))
+        else:
+            raise InputTypeError("joint", joint, "a Wheel, Walk or Pedal")
+    return tuple(found)
 
 
 def joints_from_tables(

@@ -22,8 +22,8 @@ class Trajectory(Protocol):
     """Pose and velocity of a rigid body over time; `start` and `stop` bound the times that may be asked for [s].
 
     A trajectory may have a method ``forward_speeds(times)``, see the function of that name, where it can answer for
-    many times at once, and a method ``is_present(time)``, which is False while the body is not in the scene: it then
-    has no box.
+    many times at once, a method ``is_present(time)``, which is False while the body is not in the scene: it then has no
+    box, and an attribute ``known_until``, see the function of that name.
     """
 
     @property
@@ -45,6 +45,11 @@ def is_present(trajectory: Trajectory, time: float) -> bool:
     """Return whether a body is in the scene at a time [s]; True for a trajectory that does not say."""
     says = getattr(trajectory, "is_present", None)
     return True if says is None else bool(says(time))
+
+
+def known_until(trajectory: Trajectory) -> float:
+    """Return the time [s] up to which a trajectory will not change: infinite for one that does not say."""
+    return float(getattr(trajectory, "known_until", np.inf))
 
 
 def forward_speeds(trajectory: Trajectory, times: npt.ArrayLike) -> npt.NDArray[np.float64]:

@@ -1,0 +1,1 @@
+"""A simulator that others step: poses come from outside, sensors that are due go out."""
