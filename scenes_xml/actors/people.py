@@ -121,7 +121,7 @@ def adult_man() -> Model:
         "torso_collar": (clothing.collar(MAN), "top"),
     }
     light = {"pelvis": (clothing.jacket_hem(MAN, True), "top")}
-    return _walker("adult_man", "Man who walks", MAN, (1.00, 0.52, 1.76), worn, light, variants)
+    return _walker("adult_man", "Man who walks", MAN, (1.00, 0.52, 1.70), worn, light, variants)
 
 
 def adult_woman() -> Model:
@@ -159,7 +159,7 @@ def adult_woman() -> Model:
         "torso_bag": (clothing.shoulder_bag(WOMAN), "bag"),
     }
     light = {"head_hair": (clothing.long_hair(WOMAN, True), "hair"), "pelvis": (clothing.coat_hem(WOMAN, True), "top")}
-    return _walker("adult_woman", "Woman who walks", WOMAN, (0.94, 0.47, 1.64), worn, light, variants)
+    return _walker("adult_woman", "Woman who walks", WOMAN, (0.94, 0.47, 1.59), worn, light, variants)
 
 
 def child() -> Model:
@@ -193,7 +193,7 @@ def child() -> Model:
         "pelvis": (clothing.jacket_hem(CHILD, True), "top"),
         "torso_backpack": (clothing.backpack(CHILD, True), "bag"),
     }
-    return _walker("child", "Child who walks to school", CHILD, (0.72, 0.35, 1.26), worn, light, variants)
+    return _walker("child", "Child who walks to school", CHILD, (0.72, 0.35, 1.22), worn, light, variants)
 
 
 STANDING = Posture(

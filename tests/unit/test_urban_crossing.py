@@ -63,7 +63,7 @@ def test_the_ego_car_stops_before_the_crossing(world):
 
 
 def test_a_radar_sees_limbs_faster_than_the_walker(world):
-    state, radar = world.at(1.5), ss.RadarSpec.preset("awr1843boost")
+    state, radar = world.at(1.75), ss.RadarSpec.preset("awr1843boost")
     pose = ss.Pose([21.1, 4.0, 0.8], [np.cos(-np.pi / 4), 0.0, 0.0, np.sin(-np.pi / 4)])
     paths = ss.solve_paths(state, radar, pose, method="raycast", num_rays=200_000, hits_per_cell=None)
     walker = next(info.instance for info in world.instances.values() if info.name == "walker_0")

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 
+from .footprints import FootPrints, steps_forward
 from .gait import SEGMENTS, WalkingGait, walking_gait
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
 from .trajectory import Motion, Trajectory, forward_speeds, known_until
@@ -187,7 +188,8 @@ class Wheel:
 class Walk:
     """A walking person.
 
-    `shapes` holds the segment of each shape, which is modelled in that segment's frame, see `gait.SEGMENTS`.
+    `shapes` holds the segment of each shape, which is modelled in that segment's frame, see `gait.SEGMENTS`. Without
+    `prints` the feet are those of a steady way straight ahead, which slide where the way is another.
     """
 
     shapes: Mapping[str, str]
@@ -195,6 +197,7 @@ class Walk:
     trajectory: Trajectory
     phase: Accumulated
     phase_offset: float = 0.0
+    prints: FootPrints | None = None
     changes_shape: bool = True
 
     def motions(self, time: float) -> dict[str, Motion]:
@@ -204,7 +207,8 @@ class Walk:
         after = min(time + step, self.trajectory.stop)
         speed, first, last = np.maximum(forward_speeds(self.trajectory, np.array([time, before, after])), 0.0).tolist()
         rise = (last - first) / max(after - before, step)
-        moved = self.gait.motions(self.phase.at(time) + self.phase_offset, speed, rise)
+        prints = None if self.prints is None else self.prints.at(time)
+        moved = self.gait.motions(self.phase.at(time) + self.phase_offset, speed, rise, prints)
         return {shape: moved[segment] for shape, segment in self.shapes.items()}
 
 
@@ -315,13 +319,11 @@ def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory
     _check_keys(table, what, {"height"}, {"phase"})
     found = _segments(shapes, _SEGMENT, SEGMENTS, what)
     gait = walking_gait(float(table["height"]))
-    return Walk(
-        found,
-        gait,
-        trajectory,
-        Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))),
-        float(table.get("phase", 0.0)),
-    )
+    phase, offset = Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))), float(table.get("phase", 0.0))
+    prints = None
+    if steps_forward(trajectory):
+        prints = FootPrints(trajectory, gait, lambda time: phase.at(time) + offset)
+    return Walk(found, gait, trajectory, phase, offset, prints)
 
 
 def _segments(shapes: Sequence[str], pattern: re.Pattern[str], segments: Sequence[str], what: str) -> dict[str, str]:

@@ -22,6 +22,7 @@ from scipy.interpolate import PchipInterpolator
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 
+from .steps import MIDSTANCE, FootPrint, Prints, foot_curves, foot_motion, hip_height, leg_motions
 from .trajectory import Motion
 
 Array = npt.NDArray[np.float64]
@@ -83,15 +84,15 @@ class WalkingGait:
     Notes
     -----
     Phase 0 is the right heel's strike; one cycle is two steps. At rest all amplitudes are zero and the body stands. The
-    curves are piecewise cubic (C1) in the phase, so velocities are continuous. The ground is where the lowest sole of
-    the cycle is.
+    curves are piecewise cubic (C1) in the phase, so velocities are continuous. Trunk and arms, step length, cadence and
+    support are those of [1]_; its angles of hip, knee and ankle let a foot slide and hover, so legs follow feet that
+    stand still (`steps`).
     """
 
     def __init__(self, height: float) -> None:
         if not 0.5 <= height <= 2.5:
             raise ParameterRangeError("height", f"{height} m", "0.5 to 2.5 m")
         self.lengths = BodyLengths(height)
-        self._ground: dict[float, float] = {}
 
     def relative_speed(self, speed: float) -> float:
         """Return the speed over the leg's length, the model's parameter RV [1/s].
@@ -112,7 +113,9 @@ class WalkingGait:
         """Return the cycles in a second: RV over the relative cycle length 1.346 sqrt(RV) [1/s]."""
         return float(np.sqrt(self.relative_speed(speed)) / 1.346)
 
-    def motions(self, phase: float, speed: float, acceleration: float = 0.0) -> dict[str, Motion]:
+    def motions(
+        self, phase: float, speed: float, acceleration: float = 0.0, prints: Prints | None = None
+    ) -> dict[str, Motion]:
         """Return the motion of every segment relative to the walker's frame.
 
         Parameters
@@ -123,6 +126,9 @@ class WalkingGait:
             Of the walker's frame along its x axis [m/s].
         acceleration : float
             [m/s2]
+        prints : mapping of str to (FootPrint, FootPrint), optional
+            Of the last and the next strike of the ``left`` and ``right`` foot; left out: those of a steady way straight
+            ahead.
 
         Returns
         -------
@@ -131,52 +137,54 @@ class WalkingGait:
             velocity relative to that frame, in that frame's axes.
         """
         relative = self.relative_speed(speed)
+        cadence, change = self.cadence(speed), acceleration / self.lengths.leg
         values, rates = self._curves(phase % 1.0, relative)
-        rate = {name: slope * self.cadence(speed) for name, slope in rates.items()}
-        if acceleration != 0.0:
+        rate = {name: slope * cadence for name, slope in rates.items()}
+        feet = {side: (phase + shift) % 1.0 for side, shift in SIDES.items()}
+        curves = {side: foot_curves(own, _support(relative), relative) for side, own in feet.items()}
+        swings = {side: (curve, slope * cadence) for side, (curve, slope) in curves.items()}
+        if change != 0.0:
             step = 1e-4
             low, high = max(relative - step, 0.0), min(relative + step, FASTEST)
             first, second = self._curves(phase % 1.0, low)[0], self._curves(phase % 1.0, high)[0]
-            change = acceleration / self.lengths.leg / (high - low)
-            rate = {name: slope + (second[name] - first[name]) * change for name, slope in rate.items()}
-        return self._chain(values, rate, self.lengths.leg + self._ground_offset(relative))
-
-    def _ground_offset(self, relative: float) -> float:
-        """Return by how much the body is lifted so that the lowest sole of a cycle stands on the ground [m]."""
-        key = round(relative, 3)  # a step of 1 mm/s; the offset changes by micrometres over it
-        if key not in self._ground:
-            self._ground[key] = -self._lowest_sole(key)
-        return self._ground[key]
-
-    def _lowest_sole(self, relative: float) -> float:
-        """Return the height of the lowest point of a sole over a cycle, with the hips at the length of a leg [m]."""
+            share = change / (high - low)
+            rate = {name: slope + (second[name] - first[name]) * share for name, slope in rate.items()}
+            for side, own in feet.items():
+                before, after = (foot_curves(own, _support(value), value)[0] for value in (low, high))
+                swings[side] = swings[side][0], swings[side][1] + (after - before) * share
+        prints = self.steady_prints(phase, speed, acceleration) if prints is None else prints
         lengths = self.lengths
-        phases = np.arange(0.0, 1.0, 1.0 / 64)
-        fall = np.array([_pelvis_fall(phase, 1.66 * relative * RAD)[0] for phase in phases.tolist()])
-        vertical = 0.015 * relative * lengths.leg * (np.sin(2.0 * np.pi * (2.0 * phases - 0.35)) - 1.0)
-        splines = {
-            name: (_periodic(points), sign)
-            for name, (points, sign) in _control_points(relative, _support(relative)).items()
-        }
-        lowest = np.inf
-        for side, shift in ((1.0, 0.5), (-1.0, 0.0)):
-            hip, knee, ankle = (
-                sign * RAD * spline((phases + shift) % 1.0)
-                for spline, sign in (splines[name] for name in ("hip", "knee", "ankle"))
+        soles = {side: foot_motion(prints[side], *swings[side], lengths.foot, lengths.leg) for side in SIDES}
+        return self._chain(values, rate, soles, (relative, change))
+
+    def steady_prints(self, phase: float, speed: float, acceleration: float = 0.0) -> Prints:
+        """Return the prints of the feet, relative to the walker's frame, of a way straight ahead.
+
+        Parameters are those of `motions`. While the speed changes, prints of a steady way cannot stay where they are:
+        `articulation.Walk` has prints of the true way.
+        """
+        leg, cadence = self.lengths.leg, self.cadence(speed)
+        length = 1.346 * math.sqrt(self.relative_speed(speed)) * leg
+        stretch = 0.0 if acceleration == 0.0 else 0.5 * 1.346 / math.sqrt(max(speed / leg, 1e-9)) * acceleration
+        prints = {}
+        for side, shift in SIDES.items():
+            ahead = [MIDSTANCE - (phase + shift) % 1.0 + step for step in (0.0, 1.0)]
+            y = self.step_aside(side)
+            prints[side] = tuple(
+                FootPrint(np.array([x * length, y, 0.0]), np.array([x * stretch - cadence * length, 0.0, 0.0]))
+                for x in ahead
             )
-            shank, sole = hip + knee, hip + knee + ankle
-            reach = -lengths.upper_leg * np.cos(hip) - lengths.lower_leg * np.cos(shank)
-            points = reach - SOLE[:, :1] * lengths.foot * np.sin(sole) + SOLE[:, 2:] * lengths.foot * np.cos(sole)
-            height = lengths.leg + vertical + side * lengths.half_hip * np.sin(fall) + points * np.cos(fall)
-            lowest = min(lowest, float(height.min()))
-        return lowest
+        return prints  # type: ignore[return-value]  # tuples of two
 
-    def _chain(self, value: dict[str, float], rate: dict[str, float], hip_height: float) -> dict[str, Motion]:
+    def step_aside(self, side: str) -> float:
+        """Return how far to the left of the way a foot steps [m]: below its hip."""
+        return float(self.lengths.half_hip) if side == "left" else -float(self.lengths.half_hip)
+
+    def _chain(
+        self, value: dict[str, float], rate: dict[str, float], feet: dict[str, Motion], pace: tuple[float, float]
+    ) -> dict[str, Motion]:
+        """Return the segments; `pace` is the relative speed [1/s] and its derivative [1/s2]."""
         lengths = self.lengths
-        root = Motion(
-            Pose(np.array([value["forward"], value["lateral"], hip_height + value["vertical"]])),
-            Twist(np.array([rate["forward"], rate["lateral"], rate["vertical"]])),
-        )
 
         def turn(*names: tuple[str, Array]) -> Motion:
             motion = Motion()
@@ -187,19 +195,35 @@ class WalkingGait:
         def at(offset: Sequence[float]) -> Motion:
             return Motion(Pose(np.array(offset)))
 
-        pelvis = root.then(turn(("pelvis_torsion", Z), ("pelvis_fall", X)))
+        below = Motion(
+            Pose(np.array([value["forward"], value["lateral"], 0.0])),
+            Twist(np.array([rate["forward"], rate["lateral"], 0.0])),
+        )
+        turned = turn(("pelvis_torsion", Z), ("pelvis_fall", X))
+        offsets = {side: at([0.0, self.step_aside(side), 0.0]) for side in SIDES}
+        hips = [(below.then(turned).then(offsets[side]), feet[side]) for side in SIDES]
+        softness, stiffening = _softness(*pace)
+        height, climb = hip_height(hips, lengths.leg, softness * lengths.leg)
+        if stiffening:
+            step = 1e-3
+            higher, _ = hip_height(hips, lengths.leg, softness * (1.0 + step) * lengths.leg)
+            climb += (higher - height) / (softness * step) * stiffening
+        root = Motion(
+            Pose(np.array([value["forward"], value["lateral"], height])),
+            Twist(np.array([rate["forward"], rate["lateral"], climb])),
+        )
+        pelvis = root.then(turned)
         torso = root.then(turn(("thorax_torsion", Z), ("lean", Y)))
         moved = {"pelvis": pelvis, "torso": torso, "head": torso.then(at([0.0, 0.0, lengths.torso]))}
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            upper = pelvis.then(at([0.0, sign * lengths.half_hip, 0.0])).then(turn((f"{side}_hip", Y)))
-            lower = upper.then(at([0.0, 0.0, -lengths.upper_leg])).then(turn((f"{side}_knee", Y)))
-            foot = lower.then(at([0.0, 0.0, -lengths.lower_leg])).then(turn((f"{side}_ankle", Y)))
+        for side in SIDES:
+            upper, lower = leg_motions(pelvis.then(offsets[side]), feet[side], lengths.upper_leg, lengths.lower_leg)
+            sign = 1.0 if side == "left" else -1.0
             arm = torso.then(at([0.0, sign * lengths.half_shoulder, lengths.torso])).then(turn((f"{side}_shoulder", Y)))
             hand = arm.then(at([0.0, 0.0, -lengths.upper_arm])).then(turn((f"{side}_elbow", Y)))
             moved |= {
                 f"{side}_upper_leg": upper,
                 f"{side}_lower_leg": lower,
-                f"{side}_foot": foot,
+                f"{side}_foot": feet[side],
                 f"{side}_upper_arm": arm,
                 f"{side}_lower_arm": hand,
             }
@@ -217,8 +241,7 @@ class WalkingGait:
             value[name] = scale * (offset + amplitude * math.sin(angle))
             slope[name] = scale * amplitude * 2.0 * math.pi * cycles * math.cos(angle)
 
-        bob, sway, surge = 0.015 * relative, -0.128 * (slow - slow**2), -0.084 * (slow - slow**2)
-        sine("vertical", leg, -bob, bob, 2.0, 0.35)
+        sway, surge = -0.128 * (slow - slow**2), -0.084 * (slow - slow**2)
         sine("lateral", leg, 0.0, sway, 1.0, 0.1)
         support = _support(relative)
         sine("forward", leg, 0.0, surge, 2.0, -2.0 * (0.625 - support))
@@ -240,6 +263,8 @@ class WalkingGait:
         return value, slope
 
 
+SIDES = {"left": 0.5, "right": 0.0}
+"""Sides of the body, and by how much the phase of each is ahead of the gait's [cycles]."""
 RAD = np.pi / 180.0
 X, Y, Z = np.eye(3)
 SOLE = np.array([[-0.25, 0.0, -0.25], [0.25, 0.0, -0.25], [0.8, 0.0, -0.25]])
@@ -256,6 +281,14 @@ def _support(relative: float) -> float:
     """Return the relative duration of support at a relative speed [1/s]."""
     cycle = 1.346 / math.sqrt(max(relative, 1e-3))
     return (0.752 * cycle - 0.143) / cycle
+
+
+def _softness(relative: float, change: float) -> tuple[float, float]:
+    """Return below which difference hips go from one leg to the other, over the leg's length, and its derivative.
+
+    People who stand, stand on straight legs.
+    """
+    return 0.001 + 0.008 * math.tanh(relative), 0.008 * change / math.cosh(relative) ** 2
 
 
 def _pelvis_fall(phase: float, amplitude: float) -> tuple[float, float]:
