@@ -242,7 +242,9 @@ def joints_on(joints: Sequence[Joint], trajectory: Trajectory) -> tuple[Joint, .
         if isinstance(joint, Wheel):
             found.append(replace(joint, rolling=rolling))
         elif isinstance(joint, Walk):
-            found.append(replace(joint, trajectory=trajectory, phase=joint.phase.on(trajectory)))
+            phase = joint.phase.on(trajectory)
+            prints = _prints(trajectory, joint.gait, phase, joint.phase_offset)
+            found.append(replace(joint, trajectory=trajectory, phase=phase, prints=prints))
         elif isinstance(joint, Pedal):
             found.append(replace(joint, trajectory=trajectory, turned=joint.turned.on(trajectory)))
         else:
@@ -320,10 +322,14 @@ def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory
     found = _segments(shapes, _SEGMENT, SEGMENTS, what)
     gait = walking_gait(float(table["height"]))
     phase, offset = Accumulated(trajectory, lambda speed: gait.cadence(max(speed, 0.0))), float(table.get("phase", 0.0))
-    prints = None
-    if steps_forward(trajectory):
-        prints = FootPrints(trajectory, gait, lambda time: phase.at(time) + offset)
-    return Walk(found, gait, trajectory, phase, offset, prints)
+    return Walk(found, gait, trajectory, phase, offset, _prints(trajectory, gait, phase, offset))
+
+
+def _prints(trajectory: Trajectory, gait: WalkingGait, phase: Accumulated, offset: float) -> FootPrints | None:
+    """Return the prints of somebody whose next steps are known; None for who goes backward, or where nobody knows."""
+    if np.isfinite(known_until(trajectory)) or not steps_forward(trajectory):
+        return None
+    return FootPrints(trajectory, gait, lambda time: phase.at(time) + offset)
 
 
 def _segments(shapes: Sequence[str], pattern: re.Pattern[str], segments: Sequence[str], what: str) -> dict[str, str]:
