@@ -18,7 +18,7 @@ from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import plan_channel, solve_paths
-from scarl_sionna.radar.channel.compose.budget import estimate, lit_points, surface_distance
+from scarl_sionna.radar.channel.compose.budget import Surface, estimate, surface_distance
 from scarl_sionna.radar.channel.compose.choose import level_of
 from scarl_sionna.radar.channel.compose.mirror_legs import MirrorView
 from scarl_sionna.radar.channel.compose.mirrors import find_mirrors
@@ -192,7 +192,7 @@ def test_rays_are_spread_over_the_area_that_the_radar_sees(tmp_path, position, s
     """Each side of a cube gets its area times the cosine at which it is seen, from 500 m and more; both its faces."""
     cube = Thing("cube", box((2.0, 2.0, 2.0), (20.0, 10.0, 0.0)), "Static", "steel")
     state = load_scene(write_scene(tmp_path, [cube])).at(0.0)
-    points = lit_points(state, np.array(position), 1, 2000) - [20.0, 10.0, 0.0]
+    points = Surface.of(state, 1).lit_points(np.array(position), 2000) - [20.0, 10.0, 0.0]
     assert points.shape == (2000, 3) and np.abs(points).max() == pytest.approx(1.0)
     on_side = np.isclose(np.abs(points), 1.0, atol=1e-6)
     assert (on_side.sum(axis=1) == 1).all()

@@ -171,23 +171,39 @@ def num_tubes(
     return int(level.growth * once)
 
 
-def lit_points(state: WorldState, position: Array, number: int, count: int) -> Array:
-    """Return points on an instance's faces, evenly over their area as seen from a position, shape (count, 3)."""
-    triangles = state._triangles
-    corners = triangles.of_parts(state.world.instances[number].parts)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
-    sight = position - corners.mean(axis=1)
-    sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-9)
-    reach = np.cumsum(np.abs(np.einsum("ij,ij->i", cross, sight)))
-    if not len(reach) or reach[-1] <= 0.0:
-        return np.zeros((0, 3))
-    step = (np.arange(count) + 0.5) / count
-    face = np.searchsorted(reach, step * reach[-1])
-    first, second = (np.modf(step[:, None] * count * np.array([0.7548776662, 0.5698402910]))[0]).T  # Roberts' sequence
-    flip = first + second > 1.0
-    first, second = np.where(flip, 1.0 - first, first), np.where(flip, 1.0 - second, second)
-    a, b, c = np.moveaxis(corners[face], 1, 0)
-    return np.asarray(a + first[:, None] * (b - a) + second[:, None] * (c - a))
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The faces of an instance, to be looked at from many positions.
+
+    `corners`, their `middle` and `cross`, normals as long as the areas: (n, 3, 3), (n, 3) and (n, 3) [m, m, m2].
+    """
+
+    corners: Array
+    middle: Array
+    cross: Array
+
+    @classmethod
+    def of(cls, state: WorldState, number: int) -> Surface:
+        """Return the faces of an instance."""
+        corners = state._triangles.of_parts(state.world.instances[number].parts)
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2.0
+        return cls(corners, corners.mean(axis=1), cross)
+
+    def lit_points(self, position: Array, count: int) -> Array:
+        """Return points on the faces, evenly over their area as seen from a position, shape (count, 3)."""
+        sight = position - self.middle
+        sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-9)
+        reach = np.cumsum(np.abs(np.einsum("ij,ij->i", self.cross, sight)))
+        if not len(reach) or reach[-1] <= 0.0:
+            return np.zeros((0, 3))
+        step = (np.arange(count) + 0.5) / count
+        face = np.searchsorted(reach, step * reach[-1])
+        spread = np.array([0.7548776662, 0.5698402910])  # Roberts' sequence
+        first, second = (np.modf(step[:, None] * count * spread)[0]).T
+        flip = first + second > 1.0
+        first, second = np.where(flip, 1.0 - first, first), np.where(flip, 1.0 - second, second)
+        a, b, c = np.moveaxis(self.corners[face], 1, 0)
+        return np.asarray(a + first[:, None] * (b - a) + second[:, None] * (c - a))
 
 
 def _db(ratio: float) -> float:

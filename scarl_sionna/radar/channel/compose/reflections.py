@@ -15,7 +15,7 @@ from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
 from scarl_sionna.signal.antenna import field_gain
 
-from .budget import box_points, lit_points
+from .budget import Surface, box_points
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, Way, mirrored, reaches
 
@@ -83,10 +83,12 @@ def sights(view: MirrorView, numbers: Sequence[int], rules: AutoSettings = DEFAU
     found: dict[int, list[Sight]] = {number: [] for number in numbers}
     position = view.mount.pose.position
     boxes = [box_points(view.state, number) for number in numbers]
+    surfaces = {number: Surface.of(view.state, number) for number in numbers}
     for way in [(), *((mirror,) for mirror in view.mirrors)]:
         open_to = _open_to(way, position, boxes)
         reached = [number for number, ok in zip(numbers, open_to, strict=True) if ok]
-        seen = dict(zip(reached, _by_way(view, way, reached, rules.num_probes), strict=True))
+        shown = [surfaces[number] for number in reached]
+        seen = dict(zip(reached, _by_way(view, way, reached, shown, rules.num_probes), strict=True))
         for number in numbers:
             found[number].append(seen.get(number, HIDDEN))
     return found
@@ -99,13 +101,13 @@ def _open_to(way: Way, position: Array, boxes: Sequence[Array]) -> npt.NDArray[n
     return np.asarray(reaches(way, position, np.concatenate(boxes)).reshape(len(boxes), -1).any(axis=1))
 
 
-def _by_way(view: MirrorView, way: Way, numbers: Sequence[int], count: int) -> list[Sight]:
-    """Return what a way shows of objects."""
+def _by_way(view: MirrorView, way: Way, numbers: Sequence[int], surfaces: Sequence[Surface], count: int) -> list[Sight]:
+    """Return what a way shows of objects, by points on their surfaces."""
     if not numbers:
         return []
     pose = view.mount.pose
     image = mirrored(way, pose.position)
-    points = [lit_points(view.state, image, number, count) for number in numbers]
+    points = [surface.lit_points(image, count) for surface in surfaces]
     size = np.array([len(some) for some in points])
     joined = np.concatenate(points)
     leg = view.leg(way, np.eye(3), joined, np.zeros_like(joined), np.repeat(np.array(numbers, dtype=np.int64), size))
@@ -113,9 +115,16 @@ def _by_way(view: MirrorView, way: Way, numbers: Sequence[int], count: int) -> l
     ahead = leg.image - pose.position
     length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))
     strength = field_gain(view.radar.array.pattern, ahead @ pose.rotation) / np.maximum(length, 1e-3)
-    strength = strength * np.linalg.norm(leg.jones, ord=2, axis=(1, 2))
+    strength = strength * _largest_gain(leg.jones)
     rows = np.split(np.arange(len(seen)), np.cumsum(size)[:-1])
     return [_sight(seen[some], strength[some], length[some]) for some in rows]
+
+
+def _largest_gain(jones: npt.NDArray[np.complex128]) -> Array:
+    """Return the larger singular value of 2 x 2 matrices, shape (n,): their gain for the best polarisation."""
+    total = np.sum(jones.real**2 + jones.imag**2, axis=(1, 2))
+    product = np.abs(jones[:, 0, 0] * jones[:, 1, 1] - jones[:, 0, 1] * jones[:, 1, 0])
+    return np.asarray(np.sqrt(0.5 * (total + np.sqrt(np.maximum(total**2 - 4.0 * product**2, 0.0)))))
 
 
 def _sight(seen: npt.NDArray[np.bool_], strength: Array, length: Array) -> Sight:
