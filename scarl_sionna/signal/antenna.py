@@ -29,6 +29,21 @@ def field_gain(pattern: AntennaPattern, vectors: npt.ArrayLike) -> Array:
     return 10.0 ** (pattern.gain_db(azimuth, elevation) / 20.0)
 
 
+def field_gain_slope(pattern: AntennaPattern, vectors: npt.ArrayLike) -> Array:
+    """Return the derivative of the logarithm of :func:`field_gain` to the vectors (..., 3) [1/m].
+
+    By definition of the pattern.
+    """
+    x, y, z = np.moveaxis(np.asarray(vectors, dtype=np.float64), -1, 0)
+    over_azimuth, over_elevation = pattern.slopes_db(*azimuth_elevation(vectors))
+    flat = np.maximum(np.hypot(x, y), 1e-12)  # straight up the azimuth has no derivative
+    squared = np.maximum(x**2 + y**2 + z**2, 1e-24)
+    azimuth = np.stack([-y, x, np.zeros_like(x)], axis=-1) / flat[..., None] ** 2
+    elevation = np.stack([-x * z / flat, -y * z / flat, flat], axis=-1) / squared[..., None]
+    slope = over_azimuth[..., None] * azimuth + over_elevation[..., None] * elevation
+    return np.asarray(np.log(10.0) / 20.0 * slope)
+
+
 def virtual_positions(radar: RadarSpec) -> Array:
     """Return tx + rx position of every channel ``i * num_rx + j``, shape (num_virtual, 3) [m, radar frame].
 

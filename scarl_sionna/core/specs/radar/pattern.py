@@ -31,6 +31,11 @@ class IsotropicPattern(Spec):
         """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast."""
         return np.full(np.broadcast(np.asarray(azimuth), np.asarray(elevation)).shape, self.gain_dbi)
 
+    def slopes_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> tuple[Array, Array]:
+        """Return the derivatives of the gain to azimuth and elevation [dB/rad]: none."""
+        none = np.zeros(np.broadcast(np.asarray(azimuth), np.asarray(elevation)).shape)
+        return none, none.copy()
+
 
 class CosinePattern(Spec):
     r"""cos^n(azimuth) * cos^m(elevation) in power, with n and m from the half-power angles; nothing behind.
@@ -81,6 +86,12 @@ class CosinePattern(Spec):
         total = sum(n * 10.0 * np.log10(np.maximum(c, tiny)) for n, c in zip(self._exponents, cosines, strict=True))
         return np.maximum(self.peak_gain_dbi + total, -400.0)
 
+    def slopes_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> tuple[Array, Array]:
+        """Return the derivatives of the gain to azimuth and elevation [dB/rad]; none behind."""
+        seen = (np.cos(azimuth) > 0.0) & (np.cos(elevation) > 0.0)
+        n, m = (-10.0 / np.log(10.0) * power * seen for power in self._exponents)
+        return np.asarray(n * np.tan(azimuth)), np.asarray(m * np.tan(elevation))
+
 
 class Tr38901Pattern(Spec):
     """Element pattern of 3GPP TR 38.901, Table 7.3-1."""
@@ -93,6 +104,13 @@ class Tr38901Pattern(Spec):
         vertical = np.minimum(12.0 * (np.degrees(elevation) / 65.0) ** 2, 30.0)
         horizontal = np.minimum(12.0 * (np.degrees(azimuth) / 65.0) ** 2, 30.0)
         return self.peak_gain_dbi - np.minimum(vertical + horizontal, 30.0)
+
+    def slopes_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> tuple[Array, Array]:
+        """Return the derivatives of the gain to azimuth and elevation [dB/rad]; none at a limit of 30 dB."""
+        cuts = [12.0 * (np.degrees(angle) / 65.0) ** 2 for angle in (azimuth, elevation)]
+        inside = np.minimum(cuts[0], 30.0) + np.minimum(cuts[1], 30.0) < 30.0
+        over = -24.0 / 65.0**2 * np.degrees(1.0) ** 2 * inside
+        return np.asarray(over * np.asarray(azimuth)), np.asarray(over * np.asarray(elevation))
 
 
 class TablePattern(Spec):
@@ -127,6 +145,19 @@ class TablePattern(Spec):
         vertical = np.interp(np.degrees(elevation), self.elevation_deg, self.elevation_gain_dbi)
         reference = np.interp(0.0, self.elevation_deg, self.elevation_gain_dbi)
         return horizontal + vertical - reference
+
+    def slopes_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> tuple[Array, Array]:
+        """Return the derivatives of the gain to azimuth and elevation [dB/rad]; at an entry those above it."""
+        return (
+            _line_slope(azimuth, self.azimuth_deg, self.azimuth_gain_dbi),
+            _line_slope(elevation, self.elevation_deg, self.elevation_gain_dbi),
+        )
+
+
+def _line_slope(angle: npt.ArrayLike, angles_deg: tuple[float, ...], gains: tuple[float, ...]) -> Array:
+    """Return the slope per radian of what is linear between entries and constant outside."""
+    slopes = np.concatenate([[0.0], np.diff(gains) / np.diff(angles_deg), [0.0]])
+    return np.asarray(np.degrees(1.0) * slopes[np.searchsorted(angles_deg, np.degrees(angle), side="right")])
 
 
 AntennaPattern = Annotated[
