@@ -141,7 +141,7 @@ def draw_looks(world: Any, path: Path, samples: int) -> None:
         axis.imshow(image)
         axis.set_title(title)
         axis.axis("off")
-    figure.savefig(path, dpi=100)
+    figure.savefig(path, dpi=100, pil_kwargs={"quality": 86, "optimize": True, "progressive": True})
     plt.close(figure)
 
 
@@ -240,7 +240,7 @@ def main() -> None:
     draw_clutter(arguments.figures / "weather_clutter.png")
     world = ss.load_scene("highway_guardrail")
     draw_lidar(world, arguments.figures / "weather_lidar.png")
-    draw_looks(world, arguments.figures / "weather_looks.png", arguments.samples)
+    draw_looks(world, arguments.figures / "weather_looks.jpg", arguments.samples)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,10 @@ import pytest
 import scarl_sionna as ss
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.pattern import CosinePattern, IsotropicPattern, TablePattern, Tr38901Pattern
-from scarl_sionna.radar.gradients import BeatOperator, Columns, PathModel, operator
+from scarl_sionna.core.units import SPEED_OF_LIGHT, VACUUM_PERMITTIVITY
+from scarl_sionna.radar.gradients import BeatOperator, Body, BodyMotion, Columns, PathModel, PointModel, operator
 from scarl_sionna.radar.synthesis import direct
+from scarl_sionna.scene.materials.fresnel import halfspace_reflection, halfspace_reflection_slopes
 from scarl_sionna.signal.antenna import field_gain, field_gain_slope
 
 RADAR = ss.RadarSpec().with_(num_chirps=15, num_samples=32, bandwidth=150e6)
@@ -114,7 +117,7 @@ OF_PATHS = {
     "strength": 1e-3, "tx_point": 1e-4, "rx_point": 1e-4, "tx_velocity": 0.2, "rx_velocity": 0.2,
     "inner_length": 1e-4, "inner_rate": 0.2, "inner_acceleration": 500.0, "tx_origin": 1e-4, "rx_origin": 1e-4,
     "tx_array": 1e-4, "rx_array": 1e-4, "tx_factor": 1.0, "rx_factor": 1.0,
-}  # fmt: skip
+}  # fmt: skip # a table
 
 
 def street(turns: bool = False, linear: bool = False) -> ss.RadarPaths:
@@ -214,3 +217,89 @@ def test_no_path_gives_no_signal() -> None:
     model = PathModel(RADAR, ss.RadarPaths.empty(ss.Pose()))
     assert not model.value(model.start).any()
     assert model.reverse(model.start, np.ones(model.operator.shape)).tx_array.shape == (RADAR.num_tx, 3)
+
+
+OF_POINTS = {
+    "position": 1e-4, "velocity": 0.2, "rcs": 0.1, "reflection": 0.3, "radar_position": 1e-4, "radar_velocity": 0.2,
+    "tx_array": 1e-4, "rx_array": 1e-4, "tx_gain_db": 1.0, "tx_phase_deg": 5.0, "rx_gain_db": 1.0, "rx_phase_deg": 5.0,
+}  # fmt: skip # a table
+
+
+def point_model(tolerance: float = TOLERANCE) -> PointModel:
+    rng = np.random.default_rng(6)
+    place = np.column_stack([rng.uniform(12, 28, 4), rng.uniform(-8, 8, 4), rng.uniform(-1, 2, 4)])
+    mount = ss.Mount(ss.Pose([0.3, -0.2, 0.6], [np.cos(0.1), 0.0, 0.0, np.sin(0.1)]), ss.Twist([5.0, 0.0, 0.0]))
+    return PointModel(RADAR, mount, place, rng.uniform(-12, 12, (4, 3)), rng.uniform(0.5, 5.0, 4), tolerance)
+
+
+@pytest.mark.parametrize("name", OF_POINTS)
+def test_derivatives_of_point_targets(name: str) -> None:
+    model = point_model()
+    change = alone(drawn(model.start, np.random.default_rng(7), OF_POINTS), name)
+    assert distance_from_differences(model.value, model.start, change, model.forward(model.start, change)) < BAR
+
+
+def test_points_are_those_of_point_targets_and_their_adjoint_holds() -> None:
+    model, rng = point_model(), np.random.default_rng(8)
+    points, place = model.start, ss.Mount(ss.Pose([0.3, -0.2, 0.6], [np.cos(0.1), 0.0, 0.0, np.sin(0.1)]))
+    errors = ss.ChannelErrors(rx_gain_db=(0.0, 1.0, 0.0, 0.0), tx_phase_deg=(0.0, 0.0, 30.0))
+    moved = points.changed(radar_velocity=0.0, rx_gain_db=errors.rx_gain_db, tx_phase_deg=errors.tx_phase_deg)
+    paths = ss.point_targets(points.position, points.velocity, points.rcs, RADAR, place)
+    exact = ss.synthesize(paths, RADAR.with_(channels=errors), accuracy=ss.Accuracy(motion_tolerance=1e-9))
+    # complex64, and the default tolerance of 1e-4 of the transforms, which the plain sum of few paths does not use
+    assert np.abs(model.value(moved) - exact).max() < 1e-5 * np.abs(exact).max()
+    change, data = drawn(points, rng, OF_POINTS), rng.standard_normal((2, *exact.shape))
+    seen = data[0] + 1j * data[1]
+    assert dot_error(model.forward(points, change), seen, change, model.reverse(points, seen)) < 1e-10
+
+
+def test_body_moves_its_points() -> None:
+    body, rng = Body(np.random.default_rng(0).uniform(-2, 2, (6, 3))), np.random.default_rng(1)
+    motion = BodyMotion(np.array([20.0, 2.0, 0.0]), np.array(0.4), np.array([8.0, -1.0, 0.0]), np.array(0.5))
+    scales = dict.fromkeys(BodyMotion._fields, 1e-2)
+    change, seen = drawn(motion, rng, scales), (rng.standard_normal((6, 3)), rng.standard_normal((6, 3)))
+    slope = np.stack(body.forward(motion, change))
+    assert distance_from_differences(lambda at: np.stack(body.value(at)), motion, change, slope) < 1e-8
+    assert dot_error(slope, np.stack(seen), change, body.reverse(motion, *seen)) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["permittivity", "conductivity"])
+def test_material_of_a_reflection(name: str) -> None:
+    """Two-ray ground: paths by the image of the target carry the ground's coefficient; its material changes."""
+    cosine, frequency = np.array([0.06]), RADAR.wavelength**-1 * SPEED_OF_LIGHT
+    loss = -1j / (2.0 * np.pi * frequency * VACUUM_PERMITTIVITY)
+    paths = ss.point_targets([[20.0, 0.0, 0.5]], [[-8.0, 0.0, 0.0]], 2.0, RADAR, ss.Pose([0.0, 0.0, 0.6]))
+    image = replace(paths, rx_point=paths.rx_point * [1, 1, -1])
+    model = PathModel(RADAR, image, TOLERANCE)
+    ground = np.array([3.2, 0.4])
+
+    def value(at: tuple[np.ndarray, ...]) -> np.ndarray:
+        te = halfspace_reflection(at[0][0] + loss * at[0][1], cosine)[0]
+        return model.value(model.start.changed(strength=model.start.strength * te))
+
+    to_complex = {"permittivity": 1.0, "conductivity": loss}[name]
+    slope = halfspace_reflection_slopes(complex(ground[0] + loss * ground[1]), cosine)[0] * to_complex
+    start = model.start.changed(strength=model.start.strength)
+    change = model.start.zeros().changed(strength=model.start.strength * slope)
+    step = np.array([name == "permittivity", name == "conductivity"], dtype=float)
+
+    def moved(h: float) -> np.ndarray:
+        return value((ground + h * step,))
+
+    h = 1e-2
+    numeric = (moved(-2 * h) - 8.0 * moved(-h) + 8.0 * moved(h) - moved(2 * h)) / (12.0 * h)
+    analytic = model.forward(start, change)
+    assert np.linalg.norm(numeric - analytic) < BAR * np.linalg.norm(analytic)
+
+
+@pytest.mark.parametrize("cosine", [0.05, 0.5, 1.0])
+def test_slopes_of_reflection_coefficients(cosine: float) -> None:
+    for at, way in ((3.2 - 0.5j, 1.0), (6.0 - 2.0j, -1j)):
+        ahead, behind = (halfspace_reflection(at + s * 1e-5 * way, cosine) for s in (1, -1))
+        for found, high, low in zip(halfspace_reflection_slopes(at, cosine), ahead, behind, strict=True):
+            assert np.isclose(found * way, (high - low) / 2e-5, rtol=1e-8)
+
+
+def test_points_without_an_echo_are_refused() -> None:
+    with pytest.raises(ParameterRangeError, match="rcs"):
+        PointModel(RADAR, ss.Pose(), [[20.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 0.0)

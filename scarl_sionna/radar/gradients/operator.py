@@ -80,6 +80,9 @@ class BeatOperator:
         self._known: dict[tuple[Box, float], Series] = {}
         self._expansions = [Expansion(radar, tx) for tx in range(radar.num_tx)]
 
+    parameters = Columns
+    """What :meth:`value` takes."""
+
     @property
     def shape(self) -> tuple[int, int, int]:
         """Of the raw data: (num_rx, num_chirps_total, num_samples)."""

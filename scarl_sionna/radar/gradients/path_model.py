@@ -152,6 +152,9 @@ class PathModel:
         )
         return PathParameters._make(np.array(column) for column in columns)
 
+    parameters = PathParameters
+    """What :meth:`value` takes."""
+
     def value(self, parameters: PathParameters) -> Complex:
         """Return the raw data [sqrt(W)], complex128 of shape (num_rx, num_chirps_total, num_samples)."""
         return self.operator.value(self.columns(parameters))

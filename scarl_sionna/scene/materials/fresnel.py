@@ -50,6 +50,36 @@ def halfspace_reflection(permittivity: complex, cos_incidence: npt.ArrayLike) ->
     return te, tm
 
 
+def halfspace_reflection_slopes(permittivity: complex, cos_incidence: npt.ArrayLike) -> tuple[Complex, Complex]:
+    r"""Return the derivatives of :func:`halfspace_reflection` to the complex permittivity.
+
+    That to the conductivity [S/m] is the same times ``-1j / (2 pi f eps0)``.
+
+    Parameters
+    ----------
+    permittivity : complex
+        Relative permittivity, imaginary part <= 0.
+    cos_incidence : array_like of float, any shape
+        Cosine of the angle from the normal, above 0 to 1.
+
+    Returns
+    -------
+    te, tm : ndarray of complex128, shape of `cos_incidence`
+
+    Notes
+    -----
+    By differentiation of the two coefficients,
+
+    .. math:: \Gamma_{TE}' = -\frac{\cos\theta}{q (\cos\theta + q)^2}, \quad
+              \Gamma_{TM}' = \frac{\cos\theta (2 q - \varepsilon / q)}{(\varepsilon\cos\theta + q)^2}
+    """
+    cosine = np.asarray(cos_incidence, dtype=np.float64)
+    q = np.sqrt(permittivity - (1.0 - cosine**2) + 0j)
+    te = -cosine / (q * (cosine + q) ** 2)
+    tm = cosine * (2.0 * q - permittivity / q) / (permittivity * cosine + q) ** 2
+    return te, tm
+
+
 def layer_reflection(
     permittivity: complex, cos_incidence: npt.ArrayLike, thickness: float, frequency: float
 ) -> tuple[Complex, Complex]:
