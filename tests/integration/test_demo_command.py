@@ -23,6 +23,7 @@ from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from tests.exports import contents, kept_frames, wait_until
 from tests.frames import assert_same
 
+pytestmark = pytest.mark.own_process  # beside what a worker has already, a demo would come near the bound of memory
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLACE = Pose([2.36, 0.0, 0.8])
 RIG = Rig(
