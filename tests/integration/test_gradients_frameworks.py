@@ -20,6 +20,7 @@ def problem() -> tuple[PointModel, np.ndarray, PointParameters, PointParameters,
     return model, data, start, exact, scale
 
 
+@pytest.mark.slow
 @pytest.mark.own_process
 @pytest.mark.parametrize("compiled", [False, True], ids=["eager", "graph"])
 def test_tensorflow(compiled: bool) -> None:

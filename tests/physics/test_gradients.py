@@ -114,10 +114,21 @@ def test_derivatives_to_columns(way: str, growth: float, name: str) -> None:
 
 
 OF_PATHS = {
-    "strength": 1e-3, "tx_point": 1e-4, "rx_point": 1e-4, "tx_velocity": 0.2, "rx_velocity": 0.2,
-    "inner_length": 1e-4, "inner_rate": 0.2, "inner_acceleration": 500.0, "tx_origin": 1e-4, "rx_origin": 1e-4,
-    "tx_array": 1e-4, "rx_array": 1e-4, "tx_factor": 1.0, "rx_factor": 1.0,
-}  # fmt: skip # a table
+    "strength": 1e-3,
+    "tx_point": 1e-4,
+    "rx_point": 1e-4,
+    "tx_velocity": 0.2,
+    "rx_velocity": 0.2,
+    "inner_length": 1e-4,
+    "inner_rate": 0.2,
+    "inner_acceleration": 500.0,
+    "tx_origin": 1e-4,
+    "rx_origin": 1e-4,
+    "tx_array": 1e-4,
+    "rx_array": 1e-4,
+    "tx_factor": 1.0,
+    "rx_factor": 1.0,
+}
 
 
 def street(turns: bool = False, linear: bool = False) -> ss.RadarPaths:
@@ -220,9 +231,19 @@ def test_no_path_gives_no_signal() -> None:
 
 
 OF_POINTS = {
-    "position": 1e-4, "velocity": 0.2, "rcs": 0.1, "reflection": 0.3, "radar_position": 1e-4, "radar_velocity": 0.2,
-    "tx_array": 1e-4, "rx_array": 1e-4, "tx_gain_db": 1.0, "tx_phase_deg": 5.0, "rx_gain_db": 1.0, "rx_phase_deg": 5.0,
-}  # fmt: skip # a table
+    "position": 1e-4,
+    "velocity": 0.2,
+    "rcs": 0.1,
+    "reflection": 0.3,
+    "radar_position": 1e-4,
+    "radar_velocity": 0.2,
+    "tx_array": 1e-4,
+    "rx_array": 1e-4,
+    "tx_gain_db": 1.0,
+    "tx_phase_deg": 5.0,
+    "rx_gain_db": 1.0,
+    "rx_phase_deg": 5.0,
+}
 
 
 def point_model(tolerance: float = TOLERANCE) -> PointModel:
