@@ -98,3 +98,9 @@ def test_diagnostics_are_plain_and_name_what_nobody_computes(state) -> None:
     assert row["instances"] == ["van"] and row["num_paths"] == paths.num_paths > 0
     assert row["reason"] == "test" and row["power_dbm"] < 0.0 and reported["seconds"]["raycast: objects"] > 0.0
     assert set(paths.instance[:, 0]) == {2}
+
+
+def test_who_finds_the_chains_of_mirrors_is_one_of_two() -> None:
+    assert ChannelPlan((), chains="images").to_dict()["chains"] == "images"
+    with pytest.raises(ParameterRangeError, match="chains = 'rays'.*'sionna' or 'images'"):
+        ChannelPlan((), chains="rays")

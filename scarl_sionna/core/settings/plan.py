@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.prompt.describe import Described
@@ -31,6 +31,7 @@ OBJECT_SOLVERS: Mapping[str, type[Spec]] = {
 }
 """Solvers that can own instances, in the order of their paths, with their settings."""
 COHERENT = ("sbr", "scatterers")
+CHAIN_SOLVERS = ("sionna", "images")
 """Of them, those whose paths have a phase that means something: what a mirror adds to them is coherent, too."""
 
 
@@ -170,6 +171,10 @@ class ChannelPlan(Described):
         Whether chains of mirrors only, from the radar back to itself, are computed.
     mirror_depth : int
         Most mirrors on one way, there or back, of an echo through mirrors.
+    chains : {"sionna", "images"}
+        Who finds the chains of mirrors only: rays of the solver `sionna`, over any faces of the mirrors, with the
+        interactions of its settings; or images of the radar in their flat faces that are larger than the first Fresnel
+        zone, up to its `max_depth` reflections, which needs no rays.
     sionna : SionnaSettings or a mapping of its fields, optional
         For the chains of mirrors only; those of the solve if left out.
     left_out : sequence of mapping
@@ -180,13 +185,14 @@ class ChannelPlan(Described):
     Raises
     ------
     ParameterRangeError
-        If `mirror_depth` is not 0 to 4.
+        If `mirror_depth` is not 0 to 4, or `chains` none of its two.
     """
 
     shares: tuple[Share, ...]
     mirrors: tuple[str | int, ...] = ()
     echoes: bool = True
     mirror_depth: int = 1
+    chains: Literal["sionna", "images"] = "sionna"
     sionna: Any = None
     left_out: tuple[Mapping[str, Any], ...] = field(default=())
     predicted: Mapping[str, float] = field(default_factory=dict)
@@ -202,6 +208,8 @@ class ChannelPlan(Described):
                 raise InputTypeError("ChannelPlan.shares", share, "a Share or a mapping of its fields")
         if not 0 <= self.mirror_depth <= 4:
             raise ParameterRangeError("mirror_depth", self.mirror_depth, "0 to 4")
+        if self.chains not in CHAIN_SOLVERS:
+            raise ParameterRangeError("chains", repr(self.chains), " or ".join(map(repr, CHAIN_SOLVERS)))
 
     def to_dict(self, mode: str = "json") -> dict[str, Any]:
         """Return plain data, from which ``ChannelPlan(**data)`` makes the plan again; see :meth:`Share.to_dict`."""
@@ -210,6 +218,7 @@ class ChannelPlan(Described):
             "mirrors": list(self.mirrors),
             "echoes": self.echoes,
             "mirror_depth": self.mirror_depth,
+            "chains": self.chains,
             "sionna": _plain(self.sionna, mode),
             "left_out": [dict(entry) for entry in self.left_out],
             "predicted": dict(self.predicted),

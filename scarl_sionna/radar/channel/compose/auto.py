@@ -6,7 +6,6 @@ import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +26,8 @@ from .budget import sbr_settings
 from .choose import Chosen, View, choose, level_of
 from .expected_error import expected_errors, kept_error
 from .hybrid import solve_hybrid
-from .mirrors import Mirror, Way, mirrored, reaches
+from .mirror_chains import possible_chains
+from .mirrors import Mirror, mirrored
 from .spend import Choice
 
 if TYPE_CHECKING:
@@ -35,9 +35,6 @@ if TYPE_CHECKING:
 
 ENOUGH = 0.9
 """Share of the objects that must be within the tolerance for a solve to have met it: by definition of the tolerance."""
-_PARALLEL = 0.99
-"""Cosine between the normals of mirrors from which on they make no corner: decides no accuracy but of corners of 8 deg,
-whose echoes have more than two reflections."""
 
 
 def solve_auto(
@@ -225,7 +222,16 @@ def _plan(view: View, chosen: Chosen) -> ChannelPlan:
     tubes = sum(choice.cost for choice in choices)
     seconds = round(tubes * view.rules.tubes.seconds, 2)
     predicted = {"tubes": float(tubes), "cpu_seconds": seconds, "tolerance_db": chosen.level.tolerance_db}
-    return ChannelPlan(tuple(shares), tuple(sorted(used)), bool(echoing), left_out=left_out, predicted=predicted)
+    knobs = view.settings.sionna
+    only_mirrors = knobs.specular and not (knobs.diffuse or knobs.refraction or knobs.diffraction)
+    return ChannelPlan(
+        tuple(shares),
+        tuple(sorted(used)),
+        bool(echoing),
+        chains="images" if only_mirrors else "sionna",
+        left_out=left_out,
+        predicted=predicted,
+    )
 
 
 def _reflections(view: View, own: list[Choice]) -> tuple[Reflection, ...]:
@@ -243,18 +249,10 @@ def _reflections(view: View, own: list[Choice]) -> tuple[Reflection, ...]:
 
 def _echoing(view: View) -> list[Mirror]:
     """Return mirrors from which the radar sees itself: one that faces it, or two in a corner."""
-    pose = view.pose
-    position, station = pose.position, Viewpoint.of(view.radar, pose, np.zeros(3))
+    position, station = view.pose.position, Viewpoint.of(view.radar, view.pose, np.zeros(3))
     found: dict[int, Mirror] = {}
-    alone: list[Way] = [(mirror,) for mirror in view.candidates]
-    pairs = (
-        pair for pair in combinations(view.candidates, 2) if abs(float(pair[0].normal @ pair[1].normal)) < _PARALLEL
-    )
-    for way in [*alone, *pairs]:  # the other order of a pair is the same chain, the other way round
-        image = mirrored(way[::-1], position)
-        if float(np.linalg.norm(image - position)) >= 2.0 * view.reach or not bool(station.sees(image[None])[0]):
-            continue
-        if reaches(way, position, position[None])[0]:
+    for way in possible_chains(view.candidates, position, 2, view.reach):
+        if bool(station.sees(mirrored(way[::-1], position)[None])[0]):
             found |= {mirror.number: mirror for mirror in way}
     return [found[number] for number in sorted(found)]
 

@@ -16,6 +16,7 @@ import numpy as np
 from scarl_sionna.core.errors import ParameterRangeError, ScarlError, SmallMirrorWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.settings.plan import OBJECT_SOLVERS, Share
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
@@ -31,6 +32,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
 from .ghosts import STRAIGHT, Faces, Meshes, of_models, paths_through_mirrors
+from .mirror_chains import mirror_chains, most_mirrors
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, find_mirrors
 from .plan import ResolvedPlan, resolve
@@ -100,7 +102,7 @@ def solve_hybrid(
         work.echoes()
     if any(resolved.reflections):
         start = time.perf_counter()
-        mirrors = find_mirrors(state, resolved.mirrors, pose.position, radar.wavelength, settings.mirrors)
+        mirrors = work.mirrors_of(settings.mirrors)
         work.clock["mirrors"] = time.perf_counter() - start
         for index in order:
             for objects, over in resolved.reflections[index]:
@@ -217,20 +219,36 @@ class _Work:
         start = time.perf_counter()
         knobs = self.plan.plan.sionna
         settings = self.settings if knobs is None else self.settings.with_(sionna=knobs)
+        solver = self.plan.plan.chains
+        found, report = (self._traced if solver == "sionna" else self._imaged)(settings)
+        self._add(
+            _Contribution(
+                solver=solver,
+                mechanism="mirror chains",
+                instances=self.plan.mirrors,
+                blocks=[found],
+                seconds=time.perf_counter() - start,
+                report=report,
+            )
+        )
+
+    def _traced(self, settings: RadarSettings) -> tuple[RadarPaths, dict[str, Any]]:
         with warnings.catch_warnings():  # whether a mirror is large enough is decided here
             warnings.simplefilter("ignore", SmallMirrorWarning)
             found = solve_sionna(self.state, self.radar, self.mount, settings)
         allowed = np.isin(found.instance, [*self.plan.mirrors, -1]).all(axis=1)
-        self._add(
-            _Contribution(
-                solver="sionna",
-                mechanism="mirror chains",
-                instances=self.plan.mirrors,
-                blocks=[found.select(allowed)],
-                seconds=time.perf_counter() - start,
-                report={"num_foreign_chains": int((~allowed).sum())},
-            )
-        )
+        return found.select(allowed), {"num_foreign_chains": int((~allowed).sum())}
+
+    def _imaged(self, settings: RadarSettings) -> tuple[RadarPaths, dict[str, Any]]:
+        depth = settings.sionna.max_depth
+        mirrors = self.mirrors_of(settings.mirrors.with_(max_mirrors=most_mirrors(depth)))
+        view = MirrorView(self.state, self.radar, self.mount, (), mirrors, settings.mirrors)
+        found = mirror_chains(view, depth, self.reach, settings.warn_at.wide_arm)
+        return found, dict(found.diagnostics)
+
+    def mirrors_of(self, knobs: MirrorSettings) -> list[Mirror]:
+        """Return the flat faces of the plan's mirrors."""
+        return find_mirrors(self.state, self.plan.mirrors, self.mount.pose.position, self.radar.wavelength, knobs)
 
     def ghosts(
         self, share: Share, owned: Sequence[int], objects: Sequence[int], mirrors: tuple[list[Mirror], list[Mirror]]

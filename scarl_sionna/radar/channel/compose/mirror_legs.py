@@ -107,6 +107,12 @@ class MirrorView:
             self.knobs.thickness,
         )
 
+    def shows(self, way: Way, points: Array) -> npt.NDArray[np.bool_]:
+        """Return which points, shape (num_points, 3) [m, world], a way shows, with nothing in between."""
+        chain = chain_of(way, len(points))
+        vertices, right = chain.vertices(self.station.position, chain.images(points))
+        return np.asarray(right & self._open(way, vertices, points, None))
+
     def leg(
         self,
         way: Way,

@@ -57,6 +57,13 @@ class Mirror:
         """Return the signed distance of points (..., 3) from the plane [m]."""
         return points @ self.normal - self.offset
 
+    def triangle_at(self, point: Array) -> int:
+        """Return which triangle a point of the plane (3,) is on, or nearest to: a row of the table of faces."""
+        edge = np.roll(triangles := self.corners.reshape(-1, 3, 3), -1, axis=1) - triangles
+        inward = np.cross(np.cross(edge[:, :1], -edge[:, 2:]), edge)
+        inward /= np.maximum(np.linalg.norm(inward, axis=2, keepdims=True), 1e-300)
+        return int(self.faces[np.einsum("tki,tki->tk", inward, point - triangles).min(axis=1).argmax()])
+
     def near(self, point: Array, margin: float) -> bool:
         """Return whether a point of the plane is within the mirror's box, `margin` [m] around it."""
         return bool(

@@ -27,25 +27,19 @@ from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import PointScatterers
-from scarl_sionna.signal.link import spreading
 
+from .columns import Columns, joined_columns, mirror_columns
 from .diffuse import diffuse_columns
 from .fresnel_zone import warn_of_edge_wavefronts, warn_of_small_mirrors
 from .legs import Legs, joined_legs, legs_of
 from .scattering import scattered_columns
-from .station import EndPoints, Station
+from .station import ASIDE_DISTANCE, EndPoints, Station, points_beside, station_of
 from .visibility import warn_of_hidden_antennas
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
-Columns = dict[str, npt.NDArray[Any]]
-
-ASIDE = 0.05 / 3.0 * np.array([(2.0, -1.0, 2.0), (2.0, 2.0, -1.0), (-1.0, 2.0, 2.0)])
-"""Points beside a monostatic radar [m], 5 cm away: five times the shortest segment that the engine keeps. They are
-askew to the world's axes, along which most corners stand. They only help to find paths, whose lengths are those of the
-radar itself."""
 RAYS_APART = 3.5
 """Angle between neighbouring rays times the root of their number [rad]: that of an even grid over the sphere,
 (4 pi)^0.5. Decides a warning only."""
@@ -147,9 +141,8 @@ def solve_sionna(
     """
     knobs, pose, sought = settings.sionna, mount.pose, sought or Sought()
     scatterers = sought.scatterers
-    arms = np.concatenate([radar.tx_array, radar.rx_array])
-    tx = _station(mount, arms)
-    rx = tx if receiver is None else _station(receiver, arms)
+    tx = station_of(mount, radar)
+    rx = tx if receiver is None else station_of(receiver, radar)
     if receiver is not None:
         check_placement(state, receiver.pose.position, "receiving radar")
     solver = _Solver(state, radar, knobs)
@@ -170,7 +163,7 @@ def solve_sionna(
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     sees_objects = sought.environment and sought.objects
     num_missed = _warn_of_small_objects(state, pose, solver.mirrors, knobs.num_samples, reach) if sees_objects else 0
-    columns = _joined(blocks)
+    columns = joined_columns(blocks)
     keep = columns.pop("total") < 2.0 * reach
     diagnostics = {
         "method": "sionna",
@@ -193,11 +186,6 @@ def solve_sionna(
         diagnostics=diagnostics,
     )
     return paths.select(keep)
-
-
-def _station(mount: Mount, arms: Array) -> Station:
-    pose = mount.pose
-    return Station(pose.position, mount.twist.linear, pose.rotation, pose.rotate(arms))
 
 
 def _warn_of_small_objects(
@@ -264,7 +252,7 @@ class _Solver:
         if environment:
             back = EndPoints(own[:1], rx.velocity[None], rx.rotation, is_station=True)
             legs = self._legs(_at_one_target(traced.of_targets(0, len(own))), tx, back)
-            blocks.insert(0, self._mirror_columns(legs, tx, rx))
+            blocks.insert(0, mirror_columns(self.state, legs, tx, rx, self.radar.wavelength))
         if points is not None:
             blocks.extend(self._scattered(traced.of_targets(len(targets) - len(ends)), tx, rx, points))
         return blocks
@@ -275,47 +263,9 @@ class _Solver:
         The way into a right-angled corner and back meets both faces in one point of the edge, where the engine finds
         nothing; to a point beside the transmitter it does. Lengths are then those of the receiver itself.
         """
-        away = np.linalg.norm(ASIDE, axis=1)
-        if np.linalg.norm(tx - rx) > away[0]:
+        if np.linalg.norm(tx - rx) > ASIDE_DISTANCE:
             return rx[None]
-        hits = self.state.cast(rx, ASIDE / away[:, None], max_distance=float(away[0]), twin="radio")
-        free = np.setdiff1d(np.arange(len(ASIDE)), hits.ray)
-        return np.concatenate([rx[None], rx + ASIDE[free]])
-
-    def _mirror_columns(self, legs: Legs, tx: Station, rx: Station) -> Columns:
-        parts = self.state.world.parts
-        depth, count = legs.depth, len(legs.length)
-        if self.settings.max_depth:
-            row = np.arange(count)
-            first, last = legs.point[:, 0], legs.point[row, np.maximum(depth - 1, 0)]
-            last_part = legs.part[row, np.maximum(depth - 1, 0)]
-        else:
-            first = last = np.broadcast_to(rx.position, (count, 3))
-            last_part = np.full(count, -1, dtype=np.int64)
-        middle = np.broadcast_to((tx.position + rx.position) / 2.0, (count, 3))  # of a line of sight
-        first, last = (np.where(depth[:, None] > 0, point, middle) for point in (first, last))
-        bent = np.isfinite(legs.edge_length)
-        first, last = (
-            np.where(bent[:, None], point, other) for point, other in ((legs.front, first), (legs.rear, last))
-        )
-        ends = np.linalg.norm(first - tx.position, axis=1) + np.linalg.norm(last - rx.position, axis=1)
-        by_edge = np.isnan(legs.isometry[:, :1, 0])
-        return {
-            "tx_point": first,
-            "rx_point": last,
-            "inner_length": np.maximum(legs.length - ends, 0.0),
-            "a": legs.transfer * spreading(self.radar.wavelength, legs.length)[:, None, None],
-            "length_rate": legs.rate,
-            "length_acceleration": legs.acceleration,
-            "instance": np.where(legs.part >= 0, parts.instance[legs.part], -1),
-            "interaction": np.where(legs.part >= 0, legs.kind, -1),
-            "depth": depth,
-            "semantic": np.where(last_part >= 0, parts.semantic[last_part], 0),
-            "rx_image": legs.isometry,
-            "tx_velocity": np.where(by_edge, legs.front_velocity, 0.0),
-            "rx_velocity": np.where(by_edge, legs.rear_velocity, legs.velocity),
-            "total": legs.length,
-        }
+        return np.concatenate([rx[None], points_beside(self.state, rx, "radio")])
 
     def _scattered(self, traced: TracedPaths, tx: Station, rx: Station, points: PointScatterers) -> list[Columns]:
         """Return the paths through scatterers: all pairs of a way there and a way back."""
@@ -347,35 +297,3 @@ def _at_one_target(traced: TracedPaths) -> TracedPaths:
         name: value[rows] for name, value in vars(traced).items() if isinstance(value, np.ndarray)
     }
     return replace(traced, **{**arrays, "target": np.zeros(np.count_nonzero(rows), np.int64)})
-
-
-_TYPES = {"instance": np.int32, "interaction": np.int32, "depth": np.int32, "semantic": np.uint8}
-
-
-def _joined(blocks: list[Columns]) -> Columns:
-    """Return the columns of all blocks, labels padded with -1 to the longest path."""
-    width = max([1, *(block["instance"].shape[1] for block in blocks)])
-    for block in blocks:
-        for name in ("instance", "interaction"):
-            block[name] = np.pad(block[name], [(0, 0), (0, width - block[name].shape[1])], constant_values=-1)
-    if not blocks:
-        blocks = [_no_columns(width)]
-    return {
-        name: np.ascontiguousarray(np.concatenate([block[name] for block in blocks])).astype(
-            _TYPES.get(name, blocks[0][name].dtype)
-        )
-        for name in blocks[0]
-    }
-
-
-def _no_columns(width: int) -> Columns:
-    none = {name: np.zeros(0) for name in ("inner_length", "length_rate", "length_acceleration", "total")}
-    none |= {name: np.zeros((0, 3)) for name in ("tx_point", "rx_point", "tx_velocity", "rx_velocity")}
-    none |= {name: np.zeros((0, width), np.int32) for name in ("instance", "interaction")}
-    return {
-        **none,
-        "a": np.zeros((0, 2, 2), np.complex128),
-        "depth": np.zeros(0),
-        "semantic": np.zeros(0),
-        "rx_image": np.zeros((0, 3, 4)),
-    }
