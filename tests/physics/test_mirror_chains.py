@@ -97,6 +97,11 @@ def test_lengths_in_a_room_are_those_of_the_images(tmp_path) -> None:
     np.testing.assert_allclose(np.sort(images.length), np.sort(alone + square + between), rtol=1e-9)
 
 
+def test_without_reflections_there_is_no_chain(tmp_path) -> None:
+    images, rays = both(tmp_path, SCENES["canyon"], 0, Mount(Pose()))
+    assert images.num_paths == rays.num_paths == 0
+
+
 def test_what_is_smaller_than_its_fresnel_zone_is_no_mirror(tmp_path) -> None:
     """At 20 m and 77 GHz the zone is 0.4 m wide; rays take any face for a mirror without end."""
     plate = wall("plate", (0.3, 0.3), (20, 0, 0), (-1, 0, 0), "steel")

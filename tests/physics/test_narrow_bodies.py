@@ -7,6 +7,7 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.settings.sbr import SbrSettings
+from scarl_sionna.engine.device import device
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.rays.face_planes import face_table
 from scarl_sionna.radar.channel import solve_paths
@@ -66,3 +67,36 @@ def test_balls_cover_their_body(tmp_path) -> None:
     assert inside.any(axis=1).all()
     assert balls.width == pytest.approx(0.1, rel=1e-5)
     assert len(balls.center) == 5 and balls.radius.max() < 0.13
+
+
+@pytest.mark.parametrize(("seed", "num_balls"), [(0, 1), (1, 2), (2, 17), (3, 400)])
+def test_the_tree_of_balls_gives_what_all_balls_give(seed: int, num_balls: int) -> None:
+    """Against every ball by NumPy, with bodies beside, behind and around the tubes."""
+    rng = np.random.default_rng(seed)
+    balls = narrow.NarrowBodies(
+        rng.uniform(-40.0, 40.0, (num_balls, 3)),
+        rng.uniform(0.05, 3.0, num_balls),
+        rng.uniform(0.02, 2.0, num_balls),
+    )
+    corners = rng.uniform(-20.0, 20.0, (3000, 1, 3)) + rng.normal(0.0, 0.3, (3000, 3, 3))
+    source, wide = rng.uniform(-30.0, 30.0, (3000, 3)), rng.choice([0.05, 0.4, np.inf], 3000)
+    with device() as on:
+        found = balls.spacing(on, corners, source, wide)
+        from_one = balls.spacing(on, corners, source[0], wide)
+    assert found == pytest.approx(of_all_balls(balls, corners, source, wide), rel=1e-12)
+    assert from_one == pytest.approx(of_all_balls(balls, corners, source[:1], wide), rel=1e-12)
+    assert num_balls < 3 or (found < wide).any()
+
+
+def of_all_balls(balls: narrow.NarrowBodies, corners, source, wide) -> np.ndarray:
+    center = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - center[:, None], axis=2).max(axis=1)
+    axis = center - source
+    distance = np.linalg.norm(axis, axis=1)
+    way = balls.center - source[:, None]
+    away, ahead = np.linalg.norm(way, axis=2), np.einsum("nbi,ni->nb", way, axis / distance[:, None])
+    beside = np.sqrt(np.maximum(away**2 - ahead**2, 0.0))
+    meets = (ahead > -balls.radius) & (beside <= balls.radius + (reach / distance)[:, None] * away)
+    meets &= away + balls.radius > (distance - reach)[:, None]
+    wanted = np.where(meets, narrow.SHARE * balls.width * distance[:, None] / away, np.inf)
+    return np.minimum(wide, wanted.min(axis=1))

@@ -60,8 +60,8 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
     -------
     RadarPaths
         As :func:`~scarl_sionna.radar.channel.multipath.solve.solve_sionna` gives them for flat faces larger than their
-        Fresnel zone, where its rays find them. ``diagnostics`` has the number of chains looked at and of those that the
-        geometry allows before anything hides them.
+        Fresnel zone, where its rays find them. ``diagnostics`` has the numbers of mirrors and of chains of them that
+        were looked at, and how many paths antennas far from the array's centre do not see.
 
     Raises
     ------
