@@ -314,11 +314,13 @@ def _owners(state: WorldState, mirrors: Sequence[Mirror], thickness: float) -> n
     triangles = state._triangles
     owner = np.full(len(triangles.corners), NO_MIRROR, dtype=np.int64)
     least = np.full(len(owner), thickness)
+    first = np.ascontiguousarray(triangles.corners[:, 0])
     for mirror in mirrors:
-        height = np.abs(triangles.corners @ mirror.normal - mirror.offset).max(axis=1)
-        near = np.flatnonzero(height < least)
-        near = near[inside(triangles.corners[near].mean(axis=1), mirror.corners.reshape(-1, 3, 3), mirror.normal)]
-        owner[near], least[near] = mirror.number, height[near]
+        near = np.flatnonzero(np.abs(mirror.height(first)) < least)  # few are: the other corners of those only
+        height = np.abs(mirror.height(triangles.corners[near])).max(axis=1)
+        near, height = near[height < least[near]], height[height < least[near]]
+        over = inside(triangles.corners[near].mean(axis=1), mirror.corners.reshape(-1, 3, 3), mirror.normal)
+        owner[near[over]], least[near[over]] = mirror.number, height[over]
     for mirror in mirrors:
         owner[mirror.faces] = mirror.number
     return owner

@@ -119,7 +119,7 @@ def find_mirrors(
     nearest = np.full(len(total), np.inf)
     np.minimum.at(nearest, group, distance)
     zone = np.sqrt(2.0 * wavelength * nearest)
-    taken = np.zeros(len(chosen), dtype=np.bool_)
+    taken, of_part = np.zeros(len(chosen), dtype=np.bool_), faces.part[chosen]
     for number in np.flatnonzero(total >= zone**2)[np.argsort(-total[total >= zone**2], kind="stable")]:
         if len(found) == knobs.max_mirrors:
             break
@@ -130,10 +130,10 @@ def find_mirrors(
         extent = mirror_extent(state, part, int(first - triangles.first[part]))
         if extent < zone[number]:
             continue
-        near = (np.abs(triangles.corners[chosen] @ normal - offset) < knobs.flatness).all(axis=1)
-        near &= ~taken & (faces.part[chosen] == part)
-        taken |= near
-        rows = chosen[near]
+        near = np.flatnonzero(~taken & (of_part == part))
+        flat = (np.abs(triangles.corners[chosen[near]] @ normal - offset) < knobs.flatness).all(axis=1)
+        taken[near[flat]] = True
+        rows = chosen[near[flat]]
         found.append(Mirror(len(found), part, rows, normal, offset, triangles.corners[rows].reshape(-1, 3), extent))
     return found
 
