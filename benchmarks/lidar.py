@@ -26,8 +26,8 @@ from camera_lidar.lidar import (
     threshold,
     velocity_deviation,
 )
-from camera_lidar.lidar.beat import estimate_beats, synthesize_beats
-from camera_lidar.lidar.heterodyne import backscatter_profile, receive_heterodyne
+from camera_lidar.lidar.heterodyne import receive_heterodyne
+from camera_lidar.lidar.heterodyne.beat import estimate_beats, synthesize_beats
 from camera_lidar.lidar.returns import Echoes
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
@@ -190,12 +190,21 @@ def reach(spec: LidarSpec) -> None:
         cnr = cnr_of_target(some, distance)
         detected = detection_probability(cnr, threshold(some))
         half = distance[detected >= 0.5].max(initial=0.0)
-        near = 0.0
-        if air != Atmosphere():
-            near = backscatter_profile(some).detected_before[-1]
+        nothing = single_returns(some, np.zeros(0), 0.0, 1.0)
+        air_speed = np.full(some.num_shots, -12.0)
+        found = receive_heterodyne(some, nothing, air_speed, np.random.default_rng(1))
+        near = len(np.unique(found.shot)) / some.num_shots
+        right = np.mean(np.abs(found.radial_velocity + 12.0) < 0.5) if near > 1e-3 else np.nan
         loss = some.extinction * 2.0 * 100.0 * 10.0 / np.log(10.0)
-        rows.append((name, f"{some.extinction:.2e}", f"{loss:.1f}", f"{half:.0f}", f"{near:.2f}"))
-    head = ("weather", "extinction [1/m]", "loss to 100 m and back [dB]", "Pd 0.5 up to [m]", "P(return from the air)")
+        rows.append((name, f"{some.extinction:.2e}", f"{loss:.1f}", f"{half:.0f}", f"{near:.2g}", f"{right:.2f}"))
+    head = (
+        "weather",
+        "extinction [1/m]",
+        "loss to 100 m and back [dB]",
+        "Pd 0.5 up to [m]",
+        "shots with a return from the air",
+        "of them within 0.5 m/s of the air",
+    )
     table("Reach of fmcw_forward on a 10 % target, one look", head, rows)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from camera_lidar import Camera
 from camera_lidar.lidar import camera_maps, detection_probability, range_view, shot_directions, threshold
-from camera_lidar.lidar.heterodyne import backscatter_profile
+from camera_lidar.lidar.heterodyne.air import air_profile
 from scarl_sionna.core.specs.atmosphere import Atmosphere
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
@@ -181,7 +181,7 @@ def draw_weather(
         axes[0].plot(distance, 10 * np.log10(cnr), color=f"C{index}", label=f"10 % target, {name}")
         axes[1].plot(distance, detection_probability(cnr, threshold(some)), color=f"C{index}", label=name)
         if air != Atmosphere():
-            profile = backscatter_profile(some)
+            profile = air_profile(some)
             place = (np.arange(len(profile.cnr)) + 0.5) * some.range_resolution
             axes[0].plot(place, 10 * np.log10(profile.cnr), color=f"C{index}", ls=":")
     axes[0].axhline(10 * np.log10(threshold(spec)), color="k", ls="--", lw=1, label="threshold")

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from .beam import beam_radius
-from .beat import estimate_beats, synthesize_beats
-from .detection import (
+from .heterodyne import (
+    Detections,
     detection_probability,
+    estimate_beats,
     frequency_deviation,
+    mean_cnr,
+    noise_factor,
     range_deviation,
+    receive_heterodyne,
+    received_power,
+    synthesize_beats,
     threshold,
     unambiguous_distance,
     velocity_deviation,
 )
-from .heterodyne import Detections, receive_heterodyne
-from .link import mean_cnr, noise_factor, received_power
 from .maps import LidarMaps, camera_maps, range_view
 from .motion import deskew
 from .pattern import shot_directions, shot_times

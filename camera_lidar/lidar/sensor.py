@@ -19,14 +19,14 @@ from scarl_sionna.engine.spray import SprayCloud, spray_clouds
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.tables import PartTable
 
-from .beat import estimate_beats, synthesize_beats
-from .heterodyne import NO_ECHO, Detections, receive_heterodyne
+from .heterodyne import NO_ECHO, Detections, estimate_beats, receive_heterodyne, synthesize_beats
+from .heterodyne.air import AirPeaks
+from .heterodyne.spray import FreePaths, dim_echoes, spray_peaks
 from .motion import Motion, sensor_motion, shot_rays, to_timestamp
 from .pattern import shot_directions, shot_times
 from .receiver import Slots, receive
 from .returns import Cast, Echoes, Shots, gather, join, place_in_group, trace
 from .rolling import RollingCaster
-from .spray import FreePaths, add_spray, dim_echoes
 
 Array = npt.NDArray[np.float64]
 
@@ -123,13 +123,13 @@ class Lidar:
         if receiver.raw_signal:
             beats = synthesize_beats(spec, echoes, air_velocity, rng)
             return estimate_beats(spec, beats, returns), beats
-        found = receive_heterodyne(spec, returns, air_velocity, rng)
+        spray: list[AirPeaks] = []
         if clouds:
             nearest = np.full(spec.num_shots, np.inf)
             np.minimum.at(nearest, echoes.shot, echoes.distance)
             paths = FreePaths(shots.origins, shots.directions, air_velocity, nearest)
-            found = add_spray(spec, found, clouds, paths, rng.spawn(1)[0])
-        return found, None
+            spray = spray_peaks(spec, clouds, paths, rng.spawn(1)[0])
+        return receive_heterodyne(spec, returns, air_velocity, rng, spray), None
 
     def _scan(
         self,

@@ -7,7 +7,7 @@ import pytest
 
 from camera_lidar.camera.falling import add_falling
 from camera_lidar.lidar import Lidar
-from camera_lidar.lidar.spray import extinction_of
+from camera_lidar.lidar.heterodyne.spray import extinction_of
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.atmosphere import Atmosphere, snow_extinction

@@ -29,8 +29,9 @@ FURTHER = (
     "scarl_sionna.engine.light.haze", "scarl_sionna.engine.light.look", "scarl_sionna.scene.materials.fresnel",
     "scarl_sionna.scene.materials.dielectrics", "scarl_sionna.scene.materials.wet", "scarl_sionna.scene.lanes",
     "scarl_sionna.scene.motion.trajectory", "scarl_sionna.scene.materials.table", "scarl_sionna.radar.weather.clutter",
-    "camera_lidar.lidar.link", "camera_lidar.lidar.detection", "camera_lidar.lidar.heterodyne",
-    "camera_lidar.lidar.beat", "camera_lidar.lidar.beam", "camera_lidar.lidar.returns", "camera_lidar.lidar.spray",
+    "camera_lidar.lidar.heterodyne.link", "camera_lidar.lidar.heterodyne.detection", "camera_lidar.lidar.returns",
+    "camera_lidar.lidar.heterodyne.statistical", "camera_lidar.lidar.heterodyne.air", "camera_lidar.lidar.beam",
+    "camera_lidar.lidar.heterodyne.tones", "camera_lidar.lidar.heterodyne.beat", "camera_lidar.lidar.heterodyne.spray",
 )  # fmt: skip # a table
 """Modules that users call by their own name."""
 LEAST = 0.9

@@ -11,6 +11,8 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Metres, MillimetresPerHour, Unit
 
+from .lidar_ratio import FOG_LIDAR_RATIO, SNOW_LIDAR_RATIO, rain_lidar_ratio
+
 CONTRAST = 0.05
 """Contrast to which a black target has faded at the visibility (meteorological optical range, WMO-No. 8)."""
 KRUSE_CONTRAST = 0.02
@@ -25,8 +27,8 @@ _OPTICAL_BAND = (400e-9, 2000e-9)
 class Atmosphere(Spec):
     """Fog, rain and snow, homogeneous along every ray.
 
-    `lidar_ratio` is extinction over backscatter: about 18 to 20 sr for the droplets of fog and clouds (O'Connor,
-    Illingworth and Hogan, J. Atmos. Ocean. Technol. 21, 2004); rain and snow are taken alike, within a factor of two.
+    Extinction over backscatter, the lidar ratio, is that of each kind of drop, see
+    :mod:`scarl_sionna.core.specs.lidar_ratio`; `lidar_ratio` replaces them all.
     """
 
     visibility: Metres | None = Field(
@@ -35,19 +37,26 @@ class Atmosphere(Spec):
     rain_rate: MillimetresPerHour = Field(0.0, ge=0.0, le=500.0, description="[mm/h]")
     snow_rate: MillimetresPerHour = Field(0.0, ge=0.0, le=50.0, description="as melted water [mm/h]")
     snow: Literal["dry", "wet"] = "dry"
-    lidar_ratio: Annotated[float, Unit("sr")] = Field(
-        19.0, gt=0.0, description="extinction over backscatter coefficient [sr]"
+    lidar_ratio: Annotated[float, Unit("sr")] | None = Field(
+        None, gt=0.0, description="extinction over backscatter coefficient [sr]; None: each its own"
     )
 
     def weather_extinction(self, wavelength: float) -> float:
         """Return the one-way power extinction coefficient of fog, rain and snow [1/m] at an optical wavelength [m]."""
-        fog = 0.0 if self.visibility is None else fog_extinction(self.visibility, wavelength)
-        snow = 0.0 if self.snow_rate == 0.0 else snow_extinction(self.snow_rate, wavelength, self.snow)
-        return fog + rain_extinction(self.rain_rate) + snow
+        return sum(self._extinctions(wavelength))
 
     def weather_backscatter(self, wavelength: float) -> float:
         """Return the backscatter coefficient of fog, rain and snow [1/(m sr)] at an optical wavelength [m]."""
-        return self.weather_extinction(wavelength) / self.lidar_ratio
+        fog, rain, snow = self._extinctions(wavelength)
+        if self.lidar_ratio is not None:
+            return (fog + rain + snow) / self.lidar_ratio
+        of_rain = rain / rain_lidar_ratio(self.rain_rate, wavelength) if rain > 0.0 else 0.0
+        return fog / FOG_LIDAR_RATIO + of_rain + snow / SNOW_LIDAR_RATIO
+
+    def _extinctions(self, wavelength: float) -> tuple[float, float, float]:
+        fog = 0.0 if self.visibility is None else fog_extinction(self.visibility, wavelength)
+        snow = 0.0 if self.snow_rate == 0.0 else snow_extinction(self.snow_rate, wavelength, self.snow)
+        return fog, rain_extinction(self.rain_rate), snow
 
 
 def fog_extinction(visibility: float, wavelength: float) -> float:

@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from camera_lidar.lidar.returns import Echoes, join
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
+from .air import air_profile
 from .detection import beat_limits, threshold
-from .heterodyne import NO_ECHO, Detections, backscatter_profile, fold, from_beats, keep_strongest
 from .link import full_scale_cnr, mean_cnr
-from .returns import Echoes, join
+from .tones import NO_ECHO, Detections, Tones, fold, keep_strongest, paired
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -22,12 +23,11 @@ Signal = npt.NDArray[np.complex64]
 
 _SAMPLES_AT_ONCE = 1 << 21
 """Samples that are worked on at once: 32 MB each temporary array."""
-_PADDING = 2
-"""Length of the transform over that of the signal: a tone is at most a quarter of a line off, 0.9 dB down, when it is
+_PADDING = 4
+"""Length of the transform over that of the signal: a tone is at most an eighth of a line off, 0.2 dB down, when it is
 looked for."""
-_REFINEMENTS = 4
-"""Steps of the interpolation between Fourier coefficients; each divides what is left of the bias by far more than
-10."""
+_REFINEMENTS = (0.25, 0.1, 0.02)
+"""Half widths of the parabolas through the power's logarithm by which a peak is found [lines], one after the other."""
 _MATCH_CELLS = 2.0
 """A detection belongs to the return that lies within so many resolution cells of it in both beats."""
 
@@ -54,13 +54,15 @@ def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, rng: 
     Notes
     -----
     Transmitted times the conjugate of received, as for the radar. With the local time t of a chirp of slope +-S, the
-    carrier f_0, and a delay :math:`\tau(t) = 2 (R + v (t - t_0)) / c`, where t_0 is the shot's time between the two
-    chirps:
+    carrier f_0 in the middle of the chirp, t_m, and a delay :math:`\tau(t) = 2 (R + v (t - t_0)) / c`, where t_0 is the
+    shot's time between the two chirps:
 
-    .. math:: \phi(t) = 2 \pi \left( \frac{2 v}{\lambda} t \pm S \tau(t) t \mp \tfrac12 S \tau(t)^2 \right) + \phi_0
+    .. math:: \phi(t) = 2 \pi \left( \frac{2 v}{\lambda} t \pm S \tau(t) (t - t_m) \mp \tfrac12 S \tau(t)^2 \right)
+        + \phi_0
 
     Echoes have circular normal amplitudes (fully developed speckle; without speckle: random phases), the same in both
-    chirps. Fog and rain fill the cells of the range resolution up to the first surface. I and Q are clipped at full
+    chirps, so that what falls into one cell adds up alike in both. Fog and rain fill the cells of the range resolution
+    up to the first surface. I and Q are clipped at full
     scale. The samples are those in which the return overlaps the chirp: the sweep runs on for the longest delay before
     they begin.
     """
@@ -109,13 +111,18 @@ def _tones(spec: LidarSpec, distance: float, velocity: float) -> npt.NDArray[np.
     for chirp, (sign, shot_time) in enumerate(((1.0, spec.chirp_time), (-1.0, 0.0))):
         delay = 2.0 * (distance + velocity * (time - shot_time)) / SPEED_OF_LIGHT
         slope = sign * spec.chirp_slope
-        cycles[chirp] = 2.0 * velocity / spec.wavelength * time + slope * delay * time - 0.5 * slope * delay**2
+        chirped = slope * delay * (time - spec.chirp_time / 2.0) - 0.5 * slope * delay**2
+        cycles[chirp] = 2.0 * velocity / spec.wavelength * time + chirped
     return np.exp(2j * np.pi * (cycles - np.floor(cycles)))
 
 
 def _fog(spec: LidarSpec, nearest: Array, air_velocity: Array, rng: np.random.Generator) -> npt.NDArray[np.complex128]:
-    """Return the beats of fog and rain: its cells lie on the lines of the transform, half a line off."""
-    profile, number = backscatter_profile(spec), spec.num_samples
+    """Return the beats of fog and rain: its cells lie on the lines of the transform, half a line off.
+
+    The down chirp runs through the same frequencies backwards: its beats are those of the up chirp in reverse, but for
+    the Doppler shift.
+    """
+    profile, number = air_profile(spec), spec.num_samples
     cells = min(len(profile.cnr), number)
     distance = (np.arange(cells) + 0.5) * spec.range_resolution
     amplitude = _amplitudes(rng, (len(nearest), cells), True) * np.sqrt(profile.cnr[:cells] / number)
@@ -125,9 +132,10 @@ def _fog(spec: LidarSpec, nearest: Array, air_velocity: Array, rng: np.random.Ge
     time = np.arange(number) * (spec.chirp_time / number)
     half_line = np.exp(2j * np.pi * 0.5 * time / spec.chirp_time)
     shift = np.exp(2j * np.pi * (2.0 * air_velocity / spec.wavelength)[:, None] * time)
-    up = np.fft.ifft(spectrum, axis=-1) * number * half_line
-    mirrored = np.fft.fft(spectrum, axis=-1) * np.conj(half_line)
-    return np.stack([up, mirrored], axis=1) * shift[:, None, :]
+    delay = (np.arange(number) + 0.5) / spec.bandwidth
+    late = np.exp(-1j * np.pi * spec.chirp_slope * delay**2)  # the middle of what overlaps is half a delay later
+    up, down = (np.fft.ifft(spectrum * turn, axis=-1) * number * half_line for turn in (late, np.conj(late)))
+    return np.stack([up, down[:, ::-1]], axis=1) * shift[:, None, :]
 
 
 def estimate_beats(spec: LidarSpec, signal: Signal, returns: Echoes) -> Detections:
@@ -147,18 +155,20 @@ def estimate_beats(spec: LidarSpec, signal: Signal, returns: Echoes) -> Detectio
     Notes
     -----
     Of each chirp the strongest line of the transform within the band of beats is taken, refined between the lines, and
-    subtracted, up to `max_returns` times. Tones above the threshold count; the first of the up and the first of the
-    down chirp are one return, and so on: returns of equal strength can be paired wrongly.
+    subtracted, up to `max_returns` times. Tones above the threshold count; :func:`.tones.paired` makes
+    returns of them.
     """
-    rows: list[Detections] = []
+    chirps: tuple[list[Tones], list[Tones]] = ([], [])
     step = max(_SAMPLES_AT_ONCE // (2 * spec.num_samples), 1)
     for start in range(0, len(signal), step):
         block = signal[start : start + step].astype(np.complex128)
-        up = strongest_tones(spec, block[:, 0], 1, spec.max_returns)
-        down = strongest_tones(spec, block[:, 1], -1, spec.max_returns)
-        for one, other in zip(up, down, strict=True):
-            rows.append(_report(spec, start, one, other, returns))
-    return keep_strongest(join(rows), spec.max_returns)
+        for chirp, sign in enumerate((1, -1)):
+            for tone in strongest_tones(spec, block[:, chirp], sign, spec.max_returns):
+                shot = np.flatnonzero(tone[2])
+                nothing = np.full(len(shot), NO_ECHO)
+                chirps[chirp].append(Tones(shot + start, sign * tone[0][shot], tone[1][shot] + 1.0, nothing))
+    found = keep_strongest(paired(spec, join(chirps[0]), join(chirps[1])), spec.max_returns)
+    return replace(found, echo=_match(spec, found, returns))
 
 
 Tone = tuple[Array, Array, npt.NDArray[np.bool_]]
@@ -170,16 +180,13 @@ def strongest_tones(spec: LidarSpec, signal: npt.NDArray[np.complex128], sign: i
 
     Notes
     -----
-    The refinement interpolates between the coefficients half a line beside the estimate:
-
-    .. math:: \delta \leftarrow \delta + \tfrac12 \, \mathrm{Re} \frac{X_{+} + X_{-}}{X_{+} - X_{-}}
-
-    with an asymptotic variance of 1.015 times the Cramer-Rao bound.
+    The highest point of the power spectrum, found by parabolas of smaller and smaller width: of one tone the maximum
+    likelihood estimate [1]_, of fog, whose peaks are no tones, still a peak.
 
     References
     ----------
-    .. [1] E. Aboutanios, B. Mulgrew, "Iterative frequency estimation by interpolation on Fourier coefficients", IEEE
-       Trans. Signal Process. 53(4), 2005.
+    .. [1] D. C. Rife, R. R. Boorstyn, "Single-tone parameter estimation from discrete-time observations", IEEE Trans.
+       Inf. Theory 20(5), 1974.
     """
     length = signal.shape[1]
     level, highest = threshold(spec), beat_limits(spec)[1]
@@ -191,9 +198,8 @@ def strongest_tones(spec: LidarSpec, signal: npt.NDArray[np.complex128], sign: i
         power = np.abs(np.fft.fft(signal, _PADDING * length, axis=-1))
         power[:, ~searched] = 0.0
         place = np.argmax(power, axis=-1) / _PADDING
-        for _ in range(_REFINEMENTS):
-            sides = [_coefficient(signal, place + side, sample) for side in (0.5, -0.5)]
-            place += 0.5 * np.real((sides[0] + sides[1]) / (sides[0] - sides[1] + 1e-300))
+        for half in _REFINEMENTS:
+            place = _climb(signal, place, half, sample)
         tone = np.exp(2j * np.pi * np.mod(place[:, None] / length * sample, 1.0))
         amplitude = np.einsum("ns,ns->n", np.conj(tone), signal) / length
         signal -= amplitude[:, None] * tone
@@ -203,20 +209,20 @@ def strongest_tones(spec: LidarSpec, signal: npt.NDArray[np.complex128], sign: i
     return tones
 
 
+def _climb(signal: npt.NDArray[np.complex128], place: Array, half: float, sample: Index) -> Array:
+    """Return the top of the parabola through the logarithm of the power at, below and above a place in lines."""
+    below, middle, above = (
+        2.0 * np.log(np.abs(_coefficient(signal, place + side, sample)) + 1e-300) for side in (-half, 0.0, half)
+    )
+    bend = below - 2.0 * middle + above
+    step = np.divide(half * (below - above), 2.0 * bend, out=np.zeros_like(bend), where=bend < 0.0)
+    return place + np.clip(step, -half, half)
+
+
 def _coefficient(signal: npt.NDArray[np.complex128], place: Array, sample: Index) -> npt.NDArray[np.complex128]:
     """Return the Fourier coefficient of each signal at its own place in lines of the transform."""
     turn = np.exp(-2j * np.pi * np.mod(place[:, None] / len(sample) * sample, 1.0))
     return np.einsum("ns,ns->n", turn, signal)
-
-
-def _report(spec: LidarSpec, start: int, up: Tone, down: Tone, returns: Echoes) -> Detections:
-    distance, velocity, valid = from_beats(spec, up[0], down[0])
-    kept = np.flatnonzero(valid & up[2] & down[2])
-    shot, cnr = kept + start, (up[1] + down[1])[kept] / 2.0
-    unit = mean_cnr(spec, 1.0 / distance[kept] ** 2, distance[kept])
-    intensity = cnr / unit / distance[kept] ** 2
-    found = Detections(shot, np.full(len(kept), NO_ECHO), distance[kept], velocity[kept], cnr, intensity)
-    return replace(found, echo=_match(spec, found, returns))
 
 
 def _match(spec: LidarSpec, found: Detections, returns: Echoes) -> Index:

@@ -36,7 +36,7 @@ def beat_limits(spec: LidarSpec) -> tuple[float, float]:
     From ``-2 max_velocity / wavelength`` to ``2 chirp_slope max_distance / c + 2 max_velocity / wavelength``; of a down
     chirp the negative.
 
-    By definition of the beat, see :func:`~camera_lidar.lidar.heterodyne.from_beats`.
+    By definition of the beat, see :func:`~camera_lidar.lidar.heterodyne.tones.from_beats`.
     """
     assert isinstance(spec.receiver, HeterodyneReceiver)
     shift = 2.0 * spec.receiver.max_velocity / spec.wavelength
@@ -60,6 +60,36 @@ def unambiguous_distance(spec: LidarSpec) -> float:
     assert isinstance(spec.receiver, HeterodyneReceiver)
     left = spec.receiver.sampling_frequency - 4.0 * spec.receiver.max_velocity / spec.wavelength
     return max(left, 0.0) * SPEED_OF_LIGHT / (2.0 * spec.chirp_slope)
+
+
+def peaks_per_cell(level: npt.ArrayLike, num_looks: int = 1) -> Array:
+    r"""Return the mean number of peaks above a level in a resolution cell of the spectrum of circular normal noise.
+
+    Parameters
+    ----------
+    level : array_like of float, any shape
+        On the sum of the looks in units of their mean power, > 0.
+    num_looks : int
+        >= 1.
+
+    Returns
+    -------
+    ndarray of float64, shape of `level`
+        Dimensionless.
+
+    Notes
+    -----
+    .. math:: \sqrt{\frac{\pi \gamma}{3}} \, \frac{\gamma^{M-1} e^{-\gamma}}{\Gamma(M)}
+
+    is how often the spectrum passes a level upwards (Rice's formula, with the second moment :math:`\pi^2 / 3` of a
+    rectangular window). Below its highest value, at M - 1/2, that value holds: every peak is above such a level.
+
+    References
+    ----------
+    .. [1] S. O. Rice, "Mathematical analysis of random noise", Bell Syst. Tech. J. 24(1), 1945, section 3.6.
+    """
+    height = np.maximum(np.asarray(level, dtype=np.float64), num_looks - 0.5)
+    return np.sqrt(math.pi / 3.0) * np.exp((num_looks - 0.5) * np.log(height) - height - math.lgamma(num_looks))
 
 
 @lru_cache(maxsize=64)

@@ -12,11 +12,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from camera_lidar.lidar.beam import beam_radius
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
 from scarl_sionna.core.units import BOLTZMANN, SPEED_OF_LIGHT
-
-from .beam import beam_radius
 
 Array = npt.NDArray[np.float64]
 

@@ -7,19 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammaincc, gammainccinv
 
+from camera_lidar.lidar.returns import Echoes
 from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar_ratio import drops_lidar_ratio
 from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
 from scarl_sionna.engine.spray import SprayCloud
 
-from .detection import detection_probability, threshold
-from .heterodyne import NO_ECHO, Detections, estimate, keep_strongest
+from .air import AirPeaks, excess_peaks
 from .link import mean_cnr
-from .returns import Echoes, join, take
 
 Array = npt.NDArray[np.float64]
 
+MEDIAN_VOLUME = 3.67
+"""Median volume diameter of an exponential distribution of drops over its scale (Ulbrich, J. Clim. Appl. Meteorol. 22,
+1983)."""
 WATER_DENSITY = 1e6
 """[g/m3]."""
 MOST_CELLS = 400
@@ -34,7 +36,19 @@ def extinction_of(cloud: SprayCloud) -> float:
     Drops far larger than the wavelength take twice their own area; of an exponential distribution with the median
     volume diameter :math:`D_0` and the water content M that is the above.
     """
-    return 3.67 * cloud.water_content / (WATER_DENSITY * cloud.drop_diameter)
+    return MEDIAN_VOLUME * cloud.water_content / (WATER_DENSITY * cloud.drop_diameter)
+
+
+def backscatter_of(cloud: SprayCloud, spec: LidarSpec) -> float:
+    """Return the backscatter coefficient at the densest place of a cloud [1/(m sr)].
+
+    Extinction over the lidar ratio of drops of an exponential distribution, see
+    :func:`~scarl_sionna.core.specs.lidar_ratio.drops_lidar_ratio`, or over ``spec.atmosphere.lidar_ratio``.
+    """
+    ratio = spec.atmosphere.lidar_ratio
+    if ratio is None:
+        ratio = drops_lidar_ratio(spec.wavelength, cloud.drop_diameter / MEDIAN_VOLUME)
+    return extinction_of(cloud) / ratio
 
 
 def dim_echoes(echoes: Echoes, clouds: Sequence[SprayCloud], origins: Array, directions: Array) -> Echoes:
@@ -92,72 +106,48 @@ class FreePaths:
     nearest: Array
 
 
-def add_spray(
-    spec: LidarSpec,
-    found: Detections,
-    clouds: Sequence[SprayCloud],
-    paths: FreePaths,
-    rng: np.random.Generator,
-) -> Detections:
-    """Return detections with those of spray among them: in each shot and cloud the first range cell that is detected.
+def spray_peaks(
+    spec: LidarSpec, clouds: Sequence[SprayCloud], paths: FreePaths, rng: np.random.Generator
+) -> list[AirPeaks]:
+    """Return the peaks of the chirps over clouds of spray: of each cloud those of the up chirp, then of the down chirp.
 
     Parameters
     ----------
     spec : LidarSpec
-        With a heterodyne receiver; the cells are of its range resolution, the spray's backscatter is its extinction
-        over ``spec.atmosphere.lidar_ratio``.
-    found : Detections
+        With a heterodyne receiver; the cells are of its range resolution.
     clouds : sequence of SprayCloud
     paths : FreePaths
     rng : numpy.random.Generator
+
+    Notes
+    -----
+    As for fog, see :func:`.air.weather_peaks`, with the density of the cloud in each cell. The drops right behind the
+    vehicle move with it and slow down as the cloud thins.
     """
     receiver = spec.receiver
-    if not clouds or not isinstance(receiver, HeterodyneReceiver) or not (receiver.backscatter and receiver.noise):
-        return found
-    rows = [_of_cloud(spec, cloud, paths, rng) for cloud in clouds]
-    return keep_strongest(join([found, *rows]), spec.max_returns)
+    if not isinstance(receiver, HeterodyneReceiver) or not (receiver.backscatter and receiver.noise):
+        return []
+    chirps = 2 if receiver.chirps == "up_down" else 1
+    return [_of_cloud(spec, cloud, paths, rng) for cloud in clouds for _ in range(chirps)]
 
 
-def _of_cloud(spec: LidarSpec, cloud: SprayCloud, paths: FreePaths, rng: np.random.Generator) -> Detections:
-    receiver, origins, directions = spec.receiver, paths.origins, paths.directions
-    assert isinstance(receiver, HeterodyneReceiver)
-    draws = rng.random((3, len(directions)))
+def _of_cloud(spec: LidarSpec, cloud: SprayCloud, paths: FreePaths, rng: np.random.Generator) -> AirPeaks:
+    origins, directions, step = paths.origins, paths.directions, spec.range_resolution
     enter, leave = cloud.chord(origins, directions, np.minimum(paths.nearest, spec.max_distance))
-    shot = np.flatnonzero(leave - enter > spec.range_resolution)
+    shot = np.flatnonzero(leave - enter > step)
     start = origins if origins.ndim == 1 else origins[shot]
     direction, enter, leave = directions[shot], enter[shot], leave[shot]
-    count = min(int(np.max((leave - enter) / spec.range_resolution, initial=0.0)), MOST_CELLS)
-    distance = enter[:, None] + (np.arange(count) + 0.5) * spec.range_resolution
+    count = min(int(np.max((leave - enter) / step, initial=0.0)), MOST_CELLS)
+    distance = enter[:, None] + (np.arange(count) + 0.5) * step
     x = np.broadcast_to(cloud.world_from_cloud.inverse().apply(start), direction.shape)[:, :1]
     fade = np.exp((x + (direction @ cloud.world_from_cloud.rotation)[:, :1] * distance) / cloud.decay_length)
     fade = np.where(distance < leave[:, None], np.minimum(fade, 1.0), 0.0)
-    step, extinction = spec.range_resolution, extinction_of(cloud)
+    extinction = extinction_of(cloud)
     depth = np.cumsum(extinction * fade * step, axis=1) - extinction * fade * step / 2.0
     lost = np.exp(-2.0 * (depth + spec.extinction * distance))
-    intensity = np.pi * extinction * fade / spec.atmosphere.lidar_ratio * step * lost / np.maximum(distance, 1e-3) ** 2
+    intensity = np.pi * backscatter_of(cloud, spec) * fade * step * lost / np.maximum(distance, 1e-3) ** 2
     cnr = mean_cnr(spec, intensity, distance)
-    looks, level = float(receiver.num_looks), threshold(spec)
-    chirps = 2 if receiver.chirps == "up_down" else 1
-    grid = np.geomspace(1e-3, max(float(cnr.max(initial=0.0)), 1e-2), 200)
-    alone = gammaincc(looks, level) ** chirps
-    chance = np.interp(cnr, grid, detection_probability(grid, level, receiver.num_looks, True, chirps), left=alone)
-    before = -np.expm1(np.cumsum(np.log1p(-np.clip(chance - alone, 0.0, 1.0 - 1e-12)), axis=1))
-    hit = np.flatnonzero(before[:, -1] > draws[0, shot]) if count else np.zeros(0, dtype=np.int64)
-    cell = (before[hit] <= draws[0, shot[hit], None]).sum(axis=1)
-    place = distance[hit, cell] + (draws[1, shot[hit]] - 0.5) * step
-    strength = 1.0 + cnr[hit, cell]
-    peak = strength * gammainccinv(looks, draws[2, shot[hit]] * gammaincc(looks, level / strength))
-    own = cloud.speed * fade[hit, cell] * (direction[hit] @ cloud.world_from_cloud.rotation[:, 0])
-    errors = np.zeros((chirps, hit.size))
-    measured, velocity, valid = estimate(spec, place, paths.air_velocity[shot[hit]] + own, errors)
-    unit = mean_cnr(spec, 1.0 / np.maximum(measured, 1e-3) ** 2, measured)
-    strong = peak / looks - 1.0
-    rows = Detections(
-        shot[hit],
-        np.full(hit.size, NO_ECHO),
-        measured,
-        velocity,
-        strong,
-        strong / unit / np.maximum(measured, 1e-3) ** 2,
-    )
-    return take(rows, np.flatnonzero(valid))
+    row, cell = np.nonzero(rng.poisson(excess_peaks(spec, cnr)))
+    place = distance[row, cell] + (rng.random(row.size) - 0.5) * step
+    own = cloud.speed * fade[row, cell] * (direction[row] @ cloud.world_from_cloud.rotation[:, 0])
+    return AirPeaks(shot[row], place, paths.air_velocity[shot[row]] + own, cnr[row, cell])
