@@ -102,10 +102,18 @@ def test_receivers_see_the_droplets_of_a_monte_carlo_within_2_percent(name: str)
     compare(name, 4000, 0.02, 0.02)
 
 
-def test_the_down_chirp_sees_the_same_fog_backwards() -> None:
+@pytest.mark.parametrize("what", ["fog", "rays of one cell"])
+def test_the_down_chirp_sees_the_same_backwards(what: str) -> None:
     spec = spec_of("fog before a wall", 50, True).with_(chirp_time=5e-6)
     spec = spec.with_(receiver=spec.receiver.with_(noise=False))
-    signal = synthesize_beats(spec, black_walls(50, 5.0), np.zeros(50), np.random.default_rng(4))
+    echoes = black_walls(50, 5.0)
+    if what == "rays of one cell":
+        spec = spec.with_(atmosphere=Atmosphere())
+        shot = np.repeat(np.arange(50), 3)
+        distance = 4.0 + np.tile([0.0, 0.4, 0.9], 50) * spec.range_resolution
+        one = np.ones(150)
+        echoes = Echoes(shot, distance, 0.0 * one, 1e-3 * one, one, np.zeros((150, 3)), 0 * shot)
+    signal = synthesize_beats(spec, echoes, np.zeros(50), np.random.default_rng(4))
     up, down = np.moveaxis(np.abs(np.fft.fft(signal, 4 * spec.num_samples, axis=-1)) ** 2, 1, 0)
     backwards = down[:, -np.arange(down.shape[1])]
     # all but the share 2 tau / T, at most 1.3 %, of the band is the same
