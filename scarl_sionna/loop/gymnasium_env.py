@@ -154,10 +154,13 @@ class DrivingEnv(gymnasium.Env[Observation, Array]):
         others: Others | None = None,
         judge: Judge = way_made,
     ) -> None:
+        from scarl_sionna.engine.load import load_scene
+
         self.driving = driving or DrivingSettings()
-        self.session = Session(world, rig, settings)
+        loaded = load_scene(world) if isinstance(world, str | Path) else world
+        self.session = Session(loaded, rig, settings)
         self._others, self._judge = others, judge
-        self._ego, self._start = str(self.session.vehicle), _started(world, self.session)
+        self._ego, self._start = str(self.session.vehicle), _started(loaded, self.session)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float64)
         self._state, self._count = self._start, 0
         self._seen: Observation = {}
@@ -230,13 +233,9 @@ class DrivingEnv(gymnasium.Env[Observation, Array]):
         self.session.close()
 
 
-def _started(world: World | str | Path, session: Session) -> EgoState:
+def _started(world: World, session: Session) -> EgoState:
     """Return where the scene has its ego vehicle when the session begins."""
-    from scarl_sionna.engine.load import load_scene
-    from scarl_sionna.engine.world import World
-
-    loaded = world if isinstance(world, World) else load_scene(world)
-    motion = loaded.actor(str(session.vehicle)).trajectory
+    motion = world.actor(str(session.vehicle)).trajectory
     pose, twist = motion.pose(session.settings.start), motion.twist(session.settings.start)
     x, y, z = pose.position.tolist()
     return EgoState((x, y, z), pose.yaw, float(np.linalg.norm(twist.linear)), float(twist.angular[2]))

@@ -17,7 +17,6 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PchipInterpolator
 
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
@@ -248,18 +247,17 @@ class WalkingGait:
         lean = 8.0 * (slow - slow**2)
         sine("lean", -RAD, -lean, lean, 2.0, 0.1)
         sine("pelvis_torsion", RAD, 0.0, 4.0 * relative, 1.0, -0.25)
-        for name, shift in (("left", 0.5), ("right", 0.0)):
+        for name, shift in SIDES.items():
             swing = 9.88 * relative
             sine(f"{name}_shoulder", -RAD, 3.0 - swing / 2.0, -swing, 1.0, -0.25 - shift)
         value["pelvis_fall"], slope["pelvis_fall"] = _pelvis_fall(phase, 1.66 * relative * RAD)
-        curves = _control_points(relative, support)
-        for name, (points, sign) in curves.items():
+        for name, points in _control_points(relative).items():
             curve = _Periodic(points)
-            sides = {"": 0.0} if name == "thorax_torsion" else {"left_": 0.5, "right_": 0.0}
-            for side, shift in sides.items():
+            sides = {name: 0.0} if name == "thorax_torsion" else {f"{side}_{name}": SIDES[side] for side in SIDES}
+            for angle_name, shift in sides.items():
                 angle, change = curve.at((phase + shift) % 1.0)
-                value[side + name] = sign * RAD * angle
-                slope[side + name] = sign * RAD * change
+                value[angle_name] = -RAD * angle
+                slope[angle_name] = -RAD * change
         return value, slope
 
 
@@ -304,54 +302,23 @@ def _pelvis_fall(phase: float, amplitude: float) -> tuple[float, float]:
     raise AssertionError("a phase lies within 0 to 1")
 
 
-def _control_points(rv: float, support: float) -> dict[str, tuple[list[tuple[float, float]], float]]:
-    """Return the control points (phase, angle [deg]) of appendices C and D of [1].
+def _control_points(rv: float) -> dict[str, list[tuple[float, float]]]:
+    """Return the control points (phase, angle [deg]) of appendices C and D of [1]; those of legs, see `steps`.
 
-    And the sign of the turn about its axis.
-
-    A limb flexes forward by a negative turn about y, a knee backward by a positive one.
+    A limb flexes forward by a negative turn about y.
     """
     slow, middle, fast = min(rv, 0.5), float(np.clip((rv - 0.5) / 0.8, 0.0, 1.0)), max(rv - 1.3, 0.0) / 1.7
-    hip = [(0.2 * fast - 0.1, 50.0 * slow + 5.0 * fast), (0.5, -30.0 * slow), (0.9, 50.0 * slow + 6.0 * fast)]
-    if fast == 0.0:
-        hip = hip[1:]  # the first and the last are the same point, a cycle apart
-    knee = [
-        (0.17 - 0.05 * fast, 3.0 + 22.0 * fast),
-        (0.4, 3.0),
-        (0.75 - 0.05 * fast, 3.0 + 134.0 * slow - 5.0 * fast),
-        (1.0 - 0.03 * fast, 3.0 + 3.0 * fast),
-    ]
-    ankle = [
-        (0.0, -3.0 + 5.0 * fast),
-        (0.08, -3.0 - 30.0 * slow + 4.0 * fast),
-        (0.5 - 0.1 * fast, -3.0 + 22.0 * slow - 3.0 * fast),
-        (support, -3.0 - 34.0 * slow - 8.0 * fast),
-        (0.85, -3.0 + 5.0 * fast),
-    ]
     elbow = [
         (0.05, 3.0 + 6.0 * slow + 8.0 * middle - 6.0 * fast),
         (0.5 + 0.01 * middle + 0.04 * fast, 3.0 + 34.0 * slow + 24.0 * middle + 26.0 * fast),
         (0.9 - 0.1 * fast, 3.0 + 10.0 * slow + 9.0 * middle - 6.0 * fast),
     ]
     thorax = [(0.1, 4.0 / 3.0 * rv), (0.4, -1.5 * rv), (0.6, -4.0 / 3.0 * rv), (0.9, 1.5 * rv)]
-    return {
-        "hip": (hip, -1.0),
-        "knee": (knee, 1.0),
-        "ankle": (ankle, -1.0),
-        "elbow": (elbow, -1.0),
-        "thorax_torsion": (thorax, -1.0),
-    }
-
-
-def _periodic(points: list[tuple[float, float]]) -> PchipInterpolator:
-    """Return the monotone cubic through control points that repeat every cycle."""
-    phase, angle = (np.array(column) for column in zip(*sorted(points), strict=True))
-    shifts = (-2.0, -1.0, 0.0, 1.0, 2.0)
-    return PchipInterpolator(np.concatenate([phase + shift for shift in shifts]), np.tile(angle, len(shifts)))
+    return {"elbow": elbow, "thorax_torsion": thorax}
 
 
 class _Periodic:
-    """The same curve as `_periodic`, with its derivative, for one phase: no object of SciPy is made for it."""
+    """Monotone cubic through control points that repeat every cycle, with its derivative, for one phase."""
 
     def __init__(self, points: list[tuple[float, float]]) -> None:
         self._points = sorted(points)
