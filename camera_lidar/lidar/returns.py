@@ -132,7 +132,14 @@ def trace(spec: LidarSpec, parts: PartTable, cast: Cast, shots: Shots) -> Echoes
         ray = rays[hits.ray]
         distance = start[hits.ray] + hits.distance
         velocity = radial_velocity(hits.velocity, _rows(beams.velocity, ray), directions[ray])
-        intensity = return_intensity(parts.lidar_reflectance[hits.part], hits.cos_incidence, distance, spec.extinction)
+        intensity = return_intensity(
+            parts.lidar_reflectance[hits.part],
+            hits.cos_incidence,
+            distance,
+            spec.extinction,
+            parts.retroreflection[hits.part],
+            parts.retroreflected_luminance[hits.part],
+        )
         light = share[hits.ray]
         if spec.sub_rays > 1 or not first:
             intensity *= light

@@ -36,6 +36,10 @@ class PartTable(Described):
         Diffuse reflectance at 1550 nm.
     lidar_transmittance : ndarray of float64, shape (num_parts,)
         Of a pane at 1550 nm, once through; 0 for what is opaque.
+    retroreflection : ndarray of float64, shape (num_parts,)
+        Of sheets and prisms, R_A at normal incidence [cd/(lx m2)]; 0 for most.
+    retroreflected_luminance : ndarray of float64, shape (num_parts,)
+        Of beads in markings, R_L [cd/(lx m2)]; 0 for most.
     actor : ndarray of int32, shape (num_parts,)
         Index into `World.actors`; -1 for a static part.
     """
@@ -46,6 +50,8 @@ class PartTable(Described):
     material: tuple[str, ...]
     lidar_reflectance: Array
     lidar_transmittance: Array
+    retroreflection: Array
+    retroreflected_luminance: Array
     actor: npt.NDArray[np.int32]
 
 
@@ -148,10 +154,12 @@ def part_table(document: SceneDocument, materials: MaterialTable) -> tuple[PartT
                     radio_entry.name,
                     radio_entry.lidar_reflectance if reflectance is None else reflectance,
                     radio_entry.lidar_transmittance if transmittance is None else transmittance,
+                    material.retroreflection,
+                    material.retroreflected_luminance,
                     actor,
                 )
             )
-    name, instance, semantic, radio, reflectances, transmittances, actor_index = zip(*rows, strict=True)
+    name, instance, semantic, radio, reflectances, transmittances, sheets, beads, actor_index = zip(*rows, strict=True)
     table = PartTable(
         name=name,
         instance=np.array(instance, dtype=np.int32),
@@ -159,6 +167,8 @@ def part_table(document: SceneDocument, materials: MaterialTable) -> tuple[PartT
         material=radio,
         lidar_reflectance=np.array(reflectances, dtype=np.float64),
         lidar_transmittance=np.array(transmittances, dtype=np.float64),
+        retroreflection=np.array(sheets, dtype=np.float64),
+        retroreflected_luminance=np.array(beads, dtype=np.float64),
         actor=np.array(actor_index, dtype=np.int32),
     )
     return table, entries

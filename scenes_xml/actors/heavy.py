@@ -118,7 +118,8 @@ def make_lorry() -> Model:
         "contour_marking": replace(
             VEHICLE["number_plate"],
             color=(0.68, 0.46, 0.02),
-            source="estimate, retroreflective tape (UN R104), diffuse share only",
+            source="estimate, retroreflective tape, UN Regulation 104 class C",
+            retroreflection=300.0,
         ),
         "chassis_steel": replace(
             VEHICLE["underbody_steel"], color=(0.03, 0.03, 0.032), source="estimate, painted steel frame"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..generators.xml import Bsdf
 
 Color = tuple[float, float, float]
@@ -67,13 +69,16 @@ VEHICLE: dict[str, Bsdf] = {
     ),
     "indicator": _bsdf("plastic", 0.45, (0.70, 0.22, 0.02), "estimate, amber acrylic", roughness=0.1, specular=0.6),
     "bright_metal": _bsdf("metal", 0.50, (0.72, 0.73, 0.74), roughness=0.25, metallic=1.0),
-    "number_plate": _bsdf(
-        "metal",
-        0.60,
-        (0.72, 0.72, 0.68),
-        "estimate, aluminium with a retroreflective sheet, diffuse share only",
-        roughness=0.4,
-        specular=0.4,
+    "number_plate": replace(
+        _bsdf(
+            "metal",
+            0.60,
+            (0.72, 0.72, 0.68),
+            "estimate, aluminium with a retroreflective sheet, ISO 7591",
+            roughness=0.4,
+            specular=0.4,
+        ),
+        retroreflection=45.0,
     ),
     "plate_letters": _bsdf(
         "metal", 0.08, (0.014, 0.014, 0.015), "estimate, black paint on the plate", roughness=0.45, specular=0.5

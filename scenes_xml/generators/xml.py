@@ -27,6 +27,10 @@ class Bsdf:
         a PNG in ``textures/``, instead of the colour.
     floats : mapping
         Further float parameters of the plugin.
+    retroreflection : float
+        Of a sheet or a prism, R_A [cd/(lx m2)].
+    retroreflected_luminance : float
+        Of beads in a marking, R_L [cd/(lx m2)].
     lamp : str, optional
         Kind of lamp that the surface is: ``headlamp``, ``taillamp``, ``street_lamp``.
     wets : float
@@ -42,6 +46,8 @@ class Bsdf:
     color: tuple[float, float, float] | None = None
     texture: str | None = None
     floats: Mapping[str, float] = field(default_factory=dict)
+    retroreflection: float = 0.0
+    retroreflected_luminance: float = 0.0
     lamp: str | None = None
     wets: float = 0.0
     puddles: str | None = None
@@ -53,6 +59,10 @@ class Bsdf:
             "lidar_reflectance": self.lidar_reflectance,
             "source": self.source,
         }
+        if self.retroreflection:
+            table["retroreflection"] = self.retroreflection
+        if self.retroreflected_luminance:
+            table["retroreflected_luminance"] = self.retroreflected_luminance
         if self.lamp:
             table["lamp"] = self.lamp
         if self.wets:

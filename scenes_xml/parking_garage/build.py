@@ -7,6 +7,7 @@ Everything follows from the numbers in this package and the variant's number; a 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,8 @@ def build(folder: Path, variant: int = 0, detail: str = "detailed") -> None:
     }
     kit = SceneKit(folder, table, detail, at.SEED + variant)
     kit.materials |= interior.MATERIALS
+    for name in ("line_white", "line_yellow"):  # floors are painted without beads
+        kit.materials[name] = replace(interior.MATERIALS[name], retroreflected_luminance=0.0)
     kit.textures |= interior.IMAGES
     tint = np.array(plan.tint)
     kit.textures["garage_concrete.png"] = lambda seed: interior.garage_concrete(seed) * tint

@@ -37,7 +37,10 @@ _AXES = {
     for axis, row in zip("xyz", np.eye(3), strict=True)
     for sign in ("", "-")
 }
-_MATERIAL_KEYS = {"radio", "lidar_reflectance", "lidar_transmittance", "color", "roughness", "source", "lamp"}
+_MATERIAL_KEYS = {
+    "radio", "lidar_reflectance", "lidar_transmittance", "retroreflection", "retroreflected_luminance", "color",
+    "roughness", "source", "lamp",
+}  # fmt: skip # a table
 _GREY = (0.5, 0.5, 0.5)
 
 
@@ -76,9 +79,9 @@ def actor_from_mesh(
         Class, one of `scarl_sionna.core.semantics.SEMANTIC_CLASSES`.
     materials : str or mapping
         A radio material for all; or a table with ``radio`` and, optional, ``lidar_reflectance``,
-        ``lidar_transmittance`` (0 to 1), ``color`` (linear RGB, 0 to 1; left out: that of the file, else grey),
-        ``roughness``, ``lamp``, ``source``; or such names or tables by the name of a part or of a material of the file,
-        with ``"*"`` for the rest.
+        ``lidar_transmittance`` (0 to 1), ``retroreflection``, ``retroreflected_luminance`` [cd/(lx m2)], ``color``
+        (linear RGB, 0 to 1; left out: that of the file, else grey), ``roughness``, ``lamp``, ``source``; or such names
+        or tables by the name of a part or of a material of the file, with ``"*"`` for the rest.
     scale : float
         Metres in a unit of the file: 0.001 for millimetres.
     up, forward : str, optional

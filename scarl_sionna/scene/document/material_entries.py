@@ -12,6 +12,8 @@ from scarl_sionna.core.errors import MaterialError, SceneError, UnknownNameError
 from .model import MaterialEntry
 from .xml_file import property_of
 
+MOST_RETROREFLECTION = 5000.0
+"""[cd/(lx m2)]; prismatic sheets have up to 1000."""
 LAMP_KINDS = (
     "headlamp",
     "taillamp",
@@ -49,11 +51,23 @@ def material_entries(
                 raise MaterialError(
                     f"[materials.{bsdf_id}] lidar_reflectance + lidar_transmittance = {sum(optical.values()):g} > 1"
                 )
-            entries[bsdf_id] = MaterialEntry(row["radio"], **{**optical, **_look(bsdf_id, row, path)})
+            look = {**_look(bsdf_id, row, path), **_retroreflection(bsdf_id, row)}
+            entries[bsdf_id] = MaterialEntry(row["radio"], **{**optical, **look})
         else:
             plain = bsdf_id.removeprefix("mat-").removeprefix("itu_").removeprefix("itu-")
             entries[bsdf_id] = MaterialEntry(types.get(bsdf_id) or plain)
     return entries
+
+
+def _retroreflection(bsdf_id: str, row: dict[str, Any]) -> dict[str, float]:
+    """Return what a material's table says about the light that it sends back to where it came from."""
+    found = {key: float(row.get(key, 0.0)) for key in ("retroreflection", "retroreflected_luminance")}
+    for key, value in found.items():
+        if not 0.0 <= value <= MOST_RETROREFLECTION:
+            raise MaterialError(
+                f"[materials.{bsdf_id}] {key} = {value} cd/(lx m2) is not within 0 to {MOST_RETROREFLECTION:g}"
+            )
+    return found
 
 
 def _look(bsdf_id: str, row: dict[str, Any], path: Path) -> dict[str, Any]:

@@ -21,12 +21,16 @@ class MaterialEntry(Described):
     """Radio material and lidar reflectance that stand behind a BSDF id; None: what the radio material's entry says.
 
     `lamp` is the kind of lamp that surfaces of this material are (:mod:`scarl_sionna.engine.light.lamps`), `wets` how
-    much of the lighting's wetness they take, and `puddles` a texture of where the water stands.
+    much of the lighting's wetness they take, and `puddles` a texture of where the water stands. `retroreflection` is
+    that of sheets and prisms at normal incidence, R_A, `retroreflected_luminance` that of beads in a marking, R_L; both
+    in cd/(lx m2).
     """
 
     radio: str
     lidar_reflectance: float | None = None
     lidar_transmittance: float | None = None
+    retroreflection: float = 0.0
+    retroreflected_luminance: float = 0.0
     lamp: str | None = None
     wets: float = 0.0
     puddles: Path | None = None

@@ -19,6 +19,8 @@ class _Material(Table):
     radio: Text | None = None
     lidar_reflectance: Number = 0.0
     lidar_transmittance: Number = 0.0
+    retroreflection: Number = 0.0
+    retroreflected_luminance: Number = 0.0
     wets: Number = 0.0
     lamp: Text | None = None
     puddles: Text | None = None

@@ -15,6 +15,9 @@ WET_DARKENING = 0.5
 """Diffuse reflectance of a wet rough surface relative to the dry one. J. Lekner, M. C. Dorf, "Why some things are
 darker when wet", Applied Optics 27(7), 1988: internal reflection in the film gives about 0.5 for the reflectances of
 asphalt and soil."""
+WET_BEADS = 0.25
+"""Retroreflected luminance of a wet marking relative to the dry one: EN 1436 has classes of 25 to 75 wet, 100 to 300
+dry."""
 
 WATER_ABSORPTION = 1.0e3
 """Absorption coefficient of liquid water at 1550 nm [1/m], within about 20 %: L. Kou, D. Labrie, P. Chylek, Appl. Opt.
@@ -63,4 +66,5 @@ def wet_surfaces(
 def _wet_entry(entry: MaterialEntry, radio: str, reflectance: float, amount: float, depth: float) -> MaterialEntry:
     own = reflectance if entry.lidar_reflectance is None else entry.lidar_reflectance
     factor = (1.0 - amount * (1.0 - WET_DARKENING)) * math.exp(-2.0 * WATER_ABSORPTION * depth)
-    return replace(entry, radio=radio, lidar_reflectance=own * factor)
+    beads = entry.retroreflected_luminance * (1.0 - amount * (1.0 - WET_BEADS))
+    return replace(entry, radio=radio, lidar_reflectance=own * factor, retroreflected_luminance=beads)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from . import images, textures
 TYPICAL = "estimate, typical of this surface at 1550 nm"
 ROUGH = {"roughness": 0.85, "specular": 0.25}
 COATED = {"roughness": 0.35, "specular": 0.5}
+MARKING = 0.15
+"""Retroreflected luminance of a street's markings with beads [cd/(lx m2)], EN 1436 class R3."""
 
 
 def _plain(
@@ -50,8 +53,12 @@ MATERIALS: dict[str, Bsdf] = {
     "paint_yellow": _plain("metal", 0.55, (0.80, 0.52, 0.03), **COATED),
     "paint_blue": _plain("metal", 0.40, (0.02, 0.08, 0.35), **COATED),
     "cast_iron": _plain("metal", 0.20, (0.05, 0.048, 0.045), roughness=0.6, metallic=0.4),
-    "line_white": _plain("road_paint", 0.55, (0.72, 0.72, 0.70), roughness=0.6),
-    "line_yellow": _plain("road_paint", 0.50, (0.72, 0.48, 0.05), roughness=0.6),
+    "line_white": replace(
+        _plain("road_paint", 0.55, (0.72, 0.72, 0.70), roughness=0.6), retroreflected_luminance=MARKING
+    ),
+    "line_yellow": replace(
+        _plain("road_paint", 0.50, (0.72, 0.48, 0.05), roughness=0.6), retroreflected_luminance=MARKING
+    ),
     "black_gloss": _plain("plastic", 0.06, (0.012, 0.012, 0.013), roughness=0.3),
     "sign_sos": _printed("sign_sos.png"),
     "sign_exit": _printed("sign_exit.png"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 from ..xml import Bsdf
 
 TYPICAL = "estimate, typical of this surface at 1550 nm"
+SHEET = "estimate, retroreflective sheet, white of class RA2, EN 12899-1"
 ROUGH = {"roughness": 0.85, "specular": 0.25}
 PAINT = {"roughness": 0.07, "specular": 0.5}
 METALLIC = {"roughness": 0.22, "specular": 0.5, "metallic": 0.55, "clearcoat": 1.0, "clearcoat_gloss": 0.97}
@@ -101,15 +102,9 @@ PALETTE: dict[str, Bsdf] = {
     ),
     "painted_wood": _principled("wood", 0.60, (0.68, 0.67, 0.63), roughness=0.5),
     "door_wood": _principled("wood", 0.40, (0.10, 0.055, 0.03), roughness=0.5),
-    "sign_speed": _textured(
-        "metal", 0.60, "sign_speed.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
-    "sign_bend": _textured(
-        "metal", 0.60, "sign_bend.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
-    "sign_chevron": _textured(
-        "metal", 0.60, "sign_chevron.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
+    "sign_speed": _textured("metal", 0.60, "sign_speed.png", SHEET, roughness=0.4),
+    "sign_bend": _textured("metal", 0.60, "sign_bend.png", SHEET, roughness=0.4),
+    "sign_chevron": _textured("metal", 0.60, "sign_chevron.png", SHEET, roughness=0.4),
     "sign_back": _principled("metal", 0.45, (0.36, 0.37, 0.38), roughness=0.45, metallic=0.4),
     "white_plastic": _principled("plastic", 0.65, (0.74, 0.74, 0.72), roughness=0.5),
     "black_plastic": _principled("plastic", 0.08, (0.02, 0.02, 0.02), roughness=0.5),
@@ -117,7 +112,7 @@ PALETTE: dict[str, Bsdf] = {
         "plastic",
         0.70,
         (0.70, 0.55, 0.25),
-        "estimate, prismatic reflector, diffuse share only",
+        "estimate, amber prisms, UN Regulation 3",
         roughness=0.15,
         clearcoat=1.0,
     ),
@@ -165,7 +160,7 @@ PALETTE: dict[str, Bsdf] = {
         "principled",
         "metal",
         0.60,
-        "estimate, retroreflective sheet, diffuse share only",
+        SHEET,
         texture="sign_crossing.png",
         floats={"roughness": 0.4},
     ),
@@ -225,30 +220,14 @@ PALETTE: dict[str, Bsdf] = {
     "bin_green": _principled("plastic", 0.35, (0.025, 0.13, 0.05), roughness=0.5),
     "straw": _principled("grass", 0.50, (0.48, 0.36, 0.13), "estimate, dry straw", roughness=0.9, specular=0.15),
     "crop": _textured("grass", 0.50, "crop.png", "estimate, ripe grain"),
-    "sign_walkers": _textured(
-        "metal", 0.60, "sign_walkers.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
-    "sign_yield": _textured(
-        "metal", 0.60, "sign_yield.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
-    "sign_roundabout": _textured(
-        "metal", 0.60, "sign_roundabout.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
-    "sign_keep_right": _textured(
-        "metal", 0.60, "sign_keep_right.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
-    "sign_zone": _textured(
-        "metal", 0.60, "sign_zone.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
-    "sign_bend_left": _textured(
-        "metal", 0.60, "sign_bend_left.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
-    "sign_arrows": _textured(
-        "metal", 0.60, "sign_arrows.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
-    "sign_arrows_right": _textured(
-        "metal", 0.60, "sign_arrows_right.png", "estimate, retroreflective sheet, diffuse share only", roughness=0.4
-    ),
+    "sign_walkers": _textured("metal", 0.60, "sign_walkers.png", SHEET, roughness=0.4),
+    "sign_yield": _textured("metal", 0.60, "sign_yield.png", SHEET, roughness=0.4),
+    "sign_roundabout": _textured("metal", 0.60, "sign_roundabout.png", SHEET, roughness=0.4),
+    "sign_keep_right": _textured("metal", 0.60, "sign_keep_right.png", SHEET, roughness=0.4),
+    "sign_zone": _textured("metal", 0.60, "sign_zone.png", SHEET, roughness=0.4),
+    "sign_bend_left": _textured("metal", 0.60, "sign_bend_left.png", SHEET, roughness=0.4),
+    "sign_arrows": _textured("metal", 0.60, "sign_arrows.png", SHEET, roughness=0.4),
+    "sign_arrows_right": _textured("metal", 0.60, "sign_arrows_right.png", SHEET, roughness=0.4),
 }
 """Name of the bsdf -> its properties."""
 
@@ -262,6 +241,19 @@ _WETS = {
     "gravel_fine": 0.7, "bark_furrowed": 0.6, "wall_brick": 0.3, "tiles_red": 0.8, "tiles_dark": 0.8, "boards": 0.4,
     "manhole": 1.0,
 }  # fmt: skip # a table
+_SHEETS = {  # R_A [cd/(lx m2)]: EN 12899-1 class RA2; UN Regulation 3, 0.3 cd/lx on 10 cm2; ISO 7591
+    **dict.fromkeys((name for name, bsdf in PALETTE.items() if bsdf.source == SHEET), 250.0),
+    "reflector": 300.0,
+    "number_plate": 45.0,
+}
+_BEADS = {"road_marking": 0.15, "marking_worn": 0.1}  # R_L [cd/(lx m2)], EN 1436 classes R3 and R2
 _PUDDLES = {"asphalt_worn": "puddles.png", "asphalt_street": "puddles.png"}
 for _name, _bsdf in PALETTE.items():
-    PALETTE[_name] = replace(_bsdf, lamp=_LAMPS.get(_name), wets=_WETS.get(_name, 0.0), puddles=_PUDDLES.get(_name))
+    PALETTE[_name] = replace(
+        _bsdf,
+        retroreflection=_SHEETS.get(_name, 0.0),
+        retroreflected_luminance=_BEADS.get(_name, 0.0),
+        lamp=_LAMPS.get(_name),
+        wets=_WETS.get(_name, 0.0),
+        puddles=_PUDDLES.get(_name),
+    )

@@ -13,6 +13,7 @@ from ..geometry.mesh import Array
 from ..xml import Bsdf
 from . import images, textures
 from .interior import COATED, ROUGH, TYPICAL, font, lettered, limit
+from .palette import SHEET
 
 
 def _wall(texture: str, radio: str = "brick", lidar: float = 0.5) -> Bsdf:
@@ -24,9 +25,10 @@ def _sign(texture: str) -> Bsdf:
         "principled",
         "metal",
         0.6,
-        "estimate, retroreflective sheet, diffuse share only",
+        SHEET,
         texture=texture,
         floats={"roughness": 0.4},
+        retroreflection=250.0,
     )
 
 
