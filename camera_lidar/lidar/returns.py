@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,11 +13,13 @@ from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.scene.tables import PartTable, RayHits
 
 from .beam import beam_radius, sub_directions, widest_gap
-from .scan import pane_transmittance, radial_velocity, return_intensity
+from .scan import pane_reflectance, pane_transmittance, radial_velocity, return_intensity
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
+MIRRORED = -1
+"""Part of an echo that came over a mirror."""
 _STEP_BEHIND = 1e-3
 """A ray goes on this far behind a pane [m], so that it does not meet the same triangle again."""
 _SMALLEST_SHARE = 1e-4
@@ -77,7 +79,8 @@ class Echoes:
     normal : ndarray of float64, shape (num_echoes, 3)
         World axes.
     part : ndarray of int64, shape (num_echoes,)
-        Row of the part table; of a return the one with the most power.
+        Row of the part table; of a return the one with the most power. `MIRRORED` for what a pane mirrors: nothing is
+        where the echo seems to come from.
     """
 
     shot: Index
@@ -120,18 +123,22 @@ def trace(spec: LidarSpec, parts: PartTable, cast: Cast, shots: Shots) -> Echoes
     shots : Shots
     """
     beams = shots.sub_rays(spec)
-    number, directions = beams.number, beams.directions
-    rays = np.arange(len(number))
-    share = np.full(len(number), 1.0 / spec.sub_rays)
-    start = np.zeros(len(number))
+    rays = _Rays(
+        beams.number,
+        beams.origins,
+        beams.directions,
+        np.zeros(len(beams.number)),
+        np.full(len(beams.number), 1.0 / spec.sub_rays),
+        np.zeros(len(beams.number), dtype=np.bool_),
+        radial_velocity(np.zeros(3), beams.velocity, beams.directions),
+    )
     found: list[Echoes] = []
     for surface in range(spec.max_surfaces):
         first = surface == 0
-        place = beams.origins if first else _rows(beams.origins, rays) + start[:, None] * directions[rays]
-        hits = cast(place, directions if first else directions[rays], number[rays], spec.max_distance, first)
-        ray = rays[hits.ray]
-        distance = start[hits.ray] + hits.distance
-        velocity = radial_velocity(hits.velocity, _rows(beams.velocity, ray), directions[ray])
+        hits = cast(rays.origin, rays.direction, rays.shot, spec.max_distance, first)
+        met = rays if hits.num_hits == len(rays.shot) else rays.select(hits.ray)
+        distance = met.start + hits.distance
+        velocity = radial_velocity(hits.velocity, np.zeros(3), met.direction) + met.velocity
         intensity = return_intensity(
             parts.lidar_reflectance[hits.part],
             hits.cos_incidence,
@@ -140,24 +147,79 @@ def trace(spec: LidarSpec, parts: PartTable, cast: Cast, shots: Shots) -> Echoes
             parts.retroreflection[hits.part],
             parts.retroreflected_luminance[hits.part],
         )
-        light = share[hits.ray]
         if spec.sub_rays > 1 or not first:
-            intensity *= light
-        echoes = Echoes(
-            number[ray], distance, velocity, intensity, hits.cos_incidence, hits.normal, hits.part.astype(np.int64)
-        )
+            intensity *= met.share
+        part = np.where(met.mirrored, MIRRORED, hits.part.astype(np.int64))
+        echoes = Echoes(met.shot, distance, velocity, intensity, hits.cos_incidence, hits.normal, part)
         found.append(echoes if first else take(echoes, np.flatnonzero(distance <= spec.max_distance)))
         if surface + 1 == spec.max_surfaces:
             break
-        passed = light * pane_transmittance(parts.lidar_transmittance[hits.part], hits.cos_incidence) ** 2
-        onward = np.flatnonzero((passed > _SMALLEST_SHARE / spec.sub_rays) & (distance < spec.max_distance))
-        if onward.size == 0:
+        rays = _onward(spec, parts, met, hits, distance)
+        if rays.shot.size == 0:
             break
-        rays, share, start = ray[onward], passed[onward], distance[onward] + _STEP_BEHIND
     if len(found) == 1:
         return found[0]
     echoes = join(found)
     return take(echoes, np.argsort(echoes.shot, kind="stable"))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Rays on their way: where each goes on, how far it has come, and what is left of its power, both ways.
+
+    `velocity` is the rate at which the way grows that is not of the surface it meets next [m/s].
+    """
+
+    shot: Index
+    origin: Array
+    direction: Array
+    start: Array
+    share: Array
+    mirrored: npt.NDArray[np.bool_]
+    velocity: Array
+
+    def select(self, rows: Index) -> _Rays:
+        columns = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "origin"}
+        return _Rays(origin=_rows(self.origin, rows), **{name: values[rows] for name, values in columns.items()})
+
+
+def _onward(spec: LidarSpec, parts: PartTable, met: _Rays, hits: RayHits, distance: Array) -> _Rays:
+    """Return the rays that go on behind panes, and those that panes mirror; mirrored ones are not mirrored again."""
+    transmittance = parts.lidar_transmittance[hits.part]
+    pane = np.flatnonzero((transmittance > 0.0) & (distance < spec.max_distance))
+    met, distance, cosine, transmittance = (
+        met.select(pane),
+        distance[pane],
+        hits.cos_incidence[pane],
+        transmittance[pane],
+    )
+    point, moved = hits.point[pane], hits.velocity[pane]
+    least = _SMALLEST_SHARE / spec.sub_rays
+    passed = met.share * pane_transmittance(transmittance, cosine) ** 2
+    through = np.flatnonzero(passed > least)
+    behind = replace(
+        met,
+        origin=point + _STEP_BEHIND * met.direction,
+        start=distance + _STEP_BEHIND,
+        share=passed,
+    ).select(through)
+    if not spec.pane_reflections:
+        return behind
+    share = met.share * pane_reflectance(transmittance, cosine) ** 2
+    back = np.flatnonzero((share > least) & ~met.mirrored)
+    normal, along = hits.normal[pane], met.direction
+    turned = along - 2.0 * np.einsum("ij,ij->i", along, normal)[:, None] * normal
+    turn = np.einsum("ij,ij->i", moved, along - turned)  # a pane that moves makes the way longer by this
+    mirrored = replace(
+        met,
+        origin=point + _STEP_BEHIND * turned,
+        direction=turned,
+        start=distance + _STEP_BEHIND,
+        share=share,
+        mirrored=np.ones(len(share), dtype=np.bool_),
+        velocity=met.velocity + turn,
+    ).select(back)
+    return join([behind, mirrored])
 
 
 def _rows(values: Array, rows: Index) -> Array:

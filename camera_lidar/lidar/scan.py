@@ -122,8 +122,40 @@ def pane_transmittance(transmittance: npt.ArrayLike, cos_incidence: npt.ArrayLik
     return np.asarray(transmittance, dtype=np.float64) * _pane_fresnel(cosine) / _pane_fresnel(np.float64(1.0))
 
 
+def pane_reflectance(transmittance: npt.ArrayLike, cos_incidence: npt.ArrayLike) -> Array:
+    r"""Return the share of power that a pane reflects like a mirror.
+
+    Parameters
+    ----------
+    transmittance : array_like of float
+        At normal incidence, 0 to 1; 0 for what is opaque.
+    cos_incidence : array_like of float
+
+    Notes
+    -----
+    .. math:: R(\theta) = \tfrac12 \sum_{s,p} \left[ R + \frac{(1 - R)^2 R \, t^2}{1 - R^2 t^2} \right], \quad
+              t = T_0 / T_F(0)
+
+    the front face with Fresnel's reflectance R, and what comes back from the other through the glass, of which each
+    pass leaves t. Without absorption that is :math:`1 - T_F(\theta)`, see :func:`pane_transmittance`.
+
+    References
+    ----------
+    .. [1] M. Born, E. Wolf, *Principles of Optics*, 7th ed., sections 1.5 and 7.6.
+    """
+    inside = np.minimum(np.asarray(transmittance, dtype=np.float64) / _pane_fresnel(np.float64(1.0)), 1.0) ** 2
+    faces = _fresnel(np.clip(np.asarray(cos_incidence, dtype=np.float64), 0.0, 1.0))
+    return 0.5 * sum(face + (1.0 - face) ** 2 * face * inside / (1.0 - face**2 * inside + 1e-300) for face in faces)
+
+
 def _pane_fresnel(cosine: Array | np.float64) -> Array:
+    parallel, perpendicular = _fresnel(cosine)
+    return 0.5 * ((1.0 - parallel) / (1.0 + parallel) + (1.0 - perpendicular) / (1.0 + perpendicular))
+
+
+def _fresnel(cosine: Array | np.float64) -> tuple[Array, Array]:
+    """Return the reflectances of one face of glass for light polarized parallel and perpendicular."""
     inner = np.sqrt(1.0 - (1.0 - cosine**2) / GLASS_INDEX**2)
     parallel = ((GLASS_INDEX * cosine - inner) / (GLASS_INDEX * cosine + inner)) ** 2
     perpendicular = ((cosine - GLASS_INDEX * inner) / (cosine + GLASS_INDEX * inner)) ** 2
-    return 0.5 * ((1.0 - parallel) / (1.0 + parallel) + (1.0 - perpendicular) / (1.0 + perpendicular))
+    return parallel, perpendicular

@@ -25,7 +25,7 @@ from .heterodyne.spray import FreePaths, dim_echoes, spray_peaks
 from .motion import Motion, sensor_motion, shot_rays, to_timestamp
 from .pattern import shot_directions, shot_times
 from .receiver import Slots, receive
-from .returns import Cast, Echoes, Shots, gather, join, place_in_group, trace
+from .returns import MIRRORED, Cast, Echoes, Shots, gather, join, place_in_group, trace
 from .rolling import RollingCaster
 
 Array = npt.NDArray[np.float64]
@@ -142,6 +142,7 @@ class Lidar:
     ) -> LidarScan:
         spec = self.spec
         surface = found.echo != NO_ECHO
+        surface[surface] = returns.part[found.echo[surface]] != MIRRORED
         echo = found.echo if surface.all() else found.echo[surface]
         part = returns.part[echo]
 

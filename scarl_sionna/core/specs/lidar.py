@@ -49,6 +49,9 @@ class LidarSpec(Spec):
     chirp_time: Seconds = Field(5e-6, gt=0.0, description="duration of the up chirp, and of the down chirp [s]")
     sub_rays: int = Field(1, ge=1, le=256, description="rays over the beam's footprint; 1: a thin ray")
     max_surfaces: int = Field(1, ge=1, le=16, description="surfaces a ray may meet through glass; 1: the first only")
+    pane_reflections: bool = Field(
+        True, description="echoes of what panes mirror, where max_surfaces lets rays go on after a pane"
+    )
     max_returns: int = Field(1, ge=1, le=16, description="the strongest returns of a shot that are kept")
     deskew: bool = Field(
         False, description="positions in the sensor's frame at the timestamp, not at the shot's own time"
