@@ -77,6 +77,9 @@ def make_frame(index: int = 0) -> Frame:
         RADAR, pose, adc, 1.0 / 3.0e7, 2, 77, {"method": "raycast", "num_rays": 5}, *cells(rng, index % 3)
     )
     car = ObjectState("car", 7, 14, pose, np.array([4.5, 1.8, 1.5]), Twist([1 / 3, 0, 0], [0, 0, 0.1]), True, 3, 4)
+    man = ObjectState(
+        "man", 8, 4, pose, np.array([1, 0.6, 1.7]), Twist(), True, 0, 1, np.array([0.1, 0, 0.02]), np.full(3, 0.5)
+    )
     return Frame(
         index,
         1_000_000_007 + index,
@@ -89,7 +92,7 @@ def make_frame(index: int = 0) -> Frame:
             "front/lidar": lidar,
             "radar": radar,
         },
-        (car,) * (index % 3),
+        (car, man)[: index % 3],
         {"camera": 1.0},
     )
 

@@ -279,11 +279,15 @@ SensorResult = ImageFrame | LidarScan | RadarFrame
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ObjectState(Described, units={"size": "m"}):
+class ObjectState(Described, units={"size": "m", "tight_center": "m", "tight_size": "m"}):
     """Ground truth of one object at one instant.
 
-    `world_from_box` is the pose of the centre of its oriented box with extents `size` (length, width, height) [m].
+    `world_from_box` is the pose of the centre of its oriented box with extents `size` (length, width, height) [m]. Both
+    belong to the track: the size is one, and the centre moves with the body, at the velocity `twist`. The box of a
+    walker has room for its steps.
     `num_pixels`, `num_lidar_points` count what the frame's cameras and lidars see of it, summed over sensors.
+    `tight_center`, `tight_size` are the box around the object as it is at this instant, limbs and all: its centre
+    relative to that of the other box, in the axes of that box, and its extents along them [m]; left out: the same box.
     """
 
     name: str
@@ -295,6 +299,19 @@ class ObjectState(Described, units={"size": "m"}):
     is_actor: bool
     num_pixels: int = 0
     num_lidar_points: int = 0
+    tight_center: npt.NDArray[np.float64] = None  # type: ignore[assignment]  # follows from the box
+    tight_size: npt.NDArray[np.float64] = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.tight_center is None:
+            object.__setattr__(self, "tight_center", np.zeros(3))
+        if self.tight_size is None:
+            object.__setattr__(self, "tight_size", self.size)
+
+    @property
+    def world_from_tight_box(self) -> Pose:
+        """Pose of the centre of the box around the object at this instant, which has the extents `tight_size`."""
+        return self.world_from_box.compose(Pose(self.tight_center))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

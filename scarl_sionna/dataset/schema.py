@@ -89,8 +89,19 @@ OBJECTS: tuple[Field, ...] = (
     Field("twist", "float64", (OBJECT, "twist"), "m/s, rad/s", "linear and angular velocity, world axes"),
     Field("num_pixels", "int64", (OBJECT,), "", "pixels of the frame's instance images, summed over sensors"),
     Field("num_lidar_points", "int64", (OBJECT,), "", "returns of the frame's lidars, summed over sensors"),
+    Field(
+        "tight_center",
+        "float64",
+        (OBJECT, "xyz"),
+        "m",
+        "centre of the box around the object at this instant, limbs and all: from the other centre, in axes of the box",
+    ),
+    Field("tight_size", "float64", (OBJECT, "xyz"), "m", "length, width, height of the box at this instant"),
     Field("name", "", (OBJECT,), "", "name of the object in its scene", "json"),
 )
+
+LATER_OBJECTS = frozenset({"tight_center", "tight_size"})
+"""Fields of objects that datasets of the same schema version lack which were written before there were these."""
 
 CAMERA: tuple[Field, ...] = (
     POSE,

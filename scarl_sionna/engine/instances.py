@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import semantic_id
 from scarl_sionna.scene.document.model import InstanceEntry
+from scarl_sionna.scene.motion.articulation import Joint
 from scarl_sionna.scene.motion.trajectory import Motion
 from scarl_sionna.scene.tables import Actor, InstanceInfo, PartTable
 
@@ -28,6 +31,7 @@ class Shapes:
     def __init__(self, parts: PartTable, meshes: Mapping[str, MeshData]) -> None:
         self.parts = parts
         self.meshes = meshes
+        self._boxes: dict[object, tuple[Pose, Array]] = {}
 
     def of_instance(self, number: int) -> tuple[int, ...]:
         """Return the rows of the parts of an instance."""
@@ -55,6 +59,47 @@ class Shapes:
             vertices.append(moved[name].pose.apply(own) if name in moved else own)
         return np.concatenate(vertices)
 
+    def box_of_track(self, parts: Sequence[int], joints: Sequence[Joint]) -> tuple[Pose, Array] | None:
+        """Return the one box of an actor that changes its shape, in the actor's frame; None for one that does not.
+
+        It holds every posture between which the joints move, so that neither its size nor its place in the actor's
+        frame follows single steps.
+
+        Parameters
+        ----------
+        parts : sequence of int
+            Rows of the part table, at least one.
+        joints : sequence of Joint
+            The actor's, on its trajectory.
+
+        Returns
+        -------
+        tuple of (Pose, ndarray of float64, shape (3,)), or None
+            Pose of the centre, and length, width and height [m].
+        """
+        reaches = tuple(joint.reach for joint in joints if joint.reach is not None)
+        if not reaches:
+            return None
+        key = tuple(parts), reaches
+        if key not in self._boxes:
+            boxes = [
+                upright_box(self.vertices(parts, moved), fixed_axes=True)
+                for reach in reaches
+                for moved in reach.postures()
+            ]
+            corners = np.array([box.position + sign * size / 2.0 for box, size in boxes for sign in (-1.0, 1.0)])
+            self._boxes[key] = upright_box(corners, fixed_axes=True)
+        return self._boxes[key]
+
+    def with_boxes(self, instances: Mapping[int, InstanceInfo], actors: Iterable[Actor]) -> dict[int, InstanceInfo]:
+        """Return instances with the boxes that actors have on other trajectories."""
+        found = dict(instances)
+        for actor in actors:
+            info = found[actor.instance]
+            if (box := self.box_of_track(info.parts, actor.joints)) is not None:
+                found[actor.instance] = replace(info, frame_from_box=box[0], size=box[1])
+        return found
+
 
 def describe_instance(shapes: Shapes, number: int, entry: InstanceEntry, scene_corners: Array | None) -> InstanceInfo:
     """Return what a sensor knows of an instance.
@@ -74,13 +119,15 @@ def describe_instance(shapes: Shapes, number: int, entry: InstanceEntry, scene_c
     """
     parts = shapes.of_instance(number)
     moved: dict[str, Motion] = {}
+    of_track = None
     if entry.trajectory is not None:
         start = entry.trajectory.start
         actor = Actor(entry.name, number, entry.trajectory, entry.joints)
         moved = actor.motions(start if np.isfinite(start) else 0.0)
+        of_track = shapes.box_of_track(parts, actor.joints)
     vertices = shapes.vertices(parts, moved)
     is_actor = entry.trajectory is not None
-    frame_from_box, size = upright_box(vertices, fixed_axes=is_actor or not entry.is_object)
+    frame_from_box, size = of_track or upright_box(vertices, fixed_axes=is_actor or not entry.is_object)
     is_room = entry.is_room or (scene_corners is not None and _holds_all(vertices, scene_corners))
     name = entry.name if is_actor else None
     return InstanceInfo(

@@ -187,6 +187,8 @@ class World(Described):
             )
             for actor in self.actors
         )
+        moved = (actor for actor in other.actors if actor.name in trajectories)
+        other.instances = self._shapes.with_boxes(self.instances, moved)
         return other
 
     def mesh(self, part: int) -> MeshData:
@@ -511,26 +513,29 @@ class WorldState(Described):
             if not info.is_object or (info.actor is not None and not self._is_present(info.actor)):
                 continue
             if info.actor is None:
-                box, size, twist = info.frame_from_box, info.size, Twist()
+                box, twist, tight = info.frame_from_box, Twist(), {}
             else:
                 pose, own = self._poses[info.actor], self._twists[info.actor]
-                frame_from_box, size = self._box(info)
-                box = pose.compose(frame_from_box)
+                box, tight = pose.compose(info.frame_from_box), self._tight_box(info)
                 twist = Twist(own.velocity_at(box.position - pose.position), own.angular)
             states.append(
-                ObjectState(info.name, info.instance, info.semantic, box, size, twist, info.actor is not None)
+                ObjectState(
+                    info.name, info.instance, info.semantic, box, info.size, twist, info.actor is not None, **tight
+                )
             )
         return tuple(states)
 
     def _is_present(self, name: str) -> bool:
         return is_present(self.world.actor(name).trajectory, self.time)
 
-    def _box(self, info: InstanceInfo) -> tuple[Pose, Array]:
-        """Return the box of an actor in its own frame; that of a body whose limbs move is its box at this time."""
+    def _tight_box(self, info: InstanceInfo) -> dict[str, Any]:
+        """Return what `ObjectState` says of the box of an actor at this time, as far as it is not that of its track."""
         actor = self.world.actor(str(info.actor))
         if not any(joint.changes_shape for joint in actor.joints):
-            return info.frame_from_box, info.size
-        return upright_box(self.world._shapes.vertices(info.parts, self._joints[actor.name]), fixed_axes=True)
+            return {}
+        vertices = self.world._shapes.vertices(info.parts, self._joints[actor.name])
+        box, size = upright_box(vertices, fixed_axes=True)
+        return {"tight_center": box.position - info.frame_from_box.position, "tight_size": size}
 
     def cast(
         self, origins: npt.ArrayLike, directions: npt.ArrayLike, max_distance: float = np.inf, twin: str = "optical"

@@ -113,7 +113,7 @@ def _silhouettes(state: WorldState, objects: Sequence[ObjectState], place: Pose,
     sensor_from_world = place.inverse()
     owner, rays = [], []
     for row, item in enumerate(objects):
-        found = _grid(sensor_from_world.compose(item.world_from_box), item.size, spec)
+        found = _grid(sensor_from_world.compose(item.world_from_tight_box), item.tight_size, spec)
         if found is not None:
             owner.append(np.full(len(found), row))
             rays.append(found)
@@ -178,8 +178,8 @@ def _meets(
     """Return which rays meet their object, whatever stands before it."""
     enter, leave = np.empty(len(which)), np.empty(len(which))
     for row in np.unique(which):
-        mine, half = which == row, objects[row].size / 2.0 + STEP
-        box_from_world = objects[row].world_from_box.inverse()
+        mine, half = which == row, objects[row].tight_size / 2.0 + STEP
+        box_from_world = objects[row].world_from_tight_box.inverse()
         enter[mine], leave[mine] = through_box(
             box_from_world.apply(origin), box_from_world.rotate(direction[mine]), -half, half
         )

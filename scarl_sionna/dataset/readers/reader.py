@@ -345,17 +345,21 @@ class StoredFrame(Described):
     def label_arrays(self) -> dict[str, Any]:
         """Columns of the objects.
 
-        Instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6), counts, name.
+        Instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6), counts, name, and, where the
+        dataset has them, tight_center (N, 3) and tight_size (N, 3).
         """
-        from scarl_sionna.dataset.schema import OBJECTS
+        from scarl_sionna.dataset.schema import LATER_OBJECTS, OBJECTS
 
         count = int(self._array("objects/num_objects"))
-        columns: dict[str, Any] = {
-            item.name: self._array(f"objects/{item.name}")[:count]
-            for item in OBJECTS
-            if item.storage == "array" and item.axes
-        }
-        return {"name": list(self.scene.meta(self.index)["objects"]), **columns}
+        columns: dict[str, Any] = {"name": list(self.scene.meta(self.index)["objects"])}
+        for item in OBJECTS:
+            if item.storage == "array" and item.axes:
+                name = f"objects/{item.name}"
+                is_later = item.name in LATER_OBJECTS
+                values = self.scene.read_array(self.index, name) if is_later else self._array(name)
+                if values is not None:
+                    columns[item.name] = values[:count]
+        return columns
 
     @cached_property
     def labels(self) -> tuple[ObjectState, ...]:

@@ -235,6 +235,12 @@ def manifest_data(plan: DatasetPlan, shards: Mapping[str, list[list[Any] | None]
     }
 
 
+def without_later(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a manifest without the optional fields that are younger than its schema version."""
+    objects = {name: item for name, item in data["schema"]["objects"].items() if name not in schema.LATER_OBJECTS}
+    return {**data, "schema": {**data["schema"], "objects": objects}}
+
+
 def dump_manifest(data: Mapping[str, Any]) -> str:
     """Return the manifest's text; a shard stands on a line."""
     shards = {name: rows for name, rows in data["shards"].items()}

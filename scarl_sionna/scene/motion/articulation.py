@@ -7,7 +7,7 @@ input of its own, so that ground contact and Doppler always agree with the traje
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Protocol
@@ -23,6 +23,12 @@ from .gait import SEGMENTS, WalkingGait, walking_gait
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
 from .trajectory import Motion, Trajectory, forward_speeds, known_until
 
+PHASES = 16
+"""Phases of a gait at which a walker's box is measured: between them a limb goes less than 2 % of its swing farther."""
+PACE = 0.25
+"""Step of the speeds [m/s] whose gaits walkers' boxes are measured at."""
+USUAL = 1.5
+"""Speed [m/s] of the steps that have room in the box of somebody whose way is told step by step."""
 PANEL = 0.25
 """Length of the panels over which a rate is integrated by an 8-point Gauss rule [s]."""
 _SEGMENT = re.compile(rf"(?:^|_)({'|'.join(SEGMENTS)})(?:_[a-z]+)?$")
@@ -95,6 +101,49 @@ class Accumulated:
         return Accumulated(trajectory, self._rate)
 
 
+class Reach(Protocol):
+    """Postures that hold all others of a joint between them; equal ones, of joints that reach as far, are equal."""
+
+    def postures(self) -> Iterable[Mapping[str, Motion]]:
+        """Yield the motion of each shape relative to the actor, by shape id."""
+
+
+@dataclass(frozen=True)
+class WalkReach:
+    """A person who stands, and one cycle of steps at a speed [m/s]; `shapes` as those of a `Walk`, in pairs."""
+
+    shapes: tuple[tuple[str, str], ...]
+    gait: WalkingGait
+    speed: float
+
+    def postures(self) -> Iterator[dict[str, Motion]]:
+        """Yield the motion of each shape relative to the walker, by shape id."""
+        for moved in _cycle(self.gait, self.speed):
+            yield {shape: moved[segment] for shape, segment in self.shapes}
+
+
+@lru_cache(maxsize=64)
+def _cycle(gait: WalkingGait, speed: float) -> tuple[dict[str, Motion], ...]:
+    """Return the motion of the segments of somebody who stands, and at phases of a steady gait."""
+    steps = [gait.motions(phase, speed) for phase in np.linspace(0.0, 1.0, PHASES, endpoint=False)] if speed else []
+    return (gait.motions(0.0, 0.0), *steps)
+
+
+def _longest_step(gait: WalkingGait, trajectory: Trajectory) -> float:
+    """Return a speed [m/s], a multiple of `PACE`, that a trajectory does not exceed.
+
+    `USUAL` where nobody knows the trajectory yet.
+    """
+    if np.isfinite(known_until(trajectory)):
+        fastest = USUAL
+    elif np.isfinite(trajectory.start) and np.isfinite(trajectory.stop):
+        count = max(int((trajectory.stop - trajectory.start) / PANEL), 1) + 1
+        fastest = float(forward_speeds(trajectory, np.linspace(trajectory.start, trajectory.stop, count)).max())
+    else:
+        fastest = forward_speed(trajectory, min(max(0.0, trajectory.start), trajectory.stop))
+    return min(PACE * float(np.ceil(max(fastest, 0.0) / PACE - 1e-6)), gait.fastest)
+
+
 class Joint(Protocol):
     """Some shapes of an actor and how they move relative to it."""
 
@@ -105,6 +154,10 @@ class Joint(Protocol):
     @property
     def changes_shape(self) -> bool:
         """Whether the actor's box changes as the shapes move."""
+
+    @property
+    def reach(self) -> Reach | None:
+        """Between which postures the shapes move on the whole trajectory; None where the actor's box stays."""
 
     def motions(self, time: float) -> Mapping[str, Motion]:
         """Return the motion of each shape relative to the actor, by shape id."""
@@ -170,6 +223,7 @@ class Wheel:
     radius: float
     rolling: Rolling
     changes_shape: bool = False
+    reach: None = None
 
     def motions(self, time: float) -> dict[str, Motion]:
         """Return the turn about the axle: angle = way of the wheel / radius."""
@@ -200,6 +254,11 @@ class Walk:
     prints: FootPrints | None = None
     changes_shape: bool = True
 
+    @property
+    def reach(self) -> WalkReach:
+        """What standing and the longest steps of the trajectory need; see `WalkReach`."""
+        return WalkReach(tuple(self.shapes.items()), self.gait, _longest_step(self.gait, self.trajectory))
+
     def motions(self, time: float) -> dict[str, Motion]:
         """Return the motion of every segment at the phase and the speed that the actor has."""
         step = 1e-3
@@ -226,6 +285,7 @@ class Pedal:
     turned: Accumulated
     start_angle: float = 0.0
     changes_shape: bool = False
+    reach: None = None
 
     def motions(self, time: float) -> dict[str, Motion]:
         """Return the motion of every part at the angle that the cranks have after the way so far."""

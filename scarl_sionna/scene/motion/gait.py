@@ -93,6 +93,11 @@ class WalkingGait:
             raise ParameterRangeError("height", f"{height} m", "0.5 to 2.5 m")
         self.lengths = BodyLengths(height)
 
+    @property
+    def fastest(self) -> float:
+        """Largest speed that the model was made for [m/s]."""
+        return float(FASTEST * self.lengths.leg)
+
     def relative_speed(self, speed: float) -> float:
         """Return the speed over the leg's length, the model's parameter RV [1/s].
 
