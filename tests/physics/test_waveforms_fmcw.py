@@ -111,7 +111,9 @@ def test_a_point_is_the_exact_retarded_signal(name) -> None:
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_many_paths_are_the_direct_sum(name) -> None:
     """Both ways that motion is given: rates of the centre alone, and velocities of end points."""
-    radar, rng, count = radar_of(WAVEFORMS[name]), np.random.default_rng(5), 300
+    is_slow = name.endswith("within")  # the plain sum is over the lines of the code, too
+    waveform = WAVEFORMS[name].with_(num_chirps=16) if is_slow else WAVEFORMS[name]
+    radar, rng, count = radar_of(waveform), np.random.default_rng(5), 60 if is_slow else 300
     distance, azimuth = rng.uniform(3.0, 0.9 * radar.max_range, count), rng.uniform(-1.0, 1.0, count)
     points = distance[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(count)], axis=1)
     paths = point_targets(points, rng.normal(0.0, 15.0, (count, 3)), 1e-3 * distance**4, radar, Pose())
