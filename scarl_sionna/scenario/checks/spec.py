@@ -42,7 +42,8 @@ TOUCH = 0.05
 GROUND_STEP = 0.25
 """Time between the instants at which the ground below an actor is looked for [s]."""
 SLACK = 0.2
-"""Height of an actor above or below the ground that is let pass [m]: that of a high kerb."""
+"""Mean height of an actor above or below the ground that is let pass [m]: that of a high kerb. One wheel alone may not
+be `checks.motion.WHEEL` off."""
 FASTEST, HARDEST = 70.0, 40.0
 """Speed [m/s] and acceleration [m/s^2] that no road user reaches: beyond it a point or a time is wrong."""
 PATH_OF_TRAFFIC = ("traffic",)

@@ -44,9 +44,10 @@ from scarl_sionna.scene.motion.trajectory import (
 )
 
 from .bodies import ActorBody
+from .ground import GroundLine
 from .paths import LateralShift, PathTrajectory, SmoothPath
 from .profiles import SpeedProfile
-from .routes import Route, smoothing_of, vehicle_trajectory
+from .routes import Route, smoothing_of, timed_trajectory
 from .tables import read_table
 
 Array = npt.NDArray[np.float64]
@@ -248,7 +249,8 @@ def _waypoints(spec: WaypointsSpec, name: str, body: ActorBody, setting: Setting
         times = spec.times if spec.times is not None else _times(points, float(spec.speed or 1.0), spec.depart)
         return WaypointTrajectory(times, points, spec.yaw_deg, name)
     if spec.times is not None:
-        return vehicle_trajectory(points, spec.times, model=body, name=name)
+        ground = None if spec.ground is None else GroundLine(spec.ground)
+        return timed_trajectory(points, spec.times, body, ground=ground, reverse=spec.reverse, name=name)
     return _paced(points, spec, name, body, setting)
 
 

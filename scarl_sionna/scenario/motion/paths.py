@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,8 @@ Array = npt.NDArray[np.float64]
 
 SMOOTHING = 3.0
 """Distance of the knots of a vehicle's path [m]: the steering goes from straight to a bend within about this way."""
+ROUNDING = 0.2
+"""Distance of the knots of heights that follow a ground with kerbs and ramps [m]: less than a wheel's radius."""
 _DEGREE = 5
 
 
@@ -137,6 +140,27 @@ class SmoothPath:
         self.length = float(self.way_of(chord[-1]))
         anchors = np.stack([np.interp(chord, way, dense[:, axis]) for axis in range(3)], axis=1)
         self.deviation = float(np.linalg.norm(self.at(self.way_of(chord)) - anchors, axis=1).max())
+
+    def on_ground(self, heights: Callable[[Array], Array]) -> SmoothPath:
+        """Return the curve with the same plan on a ground with ramps and kerbs.
+
+        Parameters
+        ----------
+        heights : callable
+            Heights (M,) [m] of the ground at places (M, 2) [m]; followed with knots `ROUNDING` apart.
+        """
+        low, high = self.bounds
+        count = max(int(np.ceil((high - low) / ROUNDING)), 2)
+        close = np.linspace(low, high, 10 * count + 1)
+        rise = _least_squares(close, heights(self.at(close)[:, :2])[:, None], ROUNDING)
+        knots = close[::2]
+        fitted = make_interp_spline(knots, np.column_stack([self.at(knots)[:, :2], rise(knots)]), k=_DEGREE)
+        other = copy.copy(self)
+        other._spline, other._ways, before = _by_arc_length(fitted, close, ROUNDING)
+        other._chords = np.interp(before, self._ways, self._chords)
+        other._first, other._second = other._spline.derivative(1), other._spline.derivative(2)
+        other.length = float(np.interp(self.length, before, other._ways))
+        return other
 
     @property
     def bounds(self) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -184,12 +184,71 @@ def vehicle_trajectory(
     ParameterRangeError
         If shapes disagree, times do not rise, or neither or both of times and speed are given.
     """
-    points = np.asarray(waypoints, dtype=np.float64)
-    if points.ndim != 2 or len(points) < 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-        raise ParameterRangeError(f"{name}.waypoints", f"shape {points.shape}", "finite, shape (N, 3) with N >= 2 [m]")
     if (times is None) == (speed is None):
         raise ParameterRangeError(f"{name}.times", "and speed", "one of the two")
     body = body_of(model)
+    if times is not None:
+        return timed_trajectory(waypoints, times, body, name=name)
+    assert speed is not None
+    path, ways = _through(waypoints, body, name)
+    profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile(float(speed))
+    duration = _time_to(profile, float(ways[-1] - ways[0]))
+    way = profile.way(duration, start_time, float(ways[0]))
+    return PathTrajectory(path, way, body, start_time, start_time + duration, name)
+
+
+def timed_trajectory(
+    waypoints: npt.ArrayLike,
+    times: npt.ArrayLike,
+    body: ActorBody,
+    *,
+    ground: Callable[[Array], Array] | None = None,
+    reverse: bool = False,
+    name: str = "actor",
+) -> PathTrajectory:
+    """Return the motion of a vehicle through waypoints at given times, forwards or backwards.
+
+    Parameters
+    ----------
+    waypoints, times
+        As in `vehicle_trajectory`.
+    body : ActorBody
+    ground : callable or None
+        Heights (M,) [m] of the ground at places (M, 2) [m], on which both axles stand; None: those of the waypoints.
+    reverse : bool
+        Whether it drives backwards: it heads against its way.
+    name : str
+        For error messages.
+
+    Raises
+    ------
+    ParameterRangeError
+        If shapes disagree, or times do not rise.
+    """
+    path, ways = _through(waypoints, body, name, ground, reverse)
+    time = np.asarray(times, dtype=np.float64)
+    if time.shape != ways.shape or not np.all(np.diff(time) > 0.0):
+        raise ParameterRangeError(f"{name}.times", f"shape {time.shape}", f"{len(ways)} strictly rising times [s]")
+    way: PPoly = (
+        constant_way(float((ways[-1] - ways[0]) / (time[1] - time[0])), float(time[0]), float(time[1]), float(ways[0]))
+        if len(time) == 2
+        else smooth_way(time, ways)
+    )
+    return PathTrajectory(path, way, body, name=name)
+
+
+def _through(
+    waypoints: npt.ArrayLike,
+    body: ActorBody,
+    name: str,
+    ground: Callable[[Array], Array] | None = None,
+    reverse: bool = False,
+) -> tuple[SmoothPath, Array]:
+    """Return the path through waypoints in the direction of the heading, and the way of the rear axle at each [m]."""
+    points = np.asarray(waypoints, dtype=np.float64)
+    if points.ndim != 2 or len(points) < 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise ParameterRangeError(f"{name}.waypoints", f"shape {points.shape}", "finite, shape (N, 3) with N >= 2 [m]")
+    points = points[::-1] if reverse else points
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     fresh = np.concatenate([[True], steps > 1e-3])
     if fresh.sum() < 2:
@@ -199,21 +258,7 @@ def vehicle_trajectory(
     kept = points[fresh]
     smoothing = min(smoothing_of(body), float(np.median(np.linalg.norm(np.diff(kept, axis=0), axis=1))))
     path = SmoothPath(kept, smoothing, (body.length + 1.0, body.length + 1.0), sparse=True)
+    path = path if ground is None else path.on_ground(ground)
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(kept, axis=0), axis=1))])[np.cumsum(fresh) - 1]
     ways = path.way_of(chord) + body.rear_axle
-    if times is None:
-        assert speed is not None
-        profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile(float(speed))
-        duration = _time_to(profile, float(ways[-1] - ways[0]))
-        return PathTrajectory(
-            path, profile.way(duration, start_time, float(ways[0])), body, start_time, start_time + duration, name
-        )
-    time = np.asarray(times, dtype=np.float64)
-    if time.shape != (len(points),) or not np.all(np.diff(time) > 0.0):
-        raise ParameterRangeError(f"{name}.times", f"shape {time.shape}", f"{len(points)} strictly rising times [s]")
-    way: PPoly = (
-        constant_way(float((ways[-1] - ways[0]) / (time[1] - time[0])), float(time[0]), float(time[1]), float(ways[0]))
-        if len(time) == 2
-        else smooth_way(time, ways)
-    )
-    return PathTrajectory(path, way, body, name=name)
+    return path, ways[::-1] if reverse else ways

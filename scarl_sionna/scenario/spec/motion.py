@@ -100,6 +100,13 @@ class WaypointsSpec(Spec):
     yaw_deg: tuple[float, ...] | None = Field(
         None, description="headings, one for each position; default: along the way"
     )
+    reverse: bool = Field(False, description="drives backwards along the way; with `times`")
+    ground: tuple[tuple[Metres, Metres, Metres], ...] | None = Field(
+        None,
+        min_length=2,
+        description="[x, y, z] of the ground along the way, straight between them, on which both axles stand, where it "
+        "has kerbs or ramps; with `times`; default: smooth through the positions [m, world]",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> WaypointsSpec:
@@ -110,6 +117,8 @@ class WaypointsSpec(Spec):
                 raise ValueError(f"as many {name} as positions: {len(values)} and {len(self.positions)} are given")
         if self.times is not None and any(b <= a for a, b in pairwise(self.times)):
             raise ValueError("times that rise")
+        if (self.reverse or self.ground is not None) and (self.times is None or self.yaw_deg is not None):
+            raise ValueError("`reverse` and `ground` with `times` and without `yaw_deg`")
         return self
 
 
