@@ -188,7 +188,7 @@ def test_the_phase_moves_the_legs(tmp_path):
         {**TABLE, "velocity": [1.0, 0.0, 0.0], "yaw_deg": 0.0, "angular_velocity_z": 0.0}, "walker"
     )
     boxes = [
-        ss.stage(path, [StagedActor("walker", child, slow, "light", phase=phase)]).at(0.0).boxes()[-1].size[0]
+        ss.stage(path, [StagedActor("walker", child, slow, "light", phase=phase)]).at(0.0).boxes()[-1].tight_size[0]
         for phase in (0.0, 0.25)
     ]
     assert boxes[0] - boxes[1] > 0.1  # legs apart at the heel's strike, together in the middle of the step

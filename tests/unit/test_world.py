@@ -211,7 +211,7 @@ def _write(
     [
         ({"file": "lost.ply"}, SceneError, "'lost.ply' is missing"),
         ({"bsdf": "difuse"}, SceneError, "difuse"),
-        ({"plugin": "sphere"}, SceneError, "only meshes"),
+        ({"plugin": "heightfield"}, SceneError, "only meshes"),
         ({"material": "kryptonite"}, MaterialError, "kryptonite"),
     ],
 )

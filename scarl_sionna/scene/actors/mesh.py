@@ -19,6 +19,7 @@ import trimesh
 
 from scarl_sionna.core.errors import MaterialError, MeshError, ParameterRangeError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
+from scarl_sionna.scene.document.mesh_files import ply_bytes
 
 from .mesh_checks import check_measures, checked_part, open_edges
 from .model import MOTIONS, ActorModel, check_colors, read_actor_model
@@ -30,8 +31,6 @@ FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 """Files that are read."""
 _VERSION = 1
 """Of what is written; a new number makes new folders."""
-_CREASE = np.radians(35.0)
-"""Edges flatter than this are shaded smooth."""
 _AXES = {
     sign + axis: (1.0 if not sign else -1.0) * row
     for axis, row in zip("xyz", np.eye(3), strict=True)
@@ -344,7 +343,7 @@ class _Written:
                 f'\t<shape type="ply" id="{shape}">\n\t\t<string name="filename" value="meshes/{shape}.ply"/>\n'
                 f'\t\t<ref id="{tables[part][0]}" name="bsdf"/>\n\t</shape>'
             )
-            self._files[f"meshes/{shape}.ply"] = _ply(body)
+            self._files[f"meshes/{shape}.ply"] = ply_bytes(body)
         self._files[f"{self._name}.xml"] = "\n".join([*xml, "</scene>", ""]).encode()
         self._files["actor.toml"] = "\n".join(lines).encode()
 
@@ -377,18 +376,6 @@ class _Written:
             return kept_folder("actors", f"{self._name}-{digest.hexdigest()[:16]}", tuple(self._files), self._into)
         except OSError as error:
             raise MeshError(f"the model of '{self._name}': {error.strerror or error}, or give `folder`") from error
-
-
-def _ply(body: trimesh.Trimesh) -> bytes:
-    """Return a binary PLY with shading normals, split at creases."""
-    smooth = trimesh.graph.smooth_shade(body, angle=_CREASE)
-    columns = np.concatenate([smooth.vertices, smooth.vertex_normals], axis=1).astype("<f4")
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(columns)}"]
-    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
-    header += [f"element face {len(smooth.faces)}", "property list uchar int vertex_indices", "end_header", ""]
-    faces = np.zeros(len(smooth.faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
-    faces["count"], faces["index"] = 3, smooth.faces
-    return "\n".join(header).encode("ascii") + columns.tobytes() + faces.tobytes()
 
 
 def _bsdf(name: str, table: Mapping[str, Any]) -> str:

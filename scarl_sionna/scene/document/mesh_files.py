@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import trimesh
 
 from scarl_sionna.core.errors import MeshError
 from scarl_sionna.core.untrusted.files import MEGABYTE, read_bytes
@@ -20,6 +21,8 @@ FARTHEST = 1e6
 """Coordinates beyond it [m] are no place in a scene."""
 _MOST_BYTES = 2000 * MEGABYTE
 _LONGEST_HEADER = 65_536
+_CREASE = np.radians(35.0)
+"""Edges flatter than this are shaded smooth."""
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
@@ -233,3 +236,15 @@ def _check_obj(data: bytes) -> None:
     except OverflowError as error:
         raise MeshError("has a face with a vertex that is not there", remedy="export it again") from error
     check_triangles(np.array(points, dtype=np.float64).reshape(-1, 3), indices)
+
+
+def ply_bytes(body: trimesh.Trimesh) -> bytes:
+    """Return a binary PLY with shading normals, split at creases."""
+    smooth = trimesh.graph.smooth_shade(body, angle=_CREASE)
+    columns = np.concatenate([smooth.vertices, smooth.vertex_normals], axis=1).astype("<f4")
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(columns)}"]
+    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
+    header += [f"element face {len(smooth.faces)}", "property list uchar int vertex_indices", "end_header", ""]
+    faces = np.zeros(len(smooth.faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
+    faces["count"], faces["index"] = 3, smooth.faces
+    return "\n".join(header).encode("ascii") + columns.tobytes() + faces.tobytes()

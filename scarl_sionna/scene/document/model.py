@@ -15,6 +15,8 @@ from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.articulation import Joint
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
+from .analytic import kept_transform
+
 
 @dataclass(frozen=True, repr=False)
 class MaterialEntry(Described):
@@ -107,8 +109,11 @@ def twin_xml(
         shape_id = str(twin.get("id"))
         for child in list(twin):
             is_material = child.tag == "bsdf" or (child.tag == "ref" and child.get("id") in bsdfs)
-            if is_material or (child.get("name") == "to_world" and shape_id in actor_shapes):
+            is_place = child.get("name") == "to_world" and shape_id in actor_shapes
+            if is_material or is_place:
                 twin.remove(child)
+            if is_place and (kept := kept_transform(child, document.path)) is not None:
+                twin.append(kept)
         bsdf = bsdfs[document.bsdf_of_shape[shape_id]]
         ET.SubElement(twin, "ref", {"id": str(bsdf.get("id")), "name": "bsdf"})
         if inside and shape_id in inside:

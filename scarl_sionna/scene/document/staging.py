@@ -18,6 +18,7 @@ from scarl_sionna.scene.actors.model import DETAILS, ActorModel, Color, ModelLev
 from scarl_sionna.scene.motion.articulation import joints_from_tables, joints_on
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
+from .analytic import kept_transform
 from .model import InstanceEntry, MaterialEntry, SceneDocument
 
 _NAME = re.compile(r"[A-Za-z0-9_\-]+")
@@ -167,9 +168,11 @@ class _Stager:
                 )
             self._used.add(name)
             own = ET.Element("shape", {**element.attrib, "id": name})
-            own.extend(
-                child for child in element if child.tag not in ("ref", "bsdf") and child.get("name") != "to_world"
-            )
+            for child in element:
+                is_place = child.get("name") == "to_world"
+                kept = kept_transform(child, path) if is_place else child
+                if kept is not None and child.tag not in ("ref", "bsdf"):
+                    own.append(kept)
             bsdf = bsdfs[level.bsdf_of_shape[shape]]
             ET.SubElement(own, "ref", {"id": bsdf, "name": "bsdf"})
             self.root.append(own)

@@ -8,6 +8,7 @@ from pathlib import Path
 from scarl_sionna.core.errors import InputFileError, SceneError
 from scarl_sionna.core.untrusted.xml_text import read_xml
 
+from .analytic import ANALYTIC_PLUGINS, mesh_element
 from .mesh_files import check_mesh
 
 MESH_PLUGINS = ("ply", "obj", "cube")
@@ -49,13 +50,14 @@ def _substitute_defaults(root: ET.Element) -> None:
 
 
 def check_shapes(root: ET.Element, path: Path) -> dict[str, ET.Element]:
-    """Return the shapes by id, in file order."""
+    """Return the shapes by id, in file order; analytic ones become meshes in place."""
     shapes: dict[str, ET.Element] = {}
     for shape in root.findall("shape"):
         shape_id, kind = shape.get("id"), shape.get("type")
-        if kind not in MESH_PLUGINS:
+        if kind not in MESH_PLUGINS + ANALYTIC_PLUGINS:
             raise SceneError(
-                f"shape '{shape_id}' is a '{kind}'; only meshes ({', '.join(MESH_PLUGINS)}) can carry radio paths",
+                f"shape '{shape_id}' is a '{kind}'; only meshes ({', '.join(MESH_PLUGINS)}) and "
+                f"{', '.join(ANALYTIC_PLUGINS)} can carry radio paths",
                 path,
                 "convert it to a mesh, for instance with trimesh",
             )
@@ -63,6 +65,11 @@ def check_shapes(root: ET.Element, path: Path) -> dict[str, ET.Element]:
             raise SceneError(f"a shape of type '{kind}' has no id", path, 'add id="..." to every shape')
         if shape_id in shapes:
             raise SceneError(f"two shapes have the id '{shape_id}'", path)
+        if kind in ANALYTIC_PLUGINS:
+            mesh = mesh_element(shape, path)
+            shape.clear()
+            shape.attrib.update(mesh.attrib)
+            shape.extend(mesh)
         if kind in ("ply", "obj"):
             check_mesh(shape_id, Path(property_of(shape, "filename")), kind)
         shapes[shape_id] = shape
