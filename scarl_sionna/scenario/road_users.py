@@ -22,7 +22,7 @@ from scarl_sionna.scene.document.model import SceneDocument
 from scarl_sionna.scene.document.staging import StagedActor
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
-from .cast import Member
+from .cast import EGO, Member
 from .checks.collisions import find_collisions
 from .checks.spec import PATH_OF_TRAFFIC, STEP, body_of_entry, moving_of
 from .motion.bodies import BodyLike
@@ -36,6 +36,10 @@ from .traffic.fcd import read_fcd
 from .traffic.planned import BETWEEN, DEPTH, Conversion, PlannedActor, PresentTrajectory
 from .traffic.simulated import simulate_traffic
 from .traffic.sumo import run_sumo
+
+SIGHT = 300.0
+"""Distance from the ego vehicle [m] within which nobody comes or goes: radars and lidars do not reach so far, and in a
+camera of 60 deg and 1,280 columns a car is 6 pixels high."""
 
 
 def traffic_seed(spec: ScenarioSpec) -> int:
@@ -68,7 +72,9 @@ def traffic_of(
         return ()
     try:
         planned = _planned(spec, spec.traffic, own, document, setting)
-        present = (actor for actor in planned if actor.active[0] < actor.active[1])
+        present = [actor for actor in planned if actor.active[0] < actor.active[1]]
+        if spec.traffic.source in ("built_in", "sumo") and not spec.traffic.open_ends:
+            present = _without_gaps(present, _looker(own, document), setting)
         return tuple(_member(spec, actor, number) for number, actor in enumerate(present))
     except UnknownNameError as error:
         raise name_error(error, spec.place(*PATH_OF_TRAFFIC, "mix", error.name)) from error
@@ -102,6 +108,37 @@ def _planned(
     if source == "fcd":
         return read_fcd(file, span=span, ground=setting.network)
     return read_commonroad(file, span=span, ground=setting.network)
+
+
+def _looker(own: Sequence[Member], document: SceneDocument) -> Trajectory | None:
+    """Return the motion of the ego vehicle, the scenario's or the scene's."""
+    motions = {entry.name: trajectory for entry, trajectory in moving_of(document)}
+    motions |= {member.actor.name: member.actor.trajectory for member in own}
+    return motions.get(EGO) or motions.get(document.ego or EGO)
+
+
+def _without_gaps(planned: list[PlannedActor], ego: Trajectory | None, setting: Setting) -> list[PlannedActor]:
+    """Return the traffic without those that come or go where the ego vehicle may see it."""
+    if ego is None:
+        return planned
+    first, last = setting.first, setting.last + MARGIN
+
+    def is_seen(actor: PlannedActor, time: float) -> bool:
+        if not first < time < last:
+            return False
+        way = actor.trajectory.pose(time).position - ego.pose(min(max(time, ego.start), ego.stop)).position
+        return float(np.linalg.norm(way)) < SIGHT
+
+    kept = [actor for actor in planned if not any(is_seen(actor, time) for time in actor.active)]
+    if len(kept) < len(planned) / 2.0:
+        warnings.warn(
+            f"{len(planned) - len(kept)} of {len(planned)} in the traffic come or go at ends of streets within "
+            f"{SIGHT:g} m of the ego vehicle and are left out; a shorter scenario keeps more of them, and "
+            "`open_ends: true` lets them appear and vanish",
+            ScarlWarning,
+            stacklevel=2,
+        )
+    return kept
 
 
 def _file(spec: ScenarioSpec, traffic: TrafficSpec) -> Path:

@@ -239,6 +239,16 @@ def test_what_it_is_named_after_happens(name) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_nobody_appears_or_vanishes_in_view(name) -> None:
+    run = run_of(name)
+    for when in np.arange(run.first, run.last, 0.25).tolist():
+        ego = run.motions["ego"].pose(when).position
+        for other, motion in run.motions.items():
+            if is_present(motion, when) != is_present(motion, when + 0.25 if when + 0.25 < run.last else run.last):
+                assert np.linalg.norm(motion.motion.pose(when).position - ego) > 300.0, (other, when)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_its_file_says_what_to_look_at_and_says_the_same_when_saved(name, tmp_path) -> None:
     text = (LIBRARY / f"{name}.yaml").read_text(encoding="utf-8")
     assert text.startswith("# ") and "# Look at: " in text

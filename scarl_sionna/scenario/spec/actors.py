@@ -80,6 +80,11 @@ class TrafficSpec(Spec):
     pedestrians: int = Field(0, ge=0, le=500)
     cyclists: int = Field(0, ge=0, le=200)
     parked: float = Field(0.0, ge=0.0, le=1.0, description="share of the parking places that are taken")
+    open_ends: bool = Field(
+        False,
+        description="whether simulated traffic comes and goes at the ends of streets that the ego vehicle may see; "
+        "else who does so between the first and the last frame is left out",
+    )
     seed: int | None = Field(None, ge=0, description="default: the scenario's")
 
     @model_validator(mode="after")
