@@ -130,7 +130,7 @@ def _without_gaps(planned: list[PlannedActor], ego: Trajectory | None, setting: 
         return float(np.linalg.norm(way)) < SIGHT
 
     kept = [actor for actor in planned if not any(is_seen(actor, time) for time in actor.active)]
-    if len(kept) < len(planned) / 2.0:
+    if len(kept) < 2.0 * len(planned) / 3.0:
         warnings.warn(
             f"{len(planned) - len(kept)} of {len(planned)} in the traffic come or go at ends of streets within "
             f"{SIGHT:g} m of the ego vehicle and are left out; a shorter scenario keeps more of them, and "

@@ -16,6 +16,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from scarl_sionna.core.errors import DatasetError, MeshError, ParameterRangeError, ScarlError, TrajectoryFileError
+from scarl_sionna.core.untrusted.json_text import parse_json
+from scarl_sionna.core.untrusted.yaml_text import parse_yaml
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.dataset.store.files import LocalFiles
 from scarl_sionna.dataset.store.manifest import read_manifest
@@ -163,3 +165,15 @@ def test_a_manifest_of_impossible_numbers(tmp_path, where: str, value: object) -
     (tmp_path / "d/manifest.backup.json").unlink()
     with pytest.raises(DatasetError, match=f"manifest.json is damaged: .*{where}"):
         open_dataset(tmp_path / "d")
+
+
+def test_json_escapes_of_one_character_are_one_character_in_yaml(tmp_path) -> None:
+    whole = {"a": "\U00010000 é"}
+    assert parse_yaml(json.dumps(whole)) == whole == parse_json(json.dumps(whole))
+    with pytest.raises(ValueError, match="half a character"):
+        parse_json(b'{"a": ["\\uD800"]}')
+    path = tmp_path / "data.json"
+    for text, words in (('{"weather": "\\ud800\\udc00"}', "weather"), ('{"weather": "\\ud800"}', "half a character")):
+        path.write_text(text)
+        with pytest.raises(ScarlError, match=words):
+            ScenarioSpec.load(path)

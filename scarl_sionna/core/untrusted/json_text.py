@@ -17,12 +17,17 @@ def parse_json(text: str | bytes) -> PlainData:
     Raises
     ------
     ValueError
-        If it is no JSON, nested too deeply, or has an integer of more than 40 digits.
+        If it is no JSON, nested too deeply, has an integer of more than 40 digits, or a text with half a character.
     """
     try:
-        return json.loads(text, parse_int=_integer)
+        data = json.loads(text, parse_int=_integer)
+        if (b"\\ud" if isinstance(text, bytes) else "\\ud") in text.lower():  # type: ignore[operator]
+            json.dumps(data, ensure_ascii=False).encode()
+        return data
     except RecursionError as error:
         raise ValueError("is nested too deeply") from error
+    except UnicodeEncodeError as error:
+        raise ValueError("holds half a character") from error
 
 
 def _integer(text: str) -> int:

@@ -46,6 +46,8 @@ class PlainLoader(yaml.SafeLoader):
         self._level -= 1
         if node is not None and node.tag not in _PLAIN:
             raise yaml.MarkedYAMLError(problem=f"has the tag {node.tag!r:.60}, which is not read", problem_mark=mark)
+        if isinstance(node, yaml.ScalarNode) and not node.value.isascii():
+            node.value = _whole(node.value, mark)
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, PlainData]:
@@ -97,6 +99,14 @@ PlainLoader.add_implicit_resolver(
     re.compile(r"^[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|\.(?:inf|Inf|INF))$|^\.(?:nan|NaN|NAN)$"),
     list("-+0123456789."),
 )
+
+
+def _whole(text: str, mark: yaml.Mark | None) -> str:
+    """Return a text whose pairs of surrogates, which JSON writes for what is beyond U+FFFF, are one character each."""
+    try:
+        return text.encode("utf-16", "surrogatepass").decode("utf-16")
+    except UnicodeDecodeError as error:
+        raise yaml.MarkedYAMLError(problem="holds half a character", problem_mark=mark) from error
 
 
 def _decimal(loader: PlainLoader, node: yaml.ScalarNode) -> int:
