@@ -111,8 +111,8 @@ def drops_lidar_ratio(wavelength: float, scale_diameter: float) -> float:
     :math:`\alpha_w = 4 \pi k / \lambda` is the absorption of water; means are over the drops' areas. G makes 19 sr of
     drops without absorption, those of fog; the way of its light in the drop, 7.5 diameters, is fitted.
     *Validity*: within 30 % of the Mie series at 1310 nm and from 1530 to 1600 nm for drops of rain and spray, a factor
-    of two high in the absorption band at 1450 nm. Below 1.2 um, where water is clear, spheres send two to four times as
-    much back as 19 sr says; drops above 1 mm are flat and lose that glory.
+    of two high in the absorption band at 1450 nm. Below 1.2 um, where water is clear, spheres give 5 to 26 sr at
+    1064 nm, by the third digit of n; drops above 1 mm are flat and lose that glory.
 
     References
     ----------
