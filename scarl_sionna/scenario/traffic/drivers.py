@@ -20,7 +20,8 @@ import numpy.typing as npt
 from scarl_sionna.scenario.motion.bodies import ActorBody
 from scarl_sionna.scene.lanes import Signals
 
-from .tracks import Track, TrackGraph, curve_speed
+from .bends import RoutePaths, bend_speeds
+from .tracks import Track, TrackGraph
 
 Array = npt.NDArray[np.float64]
 
@@ -29,8 +30,16 @@ CRITICAL_HEADWAY = 4.5
 HARDEST_BRAKING, FIRM_BRAKING = 8.0, 4.0
 """What brakes can give, and what a driver brakes with at a signal that has just turned red [m/s^2]."""
 _JERK, _EMERGENCY_JERK = 6.0, 25.0
+_RELEASE_JERK, _STOP_JERK = 12.0, 8.0
+"""How fast brakes are let go when the way is free, and towards a stop [m/s^3]."""
+_HALT = 0.3
+"""Time before a stop at which its last moments begin [s]."""
 _SETTING_OFF = 1.5
 """Acceleration that is expected of a driver who has the right of way and may set off [m/s^2]."""
+_EASE = 0.75
+"""Share of the braking of the model with which drivers slow down for bends and limits."""
+_LOOK = 0.6
+"""How far ahead drivers look for the speed that they shall have [s]: what it takes to step on the brake."""
 _HORIZON = 120.0
 """How far ahead a driver looks for others [m]."""
 
@@ -60,24 +69,21 @@ class Driver:
     held: dict[int, tuple[int, float]] = field(default_factory=dict)
     blocked_end: bool = False
     history: list[tuple[float, float, float]] = field(default_factory=list)
+    halting: list[tuple[float, float, float]] = field(default_factory=list)
 
-    def prepare(self, tracks: Sequence[Track]) -> None:
+    def prepare(self, tracks: Sequence[Track], paths: RoutePaths) -> None:
         """Fill the start of each track along the route, and the speed [m/s] at which each metre is driven."""
         lengths = [tracks[index].length for index in self.route]
         self.starts = [0.0, *np.cumsum(lengths).tolist()]
-        points = np.concatenate([tracks[index].points for index in self.route])
-        chord = np.concatenate(
-            [tracks[index].chord + start for index, start in zip(self.route, self.starts, strict=False)]
-        )
         ways = np.arange(0.0, self.starts[-1] + 1.0)
         limits = np.repeat([tracks[index].speed for index in self.route], np.diff(np.ceil(self.starts)).astype(int))
         limits = np.append(limits, np.full(max(len(ways) - len(limits), 0), limits[-1]))[: len(ways)] * self.share
         limits = np.minimum(limits, self.top_speed)
         if tracks[self.route[0]].kind != "walk":
-            limits = np.minimum(limits, np.maximum(curve_speed(points, chord, ways), 1.5))
+            limits = np.minimum(limits, bend_speeds(paths.path(self.route, self.body), self.body, ways))
         squares = limits**2  # braking in time: v(x)^2 <= v(x + 1)^2 + 2 b
         for index in range(len(squares) - 2, -1, -1):
-            squares[index] = min(squares[index], squares[index + 1] + 1.5 * self.braking)
+            squares[index] = min(squares[index], squares[index + 1] + 2.0 * _EASE * self.braking)
         self.limits = np.sqrt(squares)
         self.place = bisect_right(self.starts, self.way) - 1
 
@@ -96,16 +102,29 @@ class Driver:
         )
         return self.acceleration * (free - (wished / max(gap, 0.1)) ** 2)
 
+    def slow_down(self) -> float:
+        """Return the acceleration that is needed for the speeds of the route ahead [m/s^2], infinite where none is."""
+        ahead = max(_LOOK * self.speed, 2.0)
+        row = self.way + ahead
+        before = min(int(row), len(self.limits) - 2)
+        share = min(max(row - before, 0.0), 1.0)
+        wanted = float(self.limits[before] * (1.0 - share) + self.limits[before + 1] * share)
+        return (wanted**2 - self.speed**2) / (2.0 * ahead) if wanted < self.speed else math.inf
+
     def advance(self, wish: float, step: float) -> None:
         """Move on for a step of time [s].
 
         The acceleration goes linearly to what is wished, as far as the jerk lets it.
         """
+        if self._halt(wish, step):
+            return
         jerk = _EMERGENCY_JERK if wish < -FIRM_BRAKING or self.pull < -FIRM_BRAKING else _JERK
         pull = min(max(wish, -HARDEST_BRAKING), self.acceleration)
-        pull = min(max(pull, self.pull - jerk * step), self.pull + max(jerk, 12.0 if self.pull < 0.0 else 0.0) * step)
+        pull = min(
+            max(pull, self.pull - jerk * step), self.pull + max(jerk, _RELEASE_JERK if self.pull < 0.0 else 0.0) * step
+        )
         if pull < 0.0:  # brakes are let go towards the stop, so that it is reached without a jolt
-            pull = max(pull, -math.sqrt(2.0 * 8.0 * self.speed))
+            pull = max(pull, -math.sqrt(2.0 * _STOP_JERK * self.speed))
         speed = self.speed + 0.5 * (self.pull + pull) * step
         if speed < 0.02 and wish <= 0.0:
             self.way += 0.4 * self.speed * step
@@ -116,6 +135,37 @@ class Driver:
         else:
             self.way += self.speed * step + (2.0 * self.pull + pull) * step * step / 6.0
             self.speed, self.pull = speed, pull
+
+    def _halt(self, wish: float, step: float) -> bool:
+        """Move on for a step of the last moments before a stop; return False where it is not as far as that.
+
+        Who brakes so hard that letting the brakes go does not keep it rolling, stops whatever it wishes. The speed is
+        the cubic of time that reaches rest without a jolt after a whole number of steps: about as long as brakes that
+        are let go evenly take, at most `_HALT`, and so short that the cubic goes through no speed backward.
+        """
+        if not self.halting:
+            evenly = 2.0 * self.speed / max(-self.pull, 1e-9)
+            is_slow = self.pull < 0.2 and self.speed < (0.3 if wish < -1.0 else 0.05)
+            must = self.pull < 0.0 and self.speed < self.pull**2 / (2.0 * _RELEASE_JERK)
+            if self.speed == 0.0 or not (must or (wish <= 0.0 and (evenly <= _HALT or is_slow))):
+                return False
+            longest = max(math.floor(1.5 * evenly / step + 1e-9), 1)
+            time = step * min(math.ceil(min(evenly, _HALT) / step - 1e-9), longest)
+            self.halting = _halt_states(self.speed, self.pull, time, step)
+        way, self.speed, self.pull = self.halting.pop(0)
+        self.way += way
+        return True
+
+
+def _halt_states(speed: float, pull: float, time: float, step: float) -> list[tuple[float, float, float]]:
+    """Return way in each step [m], and speed [m/s] and acceleration [m/s^2] at its end, up to rest after a time [s]."""
+    cubic = (2.0 * speed / time + pull) / time**2, -(3.0 * speed / time + 2.0 * pull) / time, pull, speed
+    ways = np.polynomial.polynomial.Polynomial([0.0, *(c / (n + 1.0) for n, c in enumerate(cubic[::-1]))])
+    speeds = ways.deriv()
+    ends = step * np.arange(round(time / step) + 1)
+    states = np.column_stack([np.diff(ways(ends)), speeds(ends[1:]), speeds.deriv()(ends[1:])])
+    states[-1, 1:] = 0.0
+    return [(way, now, rate) for way, now, rate in states.tolist()]
 
 
 @dataclass(frozen=True)
@@ -196,7 +246,7 @@ class Crowd:
     def _wish(self, number: int, driver: Driver, time: float) -> float:
         """Return the acceleration that a driver wishes [m/s^2]."""
         desired = float(driver.limits[min(int(driver.way), len(driver.limits) - 1)])
-        wish = driver.follow(math.inf, 0.0, desired)
+        wish = min(driver.follow(math.inf, 0.0, desired), driver.slow_down())
         leader = self._leader(number, driver)
         if leader is not None:
             wish = min(wish, driver.follow(leader.gap, driver.speed - leader.speed, desired))

@@ -23,6 +23,7 @@ from scarl_sionna.scenario.spec.actors import TrafficSpec
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory
 
+from .bends import RoutePaths, line_of
 from .drivers import Crowd, Driver, Obstacle
 from .planned import PlannedActor, draw_variant
 from .separation import without_collisions
@@ -130,7 +131,7 @@ def simulate_traffic(
             )
     Crowd(graph, [driver for driver, _ in planner.made], network.signals, obstacles).run(start, num_steps, STEP)
 
-    drive = _Drive(graph.tracks, instants, (start_time, start_time + duration), models)
+    drive = _Drive(graph.tracks, planner.paths, instants, (start_time, start_time + duration), models)
     draw = generator(seed, "traffic_looks")
     actors = []
     counts: dict[str, int] = {}
@@ -180,6 +181,7 @@ class _Planner:
         self, graph: TrackGraph, draw: np.random.Generator, duration: float, obstacles: Sequence[Obstacle]
     ) -> None:
         self.graph, self.draw, self.duration = graph, draw, duration
+        self.paths = RoutePaths(graph.tracks)
         self.made: list[tuple[Driver, str]] = []
         self.taken: dict[int, list[tuple[float, float]]] = {}
         for obstacle in obstacles:
@@ -263,7 +265,7 @@ class _Planner:
             driver.route.append(ways[int(self.draw.integers(len(ways)))])
             length += self.graph.tracks[driver.route[-1]].length
         driver.blocked_end = length < needed
-        driver.prepare(self.graph.tracks)
+        driver.prepare(self.graph.tracks, self.paths)
         driver.speed = min(driver.speed, 0.8 * float(driver.limits[int(front)]))
         return driver
 
@@ -272,10 +274,11 @@ class _Planner:
 class _Drive:
     """What was simulated.
 
-    Tracks, instants (N,) [s], the span that motions shall be known for [s], and bodies by model name.
+    Tracks and the paths along them, instants (N,) [s], the span that motions shall be known for [s], bodies by model.
     """
 
     tracks: Sequence[Track]
+    paths: RoutePaths
     instants: Array
     span: tuple[float, float]
     models: Mapping[str, BodyLike] | None
@@ -287,13 +290,17 @@ class _Drive:
         reference = body.length / 2.0 - body.rear_axle  # from the front to the rear axle
         chords = states[:, 0] - reference
         route = [self.tracks[index] for index in driver.route]
-        points, chord = _line(route)
-        low, high = chords[0] - 12.0, states[-1, 0] + 12.0
-        first, last = np.searchsorted(chord, [low, high])
-        kept = slice(max(int(first) - 1, 0), min(int(last) + 1, len(chord)))
-        room = (body.length + 1.0, body.length + 1.0)
-        path = SmoothPath(points[kept], smoothing_of(body), room, offset=-route[0].right)
-        ends = path.way_of(chords[[0, -1]] - chord[kept][0])
+        if body.wheelbase > 0.0:
+            path, start = self.paths.path(driver.route, body), 0.0
+        else:
+            points, chord = line_of(route)
+            low, high = chords[0] - 12.0, states[-1, 0] + 12.0
+            first, last = np.searchsorted(chord, [low, high])
+            kept = slice(max(int(first) - 1, 0), min(int(last) + 1, len(chord)))
+            room = (body.length + 1.0, body.length + 1.0)
+            path = SmoothPath(points[kept], smoothing_of(body), room, offset=-route[0].right)
+            start = float(chord[kept][0])
+        ends = path.way_of(chords[[0, -1]] - start)
         scale = (ends[1] - ends[0]) / (chords[-1] - chords[0]) if chords[-1] - chords[0] > 5.0 else 1.0
         ways = ends[0] + scale * (chords - chords[0])
         way = way_from_states(self.instants, ways, scale * states[:, 1], scale * states[:, 2])
@@ -310,16 +317,6 @@ class _Drive:
         if not present.size:
             return self.span[0], self.span[0]
         return max(float(present[0]), self.span[0]), min(float(present[-1]), self.span[1])
-
-
-def _line(route: Sequence[Track]) -> tuple[Array, Array]:
-    """Return the points of a route without the doubles at its joints, and the way along the tracks of each."""
-    points, chord, start = [route[0].points], [route[0].chord], route[0].length
-    for track in route[1:]:
-        points.append(track.points[1:])
-        chord.append(track.chord[1:] + start)
-        start += track.length
-    return np.concatenate(points), np.concatenate(chord)
 
 
 def _parked(

@@ -1,0 +1,87 @@
+"""How fast bends of a route are taken: from the curvature of the path that the rear axle follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.scenario.motion.bodies import ActorBody
+from scarl_sionna.scenario.motion.paths import SmoothPath
+from scarl_sionna.scenario.motion.routes import smoothing_of
+
+from .tracks import Track
+
+Array = npt.NDArray[np.float64]
+
+LATERAL = 2.0
+"""Lateral acceleration that drivers keep below in bends [m/s^2]."""
+_PLANNED = 1.8
+"""What they aim at [m/s^2]: speeds are kept to within some per cent."""
+_CHANGE = 1.5
+"""Acceleration along the way while a bend is entered or left [m/s^2]: it moves the body's middle to the side, too."""
+_CRAWL = 1.0
+"""Speed at which any bend is taken [m/s]."""
+_SAMPLE = 0.5
+"""Distance of the places at which a bend is looked at [m]."""
+_ROOM = 5.0
+"""Step of the lengths by which paths go on straight before the first and after the last point [m]."""
+
+
+class RoutePaths:
+    """The smooth paths along routes of tracks, each made once."""
+
+    def __init__(self, tracks: Sequence[Track]) -> None:
+        self._tracks = tracks
+        self._known: dict[tuple[tuple[int, ...], float, float], SmoothPath] = {}
+
+    def path(self, route: Sequence[int], body: ActorBody) -> SmoothPath:
+        """Return the path along tracks that a body takes, with room for it before the start and behind the end."""
+        room = _ROOM * float(np.ceil((body.length + 1.0) / _ROOM))
+        key = tuple(route), smoothing_of(body), room
+        if key not in self._known:
+            points = line_of([self._tracks[index] for index in route])[0]
+            self._known[key] = SmoothPath(points, key[1], (room, room))
+        return self._known[key]
+
+
+def line_of(route: Sequence[Track]) -> tuple[Array, Array]:
+    """Return the points of a route without the doubles at its joints, and the way along the tracks of each."""
+    points, chord, start = [route[0].points], [route[0].chord], route[0].length
+    for track in route[1:]:
+        points.append(track.points[1:])
+        chord.append(track.chord[1:] + start)
+        start += track.length
+    return np.concatenate(points), np.concatenate(chord)
+
+
+def bend_speeds(path: SmoothPath, body: ActorBody, fronts: Array) -> Array:
+    r"""Return the largest speed [m/s] at which a body takes the bends of a path at ease.
+
+    Parameters
+    ----------
+    path : SmoothPath
+        Of the rear axle.
+    body : ActorBody
+    fronts : ndarray of float64, shape (N,)
+        Ways of the body's front along the points of the path, 1 m apart [m].
+
+    Notes
+    -----
+    With the curvature k of the path at the rear axle and the distance l from there to the body's middle, the middle
+    is accelerated to the side by :math:`(k + l k') v^2 + l k \dot v`. The tightest place within 1 m counts.
+    """
+    behind = body.length / 2.0 - body.rear_axle
+    chord = np.arange(fronts[0] - behind - 1.0, fronts[-1] - behind + 1.0 + _SAMPLE, _SAMPLE)
+    low, high = path.bounds
+    ways = np.clip(path.way_of(chord) + np.minimum(chord, 0.0), low, high)
+    first, second = path.at(ways, 1), path.at(ways, 2)
+    bend = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    lever = -body.rear_axle
+    tightest = np.maximum(np.abs(bend), np.abs(bend + lever * np.gradient(bend, _SAMPLE)))
+    left = np.maximum(_PLANNED - _CHANGE * lever * np.abs(bend), 0.3 * _PLANNED)
+    speed = np.sqrt(left / np.maximum(tightest, 1e-6))
+    reach = round(1.0 / _SAMPLE)
+    widest = np.lib.stride_tricks.sliding_window_view(speed, 2 * reach + 1).min(1)
+    return np.maximum(np.interp(fronts - behind, chord[reach : reach + len(widest)], widest), _CRAWL)
