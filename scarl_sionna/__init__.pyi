@@ -34,7 +34,7 @@ from .core.specs.radar.impairments import (
     Mixer,
     PhaseNoise,
 )
-from .core.specs.radar.multiplexing import Bpm, Cdm, Ddm, IdealMimo, Tdm
+from .core.specs.radar.multiplexing import Bpm, Cdm, Ddm, Fdm, IdealMimo, Tdm
 from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
 from .core.specs.radar.waveforms.coded import Ofdm, Pmcw
@@ -104,6 +104,7 @@ __all__ = [
     "ChannelErrors",
     "ChirpErrors",
     "Ddm",
+    "Fdm",
     "Fmcw",
     "Ofdm",
     "PcFmcw",

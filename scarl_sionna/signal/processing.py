@@ -16,7 +16,7 @@ from scarl_sionna.core.prompt.describe import Described, Row, array_text, short
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
-from scarl_sionna.core.units import watt_to_dbm
+from scarl_sionna.core.units import SPEED_OF_LIGHT, watt_to_dbm
 
 from .multiplexing import separate, suppress_images
 from .noise import cell_noise_power
@@ -234,6 +234,9 @@ def range_doppler(
     ``exp(-2j pi nu t_i)``. Both use the row's own velocity, so a target beyond the unambiguous velocity comes out at
     an aliased velocity **and** a range that is off by the corresponding amount.
 
+    In frequency division the carriers of transmitter i are higher by F_i, which adds the phase ``2 pi F_i tau``: it is
+    removed for each range bin's delay, so that channels hold pure array phases.
+
     Of symbols (OFDM, phase codes) the receiver takes the channel first, by division or correlation: all tones at one
     time, so that the coupling ``nu`` is not there.
 
@@ -267,7 +270,7 @@ def range_doppler(
         factor = None if is_periodic or not compensate_motion else _motion_compensation(seen, num_doppler, tx)
         taper = fast if factor is None else factor * fast
         for channel in range(tx * radar.num_rx, (tx + 1) * radar.num_rx):
-            samples, shape = channel_of(cube[channel], radar), (num_doppler, num_range)
+            samples, shape = channel_of(cube[channel], radar, tx=tx), (num_doppler, num_range)
             if radar.waveform.burst > 1:
                 windows = window, doppler_window
                 data[channel] = burst_map(samples, radar, windows, shape, tx if compensate_motion else None)
@@ -275,6 +278,7 @@ def range_doppler(
                 data[channel] = stepped_map(samples, radar, slow, taper, shape, compensate_motion)
             else:
                 data[channel] = over_range(_over_doppler(samples, seen, slow, num_doppler) * taper, seen, num_range)
+            _turn_carriers(data[channel], seen, tx)
     noise_power = cell_noise_power(radar, window, doppler_window)
     if is_periodic:  # before the compensation, which is another one in the rows of the images
         suppress_images(data, radar, noise_power)
@@ -312,20 +316,32 @@ def _bins(name: str, asked: int | None, least: int) -> int:
 
 
 def uncompensated(rd: RangeDoppler) -> npt.NDArray[np.complex64]:
-    """Return a map's data as it is before the compensation of motion.
+    """Return a map's data as it is before the compensation of motion, and of the carriers of frequency division.
 
     Shape (num_virtual, num_doppler_bins, num_range_bins) [sqrt(W)]. There a point of even chirps is one tone over both
     axes. Exact: the transform over range is undone and made again.
     """
-    if not rd.is_compensated:
+    if not rd.is_compensated and rd.radar.multiplexing.shares_band:
         return rd.data
     seen, (num_doppler, num_range) = seen_by(rd.radar), rd.data.shape[1:]
-    out = np.empty_like(rd.data)
-    for channel, data in enumerate(rd.data):
+    out = rd.data.copy()
+    for channel, data in enumerate(out):
+        tx = channel // rd.radar.num_rx
+        _turn_carriers(data, seen, tx, back=True)
+        if not rd.is_compensated:
+            continue
         if channel % rd.radar.num_rx == 0:
-            moved = _motion_compensation(seen, num_doppler, channel // rd.radar.num_rx, num_range)
+            moved = _motion_compensation(seen, num_doppler, tx, num_range)
         out[channel] = over_range(np.conj(moved) * before_range(data, seen), seen, num_range)
     return out
+
+
+def _turn_carriers(data: npt.NDArray[np.complex64], seen: RadarSpec, tx: int, back: bool = False) -> None:
+    """Remove from a transmitter's map, in place, the phase that its own carriers add over range; `back` adds it."""
+    higher = seen.tx_frequency(tx)
+    if higher:
+        cycles = higher * 2.0 / SPEED_OF_LIGHT * range_axis(seen, data.shape[1])
+        data *= np.exp((2j if back else -2j) * np.pi * cycles).astype(np.complex64)
 
 
 def coupling(radar: RadarSpec, tx: int = 0) -> float:
@@ -351,5 +367,8 @@ def _motion_compensation(
     sample = np.arange(num_samples or radar.num_samples)
     ts_middle = (radar.num_samples - 1) / (2.0 * radar.sample_rate)
     shift = doppler * coupling(radar, tx)
+    higher = radar.tx_frequency(tx)
+    if higher:  # tones above the first transmitter's, as a sweep's later ones
+        ts_middle -= higher / radar.waveform.sweep.slope
     cycles = shift[:, None] * (sample / radar.sample_rate - ts_middle)[None, :] + (doppler * tx_delay)[:, None]
     return np.exp(-2j * np.pi * cycles).astype(np.complex64)

@@ -16,7 +16,9 @@ from .windows import window_values
 Array = npt.NDArray[np.float64]
 
 
-def channel_of(samples: npt.NDArray[np.complexfloating], radar: RadarSpec, first: int = 0) -> npt.NDArray[np.complex64]:
+def channel_of(
+    samples: npt.NDArray[np.complexfloating], radar: RadarSpec, first: int = 0, tx: int = 0
+) -> npt.NDArray[np.complex64]:
     r"""Return what a receiver makes of the samples of a transmit-receive pair before its range transform.
 
     Parameters
@@ -26,6 +28,8 @@ def channel_of(samples: npt.NDArray[np.complexfloating], radar: RadarSpec, first
     radar : RadarSpec
     first : int
         Chirp of the frame that the first row is.
+    tx : int
+        Transmitter, which in frequency division has subcarriers of its own.
 
     Returns
     -------
@@ -38,7 +42,7 @@ def channel_of(samples: npt.NDArray[np.complexfloating], radar: RadarSpec, first
     .. [1] C. Sturm, W. Wiesbeck, "Waveform design and signal processing aspects for fusion of wireless communications
        and radar sensing", Proc. IEEE 99(7), 2011.
     """
-    waveform = radar.waveform
+    waveform = radar.waveform_of(tx)
     if isinstance(waveform, PcFmcw):
         chips = waveform.by_chirp[first : first + len(samples), None]
         taken = _aligned(samples, waveform) if waveform.coding == "within" else np.asarray(samples)
@@ -72,7 +76,7 @@ def _aligned(samples: npt.NDArray[np.complexfloating], waveform: PcFmcw) -> npt.
 
 def _powers(radar: RadarSpec) -> Array | None:
     """Return what a correlator weights each column of :func:`channel_of` with; None if it weights all alike."""
-    waveform = radar.waveform
+    waveform = radar.waveform_of(0)
     if isinstance(waveform, PcFmcw) and waveform.coding == "within":
         return np.asarray(np.abs(waveform.aligned) ** 2)
     return _line_powers(waveform) if is_coded(waveform) and not waveform.divides else None
@@ -111,7 +115,7 @@ def noise_weights(radar: RadarSpec, window: str | None) -> Array:
 
     Shape (num_range_bins,), by definition of the receiver: the squares of all weights. Not for bursts.
     """
-    waveform, powers = radar.waveform, _powers(radar)
+    waveform, powers = radar.waveform_of(0), _powers(radar)
     squares = range_weights(radar, window) ** 2
     if powers is not None:
         return np.asarray(squares * powers)

@@ -19,11 +19,14 @@ RADARS = {
     "coded": ss.PcFmcw(num_chirps=8, num_samples=64),
     "ofdm": ss.Ofdm(num_chirps=8, num_subcarriers=64, comb=2),
     "pmcw": ss.Pmcw(num_chirps=8, code_length=63),
+    "divided": ss.Ofdm(num_chirps=8, num_subcarriers=96),
 }
+HOW = {"divided": ss.Fdm(interleaving=4)}
 
 
 def test_every_waveform_goes_through_the_command_line_and_comes_back(tmp_path) -> None:
-    mounts = (SensorMount(name, "radar", ss.RadarSpec(waveform=RADARS[name]), PLACE, FEW_RAYS) for name in RADARS)
+    radars = {name: ss.RadarSpec(waveform=wave, multiplexing=HOW.get(name, "ideal")) for name, wave in RADARS.items()}
+    mounts = (SensorMount(name, "radar", radars[name], PLACE, FEW_RAYS) for name in RADARS)
     Rig("many", tuple(mounts)).save(tmp_path / "rig.yaml")
     scenario = ScenarioSpec(
         scene=str(scene_file(tmp_path)), rig=str(tmp_path / "rig.yaml"), num_frames=1, frame_rate=50.0, name="one"
@@ -32,9 +35,9 @@ def test_every_waveform_goes_through_the_command_line_and_comes_back(tmp_path) -
     report = run(tmp_path / "one.yaml", "--out", tmp_path / "data")
     assert report.returncode == 0, report.stderr
     frame = open_dataset(tmp_path / "data")[0]
-    for name, waveform in RADARS.items():
+    for name in RADARS:
         radar = frame.radar[name].to_result()
-        assert radar.spec.waveform == waveform
+        assert radar.spec == radars[name]
         rd = ss.range_doppler(radar)
         assert rd.power.shape == (radar.spec.num_doppler_bins, radar.spec.num_range_bins) == radar.cell_instance.shape
         assert np.isfinite(rd.power).all() and radar.cell_power.max() > 0.0

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.core.specs.radar.waveforms.coded import is_coded, window_start
+from scarl_sionna.core.specs.radar.waveforms.coded import Ofdm, is_coded, window_start
 from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.signal.front_end.channels import tx_matrix
 
@@ -77,6 +78,10 @@ class Emission:
             if waveform.coding == "within":
                 line, lines = waveform.lines
                 strength = lines[None]
+        if not radar.multiplexing.shares_band:
+            start, carrier = np.repeat(start, radar.num_tx), np.repeat(carrier, radar.num_tx)
+            strength, factor = _interleaved(radar), _alone(radar, len(chirp))
+            chirp = np.arange(len(start))
         strength = strength[chirp] if len(strength) > 1 else np.broadcast_to(strength, (len(start), len(line)))
         slope = 0.0 if is_coded(waveform) else waveform.sweep.slope
         return cls(start + before, before, after, carrier, slope, line, strength, factor)
@@ -102,6 +107,27 @@ class Emission:
         ends = self.before, self.after
         chosen = self.strength[rows], self.factor[rows]
         return Emission(start[keep], *ends, self.carrier[rows], self.slope, self.line, *chosen)
+
+
+def _interleaved(radar: RadarSpec) -> Complex:
+    """Return the strengths of all subcarriers in frequency division, a row for each transmitter in each symbol.
+
+    By definition of :class:`Fdm`, shape (num_chirps * num_tx, num_lines).
+    """
+    whole = radar.waveform
+    assert isinstance(whole, Ofdm)  # checked with the radar
+    out = np.zeros((radar.num_chirps, radar.num_tx, len(whole.sent)), dtype=np.complex128)
+    for tx in range(radar.num_tx):
+        own = cast(Ofdm, radar.waveform_of(tx))
+        out[:, tx, np.searchsorted(whole.sent, own.sent)] = own.spectrum
+    return out.reshape(-1, len(whole.sent))
+
+
+def _alone(radar: RadarSpec, count: int) -> Complex:
+    """Return 1 for the transmitter of each row, with coupling as of the others; shape (count * num_tx, num_tx)."""
+    factor: Complex = np.tile(np.eye(radar.num_tx, dtype=np.complex128), (count, 1))
+    channels = radar.front_end.channels
+    return factor if channels is None else factor @ tx_matrix(channels, radar.num_tx).T
 
 
 def rows_of(radar: RadarSpec) -> tuple[Array, npt.NDArray[np.intp], Complex]:

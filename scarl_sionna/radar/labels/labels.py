@@ -378,10 +378,11 @@ def label_points(
     semantic, is_ghost = np.zeros(count, np.uint8), np.zeros(count, bool)
     share, ghost_share, explained = np.zeros(count), np.zeros(count), np.zeros(count)
     for row in range(count):
-        near, weight = cells.near(float(points.range[row]), float(points.radial_velocity[row]))
+        distance, velocity = float(points.range[row]), float(points.radial_velocity[row])
+        near, weight = cells.near(distance, velocity)
         if not len(near):
             continue
-        field = weight * (cells.fields(near, _doppler_of(radar, float(points.radial_velocity[row]))) @ beam[row])
+        field = weight * (cells.fields(near, distance, _doppler_of(radar, velocity)) @ beam[row])
         total = _group_power(field, groups.member[near], len(groups.key))
         if not total.sum() > 0.0:
             continue

@@ -25,6 +25,7 @@ from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
 from scarl_sionna.signal.processing import RangeDoppler, coupling
 from scarl_sionna.signal.receivers import response_weights
+from scarl_sionna.signal.uneven import middle_time
 from scarl_sionna.signal.windows import window_values
 
 Array = npt.NDArray[np.float64]
@@ -142,14 +143,17 @@ class PathCells:
         beat = self.beat_bin[index].reshape((-1,) + (1,) * (removed.ndim - 1))
         return np.mod(np.copysign(1.0, radar.waveform.sweep.slope) * (beat - removed), radar.num_samples)
 
-    def fields(self, index: Index, doppler: float | Array) -> npt.NDArray[np.complex128]:
+    def fields(self, index: Index, distance: float, doppler: float) -> npt.NDArray[np.complex128]:
         """Return beat amplitudes with their phases at mid-frame [sqrt(W)], shape (len(index), num_virtual).
 
-        `doppler` [Hz] is that of the map's row, whose motion between the transmitters is removed.
+        `distance` [m] and `doppler` [Hz] are those of the map's cell: what its motion does between the transmitters is
+        removed, and what its distance does between their carriers.
         """
         tx = np.repeat(np.arange(self.radar.num_tx), self.radar.num_rx)
-        delay = np.array([self.radar.tx_delay(int(number)) for number in tx])
-        return np.asarray(self._middle[index] * phasor(-doppler * delay))
+        after = np.array([self.radar.tx_delay(int(number)) for number in tx])
+        higher = np.array([self.radar.tx_frequency(int(number)) for number in tx])
+        delay = 2.0 * distance / SPEED_OF_LIGHT + doppler * middle_time(self.radar) / self.radar.center_frequency
+        return np.asarray(self._middle[index] * phasor(-doppler * after - higher * delay))
 
     def _removed(self, delay: Array) -> Array | float:
         """Return the residual video phase that the filter of coded ramps takes off [cycles]."""
@@ -182,7 +186,8 @@ class PathCells:
             for tx in range(radar.num_tx):
                 for rx in range(radar.num_rx):
                     terms = delay_terms(*pairs.start(tx, rx))
-                    cycles = grid.expand(*terms, tx)[0] + self._removed(terms[0] + grid.center_time(tx) * terms[1])
+                    middle = terms[0] + grid.center_time(tx) * terms[1]
+                    cycles = grid.expand(*terms, tx)[0] + self._removed(middle) + radar.tx_frequency(tx) * middle
                     amplitude = pairs.geometry.pair_amplitude(tx, rx) * pairs.growth(tx, rx, grid.center_time(tx))
                     out[block, tx * radar.num_rx + rx] = amplitude * self.loss[block] * phasor(cycles)
         return out

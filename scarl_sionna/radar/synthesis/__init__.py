@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Literal
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
+from scarl_sionna.core.specs.radar.multiplexing import IdealMimo
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
@@ -111,9 +112,19 @@ def synthesize(
     make = _of_symbols if is_coded(radar.waveform) else _of_ramps
     if isinstance(radar.waveform, PcFmcw):
         make = _of_coded_ramps
-    for first, signal in make(paths, radar, tolerance, accuracy.motion_tolerance):
-        _add(adc, radar, signal, first)
+    for senders, alike in _by_band(radar):
+        for first, signal in make(paths, alike, tolerance, accuracy.motion_tolerance):
+            _add(adc, radar, signal, first, senders)
     return adc if rng is None else add_noise(adc, radar, rng)
+
+
+def _by_band(radar: RadarSpec) -> Iterator[tuple[Sequence[int], RadarSpec]]:
+    """Yield transmitters that send the same frequencies, and a radar all of whose transmitters do."""
+    if radar.multiplexing.shares_band:
+        yield range(radar.num_tx), radar
+        return
+    for tx in range(radar.num_tx):
+        yield (tx,), radar.with_(multiplexing=IdealMimo(), waveform=radar.waveform_of(tx))
 
 
 def _of_ramps(
@@ -254,8 +265,8 @@ def _of_center(paths: RadarPaths, geometry: PathGeometry, radar: RadarSpec, tran
     return of_pair
 
 
-def _add(adc: npt.NDArray[np.complex64], radar: RadarSpec, signal: Signal, first: int = 0) -> None:
-    """Add the signals of all pairs to `adc`, from some chirp on."""
+def _add(adc: npt.NDArray[np.complex64], radar: RadarSpec, signal: Signal, first: int, senders: Sequence[int]) -> None:
+    """Add the signals of all pairs of some transmitters to `adc`, from some chirp on."""
 
     def add_pair(pair: tuple[int, int]) -> None:
         tx, rx = pair
@@ -263,7 +274,7 @@ def _add(adc: npt.NDArray[np.complex64], radar: RadarSpec, signal: Signal, first
         ramp = first * radar.num_tx + tx
         adc[rx, ramp : ramp + len(values) * radar.num_tx : radar.num_tx] += values
 
-    pairs = [(tx, rx) for tx in range(radar.num_tx) for rx in range(radar.num_rx)]
+    pairs = [(tx, rx) for tx in senders for rx in range(radar.num_rx)]
     workers = min(_num_cores(), len(pairs), MAX_THREADS)
     with ThreadPoolExecutor(
         workers

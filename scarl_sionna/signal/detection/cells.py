@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.tones import seen_by
+from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from ..peaks import tone_offset
 from ..processing import RangeDoppler, coupling
@@ -97,7 +98,7 @@ class Cells:
         data = self.rd.data[:, self.row, self.column].T.astype(np.complex128)
         rows = len(self.rd.radial_velocity)
         removed = (self.row - rows // 2) / (rows * self.rd.radar.slow_interval) if self.rd.is_compensated else 0.0
-        return np.asarray(data * _turns(self, self.doppler - removed))
+        return np.asarray(data * _turns(self, self.doppler - removed) * _carriers(self, self.offset[1]))
 
 
 def transmit_delays(radar: RadarSpec) -> Array:
@@ -110,6 +111,16 @@ def _turns(cells: Cells, doppler: Array) -> Phasors:
     if not cells.rd.is_compensated:
         return np.ones((len(doppler), cells.rd.radar.num_virtual), dtype=np.complex128)
     return np.asarray(np.exp(-2j * np.pi * np.multiply.outer(doppler, transmit_delays(cells.rd.radar))))
+
+
+def _carriers(cells: Cells, place: Array) -> Phasors | float:
+    """Return phasors (num_targets, num_virtual) that undo what places over range [bins] do between carriers."""
+    radar, rd = cells.rd.radar, cells.rd
+    if radar.multiplexing.shares_band:
+        return 1.0
+    delay = place * (2.0 * radar.max_range / (SPEED_OF_LIGHT * rd.data.shape[2]))
+    higher = np.repeat([radar.tx_frequency(tx) for tx in range(radar.num_tx)], radar.num_rx)
+    return np.asarray(np.exp(-2j * np.pi * np.multiply.outer(delay, higher)))
 
 
 def bins_a_hertz(rd: RangeDoppler) -> float:
@@ -164,7 +175,7 @@ def at_targets(
     column = np.rint(beat).astype(np.int64)
     offset, snapshot, noise = np.empty((2, len(beat))), np.empty((len(beat), len(rd.data)), dtype=np.complex128), []
     block = max(1, _VALUES_A_BLOCK // (len(rd.data) * len(axes[0].offset) * len(axes[1].offset)))
-    turns = _turns(cells, cells.doppler)
+    turns = _turns(cells, cells.doppler) * _carriers(cells, beat)
     for first in range(0, len(beat), block):
         own = slice(first, first + block)
         values = _patches(data, cells.row[own], column[own], axes) * turns[own].T[:, :, None, None]
@@ -178,7 +189,7 @@ def at_targets(
     found = column + offset[1] - shift * moved.doppler - cells.column
     found = np.mod(found + 0.5 * data.shape[2], data.shape[2]) - 0.5 * data.shape[2]
     moved = replace(cells, offset=(offset[0], found))
-    snapshot *= _turns(cells, moved.doppler - cells.doppler)
+    snapshot *= _turns(cells, moved.doppler - cells.doppler) * _carriers(cells, column + offset[1] - beat)
     return moved, snapshot, np.concatenate([*noise, np.zeros(0)])
 
 

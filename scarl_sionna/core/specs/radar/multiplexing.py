@@ -19,6 +19,9 @@ from scarl_sionna.core.errors import ParameterRangeError, SpecError, did_you_mea
 from scarl_sionna.core.spec import Spec, WithoutNone
 from scarl_sionna.core.units import Degrees
 
+from .waveform import Waveform
+from .waveforms.coded import Ofdm
+
 Codes = npt.NDArray[np.complex128]
 
 
@@ -54,8 +57,35 @@ class Multiplexing(Protocol):
     def check(self, num_chirps: int, num_tx: int) -> None:
         """Raise if a frame of so many chirps and transmitters cannot be coded."""
 
+    @property
+    def shares_band(self) -> bool:
+        """Whether all transmitters send the same frequencies."""
 
-class _Plain(Spec):
+    def waveform_of(self, waveform: Waveform, tx: int, num_tx: int) -> Waveform:
+        """Return what one transmitter sends of the radar's waveform."""
+
+    def tx_frequency(self, waveform: Waveform, tx: int) -> float:
+        """Return how much higher than the first transmitter another sends [Hz]."""
+
+
+class _OneBand(Spec):
+    """What is common to the kinds whose transmitters all send the same frequencies."""
+
+    @property
+    def shares_band(self) -> bool:
+        """Whether all transmitters send the same frequencies."""
+        return True
+
+    def waveform_of(self, waveform: Waveform, tx: int, num_tx: int) -> Waveform:
+        """Return what one transmitter sends of the radar's waveform: all of it."""
+        return waveform
+
+    def tx_frequency(self, waveform: Waveform, tx: int) -> float:
+        """Return how much higher than the first transmitter another sends [Hz]: 0."""
+        return 0.0
+
+
+class _Plain(_OneBand):
     """What is common to the kinds whose rows hold one transmitter each, in order."""
 
     @property
@@ -139,7 +169,7 @@ class Tdm(_Plain, WithoutNone):
         return out
 
 
-class _Coded(Spec):
+class _Coded(_OneBand):
     """What is common to the kinds whose transmitters send in every chirp, each with its code over slow time."""
 
     @property
@@ -316,7 +346,88 @@ class Cdm(_Coded):
             raise SpecError(type(self), ("multiplexing", "phases_deg"), shown, allowed)
 
 
-KINDS: tuple[str, ...] = tuple(item.model_fields["kind"].default for item in (IdealMimo, Tdm, Ddm, Bpm, Cdm))
+class Fdm(WithoutNone):
+    """Frequency division of OFDM: the transmitters take turns over the subcarriers, all in every symbol.
+
+    Transmitter i sends the subcarriers i, ``i + interleaving``, ..., with its whole power, and data of its own. At rest
+    they are told apart perfectly; Doppler lets a subcarrier leak into others by its part of the spacing. Range is
+    unambiguous over ``1 / interleaving`` as much, velocity as with one transmitter. What lies beyond is seen that much
+    nearer, in a wrong direction: carriers differ, so that the phase between transmitters depends on range.
+
+    References
+    ----------
+    .. [1] C. Sturm, Y. L. Sit, M. Braun, T. Zwick, "Spectrally interleaved multi-carrier signals for radar network
+       applications and multi-input multi-output radar", IET Radar Sonar Navig. 7(3), 2013.
+    """
+
+    kind: Literal["fdm"] = "fdm"
+    interleaving: int | None = Field(
+        None, ge=1, description="every so many subcarriers are a transmitter's; None: as many as transmitters"
+    )
+    is_summed: bool = Field(True, description="False: receivers get each transmitter in rows of its own, for reference")
+
+    _quiet = ("is_summed",)
+
+    @property
+    def is_coded(self) -> bool:
+        """Whether rows are chirps in time, each the sum of the transmitters by :meth:`codes`."""
+        return self.is_summed
+
+    @property
+    def shares_band(self) -> bool:
+        """Whether all transmitters send the same frequencies: they do not."""
+        return False
+
+    def num_rows(self, num_chirps: int, num_tx: int) -> int:
+        """Return the rows of a receiver's raw data: all transmitters send in every symbol."""
+        return num_chirps if self.is_summed else num_chirps * num_tx
+
+    def doppler_interval(self, chirp_interval: float, num_tx: int) -> float:
+        """Return the time between two symbols of the same transmitter [s]: from symbol to symbol."""
+        return chirp_interval
+
+    def tx_delay(self, tx: int, chirp_interval: float) -> float:
+        """Return the start of a transmitter's symbols after the first transmitter's [s]: 0."""
+        return 0.0
+
+    def codes(self, num_chirps: int, num_tx: int) -> Codes:
+        """Return 1 for each transmitter that sends in a row, shape (num_rows, num_tx)."""
+        if self.is_summed:
+            return np.ones((num_chirps, num_tx), dtype=np.complex128)
+        return np.tile(np.eye(num_tx, dtype=np.complex128), (num_chirps, 1))
+
+    def code_period(self, num_tx: int) -> int | None:
+        """Return None: there is no code that repeats."""
+        return None
+
+    def unused_codes(self, num_tx: int) -> Codes:
+        """Return no code, shape (0, 0)."""
+        return np.zeros((0, 0), dtype=np.complex128)
+
+    def check(self, num_chirps: int, num_tx: int) -> None:
+        """Raise if there are more transmitters than turns.
+
+        Raises
+        ------
+        ParameterRangeError
+            If `interleaving` is below `num_tx`.
+        """
+        if self.interleaving is not None and self.interleaving < num_tx:
+            allowed = f">= num_tx = {num_tx}: subcarriers of its own for each transmitter"
+            raise SpecError(type(self), ("multiplexing", "interleaving"), self.interleaving, allowed, "or None")
+
+    def waveform_of(self, waveform: Waveform, tx: int, num_tx: int) -> Waveform:
+        """Return what one transmitter sends: its subcarriers."""
+        assert isinstance(waveform, Ofdm)  # checked with the radar
+        return waveform.interleaved(tx, self.interleaving or num_tx)
+
+    def tx_frequency(self, waveform: Waveform, tx: int) -> float:
+        """Return how much higher than the first transmitter another sends [Hz]."""
+        assert isinstance(waveform, Ofdm)  # checked with the radar
+        return tx * waveform.comb * waveform.subcarrier_spacing
+
+
+KINDS: tuple[str, ...] = tuple(item.model_fields["kind"].default for item in (IdealMimo, Tdm, Ddm, Bpm, Cdm, Fdm))
 """Names of all kinds."""
 
 
@@ -331,5 +442,7 @@ def _by_name(value: object) -> object:
     return {"kind": value}
 
 
-AnyMultiplexing = Annotated[IdealMimo | Tdm | Ddm | Bpm | Cdm, Field(discriminator="kind"), BeforeValidator(_by_name)]
+AnyMultiplexing = Annotated[
+    IdealMimo | Tdm | Ddm | Bpm | Cdm | Fdm, Field(discriminator="kind"), BeforeValidator(_by_name)
+]
 """The kinds that a radar can have, told apart by `kind`; the name alone, ``"tdm"``, is a short form."""

@@ -17,11 +17,11 @@ from scarl_sionna.core.units import REFERENCE_TEMPERATURE, SPEED_OF_LIGHT, Degre
 from .array import AntennaArray
 from .converter import Adc
 from .front_end import FrontEnd
-from .multiplexing import AnyMultiplexing, IdealMimo
+from .multiplexing import AnyMultiplexing, Fdm, IdealMimo
 from .parts import into_parts, misplaced, place_of
 from .presets import PRESETS
 from .together import check_together
-from .waveform import Fmcw
+from .waveform import Fmcw, Waveform
 from .waveforms.kinds import AnyWaveform
 
 RadarT = TypeVar("RadarT", bound="RadarSpec")
@@ -175,7 +175,7 @@ class RadarSpec(Spec):
     @property
     def num_range_bins(self) -> int:
         """Bins of range without zero padding."""
-        return self.waveform.num_range_bins
+        return self.waveform_of(0).num_range_bins
 
     @property
     def num_doppler_bins(self) -> int:
@@ -216,6 +216,14 @@ class RadarSpec(Spec):
         """Return the start of a transmitter's chirps after the first transmitter's [s]."""
         return self.multiplexing.tx_delay(tx, self.chirp_interval)
 
+    def tx_frequency(self, tx: int) -> float:
+        """Return how much higher than the first transmitter another sends [Hz]; 0 but in frequency division."""
+        return self.multiplexing.tx_frequency(self.waveform, tx)
+
+    def waveform_of(self, tx: int) -> Waveform:
+        """Return what one transmitter sends: the waveform, in frequency division its subcarriers of it."""
+        return self.multiplexing.waveform_of(self.waveform, tx, self.num_tx)
+
     @property
     def frame_time(self) -> float:
         """Time from the first chirp's start to the end of the last interval [s]."""
@@ -226,11 +234,14 @@ class RadarSpec(Spec):
         """The radar whose channels are those of this one once un-multiplexed.
 
         This radar itself where rows hold one transmitter each; else one with :class:`IdealMimo` and as many chirps as
-        there are rows. In a random order of time division that is `num_tx` times as many, and the noise figure is
-        higher by what the silent rows of a channel cost.
+        there are rows, or in frequency division with the same subcarriers in rows of their own. In a random order of
+        time division that is `num_tx` times as many, and the noise figure is higher by what the silent rows of a
+        channel cost.
         """
         if not self.multiplexing.is_coded:
             return self
+        if isinstance(self.multiplexing, Fdm):
+            return self.with_(multiplexing=self.multiplexing.with_(is_summed=False))
         parts: dict[str, object] = {"multiplexing": IdealMimo()}
         silent = self.num_chirps_total / self.num_chirps
         if silent != 1.0:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from scarl_sionna.core.errors import SpecError
 
 from .front_end import FrontEnd
-from .multiplexing import Multiplexing
+from .multiplexing import Fdm, Multiplexing
 from .waveform import Waveform
+from .waveforms.coded import Ofdm
 
 _OF_RAMPS = ("phase_noise", "chirp_errors", "leakage", "filters")
 """Effects that are modelled in the beat signal of equal ramps."""
@@ -40,6 +41,8 @@ def check_together(
     if multiplexing.code_period(num_tx) is not None and not even:
         allowed = "chirps of one carrier at regular times: images are found by a regular Doppler transform"
         raise SpecError(model, ("multiplexing",), shown, allowed, "take 'tdm' or 'cdm', or equal chirps")
+    if isinstance(multiplexing, Fdm) and waveform.kind != "tones":
+        _check_subcarriers(model, waveform, multiplexing.interleaving or num_tx, shown)
     if multiplexing.is_coded and multiplexing.kind == "tdm" and not ramps:
         allowed = "equal ramps ('fmcw') for a random order, in which a channel's chirps have any number"
         raise SpecError(model, ("multiplexing", "order_seed"), shown, allowed, "leave order_seed out")
@@ -49,3 +52,15 @@ def check_together(
         if getattr(front_end, name) not in (None, ()):
             allowed = "equal ramps ('fmcw'), in whose beat signal this effect is modelled"
             raise SpecError(model, ("front_end", name), f"with {waveform.kind!r}", allowed, "leave it out")
+
+
+def _check_subcarriers(model: type, waveform: Waveform, turns: int, shown: str) -> None:
+    """Raise if there are no subcarriers for transmitters to share, or not as many for each."""
+    if not isinstance(waveform, Ofdm):
+        raise SpecError(model, ("multiplexing",), shown, "subcarriers ('ofdm')", "take 'tdm', 'ddm' or 'cdm'")
+    step = waveform.comb * waveform.pilot_spacing * turns
+    if waveform.num_subcarriers % step:
+        near = max(1, round(waveform.num_subcarriers / step)) * step
+        allowed = f"a multiple of {step}: as many subcarriers for each of {turns} turns"
+        remedy = f"take {near}, or another interleaving"
+        raise SpecError(model, ("waveform", "num_subcarriers"), waveform.num_subcarriers, allowed, remedy)

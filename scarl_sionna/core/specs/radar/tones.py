@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, cast
 
 from pydantic import Field
 
@@ -26,6 +26,7 @@ class Tones(RegularChirps):
     num_samples: int
     chirp_interval: Seconds
     tx_interval: Seconds = Field(description="from a transmitter's chirp to the next one's, where they take turns [s]")
+    tx_step: Hertz = Field(0.0, description="from a transmitter's tones to the next one's [Hz]")
 
     @property
     def center_frequency(self) -> float:
@@ -76,9 +77,19 @@ class TonesRadar(RadarSpec):
         """Return the start of a transmitter's chirps after the first transmitter's [s]."""
         return self.multiplexing.tx_delay(tx, self.waveform.tx_interval)
 
+    def tx_frequency(self, tx: int) -> float:
+        """Return how much higher than the first transmitter another sends [Hz]."""
+        return tx * self.waveform.tx_step
+
+    def waveform_of(self, tx: int) -> Tones:
+        """Return the tones; those of another transmitter are `tx_frequency` higher."""
+        return self.waveform
+
 
 def seen_by(radar: RadarSpec, wait: float | None = None, every: bool = False) -> RadarSpec:
     """Return the radar as it is after its receiver has undone the waveform; one with ramps is that already.
+
+    In frequency division the tones are those of the first transmitter.
 
     Parameters
     ----------
@@ -93,17 +104,18 @@ def seen_by(radar: RadarSpec, wait: float | None = None, every: bool = False) ->
         return _tones_radar(radar, _of_bursts(radar, waveform))
     if not is_coded(waveform):
         return radar
-    sweep = sweep_of(waveform, wait)
-    indices = waveform.sent if every else waveform.used
+    own = cast(Coded, radar.waveform_of(0))
+    indices = own.sent if every else own.used
     tones = Tones(
         lowest=_frequency(waveform, float(indices[0])),
         step=waveform.spacing * float(indices[1] - indices[0] if len(indices) > 1 else 1),
-        wait=sweep.wait,
+        wait=sweep_of(own, wait).wait,
         carrier_frequency=waveform.carrier_frequency,
         num_chirps=waveform.num_chirps,
         num_samples=len(indices),
         chirp_interval=waveform.chirp_interval,
         tx_interval=waveform.chirp_interval,
+        tx_step=0.0 if radar.num_tx == 1 else radar.tx_frequency(1),
     )
     return _tones_radar(radar, tones)
 

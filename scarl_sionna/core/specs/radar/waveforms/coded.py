@@ -206,6 +206,18 @@ class Ofdm(_Symbols):
         """The band at once, in the middle of a symbol."""
         return sweep_of(self)
 
+    def interleaved(self, turn: int, count: int) -> Ofdm:
+        """Return the waveform with every so many of its sent subcarriers, from a turn on, with data of their own.
+
+        Data drawn from a seed is that of a seed that `data_seed` and the turn make together.
+        """
+        changes: dict[str, object] = {"comb": self.comb * count, "comb_offset": self.comb_offset + turn * self.comb}
+        if self.data_phases_deg is not None:
+            changes["data_phases_deg"] = tuple(row[turn::count] for row in self.data_phases_deg)
+        else:
+            changes["data_seed"] = int(np.random.SeedSequence((self.data_seed, turn)).generate_state(1)[0])
+        return self.with_(**changes)
+
     def chirps(self, first: int, count: int) -> Ofdm:
         """Return the waveform with some of its symbols only; they keep their data."""
         changes: dict[str, object] = {"num_chirps": count, "first_symbol": self.first_symbol + first}
