@@ -109,7 +109,9 @@ def checks(place: Path, rounds: int) -> None:
     for _ in range(rounds):
         whole.append(_seconds(place))
         with (
-            mock.patch.object(ShardFiles, "_read_checked", lambda files, name, _, index: files.read_file(name, index)),
+            mock.patch.object(
+                ShardFiles, "_read_checked", lambda files, name, record, index: files._read(record, name, index)
+            ),
             mock.patch.object(
                 shard_files, "checked", lambda form, data: form.model_construct(root=[*map(_Bare, data)])
             ),

@@ -19,7 +19,7 @@ def _write_dataset(folder: Path) -> None:
     from tests.frames import make_frame
 
     frames = [make_frame(index) for index in range(3)]
-    write_dataset(folder / "d", SMALL.to_dict(), {"a": frames}, options=StoreOptions(shard_frames=2))
+    write_dataset(folder / "d", SMALL.to_dict(), {"a": frames}, options=StoreOptions(shard_frames=2, layout="files"))
 
 
 def _read_dataset(folder: Path) -> object:

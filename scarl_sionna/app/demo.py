@@ -11,6 +11,7 @@ from typing import Any
 from scarl_sionna.batch import ExportSettings, export
 from scarl_sionna.core.errors import DatasetError, OutputError
 from scarl_sionna.dataset.contact_sheet import write_contact_sheet
+from scarl_sionna.dataset.encoding import StoreOptions
 from scarl_sionna.dataset.readers.reader import open_dataset
 from scarl_sionna.dataset.store.layout import CONTACT_SHEET, is_contact_sheet
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
@@ -70,7 +71,8 @@ def run(scenario: ScenarioSpec, out: str | Path, *, overwrite: bool = False, on_
         elif kind == "frame":
             done += 1
 
-    report = export([scenario], out, ExportSettings(overwrite=overwrite), on_event=on_event)
+    settings = ExportSettings(options=StoreOptions(layout="files"), overwrite=overwrite)  # pictures to look at
+    report = export([scenario], out, settings, on_event=on_event)
     on_stage("contact sheet", done)
     started = perf_counter()
     sheet = write_sheet(report.root, 0, report.root / CONTACT_SHEET)

@@ -12,7 +12,7 @@ from time import perf_counter
 
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions, encode_frame
 from scarl_sionna.dataset.store.layout import MARKED as AT_THE_TOP
-from scarl_sionna.dataset.store.shard_writer import metadata_texts
+from scarl_sionna.dataset.store.records import metadata_texts
 from scarl_sionna.simulation import load_world, observe
 
 from .driver import ExportSettings
@@ -111,7 +111,10 @@ def _num_files(plan: ExportPlan, frame: EncodedFrame, options: StoreOptions) -> 
     count = 0
     for scene in plan.dataset.scenes:
         names |= metadata_texts(scene, frame.arrays, options).keys()
-        count += scene.num_shards(options) * (len(frame.arrays) + 2) + scene.num_frames * len(frame.files)
+        if options.layout == "packed":
+            count += 2 * scene.num_shards(options)
+        else:
+            count += scene.num_shards(options) * (len(frame.arrays) + 2) + scene.num_frames * len(frame.files)
     return count + len(names)
 
 

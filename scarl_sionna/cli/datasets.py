@@ -96,6 +96,9 @@ class _Stored:
     radar_format: Annotated[
         str, typer.Option(metavar="int16|complex64", help="I/Q codes with their scale, or the beat signal.")
     ] = "int16"
+    layout: Annotated[
+        str, typer.Option(metavar="packed|files", help="Two files a shard, or one for each image and array.")
+    ] = "packed"
     licence: Annotated[str, typer.Option(help="For the dataset card.")] = "not stated"
     description: Annotated[str, typer.Option(help="For the dataset card.")] = ""
     overwrite: Annotated[
@@ -154,7 +157,11 @@ def _settings(job: _Job, stored: _Stored) -> ExportSettings:
         job.scheduler,
         part,
         _choice("on-error", job.on_error, "record", "raise"),
-        StoreOptions(stored.shard_frames, _choice("radar-format", stored.radar_format, "int16", "complex64")),
+        StoreOptions(
+            stored.shard_frames,
+            _choice("radar-format", stored.radar_format, "int16", "complex64"),
+            layout=_choice("layout", stored.layout, "packed", "files"),
+        ),
         stored.overwrite,
         stored.licence,
         stored.description,

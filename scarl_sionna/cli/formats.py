@@ -154,6 +154,24 @@ def archive(
         typer.echo(f"{source} written to {written}")
 
 
+@app.command()
+def repack(
+    context: typer.Context,
+    source: Annotated[str, typer.Argument(help="Dataset folder or URL.")],
+    out: Annotated[Path, typer.Argument(help="Folder to write.", show_default=False)],
+    layout: Annotated[str, typer.Option(metavar="packed|files", help="Layout of the new dataset.")] = "files",
+) -> None:
+    """Write a dataset with a file for each image and array, or with two files a shard; all bytes stay the same."""
+    with reported(context, "what is copied stays; go on with the same command"), collected_warnings():
+        from scarl_sionna.dataset.repack import repack_dataset
+
+        if layout not in ("packed", "files"):
+            raise ParameterRangeError("--layout", layout, "packed or files")
+        with _progress("shards") as report:
+            written = repack_dataset(source, out, "packed" if layout == "packed" else "files", on_progress=report)
+        typer.echo(f"{source} written to {written}")
+
+
 @contextmanager
 def _progress(what: str = "frames") -> Iterator[Callable[[int, int], None]]:
     """Yield a function that moves a progress bar."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import zipfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -18,9 +17,8 @@ from .store.atomic import partial_path
 from .store.files import output_error
 from .store.layout import CARD, LOG_FILE, METADATA
 from .store.manifest import ARRAYS, BACKUP, MANIFEST, ScenePlan
-from .store.shard_writer import ShardRecord, record_name
+from .store.records import ShardRecord, record_name, write_members
 
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # the same dataset gives the same bytes
 _MOST = 2**31
 """Largest file that goes into an archive [bytes]: beyond it a ZIP file has another head."""
 
@@ -54,6 +52,8 @@ def archive_dataset(
     dataset = open_dataset(place)
     if isinstance(dataset.files, ArchivedFiles):
         raise DatasetError("is in archives already", place, "copy it as it is")
+    if dataset.plan.options.layout == "packed":
+        raise DatasetError("has two files a shard already", place, "copy it as it is")
     shards = [(s, n) for s in dataset.plan.scenes for n in range(s.num_shards(dataset.plan.options))]
     rows = dataset.manifest.shards
     for scene, number in shards:
@@ -170,12 +170,13 @@ def _is_there(dataset: Dataset, name: str) -> bool:
 def _write(path: Path, names: Iterable[str], read: Callable[[str], bytes]) -> int:
     """Write an archive of files and return its size [bytes]."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
-        for name in names:
-            data = read(name)
-            if len(data) >= _MOST:
-                raise DatasetError(f"{name} has {len(data)} bytes", None, "export with fewer frames in a shard")
-            entry = zipfile.ZipInfo(name, _EPOCH)
-            entry.create_system, entry.external_attr = 3, 0o644 << 16
-            archive.writestr(entry, data)
+
+    def content(name: str) -> list[bytes]:
+        data = read(name)
+        if len(data) >= _MOST:
+            raise DatasetError(f"{name} has {len(data)} bytes", None, "export with fewer frames in a shard")
+        return [data]
+
+    with open(path, "wb") as file:
+        write_members(file, ((name, content(name)) for name in names))
     return path.stat().st_size

@@ -9,7 +9,7 @@ import io
 import json
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -48,15 +48,30 @@ class StoreOptions:
         I/Q codes with their scale (3 to 4 times smaller), or the beat signal itself.
     object_capacity : int
         Length of the axis ``object``: no frame may hold more objects.
+    layout : {"packed", "files"}
+        A finished shard is two files, its record and a ZIP of all images and arrays, or a file for each of them.
     """
 
     shard_frames: int = 8
     radar_format: Literal["int16", "complex64"] = "int16"
     object_capacity: int = 1024
+    layout: Literal["packed", "files"] = "packed"
 
     def __post_init__(self) -> None:
         if not 1 <= self.shard_frames <= MOST_SHARD_FRAMES:
             raise ParameterRangeError("shard_frames", self.shard_frames, f"1 to {MOST_SHARD_FRAMES}")
+        if self.layout not in ("packed", "files"):
+            raise ParameterRangeError("layout", repr(self.layout), "'packed' or 'files'")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for a manifest; the layout "files" is not named there: it is older than its name."""
+        data = asdict(self)
+        return data if self.layout != "files" else {name: item for name, item in data.items() if name != "layout"}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> StoreOptions:
+        """Return the options of :meth:`to_dict`."""
+        return cls(**{"layout": "files", **data})
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,14 @@ from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState,
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.lidar import LidarSpec
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Raised when a reader of the version before could not read, or would misread, what is written.
 
-1: radars of the rig are flat. 2: they are in parts (`RadarSpec`). A reader of today reads both.
+1: radars of the rig are flat. 2: they are in parts (`RadarSpec`). 3: a shard is one ZIP file (layout "packed"). A
+reader of today reads all.
 """
+FILES_VERSION = 2
+"""Version of a dataset with a file for each image and array (layout "files"): readers of that version read it."""
 
 POINT, OBJECT = "point", "object"
 """Axes whose length differs from frame to frame: stored up to a capacity, the valid length stands in a count field."""

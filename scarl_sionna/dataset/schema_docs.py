@@ -35,17 +35,26 @@ out/
   manifest.backup.json                        copy of the manifest, read where that is lost
   README.md                                   dataset card
   export.log                                  when and where it was made (not part of the data)
-  arrays/                                     a Zarr v3 hierarchy, one group a scene
-    <scene>/timestamp_ns                      arrays whose first axis is the frame
-    <scene>/objects/world_from_box
-    <scene>/front_center/radar/adc            a group for each sensor, by its name in the rig
-  images/<scene>/front_center/rgb/rgb/000012.png
-  shards/<scene>/000003.json                  record of a shard: its frames, and size and SHA-256 of every file
-  shards/<scene>/000003.frames.json           names and diagnostics of its frames
+  shards/<scene>/000003.json                  record of a shard: its frames; size, SHA-256 and place of every member of the
+  shards/<scene>/000003.zip                   ZIP file (stored, not compressed), whose members are, by name
+    images/<scene>/front_center/rgb/rgb/000025.png
+    arrays/<scene>/front_center/radar/adc/c/3/0/0/0/0     the chunks of a Zarr v3 array, whose first axis is the frame
+    shards/<scene>/000003.frames.json         names and diagnostics of its frames
 ```
 
-A **scene** is one drive (sequence) with its own scenario and seed. An array has one chunk for each frame; a file holds the chunks of
-one **shard** ({shard_frames} frames by default). A chunk is compressed with Blosc (zstd, level 5, bit shuffle) and ends with a CRC-32C, so
+A **scene** is one drive (sequence) with its own scenario and seed. A **shard** is {shard_frames} consecutive frames of it by default. So a dataset has two files a shard
+and four more: 140,000 frames are 35,004 files, whatever the rig, if the scenes' lengths are multiples of {shard_frames} (else up to two more a scene):
+
+```
+find out -type f -not -path '*/.*' | wc -l
+unzip out/shards/drive/000003.zip 'images/*' -d pictures      # or single ones by their names, with any ZIP program
+scarl-sionna repack out/ files/ --layout files                # all of it
+```
+
+The last is the other **layout**, which `export --layout files` makes, too, and which datasets before schema version 3 have: each member is a file of its own under
+its name, and `arrays/` is a Zarr v3 hierarchy with its `zarr.json` files, one group a scene, in it a group for each sensor.
+
+An array has one chunk for each frame. A chunk is compressed with Blosc (zstd, level 5, bit shuffle) and ends with a CRC-32C, so
 that every Zarr v3 reader sees damage. Reading a frame, or a part of it, reads that frame's chunk and nothing else.
 `open_dataset` holds images and the JSON of a shard to the SHA-256 in the shard's record, and the record to that in the manifest:
 of 1,000 single bits flipped at random over all these files none is read in silence (`pytest tests/unit/test_reader_damage.py --run-slow`), for
@@ -81,8 +90,8 @@ ds.rig, ds.calibration, ds.splits, ds.sensors
 ```
 
 `ds` may be used from several threads and sent to other processes. A dataset can be read while it is written: what is finished is
-there. Without this package, `zarr`, `xarray` (`xarray.open_zarr("out/arrays/drive", group="front_center/radar",
-consolidated=False)`), Pillow and `json` read everything.
+there. Without this package, `zarr`, `xarray` (`xarray.open_zarr("files/arrays/drive", group="front_center/radar",
+consolidated=False)`), Pillow and `json` read everything in the layout `files`; of the layout `packed`, `zipfile` and Pillow read images.
 
 All is as the sensors gave it, bit for bit, but: depth (16-bit code, within 7.6e-5 of the depth), normals of the camera (float16, within
 2.5e-4), and the times that something took, which are not stored.

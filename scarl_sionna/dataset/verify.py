@@ -45,10 +45,12 @@ from .store.manifest import (
     read_manifest,
     without_later,
 )
-from .store.shard_writer import ShardRecord, metadata_texts, record_name
+from .store.records import ShardRecord, bundle_name, metadata_texts, record_name
 from .store.writer import DatasetFolder, Row, shard_rows
 
 Kind = Literal["damage", "unfinished"]
+_BLOCK = 2**26
+"""Read at once of a file whose checksum is computed [bytes]."""
 STRAY = "belongs to no finished shard"
 UNFINISHED_STRAY = "is of a shard that is not finished (an export that is running or was stopped)"
 
@@ -209,9 +211,13 @@ def _check_shard(
     expected = set(scene.shard_range(shard, dataset.plan.options))
     if set(record.frames) | set(record.failed) != expected or len(set(record.frames)) != len(record.frames):
         yield Fault(name, f"holds the frames {list(record.frames)}, planned are {sorted(expected)}", scene.name, shard)
-    known.update(record.files)
+    known.update(record.on_disk)
+    if (dataset.plan.options.layout == "packed") != (record.bundle is not None) or (
+        record.bundle is not None and record.bundle[0] != bundle_name(scene.name, shard)
+    ):
+        yield Fault(name, "is not of the layout that the manifest states", scene.name, shard)
     damaged = False
-    for file, (size, digest) in record.files.items():
+    for file, (size, digest) in record.on_disk.items():
         what = _check_file(dataset, file, size, digest)
         found.num_files += 1
         found.num_bytes += size
@@ -227,15 +233,20 @@ def _check_shard(
 def _check_file(dataset: Dataset, name: str, size: int, digest: str) -> str | None:
     if name.split("/")[0] not in (ARRAYS, IMAGES, SHARDS):
         return "is no place for data of a shard"
+    found, length = hashlib.sha256(), 0
     try:
-        data = dataset.files.read(name)
+        while data := dataset.files.read(name, length, length + _BLOCK):
+            found.update(data)
+            length += len(data)
+            if len(data) < _BLOCK:
+                break
     except FileNotFoundError:
         return "is not there"
     except (OSError, DatasetError) as error:
         return f"cannot be read: {error}"
-    if len(data) != size:
-        return f"has {len(data)} bytes, {size} were written"
-    return None if hashlib.sha256(data).hexdigest() == digest else "its checksum is wrong"
+    if length != size:
+        return f"has {length} bytes, {size} were written"
+    return None if found.hexdigest() == digest else "its checksum is wrong"
 
 
 def _check_frame(scene: Scene, index: int, shard: int) -> Iterator[Fault]:
@@ -270,7 +281,10 @@ def _check_frame(scene: Scene, index: int, shard: int) -> Iterator[Fault]:
             for image in ("rgb", "depth", "semantic", "instance"):
                 file = scene.image_file(index, sensor, image)
                 if file is not None:
-                    pixels, spec = decode_png(image, scene.read_file(file)), scene.dataset.spec(sensor)
+                    pixels, spec = (
+                        decode_png(image, scene.read_image(index, sensor, image) or b""),
+                        scene.dataset.spec(sensor),
+                    )
                     if pixels.shape[:2] != (spec.height, spec.width):  # type: ignore[attr-defined]
                         yield Fault(file, f"is of {pixels.shape[1]} x {pixels.shape[0]} pixels", scene.name, shard)
     except (ScarlError, OSError, ValueError, KeyError, TypeError) as error:
@@ -431,7 +445,7 @@ def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
             for scene, shard in sorted(damaged):
                 place = root / record_name(scene, shard)
                 try:
-                    files = list(ShardRecord.parse(place.read_bytes()).files)
+                    files = list(ShardRecord.parse(place.read_bytes()).on_disk)
                 except (OSError, DatasetError):
                     files = []
                 _remove(root, record_name(scene, shard), found)  # first: without its record the shard is not there

@@ -30,7 +30,7 @@ RADAR, CAMERA, LIDAR = "front_center/radar", "front_center/camera", "front_cente
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_dataset(
-        tmp_path_factory.mktemp("plain") / "ds", SOURCE.rig, SCENES, options=StoreOptions(SHARD_FRAMES)
+        tmp_path_factory.mktemp("plain") / "ds", SOURCE.rig, SCENES, options=StoreOptions(SHARD_FRAMES, layout="files")
     )
 
 
@@ -121,6 +121,12 @@ def test_only_what_is_asked_for_is_read(archives, monkeypatch) -> None:
     size = sum(path.stat().st_size for path in archives.rglob("*.zip"))
     assert sum(read) < size / 5
     assert len(read) < 20
+
+
+def test_zarr_reads_archives(plain, archives) -> None:
+    group, expected = (open_dataset(place).scene("lane").group[f"{RADAR}/adc"] for place in (archives, plain))
+    assert group.metadata == expected.metadata
+    np.testing.assert_array_equal(group[1:5, 0, :3], expected[1:5, 0, :3])
 
 
 def test_threads_and_other_readers(archives) -> None:
@@ -242,10 +248,8 @@ def test_what_cannot_be_is_refused(plain, archives, tmp_path) -> None:
         archive_dataset(archives, tmp_path / "x")
     with pytest.raises(DatasetError, match="no dataset here"):
         archive_dataset(tmp_path, tmp_path / "x")
-    with pytest.raises(DatasetError, match="no Zarr hierarchy"):
-        _ = open_dataset(archives).scene("lane").group
     with pytest.raises(OutputError):  # an export does not write beside archives
-        write_dataset(archives, SOURCE.rig, SCENES, options=StoreOptions(SHARD_FRAMES))
+        write_dataset(archives, SOURCE.rig, SCENES, options=StoreOptions(SHARD_FRAMES, layout="files"))
     with pytest.raises(OutputError, match="is there"):
         archive_dataset(plain, archives)
     (archives / "thesis.txt").write_text("mine")

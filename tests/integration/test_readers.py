@@ -27,6 +27,7 @@ from scarl_sionna.dataset.readers.samples import FrameSamples
 from scarl_sionna.dataset.readers.tables import BOX_UNITS, DETECTION_UNITS, box_table, detection_table
 from scarl_sionna.dataset.readers.torch_data import TorchFrames
 from scarl_sionna.dataset.readers.xarray_view import open_xarray, radar_maps_xarray
+from scarl_sionna.dataset.repack import repack_dataset
 from scarl_sionna.fusion import Rig, SensorMount
 from tests.client_env import REPO, client_python, run_client
 from tests.drive import drive
@@ -383,12 +384,16 @@ def test_xarray_sees_named_axes_coordinates_and_units(place) -> None:
         open_xarray(place, "avenue")
 
 
-def test_plain_xarray_opens_the_store(place) -> None:
+def test_plain_xarray_opens_the_store(place, tmp_path) -> None:
     import xarray as xr
 
-    group = xr.open_zarr(place / "arrays" / "lane" / RADAR, consolidated=False)
-    assert group.adc.dims == ("frame", "receiver", "chirp", "sample", "iq")
-    np.testing.assert_array_equal(group.adc[1].values, FRAMES[1].results[RADAR].adc_int)
+    files = repack_dataset(place, tmp_path / "files", "files")
+    for opened in (
+        xr.open_zarr(files / "arrays" / "lane" / RADAR, consolidated=False),
+        xr.open_zarr(ss.open_dataset(place).scene("lane").zarr_place(), group=RADAR, consolidated=False),
+    ):
+        assert opened.adc.dims == ("frame", "receiver", "chirp", "sample", "iq")
+        np.testing.assert_array_equal(opened.adc[1].values, FRAMES[1].results[RADAR].adc_int)
 
 
 def test_xarray_maps_have_physical_axes(place) -> None:

@@ -21,7 +21,7 @@ from scarl_sionna.core.untrusted.yaml_text import parse_yaml
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.dataset.store.files import LocalFiles
 from scarl_sionna.dataset.store.manifest import read_manifest
-from scarl_sionna.dataset.store.shard_writer import ShardRecord
+from scarl_sionna.dataset.store.records import ShardRecord
 from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.motion.tables import read_table
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec

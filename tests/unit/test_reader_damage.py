@@ -21,7 +21,7 @@ FRAMES = [make_frame(index) for index in range(4)]
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("damage") / "out"
-    return write_dataset(out, RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=2))
+    return write_dataset(out, RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=2, layout="files"))
 
 
 def read_by(out: Path) -> dict[int, str]:

@@ -29,7 +29,7 @@ FRAMES = [make_frame(index) for index in range(3)]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("remote") / "out"
-    return write_dataset(out, RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=2))
+    return write_dataset(out, RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=2, layout="files"))
 
 
 class Whole(http.server.SimpleHTTPRequestHandler):

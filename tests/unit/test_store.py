@@ -40,7 +40,7 @@ from scarl_sionna.fusion import Rig, SensorMount
 from tests.frames import CAMERA, RIG, assert_same, make_frame
 
 FRAMES = [make_frame(index) for index in range(5)]
-OPTIONS = StoreOptions(shard_frames=4)
+OPTIONS = StoreOptions(shard_frames=4, layout="files")
 
 
 def contents(out: Path) -> dict[str, bytes]:

@@ -24,7 +24,7 @@ from scarl_sionna.dataset.verify import verify
 from tests.frames import RIG, make_frame
 
 FRAMES = [make_frame(index) for index in range(5)]
-OPTIONS = StoreOptions(shard_frames=2)
+OPTIONS = StoreOptions(shard_frames=2, layout="files")
 PNG = "images/a/front/camera/rgb/000002.png"
 OF_THE_USER = {
     ".git/config": "[core]",

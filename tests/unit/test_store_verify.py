@@ -22,7 +22,7 @@ from tests.exports import contents
 from tests.frames import RIG, assert_same, make_frame
 
 FRAMES = [make_frame(index) for index in range(7)]
-OPTIONS = StoreOptions(shard_frames=3)
+OPTIONS = StoreOptions(shard_frames=3, layout="files")
 ADC = "arrays/a/radar/adc/c/1/0/0/0/0"
 PNG = "images/a/front/camera/rgb/000004.png"
 RECORD = "shards/a/000001.json"
@@ -213,7 +213,7 @@ def test_no_dataset_a_newer_one_and_another_format(whole, tmp_path) -> None:
             open_dataset(place)
     manifest = json.loads((whole / "manifest.json").read_text())
     for change, message in (
-        ({"schema_version": 99}, "schema version 99 is newer than 2.*update scarl-sionna"),
+        ({"schema_version": 99}, "schema version 99 is newer than 3.*update scarl-sionna"),
         ({"schema_version": "soon"}, "newer"),
         ({"format": "other"}, "not a dataset of scarl-sionna"),
         ({"scenes": None}, "is damaged"),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -17,7 +17,7 @@ from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity
 from scarl_sionna.core.results import Frame, ObjectState, SensorResult
 from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.dataset.encoding import mount_today, spec_of
-from scarl_sionna.dataset.store.archives import REMEDY, ArchivedFiles, archived_files
+from scarl_sionna.dataset.store.archives import ArchivedFiles, archived_files
 from scarl_sionna.dataset.store.files import Files, open_files
 from scarl_sionna.dataset.store.manifest import (
     ARRAYS,
@@ -28,6 +28,7 @@ from scarl_sionna.dataset.store.manifest import (
     plan_of,
     recover_manifest,
 )
+from scarl_sionna.dataset.store.records import ShardRecord
 from scarl_sionna.dataset.store.shards import ArrayInfo
 
 from .shard_files import ShardFiles
@@ -35,6 +36,8 @@ from .stored import StoredImage, StoredImages, StoredLidar, StoredRadar, StoredR
 
 if TYPE_CHECKING:
     import zarr
+
+    from .zarr_store import SceneStore
 
 
 class Dataset(Described, Sequence["StoredFrame"]):
@@ -196,21 +199,31 @@ class Scene(Described, Sequence["StoredFrame"]):
 
     @cached_property
     def group(self) -> zarr.Group:
-        """The scene's Zarr group: lazy arrays over all frames, for slices.
+        """The scene's Zarr group: lazy arrays over all frames that are there now, for slices.
 
-        ``group["front_left/radar/adc"][3, :, :16]``.
+        ``group["front_left/radar/adc"][3, :, :16]``. For xarray see `open_xarray`.
 
         Raises
         ------
         DatasetError
-            If the dataset is in archives.
+            If the record of a shard is damaged or lost.
         """
         import zarr
 
-        if isinstance(self.dataset.files, ArchivedFiles):
-            raise DatasetError("archives are no Zarr hierarchy", self.dataset.place, REMEDY)
-        place = self.dataset.place.rstrip("/")
-        return zarr.open_group(f"{place}/{ARRAYS}/{self.name}", mode="r")
+        return zarr.open_group(self.zarr_place(), mode="r")
+
+    def zarr_place(self) -> str | SceneStore:
+        """Return what Zarr and xarray open as this scene's hierarchy: an address, or a store.
+
+        Raises
+        ------
+        DatasetError
+            If the record of a shard is damaged or lost.
+        """
+        dataset = self.dataset
+        if dataset.plan.options.layout == "files" and not isinstance(dataset.files, ArchivedFiles):
+            return f"{dataset.place.rstrip('/')}/{ARRAYS}/{self.name}"
+        return self._files.zarr_store(partial(_zarr_place, dataset.place, self.name))
 
     def array(self, name: str) -> npt.NDArray[Any]:
         """Return a small array, for instance ``"timestamp_ns"``, over all frames, shape (num_frames, ...).
@@ -266,6 +279,16 @@ class Scene(Described, Sequence["StoredFrame"]):
             If the file is missing, or is not the one that was written.
         """
         return self._files.read_image(index, sensor, image)
+
+    def members(self, shard: int) -> tuple[ShardRecord, Iterator[tuple[str, list[bytes]]]] | None:
+        """Return the record of a shard, and name and content of its files, each checked; None: it is not finished.
+
+        Raises
+        ------
+        DatasetError
+            If a file is missing, or is not the one that was written.
+        """
+        return self._files.members(shard)
 
     def meta(self, index: int) -> dict[str, Any]:
         """Return what of a frame stands in JSON."""
@@ -389,6 +412,10 @@ class StoredFrame(Described):
         if values is None:
             raise DatasetError(f"frame {self.index} of {self.scene.name} has no {name}", self.scene.dataset.place)
         return values
+
+
+def _zarr_place(place: str, scene: str) -> str | SceneStore:
+    return Dataset(place).scene(scene).zarr_place()
 
 
 def _object_value(name: str, value: FieldValue) -> FieldValue:

@@ -6,8 +6,8 @@ import hashlib
 import re
 import threading
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
@@ -15,11 +15,22 @@ from scarl_sionna.core.errors import DatasetDamage, DatasetError, DatasetUnreach
 from scarl_sionna.core.untrusted.checked import checked, plain
 from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.dataset.encoding import StoreOptions
+from scarl_sionna.dataset.store.archives import shard_of
 from scarl_sionna.dataset.store.files import Files, read_small
 from scarl_sionna.dataset.store.forms import MetasForm
-from scarl_sionna.dataset.store.manifest import SHARDS, ScenePlan
-from scarl_sionna.dataset.store.shard_writer import ShardRecord, array_key, image_name, meta_name, record_name
+from scarl_sionna.dataset.store.manifest import ARRAYS, SHARDS, ScenePlan
+from scarl_sionna.dataset.store.records import (
+    ShardRecord,
+    array_key,
+    image_name,
+    meta_name,
+    record_name,
+    zarr_texts,
+)
 from scarl_sionna.dataset.store.shards import ArrayInfo, decode_chunk, index_length, parse_index
+
+if TYPE_CHECKING:
+    from .zarr_store import SceneStore
 
 _CACHED_SHARDS = 64
 """Shards whose indices and JSON are kept in memory, a scene."""
@@ -71,18 +82,18 @@ class ShardFiles:
         key = array_key(self._plan.name, name, number, info)
         try:
             places = shard.places.get(name)
-            end = shard.files[key][0]
+            end = shard.record.files[key][0]
             if places is None:
-                tail = self._files.read(key, end - index_length(self._options.shard_frames), end)
+                tail = shard.record.read(self._files, key, end - index_length(self._options.shard_frames), end)
                 places = shard.places[name] = parse_index(tail, self._options.shard_frames)
             place = places[position]
             if place is None:
                 return None
             if place[0] + place[1] > end:
                 raise _ALTERED
-            return decode_chunk(self._files.read(key, place[0], place[0] + place[1]), info)
+            return decode_chunk(shard.record.read(self._files, key, place[0], place[0] + place[1]), info)
         except (OSError, DatasetError, RuntimeError, KeyError, ValueError) as error:
-            raise self._damaged(key, error, index) from error
+            raise self._damaged(key, error, index, shard.record) from error
 
     def read_file(self, name: str, index: int | None = None) -> bytes:
         """Return a file of the dataset; `index` is the frame that an error names.
@@ -92,15 +103,23 @@ class ShardFiles:
         DatasetError
             If the file is missing or cannot be read.
         """
+        place = shard_of(name, self._options.shard_frames) if self._options.layout == "packed" else None
+        if place is None or place[0] != self._plan.name or name == record_name(*place):
+            return self._read(None, name, index)
+        return self._read(self._shard(place[1] * self._options.shard_frames).record, name, index)
+
+    def _read(self, record: ShardRecord | None, name: str, index: int | None) -> bytes:
         try:
-            return self._files.read(name)
+            if record is None or name not in record.files:
+                return self._files.read(name)
+            return record.read(self._files, name)
         except (OSError, DatasetError) as error:
-            raise self._damaged(name, error, index) from error
+            raise self._damaged(name, error, index, record) from error
 
     def image_file(self, index: int, sensor: str, image: str) -> str | None:
         """Return the name of an image's PNG file in the dataset, or None if the frame does not have it."""
         name = image_name(self._plan.name, f"{sensor}/{image}/{index:06d}.png")
-        return name if name in self._shard(index).files else None
+        return name if name in self._shard(index).record.files else None
 
     def read_image(self, index: int, sensor: str, image: str) -> bytes | None:
         """Return an image's PNG file, or None if the frame does not have it.
@@ -111,13 +130,13 @@ class ShardFiles:
             If the file is missing, or is not the one that was written.
         """
         name = self.image_file(index, sensor, image)
-        return None if name is None else self._read_checked(name, self._shard(index).files[name], index)
+        return None if name is None else self._read_checked(name, self._shard(index).record, index)
 
-    def _read_checked(self, name: str, written: tuple[int, str], index: int) -> bytes:
+    def _read_checked(self, name: str, record: ShardRecord, index: int | None) -> bytes:
         """Return a file whose size and SHA-256 are those that its shard's record states."""
-        data = self.read_file(name, index)
-        if (len(data), hashlib.sha256(data).hexdigest()) != written:
-            raise self._damaged(name, _ALTERED, index)
+        data = self._read(record, name, index)
+        if (len(data), hashlib.sha256(data).hexdigest()) != record.files[name]:
+            raise self._damaged(name, _ALTERED, index, record)
         return data
 
     def meta(self, index: int) -> dict[str, Any]:
@@ -128,17 +147,61 @@ class ShardFiles:
             name = meta_name(self._plan.name, index // self._options.shard_frames)
             raise self._damaged(name, ValueError(f"it has no frame {index}"), index) from error
 
-    def _damaged(self, key: str, error: Exception, index: int | None = None) -> DatasetError:
+    def _damaged(
+        self, key: str, error: Exception, index: int | None = None, record: ShardRecord | None = None
+    ) -> DatasetError:
         if isinstance(error, DatasetUnreachable | DatasetDamage):
             return error
+        where = "" if record is None or record.bundle is None else f" in {record.bundle[0]}"
         text = "is not there" if isinstance(error, FileNotFoundError) else f"cannot be read: {error}"
         frame = "" if index is None else f"frame {index} of {self._plan.name}: "
         return DatasetDamage(
-            f"{frame}{key} {text}",
+            f"{frame}{key}{where} {text}",
             self._place,
             "run `scarl-sionna verify --repair`, then the export again",
             (key, self._plan.name, index),
         )
+
+    def members(self, shard: int) -> tuple[ShardRecord, Iterator[tuple[str, list[bytes]]]] | None:
+        """Return the record of a shard, and name and content of its files, each checked; None: it is not finished.
+
+        Raises
+        ------
+        DatasetError
+            If a file is missing, or is not the one that was written.
+        """
+        name = record_name(self._plan.name, shard)
+        if self._row(shard) is None and name.rpartition("/")[2] not in self._files.names(f"{SHARDS}/{self._plan.name}"):
+            return None
+        record = self._record(shard)
+        return record, ((name, [self._read_checked(name, record, None)]) for name in record.files)
+
+    def zarr_store(self, again: Callable[[], object]) -> SceneStore:
+        """Return the arrays of the shards that are there as a Zarr hierarchy; `again` opens it in another process.
+
+        Raises
+        ------
+        DatasetError
+            If a record is damaged.
+        """
+        from .zarr_store import SceneStore  # imports Zarr
+
+        top = f"{ARRAYS}/{self._plan.name}/"
+        arrays = dict[str, ArrayInfo]()
+        places = dict[str, ShardRecord]()
+        for number in sorted({index // self._options.shard_frames for index in self.frames()}):
+            record = self._record(number)
+            arrays |= record.arrays
+            places |= {name: record for name in record.files if name.startswith(top)}
+        texts = {
+            name: text for name, text in zarr_texts(self._plan, arrays, self._options).items() if name.startswith(top)
+        }
+
+        def read(key: str, start: int | None, stop: int | None) -> bytes:
+            return places[top + key].read(self._files, top + key, start, stop)
+
+        sizes = {name.removeprefix(top): record.files[name][0] for name, record in places.items()}
+        return SceneStore({name.removeprefix(top): text for name, text in texts.items()}, sizes, read, again)
 
     def frames(self) -> Iterator[int]:
         """Yield the frames of finished shards: from the manifest, and from records that came after it."""
@@ -185,9 +248,9 @@ class ShardFiles:
         try:
             name = meta_name(self._plan.name, number)
             if name in record.files:
-                text = self._read_checked(name, record.files[name], index)
+                text = self._read_checked(name, record, index)
             else:
-                text = self.read_file(name, index)
+                text = self._read(None, name, index)
             metas = {meta.index: plain(meta) for meta in checked(MetasForm, parse_json(text)).root}
         except ValueError as error:
             raise self._damaged(meta_name(self._plan.name, number), error, index) from error
@@ -200,9 +263,8 @@ class ShardFiles:
 
 
 class _Shard:
-    """What is kept of a shard: its arrays, size and checksum of its files, its JSON, and the indices that were read."""
+    """What is kept of a shard: its record, its JSON, and the indices that were read."""
 
     def __init__(self, record: ShardRecord, metas: dict[int, dict[str, Any]]) -> None:
-        self.arrays, self.metas = record.arrays, metas
-        self.files = record.files
+        self.record, self.metas, self.arrays = record, metas, record.arrays
         self.places: dict[str, list[tuple[int, int] | None]] = {}

@@ -12,7 +12,6 @@ from scarl_sionna.core.packages import require
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveforms.coded import is_coded, window_start
-from scarl_sionna.dataset.store.manifest import ARRAYS
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
@@ -64,9 +63,8 @@ def open_xarray(data: Dataset | Scene | str | Path, scene: str | None = None) ->
         data = data.scene(scene if scene is not None else data.scenes[0])
     if not len(data):
         raise DatasetError(f"scene {data.name} has no frames", data.dataset.place, "export it first")
-    place = f"{data.dataset.place.rstrip('/')}/{ARRAYS}/{data.name}"
     with xarray.set_options(keep_attrs=True):
-        nodes = xarray.open_groups(place, engine="zarr", consolidated=False)
+        nodes = xarray.open_groups(data.zarr_place(), engine="zarr", consolidated=False)
     sensors = data.dataset.sensors
     time = data.array("timestamp_ns") * 1e-9
     out = {}

@@ -25,7 +25,7 @@ from scarl_sionna.core.errors import DatasetError
 from scarl_sionna.core.untrusted.checked import Table, checked
 from scarl_sionna.core.untrusted.json_text import parse_json
 
-from .files import Files, check_name, read_small
+from .files import Files, check_name, read_member, read_small
 from .manifest import ARRAYS, IMAGES, SHARDS
 
 INDEX, FORMAT, VERSION = "archived.json", "scarl-dataset-archives", 1
@@ -124,11 +124,7 @@ class ArchivedFiles:
         table = self.table(archive, size)
         if name not in table:
             raise FileNotFoundError(f"{name} is not in {archive}")
-        begin, length = table[name]
-        first, last = start or 0, length if stop is None else min(stop, length)
-        if first < 0:
-            raise DatasetError(f"{name} is asked for from byte {first} on: it is shorter than what ends it")
-        return self._files.read(archive, begin + first, begin + max(first, last)) if last > first else b""
+        return read_member(self._files, archive, name, table[name], start, stop)
 
     def names(self, folder: str) -> list[str]:
         """Return the records of a scene's shards; other folders are not listed."""

@@ -7,15 +7,17 @@ import hashlib
 import os
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Protocol
+from typing import IO, Protocol, TypeVar
 
 from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, OutputError, ScarlWarning
 from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular
 
 from .atomic import partial_path
+
+T = TypeVar("T")
 
 _SAFE = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_.\-]*(/[A-Za-z0-9_\-][A-Za-z0-9_.\-]*)*")
 _SYNC_THREADS = 8
@@ -179,6 +181,23 @@ class RemoteFiles:
         )
 
 
+def read_member(
+    files: Files, archive: str, name: str, place: tuple[int, int], start: int | None, stop: int | None
+) -> bytes:
+    """Return the bytes from `start` to `stop` of a file inside of another one; `place`: where it begins, its length.
+
+    Raises
+    ------
+    DatasetError
+        If they begin before the file does.
+    """
+    begin, length = place
+    first, last = start or 0, length if stop is None else min(stop, length)
+    if first < 0:
+        raise DatasetError(f"{name} is asked for from byte {first} on: it is shorter than what ends it")
+    return files.read(archive, begin + first, begin + last) if last > first else b""
+
+
 def read_small(files: Files, name: str) -> bytes:
     """Return the bytes of a JSON file.
 
@@ -217,14 +236,25 @@ class Batch:
     def write(self, name: str, parts: Iterable[bytes]) -> tuple[int, str]:
         """Write a file and return its size [bytes] and SHA-256."""
         digest, size = hashlib.sha256(), 0
-        partial = self._work / f"part_{len(self._files):06d}"
-        self._files.append((partial, self._root / name))
-        with open(partial, "wb") as file:
+        with open(self._partial(name), "wb") as file:
             for part in parts:
                 file.write(part)
                 digest.update(part)
                 size += len(part)
         return size, digest.hexdigest()
+
+    def write_with(self, name: str, write: Callable[[IO[bytes]], T]) -> tuple[int, str, T]:
+        """Let a function write a file, also back and forth, and return its size [bytes], SHA-256 and the result."""
+        with open(self._partial(name), "w+b") as file:
+            result = write(file)
+            size = file.seek(0, os.SEEK_END)
+            file.seek(0)
+            return size, hashlib.file_digest(file, "sha256").hexdigest(), result
+
+    def _partial(self, name: str) -> Path:
+        partial = self._work / f"part_{len(self._files):06d}"
+        self._files.append((partial, self._root / name))
+        return partial
 
     def publish(self) -> None:
         """Bring all bytes to the disk, then give every file its name."""

@@ -23,6 +23,10 @@ _TYPES = frozenset({"bool", "complex64", "complex128", "float16", "float32", "fl
 _Count = Annotated[int, Field(ge=0, le=_MOST_BYTES)]
 _Frame = Annotated[int, Field(ge=0, lt=MOST_FRAMES)]
 _Digest = Annotated[str, Field(max_length=200)]
+_File = Annotated[tuple[_Count, _Digest], Field(strict=False)]
+"""Size [bytes] and SHA-256."""
+_Member = Annotated[tuple[_Count, _Digest, _Count], Field(strict=False)]
+"""The same, and where it begins in the shard's ZIP file [bytes]."""
 _Loose = dict[str, Any]
 
 
@@ -32,6 +36,7 @@ class StorageForm(Table):
     shard_frames: int = Field(8, ge=1, le=MOST_SHARD_FRAMES)
     radar_format: Literal["int16", "complex64"] = "int16"
     object_capacity: int = Field(1024, ge=1, le=1_000_000)
+    layout: Literal["packed", "files"] = "files"
 
 
 class _Mount(Table):
@@ -120,7 +125,17 @@ class RecordForm(Table):
     frames: list[_Frame] = Field(max_length=MOST_SHARD_FRAMES)
     failed: dict[Annotated[str, Field(pattern=r"^\d{1,7}$")], Text]
     arrays: dict[str, _Array] = Field(max_length=100_000)
-    files: dict[str, Annotated[tuple[_Count, _Digest], Field(strict=False)]] = Field(max_length=10_000_000)
+    files: dict[str, _File | _Member] = Field(max_length=10_000_000)
+    bundle: Annotated[tuple[Text, _Count, _Digest], Field(strict=False)] | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> RecordForm:
+        size = None if self.bundle is None else self.bundle[1]
+        for name, item in self.files.items():
+            inside = len(item) == 3 and size is not None and item[0] + item[2] <= size
+            if not (inside if size is not None else len(item) == 2):
+                raise ValueError(f"{name:.80} has no place in the shard's ZIP file, or one without such a file")
+        return self
 
 
 class _SensorMeta(Table):

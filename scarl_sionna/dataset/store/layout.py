@@ -11,7 +11,7 @@ where it stands in the way of a file of ours, an export stops before it begins.
     arrays/<scene>/[<group>/...]zarr.json
     arrays/<scene>/<array>/c/<shard>/0/...
     images/<scene>/<sensor>/<image>/<frame>.png
-    shards/<scene>/<shard>.json  shards/<scene>/<shard>.frames.json
+    shards/<scene>/<shard>.json  shards/<scene>/<shard>.frames.json  shards/<scene>/<shard>.zip
     .work/<scene>/<shard>/<frame>.pack  .work/<scene>/<shard>/part_<number>
     .locks/<name>.lock
     .partial_<name of a file of ours>_<process>
@@ -47,7 +47,7 @@ SHEET_MARK = "scarl-sionna contact sheet"
 
 _FOLDERS = (*DATA_FOLDERS, WORK_FOLDER, LOCK_FOLDER)
 _NUMBER = r"(\d{6,})"
-_RECORD = re.compile(rf"{_NUMBER}(?:\.frames)?\.json")
+_RECORD = re.compile(rf"{_NUMBER}(?:(?:\.frames)?\.json|\.zip)")
 _PICTURE = re.compile(rf"(.+)/{_NUMBER}\.png")
 _CHUNK = re.compile(r"(.+?)/c/(0|[1-9]\d*)((?:/0)*)")
 _WORK = re.compile(rf"(?:{_NUMBER}\.pack|part_\d{{6,}}|{re.escape(PARTIAL)}{_NUMBER}\.(?:pack|json)_\d+)")
@@ -75,7 +75,8 @@ class Layout:
         self._recorded = frozenset(recorded)
         self._frames = {} if plan is None else {scene.name: scene.num_frames for scene in plan.scenes}
         self._shard_frames = 1 if plan is None else plan.options.shard_frames
-        self._arrays, self._images = ({}, set()) if plan is None else _fields(plan)
+        self._is_packed = plan is not None and plan.options.layout == "packed"
+        self._arrays, self._images = ({}, set()) if plan is None or self._is_packed else _fields(plan)
         self._groups = {
             "/".join(name.split("/")[:depth]) for name in self._arrays for depth in range(name.count("/") + 1)
         }
@@ -86,13 +87,14 @@ class Layout:
             return True
         folder, _, rest = name.partition("/")
         if (folder, rest) == (ARRAYS, METADATA):
-            return bool(self._frames)
+            return bool(self._frames) and not self._is_packed
         scene, _, rest = rest.partition("/")
         if scene not in self._frames:
             return False
         if folder == SHARDS:
             found = _RECORD.fullmatch(rest)
-            return found is not None and self._is_shard(scene, found[1])
+            is_of_layout = rest.count(".") == 1 if self._is_packed else rest.endswith(".json")
+            return found is not None and is_of_layout and self._is_shard(scene, found[1])
         if folder == IMAGES:
             found = _PICTURE.fullmatch(rest)
             return found is not None and found[1] in self._images and self._is_frame(scene, found[2])
@@ -112,7 +114,7 @@ class Layout:
         if folder not in DATA_FOLDERS or (scene and scene not in self._frames):
             return False
         if not rest:
-            return True
+            return folder == SHARDS or not self._is_packed
         known = {ARRAYS: self._groups | self._arrays.keys(), IMAGES: self._images, SHARDS: set[str]()}[folder]
         return rest in known or any(item.startswith(f"{rest}/") for item in known)
 

@@ -173,7 +173,7 @@ class DatasetPlan:
     def configuration(self) -> dict[str, Any]:
         """All that decides the bytes of the frames, as plain data."""
         return {
-            "storage": asdict(self.options),
+            "storage": self.options.to_dict(),
             "software": dict(self.software),
             "rig": self.rig,
             "scenes": {scene.name: scene.configuration for scene in self.scenes},
@@ -201,6 +201,7 @@ class DatasetPlan:
         Scenes of one only do not count.
         """
         old, new = there.configuration, self.configuration
+        old["storage"], new["storage"] = asdict(there.options), asdict(self.options)
         common = old["scenes"].keys() & new["scenes"].keys()
         for configuration in (old, new):
             configuration["scenes"] = {name: configuration["scenes"][name] for name in sorted(common)}
@@ -212,7 +213,7 @@ def manifest_data(plan: DatasetPlan, shards: Mapping[str, list[list[Any] | None]
     configuration = plan.configuration
     return {
         "format": FORMAT,
-        "schema_version": schema.SCHEMA_VERSION,
+        "schema_version": schema.SCHEMA_VERSION if plan.options.layout == "packed" else schema.FILES_VERSION,
         "description": plan.description,
         "licence": plan.licence,
         "configuration": configuration,
@@ -359,7 +360,7 @@ def plan_of(data: Mapping[str, Any]) -> DatasetPlan:
     return DatasetPlan(
         configuration["rig"],
         tuple(scenes),
-        StoreOptions(**configuration["storage"]),
+        StoreOptions.from_dict(configuration["storage"]),
         configuration["software"],
         data["licence"],
         data["description"],

@@ -2,113 +2,39 @@
 
 Frames are kept as they are finished, and the whole is put in place at once.
 
-The shard's record (``shards/000003.json``) is written last. Without its record a shard is not there; with it, every
-file of the shard is whole.
+The shard's record (``shards/<scene>/000003.json``) is written last. Without its record a shard is not there; with it,
+every file of the shard is whole.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 
-from scarl_sionna.core.errors import DatasetError, OutputError
-from scarl_sionna.core.untrusted.checked import checked
-from scarl_sionna.core.untrusted.json_text import parse_json
+from scarl_sionna.core.errors import OutputError
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
-from .files import Batch, LocalFiles, check_name, make_folder, output_error, write_whole
-from .forms import RecordForm
-from .layout import METADATA, WORK_FOLDER, clear_work
+from .files import Batch, LocalFiles, make_folder, output_error, write_whole
+from .layout import WORK_FOLDER, clear_work
 from .locks import FileLock
-from .manifest import ARRAYS, IMAGES, SHARDS, ScenePlan
+from .manifest import ScenePlan
 from .packs import Pack, is_whole, write_pack
-from .shards import ArrayInfo, array_metadata, group_metadata, index_length, parse_index, shard_index, shard_key
-
-
-@dataclass(frozen=True)
-class ShardRecord:
-    """What a finished shard holds.
-
-    Attributes
-    ----------
-    configuration : str
-        Hash of all that decides the frames' bytes.
-    frames : tuple of int
-        Frames that are there.
-    failed : mapping of int to str
-        Frames that are not, with the reason.
-    arrays : mapping of str to ArrayInfo
-    files : mapping of str to (int, str)
-        Size [bytes] and SHA-256 of each file, by its name in the dataset.
-    """
-
-    configuration: str
-    frames: tuple[int, ...]
-    failed: Mapping[int, str] = field(default_factory=dict)
-    arrays: Mapping[str, ArrayInfo] = field(default_factory=dict)
-    files: Mapping[str, tuple[int, str]] = field(default_factory=dict)
-
-    @property
-    def num_bytes(self) -> int:
-        """Size of all files [bytes]."""
-        return sum(size for size, _ in self.files.values())
-
-    def dump(self) -> str:
-        """Return the record's text."""
-        data = {
-            "configuration": self.configuration,
-            "frames": list(self.frames),
-            "failed": {str(index): self.failed[index] for index in sorted(self.failed)},
-            "arrays": {name: self.arrays[name].to_dict() for name in sorted(self.arrays)},
-            "files": {name: list(self.files[name]) for name in sorted(self.files)},
-        }
-        return json.dumps(data, indent=0) + "\n"
-
-    @classmethod
-    def parse(cls, text: bytes, where: str = "") -> ShardRecord:
-        """Return the record of :meth:`dump`.
-
-        Raises
-        ------
-        DatasetError
-            If it is damaged or names a file outside of the scene.
-        """
-        try:
-            data = checked(RecordForm, parse_json(text))
-            arrays = {
-                check_name(name, "array"): ArrayInfo(info.dtype, tuple(info.shape), tuple(info.axes), info.attributes)
-                for name, info in data.arrays.items()
-            }
-            files = {check_name(name, "file"): item for name, item in data.files.items()}
-            failed = {int(index): reason for index, reason in data.failed.items()}
-            return cls(data.configuration, tuple(data.frames), failed, arrays, files)
-        except ValueError as error:
-            raise DatasetError(
-                f"the record of a shard is damaged: {error!s:.200}", where, "run verify --repair, then export"
-            ) from error
-
-
-def record_name(scene: str, shard: int) -> str:
-    """Return the name of a shard's record."""
-    return f"{SHARDS}/{scene}/{shard:06d}.json"
-
-
-def meta_name(scene: str, shard: int) -> str:
-    """Return the name of the file with what of the frames stands in JSON."""
-    return f"{SHARDS}/{scene}/{shard:06d}.frames.json"
-
-
-def array_key(scene: str, name: str, shard: int, info: ArrayInfo) -> str:
-    """Return the name of an array's shard file."""
-    return shard_key(f"{ARRAYS}/{scene}/{name}", shard, info)
-
-
-def image_name(scene: str, name: str) -> str:
-    """Return the name of an image's file; `name` is that of the encoded frame."""
-    return f"{IMAGES}/{scene}/{name}"
+from .records import (
+    ShardRecord,
+    array_key,
+    bundle_name,
+    image_name,
+    meta_name,
+    metadata_texts,
+    read_record,
+    record_name,
+    unpack,
+    write_members,
+)
+from .shards import ArrayInfo, shard_index
 
 
 class ShardWriter:
@@ -217,8 +143,28 @@ class ShardWriter:
             raise OutputError(f"shard {self.shard} of {self.scene.name} lacks the frames {absent}; make them first")
         if self._complete:
             return read_record(self.root, self.scene.name, self.shard)  # type: ignore[return-value]
+        return self._put(self._assemble)
+
+    def copy(self, there: ShardRecord, members: Iterable[tuple[str, Iterable[bytes]]]) -> ShardRecord:
+        """Put a finished shard of another dataset in place, its files byte for byte, in the layout of this one.
+
+        Parameters
+        ----------
+        there : ShardRecord
+            Of the other shard.
+        members : iterable of (str, iterable of bytes)
+            Name and content of each of its files.
+
+        Raises
+        ------
+        OutputError
+            If the disk does not take it.
+        """
+        return self._put(lambda: self._write(members, there.frames, there.failed, there.arrays))
+
+    def _put(self, assemble: Callable[[], ShardRecord]) -> ShardRecord:
         try:
-            record = self._assemble()
+            record = assemble()
             place = self.root / record_name(self.scene.name, self.shard)
             make_folder(place.parent)
             write_whole(place, record.dump(), self.work)
@@ -268,22 +214,53 @@ class ShardWriter:
                         f"array {name} of scene {self.scene.name} changes its shape from frame to frame: "
                         f"{arrays[name].shape}, {info.shape}"
                     )
-        written: dict[str, tuple[int, str]] = {}
+        members = sorted(self._members(packs, arrays), key=lambda item: item[0])
+        return self._write(members, tuple(packs), self.failed, arrays)
+
+    def _write(
+        self,
+        members: Iterable[tuple[str, Iterable[bytes]]],
+        frames: tuple[int, ...],
+        failed: Mapping[int, str],
+        arrays: Mapping[str, ArrayInfo],
+    ) -> ShardRecord:
+        """Write the files of the shard, give them their names, and return its record."""
         make_folder(self.work)
         batch = Batch(self.root, self.work)
-        for name in sorted(arrays):
-            key = array_key(self.scene.name, name, self.shard, arrays[name])
-            written[key] = batch.write(key, _shard_parts(name, packs, self.frames.start, self.options.shard_frames))
-        for pack in packs.values():
-            for name in pack.files:
-                target = image_name(self.scene.name, name)
-                written[target] = batch.write(target, [pack.read(name)])
-        meta = json.dumps([pack.meta for pack in packs.values()], indent=0) + "\n"
-        target = meta_name(self.scene.name, self.shard)
-        written[target] = batch.write(target, [meta.encode()])
+        bundle, starts = None, dict[str, int]()
+        if self.options.layout == "packed":
+            place = bundle_name(self.scene.name, self.shard)
+            written = dict[str, tuple[int, str]]()
+            digested = ((name, _digested(name, parts, written)) for name, parts in members)
+            size, digest, starts = batch.write_with(place, lambda file: write_members(file, digested))
+            bundle = (place, size, digest)
+        else:
+            written = {name: batch.write(name, parts) for name, parts in members}
         _write_metadata(batch, self.root, self.scene, arrays, self.options)
         batch.publish()
-        return ShardRecord(self.configuration, tuple(packs), dict(self.failed), arrays, written)
+        return ShardRecord(self.configuration, frames, dict(failed), arrays, written, bundle, starts)
+
+    def _members(
+        self, packs: Mapping[int, Pack], arrays: Mapping[str, ArrayInfo]
+    ) -> Iterator[tuple[str, Iterable[bytes]]]:
+        """Yield name and content of each array, image and JSON text of the shard; a content is read in its turn."""
+        for name in sorted(arrays):
+            key = array_key(self.scene.name, name, self.shard, arrays[name])
+            yield key, _shard_parts(name, packs, self.frames.start, self.options.shard_frames)
+        for pack in packs.values():
+            yield from ((image_name(self.scene.name, name), map(pack.read, [name])) for name in pack.files)
+        meta = json.dumps([pack.meta for pack in packs.values()], indent=0) + "\n"
+        yield meta_name(self.scene.name, self.shard), [meta.encode()]
+
+
+def _digested(name: str, parts: Iterable[bytes], written: dict[str, tuple[int, str]]) -> Iterator[bytes]:
+    """Yield the parts of a file, and put its size [bytes] and SHA-256 into `written` at its end."""
+    digest, size = hashlib.sha256(), 0
+    for part in parts:
+        yield part
+        digest.update(part)
+        size += len(part)
+    written[name] = size, digest.hexdigest()
 
 
 def _shard_parts(name: str, packs: Mapping[int, Pack], first: int, shard_frames: int) -> Iterator[bytes]:
@@ -298,18 +275,6 @@ def _shard_parts(name: str, packs: Mapping[int, Pack], first: int, shard_frames:
     yield shard_index(lengths)
 
 
-def metadata_texts(scene: ScenePlan, arrays: Mapping[str, ArrayInfo], options: StoreOptions) -> dict[str, str]:
-    """Return the ``zarr.json`` of the scene's arrays and of the groups above them, by name in the dataset."""
-    top = f"{ARRAYS}/{scene.name}"
-    texts = {f"{ARRAYS}/{METADATA}": group_metadata(), f"{top}/{METADATA}": group_metadata()}
-    for name, info in arrays.items():
-        parts = name.split("/")
-        for depth in range(1, len(parts)):
-            texts["/".join([top, *parts[:depth], METADATA])] = group_metadata()
-        texts[f"{top}/{name}/{METADATA}"] = array_metadata(info, scene.num_frames, options.shard_frames)
-    return texts
-
-
 def _write_metadata(
     batch: Batch, root: Path, scene: ScenePlan, arrays: Mapping[str, ArrayInfo], options: StoreOptions
 ) -> None:
@@ -321,36 +286,6 @@ def _write_metadata(
         except (FileNotFoundError, UnicodeDecodeError):
             pass
         batch.write(name, [text.encode()])
-
-
-def unpack(
-    files: LocalFiles, record: ShardRecord, scene: str, shard: int, options: StoreOptions
-) -> Iterator[EncodedFrame]:
-    """Yield the encoded frames of a finished shard, bit for bit.
-
-    Raises
-    ------
-    DatasetError
-        If the shard is damaged.
-    """
-    metas = {meta["index"]: meta for meta in json.loads(files.read(meta_name(scene, shard)))}
-    first = shard * options.shard_frames
-    indices = {}
-    for name, info in record.arrays.items():
-        key = array_key(scene, name, shard, info)
-        stop = record.files[key][0]
-        tail = files.read(key, stop - index_length(options.shard_frames), stop)
-        indices[name] = parse_index(tail, options.shard_frames)
-    for index in record.frames:
-        chunks, arrays = {}, {}
-        for name, info in record.arrays.items():
-            place = indices[name][index - first]
-            if place is not None:
-                arrays[name] = info
-                chunks[name] = files.read(array_key(scene, name, shard, info), place[0], place[0] + place[1])
-        prefix, end = image_name(scene, ""), f"/{index:06d}.png"
-        images = {name.removeprefix(prefix): files.read(name) for name in record.files if name.endswith(end)}
-        yield EncodedFrame(index, arrays, chunks, images, metas[index])
 
 
 def tidy_shard(root: Path, scene: ScenePlan, shard: int, options: StoreOptions) -> None:
@@ -374,14 +309,3 @@ def tidy_shard(root: Path, scene: ScenePlan, shard: int, options: StoreOptions) 
 def _work(root: Path, scene: str, shard: int) -> Path:
     """Return the folder of a shard that is in work."""
     return root / WORK_FOLDER / scene / f"{shard:06d}"
-
-
-def read_record(root: Path, scene: str, shard: int) -> ShardRecord | None:
-    """Return the record of a shard, or None if it is not finished."""
-    path = root / record_name(scene, shard)
-    try:
-        return ShardRecord.parse(path.read_bytes(), str(path))
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise output_error(path, error) from error

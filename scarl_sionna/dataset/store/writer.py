@@ -54,7 +54,8 @@ from .manifest import (
     plan_of,
     recover_manifest,
 )
-from .shard_writer import ShardRecord, ShardWriter, meta_name, metadata_texts, record_name, tidy_shard
+from .records import ShardRecord, meta_name, metadata_texts, record_name
+from .shard_writer import ShardWriter, tidy_shard
 from .shards import group_metadata
 
 _RUN = "run"
@@ -238,7 +239,7 @@ class DatasetFolder:
                     f"{self.root} has lost its {MANIFEST}, and {name} is of another "
                     "configuration; give the configuration that made it, choose another folder or overwrite"
                 )
-            if any(_size(self.root / file) != size for file, (size, _) in record.files.items()):
+            if any(_size(self.root / file) != size for file, (size, _) in record.on_disk.items()):
                 remove_file(self.root / name)  # of an overwrite that was stopped: it is made again
         return self.plan if records else None
 
@@ -351,7 +352,7 @@ class _There:
             if path.stem.isdigit():
                 with suppress(DatasetError, OSError):
                     record = ShardRecord.parse(path.read_bytes())
-                    if all(_is_of_scene(name, path.parent.name) for name in record.files):
+                    if all(_is_of_scene(name, path.parent.name) for name in record.on_disk):
                         found[path.parent.name, int(path.stem)] = record
         return found
 
@@ -359,8 +360,10 @@ class _There:
         """Return the names that are ours; what only records tell, of some scenes."""
         names: set[str] = set()
         for (scene, shard), record in self.records(scenes).items():
-            texts = metadata_texts(ScenePlan(scene, 1), record.arrays, StoreOptions())
-            names |= {*record.files, record_name(scene, shard), meta_name(scene, shard), *texts}
+            options = StoreOptions(layout="files" if record.bundle is None else "packed")
+            texts = metadata_texts(ScenePlan(scene, 1), record.arrays, options)
+            names |= {*record.on_disk, record_name(scene, shard), *texts}
+            names |= {meta_name(scene, shard)} if record.bundle is None else set()
         return Layout(self.plan, names)
 
 

@@ -1,0 +1,220 @@
+"""The record of a finished shard: its frames, where its images and arrays are, and their checksums.
+
+In the layout "files" each image and each array of a shard is a file (``images/...``, ``arrays/...``). In the layout
+"packed" all of them are members of one ZIP file, the shard's *bundle*, under the same names; the record holds where
+each begins, so that it is read without the table of contents of the ZIP file.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from scarl_sionna.core.errors import DatasetError
+from scarl_sionna.core.untrusted.checked import checked
+from scarl_sionna.core.untrusted.json_text import parse_json
+from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
+
+from .files import Files, check_name, output_error, read_member
+from .forms import RecordForm
+from .layout import METADATA
+from .manifest import ARRAYS, IMAGES, SHARDS, ScenePlan
+from .shards import ArrayInfo, array_metadata, group_metadata, index_length, parse_index, shard_key
+
+EPOCH = (1980, 1, 1, 0, 0, 0)
+"""Time of every member of a ZIP file, so that the same frames give the same bytes."""
+
+
+@dataclass(frozen=True)
+class ShardRecord:
+    """What a finished shard holds.
+
+    Attributes
+    ----------
+    configuration : str
+        Hash of all that decides the frames' bytes.
+    frames : tuple of int
+        Frames that are there.
+    failed : mapping of int to str
+        Frames that are not, with the reason.
+    arrays : mapping of str to ArrayInfo
+    files : mapping of str to (int, str)
+        Size [bytes] and SHA-256 of each image, array and JSON text, by its name in the dataset.
+    bundle : (str, int, str), optional
+        Name, size [bytes] and SHA-256 of the ZIP file that all of `files` are in; None: each is a file.
+    starts : mapping of str to int
+        Where each of `files` begins in the bundle [bytes].
+    """
+
+    configuration: str
+    frames: tuple[int, ...]
+    failed: Mapping[int, str] = field(default_factory=dict)
+    arrays: Mapping[str, ArrayInfo] = field(default_factory=dict)
+    files: Mapping[str, tuple[int, str]] = field(default_factory=dict)
+    bundle: tuple[str, int, str] | None = None
+    starts: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def on_disk(self) -> Mapping[str, tuple[int, str]]:
+        """Size [bytes] and SHA-256 of each file that the shard has beside its record."""
+        return self.files if self.bundle is None else {self.bundle[0]: self.bundle[1:]}
+
+    @property
+    def num_bytes(self) -> int:
+        """Size of all files [bytes]."""
+        return sum(size for size, _ in self.on_disk.values())
+
+    def read(self, files: Files, name: str, start: int | None = None, stop: int | None = None) -> bytes:
+        """Return one of `files`, or its bytes from `start` to `stop`, wherever it is; nothing is checked."""
+        if self.bundle is None:
+            return files.read(name, start, stop)
+        return read_member(files, self.bundle[0], name, (self.starts[name], self.files[name][0]), start, stop)
+
+    def dump(self) -> str:
+        """Return the record's text."""
+        places = {name: [] if self.bundle is None else [self.starts[name]] for name in self.files}
+        data = {
+            "configuration": self.configuration,
+            "frames": list(self.frames),
+            "failed": {str(index): self.failed[index] for index in sorted(self.failed)},
+            "arrays": {name: self.arrays[name].to_dict() for name in sorted(self.arrays)},
+            "files": {name: [*self.files[name], *places[name]] for name in sorted(self.files)},
+            **({} if self.bundle is None else {"bundle": list(self.bundle)}),
+        }
+        return json.dumps(data, indent=0) + "\n"
+
+    @classmethod
+    def parse(cls, text: bytes, where: str = "") -> ShardRecord:
+        """Return the record of :meth:`dump`.
+
+        Raises
+        ------
+        DatasetError
+            If it is damaged or names a file outside of the scene.
+        """
+        try:
+            data = checked(RecordForm, parse_json(text))
+            arrays = {
+                check_name(name, "array"): ArrayInfo(info.dtype, tuple(info.shape), tuple(info.axes), info.attributes)
+                for name, info in data.arrays.items()
+            }
+            files = {check_name(name, "file"): (item[0], item[1]) for name, item in data.files.items()}
+            starts = {name: item[2] for name, item in data.files.items() if len(item) == 3}
+            failed = {int(index): reason for index, reason in data.failed.items()}
+            if data.bundle is not None:
+                check_name(data.bundle[0], "file")
+            return cls(data.configuration, tuple(data.frames), failed, arrays, files, data.bundle, starts)
+        except ValueError as error:
+            raise DatasetError(
+                f"the record of a shard is damaged: {error!s:.200}", where, "run verify --repair, then export"
+            ) from error
+
+
+def record_name(scene: str, shard: int) -> str:
+    """Return the name of a shard's record."""
+    return f"{SHARDS}/{scene}/{shard:06d}.json"
+
+
+def bundle_name(scene: str, shard: int) -> str:
+    """Return the name of a shard's ZIP file."""
+    return f"{SHARDS}/{scene}/{shard:06d}.zip"
+
+
+def meta_name(scene: str, shard: int) -> str:
+    """Return the name of the file with what of the frames stands in JSON."""
+    return f"{SHARDS}/{scene}/{shard:06d}.frames.json"
+
+
+def array_key(scene: str, name: str, shard: int, info: ArrayInfo) -> str:
+    """Return the name of an array's shard file."""
+    return shard_key(f"{ARRAYS}/{scene}/{name}", shard, info)
+
+
+def image_name(scene: str, name: str) -> str:
+    """Return the name of an image's file; `name` is that of the encoded frame."""
+    return f"{IMAGES}/{scene}/{name}"
+
+
+def read_record(root: Path, scene: str, shard: int) -> ShardRecord | None:
+    """Return the record of a shard, or None if it is not finished."""
+    path = root / record_name(scene, shard)
+    try:
+        return ShardRecord.parse(path.read_bytes(), str(path))
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise output_error(path, error) from error
+
+
+def write_members(file: IO[bytes], members: Iterable[tuple[str, Iterable[bytes]]]) -> dict[str, int]:
+    """Write a ZIP file without compression, and return where the content of each member begins [bytes].
+
+    Parameters
+    ----------
+    file : binary file
+        Empty, open for writing and searching.
+    members : iterable of (str, iterable of bytes)
+        Name and content of each, which the ZIP file holds as it is.
+    """
+    starts = {}
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+        for name, parts in members:
+            data = b"".join(parts)
+            entry = zipfile.ZipInfo(name, EPOCH)
+            entry.create_system, entry.external_attr = 3, 0o644 << 16
+            archive.writestr(entry, data)
+            starts[name] = file.tell() - len(data)
+    return starts
+
+
+def metadata_texts(scene: ScenePlan, arrays: Mapping[str, ArrayInfo], options: StoreOptions) -> dict[str, str]:
+    """Return the ``zarr.json`` files of the scene's arrays and of the groups above them, by name in the dataset.
+
+    There are none in the layout "packed".
+    """
+    return {} if options.layout == "packed" else zarr_texts(scene, arrays, options)
+
+
+def zarr_texts(scene: ScenePlan, arrays: Mapping[str, ArrayInfo], options: StoreOptions) -> dict[str, str]:
+    """Return the ``zarr.json`` of the scene's arrays and of the groups above them, by name in the dataset."""
+    top = f"{ARRAYS}/{scene.name}"
+    texts = {f"{ARRAYS}/{METADATA}": group_metadata(), f"{top}/{METADATA}": group_metadata()}
+    for name, info in arrays.items():
+        parts = name.split("/")
+        for depth in range(1, len(parts)):
+            texts["/".join([top, *parts[:depth], METADATA])] = group_metadata()
+        texts[f"{top}/{name}/{METADATA}"] = array_metadata(info, scene.num_frames, options.shard_frames)
+    return texts
+
+
+def unpack(files: Files, record: ShardRecord, scene: str, shard: int, options: StoreOptions) -> Iterator[EncodedFrame]:
+    """Yield the encoded frames of a finished shard, bit for bit.
+
+    Raises
+    ------
+    DatasetError
+        If the shard is damaged.
+    """
+    metas = {meta["index"]: meta for meta in json.loads(record.read(files, meta_name(scene, shard)))}
+    first = shard * options.shard_frames
+    indices = {}
+    for name, info in record.arrays.items():
+        key = array_key(scene, name, shard, info)
+        stop = record.files[key][0]
+        tail = record.read(files, key, stop - index_length(options.shard_frames), stop)
+        indices[name] = parse_index(tail, options.shard_frames)
+    for index in record.frames:
+        chunks, arrays = {}, {}
+        for name, info in record.arrays.items():
+            place = indices[name][index - first]
+            if place is not None:
+                arrays[name] = info
+                key = array_key(scene, name, shard, info)
+                chunks[name] = record.read(files, key, place[0], place[0] + place[1])
+        prefix, end = image_name(scene, ""), f"/{index:06d}.png"
+        images = {name.removeprefix(prefix): record.read(files, name) for name in record.files if name.endswith(end)}
+        yield EncodedFrame(index, arrays, chunks, images, metas[index])
