@@ -56,6 +56,25 @@ class Device:
         rows = np.asarray(values, dtype=np.float64)
         return self.dr.gather(self.Vector, self.reals(rows), self.dr.arange(self.mi.UInt32, len(rows)))
 
+    def single_vectors(self, values: npt.ArrayLike) -> DeviceArray:
+        """Return vectors (n, 3) on the device, rounded to float32.
+
+        By a gather from a flat array: given NumPy's (3, n), Dr.Jit writes the number of rows into the kernel, so that
+        each number makes a kernel of its own.
+        """
+        rows = np.ascontiguousarray(values, dtype=np.float32)
+        flat = self.mi.Float(_aligned(rows.ravel()))
+        return self.dr.gather(self.mi.Vector3f, flat, self.dr.arange(self.mi.UInt32, len(rows)))
+
+    def on_host(self, values: DeviceArray) -> npt.NDArray[Any]:
+        """Return numbers (n,) or vectors (n, 3) of the device as NumPy arrays.
+
+        Component by component: for whole vectors Dr.Jit writes the number of rows into a kernel, too.
+        """
+        if self.dr.depth_v(values) == 1:
+            return np.asarray(values.numpy())
+        return np.stack([component.numpy() for component in values], axis=1)
+
     def corners(self, triangles: npt.ArrayLike) -> list[DeviceArray]:
         """Return the three corners of triangles (n, 3, 3) on the device."""
         rows = np.asarray(triangles, dtype=np.float64)

@@ -26,6 +26,7 @@ from scarl_sionna.scene.document.model import SceneDocument, twin_xml
 from scarl_sionna.scene.materials.table import MaterialTable
 
 from . import variant
+from .device import Device
 from .light.lamps import Lamps, lamp_elements
 from .light.look import airlight, sky_elements, wet_bsdfs
 from .types import MitsubaObject
@@ -221,8 +222,9 @@ class Twin:
         import drjit as dr
 
         with variant.use(self.kind) as mi:
-            origin = np.broadcast_to(origins, directions.shape).astype(np.float32)
-            ray = mi.Ray3f(mi.Point3f(origin.T), mi.Vector3f(directions.astype(np.float32).T))
+            on = Device(mi)
+            origin = np.broadcast_to(origins, directions.shape)
+            ray = mi.Ray3f(mi.Point3f(on.single_vectors(origin)), mi.Vector3f(on.single_vectors(directions)))
             if np.isfinite(max_distance):
                 ray.maxt = mi.Float(float(max_distance))
             found = self.mi_scene.ray_intersect_preliminary(ray, coherent=True)

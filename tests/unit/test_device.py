@@ -1,10 +1,14 @@
-"""Arrays on the engine's device: a kernel is compiled once, wherever NumPy put its inputs."""
+"""Arrays on the engine's device: a kernel is compiled once, wherever NumPy put its inputs, however many they are."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
+import scarl_sionna as ss
 from scarl_sionna.engine.device import ALIGNMENT, device
 
 COUNT = 1000
@@ -20,19 +24,53 @@ def placed(dtype: type, shift: int) -> np.ndarray:
     return values
 
 
+@contextmanager
+def kernels() -> Iterator[Callable[[], set[str]]]:
+    """Yield a function that returns the kernels since it was last called."""
+    import drjit as dr
+
+    def found() -> set[str]:
+        return {entry["hash"] for entry in dr.kernel_history([dr.KernelType.JIT])}
+
+    before = dr.flag(dr.JitFlag.KernelHistory)
+    dr.set_flag(dr.JitFlag.KernelHistory, True)
+    try:
+        dr.kernel_history_clear()
+        yield found
+    finally:
+        dr.set_flag(dr.JitFlag.KernelHistory, before)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_kernel_wherever_the_inputs_lie(kind: str) -> None:
     seen = set()
-    with device() as on:
-        before = on.dr.flag(on.dr.JitFlag.KernelHistory)
-        on.dr.set_flag(on.dr.JitFlag.KernelHistory, True)
-        try:
-            for shift in (0, 16, 8):
-                on.dr.kernel_history_clear()
-                found = getattr(on, kind)(placed(KINDS[kind], shift)) * 3 + 1
-                on.dr.eval(found)
-                np.testing.assert_array_equal(found.numpy(), 3 * np.arange(COUNT) + 1)
-                seen |= {entry["hash"] for entry in on.dr.kernel_history([on.dr.KernelType.JIT])}
-        finally:
-            on.dr.set_flag(on.dr.JitFlag.KernelHistory, before)
+    with device() as on, kernels() as found:
+        for shift in (0, 16, 8):
+            tripled = getattr(on, kind)(placed(KINDS[kind], shift)) * 3 + 1
+            on.dr.eval(tripled)
+            np.testing.assert_array_equal(tripled.numpy(), 3 * np.arange(COUNT) + 1)
+            seen |= found()
     assert len(seen) == 1
+
+
+def test_one_kernel_however_many_vectors_go_to_the_device_and_back() -> None:
+    seen = set()
+    with device() as on, kernels() as found:
+        for count in (7, 8, 1000):
+            rows = np.arange(3.0 * count).reshape(-1, 3)
+            doubled = 2.0 * on.single_vectors(rows)
+            on.dr.eval(doubled)
+            np.testing.assert_array_equal(on.on_host(doubled), 2.0 * rows)
+            np.testing.assert_array_equal(on.on_host(doubled.x), 2.0 * rows[:, 0])
+            seen |= found()
+    assert len(seen) == 1
+
+
+def test_one_kernel_however_many_rays_are_cast() -> None:
+    state = ss.load_scene("floor_wall").at(0.0)
+    state.cast(np.zeros(3), np.eye(3))
+    with kernels() as found:
+        for count in (5, 6, 999):
+            directions = np.random.default_rng(count).normal(size=(count, 3))
+            state.cast(np.array([0.0, 0.0, 1.0]), directions / np.linalg.norm(directions, axis=1, keepdims=True))
+        assert len(found()) == 1

@@ -182,14 +182,12 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
         level = 0.5 / wavenumber / (out * home) * kept_out * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
         columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, level, turn)
     dr.eval(*columns.values())
-    found = {name: column.numpy() for name, column in columns.items()}
+    found = {name: rays.on_host(column) for name, column in columns.items()}
     found["a"] = _matrices(found, "re", "im")
     if edges:
         found["edges"] = np.stack([found.pop(f"edge{k}") + 1j * found.pop(f"edge{k}j") for k in range(6)], axis=1)
     if diffuse:
         found["scattered"] = _matrices(found, "sre", "sim")
-    for name in ("tx_point", "rx_point", "tx_velocity", "rx_velocity"):
-        found[name] = np.ascontiguousarray(found[name].T)
     return found
 
 
