@@ -17,7 +17,7 @@ from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.scene.document.model import MaterialEntry, SceneDocument
 from scarl_sionna.scene.materials.wet import WET_DARKENING
 
-from .sky import clear_sky, sky_image, sun_direction
+from .sky import LOWEST_SUN_DEG, clear_sky, clouded_light, sky_image, sun_direction
 
 WET_ROUGHNESS = 0.28
 """Of a wet surface without standing water."""
@@ -28,7 +28,7 @@ _WATER_SPECULAR = 0.25
 
 def sky_elements(lighting: Lighting, folder: Path, mi: ModuleType) -> list[ET.Element]:
     """Return the emitters of sun and sky; an environment map is written into `folder`."""
-    if lighting.cloud_cover == 0.0 and lighting.sun_elevation_deg > 0.0:
+    if lighting.cloud_cover == 0.0 and lighting.sun_elevation_deg >= LOWEST_SUN_DEG:
         element = ET.Element("emitter", {"type": "sunsky"})
         ET.SubElement(element, "vector", {"name": "sun_direction", "value": _text(sun_direction(lighting))})
         ET.SubElement(element, "float", {"name": "turbidity", "value": repr(lighting.turbidity)})
@@ -52,9 +52,9 @@ def sky_elements(lighting: Lighting, folder: Path, mi: ModuleType) -> list[ET.El
 
 @lru_cache(maxsize=4)
 def _sky_of(mi: ModuleType, lighting: Lighting) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
-    """Return the environment map and the sun's irradiance; kept, since worlds are often loaded again."""
+    """Return the environment map and the sun's irradiance under clouds; kept, since worlds are often loaded again."""
     clear, sun = clear_sky(mi, lighting)
-    return sky_image(lighting, clear, sun), sun
+    return sky_image(lighting, clear, sun), sun * clouded_light(lighting, clear, sun).sun_share
 
 
 def _text(values: npt.ArrayLike) -> str:

@@ -22,6 +22,8 @@ import numpy.typing as npt
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.engine.types import MitsubaObject
 
+from .clouds import CloudedLight, broken_clouds, mottling, through_clouds
+
 Array = npt.NDArray[np.float64]
 
 UNIT_LUMINANCE = 80.8e3 / np.pi / 0.36
@@ -38,10 +40,9 @@ _TWILIGHT_LUX = np.array([6.5e-4, 8.3e-3, 3.4, 60.0, 450.0, 700.0])
 """Illuminance of the clear sky on level ground [3]."""
 
 _CLOUD_GREY = np.array([0.95, 1.0, 1.07])
-_CLOUD_SEED = 20
-_NOISE_SIZE = 1024
-_NOISE_PERIOD = 9.0
-"""Side of the noise's tile in heights of the cloud layer."""
+
+LOWEST_SUN_DEG = 1.0
+"""With a lower sun the sky keeps the look that it has here: Mitsuba's model has no twilight, and is black at 0 deg."""
 
 
 def twilight_factor(elevation_deg: float) -> float:
@@ -80,6 +81,29 @@ def sky_directions() -> Array:
     )
 
 
+def level_illuminance(sky: Array) -> float:
+    """Return the illuminance of level ground [lx] by a map of the sky, or its upper half, (rows, columns, 3)."""
+    upper = SKY_SIZE[0] // 2
+    polar = (np.arange(upper) + 0.5) / SKY_SIZE[0] * np.pi
+    weight = np.sin(polar) * np.cos(polar) * (np.pi / SKY_SIZE[0]) * (2.0 * np.pi / SKY_SIZE[1])
+    return float(weight @ sky[:upper].sum(axis=1) @ LUMINANCE_WEIGHTS) * UNIT_LUMINANCE
+
+
+def clouded_light(lighting: Lighting, sky: Array, sun_irradiance: Array) -> CloudedLight:
+    """Return the light of sky and sun through the lighting's clouds.
+
+    Parameters
+    ----------
+    lighting : Lighting
+    sky : ndarray of float64, shape (rows, columns, 3)
+        Radiance of the clear sky, in the unit of the scenes; its upper half will do.
+    sun_irradiance : ndarray of float64, shape (3,)
+        Of a surface that faces the unhidden sun, in the unit of the scenes.
+    """
+    onto_ground = sun_direction(lighting)[2] * float(LUMINANCE_WEIGHTS @ sun_irradiance) * UNIT_LUMINANCE
+    return through_clouds(lighting.cloud_cover, level_illuminance(sky), onto_ground, overcast_illuminance(lighting))
+
+
 def sky_image(lighting: Lighting, clear: Array, sun_irradiance: Array) -> npt.NDArray[np.float32]:
     """Return the environment map.
 
@@ -94,7 +118,8 @@ def sky_image(lighting: Lighting, clear: Array, sun_irradiance: Array) -> npt.ND
     Returns
     -------
     ndarray of float32, shape (rows, columns, 3)
-        Radiance, in the unit of the scenes. The sun's disc is not in it.
+        Radiance, in the unit of the scenes. The sun's disc is not in it. Under clouds its light on level ground is that
+        of :func:`clouded_light`.
     """
     horizon = SKY_SIZE[0] // 2
     directions = sky_directions()[:horizon]
@@ -105,66 +130,40 @@ def sky_image(lighting: Lighting, clear: Array, sun_irradiance: Array) -> npt.ND
     layer = (zenith * (1.0 + 2.0 * height) / 3.0)[..., None] * grey
     cover = lighting.cloud_cover
     if cover >= 1.0:
-        mottled = np.clip(1.0 + 0.10 * _cloud_noise(directions)[0], 0.6, 1.4)
+        mottled = mottling(directions)
         onto_ground = layer[..., 1] * height * np.hypot(directions[..., 0], directions[..., 1])  # sine: area of a pixel
         total = (mottled * onto_ground).sum()  # zero by night
         sky = layer * (mottled * (onto_ground.sum() / total if total > 0.0 else 1.0))[..., None]
     elif cover > 0.0:
-        opacity, shade = _clouds(directions, cover)
-        lit = sun_irradiance * 0.55 / np.pi + 0.6 * layer  # white clouds: reflect most of the sunlight
-        dark = layer * 0.9 + 0.12 * sun_irradiance / np.pi
-        cloud = shade[..., None] * lit + (1.0 - shade[..., None]) * dark
-        sky = (1.0 - opacity[..., None]) * sky + opacity[..., None] * cloud
+        wanted = clouded_light(lighting, sky, sun_irradiance).sky
+        sky = broken_clouds(sky, layer, sun_irradiance, cover, directions)
+        given = level_illuminance(sky)
+        sky = sky * (wanted / given if given > 0.0 else 1.0)
     glow = lighting.night_sky_luminance / UNIT_LUMINANCE * np.array([0.85, 1.0, 1.35])
     sky = sky + glow * (1.0 + 1.5 * np.exp(-height / 0.15))[..., None]
     below = np.broadcast_to(sky[-1].mean(axis=0), (SKY_SIZE[0] - horizon, SKY_SIZE[1], 3))  # as at the horizon
     return np.concatenate([sky, below]).astype(np.float32)
 
 
-def _cloud_noise(directions: Array) -> tuple[Array, Array]:
-    """Return two fields of fractal noise, mean 0, variance 1, on a level layer above; flattened to the horizon."""
-    from scipy.ndimage import map_coordinates
-
-    place = directions[..., :2] / (np.maximum(directions[..., 2], 0.0) + 0.05)[..., None]
-    where = np.moveaxis(place, -1, 0) * (_NOISE_SIZE / _NOISE_PERIOD)
-    fields = []
-    for seed in (_CLOUD_SEED, _CLOUD_SEED + 1):
-        spectrum = np.fft.rfft2(np.random.default_rng(seed).standard_normal((_NOISE_SIZE, _NOISE_SIZE)))
-        waves = np.hypot(np.fft.fftfreq(_NOISE_SIZE)[:, None], np.fft.rfftfreq(_NOISE_SIZE)[None, :]) * _NOISE_SIZE
-        spectrum *= np.where(waves >= 2.0, np.maximum(waves, 1.0) ** -1.75, 0.0)
-        tile = np.fft.irfft2(spectrum, s=(_NOISE_SIZE, _NOISE_SIZE))
-        fields.append(map_coordinates(tile / tile.std(), where, order=1, mode="grid-wrap"))
-    return fields[0], fields[1]
-
-
-def _clouds(directions: Array, cover: float) -> tuple[Array, Array]:
-    """Return opacity and sunlit share of broken clouds."""
-    from scipy.special import erfinv
-
-    noise, detail = _cloud_noise(directions)
-    level = float(np.sqrt(2.0) * erfinv(1.0 - 2.0 * cover))  # a share `cover` of a normal field lies above
-    thickness = noise + 0.25 * detail - level
-    opacity = 1.0 - np.exp(-2.2 * np.clip(thickness, 0.0, None) ** 1.3)
-    shade = np.clip(1.0 - 0.55 * np.clip(thickness, 0.0, 1.6) + 0.12 * detail, 0.15, 1.0)
-    fade = np.clip(directions[..., 2] / 0.05, 0.0, 1.0)
-    return opacity * fade, shade
-
-
 def clear_sky(mi: ModuleType, lighting: Lighting) -> tuple[Array, Array]:
     """Return the clear sky's radiance without the sun, shape (rows, columns, 3), and the sun's irradiance, shape (3,).
 
     In the unit of the scenes, `UNIT_LUMINANCE`. Zero below the horizon. Evaluated with Mitsuba's `sunsky` emitter; run
-    it inside ``variant.optical()``.
+    it inside ``variant.optical()``. With the sun below `LOWEST_SUN_DEG` the sky keeps the look that it has there, and
+    its illuminance falls evenly in its logarithm to that of sunset [3]_; :func:`twilight_factor` goes on from there.
     """
-    toward = sun_direction(lighting)
-    base = {"type": "sunsky", "sun_direction": toward.tolist(), "turbidity": lighting.turbidity}
     if lighting.sun_elevation_deg <= -18.0:
         return np.zeros((*SKY_SIZE, 3)), np.zeros(3)
+    toward, elevation = sun_direction(lighting), lighting.sun_elevation_deg
+    base = {"type": "sunsky", "sun_direction": toward.tolist(), "turbidity": lighting.turbidity}
+    lifted = sun_direction(lighting.with_(sun_elevation_deg=max(elevation, LOWEST_SUN_DEG)))
     upper = sky_directions()[: SKY_SIZE[0] // 2]
     sky = np.zeros((*SKY_SIZE, 3))
-    emitter = mi.load_dict({**base, "sun_scale": 0.0})
+    emitter = mi.load_dict({**base, "sun_direction": lifted.tolist(), "sun_scale": 0.0})
     sky[: len(upper)] = _evaluate(mi, emitter, upper.reshape(-1, 3)).reshape(upper.shape)
-    if lighting.sun_elevation_deg <= 0.0:
+    if elevation < LOWEST_SUN_DEG:
+        sky *= (_TWILIGHT_LUX[-1] / level_illuminance(sky)) ** (1.0 - max(elevation, 0.0) / LOWEST_SUN_DEG)
+    if elevation <= 0.0:
         return sky, np.zeros(3)
     half, count = np.radians(0.5358 / 2.0), 4000
     side = np.cross(toward, [0.0, 0.0, 1.0] if toward[2] < 0.9 else [1.0, 0.0, 0.0])
