@@ -8,6 +8,9 @@ import sys
 from typing import Any, ClassVar
 
 os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # workers share the cores: BLAS threads that wait for each other burn them
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as a shell starts what is to run in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)  # commands that tests start inherit that it counts

@@ -60,9 +60,10 @@ def solve_auto(
         ``diagnostics["choices"]`` says for every instance in view who computes it and why, over which mirrors, what
         error is expected, and by how much a reflection that is left out can change it [dB]; ``diagnostics["met"]``
         whether 90 % of the objects that can be detected are expected to keep the tolerance, and
-        ``diagnostics["expected_error_db"]`` what they keep; ``diagnostics["level_db"]`` the tolerance of the level that
-        was taken, a coarser one where the budget does not pay for that asked for; ``diagnostics["left_out"]`` what is
-        not computed and how much power it can hold.
+        ``diagnostics["expected_error_db"]`` what they keep; ``diagnostics["num_by_class"]`` how many of the
+        ``"num_counted"`` have the RCS of their class, since the budget does not pay for them;
+        ``diagnostics["level_db"]`` the tolerance of the level that was taken, a coarser one where the budget does not
+        pay for that asked for; ``diagnostics["left_out"]`` what is not computed and how much power it can hold.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def solve_auto(
     paths = solve_hybrid(state, radar, mount, settings.with_(plan=plan))
     errors = _errors(paths, radar, chosen, settings)
     met = _met(choices, errors, settings)
-    _warn_of_tolerance(met, settings.accuracy.channel_tolerance_db)
+    _warn_of_tolerance(met, chosen, settings)
     diagnostics = dict(paths.diagnostics)
     diagnostics |= {
         "method": "auto",
@@ -134,12 +135,14 @@ def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSett
     accuracy, rules = settings.accuracy, settings.auto
     found: list[float] = []
     bounds: list[float] = []
+    by_class = 0
     for choice in choices:
         item = choice.item
         if item.expected_db < rules.counts_from_db or not (item.is_coherent and item.info.is_object):
             continue
         if choice.over_budget:
             bounds.append(rules.errors.by_class_db)
+            by_class += 1
         elif choice.method == "sbr" and item.number in errors:
             left = 0.0 if choice.without is None else float(choice.without.change_db)
             (bounds if left > errors[item.number] else found).append(max(errors[item.number], left))
@@ -147,6 +150,7 @@ def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSett
     return {
         "expected_error_db": round(expected, 2),
         "num_counted": len(found) + len(bounds),
+        "num_by_class": by_class,
         "met": expected <= accuracy.channel_tolerance_db,
     }
 
@@ -184,14 +188,26 @@ def _warn_of_reflections(choices: list[Choice], view: View) -> None:
     )
 
 
-def _warn_of_tolerance(met: Mapping[str, Any], tolerance_db: float) -> None:
-    """Warn of a tolerance that is not expected to be kept."""
+def _warn_of_tolerance(met: Mapping[str, Any], chosen: Chosen, settings: RadarSettings) -> None:
+    """Warn of a tolerance that is not expected to be kept, with what the budget does not pay for."""
     if met["met"]:
         return
+    tolerance, level = settings.accuracy.channel_tolerance_db, chosen.level.tolerance_db
+    short = []
+    if met["num_by_class"]:
+        short.append(
+            f"{met['num_by_class']} of them have the RCS of their class, {settings.auto.errors.by_class_db:g} dB"
+        )
+    if level > tolerance:
+        short.append(f"the others are computed at the level of {level:g} dB")
+    reason = (
+        f"a budget of {settings.accuracy.tube_budget} tubes pays for no more: {', '.join(short)}; " if short else ""
+    )
+    remedy = "raise Accuracy.tube_budget" if short else "ask for a finer one"
     warnings.warn(
         f"the echo of 90 % of the {met['num_counted']} objects that can be detected is expected to be within "
-        f"{met['expected_error_db']:.1f} dB, the tolerance is {tolerance_db:g} dB: ask for a finer one, raise "
-        "Accuracy.tube_budget, or see diagnostics['choices'] for each",
+        f"{met['expected_error_db']:.1f} dB, the tolerance is {tolerance:g} dB; {reason}{remedy}, or see "
+        "diagnostics['choices'] for each",
         ScarlWarning,
         stacklevel=3,
     )

@@ -1,4 +1,4 @@
-"""What the tube budget pays for: each object with the reflection that changes it most, then the others."""
+"""What the tube budget pays for: road users, then as many other objects as it can, then further reflections."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from .budget import Estimate
 from .mirrors import Mirror
 from .reflections import HIDDEN, Change, Sight
+
+MOST_DB = 40.0
+"""A reflection that alone shows an object changes it by no number of decibels: in the order it counts as so many."""
 
 
 @dataclass
@@ -60,6 +63,11 @@ def _num_pairs(mirrors: int) -> int:
 def spend(own: Sequence[Choice], cost: Mapping[int, int], served: Collection[int], budget: int) -> bool:
     """Spend the budget anew; return whether it pays for everything.
 
+    Road users come first, straight. Then of the other objects as many as it can pay for, each with the reflection that
+    changes it most, since without it the echo may be off by as much; then those that are left, straight; then the
+    largest reflections of all that have none yet, those first that change most for their tubes, and last the further
+    ones by what they change. docs/accuracy.md, budget.
+
     Parameters
     ----------
     own : sequence of Choice
@@ -71,24 +79,43 @@ def spend(own: Sequence[Choice], cost: Mapping[int, int], served: Collection[int
     budget : int
         Tubes.
     """
-    left, paid = budget, True
-    further: list[tuple[Choice, Change]] = []
+    left = budget
+    possible = {id(choice): [one for one in choice.changes if one.mirror.number in served] for choice in own}
     for choice in own:
-        choice.tubes, choice.mirrors = cost[choice.item.number], []
-        choice.over_budget = choice.tubes > left
-        if choice.over_budget:
-            paid = False
-            continue
-        left -= choice.tubes
-        possible = [change for change in choice.changes if change.mirror.number in served]
-        for change in possible[:1]:
-            left -= _add(choice, change, left)
-        further += [(choice, change) for change in possible[1:]]
-        paid &= len(choice.mirrors) == len(possible[:1])
-    for choice, change in sorted(further, key=lambda pair: -pair[1].change_db):
+        choice.tubes, choice.mirrors, choice.over_budget = cost[choice.item.number], [], True
+    for choice in (one for one in own if one.item.info.actor is not None):
+        left -= _take(choice, (), left)
+    others = [one for one in own if one.item.info.actor is None]
+    whole = {id(choice): possible[id(choice)][:1] for choice in others}
+    for choice in sorted(others, key=lambda one: one.tubes * _num_pairs(len(whole[id(one)]))):
+        left -= _take(choice, whole[id(choice)], left)
+    for choice in (one for one in others if one.over_budget):
+        left -= _take(choice, (), left)
+    wanted = [
+        (choice, change, rank)
+        for choice in own
+        for rank, change in enumerate(possible[id(choice)])
+        if not choice.over_budget and change.mirror not in choice.mirrors
+    ]
+    for choice, change, _ in sorted(wanted, key=_place):
         left -= _add(choice, change, left)
-        paid &= change.mirror in choice.mirrors
-    return paid
+    return all(not choice.over_budget and len(choice.mirrors) == len(possible[id(choice)]) for choice in own)
+
+
+def _place(wanted: tuple[Choice, Change, int]) -> tuple[bool, float]:
+    """Return the place of a reflection in the order of spending."""
+    choice, change, rank = wanted
+    return (True, -change.change_db) if rank else (False, choice.tubes / max(min(change.change_db, MOST_DB), 1e-9))
+
+
+def _take(choice: Choice, changes: Sequence[Change], left: int) -> int:
+    """Take an object, with some reflections, if the budget pays for all of that; return what it costs."""
+    price = choice.tubes * _num_pairs(len(changes))
+    if price > left:
+        return 0
+    choice.over_budget = False
+    choice.mirrors = [change.mirror for change in changes]
+    return price
 
 
 def _add(choice: Choice, change: Change, left: int) -> int:

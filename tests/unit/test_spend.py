@@ -1,0 +1,93 @@
+"""What a tube budget pays for first: pure bookkeeping, without a scene."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from scarl_sionna.radar.channel.compose.reflections import Change
+from scarl_sionna.radar.channel.compose.spend import Choice, spend
+
+GROUND, WALL = (SimpleNamespace(number=number, part=number) for number in (0, 1))
+
+
+def objects(**changes: list[tuple[float, object]]) -> list[Choice]:
+    """Return an object a keyword, in this order, with (change [dB], mirror) of each of its reflections."""
+    return [
+        Choice(
+            SimpleNamespace(number=number, name=name, info=SimpleNamespace(actor=name if "car" in name else None)),  # type: ignore[arg-type]
+            "sbr",
+            "coherent body",
+            changes=[Change(change, 1.0, mirror) for change, mirror in found],  # type: ignore[arg-type]
+        )
+        for number, (name, found) in enumerate(changes.items())
+    ]
+
+
+def paid_for(own: list[Choice]) -> dict[str, tuple[int, list[int]]]:
+    return {choice.item.name: (choice.tubes, [mirror.number for mirror in choice.mirrors]) for choice in own}
+
+
+def test_road_users_come_first_and_straight() -> None:
+    own = objects(car=[(10.0, GROUND)], post=[(2.0, GROUND)])
+    whole = spend(own, {0: 1000, 1: 10}, {0, 1}, budget=2999)  # the car's ground is two further pairs: 2,000 tubes
+
+    assert not whole
+    assert paid_for(own) == {"car": (1000, []), "post": (10, [0])}
+    assert not any(choice.over_budget for choice in own)
+    assert own[0].without is not None and own[0].without.change_db == 10.0
+    spend(own, {0: 1000, 1: 10}, {0, 1}, budget=1029)
+    assert [choice.over_budget for choice in own] == [False, False]
+    assert not own[1].mirrors  # straight, since the ground's two further pairs are more than is left
+
+
+def test_of_the_others_as_many_as_possible_are_whole() -> None:
+    own = objects(rail=[(10.0, GROUND)], sign=[(6.0, GROUND)], post=[(6.0, GROUND)])
+    cost = {0: 1000, 1: 100, 2: 100}
+    spend(own, cost, {0}, budget=1599)
+    assert [choice.item.name for choice in own if not choice.over_budget] == ["sign", "post"]
+    assert all(choice.mirrors for choice in own[1:])
+    spend(own, cost, {0}, budget=1600)  # now the rail, too, but straight
+    assert [len(choice.mirrors) for choice in own] == [0, 1, 1]
+    assert not any(choice.over_budget for choice in own)
+
+
+def test_reflections_are_bought_by_what_they_change_for_their_tubes() -> None:
+    own = objects(car_1=[(10.0, GROUND)], car_2=[(6.0, GROUND)], car_3=[(0.6, GROUND)])
+    cost = {0: 1000, 1: 100, 2: 100}
+    straight = sum(cost.values())
+    for budget, over_ground in (
+        (straight + 200, ["car_2"]),
+        (straight + 2200, ["car_1", "car_2"]),  # 10 dB for 2,000 tubes before 0.6 dB for 200
+        (straight + 2400, ["car_1", "car_2", "car_3"]),
+    ):
+        whole = spend(own, cost, {0}, budget)
+        assert [choice.item.name for choice in own if choice.mirrors] == over_ground
+        assert whole == (len(over_ground) == 3)
+        assert sum(choice.cost for choice in own) <= budget
+
+
+def test_the_largest_reflection_of_each_comes_before_the_second_of_any() -> None:
+    own = objects(car_1=[(10.0, GROUND), (9.0, WALL)], car_2=[(0.6, GROUND)])
+    spend(own, {0: 10, 1: 100}, {0, 1}, budget=10 + 100 + 20 + 200 + 29)  # the second one is three further pairs
+
+    assert paid_for(own) == {"car_1": (10, [0]), "car_2": (100, [0])}
+
+
+def test_what_alone_shows_an_object_is_worth_a_finite_number_of_decibels() -> None:
+    own = objects(hidden_car=[(np.inf, GROUND)], car=[(30.0, GROUND)])
+    spend(own, {0: 1000, 1: 100}, {0}, budget=1100 + 1999)
+
+    assert paid_for(own) == {"hidden_car": (1000, []), "car": (100, [0])}
+
+
+@pytest.mark.parametrize("budget", [0, 9, 10, 10**9])
+def test_a_mirror_that_serves_nobody_costs_nothing(budget: int) -> None:
+    own = objects(post=[(5.0, WALL)])
+    whole = spend(own, {0: 10}, {0}, budget)
+
+    assert own[0].over_budget == (budget < 10)
+    assert whole == (budget >= 10)
+    assert own[0].mirrors == []
