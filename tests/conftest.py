@@ -53,7 +53,24 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if "slow" in item.keywords and not run_slow:
             item.add_marker(skip)
+    if not run_slow:
+        _keep_some(items)
     own_process.send_away(items, ["--run-slow"] if run_slow else [])
+
+
+def _keep_some(items: list[pytest.Item]) -> None:
+    """Skip all but a few cases of each test that is marked `some`: the first, the last, and evenly between."""
+    cases: dict[tuple[object, ...], list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("some") and "slow" not in item.keywords:
+            cases.setdefault(
+                (item.path, getattr(item, "cls", None), getattr(item, "originalname", item.name)), []
+            ).append(item)
+    for alike in cases.values():
+        count = int(next(alike[0].iter_markers("some")).args[0])
+        kept = {round(k * (len(alike) - 1) / max(count - 1, 1)) for k in range(count)}
+        for index in set(range(len(alike))) - kept:
+            alike[index].add_marker(pytest.mark.skip(reason="one of many alike cases: runs with --run-slow"))
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

@@ -90,6 +90,7 @@ def forced(request, monkeypatch):
     return request.param
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("motion", RADARS)
 @pytest.mark.parametrize("multiplexing", ENDS)
 def test_a_point_in_any_motion_is_the_exact_retarded_signal(forced, multiplexing: str, motion: str) -> None:
