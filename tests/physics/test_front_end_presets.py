@@ -95,6 +95,33 @@ def test_layout_of_the_cascade() -> None:
 
 
 def test_presets_are_made_and_read_again() -> None:
-    for name in ("iwr1843boost", "awr1642", "awr2243_cascade"):
+    for name in ("iwr1843boost", "awr1642", "awr2243_cascade", "radial_hd", "pmcw_79ghz"):
         radar = ss.RadarSpec.preset(name)
-        assert not radar.front_end.is_ideal and ss.RadarSpec(**radar.model_dump(mode="json")) == radar
+        assert radar.front_end.is_ideal == (name in ("radial_hd", "pmcw_79ghz"))  # nothing found says their front ends
+        assert ss.RadarSpec(**radar.model_dump(mode="json")) == radar
+
+
+def test_the_imaging_radar_is_that_of_the_radial_dataset() -> None:
+    """Their tables and processing: 192 channels, 103 m in bins of 0.2 m, 0.1 m/s, 16 bands, four of them empty."""
+    radar = ss.RadarSpec.preset("radial_hd")
+    assert (radar.num_virtual, radar.num_chirps_total, radar.num_samples) == (192, 256, 512)
+    assert radar.max_range == pytest.approx(103.0)
+    assert radar.range_resolution == pytest.approx(0.2, abs=0.005)
+    assert 2.0 * radar.unambiguous_velocity / 256 == pytest.approx(0.1, abs=0.005)
+    assert radar.multiplexing.code_period(12) == 16
+    assert radar.multiplexing.unused_codes(12).shape == (16, 4)
+
+
+def test_the_chip_of_phase_codes_has_its_published_resolution_and_finds_a_target() -> None:
+    """7.5 cm at 79 GHz with 2 x 2 antennas."""
+    radar = ss.RadarSpec.preset("pmcw_79ghz").with_(num_chirps=32)
+    assert radar.range_resolution == pytest.approx(0.075)
+    assert (radar.num_tx, radar.num_rx) == (2, 2)
+    assert radar.center_frequency == pytest.approx(79e9)
+    place = [[12.0 * np.cos(0.3), 12.0 * np.sin(0.3), 0.0]]
+    paths = ss.point_targets(place, [[3.0, 0.0, 0.0]], 10.0, radar, Pose())
+    adc = ss.synthesize(paths, radar, rng=np.random.default_rng(0))
+    points = ss.detect(ss.range_doppler_angle(ss.virtual_cube(adc, radar), radar))
+    assert points.range[0] == pytest.approx(12.0, abs=0.02)
+    assert points.azimuth[0] == pytest.approx(0.3, abs=0.02)
+    assert points.radial_velocity[0] == pytest.approx(3.0 * np.cos(0.3), abs=0.1)

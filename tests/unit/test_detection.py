@@ -13,7 +13,7 @@ from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
 from scarl_sionna.signal.angle import RangeDopplerAngle, range_doppler_angle, steering
 from scarl_sionna.signal.detection import cfar, detect
-from scarl_sionna.signal.detection.threshold import _threshold_factor
+from scarl_sionna.signal.detection.threshold import TrainingWindow, _threshold_factor
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
 RADAR = RadarSpec().with_(num_chirps=32, num_samples=64)
@@ -77,7 +77,8 @@ def test_training_cells_are_those_of_a_loop_over_the_window() -> None:
     """Around each cell: periodic over Doppler, none beyond the ends of range, the guard left out."""
     rd = noise_map(RADAR).range_doppler
     guard, training = (1, 2), (2, 3)
-    outer, inner = (7, 11), (3, 5)
+    window = TrainingWindow.of(rd, guard, training, "both")
+    assert window.outer == (7, 11) and window.inner == (3, 5)
     power = rd.power.astype(np.float64)
     mean, count = np.zeros_like(power), np.zeros_like(power)
     for row in range(-3, 4):
@@ -89,7 +90,7 @@ def test_training_cells_are_those_of_a_loop_over_the_window() -> None:
             count[:, first:stop] += 1.0
     # the factor itself is held by the rate of false alarms, statistics/test_radar_noise.py
     for pfa in (0.6, 0.4, 0.2, 0.1, 0.02):
-        factor = _threshold_factor(rd, pfa, count, outer, inner)
+        factor = _threshold_factor(window, len(rd.data), pfa, count)
         assert np.array_equal(cfar(rd, pfa, guard, training, along="both"), power > factor * mean / count)
     assert count.max() == 7 * 11 - 3 * 5 and count[0, 0] == 7 * 6 - 3 * 3
 

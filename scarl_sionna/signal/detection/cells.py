@@ -55,15 +55,9 @@ class Cells:
     @classmethod
     def of(cls, rd: RangeDoppler, power: npt.NDArray[np.float32], row: Index, column: Index) -> Cells:
         """Return cells with the offsets that their neighbours' powers tell; 0 over slow time of a single chirp."""
-        num_doppler, num_range = power.shape
-        below, here, above = (power[(row + step) % num_doppler, column] for step in (-1, 0, 1))
-        doppler = tone_offset(below, here, above, rd.window[1], rd.radar.num_doppler_bins, num_doppler)
-        below, here, above = (power[row, np.clip(column + step, 0, num_range - 1)] for step in (-1, 0, 1))
-        distance = tone_offset(below, here, above, rd.window[0], rd.radar.num_range_bins, num_range)
-        nothing = np.zeros(len(row), dtype=np.int64)
-        return cls(rd, row, column, (doppler if num_doppler > 1 else np.zeros(len(row)), distance), nothing)
+        return cls(rd, row, column, peak_offsets(rd, power, (row, column)), np.zeros(len(row), dtype=np.int64))
 
-    def select(self, index: npt.NDArray[np.integer]) -> Cells:
+    def select(self, index: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Cells:
         """Return some of the targets."""
         offset = (self.offset[0][index], self.offset[1][index])
         return Cells(self.rd, self.row[index], self.column[index], offset, self.fold[index])
@@ -99,6 +93,19 @@ class Cells:
         rows = len(self.rd.radial_velocity)
         removed = (self.row - rows // 2) / (rows * self.rd.radar.slow_interval) if self.rd.is_compensated else 0.0
         return np.asarray(data * _turns(self, self.doppler - removed) * _carriers(self, self.offset[1]))
+
+
+def peak_offsets(rd: RangeDoppler, power: npt.NDArray[np.float32], index: tuple[Index, ...]) -> tuple[Array, Array]:
+    """Return how far tones are from cells over Doppler and range [bins], by the powers beside; see :class:`Cells`.
+
+    By definition of the windows. `power` is over Doppler, range and whatever else `index` has, such as beams.
+    """
+    (row, column, *other), (num_doppler, num_range) = index, power.shape[:2]
+    below, here, above = (power[((row + step) % num_doppler, column, *other)] for step in (-1, 0, 1))
+    doppler = tone_offset(below, here, above, rd.window[1], rd.radar.num_doppler_bins, num_doppler)
+    below, here, above = (power[(row, np.clip(column + step, 0, num_range - 1), *other)] for step in (-1, 0, 1))
+    distance = tone_offset(below, here, above, rd.window[0], rd.radar.num_range_bins, num_range)
+    return (doppler if num_doppler > 1 else np.zeros(len(row))), distance
 
 
 def transmit_delays(radar: RadarSpec) -> Array:

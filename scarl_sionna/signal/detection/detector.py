@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Unpack, cast
+from typing import NamedTuple, Unpack, cast
 
 import numpy as np
 import numpy.typing as npt
-import scipy.ndimage
 from scipy.special import gammaincinv
 
 from scarl_sionna.core.errors import ParameterRangeError
@@ -17,10 +16,11 @@ from scarl_sionna.core.units import dbm_to_watt, power_to_db
 from ..angle import RangeDopplerAngle, directions
 from ..antenna import field_gain
 from ..direction.manifold import Manifold
-from ..direction.several import pursue
+from ..direction.several import Method, check_method, pursue
 from ..link import radar_gain
 from ..processing import RangeDoppler, uncompensated
 from .ambiguity import unfolded
+from .beams import Beams, beams_above, is_peak, maxima
 from .cells import Cells, at_targets, is_regular, straddle_gain
 from .leakage import leaked_over_the_ends
 from .points import RadarPoints
@@ -35,6 +35,8 @@ class PointOptions(Options, total=False):
     peaks_only: bool
     unfold: bool
     most_directions: int
+    per_beam: bool
+    direction: Method
 
 
 def detect(
@@ -61,7 +63,10 @@ def detect(
         `peaks_only` (True): keep one point a local maximum over Doppler and range, and none that may be the leakage of
         a stronger cell over an end of the range axis. `unfold` (True): where transmitters take turns, look for the
         velocity also beyond the unambiguous interval. `most_directions` (3): points of one cell at most, 1 takes its
-        strongest direction only. `kind`, `along` and `rank` of the threshold, see :func:`cfar`.
+        strongest direction only. `direction` (``"relax"``): how they are found, or ``"omp"``, ``"bartlett"``,
+        ``"music"``, ``"esprit"``, see :func:`~scarl_sionna.signal.direction.several.pursue`. `per_beam` (False):
+        compare each beam of the map with its own training cells as well, and take the local maxima of the beams; `pfa`
+        is then of a cell of a beam. `kind`, `along` and `rank` of the threshold, see :func:`cfar`.
 
     Returns
     -------
@@ -70,15 +75,19 @@ def detect(
     Raises
     ------
     ParameterRangeError
-        If `pfa`, a half-width, `most_directions` or `rank` is out of range.
+        If `pfa`, a half-width, `most_directions` or `rank` is out of range, or there is no such `direction` for the
+        array.
 
     Notes
     -----
-    The threshold is over the power summed over channels (:func:`cfar`). The direction of a cell is the maximum of the
-    beamformer (of spherical waves for what is closer than the Fraunhofer distance of the array); where more than noise
-    is left, matching pursuit finds further ones (:func:`~scarl_sionna.signal.direction.several.pursue`), and each is a
-    point of its own. Range and velocity are those of the tone that fits the cells around best
-    (:func:`~scarl_sionna.signal.detection.subbin.fit_tones`); direction and power are taken there, between the bins.
+    The threshold is over the power summed over channels (:func:`cfar`), with `per_beam` over that of each beam, too
+    (:func:`~scarl_sionna.signal.detection.beams.beams_above`): then a target beside a stronger one in another direction
+    is found, and of the directions of a cell those stay that are within half a beamwidth of such a beam. The direction
+    of a cell is the maximum of the beamformer (of spherical waves for what is closer than the Fraunhofer distance of
+    the array); where more than noise is left, matching pursuit finds further ones
+    (:func:`~scarl_sionna.signal.direction.several.pursue`), and each is a point of its own. Range and velocity are
+    those of the tone that fits the cells around best (:func:`~scarl_sionna.signal.detection.subbin.fit_tones`);
+    direction and power are taken there, between the bins.
     Of ramps with different carriers and of uneven chirps they come from the three largest cells. Time division tells
     velocities beyond the unambiguous interval by the phases between transmitters
     (:func:`~scarl_sionna.signal.detection.ambiguity.unfolded`); range and direction follow.
@@ -96,34 +105,70 @@ def detect(
     rd, power = rda.range_doppler, rda.range_doppler.power
     fitting = fitting_window((rd.data.shape[1], rd.data.shape[2]))
     peaks_only, unfold = options.pop("peaks_only", True), options.pop("unfold", True)
-    most = options.pop("most_directions", 3)
+    most, per_beam = options.pop("most_directions", 3), options.pop("per_beam", False)
+    how = _How(most, unfold, options.pop("direction", "relax"))
+    check_method(how.method, radar)
     if most < 1:
         raise ParameterRangeError("most_directions", most, ">= 1")
-    found = cfar(rd, pfa, guard or fitting[0], training or fitting[1], **cast(Options, options))
-    peaks = found
-    if peaks_only:
-        peaks = found & (power == scipy.ndimage.maximum_filter(power, size=3, mode=("wrap", "nearest")))
-    row, column = np.nonzero(peaks)
+    window = guard or fitting[0], training or fitting[1]
+    manifold = Manifold.of(radar, rda.azimuth, rda.elevation)
+    found = cfar(rd, pfa, *window, **cast(Options, options))
+    if per_beam:
+        tried = maxima(rda, manifold.axes, peaks_only)
+        above = beams_above(rda, pfa, window, tried, **cast(Options, options))
+        above |= tried & found.reshape(*found.shape, *(1,) * (tried.ndim - 2))
+        beams = _beams(rda, above, manifold, peaks_only)
+        return _points(rda, manifold, beams.cells(rd), beams, noise_floor(rd, power), how)
+    row, column = np.nonzero(found & is_peak(power, range(2)) if peaks_only else found)
     if peaks_only:
         own = ~leaked_over_the_ends(rd, found, row, column)
         row, column = row[own], column[own]
-    return _points(rda, radar, Cells.of(rd, power, row, column), noise_floor(rd, power), most, unfold)
+    return _points(rda, manifold, Cells.of(rd, power, row, column), None, noise_floor(rd, power), how)
+
+
+class _How(NamedTuple):
+    """How the points of cells are found, see :func:`detect`."""
+
+    most: int
+    unfold: bool
+    method: Method
+
+
+def _beams(rda: RangeDopplerAngle, above: npt.NDArray[np.bool_], manifold: Manifold, peaks_only: bool) -> Beams:
+    """Return the beams that stand out, without what may be leakage over the ends."""
+    found = np.asarray(above.reshape(*above.shape[:2], -1).any(axis=2))
+    row, column = np.nonzero(found)
+    if peaks_only:
+        leaked = leaked_over_the_ends(rda.range_doppler, found, row, column)
+        above[row[leaked], column[leaked]] = False
+    return Beams.of(rda, above, manifold.axes)
 
 
 def _points(
-    rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, noise: float, most: int, unfold: bool
+    rda: RangeDopplerAngle,
+    manifold: Manifold,
+    cells: Cells,
+    beams: Beams | None,
+    noise: float,
+    how: _How,
 ) -> RadarPoints:
     """Return the table of detected cells, one row a direction; `noise` is that of a cell of one channel [W]."""
-    rd = rda.range_doppler
-    manifold = Manifold.of(radar, rda.azimuth, rda.elevation)
-    if unfold:
+    rd, radar = rda.range_doppler, manifold.radar
+    if how.unfold:
         cells = unfolded(cells, manifold, noise / radar.num_virtual)
     data = uncompensated(rd) if is_regular(rd.radar) else rd.data
     snapshot, distance = cells.snapshot, cells.distance
-    beam = np.conj(manifold.phasors(manifold.strongest(snapshot, distance), distance))
+    if beams is None:
+        sines = manifold.strongest(snapshot, distance)
+    else:
+        sines = manifold.refine(snapshot, beams.sines[beams.first], distance)
+    beam = np.conj(manifold.phasors(sines, distance))
     located, snapshot, deviation = at_targets(cells, data, np.asarray(beam / radar.num_virtual), noise)
-    found = pursue(manifold, snapshot, located.distance, deviation, most)
-    located, snapshot, _ = at_targets(located.select(found.cell), data, found.weights, noise)
+    found = pursue(manifold, snapshot, located.distance, deviation, how.most, how.method)
+    located = located.select(found.cell)
+    if beams is not None:
+        found, located = beams.own(found, located, manifold)
+    located, snapshot, _ = at_targets(located, data, found.weights, noise)
     amplitude = np.einsum("pc,pc->p", found.weights, snapshot)
     return _table(rda, radar, located, found.sines, np.abs(amplitude) ** 2)
 

@@ -106,6 +106,11 @@ def rate_of_each(kind: str, pfa: float, num_looks: int, windows: tuple[Halves, H
     return float(np.exp(brentq(excess, np.log(0.49 * pfa), np.log(min(1.01 * pfa, 1.0 - 1e-12)), xtol=1e-4)))
 
 
+def order_of(count: int, rank: float) -> int:
+    """Return which of `count` ordered values has a rank, from 1, the smallest; by definition."""
+    return int(np.clip(np.ceil(rank * count), 1, count))
+
+
 def _cells(num_looks: int) -> tuple[Array, Array]:
     """Return powers of a cell of noise of mean 1 and their probabilities, to integrate over."""
     upper = scipy.special.expit(_LOGITS)

@@ -14,10 +14,12 @@ from scarl_sionna.core.errors import ParameterRangeError
 
 from ..processing import RangeDoppler
 from ..windows import window_values
-from .statistics import LEAST_PFA, Halves, factor, rate_of_each
+from .correlated import MOST_CELLS, Links, factor_of_links
+from .statistics import LEAST_PFA, Halves, factor, order_of, rate_of_each
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
+Phasors = npt.NDArray[np.complex128]
 Kind = Literal["ca", "go", "so", "os", "osgo"]
 Along = Literal["either", "both", "range", "doppler"]
 Widths = tuple[int, int]
@@ -28,6 +30,8 @@ TRAINING: Widths = (6, 8)
 RANK = 0.75
 """Part of the training cells that the ordered statistic is not below."""
 _VALUES_A_BLOCK = 4_000_000
+_INDEPENDENT = 1.0 - 1e-9
+"""Part of the training cells from which on all count as independent."""
 
 
 class Options(TypedDict, total=False):
@@ -105,7 +109,8 @@ def cfar(
     -----
     Doppler is periodic; beyond the ends of range there is nothing, so cells there have fewer training cells. An axis of
     one bin has no training cells. The factors are exact for independent training cells; how windows link them counts by
-    the effective number of independent ones.
+    the effective number of independent ones, and cell by cell where a map of one channel has few of them
+    (:mod:`~scarl_sionna.signal.detection.correlated`).
 
     In a window all around, a car hides the people beside it. Along its own velocity a person is alone, and a long
     vehicle, which fills its row, stands out along range: a cell counts if it stands out along either. Both thresholds
@@ -119,29 +124,50 @@ def cfar(
        Trans. Aerosp. Electron. Syst. 16(1), 1980.
     """
     statistic = Statistic(**options)
+    windows, pfa = windows_of(rd, len(rd.data), pfa, guard, training, statistic)
+    power = rd.power.astype(np.float64)
+    found = [_stand_out(power, len(rd.data), pfa, window, statistic) for window in windows]
+    return np.logical_or.reduce(found)
+
+
+def windows_of(
+    rd: RangeDoppler, num_looks: int, pfa: float, guard: Widths, training: Widths, statistic: Statistic
+) -> tuple[list[TrainingWindow], float]:
+    """Return the windows of a threshold, and the rate at which a cell may exceed it in each, see :func:`cfar`.
+
+    Raises
+    ------
+    ParameterRangeError
+        If a value is out of range, or the window is empty or larger than the map.
+    """
     statistic.check(pfa)
     axes: list[Along] = [statistic.along]
     if statistic.along == "either":  # an axis of one bin tells nothing
         named: list[tuple[Along, int]] = [("doppler", rd.data.shape[1]), ("range", rd.data.shape[2])]
         axes = [name for name, bins in named if bins > 1] or ["both"]
     windows = [TrainingWindow.of(rd, guard, training, axis) for axis in axes]
-    power = rd.power.astype(np.float64)
     if len(windows) == 2:
         halves = windows[0].halves(statistic.kind), windows[1].halves(statistic.kind)
-        pfa = rate_of_each(statistic.kind, pfa, len(rd.data), halves, statistic.rank)
-    found = [_stand_out(rd, power, pfa, window, statistic) for window in windows]
-    return np.logical_or.reduce(found)
+        pfa = rate_of_each(statistic.kind, pfa, num_looks, halves, statistic.rank)
+    return windows, pfa
 
 
 def _stand_out(
-    rd: RangeDoppler, power: Array, pfa: float, window: TrainingWindow, statistic: Statistic
+    power: Array, num_looks: int, pfa: float, window: TrainingWindow, statistic: Statistic
 ) -> npt.NDArray[np.bool_]:
-    """Return which cells stand out of their training cells in one window."""
+    """Return which cells of a map of powers stand out of their training cells in one window."""
     if statistic.kind == "ca":
-        total, count = window.sums(power)
-        return np.asarray(power * count > total * _threshold_factor(rd, pfa, count, window.outer, window.inner))
+        return above_mean(window, power, num_looks, pfa)
     cells = np.indices(power.shape).reshape(2, -1)
-    return exceeds(window, power, (cells[0], cells[1]), len(rd.data), pfa, statistic).reshape(power.shape)
+    return exceeds(window, power, (cells[0], cells[1]), num_looks, pfa, statistic).reshape(power.shape)
+
+
+def above_mean(
+    window: TrainingWindow, power: npt.NDArray[np.floating], num_looks: int, pfa: float
+) -> npt.NDArray[np.bool_]:
+    """Return which cells of a map stand out of the mean of their training cells, see :func:`exceeds`."""
+    total, count = window.sums(power.astype(np.float64))
+    return np.asarray(power * count > total * _threshold_factor(window, num_looks, pfa, count))
 
 
 def exceeds(
@@ -176,6 +202,8 @@ def exceeds(
         factors = np.array([factor(kind, pfa, num_looks, Halves(int(a), int(b), window.loss), rank) for a, b in which])[
             inverse.reshape(-1)
         ]
+        if num_looks == 1:
+            factors = factors * window.linked(kind, pfa, rank)
         if kind == "so":
             level = np.where(counts > 0, level, np.inf)
             out[part] = power[row[part], column[part]] > factors * level.min(axis=1)
@@ -197,25 +225,22 @@ def _level(values: Array, inside: npt.NDArray[np.bool_], count: Index, kind: Kin
     return out
 
 
-def order_of(count: int, rank: float) -> int:
-    """Return which of `count` ordered values has a rank, from 1, the smallest; by definition."""
-    return int(np.clip(np.ceil(rank * count), 1, count))
-
-
 class TrainingWindow:
     """Training cells around a cell: full widths in cells (Doppler, range) of the window and of what it leaves out.
 
     Parameters
     ----------
     outer, inner : tuple of int
-    loss : float
-        Independent training cells over training cells.
+    correlation : (ndarray, ndarray) of complex128, shape (2 * width - 1,)
+        Of the noise of two cells, over their distance in Doppler and range.
     split : int
         Axis along which the halves lie: 1 for range, 0 for Doppler.
     """
 
-    def __init__(self, outer: Widths, inner: Widths, loss: float, split: int) -> None:
-        self.outer, self.inner, self.loss, self.split = outer, inner, loss, split
+    def __init__(self, outer: Widths, inner: Widths, correlation: tuple[Phasors, Phasors], split: int) -> None:
+        self.outer, self.inner, self.correlation, self.split = outer, inner, correlation, split
+        self.loss = _correlation_loss(correlation, outer, inner)
+        """Independent training cells over training cells."""
 
     @classmethod
     def of(cls, rd: RangeDoppler, guard: Widths, training: Widths, along: Along = "both") -> TrainingWindow:
@@ -238,7 +263,11 @@ class TrainingWindow:
         )
         if outer[0] > shape[0] or outer[1] > shape[1]:
             raise ParameterRangeError("guard + training", f"a window of {outer} cells", f"at most {shape} cells")
-        return cls(outer, inner, _correlation_loss(rd, outer, inner), 1 if used[1] else 0)
+        counts = rd.radar.num_doppler_bins, rd.radar.num_range_bins
+        doppler, distance = (
+            _noise_correlation(rd.window[1 - axis], counts[axis], shape[axis], outer[axis]) for axis in (0, 1)
+        )
+        return cls(outer, inner, (doppler, distance), 1 if used[1] else 0)
 
     def sums(self, power: Array) -> tuple[Array, Array]:
         """Return the sum [W] of the training cells around every cell, and their number."""
@@ -250,6 +279,21 @@ class TrainingWindow:
         """Return the numbers of training cells of a cell that has all of them."""
         _, side = self.offsets(kind)
         return Halves(int((side == 0).sum()), int((side == 1).sum()), self.loss)
+
+    def linked(self, kind: Kind, pfa: float, rank: float) -> float:
+        """Return by how much the exact factor of a cell of one look is that of so many independent cells.
+
+        Counted for windows of few cells only (:mod:`~scarl_sionna.signal.detection.correlated`).
+        """
+        offsets, side = self.offsets(kind)
+        if len(offsets) > MOST_CELLS or self.loss > _INDEPENDENT:
+            return 1.0
+        covariances = []
+        for half in range(int(side.max()) + 1):
+            apart = offsets[side == half, None] - offsets[None, side == half] + np.array(self.outer) - 1
+            covariances.append(self.correlation[0][apart[..., 0]] * self.correlation[1][apart[..., 1]])
+        exact = factor_of_links(kind, pfa, Links(*covariances), rank)
+        return exact / factor(kind, pfa, 1, self.halves(kind), rank)
 
     def offsets(self, kind: Kind) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Return the training cells (n, 2) from the cell, and the half that each is in (0 where there are no halves).
@@ -283,32 +327,28 @@ def fitting_window(shape: tuple[int, int], guard: Widths = GUARD, training: Widt
     return (fitted[0][0], fitted[1][0]), (fitted[0][1], fitted[1][1])
 
 
+def _threshold_factor(window: TrainingWindow, num_looks: int, pfa: float, count: Array) -> Array:
+    """Return the factor on the training average for every cell."""
+    values, inverse = np.unique(count, return_inverse=True)
+    freedom = np.maximum(values * window.loss, 1.0)
+    factors = scipy.stats.f.isf(pfa, 2 * num_looks, 2 * num_looks * freedom)
+    if num_looks == 1:
+        factors = factors * window.linked("ca", pfa, RANK)
+    return np.asarray(factors[inverse].reshape(count.shape))
+
+
 def _box_sum(values: Array, size: tuple[int, ...]) -> Array:
     """Return the sum over a box around every cell: periodic over Doppler, zero beyond range."""
     mean = scipy.ndimage.uniform_filter(values, size=size, mode=("wrap", "constant"))
     return mean * float(np.prod(size))
 
 
-def _threshold_factor(
-    rd: RangeDoppler, pfa: float, count: Array, outer: tuple[int, ...], inner: tuple[int, ...]
-) -> Array:
-    """Return the factor on the training average for every cell."""
-    channels = len(rd.data)
-    values, inverse = np.unique(count, return_inverse=True)
-    loss = _correlation_loss(rd, outer, inner)
-    freedom = np.maximum(values * loss, 1.0)
-    factors = scipy.stats.f.isf(pfa, 2 * channels, 2 * channels * freedom)
-    return factors[inverse].reshape(count.shape)
-
-
-def _correlation_loss(rd: RangeDoppler, outer: tuple[int, ...], inner: tuple[int, ...]) -> float:
+def _correlation_loss(correlation: tuple[Phasors, Phasors], outer: Widths, inner: Widths) -> float:
     """Return independent training cells over training cells.
 
     N / (mean over cells of the sum of squared correlations).
     """
-    counts = rd.radar.num_doppler_bins, rd.radar.num_range_bins
-    doppler = _power_correlation(rd.window[1], counts[0], rd.data.shape[1], outer[0])
-    distance = _power_correlation(rd.window[0], counts[1], rd.data.shape[2], outer[1])
+    doppler, distance = (np.abs(axis) ** 2 for axis in correlation)
     mask = np.ones(outer)
     middle = tuple(slice((o - i) // 2, (o + i) // 2) for o, i in zip(outer, inner, strict=True))
     mask[middle] = 0.0
@@ -317,9 +357,9 @@ def _correlation_loss(rd: RangeDoppler, outer: tuple[int, ...], inner: tuple[int
     return float(mask.sum() / total)
 
 
-def _power_correlation(window: str, count: int, num_bins: int, reach: int) -> Array:
-    """Return the correlation of the noise powers of two bins at distances -(reach-1) .. reach-1."""
+def _noise_correlation(window: str, count: int, num_bins: int, reach: int) -> Phasors:
+    """Return the correlation of the noise of two bins at distances -(reach-1) .. reach-1."""
     squared = window_values(window, count) ** 2
     distance = np.arange(-(reach - 1), reach)
     phasors = np.exp(-2j * np.pi * np.outer(distance, np.arange(count)) / num_bins)
-    return np.abs(phasors @ squared / squared.sum()) ** 2
+    return np.asarray(phasors @ squared / squared.sum())

@@ -46,6 +46,12 @@ class Manifold:
         return cls(radar, sines, np.array([axis[1] - axis[0] if len(axis) > 1 else 0.0 for axis in axes]))
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """Number of the grid's azimuths and elevations."""
+        elevations = len(np.unique(self.sines[:, 1]))
+        return len(self.sines) // elevations, elevations
+
+    @property
     def positions(self) -> Array:
         """Virtual positions of the channels [m], shape (num_virtual, 3)."""
         return virtual_positions(self.radar)

@@ -1,16 +1,25 @@
-"""Several directions in one cell, from a single snapshot: matching pursuit with an information criterion."""
+"""Several directions in one cell, from a single snapshot: as many as an information criterion asks for."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.errors import ParameterRangeError
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+
+from . import subspace
+from .bartlett import bartlett_sines
 from .manifold import Manifold
 
 Array = npt.NDArray[np.float64]
 Phasors = npt.NDArray[np.complex128]
+
+Method = Literal["relax", "omp", "bartlett", "music", "esprit"]
+METHODS: tuple[str, ...] = get_args(Method)
 
 FALSE_DIRECTION = 1e-3
 """Probability that noise makes one more direction in a cell."""
@@ -43,8 +52,33 @@ class Directions:
     amplitude: Phasors
     weights: Phasors
 
+    def select(self, index: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Directions:
+        """Return some of the directions."""
+        return Directions(self.cell[index], self.sines[index], self.amplitude[index], self.weights[index])
 
-def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: float | Array, most: int) -> Directions:
+
+def check_method(method: str, radar: RadarSpec) -> None:
+    """Raise if there is no such method, or not for the virtual array of a radar.
+
+    Raises
+    ------
+    ParameterRangeError
+        If so.
+    """
+    if method not in METHODS:
+        raise ParameterRangeError("direction", repr(method), " or ".join(map(repr, METHODS)))
+    if method in subspace.KINDS:
+        subspace.line_of(radar, method)
+
+
+def pursue(
+    manifold: Manifold,
+    snapshot: Phasors,
+    distance: Array,
+    noise_power: float | Array,
+    most: int,
+    method: Method = "relax",
+) -> Directions:
     r"""Return the directions that explain snapshots down to the noise; the strongest one of each always.
 
     Parameters
@@ -58,10 +92,17 @@ def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: 
         Of one channel's value [W].
     most : int
         Largest number of directions of a cell, dimensionless.
+    method : {"relax", "omp", "bartlett", "music", "esprit"}
+        How a given number of directions is found.
 
     Returns
     -------
     Directions
+
+    Raises
+    ------
+    ParameterRangeError
+        If there is no such method for the array.
 
     Notes
     -----
@@ -70,6 +111,11 @@ def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: 
     more than noise would: :math:`\Delta > \ln(N / p)` of the noise power, N channels, p = 1e-3. This is an information
     criterion with known noise, whose penalty is set by a probability. It holds for any array, uniform or sparse.
 
+    The other methods find directions differently and are asked for one more by the same criterion: ``"omp"`` does not
+    refine in turn, ``"bartlett"`` takes the beamformer's largest maxima
+    (:mod:`~scarl_sionna.signal.direction.bartlett`), ``"music"`` and ``"esprit"`` are of uniform lines
+    (:mod:`~scarl_sionna.signal.direction.subspace`).
+
     References
     ----------
     .. [1] J. Li, P. Stoica, "Efficient mixed-spectrum estimation with applications to target feature extraction", IEEE
@@ -77,19 +123,27 @@ def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: 
     .. [2] J. A. Tropp, A. C. Gilbert, "Signal recovery from random measurements via orthogonal matching pursuit", IEEE
        Trans. Inf. Theory 53(12), 2007.
     """
-    sines = manifold.strongest(snapshot, distance)[:, None, :]
+    check_method(method, manifold.radar)
+    sines = _of_whole(manifold, snapshot, distance, 1, method)
     parts = [_part(manifold, snapshot, distance, np.arange(len(snapshot)), sines)]
     penalty = np.log(manifold.radar.num_virtual / FALSE_DIRECTION) * np.broadcast_to(noise_power, len(snapshot))
     rows = np.arange(len(snapshot))
-    for _ in range(1, min(most, manifold.radar.num_virtual - 1) if manifold.axes else 0):
+    limit = manifold.radar.num_virtual - 1
+    if method in subspace.KINDS:
+        limit = subspace.most_directions(manifold.radar.num_virtual)
+    for number in range(1, min(most, limit) if manifold.axes else 0):
         rest = _rest(manifold, snapshot[rows], distance[rows], sines)
         next_one = manifold.strongest(rest, distance[rows])
         promising = manifold.power(rest, next_one, distance[rows]) > 0.25 * penalty[rows] / manifold.radar.num_virtual
         rows, sines, rest = rows[promising], sines[promising], rest[promising]
         if not len(rows):
             break
-        more = np.concatenate([sines, next_one[promising, None, :]], axis=1)
-        more = _relaxed(manifold, snapshot[rows], more, distance[rows])
+        if method in ("relax", "omp"):
+            more = np.concatenate([sines, next_one[promising, None, :]], axis=1)
+            if method == "relax":
+                more = _relaxed(manifold, snapshot[rows], more, distance[rows])
+        else:
+            more = _of_whole(manifold, snapshot[rows], distance[rows], number + 1, method)
         amplitude, beams = _least_squares(manifold, snapshot[rows], more, distance[rows])
         left = snapshot[rows] - np.einsum("pk,pkc->pc", amplitude, beams)
         gained = _energy(rest) - _energy(left)
@@ -99,6 +153,15 @@ def pursue(manifold: Manifold, snapshot: Phasors, distance: Array, noise_power: 
         rows, sines = rows[better], more[better]
         parts.append(_part(manifold, snapshot, distance, rows, sines))
     return _joined(parts, len(snapshot))
+
+
+def _of_whole(manifold: Manifold, snapshot: Phasors, distance: Array, count: int, method: Method) -> Array:
+    """Return the sines (n, count, 2) that a method finds at once; the beamformer's maximum for those that go on."""
+    if method in subspace.KINDS and len(snapshot):
+        return subspace.subspace_sines(manifold.radar, snapshot, count, method)
+    if method == "bartlett" and count > 1:
+        return bartlett_sines(manifold, snapshot, distance, count)
+    return manifold.strongest(snapshot, distance)[:, None, :]
 
 
 def resolution(manifold: Manifold) -> Array:

@@ -11,8 +11,9 @@ from .array import HALF_WAVE, AntennaArray, uniform_line
 from .converter import Adc
 from .front_end import FrontEnd
 from .impairments import Amplifier, ChannelErrors, IfFilter, Leakage, Mixer, PhaseNoise
-from .multiplexing import Tdm
+from .multiplexing import Ddm, Tdm
 from .waveform import Fmcw
+from .waveforms.coded import Pmcw
 
 BOARD_3D = AntennaArray(
     tx_positions=((0.0, -2 * HALF_WAVE, 0.0), (0.0, 0.0, HALF_WAVE), (0.0, 2 * HALF_WAVE, 0.0)),
@@ -32,6 +33,25 @@ def _falling(level: float) -> PhaseNoise:
 
 CASCADE_HALF_WAVE = SPEED_OF_LIGHT / 76.8e9 / 2.0
 """Half a wavelength at the frequency that the cascade board is designed for [m]."""
+
+PMCW_HALF_WAVE = SPEED_OF_LIGHT / 79e9 / 2.0
+"""Half a wavelength at 79 GHz [m]."""
+
+CASCADE = AntennaArray(
+    tx_positions=tuple(
+        (0.0, (azimuth - 16.0) * CASCADE_HALF_WAVE, elevation * CASCADE_HALF_WAVE)
+        for azimuth, elevation in zip(
+            (11, 10, 9, 32, 28, 24, 20, 16, 12, 8, 4, 0), (6, 4, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0), strict=True
+        )
+    ),
+    rx_positions=tuple(
+        (0.0, (first + offset - 26.5) * CASCADE_HALF_WAVE, 0.0) for first in (11, 50, 46, 0) for offset in range(4)
+    ),
+)
+"""TI MMWCAS-RF-EVM: places in half wavelengths from TI's processing scripts (TI_Cascade_TX_position_azi and so on)."""
+
+RADIAL_RANGE = 103.0
+"""Range of the radar of the RADIal dataset [m]: 512 bins (rpl.py: RangeBin / numSamplePerChirp * 103)."""
 
 PRESETS: Mapping[str, Mapping[str, Spec]] = {
     # Table 1 of SCaRL: the defaults of all parts
@@ -69,23 +89,43 @@ PRESETS: Mapping[str, Mapping[str, Spec]] = {
         ),
         "adc": Adc(full_scale_dbm=-25.0, enob=11.4),
     },
-    # TI MMWCAS-RF-EVM: four AWR2243 with one oscillator; places in half wavelengths from TI's processing scripts
-    # (TI_Cascade_TX_position_azi and so on); AWR2243 data sheet: 13 dBm, 12 dB, -94 dBc/Hz at 1 MHz, 77 to 81 GHz
+    # TI MMWCAS-RF-EVM: four AWR2243 with one oscillator; AWR2243 data sheet: 13 dBm, 12 dB, -94 dBc/Hz at 1 MHz,
+    # 77 to 81 GHz
     "awr2243_cascade": {
-        "array": AntennaArray(
-            tx_positions=tuple(
-                (0.0, (azimuth - 16.0) * CASCADE_HALF_WAVE, elevation * CASCADE_HALF_WAVE)
-                for azimuth, elevation in zip(
-                    (11, 10, 9, 32, 28, 24, 20, 16, 12, 8, 4, 0), (6, 4, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0), strict=True
-                )
-            ),
-            rx_positions=tuple(
-                (0.0, (first + offset - 26.5) * CASCADE_HALF_WAVE, 0.0)
-                for first in (11, 50, 46, 0)
-                for offset in range(4)
-            ),
-        ),
+        "array": CASCADE,
         "multiplexing": Tdm(),
         "front_end": FrontEnd(tx_power_dbm=13.0, noise_figure_db=12.0, phase_noise=_falling(-94.0)),
+    },
+    # Radar of the RADIal dataset (github.com/valeoai/RADIal): 12 Tx, 16 Rx on four chips, 256 chirps of 512 complex
+    # samples, 16 Doppler bands of which 12 are sent, 103 m, 0.1 m/s. Carrier, ramp and places are this project's
+    # assumptions: nothing that was found says them; the places are those of the cascade board, of as many antennas
+    "radial_hd": {
+        "waveform": Fmcw(
+            start_frequency=76e9,
+            bandwidth=512 * SPEED_OF_LIGHT / (2.0 * RADIAL_RANGE),
+            ramp_time=64e-6,
+            idle_time=12e-6,
+            num_chirps=256,
+            num_samples=512,
+        ),
+        "array": CASCADE,
+        "multiplexing": Ddm(num_empty_bands=4),
+    },
+    # D. Guermandi et al., "A 79 GHz 2x2 MIMO PMCW radar SoC in 28 nm CMOS", IEEE J. Solid-State Circuits 52(10), 2017,
+    # abstract: 79 GHz, two transmitters, two receivers, code domain, 7.5 cm. Code, its length and repetitions, chirps,
+    # codes of the transmitters and places are this project's assumptions
+    "pmcw_79ghz": {
+        "waveform": Pmcw(
+            carrier_frequency=79e9,
+            chip_rate=SPEED_OF_LIGHT / (2.0 * 0.075),
+            code="m_sequence",
+            code_length=511,
+            repetitions=100,
+            num_chirps=256,
+        ),
+        "array": AntennaArray(
+            tx_positions=uniform_line(2, 2.0 * PMCW_HALF_WAVE), rx_positions=uniform_line(2, PMCW_HALF_WAVE)
+        ),
+        "multiplexing": Ddm(num_empty_bands=2),
     },
 }

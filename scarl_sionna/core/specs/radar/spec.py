@@ -90,6 +90,8 @@ class RadarSpec(Spec):
         ``"iwr1843boost"``: that layout with the front end of the data sheet.
         ``"awr1642"``: 2 x 4 antennas, its front end fitted to measured captures.
         ``"awr2243_cascade"``: four chips, 12 x 16 antennas, time multiplexing.
+        ``"radial_hd"``: 4D imaging radar of the RADIal dataset, 12 x 16 antennas, Doppler division.
+        ``"pmcw_79ghz"``: a published 2 x 2 chip with phase codes of 2 GHz.
 
         Raises
         ------
