@@ -22,6 +22,8 @@ from .core.specs.lidar import LidarSpec
 from .core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, TableScan
 from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
 from .core.specs.lighting import Lighting
+from .core.specs.radar.antennas.element import AntennaElement
+from .core.specs.radar.antennas.grid import GridPattern
 from .core.specs.radar.array import AntennaArray
 from .core.specs.radar.converter import Adc
 from .core.specs.radar.front_end import FrontEnd
@@ -96,6 +98,7 @@ __all__ = [
     "Adc",
     "Amplifier",
     "AntennaArray",
+    "AntennaElement",
     "Atmosphere",
     "Bpm",
     "BrownConrady",
@@ -113,6 +116,7 @@ __all__ = [
     "DatasetStatistics",
     "Frame",
     "FrontEnd",
+    "GridPattern",
     "HeterodyneReceiver",
     "IdealMimo",
     "IfFilter",

@@ -11,6 +11,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .link import received_amplitude
+from .pair_fields import PairFields
 from .paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
@@ -32,8 +33,11 @@ class PathGeometry:
     mirror_length : ndarray of float64, shape (num_tx, num_rx, num_mirror_paths) [m]
     amplitude : ndarray of complex128, shape (num_paths,)
         Of the beat signal at the array centres [sqrt(W)].
+        Where antennas are described one by one, the root mean square of all pairs; `fields` has each.
     center_distance : tuple of ndarray of float64, shape (num_paths,), (num_paths,) and (num_mirror_paths,)
         Distances of the array centres: transmit, receive, and total of the mirror paths [m].
+    fields : PairFields or None
+        What each pair receives, where antennas are described one by one.
     """
 
     tx_distance: Array
@@ -43,6 +47,7 @@ class PathGeometry:
     mirror_length: Array
     amplitude: npt.NDArray[np.complex128]
     center_distance: tuple[Array, Array, Array]
+    fields: PairFields | None = None
 
     @classmethod
     def of(cls, paths: RadarPaths, radar: RadarSpec, receiver: RadarSpec | None = None) -> PathGeometry:
@@ -54,6 +59,9 @@ class PathGeometry:
         mirror_length = np.linalg.norm(_image_of(image, rx)[None] - tx[:, None, None, :], axis=-1)
         tx_vector, rx_vector = paths.end_vectors()
         local = tx_vector @ paths.world_from_tx.rotation, rx_vector @ paths.world_from_rx.rotation
+        fields = None
+        if not (radar.array.is_uniform and (receiver or radar).array.is_uniform):
+            fields = PairFields.of(paths.a, *local, radar, receiver)
         tx_center, rx_center = np.linalg.norm(tx_vector, axis=-1), np.linalg.norm(rx_vector, axis=-1)
         return cls(
             tx_distance=_distances(paths.tx_point, tx),
@@ -62,8 +70,11 @@ class PathGeometry:
             mirror=mirror,
             mirror_length=mirror_length,
             # conj of the field, since the beat is tx conj(rx)
-            amplitude=np.conj(received_amplitude(paths.a, *local, radar, receiver)),
+            amplitude=np.conj(
+                received_amplitude(paths.a, *local, radar, receiver) if fields is None else fields.root_mean_square()
+            ),
             center_distance=(tx_center, rx_center, tx_center[mirror]),
+            fields=fields,
         )
 
     def center_length(self) -> Array:
@@ -96,7 +107,16 @@ class PathGeometry:
         if not np.isfinite(spreading).all():
             index = int(np.flatnonzero(~np.isfinite(spreading))[0])
             raise ParameterRangeError("paths", f"path {index} ends at an antenna", "end points away from every antenna")
-        return self.amplitude * spreading
+        return self.at_centers(tx, rx) * spreading
+
+    def at_centers(self, tx: int, rx: int) -> npt.NDArray[np.complex128]:
+        """Return every path's beat amplitude for a pair whose antennas stood at the array centres [sqrt(W)]."""
+        return self.amplitude if self.fields is None else np.conj(self.fields.pair(tx, rx))
+
+    def mean_power(self) -> Array:
+        """Return every path's power, the mean of all pairs at the array centres; of the first pair if all are alike."""
+        first = self.pair_amplitude(0, 0) if self.fields is None else self.amplitude
+        return np.asarray(np.abs(first) ** 2)
 
 
 def _distances(points: Array, antennas: Array) -> Array:

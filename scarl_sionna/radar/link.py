@@ -9,6 +9,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.signal.antenna import field_gain
 
+from .pair_fields import PairFields
 from .paths import RadarPaths
 
 Array = npt.NDArray[np.float64]
@@ -19,6 +20,8 @@ def received_amplitude(
     a: Complex, tx_vector: Array, rx_vector: Array, radar: RadarSpec, receiver: RadarSpec | None = None
 ) -> Complex:
     """Return the amplitude of the field that one antenna pair receives by each path, without the phase over the length.
+
+    Where antennas are described one by one, the root mean square of all pairs.
 
     Parameters
     ----------
@@ -42,6 +45,8 @@ def received_amplitude(
     .. [1] M. I. Skolnik, *Introduction to Radar Systems*, 3rd ed., 2001, Eq. (1.6).
     """
     sent, heard = radar.array, (receiver or radar).array
+    if not (sent.is_uniform and heard.is_uniform):
+        return PairFields.of(a, tx_vector, rx_vector, radar, receiver).root_mean_square()
     gain = field_gain(sent.pattern, tx_vector) * field_gain(heard.pattern, rx_vector)
     entry = "VH".index(heard.polarization), "VH".index(sent.polarization)
     return np.asarray(a[:, entry[0], entry[1]] * (gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))))

@@ -16,7 +16,7 @@ from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT, watt_to_dbm
 
-from .antenna import virtual_positions
+from .antenna import pair_factors, virtual_positions
 from .processing import RangeDoppler, cube_of, range_doppler
 from .windows import window_values
 
@@ -186,7 +186,7 @@ def near_steering(radar: RadarSpec, unit_vectors: npt.ArrayLike, distance: npt.A
     Returns
     -------
     ndarray of complex128, shape (..., num_virtual)
-        Relative to a channel at the origin.
+        Relative to a channel at the origin; with the phases of antennas that are described one by one.
     """
     unit = np.asarray(unit_vectors, dtype=np.float64)
     out = steering(radar, unit)
@@ -200,7 +200,11 @@ def near_steering(radar: RadarSpec, unit_vectors: npt.ArrayLike, distance: npt.A
         )
         shorter = (send[:, :, None] + receive[:, None, :]).reshape(len(point), -1)
         out[near] = np.exp(-2j * np.pi * radar.center_frequency / SPEED_OF_LIGHT * shorter)
-    return out
+    if radar.array.is_uniform:
+        return out
+    factor = pair_factors(radar.array, unit)
+    size = np.abs(factor)
+    return np.asarray(out * np.where(size > 0.0, np.conj(factor) / np.where(size > 0.0, size, 1.0), 1.0))
 
 
 def range_doppler_angle(

@@ -14,6 +14,7 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.weather_echoes import DEFAULT_WEATHER_ECHOES
+from scarl_sionna.core.specs.radar.array import AntennaArray
 from scarl_sionna.core.specs.radar.pattern import CosinePattern, IsotropicPattern
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Spray, Weather
@@ -50,7 +51,9 @@ def test_two_way_gain_is_integrated() -> None:
     n, m = (np.log(0.5) / np.log(np.cos(np.radians(angle))) for angle in (45.0, 15.0))
     exact = quad(lambda x: np.cos(x) ** (2 * n), -np.pi / 2, np.pi / 2)[0]
     exact *= quad(lambda x: np.cos(x) ** (2 * m + 1), -np.pi / 2, np.pi / 2)[0]
-    assert two_way_gain_integral(pattern) == pytest.approx(100.0 * exact, rel=1e-3)  # 10 dBi, 1 deg cells
+    assert two_way_gain_integral(AntennaArray(pattern=pattern)) == pytest.approx(
+        100.0 * exact, rel=1e-3
+    )  # 10 dBi, 1 deg cells
 
 
 def test_attenuated_mean_is_the_integral() -> None:
@@ -248,7 +251,7 @@ def test_rain_fills_the_sphere_evenly() -> None:
     The echo of a band of elevation is its part of the sphere, and the sum is the radar equation's integral.
     """
     radar = RADAR.with_(pattern=IsotropicPattern())
-    assert two_way_gain_integral(radar.array.pattern) == pytest.approx(4.0 * np.pi, rel=1e-4)  # 1 deg cells
+    assert two_way_gain_integral(radar.array) == pytest.approx(4.0 * np.pi, rel=1e-4)  # 1 deg cells
     paths = volume_clutter(HEAVY, radar, Pose(), np.random.default_rng(3), sampling=VolumeSampling(40.0, 40_000))
     power = received_power(paths, radar)
     exact = float(mean_clutter_power(radar, ETA, DEFAULT_WEATHER_ECHOES.nearest, 40.0))

@@ -111,7 +111,8 @@ class PathModel:
     Raises
     ------
     ParameterRangeError
-        If the radar is another than linear FMCW, or a path is of mirror reflections only.
+        If the radar is another than linear FMCW, its antennas are described one by one, or a path is of mirror
+        reflections only.
     InputTypeError
         If the paths are none.
     """
@@ -123,6 +124,9 @@ class PathModel:
             number = int(np.flatnonzero(paths.is_mirror_chain)[0])
             remedy = "use paths.select(~paths.is_mirror_chain): synthesis is linear, the rest can be added as it is"
             raise ParameterRangeError("paths", f"path {number} of mirrors only", "paths with end points", remedy)
+        if not radar.array.is_uniform:
+            allowed, remedy = "one pattern and polarisation for all", "leave tx_elements and rx_elements out"
+            raise ParameterRangeError("radar.array", "antennas described one by one", allowed, remedy)
         self.operator, self.radar, self._paths = BeatOperator(radar, tolerance), radar, paths
         known = is_known(paths)
         self._kept = Kept(known, known & ~paths.filled("linear_motion"))

@@ -50,7 +50,7 @@ def sum_moving(motion: PathMotion, radar: RadarSpec, tx: int, rx: int) -> npt.ND
     rows = max(1, MAX_CHUNK_VALUES // radar.num_samples)
     for start in range(0, radar.num_chirps, rows):
         block = slice(start, start + rows)
-        for path, amplitude in enumerate(motion.amplitude):
+        for path, amplitude in enumerate(motion.of_pair(tx, rx)):
             (length, rate, bend), strength, growth = motion.select(path).terms(tx, rx, ramp[block])
             tau, turn, curve = delay_terms(length, rate, bend)
             tau = tau + x * (turn + 0.5 * x * curve)

@@ -11,7 +11,7 @@ beyond those of its ends, seen from the array centres.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -161,9 +161,11 @@ class PathMotion:
     between : Terms
         What lies between the ends, at time 0, shape (num_paths,).
     amplitude : ndarray of complex128, shape (num_paths,)
-        Of the beat signal between the array centres at time 0 [sqrt(W)].
+        Of the beat signal between the array centres at time 0 [sqrt(W)]; see :meth:`of_pair`.
     reach : ndarray of float64, shape (num_paths,)
         Product of both ends' distances from the centres at time 0 [m2]; of a path of mirrors only its length [m].
+    geometry : PathGeometry or None
+        Where antennas are described one by one: has the amplitude of each pair.
     """
 
     tx: End
@@ -173,11 +175,18 @@ class PathMotion:
     between: Terms
     amplitude: npt.NDArray[np.complex128]
     reach: Array
+    geometry: PathGeometry | None = None
 
     @classmethod
     def of(cls, paths: RadarPaths, radar: RadarSpec) -> PathMotion:
         """Return the motion of paths whose velocities are known; of the others as if their ends stood still."""
-        return cls._of(paths, radar.tx_array, radar.rx_array, PathGeometry.of(paths, radar).amplitude)
+        geometry = PathGeometry.of(paths, radar)
+        motion = cls._of(paths, radar.tx_array, radar.rx_array, geometry.amplitude)
+        return motion if geometry.fields is None else replace(motion, geometry=geometry)
+
+    def of_pair(self, tx: int, rx: int) -> npt.NDArray[np.complex128]:
+        """Return the amplitudes at time 0 for a pair whose antennas stood at the centres [sqrt(W)], (num_paths,)."""
+        return self.amplitude if self.geometry is None else self.geometry.at_centers(tx, rx)
 
     @classmethod
     def _of(

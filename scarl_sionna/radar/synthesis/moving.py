@@ -279,12 +279,12 @@ class _Group:
         def of_pair(tx: int, rx: int) -> npt.NDArray[np.complexfloating]:
             if self._plan.pairwise:
                 tones, found = block.expand(motion, (tx, rx), tx, self._series.nodes)
-                amplitude = motion.amplitude
+                amplitude = motion.of_pair(tx, rx)
             else:
                 center = centers[self._radar.tx_delay(tx)]
                 known = sent[tx], center.received[rx]
                 tones, strength = block.of_pair(motion, (tx, rx), center.expansion, center.ends, known)
-                found, amplitude = center.expansion.coefficients, motion.amplitude * strength
+                found, amplitude = center.expansion.coefficients, motion.of_pair(tx, rx) * strength
             rows = np.stack([amplitude * found[order] for order in terms])
             out = next(_signals(main, rows[:1], tones, block.radar, tx))
             if len(terms) > 1:

@@ -78,7 +78,7 @@ def _with_lines(
     """Return the echoes with the phases of oscillators and ramps."""
     geometry = PathGeometry.of(paths, plain)
     delay = geometry.center_length() / SPEED_OF_LIGHT
-    power = np.abs(geometry.pair_amplitude(0, 0)) ** 2 if paths.num_paths else np.zeros(0)
+    power = geometry.mean_power() if paths.num_paths else np.zeros(0)
     least = BELOW_NOISE * sample_noise_power(plain) if noisy else 0.0
     total = np.zeros((plain.num_rx, plain.num_chirps_total, plain.num_samples), dtype=np.complex64)
     clean: list[Index] = []

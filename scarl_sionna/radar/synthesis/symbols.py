@@ -154,7 +154,7 @@ class Law:
         if self.moving.num_paths:
             motion = PathMotion.of(self.moving, self.radar)
             lengths, strength, growth = motion.terms(tx, rx, times)
-            found.append((*delay_terms(*lengths), motion.amplitude * strength, growth))
+            found.append((*delay_terms(*lengths), motion.of_pair(tx, rx) * strength, growth))
         return tuple(np.concatenate(columns, axis=1) for columns in zip(*found, strict=True))  # type: ignore[return-value]
 
 

@@ -20,7 +20,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.weather_echoes import DEFAULT_WEATHER_ECHOES
-from scarl_sionna.core.specs.radar.pattern import AntennaPattern
+from scarl_sionna.core.specs.radar.array import AntennaArray
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.core.units import dbm_to_watt
@@ -28,7 +28,8 @@ from scarl_sionna.engine.spray import SprayCloud, spray_clouds
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.scene.materials.dielectrics import CELSIUS
-from scarl_sionna.signal.antenna import field_gain
+from scarl_sionna.signal.angle import directions
+from scarl_sionna.signal.antenna import two_way_gain
 from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
@@ -93,7 +94,7 @@ def falling(weather: Weather, frequency: float) -> list[Hydrometeors]:
 
 
 @lru_cache(maxsize=16)
-def _two_way_gain(pattern: AntennaPattern, fine: tuple[int, int] = (1, 1)) -> tuple[Array, Array, Array]:
+def _two_way_gain(array: AntennaArray, fine: tuple[int, int] = (1, 1)) -> tuple[Array, Array, Array]:
     """Return azimuth and elevation of cells of the sphere [rad], and the two-way gain times their solid angle [sr].
 
     Shapes (num_azimuth,), (num_elevation,) and (num_azimuth, num_elevation); cells of 1 deg over `fine`.
@@ -101,13 +102,16 @@ def _two_way_gain(pattern: AntennaPattern, fine: tuple[int, int] = (1, 1)) -> tu
     steps = [_GRID_DEG / number for number in fine]
     azimuth = np.radians(np.arange(-180.0, 180.0 - 1e-9, steps[0]) + steps[0] / 2.0)
     elevation = np.radians(np.arange(-90.0, 90.0 - 1e-9, steps[1]) + steps[1] / 2.0)
-    gain = 10.0 ** (pattern.gain_db(azimuth[:, None], elevation[None]) / 5.0)
+    if array.is_uniform:
+        gain = 10.0 ** (array.pattern.gain_db(azimuth[:, None], elevation[None]) / 5.0)
+    else:
+        gain = two_way_gain(array, directions(azimuth[:, None], elevation[None]))
     return azimuth, elevation, gain * np.cos(elevation) * np.radians(steps[0]) * np.radians(steps[1])
 
 
-def two_way_gain_integral(pattern: AntennaPattern) -> float:
+def two_way_gain_integral(array: AntennaArray) -> float:
     """Return the integral of the squared power gain over all directions [sr], by definition."""
-    return float(_two_way_gain(pattern)[2].sum())
+    return float(_two_way_gain(array)[2].sum())
 
 
 def beam_share(radar: RadarSpec) -> float:
@@ -116,7 +120,7 @@ def beam_share(radar: RadarSpec) -> float:
     A beam is by definition as wide as the wavelength over the array's extent, in azimuth and in elevation; an array
     without extent does not tell directions apart.
     """
-    density = _two_way_gain(radar.array.pattern)[2]
+    density = _two_way_gain(radar.array)[2]
     density = density / density.sum()
     extent = np.ptp((radar.tx_array[:, None] + radar.rx_array[None]).reshape(-1, 3), axis=0)
     share = 1.0
@@ -165,7 +169,7 @@ def mean_clutter_power(
         integral = (np.exp(-rate * near) / near + rate * expi(-rate * near)) - (
             np.exp(-rate * far) / far + rate * expi(-rate * far)
         )
-    return np.asarray(scale * two_way_gain_integral(radar.array.pattern) * integral)
+    return np.asarray(scale * two_way_gain_integral(radar.array) * integral)
 
 
 def clutter_budget(
@@ -292,7 +296,7 @@ def volume_clutter(
     direction = mount.pose.rotate(cells.direction)
     air = np.array([*weather.wind, -fall])
     away = cells.velocity - direction @ (air - mount.twist.linear)
-    gain = field_gain(radar.array.pattern, cells.direction) ** 4
+    gain = two_way_gain(radar.array, cells.direction)
     power = cells.power / np.interp(cells.distance, rows, loss)
     points = point_targets(
         mount.pose.position + cells.distance[:, None] * direction,
@@ -316,7 +320,7 @@ def _scatter(
     fine = tuple(
         int(np.clip(np.ceil(2.0 * np.radians(_GRID_DEG) / step), 1, _FINEST)) for step in direction_steps(radar)
     )
-    azimuth, elevation, weight = _two_way_gain(radar.array.pattern, (fine[0], fine[1]))
+    azimuth, elevation, weight = _two_way_gain(radar.array, (fine[0], fine[1]))
     row, column = np.nonzero(weight > _LEAST_GAIN * weight.max())
     jitter = (rng.random((2, len(row))) - 0.5) * np.radians(_GRID_DEG)
     phi, theta = azimuth[row] + jitter[0] / fine[0], elevation[column] + jitter[1] / fine[1]

@@ -14,7 +14,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt, power_to_db
 
 from ..angle import RangeDopplerAngle, directions
-from ..antenna import field_gain
+from ..antenna import beam_gain
 from ..direction.manifold import Manifold
 from ..direction.several import Method, check_method, pursue
 from ..link import radar_gain
@@ -177,7 +177,7 @@ def _table(rda: RangeDopplerAngle, radar: RadarSpec, cells: Cells, sines: Array,
     """Return the points of targets with sines (n, 2) of their directions and powers (n,) [W], strongest first."""
     azimuth, elevation = np.arcsin(np.clip(sines, -1.0, 1.0)).T
     unit, distance = directions(azimuth, elevation), cells.distance
-    gain = field_gain(radar.array.pattern, unit) ** 4
+    gain = beam_gain(radar.array, unit)
     of_square_metre = (
         dbm_to_watt(radar.front_end.tx_power_dbm)
         * np.maximum(gain, 1e-30)

@@ -7,11 +7,13 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import SPEED_OF_LIGHT, Metres
 
+from .antennas.element import AntennaElement
+from .antennas.grid import GridPattern
 from .pattern import AntennaPattern, CosinePattern
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +29,9 @@ def uniform_line(count: int, spacing: float) -> tuple[Position, ...]:
 
 
 class AntennaArray(Spec):
-    """Transmit and receive antennas, all alike. Positions are in the radar frame: x boresight, y left, z up.
+    """Transmit and receive antennas, all alike unless elements are given.
+
+    Positions are in the radar frame: x boresight, y left, z up.
 
     The default is Table 1 of SCaRL: 3 transmitters and 4 receivers that make a line of 12 virtual elements half a
     wavelength apart at 77 GHz, half-power beam width +-45 deg in azimuth. The paper gives none in elevation; +-15 deg
@@ -43,12 +47,20 @@ class AntennaArray(Spec):
     .. [1] Nittur Ramesh et al., *SCaRL*, 2024, Table 1.
     """
 
+    _quiet = ("tx_elements", "rx_elements")
+
     tx_positions: tuple[Position, ...] = Field(uniform_line(3, 4 * HALF_WAVE), min_length=1, description="[m]")
     rx_positions: tuple[Position, ...] = Field(uniform_line(4, HALF_WAVE), min_length=1, description="[m]")
     pattern: AntennaPattern = Field(
         CosinePattern(half_power_azimuth_deg=45.0, half_power_elevation_deg=15.0), description="of every antenna"
     )
     polarization: Literal["V", "H"] = Field("V", description="of every antenna: V along z, H along y at boresight")
+    tx_elements: tuple[AntennaElement, ...] = Field(
+        (), description="of each transmitter; one: of every one; empty: `pattern` and `polarization`"
+    )
+    rx_elements: tuple[AntennaElement, ...] = Field(
+        (), description="of each receiver; one: of every one; empty: `pattern` and `polarization`"
+    )
     max_array_extent: Metres = Field(
         1.0, gt=0.0, description="an antenna farther than this from the origin is refused [m]"
     )
@@ -62,7 +74,42 @@ class AntennaArray(Spec):
                         f"{name}[{index}] = {position} m within {self.max_array_extent} m of the radar's origin; "
                         "positions are metres in the radar frame (raise max_array_extent for a larger array)"
                     )
+        for name, own, count in (
+            ("tx_elements", self.tx_elements, self.num_tx),
+            ("rx_elements", self.rx_elements, self.num_rx),
+        ):
+            if len(own) not in (0, 1, count):
+                raise ValueError(f"{name} of {count} antennas, of one that stands for all, or none; not of {len(own)}")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_elements(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Leave out antennas that are not described one by one, as files of the first versions have it."""
+        return {name: value for name, value in inner(self).items() if name not in self._quiet or value not in ((), [])}
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether every antenna has the array's pattern and polarisation, and no phase over direction."""
+        phased = isinstance(self.pattern, GridPattern) and self.pattern.has_phase
+        return not (self.tx_elements or self.rx_elements or phased)
+
+    @cached_property
+    def tx(self) -> tuple[AntennaElement, ...]:
+        """The transmit antennas, each with its pattern and polarisation."""
+        return self._whole(self.tx_elements, self.num_tx)
+
+    @cached_property
+    def rx(self) -> tuple[AntennaElement, ...]:
+        """The receive antennas, each with its pattern and polarisation."""
+        return self._whole(self.rx_elements, self.num_rx)
+
+    def _whole(self, elements: tuple[AntennaElement, ...], count: int) -> tuple[AntennaElement, ...]:
+        given = elements or (AntennaElement(),)
+        filled = tuple(
+            one.with_(pattern=one.pattern or self.pattern, polarization=one.polarization or self.polarization)
+            for one in given
+        )
+        return filled if len(filled) == count else filled * count
 
     @property
     def num_tx(self) -> int:

@@ -12,6 +12,8 @@ from pydantic import Field, model_validator
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import DecibelsIsotropic, Degrees
 
+from .antennas.grid import GridPattern
+
 Array = npt.NDArray[np.float64]
 
 
@@ -160,6 +162,26 @@ def _line_slope(angle: npt.ArrayLike, angles_deg: tuple[float, ...], gains: tupl
     return np.asarray(np.degrees(1.0) * slopes[np.searchsorted(angles_deg, np.degrees(angle), side="right")])
 
 
+class DipolePattern(Spec):
+    """A short dipole or a small loop along the antenna's z: 1.5 cos^2(elevation). V is the dipole, H the loop."""
+
+    kind: Literal["dipole"] = "dipole"
+    peak_gain_dbi: DecibelsIsotropic = Field(
+        10.0 * math.log10(1.5), le=10.0 * math.log10(1.5), description="1.761 dBi without loss [dBi]"
+    )
+
+    def gain_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> Array:
+        """Return the gain [dBi] at azimuth (left positive) and elevation [rad], broadcast; at least -400 dBi."""
+        cosine = np.broadcast_arrays(np.cos(elevation), np.asarray(azimuth))[0]
+        return np.maximum(self.peak_gain_dbi + 20.0 * np.log10(np.maximum(np.abs(cosine), 1e-25)), -400.0)
+
+    def slopes_db(self, azimuth: npt.ArrayLike, elevation: npt.ArrayLike) -> tuple[Array, Array]:
+        """Return the derivatives of the gain to azimuth and elevation [dB/rad]."""
+        across, up = np.broadcast_arrays(np.asarray(azimuth, dtype=np.float64), np.asarray(elevation))
+        return np.zeros(across.shape), np.asarray(-20.0 / np.log(10.0) * np.tan(up))
+
+
 AntennaPattern = Annotated[
-    IsotropicPattern | CosinePattern | Tr38901Pattern | TablePattern, Field(discriminator="kind")
+    IsotropicPattern | CosinePattern | Tr38901Pattern | TablePattern | DipolePattern | GridPattern,
+    Field(discriminator="kind"),
 ]

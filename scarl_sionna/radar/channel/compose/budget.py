@@ -17,7 +17,7 @@ from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.radar.channel.raycast.class_rcs import class_reflectivity
-from scarl_sionna.signal.antenna import field_gain
+from scarl_sionna.signal.antenna import boresights, largest_field_gain
 from scarl_sionna.signal.link import radar_gain
 from scarl_sionna.signal.noise import angle_cell_noise_power
 
@@ -239,10 +239,10 @@ def _view(radar: RadarSpec, pose: Pose, box: Pose, size: Array, nearest: Array) 
     if far <= radius or np.arcsin(radius / far) > _WIDE_BOX:
         x, y, _ = (nearest - pose.position) @ pose.rotation
         behind = far > radius and np.abs(np.arctan2(y, x)) > fov[0] / 2.0 and _outside(pose, center, radius, fov)
-        return not behind, float(field_gain(radar.array.pattern, np.array([[1.0, 0.0, 0.0]]))[0]) ** 2, wide
+        return not behind, float(largest_field_gain(radar.array, boresights(radar.array)).max()) ** 2, wide
     signs = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)] + [(0, 0, 0)]) / 2.0
     corners = (box.apply(signs * size) - pose.position) @ pose.rotation
-    gain = float(field_gain(radar.array.pattern, corners).max()) ** 2
+    gain = float(largest_field_gain(radar.array, corners).max()) ** 2
     return not _outside(pose, center, radius, fov), gain, wide
 
 

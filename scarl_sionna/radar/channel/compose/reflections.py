@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.settings.auto import DEFAULT_AUTO, AutoSettings
 from scarl_sionna.radar.optics.spherical_waves import Viewpoint
-from scarl_sionna.signal.antenna import field_gain
+from scarl_sionna.signal.antenna import largest_field_gain
 
 from .budget import Surface, box_points
 from .mirror_legs import MirrorView
@@ -114,7 +114,7 @@ def _by_way(view: MirrorView, way: Way, numbers: Sequence[int], surfaces: Sequen
     seen = leg.visible & Viewpoint.of(view.radar, pose, np.zeros(3)).sees(leg.image)
     ahead = leg.image - pose.position
     length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))
-    strength = field_gain(view.radar.array.pattern, ahead @ pose.rotation) / np.maximum(length, 1e-3)
+    strength = largest_field_gain(view.radar.array, ahead @ pose.rotation) / np.maximum(length, 1e-3)
     strength = strength * _largest_gain(leg.jones)
     rows = np.split(np.arange(len(seen)), np.cumsum(size)[:-1])
     return [_sight(seen[some], strength[some], length[some]) for some in rows]

@@ -23,6 +23,7 @@ from scarl_sionna.core.settings.raycast import HitPhase, RaycastSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.compose.plan import ids_of
+from scarl_sionna.radar.link import received_amplitude
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.scene.materials.fresnel import power_reflectance, te_fraction_of_h
 from scarl_sionna.signal.link import radar_gain
@@ -214,8 +215,11 @@ def _thinned(columns: dict[str, npt.NDArray[Any]], model: _Model, hits_per_cell:
     cells = ResolutionCells.of(model.radar, model.knobs)
     cell = cells.number(columns["distance"], columns["length_rate"] / 2.0, y, z, columns["instance"])
     entry = 0 if model.radar.array.polarization == "V" else 1
-    gain_db = model.radar.array.pattern.gain_db(np.arctan2(y, x), np.arcsin(np.clip(z, -1.0, 1.0)))
-    received = np.abs(columns["a"][:, entry, entry]) ** 2 * 10.0 ** (gain_db / 5.0)
+    if model.radar.array.is_uniform:
+        gain_db = model.radar.array.pattern.gain_db(np.arctan2(y, x), np.arcsin(np.clip(z, -1.0, 1.0)))
+        received = np.abs(columns["a"][:, entry, entry]) ** 2 * 10.0 ** (gain_db / 5.0)
+    else:
+        received = np.abs(received_amplitude(columns["a"], columns["ray"], columns["ray"], model.radar)) ** 2
     tiny = np.finfo(np.float64).tiny ** 0.5
     kept, growth = thin(cell, np.maximum(received, tiny), hits_per_cell)
     columns = {name: column[kept] for name, column in columns.items()}

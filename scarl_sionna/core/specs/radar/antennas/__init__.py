@@ -1,0 +1,1 @@
+"""Single antennas of an array: measured patterns, how each antenna is turned and polarised."""
