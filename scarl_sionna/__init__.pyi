@@ -24,6 +24,7 @@ from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
 from .core.specs.lighting import Lighting
 from .core.specs.radar.antennas.element import AntennaElement
 from .core.specs.radar.antennas.grid import GridPattern
+from .core.specs.radar.antennas.radome import Radome, RadomeLayer
 from .core.specs.radar.array import AntennaArray
 from .core.specs.radar.converter import Adc
 from .core.specs.radar.front_end import FrontEnd
@@ -59,6 +60,7 @@ from .radar.network.images import back_project
 from .radar.network.suites import NetworkFrame, RadarNetwork, network_paths, synthesize_network
 from .radar.paths import RadarPaths
 from .radar.points import point_targets
+from .radar.radome import RadomeEffect, radome_effect
 from .radar.rcs import rcs
 from .radar.scatterers.compile import compile_scatterers
 from .radar.scatterers.model import ScattererModel
@@ -131,6 +133,10 @@ __all__ = [
     "Mixer",
     "NetworkFrame",
     "PhaseNoise",
+    "Radome",
+    "RadomeEffect",
+    "RadomeLayer",
+    "radome_effect",
     "Pinhole",
     "Pose",
     "RadarFrame",

@@ -258,7 +258,7 @@ class RadarMap(SceneGeometry):
         if not radar.front_end.is_ideal:
             raise ValueError("a radar with an ideal front end: calibrate maps that its errors are removed from")
         if not radar.array.is_uniform:
-            raise ValueError("a radar whose antennas are all alike: leave tx_elements and rx_elements out")
+            raise ValueError("a radar whose antennas are all alike: leave tx_elements, rx_elements and radome out")
         return radar
 
 

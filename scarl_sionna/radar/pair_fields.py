@@ -11,6 +11,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
 from scarl_sionna.signal.antenna import antenna_fields
 
+from .radome import through_radome
+
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
@@ -43,8 +45,9 @@ class PairFields:
         `tx_vector` and `rx_vector`, shape (num_paths, 3), are where each path leaves and from where it arrives, in the
         frames of the transmitter and of the receiver. Directions are those of the array centres.
         """
-        tx = antenna_fields(radar.array.tx, tx_vector)
-        rx = antenna_fields((receiver or radar).array.rx, rx_vector)
+        heard = receiver or radar
+        tx = through_radome(antenna_fields(radar.array.tx, tx_vector), radar, radar.tx_array, tx_vector)
+        rx = through_radome(antenna_fields(heard.array.rx, rx_vector), heard, heard.rx_array, rx_vector)
         return cls(a, tx, rx, float(np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))))
 
     def pair(self, tx: int, rx: int) -> Complex:

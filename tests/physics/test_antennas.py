@@ -178,7 +178,7 @@ def test_points_have_their_cross_section_and_direction(case):
 def test_derivatives_refuse_antennas_described_one_by_one():
     radar = ss.RadarSpec().with_(tx_elements=(ss.AntennaElement(roll_deg=5.0),))
     paths = ss.point_targets([[30.0, 0.0, 0.0]], np.zeros((1, 3)), 1.0, radar, Pose())
-    with pytest.raises(ParameterRangeError, match="leave tx_elements and rx_elements out"):
+    with pytest.raises(ParameterRangeError, match="leave tx_elements, rx_elements and radome out"):
         PathModel(radar, paths)
 
 

@@ -111,8 +111,8 @@ class PathModel:
     Raises
     ------
     ParameterRangeError
-        If the radar is another than linear FMCW, its antennas are described one by one, or a path is of mirror
-        reflections only.
+        If the radar is another than linear FMCW, its antennas are described one by one or behind a radome, or a path is
+        of mirror reflections only.
     InputTypeError
         If the paths are none.
     """
@@ -125,8 +125,8 @@ class PathModel:
             remedy = "use paths.select(~paths.is_mirror_chain): synthesis is linear, the rest can be added as it is"
             raise ParameterRangeError("paths", f"path {number} of mirrors only", "paths with end points", remedy)
         if not radar.array.is_uniform:
-            allowed, remedy = "one pattern and polarisation for all", "leave tx_elements and rx_elements out"
-            raise ParameterRangeError("radar.array", "antennas described one by one", allowed, remedy)
+            allowed, remedy = "one pattern for all, no radome", "leave tx_elements, rx_elements and radome out"
+            raise ParameterRangeError("radar.array", "antennas described one by one, or a radome", allowed, remedy)
         self.operator, self.radar, self._paths = BeatOperator(radar, tolerance), radar, paths
         known = is_known(paths)
         self._kept = Kept(known, known & ~paths.filled("linear_motion"))

@@ -187,7 +187,9 @@ def synthesize_network(
     adc = {}
     for pair, some in paths.items():
         seen = _clocked(some, network.delay(pair))
-        data = synthesize(seen, network.radar, rng, accuracy)
+        own = pair[0] == pair[1]  # a radome sends back what its own radar sends
+        radar = network.radar if own else network.radar.with_(array=network.radar.array.without_echo())
+        data = synthesize(seen, radar, rng, accuracy)
         turn = network.turn(pair)
         adc[pair] = data if turn == 1.0 else (data * turn).astype(np.complex64)
     return NetworkFrame(network, adc)

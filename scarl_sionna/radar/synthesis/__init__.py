@@ -23,6 +23,7 @@ from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.radome import settled
 from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
@@ -102,13 +103,14 @@ def synthesize(
     expect("rng", rng, (np.random.Generator, type(None)), "give numpy.random.default_rng(seed), or None for no noise")
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
-    if not radar.front_end.is_ideal:
+    if not radar.front_end.is_ideal or radar.array.has_echo:
         return received(paths, radar, rng, lambda some, ideal: synthesize(some, ideal, None, accuracy, method))
     if radar.multiplexing.is_coded:
         adc = multiplex(synthesize(paths, radar.separated, None, accuracy, method), radar)
         return adc if rng is None else add_noise(adc, radar, rng)
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     tolerance = accuracy.synthesis_tolerance if method == "nufft" else None
+    radar = settled(radar)
     make = _of_symbols if is_coded(radar.waveform) else _of_ramps
     if isinstance(radar.waveform, PcFmcw):
         make = _of_coded_ramps

@@ -91,12 +91,12 @@ def synthesize_blocks(
     """
     if not 1 <= chirps_per_block <= radar.num_chirps:
         raise ParameterRangeError("chirps_per_block", chirps_per_block, f"1 to num_chirps = {radar.num_chirps}")
-    if not radar.front_end.is_ideal:
+    if not radar.front_end.is_ideal or radar.array.has_echo:
         raise ParameterRangeError(
             "chirps_per_block",
             chirps_per_block,
             "None with effects of the front end, which need the whole frame",
-            "use radar.with_(front_end=radar.front_end.ideal()), or leave the blocks out",
+            "use radar.with_(front_end=radar.front_end.ideal()) and a radome with echo=False, or leave the blocks out",
         )
     if radar.multiplexing.is_coded:
         chirps = chirps_per_block * (radar.num_slow_chirps // radar.num_chirps)

@@ -11,6 +11,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT, dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.radome import radome_echo
 from scarl_sionna.signal.front_end.chain import receive
 from scarl_sionna.signal.front_end.oscillators import Oscillators
 from scarl_sionna.signal.noise import sample_noise_power
@@ -32,7 +33,7 @@ def received(
     rng: np.random.Generator | None,
     signal: Callable[[RadarPaths, RadarSpec], Adc],
 ) -> Adc:
-    """Return the raw data of a radar whose front end is not ideal.
+    """Return the raw data of a radar whose front end is not ideal, or whose radome sends something back.
 
     Parameters
     ----------
@@ -59,7 +60,7 @@ def received(
     .. [1] M. C. Budge, M. P. Burt, "Range correlation effects in radars", Proc. IEEE National Radar Conf., 1993.
     """
     alone = radar.separated
-    plain = alone.with_(front_end=alone.front_end.ideal())
+    plain = alone.with_(front_end=alone.front_end.ideal(), array=alone.array.without_echo())
     front = radar.front_end
     if front.phase_noise is None and front.chirp_errors is None:
         total = signal(paths, plain)
@@ -69,6 +70,8 @@ def received(
         total = _with_lines(paths, plain, lines, signal, rng is not None)
     for way in front.leakage:
         total += _leak(way.length, way.level_db, way.phase_deg, plain, lines)
+    if radar.array.has_echo:
+        total += _radome_echo(plain, lines)
     return receive(total, radar, rng)
 
 
@@ -129,3 +132,15 @@ def _leak(length: float, level_db: float, phase_deg: float, plain: RadarSpec, li
     shape = (plain.num_rx, plain.num_chirps_total, plain.num_samples)
     leak = np.broadcast_to(row.astype(np.complex64), shape)
     return np.array(leak) if lines is None else turned(np.array(leak), plain, lines, length / SPEED_OF_LIGHT)
+
+
+def _radome_echo(plain: RadarSpec, lines: Oscillators | None) -> Adc:
+    """Return what the radome sends back from every transmitter into every receiver."""
+    echo, still = radome_echo(plain), np.zeros(1)
+    out = np.zeros((plain.num_rx, plain.num_chirps_total, plain.num_samples), dtype=np.complex64)
+    single = plain.with_(num_chirps=1)
+    for tx in range(plain.num_tx):
+        for rx in range(plain.num_rx):
+            amplitude, length = np.conj(echo.amplitude[tx, rx : rx + 1]), echo.length[tx, rx : rx + 1]
+            out[rx, tx :: plain.num_tx] = direct.sum_paths(amplitude, length, still, still, single, 0)
+    return out if lines is None else turned(out, plain, lines, float(echo.length.mean()) / SPEED_OF_LIGHT)

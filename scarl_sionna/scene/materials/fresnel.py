@@ -5,6 +5,8 @@ Time dependence e^{+j 2 pi f t}: losses are a negative imaginary part of the per
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -165,9 +167,43 @@ def film_coefficients(
     ----------
     .. [1] M. Born, E. Wolf, *Principles of Optics*, 7th ed., section 1.6; Recommendation ITU-R P.2040-3, section 2.2.2.
     """
+    media = [film, permittivity] if thickness is None else [film, permittivity, 1.0 + 0j]
+    depths = [film_thickness] if thickness is None else [film_thickness, thickness]
+    reflected, passed = layer_coefficients(media, depths, cos_incidence, frequency)
+    return reflected, passed if thickness is not None else (np.zeros_like(passed[0]), np.zeros_like(passed[1]))
+
+
+def layer_coefficients(
+    permittivities: Sequence[complex], depths: Sequence[float], cos_incidence: npt.ArrayLike, frequency: float
+) -> tuple[tuple[Complex, Complex], tuple[Complex, Complex]]:
+    r"""Return reflection and transmission coefficients, TE and TM each, of any layers seen from air.
+
+    Parameters
+    ----------
+    permittivities : sequence of complex
+        Relative permittivities of the layers from the face on, and of what is behind the last; imaginary parts <= 0.
+    depths : sequence of float
+        Of the layers, one fewer [m].
+    cos_incidence : array_like of float, any shape
+        Cosine of the angle from the normal in air, 0 to 1.
+    frequency : float
+        [Hz].
+
+    Returns
+    -------
+    (te, tm), (te, tm) : ndarray of complex128
+        Reflection, signs as in :func:`halfspace_reflection`; transmission between the outer faces.
+
+    Notes
+    -----
+    The recursion of :func:`film_coefficients`.
+
+    References
+    ----------
+    .. [1] M. Born, E. Wolf, *Principles of Optics*, 7th ed., section 1.6.
+    """
     cosine = np.asarray(cos_incidence, dtype=np.float64)
-    media = [1.0 + 0j, film, permittivity, *([] if thickness is None else [1.0 + 0j])]
-    depths = [film_thickness, *([] if thickness is None else [thickness])]
+    media = [1.0 + 0j, *permittivities]
     normal = [np.sqrt(medium - (1.0 - cosine**2) + 0j) for medium in media]
     wave = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
     reflected, passed = [], []
@@ -182,7 +218,7 @@ def film_coefficients(
             through = (1.0 + face) * through * once / denominator
             total = (face + total * once**2) / denominator
         reflected.append(total)
-        passed.append(np.zeros_like(through) if thickness is None else through)
+        passed.append(through)
     return (reflected[0], reflected[1]), (passed[0], passed[1])
 
 

@@ -14,6 +14,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT, Metres
 
 from .antennas.element import AntennaElement
 from .antennas.grid import GridPattern
+from .antennas.radome import Radome
 from .pattern import AntennaPattern, CosinePattern
 
 Array = npt.NDArray[np.float64]
@@ -47,7 +48,7 @@ class AntennaArray(Spec):
     .. [1] Nittur Ramesh et al., *SCaRL*, 2024, Table 1.
     """
 
-    _quiet = ("tx_elements", "rx_elements")
+    _quiet = ("tx_elements", "rx_elements", "radome")
 
     tx_positions: tuple[Position, ...] = Field(uniform_line(3, 4 * HALF_WAVE), min_length=1, description="[m]")
     rx_positions: tuple[Position, ...] = Field(uniform_line(4, HALF_WAVE), min_length=1, description="[m]")
@@ -61,6 +62,7 @@ class AntennaArray(Spec):
     rx_elements: tuple[AntennaElement, ...] = Field(
         (), description="of each receiver; one: of every one; empty: `pattern` and `polarization`"
     )
+    radome: Radome | None = Field(None, description="radome or bumper in front of all antennas; None: none")
     max_array_extent: Metres = Field(
         1.0, gt=0.0, description="an antenna farther than this from the origin is refused [m]"
     )
@@ -80,18 +82,37 @@ class AntennaArray(Spec):
         ):
             if len(own) not in (0, 1, count):
                 raise ValueError(f"{name} of {count} antennas, of one that stands for all, or none; not of {len(own)}")
+        if self.radome is not None:
+            ahead = np.array([1.0, 0.0, 0.0])
+            if float(ahead @ self.radome.frame[0]) <= 0.1:
+                raise ValueError("a radome that the radar looks through: less tilt_deg and yaw_deg")
+            places = np.concatenate([self.tx_positions, self.rx_positions])
+            beyond = float(self.radome.heights(places).max())
+            if beyond > -1e-4:
+                raise ValueError(f"a radome in front of every antenna: one is {1e3 * beyond:.1f} mm beyond its face")
         return self
 
     @model_serializer(mode="wrap")
     def _without_elements(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave out antennas that are not described one by one, as files of the first versions have it."""
-        return {name: value for name, value in inner(self).items() if name not in self._quiet or value not in ((), [])}
+        """Leave out what is not described, as files of the first versions have it."""
+        return {
+            name: value for name, value in inner(self).items() if name not in self._quiet or value not in ((), [], None)
+        }
 
     @property
     def is_uniform(self) -> bool:
-        """Whether every antenna has the array's pattern and polarisation, and no phase over direction."""
+        """Whether every antenna has the array's pattern and polarisation, no phase over direction, and no radome."""
         phased = isinstance(self.pattern, GridPattern) and self.pattern.has_phase
-        return not (self.tx_elements or self.rx_elements or phased)
+        return not (self.tx_elements or self.rx_elements or phased or self.radome)
+
+    @property
+    def has_echo(self) -> bool:
+        """Whether the radome's echo is in the raw data."""
+        return self.radome is not None and self.radome.echo
+
+    def without_echo(self) -> AntennaArray:
+        """Return the array with a radome that sends nothing back, by definition of :class:`Radome`."""
+        return self if self.radome is None else self.with_(radome=self.radome.with_(echo=False))
 
     @cached_property
     def tx(self) -> tuple[AntennaElement, ...]:

@@ -78,7 +78,7 @@ class RadarSpec(Spec):
     def _check(self) -> RadarSpec:
         self.multiplexing.check(self.num_chirps, self.num_tx)
         self.front_end.check(self.num_tx, self.num_rx)
-        check_together(type(self), self.waveform, self.multiplexing, self.front_end, self.num_tx)
+        check_together(type(self), self.waveform, self.multiplexing, self.front_end, self.array)
         return self
 
     @classmethod

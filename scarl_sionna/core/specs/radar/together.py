@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from scarl_sionna.core.errors import SpecError
 
+from .array import AntennaArray
 from .front_end import FrontEnd
 from .multiplexing import Fdm, Multiplexing
 from .waveform import Waveform
@@ -14,7 +15,7 @@ _OF_RAMPS = ("phase_noise", "chirp_errors", "leakage", "filters")
 
 
 def check_together(
-    model: type, waveform: Waveform, multiplexing: Multiplexing, front_end: FrontEnd, num_tx: int
+    model: type, waveform: Waveform, multiplexing: Multiplexing, front_end: FrontEnd, array: AntennaArray
 ) -> None:
     """Raise if parts of a radar do not go together.
 
@@ -28,13 +29,14 @@ def check_together(
     waveform : Waveform
     multiplexing : Multiplexing
     front_end : FrontEnd
-    num_tx : int
+    array : AntennaArray
 
     Raises
     ------
     ParameterRangeError
         If they do not; the error names the parts.
     """
+    num_tx = array.num_tx
     even = waveform.burst == 1 and waveform.chirp_delays is None and waveform.chirp_frequencies is None
     ramps = even and waveform.kind == "fmcw"
     shown = f"{multiplexing.kind!r} with {waveform.kind!r}"
@@ -52,6 +54,9 @@ def check_together(
         if getattr(front_end, name) not in (None, ()):
             allowed = "equal ramps ('fmcw'), in whose beat signal this effect is modelled"
             raise SpecError(model, ("front_end", name), f"with {waveform.kind!r}", allowed, "leave it out")
+    if array.has_echo:
+        allowed = "equal ramps ('fmcw'), in whose beat signal the echo of a radome is modelled"
+        raise SpecError(model, ("array", "radome", "echo"), f"with {waveform.kind!r}", allowed, "give echo=False")
 
 
 def _check_subcarriers(model: type, waveform: Waveform, turns: int, shown: str) -> None:
