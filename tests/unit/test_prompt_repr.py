@@ -25,9 +25,12 @@ FLOATS = re.compile(r"[0-9.e+-]+(?:[, ]+[0-9.e+-]+){12,}")
 
 NEEDED = {
     "Amplifier": {"p1db_dbm": -8.0},
+    "GridPattern": {"azimuth_deg": (0.0, 1.0), "elevation_deg": (0.0, 1.0), "gain_dbi": ((0.0, 1.0), (0.0, 1.0))},
     "Interferer": {"radar": "awr1843boost"},
     "Leakage": {"length": 0.1, "level_db": -40.0},
     "PhaseNoise": {"mask": ((1e6, -95.0),)},
+    "Radome": {"layers": ({"thickness": 3e-3, "relative_permittivity": 2.35},)},
+    "RadomeLayer": {"thickness": 3e-3, "relative_permittivity": 2.35},
 }
 """What specifications need that two numbers do not make."""
 
@@ -89,6 +92,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         paths,
         *frame.images.values(),
         *frame.lidars.values(),
+        ss.radome_effect(RADAR.with_(radome=ss.Radome(**NEEDED["Radome"])), np.linspace(-1.0, 1.0, 30)),
         ss.label_paths(paths),
         ss.label_cells(rd, paths),
         ss.label_points(points, paths, RADAR),
