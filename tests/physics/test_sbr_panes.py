@@ -11,6 +11,7 @@ from benchmarks.corner_range import corner
 from scarl_sionna.core.settings.sbr import SbrSettings
 from scarl_sionna.scene.materials.fresnel import transmission
 from scarl_sionna.scene.motion.trajectory import WaypointTrajectory
+from tests.kernels import kernels
 from tests.scenes import Material, Thing, box, plane, write_scene
 
 RADAR = ss.RadarSpec(elevation_fov_deg=120.0)
@@ -75,6 +76,16 @@ def test_two_sheets_and_one_that_is_drawn_twice(tmp_path) -> None:
     doubled = trimesh.Trimesh(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[:, ::-1]]), process=False)
     drawn = signal(solved(tmp_path / "drawn", [PLATE, Thing("pane", doubled, "Static", "sheet")])[1])[0, 0] / free
     assert abs(drawn - once) < TABLE_ERROR
+
+
+def test_one_kernel_for_any_number_of_sheets(tmp_path) -> None:
+    """A kernel of fields takes a second to compile; nothing new is compiled for the second sheet."""
+    sheets = [tilted(5.0, 0.0), tilted(6.0, 0.0, name="other")]
+    with kernels() as found:
+        solved(tmp_path / "one", [PLATE, *sheets[:1]])
+        known = found(least=1000)
+        solved(tmp_path / "two", [PLATE, *sheets])
+        assert found(least=1000) == known != set()
 
 
 @pytest.mark.parametrize("distance", [0.05, 9.9])

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.engine.device import ALIGNMENT, device
+from tests.kernels import kernels
 
 COUNT = 1000
 KINDS = {"reals": np.float64, "index": np.uint32, "label": np.int32}
@@ -22,23 +20,6 @@ def placed(dtype: type, shift: int) -> np.ndarray:
     values = memory[start : start + COUNT * np.dtype(dtype).itemsize].view(dtype)
     values[:] = np.arange(COUNT)
     return values
-
-
-@contextmanager
-def kernels() -> Iterator[Callable[[], set[str]]]:
-    """Yield a function that returns the kernels since it was last called."""
-    import drjit as dr
-
-    def found() -> set[str]:
-        return {entry["hash"] for entry in dr.kernel_history([dr.KernelType.JIT])}
-
-    before = dr.flag(dr.JitFlag.KernelHistory)
-    dr.set_flag(dr.JitFlag.KernelHistory, True)
-    try:
-        dr.kernel_history_clear()
-        yield found
-    finally:
-        dr.set_flag(dr.JitFlag.KernelHistory, before)
 
 
 @pytest.mark.parametrize("kind", KINDS)

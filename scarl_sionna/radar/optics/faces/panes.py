@@ -7,7 +7,6 @@ angle at which it is met. The pane reflects as any other face. Between two bounc
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -136,29 +135,33 @@ def through_panes(
     rays : FaceRays
     surfaces : FaceSurfaces
     way : ndarray of int64, shape (num_tubes, MOST_PANES)
-        Faces of panes, `MISS` for none.
+        Faces of panes in the order in which they are met, `MISS` behind the last.
     field : field
         See :mod:`scarl_sionna.radar.optics.fields`.
     direction : Dr.Jit Array3f64
         Unit direction of travel.
     """
-    dr, on = rays.dr, OnDevice(rays.dr)
-    kept = rays.Real(1.0)
-    for column in way.T:
-        if not (column != MISS).any():
-            break
-        is_pane, face = rays.label(column) != MISS, rays.index(np.maximum(column, 0))
+    dr, mi, on = rays.dr, rays.mi, OnDevice(rays.dr)
+    ways, first = rays.label(way), MOST_PANES * dr.arange(mi.UInt32, len(way))
+
+    def there(number: DeviceArray, kept: DeviceArray, field: Field) -> DeviceArray:
+        inside = number < MOST_PANES
+        return inside & (dr.gather(mi.Int32, ways, first + number, inside) != MISS)
+
+    def behind(number: DeviceArray, kept: DeviceArray, field: Field) -> tuple[DeviceArray, DeviceArray, Field]:
+        face = mi.UInt32(dr.gather(mi.Int32, ways, first + number))
         normal = surfaces.plane(face)[0]
-        cosine = dr.abs(dr.dot(normal, direction))
-        te, tm = surfaces.transmission(face, cosine)
+        te, tm = surfaces.transmission(face, dr.abs(dr.dot(normal, direction)))
         axis = on.across(direction, normal)
         other = on.cross(direction, axis)
         passed = on.add(
             on.along(axis, on.times(te, on.component(axis, field))),
             on.along(other, on.times(tm, on.component(other, field))),
         )
-        pick = partial(dr.select, is_pane)
-        field = [(pick(a, c), pick(b, d)) for (a, b), (c, d) in zip(passed, field, strict=True)]
         power = 0.5 * sum(part**2 for coefficient in (te, tm) for part in coefficient)
-        kept *= pick(dr.sqrt(power), 1.0)
+        return number + 1, kept * dr.sqrt(power), passed
+
+    # a loop, not one step after the other: else each number of panes, there and back, has a kernel of its own
+    state = dr.zeros(mi.UInt32, len(way)), dr.ones(rays.Real, len(way)), field
+    _, kept, field = dr.while_loop(state, there, behind, label="panes on the way")
     return field, kept
