@@ -1,6 +1,6 @@
 """Trains and tests the networks of docs/baseline.md on a dataset and prints the tables.
 
-python -m examples.baseline DATASET [--out FOLDER] [--steps 300] [--runs 3]
+python -m examples.baseline DATASET ... [--out FOLDER] [--steps 300] [--runs 3]
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .tables import Results, markdown
 def main() -> None:
     """Read a dataset once, run the experiments that are not done yet, and write tables and figure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("dataset", type=Path)
+    parser.add_argument("datasets", type=Path, nargs="+")
     parser.add_argument("--out", type=Path, default=Path("baseline_out"), help="folder of the results")
     parser.add_argument("--steps", type=int, default=300, help="batches of 8 frames in each training")
     parser.add_argument("--runs", type=int, default=NUM_RUNS, help="trainings of each kind")
@@ -25,7 +25,7 @@ def main() -> None:
     options = parser.parse_args()
 
     options.out.mkdir(parents=True, exist_ok=True)
-    samples = read_samples(options.dataset)
+    samples = read_samples(*options.datasets)
     chosen = [one for one in experiments(samples.methods, options.runs) if options.only in str(one)]
     run_experiments(samples, chosen, options.out / "outcomes.jsonl", options.steps)
     results = Results(samples, read_outcomes(options.out / "outcomes.jsonl"))

@@ -80,22 +80,23 @@ class Samples:
         return np.flatnonzero(chosen)
 
 
-def read_samples(place: str | Path) -> Samples:
-    """Return all frames of a dataset that a command of docs/baseline.md made.
+def read_samples(*places: str | Path) -> Samples:
+    """Return all frames of datasets that a command of docs/baseline.md made, of one rig.
 
     Raises
     ------
     UnknownNameError
-        If it has no radar of a known method.
+        If one has no radar of a known method.
     """
-    dataset: Dataset = ss.open_dataset(place)
-    methods = tuple(method for method in METHODS if f"{method}/radar" in dataset.sensors)
+    datasets: list[Dataset] = [ss.open_dataset(place) for place in places]
+    dataset = datasets[0]
+    methods = tuple(method for method in METHODS if all(f"{method}/radar" in one.sensors for one in datasets))
     if not methods:
         raise UnknownNameError(
             "sensor", f"{METHODS[0]}/radar", dataset.sensors, "make it with examples/baseline/rig.yaml"
         )
-    split_of = {scene: split for split, scenes in dataset.splits.items() for scene in scenes}
-    names = [(name, dataset.scene(name)) for name in dataset.scenes]
+    split_of = {scene: split for one in datasets for split, scenes in one.splits.items() for scene in scenes}
+    names = [(name, one.scene(name)) for one in datasets for name in one.scenes]
     frames = [(name, frame) for name, scene in names for frame in scene]
     weather = {name: weather_name(scene.configuration) for name, scene in names}
     maps: dict[str, list[Array]] = {method: [] for method in methods}

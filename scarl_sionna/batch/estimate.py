@@ -32,6 +32,9 @@ class Estimate:
         Of one process that has the machine to itself, after its first frame [s].
     start_seconds : float
         Loading and the first frame, once a process [s].
+    load_seconds : float
+        Of it, loading: every scene is loaded [s].
+    num_scenes : int
     stages : mapping of str to float
         Parts of `seconds_per_frame`.
     processes : int
@@ -45,6 +48,8 @@ class Estimate:
     bytes_per_frame: float
     seconds_per_frame: float
     start_seconds: float
+    load_seconds: float
+    num_scenes: int
     stages: Mapping[str, float]
     processes: int
     free_bytes: int
@@ -58,17 +63,18 @@ class Estimate:
     @property
     def seconds(self) -> float:
         """Time of the export [s], if processes do not slow each other down."""
-        return self.start_seconds + self.num_frames * self.seconds_per_frame / self.processes
+        shared = self.num_frames * self.seconds_per_frame + (self.num_scenes - 1) * self.load_seconds
+        return self.start_seconds + shared / self.processes
 
     def __str__(self) -> str:
         stages = ", ".join(f"{stage} {taken:.2f}" for stage, taken in self.stages.items())
         lines = [
-            f"frames: {self.num_frames}",
+            f"frames: {self.num_frames} of {self.num_scenes} scene{'s' if self.num_scenes > 1 else ''}",
             f"size:   {size_text(self.num_bytes)} ({size_text(self.bytes_per_frame)} a frame; "
             f"{size_text(self.free_bytes)} free)",
             f"files:  {self.num_files}",
             f"time:   {time_text(self.seconds)} in {self.processes} process{'es' if self.processes > 1 else ''} "
-            f"({self.seconds_per_frame:.2f} s a frame: {stages})",
+            f"({self.seconds_per_frame:.2f} s a frame: {stages}; {self.load_seconds:.2f} s to load a scene)",
             "measured on the second of two frames; several processes on one machine share its cores, "
             "so that the time falls "
             "less than with their number",
@@ -83,6 +89,7 @@ def estimate(plan: ExportPlan, out: str | Path, settings: ExportSettings) -> Est
     scenario = plan.scenarios[sorted(plan.scenarios)[0]]
     started = perf_counter()
     world = load_world(scenario)
+    load_seconds = perf_counter() - started
     observe(world, plan.rig, scenario.start_time, scenario.seed)
     start_seconds = perf_counter() - started
     started = perf_counter()
@@ -98,6 +105,8 @@ def estimate(plan: ExportPlan, out: str | Path, settings: ExportSettings) -> Est
         encoded.num_bytes,
         max(simulated - started, encoding),
         start_seconds,
+        load_seconds,
+        len(plan.scenarios),
         {**frame.timings, "encoding (beside)": encoding},
         processes,
         _free(Path(out)),

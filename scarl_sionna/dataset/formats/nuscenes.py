@@ -25,7 +25,7 @@ from scarl_sionna.core.semantics import SEMANTIC_CLASSES
 from scarl_sionna.dataset.derived.boxes import other_objects, points_inside, visible_fraction
 from scarl_sionna.dataset.derived.radar_points import sensed_points
 
-from .nuscenes_parts import files, splits, tables
+from .nuscenes_parts import files, lane_map, panoptic, splits, tables
 from .nuscenes_parts.can_bus import FOLDER, write_can_bus
 from .nuscenes_parts.tables import token
 from .output import whole_folder
@@ -48,6 +48,8 @@ def export_nuscenes(
     raw_radar: bool = True,
     all_objects: bool = False,
     official_names: bool = False,
+    panoptic_labels: bool = True,
+    lane_maps: bool | str = False,
     pfa: float = 1e-6,
     overwrite: bool = False,
     on_progress: OnProgress = no_progress,
@@ -73,6 +75,11 @@ def export_nuscenes(
     official_names : bool
         Scenes get the names of nuScenes' own scenes of the same split, so that tools which know these splits alone
         (`load_gt`, `NuScenesCanBus`) take them; ``version`` ends with ``trainval``, ``test`` or ``mini`` then.
+    panoptic_labels : bool
+        Also write panoptic labels of the lidar points: class and number of the object.
+    lane_maps : bool or str
+        Also write each scene's lanes as a map expansion. True: of the place that the dataset names; or a place's name
+        or XML file, for all scenes.
     pfa : float
         Probability of false alarm of the detector that makes the radar points.
     overwrite : bool
@@ -91,7 +98,7 @@ def export_nuscenes(
         If the folder is there or cannot be written.
     """
     source = as_source(data)
-    options = _Options(version, keyframe_every, image_format, raw_radar, all_objects, pfa)
+    options = _Options(version, keyframe_every, image_format, raw_radar, all_objects, pfa, panoptic_labels, lane_maps)
     if not source.num_frames:
         raise ParameterRangeError("dataset", "no frames", "at least one frame")
     mark = {"format": FORMAT, "version": version, "rig": source.rig["name"], "scenes": [s.name for s in source.scenes]}
@@ -120,13 +127,15 @@ class _Options:
     raw_radar: bool
     all_objects: bool
     pfa: float
+    panoptic_labels: bool
+    lane_maps: bool | str
 
     def __post_init__(self) -> None:
         if self.keyframe_every < 1:
             raise ParameterRangeError("keyframe_every", self.keyframe_every, ">= 1")
         if self.image_format not in ("jpg", "png"):
             raise ParameterRangeError("image_format", repr(self.image_format), "'jpg' or 'png'")
-        taken = (".", "..", "samples", "sweeps", "maps", "lidarseg", FOLDER)
+        taken = (".", "..", "samples", "sweeps", "maps", "lidarseg", panoptic.FOLDER, FOLDER)
         if not self.version or set(self.version) & set("/\\") or self.version in taken:
             raise ParameterRangeError("version", repr(self.version), "a plain folder name such as 'v1.0-mini'")
 
@@ -153,6 +162,7 @@ class _Writer:
         self.root, self.source, self.options, self.own_names = root, source, options, own_names
         self.table: dict[str, list[dict[str, Any]]] = {name: [] for name in tables.TABLES}
         self.lidarseg: list[dict[str, Any]] = []
+        self.panoptic: list[dict[str, Any]] = []
         self.raw_radar: list[dict[str, Any]] = []
         self.table["category"] = tables.category_table()
         self.table["attribute"] = tables.attribute_table()
@@ -164,6 +174,7 @@ class _Writer:
 
     def _begin_scene(self) -> None:
         self.map = files.DrivableMap()
+        self.numbers = panoptic.PanopticNumbers()
         self.poses: list[dict[str, Any]] = []
         self.motion: list[tuple[Pose, Twist]] = []
         self.annotations: dict[int, list[dict[str, Any]]] = defaultdict(list)
@@ -263,10 +274,14 @@ class _Writer:
         if base["is_key_frame"]:
             label_file = f"lidarseg/{self.options.version}/{record['token']}_lidarseg.bin"
             (self.root / label_file).parent.mkdir(parents=True, exist_ok=True)
-            tables.lidarseg_labels(semantic, instance, frame.objects).tofile(self.root / label_file)
-            self.lidarseg.append(
-                {"token": record["token"], "sample_data_token": record["token"], "filename": label_file}
-            )
+            labels = tables.lidarseg_labels(semantic, instance, frame.objects)
+            labels.tofile(self.root / label_file)
+            entry = {"token": record["token"], "sample_data_token": record["token"]}
+            self.lidarseg.append({**entry, "filename": label_file})
+            if self.options.panoptic_labels:
+                label_file = f"{panoptic.FOLDER}/{self.options.version}/{record['token']}_panoptic.npz"
+                panoptic.write_labels(self.root / label_file, self.numbers.labels(labels, instance))
+                self.panoptic.append({**entry, "filename": label_file})
         return world_from_lidar.apply(rows[:, :3])
 
     def _radars(self, scene: SceneFrames, frame: Frame, base: dict[str, Any]) -> npt.NDArray[np.float64]:
@@ -357,7 +372,12 @@ class _Writer:
         scene_token, log_token = token("scene", scene.name), token("log", scene.name)
         map_file = f"maps/{token('map', scene.name)}.png"
         (self.root / "maps").mkdir(exist_ok=True)
-        self.map.save(self.root / map_file)
+        size = self.map.save(self.root / map_file)
+        if self.options.lane_maps:
+            place = scene.configuration.get("scene") if self.options.lane_maps is True else self.options.lane_maps
+            driven = np.array([pose.position[:2] for pose, _ in self.motion])
+            file = self.root / f"maps/{lane_map.FOLDER}/{scene.name}.json"
+            lane_map.write_lane_map(file, lane_map.lanes_of(place, scene.name), driven, origin[:2], size)
         for record in [*self.poses, *(row for rows in self.annotations.values() for row in rows)]:
             record["translation"] = (np.array(record["translation"]) - origin).tolist()
         on_map = [(Pose(pose.position - origin, pose.quaternion), twist) for pose, twist in self.motion]
@@ -433,6 +453,8 @@ class _Writer:
         extra: dict[str, Any] = {}
         if self.lidarseg:
             extra["lidarseg"] = self.lidarseg
+        if self.panoptic:
+            extra["panoptic"] = self.panoptic
         if self.raw_radar:
             extra["scarl_radar"] = self.raw_radar
         if scenes_of_split:

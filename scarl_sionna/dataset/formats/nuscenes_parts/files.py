@@ -148,8 +148,8 @@ class DrivableMap:
         low = np.min(np.array(self._poses), axis=0) - MAP_MARGIN
         return np.array([np.floor(low[0]), np.floor(low[1]), 0.0])
 
-    def save(self, path: Path) -> None:
-        """Write the map: 255 where road is, 0 elsewhere; x to the right, y upwards."""
+    def save(self, path: Path) -> tuple[float, float]:
+        """Write the map: 255 where road is, 0 elsewhere; x to the right, y upwards. Return width and height [m]."""
         origin = self.origin()[:2]
         high = np.max(np.array(self._poses), axis=0)[:2] + MAP_MARGIN
         width, height = np.ceil((high - origin) / MAP_RESOLUTION).astype(int)
@@ -164,6 +164,7 @@ class DrivableMap:
         closed = scipy.ndimage.distance_transform_cdt(closed, "chessboard") > reach
         final = closed[reach:-reach, reach:-reach] | mask
         Image.fromarray(final.astype(np.uint8) * 255).save(path)
+        return float(width * MAP_RESOLUTION), float(height * MAP_RESOLUTION)
 
     def _add(self, points: npt.NDArray[np.float64]) -> None:
         if len(points):

@@ -1,13 +1,17 @@
-"""The example of a Slurm array: a subset that is submitted again works on the same parts."""
+"""Exports on clusters: the array of Slurm, the job of Kubernetes, and what is forecast of their cost."""
 
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
+
+from scarl_sionna.batch.estimate import Estimate
 
 SCRIPT = Path(__file__).resolve().parents[2] / "examples/slurm_export.sh"
 pytestmark = pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
@@ -39,3 +43,25 @@ def test_a_resubmitted_subset_works_on_the_same_parts(tmp_path) -> None:
 def test_a_part_that_is_none_is_refused(tmp_path, task: int, parts: str) -> None:
     done = submit(tmp_path, task, (0, 20), parts, "data/", "cut_in.yaml")
     assert done.returncode == 2 and "number of parts first" in done.stderr
+
+
+def test_the_job_of_kubernetes_makes_as_many_parts_as_pods() -> None:
+    job = yaml.safe_load((SCRIPT.parent / "kubernetes_export.yaml").read_text())
+    assert (job["apiVersion"], job["kind"], job["spec"]["completionMode"]) == ("batch/v1", "Job", "Indexed")
+    container = job["spec"]["template"]["spec"]["containers"][0]
+    words = shlex.split(container["args"][0])
+    parts = job["spec"]["completions"]
+    assert words[:3] == ["exec", "scarl-sionna", "export"]
+    assert words[words.index("--shard") + 1] == f"$JOB_COMPLETION_INDEX/{parts}"
+    folder = words[words.index("--out") + 1]
+    assert words[words.index("--plan") + 1] == f"{folder}.plan.json"  # beside it, as in the array of Slurm
+    mounts = {mount["mountPath"] for mount in container["volumeMounts"]}
+    assert {"/" + Path(path).parts[1] for path in (folder, words[3])} == mounts
+
+
+def test_a_forecast_counts_the_loading_of_every_scene() -> None:
+    """100 frames of 20 drives: 20 s for the first, then 100 times 0.5 s and 19 times 4 s, by 2 processes."""
+    found = Estimate(100, 1e6, 0.5, 20.0, 4.0, 20, {}, 2, 10**12, 400)
+    assert found.seconds == pytest.approx(20.0 + (50.0 + 76.0) / 2)
+    assert "frames: 100 of 20 scenes" in str(found) and "4.00 s to load a scene" in str(found)
+    assert "size:   100 MB" in str(found) and "files:  400" in str(found)
