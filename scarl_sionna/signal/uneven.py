@@ -43,11 +43,11 @@ def dopplers(radar: RadarSpec, num_doppler: int) -> Array:
 
 def doppler_matrix(radar: RadarSpec, window: npt.NDArray[np.float32], num_doppler: int) -> Complex:
     """Return the transform over chirps that start when they do, window included, shape (num_doppler, num_chirps)."""
-    cycles = dopplers(radar, num_doppler)[:, None] * _chirp_times(radar)
+    cycles = dopplers(radar, num_doppler)[:, None] * chirp_times(radar)
     return np.asarray(window * np.exp(-2j * np.pi * cycles), dtype=np.complex64)
 
 
-def _chirp_times(radar: RadarSpec) -> Array:
+def chirp_times(radar: RadarSpec) -> Array:
     """Return the starts of the first transmitter's chirps [s]."""
     even = np.arange(radar.num_chirps, dtype=np.float64) * radar.doppler_interval
     late = radar.waveform.chirp_delays
@@ -152,7 +152,7 @@ def stepped_map(
     """
     num_doppler, num_range = shape
     steps = np.asarray(radar.waveform.chirp_frequencies)
-    late = _chirp_times(radar)
+    late = chirp_times(radar)
     place = np.arange(num_range) * (radar.num_samples / (num_range * radar.sampled_bandwidth))
     by_range = np.exp(-2j * np.pi * steps[:, None] * place).astype(np.complex64)
     middle = (radar.num_chirps - 1) / 2.0 * radar.doppler_interval

@@ -217,8 +217,8 @@ def label_cells(
         ``"spread"`` puts each path's field onto the cells of the windows' main lobes; ``"sidelobes"`` along both axes
         as far as the sidelobes of an instance are above a tenth of the map's noise. ``"synthesis"`` makes the raw
         data of each instance alone and transforms it: exact, sidelobes included, one synthesis for each instance.
-        Chirps with carriers of their own have no lobe that is a product over range and Doppler: they are always
-        synthesized.
+        Chirps with carriers of their own have no lobe that is a product over range and Doppler, and paths beyond the
+        unambiguous velocity of staggered chirps have images at several rows: they are always synthesized.
 
     Returns
     -------
@@ -246,6 +246,8 @@ def label_cells(
         raise ParameterRangeError("method", repr(method), "'sidelobes', 'spread' or 'synthesis'")
     labels = label_paths(paths, state)
     stepped = rd.radar.waveform.chirp_frequencies is not None and rd.radar.waveform.burst == 1
+    if rd.radar.waveform.chirp_delays is not None and paths.num_paths:
+        stepped |= bool(np.abs(paths.length_rate).max() > 2.0 * rd.radar.unambiguous_velocity)
     table = CellSpread.of(rd, paths) if method != "synthesis" and not stepped else None
     limit = SIDELOBE_LIMIT * rd.noise_power if method == "sidelobes" else None
     cells, powers, rows = [], [], []

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..direction.manifold import Manifold
-from .cells import Cells, is_regular, transmit_delays
+from .cells import Cells, is_regular
 
 Array = npt.NDArray[np.float64]
 
@@ -16,6 +16,14 @@ _MARGIN_DB = 0.5
 """Power by which the beam of another interval must be higher; the own one is 1.5 dB higher for three transmitters."""
 _MARGIN_NOISE = 12.0
 """And by how much noise of a beam: a chance of 1e-4 to be wrong."""
+
+
+def is_clear(top: Array, seen: Array, noise_power: float) -> npt.NDArray[np.bool_]:
+    """Return whether the beams of other intervals are stronger for certain than those of the intervals seen.
+
+    By definition of the margins; all powers in W.
+    """
+    return np.asarray((top > 10.0 ** (_MARGIN_DB / 10.0) * seen) & (top - seen > _MARGIN_NOISE * noise_power))
 
 
 def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
@@ -47,8 +55,7 @@ def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
        chirp-sequence modulated TDM-MIMO radars", IEEE ICMIM 2018.
     """
     radar = cells.rd.radar
-    turns = np.unique(np.round(transmit_delays(radar) / radar.doppler_interval % 1.0, 6))
-    count = len(turns)
+    count = radar.num_turns
     if count < 2 or not len(cells.row) or not cells.rd.is_compensated or not is_regular(radar):
         return cells
     tried = np.arange(-(count // 2), (count - 1) // 2 + 1)
@@ -56,8 +63,7 @@ def unfolded(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     power = np.stack([manifold.spectrum(other.snapshot, other.distance).max(axis=1) for other in others])
     best, seen = power.argmax(axis=0), power[count // 2]
     top = power.max(axis=0)
-    clear = (top > 10.0 ** (_MARGIN_DB / 10.0) * seen) & (top - seen > _MARGIN_NOISE * noise_power)
-    fold = np.where(clear, tried[best], 0)
+    fold = np.where(is_clear(top, seen, noise_power), tried[best], 0)
     if count % 2 == 0:  # half way round both signs have the same phases: the slower one
         negative = cells.rd.radial_velocity[cells.row] < 0.0
         fold = np.where((fold == -(count // 2)) & negative, count // 2, fold)

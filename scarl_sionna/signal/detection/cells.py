@@ -44,6 +44,9 @@ class Cells:
         Of the target from the cell over Doppler and range [bins].
     fold : ndarray of int64, shape (num_targets,)
         Unambiguous intervals to add to the velocity.
+    own : ndarray of complex128, shape (num_targets, num_virtual), or None
+        The channels' values at the targets' own range and Doppler, where they were found otherwise than in the map
+        [sqrt(W)].
     """
 
     rd: RangeDoppler
@@ -51,6 +54,7 @@ class Cells:
     column: Index
     offset: tuple[Array, Array]
     fold: npt.NDArray[np.int64]
+    own: Phasors | None = None
 
     @classmethod
     def of(cls, rd: RangeDoppler, power: npt.NDArray[np.float32], row: Index, column: Index) -> Cells:
@@ -60,7 +64,8 @@ class Cells:
     def select(self, index: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Cells:
         """Return some of the targets."""
         offset = (self.offset[0][index], self.offset[1][index])
-        return Cells(self.rd, self.row[index], self.column[index], offset, self.fold[index])
+        own = None if self.own is None else self.own[index]
+        return Cells(self.rd, self.row[index], self.column[index], offset, self.fold[index], own)
 
     @property
     def doppler(self) -> Array:
@@ -89,6 +94,8 @@ class Cells:
 
         Shape (num_targets, num_virtual).
         """
+        if self.own is not None:
+            return self.own
         data = self.rd.data[:, self.row, self.column].T.astype(np.complex128)
         rows = len(self.rd.radial_velocity)
         removed = (self.row - rows // 2) / (rows * self.rd.radar.slow_interval) if self.rd.is_compensated else 0.0
@@ -141,6 +148,15 @@ def bins_a_hertz(rd: RangeDoppler) -> float:
     return float(sign * coupling(seen) * rd.data.shape[2] / seen.sample_rate)
 
 
+def beat_place(cells: Cells) -> Array:
+    """Return the places over range that targets have before the compensation of motion [bins], shape (num_targets,).
+
+    By definition of :func:`bins_a_hertz`; the map knows of no intervals, so the row's own Doppler frequency counts.
+    """
+    shift = bins_a_hertz(cells.rd) if cells.rd.is_compensated else 0.0
+    return np.asarray(cells.column + cells.offset[1] + shift * replace(cells, fold=np.zeros_like(cells.fold)).doppler)
+
+
 def at_targets(
     cells: Cells, data: npt.NDArray[np.complex64], weights: Phasors, noise_power: float
 ) -> tuple[Cells, Phasors, Array]:
@@ -172,13 +188,14 @@ def at_targets(
     target's range differs from row to row, by the compensation of each row's own motion; that is undone first. Where a
     map is no plain transform (:func:`is_regular`), the cells' own values and offsets are taken.
     """
+    if cells.own is not None:
+        return cells, cells.own, noise_power / range_gain(cells)
     if not is_regular(cells.rd.radar):
         gain = straddle_gain(cells)
         return cells, cells.snapshot / np.sqrt(gain)[:, None], noise_power / gain
     rd, axes = cells.rd, ToneAxis.of(cells.rd)
     shift = bins_a_hertz(rd) if rd.is_compensated else 0.0
-    folded = replace(cells, fold=np.zeros_like(cells.fold))  # the map knows of no intervals
-    beat = cells.column + cells.offset[1] + shift * folded.doppler
+    folded, beat = replace(cells, fold=np.zeros_like(cells.fold)), beat_place(cells)
     column = np.rint(beat).astype(np.int64)
     offset, snapshot, noise = np.empty((2, len(beat))), np.empty((len(beat), len(rd.data)), dtype=np.complex128), []
     block = max(1, _VALUES_A_BLOCK // (len(rd.data) * len(axes[0].offset) * len(axes[1].offset)))
@@ -208,6 +225,15 @@ def _patches(
     columns = (column[:, None] + axes[1].offset) % data.shape[2]
     values = data[:, rows[:, :, None], columns[:, None, :]]
     return np.asarray(values * (axes[0].turn[:, None] * axes[1].turn))
+
+
+def range_gain(cells: Cells) -> Array:
+    """Return the power of tones in their nearest range bins before the compensation of motion over that between bins.
+
+    By definition of the window over range.
+    """
+    place, axis = beat_place(cells), ToneAxis.of(cells.rd)[1]
+    return np.asarray(np.maximum(axis.response(place - np.rint(place))[:, len(axis.offset) // 2], 1e-6) ** 2)
 
 
 def straddle_gain(cells: Cells) -> Array:

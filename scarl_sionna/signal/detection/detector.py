@@ -24,6 +24,7 @@ from .beams import Beams, beams_above, is_peak, maxima
 from .cells import Cells, at_targets, is_regular, straddle_gain
 from .leakage import leaked_over_the_ends
 from .points import RadarPoints
+from .stagger import is_staggered, resolved
 from .threshold import Options, Widths, cfar, fitting_window
 
 Array = npt.NDArray[np.float64]
@@ -61,12 +62,13 @@ def detect(
         out: (3, 3) and (6, 8), or what fits into a smaller map.
     **options
         `peaks_only` (True): keep one point a local maximum over Doppler and range, and none that may be the leakage of
-        a stronger cell over an end of the range axis. `unfold` (True): where transmitters take turns, look for the
-        velocity also beyond the unambiguous interval. `most_directions` (3): points of one cell at most, 1 takes its
-        strongest direction only. `direction` (``"relax"``): how they are found, or ``"omp"``, ``"bartlett"``,
-        ``"music"``, ``"esprit"``, see :func:`~scarl_sionna.signal.direction.several.pursue`. `per_beam` (False):
-        compare each beam of the map with its own training cells as well, and take the local maxima of the beams; `pfa`
-        is then of a cell of a beam. `kind`, `along` and `rank` of the threshold, see :func:`cfar`.
+        a stronger cell over an end of the range axis. `unfold` (True): where transmitters take turns or intervals are
+        staggered, look for velocities beyond the unambiguous interval, and leave out images. `most_directions` (3):
+        points of one cell at most, 1 takes its strongest direction only. `direction` (``"relax"``): how they are found,
+        or ``"omp"``, ``"bartlett"``, ``"music"``, ``"esprit"``, see
+        :func:`~scarl_sionna.signal.direction.several.pursue`. `per_beam` (False): compare each beam of the map with its
+        own training cells as well, and take the local maxima of the beams; `pfa` is then of a cell of a beam, and
+        staggered intervals are not unfolded. `kind`, `along` and `rank` of the threshold, see :func:`cfar`.
 
     Returns
     -------
@@ -90,7 +92,9 @@ def detect(
     direction and power are taken there, between the bins.
     Of ramps with different carriers and of uneven chirps they come from the three largest cells. Time division tells
     velocities beyond the unambiguous interval by the phases between transmitters
-    (:func:`~scarl_sionna.signal.detection.ambiguity.unfolded`); range and direction follow.
+    (:func:`~scarl_sionna.signal.detection.ambiguity.unfolded`), staggered intervals by tones at the chirps' true times
+    (:func:`~scarl_sionna.signal.detection.stagger.resolved`), up to ``radar.unfolded_velocity``; range and direction
+    follow.
 
     What a radar cannot measure is 0: azimuth or elevation along which its array has no extent, the velocity in a frame
     of one chirp, a range that noise would put before the radar.
@@ -155,7 +159,8 @@ def _points(
     """Return the table of detected cells, one row a direction; `noise` is that of a cell of one channel [W]."""
     rd, radar = rda.range_doppler, manifold.radar
     if how.unfold:
-        cells = unfolded(cells, manifold, noise / radar.num_virtual)
+        find = resolved if is_staggered(rd.radar) and beams is None else unfolded
+        cells = find(cells, manifold, noise / radar.num_virtual)
     data = uncompensated(rd) if is_regular(rd.radar) else rd.data
     snapshot, distance = cells.snapshot, cells.distance
     if beams is None:

@@ -14,6 +14,7 @@ from scarl_sionna.core.prompt.describe import Row
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import REFERENCE_TEMPERATURE, SPEED_OF_LIGHT, Degrees
 
+from .ambiguity import doppler_span
 from .array import AntennaArray
 from .converter import Adc
 from .front_end import FrontEnd
@@ -285,8 +286,33 @@ class RadarSpec(Spec):
 
     @property
     def unambiguous_velocity(self) -> float:
-        """Radial velocities within +- this value are told apart [m/s]."""
+        """Radial velocities within +- this value are told apart by maps: half their axis [m/s]."""
         return SPEED_OF_LIGHT / self.center_frequency / (4.0 * self.slow_interval)
+
+    @property
+    def num_turns(self) -> int:
+        """Different times at which the transmitters' chirps start in an interval of slow time; 1 if all send at once.
+
+        So many intervals of velocity are told apart by the phases between them.
+        """
+        turns = [self.tx_delay(tx) / self.doppler_interval % 1.0 for tx in range(self.num_tx)]
+        return len(np.unique(np.round(turns, 6)))
+
+    @property
+    def unfolded_velocity(self) -> float:
+        """Radial velocities within +- this value are told apart by :func:`detect` [m/s].
+
+        Beyond those of the maps where transmitters take turns, and where chirps start at uneven times.
+        """
+        waveform, within = self.waveform, self.unambiguous_velocity
+        if waveform.burst > 1 or waveform.chirp_frequencies is not None:
+            return within
+        if waveform.chirp_delays is None:
+            return within * self.num_turns
+        starts = np.arange(self.num_chirps) * self.doppler_interval + np.asarray(waveform.chirp_delays)
+        delays = tuple(self.tx_delay(tx) for tx in range(self.num_tx))
+        span = doppler_span(tuple(starts.tolist()), delays, self.center_frequency)
+        return max(within * self.num_turns, SPEED_OF_LIGHT / self.center_frequency / 4.0 * span)
 
     @property
     def velocity_resolution(self) -> float:
