@@ -159,7 +159,7 @@ def test_a_name_of_no_part_is_an_unknown_field(name, hint) -> None:
         ({"waveform": 3}, r"RadarSpec\.waveform = 3"),
         ({"waveform": 3, "num_chirps": 4}, r"RadarSpec\.waveform = 3"),
         ({"waveform": {"kind": "pmcv"}}, r"RadarSpec\.waveform\.kind = 'pmcv'.*did you mean 'pmcw'"),
-        ({"multiplexing": "fdm"}, r"RadarSpec\.multiplexing = 'fdm' .*'ideal' or 'tdm'"),
+        ({"multiplexing": "pdm"}, r"RadarSpec\.multiplexing = 'pdm' .*'ideal' or 'tdm'"),
     ],
 )
 def test_a_copy_refuses_what_the_constructor_refuses(change, message) -> None:
@@ -210,10 +210,12 @@ def test_positions_kept_with_a_specification_cannot_be_written_to() -> None:
 
 
 def test_every_multiplexing_is_found_by_its_name() -> None:
-    assert KINDS == ("ideal", "tdm", "ddm", "bpm", "cdm")
+    assert KINDS == ("ideal", "tdm", "ddm", "bpm", "cdm", "fdm")
     fields = {"ddm": {"num_empty_bands": 1}, "bpm": {"block_length": None}, "cdm": {"code_seed": 0, "phases_deg": None}}
+    fields["fdm"] = {"is_summed": True}
     for kind in KINDS:
-        radar = ss.RadarSpec(multiplexing=kind)
+        waveform = ss.Ofdm(num_subcarriers=96) if kind == "fdm" else ss.Fmcw()
+        radar = ss.RadarSpec(waveform=waveform, multiplexing=kind)
         assert radar.multiplexing.kind == kind
         assert radar.model_dump(mode="json")["multiplexing"] == {"kind": kind, **fields.get(kind, {})}
         assert ss.RadarSpec(**radar.model_dump(mode="json")) == radar

@@ -52,7 +52,7 @@ def test_board_layout_reaches_elevation() -> None:
         ({"tx_positions": ()}, "tx_positions"),
         ({"tx_positions": ((0.0, 5.0, 0.0),)}, r"tx_positions\[0\] = \(0.0, 5.0, 0.0\) m within 1.0 m"),
         ({"sampling_frequency": 1e6}, "512 us, the ramp 30 us"),
-        ({"multiplexing": "fdm"}, "'ideal' or 'tdm'"),
+        ({"multiplexing": "pdm"}, "'ideal' or 'tdm'"),
         ({"carrier": 77e9}, "carrier"),
         ({"pattern": {"kind": "yagi"}}, "pattern"),
     ],

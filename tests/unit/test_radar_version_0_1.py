@@ -81,7 +81,7 @@ def test_what_is_no_property_of_a_radar_is_split_off() -> None:
             {"bandwidth": 1e9, "waveform": {"num_chirps": 3}},
             r"RadarSpec\.bandwidth = .*`waveform`, which is given, too.*move it there",
         ),
-        ({"multiplexing": "fdm"}, "'ideal' or 'tdm'"),
+        ({"multiplexing": "pdm"}, "'ideal' or 'tdm'"),
         ({"adc_bits": 40}, r"RadarSpec\.adc\.bits = 40"),
     ],
 )
