@@ -257,6 +257,8 @@ class RadarMap(SceneGeometry):
             raise ValueError(f"a radar whose map is linear in its signal: images of '{kind}' are removed cell by cell")
         if not radar.front_end.is_ideal:
             raise ValueError("a radar with an ideal front end: calibrate maps that its errors are removed from")
+        if radar.adc.is_real:
+            raise ValueError("a radar that samples I and Q")
         if not radar.array.is_uniform:
             raise ValueError("a radar whose antennas are all alike: leave tx_elements, rx_elements and radome out")
         return radar

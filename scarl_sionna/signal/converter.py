@@ -63,7 +63,8 @@ def quantize(
     Returns
     -------
     codes : ndarray of int16, shape (..., 2)
-        I and Q, rounded to the nearest step and clipped to ``-2**(bits-1) .. 2**(bits-1) - 1``.
+        I and Q, rounded to the nearest step and clipped to ``-2**(bits-1) .. 2**(bits-1) - 1``; Q is 0 where only I is
+        sampled.
     scale : float
         Value of one step [sqrt(W)]; ``codes * scale`` is the signal again.
     num_saturated : int
@@ -85,5 +86,7 @@ def quantize(
     if rng is not None and extra > 0.0:
         values += rng.normal(0.0, np.sqrt(0.5 * extra), values.shape)
     steps = np.rint(bow(values / scale, radar))
+    if radar.adc.is_real:
+        steps[..., 1] = 0.0
     codes = np.clip(steps, -highest - 1, highest)
     return codes.astype(np.int16), scale, int(np.count_nonzero(codes != steps))

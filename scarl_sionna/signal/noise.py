@@ -52,7 +52,9 @@ def cell_noise_power(
     .. [1] F. J. Harris, "On the use of windows for harmonic analysis with the discrete Fourier transform", Proc.
        IEEE 66(1), 1978.
     """
-    radar = radar.separated  # in a random order of time division a channel has silent rows
+    radar = (
+        radar.separated.one_sided
+    )  # real samples have noise of both signs; in a random order of time division a channel has silent rows
     doppler_window = window if doppler_window is None else doppler_window
     slow = noise_bandwidth(doppler_window, radar.num_doppler_bins) / (radar.num_doppler_bins * num_channels)
     return sample_noise_power(radar) * noise_share(radar, window) * slow

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,7 +104,8 @@ class RangeDoppler(Described):
     radial_velocity : ndarray of float64, shape (num_doppler_bins,)
         Rising; positive when the distance opens [m/s].
     radar : RadarSpec
-        In random order of time division that of its channels, ``radar.separated``.
+        In random order of time division that of its channels, ``radar.separated``; of real samples the one with such
+        maps, ``radar.one_sided``.
     window : tuple of str
         Over range and over Doppler.
     noise_power : float
@@ -237,6 +238,9 @@ def range_doppler(
     In frequency division the carriers of transmitter i are higher by F_i, which adds the phase ``2 pi F_i tau``: it is
     removed for each range bin's delay, so that channels hold pure array phases.
 
+    Of real samples the half of the bins that is their image is left out, and the other half doubled: a tone has its
+    power, the noise is 3 dB higher.
+
     Of symbols (OFDM, phase codes) the receiver takes the channel first, by division or correlation: all tones at one
     time, so that the coupling ``nu`` is not there.
 
@@ -258,6 +262,8 @@ def range_doppler(
             f"shape {expected} = (num_virtual, num_chirps, num_samples)",
             "make it with virtual_cube",
         )
+    if radar.adc.is_real:
+        return _of_real(cube, radar, (window, doppler_window), (num_range_bins, num_doppler_bins), compensate_motion)
     seen = seen_by(radar)
     num_range = _bins("num_range_bins", num_range_bins, seen.num_samples)
     num_doppler = _bins("num_doppler_bins", num_doppler_bins, radar.num_doppler_bins)
@@ -294,6 +300,20 @@ def range_doppler(
         noise_power=noise_power,
         is_compensated=compensate_motion,
     )
+
+
+def _of_real(
+    cube: npt.NDArray[np.complexfloating],
+    radar: RadarSpec,
+    windows: tuple[str | None, str | None],
+    shape: tuple[int | None, int | None],
+    compensate_motion: bool,
+) -> RangeDoppler:
+    """Return the maps of real samples: those of twice the samples as if they were complex, without the image's half."""
+    num_range = _bins("num_range_bins", shape[0], radar.num_range_bins)
+    both = range_doppler(2.0 * cube, radar.with_quadrature, *windows, 2 * num_range, shape[1], compensate_motion)
+    data, distance = np.ascontiguousarray(both.data[..., :num_range]), both.range[:num_range]
+    return replace(both, data=data, range=distance, radar=radar.one_sided)
 
 
 def _over_doppler(

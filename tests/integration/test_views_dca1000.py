@@ -140,8 +140,9 @@ def test_the_layout_is_that_of_the_two_lanes() -> None:
         decode_dca1000(raw[:-1], 2, 3, 4)
 
 
-def test_every_frame_comes_back_and_a_cut_file_is_noticed(tmp_path) -> None:
-    source = source_of(BOARD, 3)
+@pytest.mark.parametrize("sampling", ["complex", "real"])
+def test_every_frame_comes_back_and_a_cut_file_is_noticed(tmp_path, sampling) -> None:
+    source = source_of(BOARD.with_(sampling=sampling), 3)
     calls: list[tuple[int, int]] = []
     export_dca1000(source, tmp_path / "out", on_progress=lambda *state: calls.append(state))
     assert calls == [(1, 3), (2, 3), (3, 3)]
@@ -151,6 +152,8 @@ def test_every_frame_comes_back_and_a_cut_file_is_noticed(tmp_path) -> None:
     with pytest.raises(DatasetError, match="no frame 3"):
         read_dca1000(folder, 3)
     data = (folder / "adc_data.bin").read_bytes()
+    per_sample = 2 if sampling == "real" else 4
+    assert len(data) == 3 * BOARD.num_rx * BOARD.num_chirps_total * BOARD.num_samples * per_sample
     (folder / "adc_data.bin").write_bytes(data[:-2])
     with pytest.raises(DatasetError, match="ends within frame 2"):
         read_dca1000(folder, 2)

@@ -3,7 +3,7 @@
 References
 ----------
 .. [1] Texas Instruments, *Mmwave Radar Device ADC Raw Data Capture*, SWRA581B, 2018: xWR16xx, xWR18xx and xWR68xx,
-   complex, 2 LVDS lanes, receivers not interleaved.
+   complex or real, 2 LVDS lanes, receivers not interleaved.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from .source import Convertible, FrameSource, OnProgress, as_source, no_progress
 FORMAT = "dca1000"
 CAPTURE, DESCRIPTION = "adc_data.bin", "adc_data.json"
 LAYOUT = "frame, chirp (transmitters in turn), receiver, pair of samples: I0 I1 Q0 Q1; int16 little-endian"
+LAYOUT_REAL = "frame, chirp (transmitters in turn), receiver, sample; int16 little-endian"
 
 
 def encode_dca1000(adc_int: npt.NDArray[np.int16]) -> npt.NDArray[np.int16]:
@@ -74,6 +75,47 @@ def decode_dca1000(
     return np.ascontiguousarray(pairs.reshape(num_chirps_total, num_rx, num_samples, 2).transpose(1, 0, 2, 3))
 
 
+def encode_real(adc_int: npt.NDArray[np.int16]) -> npt.NDArray[np.int16]:
+    """Return the raw data of a frame without Q in the order of a capture.
+
+    Parameters
+    ----------
+    adc_int : ndarray of int16, shape (num_rx, num_chirps_total, num_samples, 2)
+        I, and Q of 0.
+
+    Returns
+    -------
+    ndarray of int16, shape (num_rx * num_chirps_total * num_samples,)
+        Chirp after chirp, in each one receiver after receiver, in each the samples.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the number of samples is odd: the two lanes carry samples in pairs.
+    """
+    if adc_int.shape[2] % 2:
+        raise ParameterRangeError("num_samples", adc_int.shape[2], "an even number", "the two lanes carry pairs")
+    return np.ascontiguousarray(adc_int[..., 0].transpose(1, 0, 2), dtype="<i2").reshape(-1)
+
+
+def decode_real(
+    raw: npt.NDArray[np.int16], num_rx: int, num_chirps_total: int, num_samples: int
+) -> npt.NDArray[np.int16]:
+    """Return one frame of a real capture as `adc_int` with a Q of 0, the opposite of :func:`encode_real`.
+
+    Raises
+    ------
+    ParameterRangeError
+        If the length is not that of a frame.
+    """
+    count = num_rx * num_chirps_total * num_samples
+    if raw.shape != (count,):
+        raise ParameterRangeError("capture", f"{raw.size} numbers", f"{count}: one frame of real samples")
+    out = np.zeros((num_rx, num_chirps_total, num_samples, 2), dtype=np.int16)
+    out[..., 0] = raw.reshape(num_chirps_total, num_rx, num_samples).transpose(1, 0, 2)
+    return out
+
+
 def read_dca1000(folder: str | Path, frame: int = 0) -> npt.NDArray[np.int16]:
     """Return the raw data of a frame of an exported capture, as `adc_int`.
 
@@ -86,7 +128,8 @@ def read_dca1000(folder: str | Path, frame: int = 0) -> npt.NDArray[np.int16]:
     try:
         text = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
         shape = (text["num_rx"], text["num_chirps_total"], text["num_samples"])
-        length = int(np.prod(shape)) * 2
+        is_real = text.get("is_real", False)
+        length = int(np.prod(shape)) * (1 if is_real else 2)
         if not 0 <= frame < text["num_frames"]:
             raise DatasetError(f"no frame {frame} of {text['num_frames']}", folder)
         raw = np.fromfile(folder / CAPTURE, "<i2", length, offset=2 * frame * length)
@@ -96,7 +139,7 @@ def read_dca1000(folder: str | Path, frame: int = 0) -> npt.NDArray[np.int16]:
         ) from error
     if raw.size != length:
         raise DatasetError(f"{CAPTURE} ends within frame {frame}", folder, "export it again")
-    return decode_dca1000(raw, *shape)
+    return decode_real(raw, *shape) if is_real else decode_dca1000(raw, *shape)
 
 
 def export_dca1000(
@@ -200,7 +243,8 @@ class _Capture:
             raise ParameterRangeError(
                 f"radar '{self.name}'", "another scale or waveform in a later frame", "one a scene"
             )
-        self.file.write(encode_dca1000(radar.adc_int).tobytes())
+        encode = encode_real if radar.spec.adc.is_real else encode_dca1000
+        self.file.write(encode(radar.adc_int).tobytes())
         self.times.append(timestamp_ns)
 
     def describe(self) -> None:
@@ -208,7 +252,8 @@ class _Capture:
         spec = self.first.spec
         data = {
             "format": FORMAT,
-            "layout": LAYOUT,
+            "layout": LAYOUT_REAL if spec.adc.is_real else LAYOUT,
+            "is_real": spec.adc.is_real,
             "sensor": self.name,
             "num_frames": len(self.times),
             "num_rx": spec.num_rx,
@@ -216,7 +261,7 @@ class _Capture:
             "num_chirps": spec.num_chirps,
             "num_chirps_total": spec.num_chirps_total,
             "num_samples": spec.num_samples,
-            "bytes_per_frame": int(self.first.adc_int.nbytes),
+            "bytes_per_frame": int(self.first.adc_int.nbytes) // (2 if spec.adc.is_real else 1),
             "scale": float(self.first.adc_scale),
             "scale_unit": "sqrt(W)",
             "timestamp_ns": self.times,

@@ -205,7 +205,8 @@ def check_radar(radar: RadarSpec) -> None:
     Raises
     ------
     ParameterRangeError
-        If its waveform is not linear FMCW with regular chirps, it sends codes, or its front end is not ideal.
+        If its waveform is not linear FMCW with regular chirps, it sends codes or has no Q, or its front end is not
+        ideal.
     """
     linear = "linear FMCW: ss.Fmcw without frequency_step, frequency_offsets, chirp_offsets and chirp_jitter"
     if not isinstance(radar.waveform, Fmcw):
@@ -215,6 +216,9 @@ def check_radar(radar: RadarSpec) -> None:
     if radar.multiplexing.is_coded:
         remedy = "use radar.separated and multiplex the raw data, which is linear"
         raise ParameterRangeError("radar.multiplexing", repr(radar.multiplexing.kind), "'ideal' or 'tdm'", remedy)
+    if radar.adc.is_real:
+        remedy = "use radar.with_(sampling='complex'): real samples are the real part of its raw data"
+        raise ParameterRangeError("radar.adc.sampling", "'real'", "'complex'", remedy)
     if not radar.front_end.is_ideal:
         remedy = "use radar.with_(front_end=radar.front_end.ideal()); gains and phases of channels are parameters"
         raise ParameterRangeError("radar.front_end", "with effects", "ideal", remedy)

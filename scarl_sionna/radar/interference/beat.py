@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT, watt_to_dbm
 from scarl_sionna.radar.antenna import PathGeometry
@@ -69,6 +69,11 @@ def synthesize_interference(
         [sqrt(W)], behind the filters before the converter, without noise: it is added to that of
         :func:`scarl_sionna.synthesize`.
 
+    Raises
+    ------
+    ParameterRangeError
+        If the radar that listens has no Q.
+
     Warns
     -----
     ScarlWarning
@@ -88,6 +93,9 @@ def synthesize_interference(
     .. [1] G. M. Brooker, "Mutual interference of millimeter-wave radar systems", IEEE Trans. Electromagn. Compat.
        49(1), 2007.
     """
+    if radar.adc.is_real:
+        allowed = "'complex': what folds from frequencies below 0 Hz is not modelled"
+        raise ParameterRangeError("radar.adc.sampling", "'real'", allowed, "sample I and Q")
     heard = Listener.of(radar)
     shape = (radar.num_rx, len(heard.ramp), radar.num_samples)
     straight: Complex = np.zeros(shape, dtype=np.complex128)

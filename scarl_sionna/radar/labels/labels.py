@@ -373,6 +373,7 @@ def label_points(
     """
     labels = label_paths(paths, state)
     groups = _groups(labels)
+    radar = radar.one_sided
     cells = PathCells.of(paths, radar, window, doppler_window)
     beam = _beams(points, radar)
     count = points.num_points

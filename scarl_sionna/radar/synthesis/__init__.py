@@ -63,7 +63,8 @@ def synthesize(
     -------
     ndarray of complex64, shape (num_rx, num_chirps_total, num_samples)
         Beat signal [sqrt(W)]: ``abs(sample)**2`` is received power. Row ``m * num_tx + i`` is chirp m of transmitter i;
-        of a coded multiplexing row m is chirp m, the sum of all transmitters.
+        of a coded multiplexing row m is chirp m, the sum of all transmitters. Real samples are its I, without imaginary
+        part.
 
     Raises
     ------
@@ -103,7 +104,7 @@ def synthesize(
     expect("rng", rng, (np.random.Generator, type(None)), "give numpy.random.default_rng(seed), or None for no noise")
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
-    if not radar.front_end.is_ideal or radar.array.has_echo:
+    if not radar.front_end.is_ideal or radar.array.has_echo or radar.adc.is_real:
         return received(paths, radar, rng, lambda some, ideal: synthesize(some, ideal, None, accuracy, method))
     if radar.multiplexing.is_coded:
         adc = multiplex(synthesize(paths, radar.separated, None, accuracy, method), radar)

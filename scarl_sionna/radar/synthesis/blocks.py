@@ -21,6 +21,7 @@ from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.signal.front_end.mixer import in_phase
 from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
@@ -98,6 +99,9 @@ def synthesize_blocks(
             "None with effects of the front end, which need the whole frame",
             "use radar.with_(front_end=radar.front_end.ideal()) and a radome with echo=False, or leave the blocks out",
         )
+    if radar.adc.is_real:
+        both = radar.with_(sampling="complex")
+        return in_phase(synthesize_blocks(paths_at, both, chirps_per_block, rng, accuracy, method, block_tolerance))
     if radar.multiplexing.is_coded:
         chirps = chirps_per_block * (radar.num_slow_chirps // radar.num_chirps)
         alone = synthesize_blocks(paths_at, radar.separated, chirps, None, accuracy, method, block_tolerance)

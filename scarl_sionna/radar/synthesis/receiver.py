@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT, dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
@@ -33,7 +35,7 @@ def received(
     rng: np.random.Generator | None,
     signal: Callable[[RadarPaths, RadarSpec], Adc],
 ) -> Adc:
-    """Return the raw data of a radar whose front end is not ideal, or whose radome sends something back.
+    """Return the raw data of a radar whose front end is not ideal, whose radome sends something back, or that has no Q.
 
     Parameters
     ----------
@@ -60,7 +62,11 @@ def received(
     .. [1] M. C. Budge, M. P. Burt, "Range correlation effects in radars", Proc. IEEE National Radar Conf., 1993.
     """
     alone = radar.separated
-    plain = alone.with_(front_end=alone.front_end.ideal(), array=alone.array.without_echo())
+    plain = alone.with_(
+        front_end=alone.front_end.ideal(), array=alone.array.without_echo(), adc=alone.adc.with_(sampling="complex")
+    )
+    if radar.adc.is_real and (radar.front_end.filters is None or radar.front_end.filters.low_pass is None):
+        paths = below_half_rate(paths, radar)
     front = radar.front_end
     if front.phase_noise is None and front.chirp_errors is None:
         total = signal(paths, plain)
@@ -97,6 +103,30 @@ def _with_lines(
         rest = np.sort(np.concatenate(clean)) if clean else np.arange(0)
         total += signal(paths.select(rest), plain)
     return total
+
+
+def below_half_rate(paths: RadarPaths, radar: RadarSpec) -> RadarPaths:
+    """Return the paths whose beat frequencies are below half of the rate of real samples: an ideal filter before them.
+
+    By definition of the unambiguous range.
+
+    Warns
+    -----
+    ScarlWarning
+        If there are others: only a low pass that is stated lets them through, and they fold.
+    """
+    length = PathGeometry.of(paths, radar).center_length()
+    beyond = length >= 2.0 * radar.max_range
+    if not beyond.any():
+        return paths
+    warnings.warn(
+        f"{int(beyond.sum())} of {paths.num_paths} paths are longer than twice the unambiguous range of "
+        f"{radar.max_range:.4g} m of real samples (up to {length.max():.4g} m) and are filtered out before sampling; "
+        "sample faster, or state the filter (IfFilter.low_pass) to see what it lets through, folded",
+        ScarlWarning,
+        stacklevel=5,
+    )
+    return paths.select(~beyond)
 
 
 def groups(delay: npt.NDArray[np.float64], power: npt.NDArray[np.float64]) -> list[tuple[Index, float]]:

@@ -12,13 +12,13 @@ from scarl_sionna.signal.noise import add_noise
 from .amplifier import compress
 from .channels import apply_rx, apply_tx
 from .filters import apply_filters
-from .mixer import add_offset, unbalance
+from .mixer import add_offset, in_phase, unbalance
 
 
 def receive(
     alone: npt.NDArray[np.complexfloating], radar: RadarSpec, rng: np.random.Generator | None
 ) -> npt.NDArray[np.complex64]:
-    """Return what the converter gets: coupling, sum of the transmitters, noise, amplifier, mixer, filters, constant.
+    """Return what the converter gets: coupling, sum of the transmitters, noise, amplifier, mixer, filters, constant, I.
 
     By definition of the order.
 
@@ -49,4 +49,6 @@ def receive(
         adc = unbalance(adc, front.mixer)
     if front.filters is not None:
         adc = apply_filters(adc, radar)
-    return adc if front.dc_offset_dbm is None else add_offset(adc, front.dc_offset_dbm)
+    if front.dc_offset_dbm is not None:
+        adc = add_offset(adc, front.dc_offset_dbm)
+    return in_phase(adc) if radar.adc.is_real else adc

@@ -33,3 +33,11 @@ def add_offset(adc: npt.NDArray[np.complexfloating], dc_offset_dbm: float) -> np
     """Return the signal with a constant of some power, half in I and half in Q [sqrt(W)], same shape. By definition."""
     constant = np.sqrt(dbm_to_watt(dc_offset_dbm)) * np.exp(0.25j * np.pi)
     return np.asarray(adc + constant, dtype=np.complex64)
+
+
+def in_phase(adc: npt.NDArray[np.complexfloating]) -> npt.NDArray[np.complex64]:
+    """Return what a receiver without Q has [sqrt(W)]: I, as complex numbers without imaginary part, same shape.
+
+    By definition: half of the signal and half of its image at the opposite frequency.
+    """
+    return np.asarray(np.real(adc), dtype=np.complex64)

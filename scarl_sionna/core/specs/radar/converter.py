@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from scarl_sionna.core.spec import WithoutNone
 from scarl_sionna.core.units import DecibelMilliwatts, Unit
 
 
 class Adc(WithoutNone):
-    """Converter of I and Q. The defaults are this project's: Table 1 of SCaRL gives none."""
+    """Converter of I and Q, or of I alone. The defaults are this project's: Table 1 of SCaRL gives none."""
+
+    _quiet = ("sampling",)
 
     bits: int = Field(16, ge=2, le=16, description="bits of each of I and Q")
     full_scale_dbm: DecibelMilliwatts = Field(-30.0, description="input-referred power of a full-scale tone [dBm]")
@@ -19,3 +21,17 @@ class Adc(WithoutNone):
     inl_lsb: Annotated[float, Unit("LSB")] | None = Field(
         None, ge=0.0, description="peak of a cubic nonlinearity, end-point fit [LSB]; None: none"
     )
+    sampling: Literal["complex", "real"] = Field(
+        "complex", description="real: one converter a receiver, of I; half as many range bins from as many samples"
+    )
+
+    @property
+    def is_real(self) -> bool:
+        """Whether there is no Q."""
+        return self.sampling == "real"
+
+    @model_serializer(mode="wrap")
+    def _without_none(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Leave out what is not given, and that I and Q are sampled, as files of the first versions have it."""
+        quiet = () if self.is_real else ("sampling",)
+        return {name: value for name, value in inner(self).items() if value is not None and name not in quiet}

@@ -21,7 +21,7 @@ from .front_end import FrontEnd
 from .multiplexing import AnyMultiplexing, Fdm, IdealMimo
 from .parts import into_parts, misplaced, place_of
 from .presets import PRESETS
-from .together import check_together
+from .together import check_real, check_together
 from .waveform import Fmcw, Waveform
 from .waveforms.kinds import AnyWaveform
 
@@ -80,6 +80,7 @@ class RadarSpec(Spec):
         self.multiplexing.check(self.num_chirps, self.num_tx)
         self.front_end.check(self.num_tx, self.num_rx)
         check_together(type(self), self.waveform, self.multiplexing, self.front_end, self.array)
+        check_real(type(self), self.waveform, self.adc)
         return self
 
     @classmethod
@@ -172,13 +173,14 @@ class RadarSpec(Spec):
 
     @property
     def num_samples(self) -> int:
-        """Complex samples a chirp."""
+        """Samples a chirp, complex or real."""
         return self.waveform.num_samples
 
     @property
     def num_range_bins(self) -> int:
         """Bins of range without zero padding."""
-        return self.waveform_of(0).num_range_bins
+        bins = self.waveform_of(0).num_range_bins
+        return bins // 2 if self.adc.is_real else bins
 
     @property
     def num_doppler_bins(self) -> int:
@@ -248,11 +250,36 @@ class RadarSpec(Spec):
         parts: dict[str, object] = {"multiplexing": IdealMimo()}
         silent = self.num_chirps_total / self.num_chirps
         if silent != 1.0:
-            front = self.front_end
-            excess = 10.0 ** (front.noise_figure_db / 10.0) - 1.0 + front.source_temperature / REFERENCE_TEMPERATURE
-            factor = 1.0 + silent * excess - front.source_temperature / REFERENCE_TEMPERATURE
-            parts |= {"num_chirps": self.num_chirps_total, "noise_figure_db": 10.0 * float(np.log10(factor))}
+            parts |= {"num_chirps": self.num_chirps_total, "noise_figure_db": self._noise_figure_db(silent)}
         return self.with_(**parts)
+
+    def _noise_figure_db(self, times: float) -> float:
+        """Return the noise figure at which a receiver has `times` the noise of this one [dB]."""
+        front = self.front_end
+        excess = 10.0 ** (front.noise_figure_db / 10.0) - 1.0 + front.source_temperature / REFERENCE_TEMPERATURE
+        factor = 1.0 + times * excess - front.source_temperature / REFERENCE_TEMPERATURE
+        return 10.0 * float(np.log10(factor))
+
+    @property
+    def with_quadrature(self) -> RadarSpec:
+        """The radar with a Q and twice the noise; this radar itself where there is one.
+
+        Twice a real sample is what its I receives, plus an image at the opposite frequency.
+        """
+        if not self.adc.is_real:
+            return self
+        return self.with_(sampling="complex", noise_figure_db=self._noise_figure_db(2.0))
+
+    @property
+    def one_sided(self) -> RadarSpec:
+        """The radar that samples I and Q half as fast and has the maps of this one; this radar itself if it has a Q.
+
+        Real samples tell beat frequencies from 0 to half of their rate apart, and the noise of both signs is there.
+        """
+        if not self.adc.is_real:
+            return self
+        half = {"num_samples": self.num_samples // 2, "sampling_frequency": self.sample_rate / 2.0}
+        return self.with_quadrature.with_(**half)
 
     @property
     def carrier_frequency(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from scarl_sionna.core.errors import SpecError
 
 from .array import AntennaArray
+from .converter import Adc
 from .front_end import FrontEnd
 from .multiplexing import Fdm, Multiplexing
 from .waveform import Waveform
@@ -69,3 +70,30 @@ def _check_subcarriers(model: type, waveform: Waveform, turns: int, shown: str) 
         allowed = f"a multiple of {step}: as many subcarriers for each of {turns} turns"
         remedy = f"take {near}, or another interleaving"
         raise SpecError(model, ("waveform", "num_subcarriers"), waveform.num_subcarriers, allowed, remedy)
+
+
+def check_real(model: type, waveform: Waveform, adc: Adc) -> None:
+    """Raise if real samples do not go with a waveform.
+
+    By definition: they are half of an even number of a ramp's beat signal.
+
+    Parameters
+    ----------
+    model : type
+        Class of the specification, for the error.
+    waveform : Waveform
+    adc : Adc
+
+    Raises
+    ------
+    ParameterRangeError
+        If they do not.
+    """
+    if not adc.is_real:
+        return
+    if waveform.kind != "fmcw":
+        allowed = "ramps ('fmcw'): real samples are of their beat signal"
+        raise SpecError(model, ("adc", "sampling"), f"'real' with {waveform.kind!r}", allowed, "sample I and Q")
+    if waveform.num_samples % 2:
+        allowed = "an even number where samples are real: half as many are range bins"
+        raise SpecError(model, ("waveform", "num_samples"), str(waveform.num_samples), allowed)
