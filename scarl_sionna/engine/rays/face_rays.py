@@ -76,16 +76,17 @@ class FaceRays(Device, ABC):
     def _face(self, found: MitsubaObject) -> DeviceArray:
         """Return the face of each of the engine's intersections, or `MISS`."""
 
-    def first(self, origin: DeviceArray, direction: DeviceArray) -> DeviceArray:
-        """Return the face that each ray meets first, or `MISS`.
+    def first(self, origin: DeviceArray, direction: DeviceArray, active: DeviceArray = True) -> DeviceArray:
+        """Return the face that each active ray meets first, or `MISS`.
 
         Parameters
         ----------
         origin, direction : Dr.Jit Array3f or Array3f64
             In the frame of the rays, and unit vectors.
+        active : Dr.Jit Bool
         """
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
-        return self._face(self._scene.ray_intersect_preliminary(ray, coherent=False))
+        return self._face(self._scene.ray_intersect_preliminary(ray, coherent=False, active=active))
 
     def first_within(
         self, origin: DeviceArray, direction: DeviceArray, distance: DeviceArray, active: DeviceArray

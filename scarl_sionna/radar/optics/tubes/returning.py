@@ -94,7 +94,8 @@ class _ReturnProbe(Probe):
     def __init__(self, wanted: Return, source: Array, lift: Array, bounces: int) -> None:
         rays = wanted.rays
         super().__init__(rays)
-        self._directions, self._lift, self._bounces = CentralRays(rays, source), rays.reals(lift), bounces
+        self._directions, self._lift = CentralRays(rays, source), rays.reals(lift)
+        self._bounces = rays.dr.opaque(rays.mi.UInt32, bounces)
         triangles = wanted.faces.triangles
         self._normal, self._offset = rays.reals(triangles.normal), rays.reals(triangles.offset)
         self._chosen = rays.index(wanted.chosen.astype(np.uint32))
@@ -103,9 +104,16 @@ class _ReturnProbe(Probe):
     def _label(self, point: DeviceArray, row: DeviceArray) -> DeviceArray:
         dr, mi, rays = self.rays.dr, self.rays.mi, self.rays
         above, ray = dr.gather(rays.Vector, self._lift, row), self._directions.at(point, row)
-        alive, back = mi.Bool(True), mi.Bool(False)
-        for _ in range(self._bounces):
-            face = rays.first(rays.lifted(point, above), ray)
+
+        def bounce(
+            count: DeviceArray,
+            alive: DeviceArray,
+            back: DeviceArray,
+            point: DeviceArray,
+            ray: DeviceArray,
+            above: DeviceArray,
+        ) -> tuple[DeviceArray, ...]:
+            face = rays.first(rays.lifted(point, above), ray, alive)
             alive &= face != MISS
             number = mi.UInt32(face)
             alive &= dr.gather(mi.UInt32, self._chosen, number, alive) == 1
@@ -114,6 +122,12 @@ class _ReturnProbe(Probe):
             height = dr.gather(rays.Real, self._offset, number, alive) - dr.dot(normal, point)
             point = dr.select(alive, point + height / dr.select(alive, slope, 1.0) * ray, point)
             ray = ray - 2.0 * slope * normal
-            above = normal * -dr.sign(slope)
-            back |= alive & (dr.dot(ray, dr.normalize(self._station - point)) >= self._cosine)
+            back = alive & (dr.dot(ray, dr.normalize(self._station - point)) >= self._cosine)
+            return count + 1, alive & ~back, back, point, ray, normal * -dr.sign(slope)
+
+        # a loop, since most rays are decided by the first bounce or two
+        state = mi.UInt32(0), mi.Bool(True), mi.Bool(False), point, ray, above
+        _, _, back, *_ = dr.while_loop(
+            state, lambda count, alive, *_: alive & (count < self._bounces), bounce, label="bounces of single rays"
+        )
         return dr.select(back, mi.Int32(1), mi.Int32(0))
