@@ -109,18 +109,23 @@ def group_of(semantic: int) -> str:
     return next((name for name, classes in GROUPS.items() if SEMANTIC_CLASSES[semantic] in classes), "")
 
 
-def solve(place: str, number: int) -> dict[str, np.ndarray]:
-    """Return the table of one frame: objects, points, and from which rate on each threshold takes each cell."""
+def observed(place: str, number: int) -> tuple[Any, ss.Mount, Any, np.ndarray]:
+    """Return state, mount, paths and cube of one frame."""
     preset, change = PLACES[place]
     world = build_world(ScenarioSpec.preset(preset).with_(traffic=TRAFFIC | change, seed=1))
     state = world.at(world.time_range[0] + TIMES[number])
     mount = state.mount(world.ego, ss.Rig.front()["front_center/radar"].vehicle_from_sensor)
     paths = ss.solve_paths(state, RADAR, mount)
-    cube = ss.virtual_cube(ss.synthesize(paths, RADAR, rng=np.random.default_rng(number)), RADAR)
+    return state, mount, paths, ss.virtual_cube(ss.synthesize(paths, RADAR, rng=np.random.default_rng(number)), RADAR)
+
+
+def solve(place: str, number: int) -> dict[str, np.ndarray]:
+    """Return the table of one frame: objects, points, and from which rate on each threshold takes each cell."""
+    state, mount, paths, cube = observed(place, number)
     rda = ss.range_doppler_angle(cube, RADAR)
     rd = rda.range_doppler
     owners = ss.label_cells(rd, paths, state, "sidelobes")
-    objects, own = _objects(state, mount, owners, rd.noise_power)
+    objects, own = objects_of(state, mount, owners, rd.noise_power)
     high = FLOOR * rd.noise_power
     peaks = np.flatnonzero(rd.power == scipy.ndimage.maximum_filter(rd.power, size=3, mode=("wrap", "nearest")))
     points = ss.detect(rda, RADAR, pfa=0.9, guard=(0, 0), training=(1, 1))  # all local maxima
@@ -141,13 +146,13 @@ def solve(place: str, number: int) -> dict[str, np.ndarray]:
         "explained": labels.explained,
         "is_ghost": labels.is_ghost,
         "semantic": labels.semantic,
-        "boxes": _boxes(state, objects),
+        "boxes": boxes_of(state, objects),
         "rate": np.stack([_rates(rd, cells, variant) for variant in VARIANTS]),
         "variants": np.array([str(variant) for variant in VARIANTS]),
     }
 
 
-def _objects(state: Any, mount: ss.Mount, owners: Any, noise: float) -> tuple[np.ndarray, np.ndarray]:
+def objects_of(state: Any, mount: ss.Mount, owners: Any, noise: float) -> tuple[np.ndarray, np.ndarray]:
     """Return road users (instance, class, range, SNR in own cells; -inf for none), and their own cells (row, cell)."""
     power = owners.power.reshape(-1)
     entry = owners.entry_share * power[owners.cell] / noise
@@ -166,7 +171,7 @@ def _objects(state: Any, mount: ss.Mount, owners: Any, noise: float) -> tuple[np
     return np.array(rows).reshape(-1, 4), np.array(own, dtype=np.int64).reshape(-1, 2)
 
 
-def _boxes(state: Any, objects: np.ndarray) -> np.ndarray:
+def boxes_of(state: Any, objects: np.ndarray) -> np.ndarray:
     """Return the footprints of objects in the world: centre x, y, direction x, y, length, width."""
     known = {item.instance: item for item in state.boxes()}
     rows = []

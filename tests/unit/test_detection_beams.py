@@ -52,6 +52,16 @@ def test_the_sidelobes_of_a_lone_target_are_no_points() -> None:
     assert np.degrees(points.azimuth[0]) == pytest.approx(8.0, abs=0.05)
 
 
+def test_a_near_target_is_not_seen_at_the_largest_ranges() -> None:
+    """Its rows beside leak over the end of the range axis as well, without a maximum of a beam of their own."""
+    radar = RadarSpec().with_(num_chirps=64)
+    paths = point_targets([[1.0, 0.05, 0.0]], np.zeros((1, 3)), 1.0, radar, Pose())
+    adc = synthesize(paths, radar, rng=np.random.default_rng(0))
+    points = detect(range_doppler_angle(virtual_cube(adc, radar), radar), pfa=1e-8, per_beam=True)
+    assert points.range[0] == pytest.approx(np.hypot(1.0, 0.05), abs=0.02)
+    assert points.range.max() < 0.5 * radar.max_range
+
+
 @pytest.mark.parametrize(
     "radar",
     [
