@@ -79,6 +79,11 @@ class RadarPaths(
         strengths stay. None: of no path.
     random_phase : ndarray of bool, shape (num_paths,), or None
         Whether the phase of `a` is one draw of a rough surface's: what is known is the power. None: of no path.
+    over_band : ndarray of complex128, shape (num_paths, num_frequencies), or None
+        Transfer at the Chebyshev nodes of `band` (:func:`band_nodes`) over `a`, dimensionless. None: `a` is that of
+        all frequencies.
+    band : tuple of float, or None
+        Lowest and highest frequency of `over_band` [Hz].
     tx_twist, rx_twist : Twist
         Motion of the two radar frames. Only the angular velocity acts on a frame's signal: velocities are relative.
     diagnostics : mapping
@@ -102,6 +107,8 @@ class RadarPaths(
     rx_velocity: npt.NDArray[np.float64] | None = None
     linear_motion: npt.NDArray[np.bool_] | None = None
     random_phase: npt.NDArray[np.bool_] | None = None
+    over_band: npt.NDArray[np.complex128] | None = None
+    band: tuple[float, float] | None = None
     tx_twist: Twist = field(default_factory=Twist)
     rx_twist: Twist = field(default_factory=Twist)
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
@@ -215,6 +222,8 @@ class RadarPaths(
                 continue
             if item.name in ("instance", "interaction"):
                 column = [_padded(getattr(block, item.name), width) for block in blocks]
+            elif item.name == "over_band":
+                column = _over_one_band(blocks)
             elif item.name in _NOT_KNOWN:
                 known = any(getattr(block, item.name) is not None for block in blocks)
                 column = [block.filled(item.name) for block in blocks] if known else []
@@ -223,6 +232,7 @@ class RadarPaths(
             merged[item.name] = np.concatenate(column) if column else None
         merged |= {"world_from_tx": first.world_from_tx, "world_from_rx": first.world_from_rx}
         merged |= {"tx_twist": moving.tx_twist, "rx_twist": moving.rx_twist}
+        merged["band"] = next((block.band for block in blocks if block.band is not None), None)
         return cls(**merged, diagnostics={} if diagnostics is None else diagnostics)
 
     def filled(self, name: str) -> npt.NDArray[Any]:
@@ -282,7 +292,7 @@ class RadarPaths(
 
 _AT_HAND = 1e-9
 """A point this near [m] is at the observer: a guard against division by zero."""
-_OF_ALL_PATHS = ("world_from_tx", "world_from_rx", "tx_twist", "rx_twist", "diagnostics")
+_OF_ALL_PATHS = ("world_from_tx", "world_from_rx", "tx_twist", "rx_twist", "band", "diagnostics")
 _NOT_KNOWN: Mapping[str, tuple[tuple[int, ...], float | bool]] = {
     "rx_image": ((3, 4), np.nan),
     "tx_velocity": ((3,), np.nan),
@@ -306,6 +316,28 @@ def bend_of(offset: Array, velocity: Array) -> Array:
     squared = np.maximum(np.einsum("pi,pi->p", offset, offset), _AT_HAND**2)
     across = velocity - (np.einsum("pi,pi->p", offset, velocity) / squared)[:, None] * offset
     return np.asarray(np.einsum("pi,pi->p", across, across) / np.sqrt(squared))
+
+
+def band_nodes(band: tuple[float, float], count: int) -> Array:
+    """Return Chebyshev's nodes of a band [Hz], falling, shape (count,).
+
+    By definition.
+    """
+    angle = (np.arange(count) + 0.5) * np.pi / count
+    return np.asarray(0.5 * (band[0] + band[1]) + 0.5 * (band[1] - band[0]) * np.cos(angle))
+
+
+def _over_one_band(blocks: Sequence[RadarPaths]) -> list[npt.NDArray[Any]]:
+    """Return the transfers over the band of blocks, 1 where a block has none; none if no block has any."""
+    known = [block for block in blocks if block.over_band is not None]
+    if not known:
+        return []
+    count = known[0].over_band.shape[1]  # type: ignore[union-attr]
+    if {block.band for block in known} != {known[0].band} or any(block.over_band.shape[1] != count for block in known):  # type: ignore[union-attr]
+        allowed = "the same band and number of frequencies"
+        raise ParameterRangeError("blocks", "of several bands", allowed, "solve all with the same num_band_frequencies")
+    ones = (np.ones((block.num_paths, count), dtype=np.complex128) for block in blocks)
+    return [one if block.over_band is None else block.over_band for block, one in zip(blocks, ones, strict=True)]
 
 
 def _padded(labels: npt.NDArray[np.int32], width: int) -> npt.NDArray[np.int32]:

@@ -77,6 +77,11 @@ class RadarSettings(Spec):
     interferers: tuple[Interferer, ...] = Field(
         (), description="other radars whose signals stand in the raw data; docs/interference.md"
     )
+    num_band_frequencies: Literal[1, 3, 5, 7, 9, 11, 13, 15] = Field(
+        1,
+        description="paths are solved at so many frequencies of the band, and their transfer follows it, for thin "
+        "layers above 1 GHz; docs/waveforms.md, wide bands",
+    )
     cell_labels: bool = Field(True, description="make the ground truth of every range-Doppler cell with each frame")
     auto: AutoSettings = Field(AutoSettings(), description="rules by which 'auto' chooses for each object")
     mirrors: MirrorSettings = Field(
@@ -100,12 +105,13 @@ class RadarSettings(Spec):
         None, description="who computes what, for 'hybrid'"
     )
 
-    _quiet = ("interferers",)
+    _quiet = ("interferers", "num_band_frequencies")
 
     @model_serializer(mode="wrap")
     def _without_none(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
-        """Leave out interferers where there are none, as files of the first versions have it."""
-        return {name: value for name, value in inner(self).items() if name != "interferers" or len(value)}
+        """Leave out what files of the first versions do not have, where it is not used."""
+        unused = {"interferers": self.interferers == (), "num_band_frequencies": self.num_band_frequencies == 1}
+        return {name: value for name, value in inner(self).items() if not unused.get(name, False)}
 
     @classmethod
     def preset(cls, quality: str) -> RadarSettings:

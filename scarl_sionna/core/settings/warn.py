@@ -46,6 +46,18 @@ class WarningLevels(Spec):
         description="'sionna' warns if an antenna is off by more than this behind an edge [rad]: 20 dB below the "
         "path; docs/sionna_paths.md",
     )
+    band_change: float = Field(
+        0.05,
+        ge=0.0,
+        description="a layer whose reflection changes by more than this over a band above 1 GHz, with one frequency "
+        "for all of it; docs/waveforms.md, wide bands",
+    )
+    band_error: float = Field(
+        1e-3,
+        gt=0.0,
+        description="error of a transfer over the band, and part of the power without one; docs/waveforms.md, wide "
+        "bands",
+    )
     pane_distance: Metres = Field(
         1.0,
         ge=0.0,

@@ -14,6 +14,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.world import World, WorldState
 from scarl_sionna.radar.paths import RadarPaths
 
+from .band import solved_over_band, warn_of_band
 from .compose.auto import plan_channel, solve_auto
 from .compose.hybrid import solve_hybrid
 from .compose.plan import OwnershipError
@@ -95,7 +96,15 @@ def solve_paths(
     place = state.as_mount(mount)
     if chosen.method in ("raycast", "scatterers") or (chosen.method == "sbr" and chosen.sbr.pane_loss_db is None):
         warn_of_panes(state, radar, place.pose, chosen.method, chosen.warn_at)
-    return SOLVERS[chosen.method](state, radar, place, chosen, None if receiver is None else state.as_mount(receiver))
+    other = None if receiver is None else state.as_mount(receiver)
+
+    def solved(tuned: RadarSpec) -> RadarPaths:
+        return SOLVERS[chosen.method](state, tuned, place, chosen, other)
+
+    if chosen.num_band_frequencies > 1:
+        return solved_over_band(solved, radar, chosen.num_band_frequencies, chosen.warn_at.band_error)
+    warn_of_band(state, radar, chosen.warn_at)
+    return solved(radar)
 
 
 def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:

@@ -111,8 +111,8 @@ class PathModel:
     Raises
     ------
     ParameterRangeError
-        If the radar is another than linear FMCW, its antennas are described one by one or behind a radome, or a path is
-        of mirror reflections only.
+        If the radar is another than linear FMCW, its antennas are described one by one or behind a radome, a path is of
+        mirror reflections only, or its transfer follows the band.
     InputTypeError
         If the paths are none.
     """
@@ -127,6 +127,9 @@ class PathModel:
         if not radar.array.is_uniform:
             allowed, remedy = "one pattern for all, no radome", "leave tx_elements, rx_elements and radome out"
             raise ParameterRangeError("radar.array", "antennas described one by one, or a radome", allowed, remedy)
+        if paths.over_band is not None:
+            remedy = "solve with num_band_frequencies=1"
+            raise ParameterRangeError("paths.over_band", "a transfer that follows the band", "None", remedy)
         self.operator, self.radar, self._paths = BeatOperator(radar, tolerance), radar, paths
         known = is_known(paths)
         self._kept = Kept(known, known & ~paths.filled("linear_motion"))

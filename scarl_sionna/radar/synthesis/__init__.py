@@ -27,7 +27,7 @@ from scarl_sionna.radar.radome import settled
 from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
-from . import coded_ramps, direct, groups, symbols
+from . import band, coded_ramps, direct, groups, symbols
 from .moving import Signal, Tolerances, linear_signal, moving_signals
 from .orders import orders
 from .receiver import received
@@ -134,6 +134,15 @@ def _of_ramps(
     paths: RadarPaths, radar: RadarSpec, tolerance: float | None, motion_tolerance: float | None
 ) -> Iterator[tuple[int, Signal]]:
     """Yield first chirps and what makes the signals of ramps, or of tones, from there on, to be added up."""
+    for part, screen in band.parts(paths, radar, tolerance):
+        for first, signal in _of_constant(part, radar, tolerance, motion_tolerance):
+            yield first, signal if screen is None else band.screened(signal, screen, first)
+
+
+def _of_constant(
+    paths: RadarPaths, radar: RadarSpec, tolerance: float | None, motion_tolerance: float | None
+) -> Iterator[tuple[int, Signal]]:
+    """Yield first chirps and what makes the signals of ramps, or of tones, of paths of constant transfer."""
     kept, geometry = _within_band(paths, radar)
     held, bent, linear, moving = orders(kept, radar, motion_tolerance)
     if linear.any():  # one transform for both
@@ -168,7 +177,7 @@ def _of_symbols(
         )
     beyond = paths.select(~inside) if tolerance is not None else paths
     if beyond.num_paths:
-        yield 0, symbols.plain(beyond, radar, waveform, motion_tolerance)
+        yield 0, symbols.plain(band.constant(beyond), radar, waveform, motion_tolerance)
     if tolerance is None or not inside.any():
         return
     kept = paths.select(inside)
@@ -190,7 +199,7 @@ def _of_coded_ramps(
     if not kept.num_paths:
         return
     if tolerance is None:
-        yield 0, coded_ramps.plain(kept, radar, waveform, motion_tolerance)
+        yield 0, coded_ramps.plain(band.constant(kept), radar, waveform, motion_tolerance)
         return
     higher, screens = np.zeros(1), np.ones((1, radar.num_samples), dtype=np.complex128)
     share, chips = 1.0, np.conj(waveform.by_chirp)

@@ -14,6 +14,7 @@ from scarl_sionna.radar.channel.multipath.legs import legs_of
 from scarl_sionna.radar.channel.multipath.station import EndPoints, points_beside, station_of
 from scarl_sionna.radar.channel.multipath.visibility import warn_of_hidden_antennas
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.tuned import material_frequency
 
 from .mirror_legs import MirrorView
 from .mirrors import Mirror, Way, chain_of
@@ -90,12 +91,13 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
         _as_traced(view, shown, depth),
         station,
         EndPoints(station.position[None], station.velocity[None], station.rotation, is_station=True),
-        radar.carrier_frequency,
+        material_frequency(radar, radar.carrier_frequency),
     )
     num_hidden = warn_of_hidden_antennas(state, [(legs, station)], wide_arm)
     columns = joined_columns([mirror_columns(state, legs, station, station, radar.wavelength)])
     kept = columns.pop("total") < 2.0 * reach
     paths = RadarPaths(
+        band=None,
         **columns,
         world_from_tx=mount.pose,
         world_from_rx=mount.pose,

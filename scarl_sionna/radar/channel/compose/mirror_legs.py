@@ -19,6 +19,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.channel.multipath.images import material_coefficients, spherical_basis, transfer
 from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.optics.faces.panes import MOST_PANES
+from scarl_sionna.radar.tuned import material_frequency
 
 from .mirror_faces import MirrorFaces
 from .mirrors import Mirror, Way, chain_of
@@ -155,7 +156,7 @@ class MirrorView:
             material_coefficients(
                 [state.world.materials[name] for name in names],
                 index.reshape(len(points), len(way)),
-                self.radar.center_frequency,
+                material_frequency(self.radar, self.radar.center_frequency),
             ),
         )
         parts = np.array([[mirror.part for mirror in way]] * len(points), dtype=np.int64).reshape(len(points), len(way))

@@ -27,6 +27,7 @@ from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.point_scatterers import PointScatterers
+from scarl_sionna.radar.tuned import material_frequency
 
 from .columns import Columns, joined_columns, mirror_columns
 from .diffuse import diffuse_columns
@@ -178,6 +179,7 @@ def solve_sionna(
         "seconds": solver.clock,
     }
     paths = RadarPaths(
+        band=None,
         **columns,
         world_from_tx=pose,
         world_from_rx=pose if receiver is None else receiver.pose,
@@ -232,7 +234,8 @@ class _Solver:
 
     def _legs(self, traced: TracedPaths, station: Station, ends: EndPoints) -> Legs:
         start = time.perf_counter()
-        legs = legs_of(self.state, traced, station, ends, self.radar.carrier_frequency)
+        frequency = material_frequency(self.radar, self.radar.carrier_frequency)
+        legs = legs_of(self.state, traced, station, ends, frequency)
         self.mirrors.append((legs, station))
         self.clock["geometry"] += time.perf_counter() - start
         return legs

@@ -25,6 +25,7 @@ from scarl_sionna.radar.channel.antennas import check_antennas, refuse_receiver
 from scarl_sionna.radar.channel.compose.plan import ids_of
 from scarl_sionna.radar.link import received_amplitude
 from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.tuned import material_frequency
 from scarl_sionna.scene.materials.fresnel import power_reflectance, te_fraction_of_h
 from scarl_sionna.signal.link import radar_gain
 
@@ -134,7 +135,7 @@ def solve_raycast(
     _warn_of_small_objects(state, radar, pose, rays_of, reach, chosen_ids)
     owned = np.isin(state.world.parts.instance, chosen_ids)
     gamma = class_reflectivity(knobs.class_rcs)
-    rough = rough_ground(state.world, radar.carrier_frequency, knobs)
+    rough = rough_ground(state.world, material_frequency(radar, radar.carrier_frequency), knobs)
     model = _Model(radar, pose, gamma, knobs, rays_of.solid_angle, reach, mount.twist.linear, owned, rough)
     phases = _fixed_phases(knobs.hit_phase)
     clock = {"cast": 0.0, "amplitude": 0.0, "thin": 0.0}
@@ -233,10 +234,11 @@ def _reflectances(hits: RayHits, sine_elevation: Array, state: WorldState, model
     known = sorted(set(names))
     material_of_hit = np.array([known.index(name) for name in names], dtype=np.int64)[hits.part]
     te, tm = np.zeros(len(material_of_hit)), np.zeros(len(material_of_hit))
+    frequency = material_frequency(model.radar, model.radar.carrier_frequency)
     for index in np.flatnonzero(np.bincount(material_of_hit)):
         rows = np.flatnonzero(material_of_hit == index)
         material = state.world.materials[known[index]]
-        te[rows], tm[rows] = power_reflectance(material, model.radar.carrier_frequency, hits.cos_incidence[rows])
+        te[rows], tm[rows] = power_reflectance(material, frequency, hits.cos_incidence[rows])
     normal_up = hits.normal @ model.pose.rotation[:, 2]
     fraction = te_fraction_of_h(sine_elevation[hits.ray], hits.cos_incidence, normal_up)
     return te + fraction * (tm - te), tm + fraction * (te - tm)

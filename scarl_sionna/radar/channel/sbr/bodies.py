@@ -26,6 +26,7 @@ from scarl_sionna.radar.optics.faces.curved import CurvedFaces, DeviceCurves
 from scarl_sionna.radar.optics.faces.panes import Panes, pane_parts
 from scarl_sionna.radar.optics.surfaces import FaceSurfaces
 from scarl_sionna.radar.optics.tubes.narrow import NarrowBodies
+from scarl_sionna.radar.tuned import material_frequency
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
@@ -148,7 +149,7 @@ class Bodies:
     def surfaces(self) -> FaceSurfaces:
         """Reflection, transmission and motion of the faces."""
         shown = np.union1d(self._parts, self.thin)
-        frequency = self.radar.center_frequency
+        frequency = material_frequency(self.radar, self.radar.center_frequency)
         return FaceSurfaces(self.rays, self.state, self.faces, shown, frequency, self.knobs.coefficient_nodes)
 
     @cached_property
