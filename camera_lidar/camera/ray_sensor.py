@@ -55,12 +55,20 @@ def _table_of(key: tuple[Any, ...]) -> tuple[npt.NDArray[np.float64], npt.NDArra
     return table, seen
 
 
+def pixel_table(spec: CameraSpec) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    """Return directions on a grid with one pixel of margin, shape (h + 2, w + 2, 3), and which pixels are seen, (h, w).
+
+    Sensor axes, of any length: linear between the pixels' centres.
+    """
+    return _table_of(projection_key(spec))
+
+
 def ray_sensor(mi: ModuleType, spec: CameraSpec, world_from_sensor: Pose, samples_per_pixel: int) -> MitsubaObject:
     """Return the Mitsuba sensor of a camera at a pose; inside ``variant.optical()``.
 
     With a number of samples of `LAUNCHES` the sum over the samples of a pixel does not depend on the threads: same
     seed, same bytes.
     """
-    directions, seen = _table_of(projection_key(spec))
+    directions, seen = pixel_table(spec)
     table = RayTable(world_from_sensor.position, world_from_sensor.rotate(directions), seen)
     return ray_table_sensor(mi, table, samples_per_pixel)

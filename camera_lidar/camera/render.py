@@ -12,15 +12,18 @@ import numpy.typing as npt
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
-from scarl_sionna.engine.light.haze import haze_integrator
+from scarl_sionna.engine.light.haze import Haze, haze_integrator
+from scarl_sionna.engine.light.many_lamps import many_lamps_integrator
 from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.engine.world import WorldState
 
 from .denoise import denoise
 from .develop import develop
+from .energy import keep_energy
 from .falling import add_falling
 from .motion import shifted_sensor, shifted_state
 from .ray_sensor import launch_samples, ray_sensor
+from .shining import lamp_light
 
 ROULETTE_DEPTH = 3
 """Segments after which a light path ends at random (unbiased Russian roulette). 3 takes a quarter less time than
@@ -75,16 +78,37 @@ def render_radiance(
     seed = int(rng.integers(2**32))
     moments = _moments(state, spec, world_from_sensor, sensor_twist or Twist())
     count = -(-spec.samples_per_pixel // len(moments))
-    radiance = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
-    guides = np.zeros((spec.height, spec.width, 6), dtype=np.float64)
     guide_count = -(-min(GUIDE_SAMPLES, spec.samples_per_pixel) // len(moments))
+    radiance = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
+    shining = np.zeros_like(radiance)
+    guides = np.zeros((spec.height, spec.width, 6), dtype=np.float64)
+    apart = has_lamps(state)
     for number, (moment, pose) in enumerate(moments):
         view = _View(spec, pose, (seed + 7919 * number) % 2**32, count)
-        radiance += _trace(moment, view) / len(moments)
+        traced = _trace(moment, view)
+        if apart:
+            seen, sampled = _shining(moment, view, 1.0 / len(moments))
+            traced = np.maximum(traced - seen, 0.0)
+            shining += sampled / len(moments)
+        radiance += traced / len(moments)
         if spec.denoise:
             guides += _guides(moment, _View(spec, pose, seed, guide_count)) / len(moments)
     image = radiance.astype(np.float32)
-    return denoise(image, guides.astype(np.float32)) if spec.denoise else image
+    if not spec.denoise:
+        return (radiance + shining).astype(np.float32) if apart else image
+    filtered = denoise(image, guides.astype(np.float32))
+    if not apart:
+        return filtered
+    surface = (guides != 0.0).any(axis=-1, keepdims=True)
+    return np.asarray(np.where(surface, keep_energy(filtered, image), radiance) + shining, dtype=np.float32)
+
+
+def has_lamps(state: WorldState) -> bool:
+    """Return whether lamps light the scene: then they are sampled by :func:`many_lamps_integrator`, and apart."""
+    lighting = state.world.lighting
+    if lighting is None:
+        return False
+    return lighting.headlamps or lighting.street_lamps or bool(state.world.document.info.get("enclosed", False))
 
 
 def _moments(
@@ -116,17 +140,38 @@ class _View:
 
 def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     """Return the mean radiance over the view's light paths a pixel, float64, shape (height, width, 3)."""
-    scene = state.optical_scene()
+    scene, haze = state.optical_scene(), _haze(state)
     with variant.optical() as mi:
-        integrator = mi.load_dict(integrator_dict(view.spec))
-        lighting = state.world.lighting
-        if (
-            lighting is not None
-            and lighting.visibility is not None
-            and not state.world.document.info.get("enclosed", False)
-        ):
-            integrator = haze_integrator(mi, integrator, lighting.visibility, state.airlight)
-        return _launched(mi, scene, integrator, view, 3)
+        integrator = None
+        if has_lamps(state):
+            integrator = many_lamps_integrator(mi, scene, view.spec.max_depth, ROULETTE_DEPTH)
+        integrator = integrator or mi.load_dict(integrator_dict(view.spec))
+        return _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
+
+
+def _haze(state: WorldState) -> Haze | None:
+    """Return the haze before the camera; None in rooms."""
+    lighting = state.world.lighting
+    if lighting is None or lighting.visibility is None or state.world.document.info.get("enclosed", False):
+        return None
+    return Haze.of(lighting.visibility, state.airlight)
+
+
+def _shining(state: WorldState, view: _View, share: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return what sky and lamps send straight to the camera, each of shape (height, width, 3).
+
+    Along the light paths of :func:`_trace`, and by the lamps' own sampling.
+    """
+    scene, haze = state.optical_scene(), _haze(state)
+    haze = None if haze is None else haze._replace(airlight=np.zeros(3))
+    with variant.optical() as mi:
+        integrator = mi.load_dict(integrator_dict(view.spec) | {"max_depth": 1})
+        seen = _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
+        lamps = lamp_light(mi, scene, view.spec, view.pose, haze, share)
+    sampled = seen.copy()
+    if lamps is not None:
+        sampled[lamps.pixels] = lamps.radiance
+    return seen, sampled
 
 
 def _launched(

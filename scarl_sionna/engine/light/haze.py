@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from types import ModuleType
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +18,26 @@ CONTRAST_AT_VISIBILITY = 3.0
 9)."""
 LAYER_HEIGHT = 400.0
 """Thickness of the haze [m]: a ray into the sky leaves it there."""
+
+
+class Haze(NamedTuple):
+    """Extinction coefficient [1/m] and radiance of haze without end, shape (3,), in the unit of the scenes."""
+
+    extinction: Any
+    airlight: Any
+
+    @classmethod
+    def of(cls, visibility: float, airlight: npt.ArrayLike) -> Haze:
+        """Return the haze of a meteorological range [m]."""
+        return cls(CONTRAST_AT_VISIBILITY / visibility, np.asarray(airlight, dtype=np.float64))
+
+    def transmittance(self, ray: MitsubaObject, is_hit: DeviceArray, distance: DeviceArray) -> DeviceArray:
+        """Return the share of the light that comes through along rays, to what they hit or out of the layer."""
+        import drjit as dr
+
+        out = dr.maximum((LAYER_HEIGHT - ray.o.z) / dr.maximum(ray.d.z, 1e-4), 0.0)
+        length = dr.select(is_hit, dr.minimum(distance, out), out)
+        return dr.exp(-self.extinction * length)
 
 
 @lru_cache(maxsize=4)
@@ -44,26 +65,21 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             """Return radiance, validity and no further channels."""
             hit = scene.ray_intersect_preliminary(mi.Ray3f(ray), coherent=True, active=active)
             radiance, valid, aovs = self._inner.sample(scene, sampler, ray, medium, active)
-            out = dr.maximum((LAYER_HEIGHT - ray.o.z) / dr.maximum(ray.d.z, 1e-4), 0.0)
-            length = dr.select(hit.is_valid(), dr.minimum(hit.t, out), out)
-            transmittance = dr.exp(-self._extinction * length)
+            transmittance = Haze(self._extinction, self._airlight).transmittance(ray, hit.is_valid(), hit.t)
             return radiance * transmittance + self._airlight * (1.0 - transmittance), valid, aovs
 
     mi.register_integrator(PLUGIN, HazeIntegrator)
     return HazeIntegrator
 
 
-def haze_integrator(mi: ModuleType, inner: MitsubaObject, visibility: float, airlight: npt.ArrayLike) -> MitsubaObject:
+def haze_integrator(mi: ModuleType, inner: MitsubaObject, haze: Haze) -> MitsubaObject:
     """Return an integrator that sees `inner` through haze; inside ``variant.optical()``.
 
     Parameters
     ----------
     mi : module
     inner : mitsuba.SamplingIntegrator
-    visibility : float
-        Meteorological range [m].
-    airlight : array_like of float, shape (3,)
-        Radiance of haze without end, in the unit of the scenes (`UNIT_LUMINANCE`).
+    haze : Haze
 
     Notes
     -----
@@ -72,5 +88,5 @@ def haze_integrator(mi: ModuleType, inner: MitsubaObject, visibility: float, air
     """
     _plugin(mi, mi.variant())
     integrator = mi.load_dict({"type": PLUGIN})
-    integrator.place(inner, CONTRAST_AT_VISIBILITY / visibility, airlight)
+    integrator.place(inner, *haze)
     return integrator

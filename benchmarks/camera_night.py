@@ -1,0 +1,93 @@
+"""The camera at night: light that the default image keeps, against many samples.
+
+    python benchmarks/camera_night.py [--scenes urban_crossing tunnel] [--reference-spp 512]
+
+Prints a markdown table. From the roof of each scene's ego vehicle, default samples, denoised, the mean of several
+seeds; "before" is the same with Mitsuba's choice of lamps and the denoiser over the whole image. What is dark is chosen
+by one reference and measured against another of another seed, else noise of the reference would count as brightening.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from camera_lidar.camera import render
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.engine.load import load_scene
+
+SCENES = ("highway_guardrail", "urban_crossing", "suburban_street", "signalised_crossing", "roundabout", "tunnel")
+SPEC = CameraSpec(width=96, height=54, horizontal_fov_deg=70.0, images=("rgb",))
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+SEEDS = (1, 2, 3, 4, 5, 6)
+HAS_LAMPS = render.has_lamps
+
+Array = npt.NDArray[np.float64]
+
+
+def shot(state: Any, pose: Pose, spec: CameraSpec, seed: int) -> Array:
+    """Return the luminance of one image."""
+    return np.asarray(render.render_radiance(state, spec, pose, np.random.default_rng(seed)) @ LUMINANCE, np.float64)
+
+
+def errors(image: Array, first: Array, second: Array) -> list[float]:
+    """Return the error of the mean, of the darker half and of the darkest quarter [%], and of logarithms [dB rms]."""
+    both = 0.5 * (first + second)
+    row = [100.0 * (image.mean() / both.mean() - 1.0)]
+    for share in (0.5, 0.25):
+        parts = [(chosen <= np.quantile(chosen, share), other) for chosen, other in ((first, second), (second, first))]
+        row.append(float(np.mean([100.0 * (image[dark].mean() / other[dark].mean() - 1.0) for dark, other in parts])))
+    floor = 1e-2 * np.median(both)
+    row.append(float(np.sqrt(np.mean((10.0 * np.log10((image + floor) / (both + floor))) ** 2))))
+    return row
+
+
+def measure(name: str, reference_spp: int) -> None:
+    """Print the rows of a scene."""
+    world = load_scene(name)
+    if not world.document.info.get("enclosed", False):
+        world = world.with_lighting("night")
+    state = world.at(0.5)
+    ego = state.actor_pose(world.ego) if world.ego else Pose()
+    pose = ego.compose(Pose.from_euler([0.3, 0.0, 1.62], pitch=np.radians(3.0)))
+    many = SPEC.with_(samples_per_pixel=reference_spp, denoise=False)
+    first, second = (shot(state, pose, many, seed) for seed in (101, 102))
+    spread = 100.0 * abs(first.mean() / second.mean() - 1.0) / 2.0
+    for title, switch in (("before", lambda _: False), ("now", HAS_LAMPS)):
+        render.has_lamps = switch
+        shot(state, pose, SPEC, 0)  # compile
+        start = time.process_time()
+        images = [shot(state, pose, SPEC, seed) for seed in SEEDS]
+        seconds = (time.process_time() - start) / len(SEEDS)
+        bias = errors(np.mean(images, axis=0), first, second)
+        single = [errors(image, first, second) for image in images]
+        print(
+            f"| {name} | {title} | {bias[0]:+.1f} ± {np.std([row[0] for row in single]):.1f} | {spread:.1f} "
+            f"| {bias[1]:+.1f} | {bias[2]:+.1f} | {np.mean([row[3] for row in single]):.1f} | {seconds:.2f} |",
+            flush=True,
+        )
+    render.has_lamps = HAS_LAMPS
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", nargs="*", default=SCENES)
+    parser.add_argument("--reference-spp", type=int, default=512)
+    options = parser.parse_args()
+    print("| scene | | mean [%] ± one image | reference | darker half [%] | darkest quarter [%] | rms [dB] | CPU [s] |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name in options.scenes:
+        measure(name, options.reference_spp)
+
+
+if __name__ == "__main__":
+    main()

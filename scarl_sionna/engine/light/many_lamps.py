@@ -1,0 +1,305 @@
+"""Path tracing with many lamps: at every point a lamp is chosen by the light that it may send there.
+
+Mitsuba's path tracer picks emitters by fixed weights. With 50 lamps in a street most of its picks are lamps that are
+far away, face away or shine elsewhere, and the image is noise. Here a lamp's chance at a point is its intensity towards
+the point over the squared distance, as if nothing stood between; the estimate stays unbiased, whatever the chances.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.engine.types import DeviceArray, MitsubaObject
+
+from .lamps import BEAM_FOV_DEG, low_beam
+from .sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
+
+Array = npt.NDArray[np.float64]
+
+PLUGIN = "scarl_many_lamps"
+
+SURFACE, _BEAM, _SKY, _SUN = range(4)
+_LEAST_COSINE = 0.02
+"""Of the angles at lamp and surface: no lamp gets the chance 0 where a part of it may be seen."""
+_TABLE_SIZE = (96, 192)
+"""Rows and columns of the beam's intensity over the plane before the lamp."""
+_EMITTERS = {
+    "AreaLight": SURFACE,
+    "Projector": _BEAM,
+    "EnvironmentMapEmitter": _SKY,
+    "ConstantBackgroundEmitter": _SKY,
+    "DirectionalEmitter": _SUN,
+}
+
+
+class LampTable(NamedTuple):
+    """What is known of each emitter of a scene, in the order of ``scene.emitters()``.
+
+    Attributes
+    ----------
+    kind : ndarray of int
+        Surface, beam, sky or sun.
+    center, axis : ndarray of float64, shape (n, 3)
+        World [m]; the mean normal of a surface (its length is 1 for a flat one, 0 for a closed one), or where a beam
+        points.
+    side : ndarray of float64, shape (n, 3)
+        To the left of a beam, seen from the lamp.
+    strength : ndarray of float64, shape (n,)
+        Radiance times area [m2] of a surface, 1 for a beam of full strength, radiance times pi of a sky,
+        irradiance of a sun.
+    radius : ndarray of float64, shape (n,)
+        Of the ball that holds the surface [m].
+    """
+
+    kind: npt.NDArray[np.int64]
+    center: Array
+    axis: Array
+    side: Array
+    strength: Array
+    radius: Array
+
+
+def lamp_table(mi: ModuleType, scene: MitsubaObject) -> LampTable | None:
+    """Return the table of a scene's emitters, or None where one is of a kind that it does not know."""
+    rows = []
+    for emitter in scene.emitters():
+        kind = _EMITTERS.get(emitter.class_name())
+        if kind is None:
+            return None
+        params = mi.traverse(emitter)
+        if kind == _BEAM:
+            matrix = np.array(params["to_world"].matrix, dtype=np.float64).reshape(4, 4)
+            scale = float(np.array(params["scale"]).ravel()[0]) if "scale" in params else 1.0
+            rows.append((kind, matrix[:3, 3], matrix[:3, 2], matrix[:3, 0], scale, 0.0))
+            continue
+        name = next((key for key in _RADIANCES if key in params), None)
+        if name is None:
+            return None
+        luminance = _luminance(np.array(params[name], dtype=np.float64))
+        if kind in (_SKY, _SUN):
+            strength = luminance * (np.pi if kind == _SKY else 1.0)
+            rows.append((kind, np.zeros(3), np.zeros(3), np.zeros(3), strength, 0.0))
+        else:
+            rows.append((kind, *_surface(mi, emitter.get_shape(), luminance)))
+    kinds, centers, axes, sides, strengths, radii = zip(*rows, strict=True) if rows else ((),) * 6
+    center, axis, side = (np.array(v, dtype=np.float64).reshape(-1, 3) for v in (centers, axes, sides))
+    return LampTable(np.array(kinds, dtype=np.int64), center, axis, side, np.array(strengths), np.array(radii))
+
+
+_RADIANCES = ("radiance.value", "radiance.data", "irradiance.value", "data")
+
+
+def _luminance(radiance: Array) -> float:
+    """Return the mean luminance of a colour (3 numbers, any shape) or of a picture (rows, columns, channels)."""
+    colors = radiance.reshape(-1, radiance.shape[-1])[:, :3] if radiance.ndim == 3 else radiance.reshape(1, 3)
+    return float(colors.mean(axis=0) @ LUMINANCE_WEIGHTS)
+
+
+def _surface(mi: ModuleType, shape: MitsubaObject, luminance: float) -> tuple[Array, Array, Array, float, float]:
+    """Return centre, mean normal, nothing, strength and radius of a glowing shape."""
+    params = mi.traverse(shape)
+    if "vertex_positions" not in params:
+        box = shape.bbox()
+        low, high = np.array(box.min, dtype=np.float64), np.array(box.max, dtype=np.float64)
+        return (
+            (low + high) / 2.0,
+            np.zeros(3),
+            np.zeros(3),
+            luminance * float(shape.surface_area()[0]),
+            float(np.linalg.norm(high - low)) / 2.0,
+        )
+    vertices = np.array(params["vertex_positions"], dtype=np.float64).reshape(-1, 3)
+    a, b, c = (vertices[np.array(params["faces"]).reshape(-1, 3)[:, k]] for k in range(3))
+    areas = np.cross(b - a, c - a) / 2.0
+    total = max(float(np.linalg.norm(areas, axis=1).sum()), 1e-12)
+    center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    return (
+        center,
+        areas.sum(axis=0) / total,
+        np.zeros(3),
+        luminance * total,
+        float(np.linalg.norm(vertices - center, axis=1).max()),
+    )
+
+
+@lru_cache(maxsize=1)
+def _beam_table() -> npt.NDArray[np.float32]:
+    """Return the intensity of the low beam on the square plane at 1 m, in the scenes' unit; none of it is 0."""
+    half = np.tan(np.radians(BEAM_FOV_DEG / 2.0))
+    x, y = np.meshgrid(*(((np.arange(n) + 0.5) / n * 2.0 - 1.0) * half for n in _TABLE_SIZE[::-1]))
+    light = low_beam(np.degrees(np.arctan(x)), np.degrees(np.arctan(y / np.sqrt(1.0 + x * x))))
+    return np.asarray((light + 25.0) / UNIT_LUMINANCE, dtype=np.float32)
+
+
+@lru_cache(maxsize=4)
+def _plugin(mi: ModuleType, variant_name: str) -> type:
+    """Define and register the integrator for the variant that runs."""
+    import drjit as dr
+
+    half = float(np.tan(np.radians(BEAM_FOV_DEG / 2.0)))
+
+    class ManyLampsIntegrator(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
+        """A path tracer with next-event estimation and multiple importance sampling, as Mitsuba's `path`."""
+
+        def place(self, scene: MitsubaObject, table: LampTable, max_depth: int, roulette_depth: int) -> None:
+            """Take the lamps of a scene. All numbers are variables, so that no frame costs a compilation."""
+            self._modules = mi, dr
+            self._max_depth, self._roulette = dr.opaque(mi.UInt32, max_depth), dr.opaque(mi.UInt32, roulette_depth)
+            self._count = dr.opaque(mi.UInt32, len(table.kind))
+            self._kind = mi.UInt32(table.kind.astype(np.uint32))
+            self._center, self._axis, self._side = (
+                mi.Float(v.astype(np.float32).ravel()) for v in (table.center, table.axis, table.side)
+            )
+            self._strength, self._radius = (mi.Float(v.astype(np.float32)) for v in (table.strength, table.radius))
+            self._beam = mi.Texture2f(mi.TensorXf(_beam_table()[..., None]))
+            self._emitters = scene.emitters_dr()
+            ids = np.array(dr.reinterpret_array(mi.UInt32, self._emitters), dtype=np.int64)
+            index = np.zeros(int(ids.max()) + 1, dtype=np.uint32)
+            index[ids] = np.arange(len(ids))
+            self._index_of_id = mi.UInt32(index)
+
+        def _chance(
+            self, index: DeviceArray, point: DeviceArray, normal: DeviceArray, active: DeviceArray
+        ) -> DeviceArray:
+            """Return the light that a lamp may send to a point, at least; not yet divided by the sum."""
+            kind = dr.gather(mi.UInt32, self._kind, index, active)
+            strength = dr.gather(mi.Float, self._strength, index, active)
+            radius = dr.gather(mi.Float, self._radius, index, active)
+            axis, side = (dr.gather(mi.Vector3f, v, index, active) for v in (self._axis, self._side))
+            way = dr.gather(mi.Point3f, self._center, index, active) - point
+            squared = dr.squared_norm(way) + dr.square(radius) + 1e-4
+            distance = dr.sqrt(squared)
+            toward = way / distance
+            cosine = dr.clip(dr.abs(dr.dot(normal, toward)) + radius / distance, _LEAST_COSINE, 1.0)
+            flat = dr.norm(axis)
+            spread = 0.25 * (1.0 - flat) + dr.maximum(-dr.dot(axis, toward), 0.0) + _LEAST_COSINE
+            ahead = -dr.dot(axis, toward)
+            up = dr.cross(axis, side)
+            safe = dr.maximum(ahead, 1e-3)
+            u, v = dr.dot(side, toward) / safe, -dr.dot(up, toward) / safe  # to the right, up, on the plane at 1 m
+            lit = (ahead > 1e-3) & (dr.abs(u) < half) & (dr.abs(v) < half)
+            beam = dr.select(lit, self._beam.eval(mi.Point2f(u, v) / (2.0 * half) + 0.5, lit)[0], 0.0)
+            light = dr.select(kind == _BEAM, beam, spread) * strength * cosine / squared
+            return dr.select(kind >= _SKY, strength, light)
+
+        @dr.syntax  # type: ignore[misc]
+        def _choose(
+            self, point: DeviceArray, normal: DeviceArray, random: DeviceArray, active: DeviceArray
+        ) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
+            """Return a lamp's index, the light that it may send, and the sum over all lamps; one pass."""
+            mi, dr = self._modules  # the decorator loses names of outer functions
+            index, total = mi.UInt32(0), mi.Float(0.0)
+            chosen, light = mi.UInt32(0), mi.Float(0.0)
+            while active & (index < self._count):
+                value = self._chance(index, point, normal, active)
+                total += value
+                share = dr.select(total > 0.0, value / total, 0.0)
+                take = (value > 0.0) & (random < share)
+                chosen, light = dr.select(take, index, chosen), dr.select(take, value, light)
+                random = dr.select(take, random / share, (random - share) / dr.maximum(1.0 - share, 1e-7))
+                random = dr.clip(random, 0.0, 0.99999994)
+                index += 1
+            return chosen, light, total
+
+        @dr.syntax  # type: ignore[misc]
+        def sample(
+            self,
+            scene: MitsubaObject,
+            sampler: MitsubaObject,
+            ray: MitsubaObject,
+            medium: MitsubaObject = None,
+            active: DeviceArray = True,
+        ) -> tuple[DeviceArray, DeviceArray, list[DeviceArray]]:
+            """Return radiance, validity and no further channels."""
+            mi, dr = self._modules
+            context = mi.BSDFContext()
+            ray = mi.Ray3f(ray)
+            active = mi.Bool(active)
+            valid = mi.Bool(False)
+            throughput, result = mi.Color3f(1.0), mi.Color3f(0.0)
+            eta, depth = mi.Float(1.0), mi.UInt32(0)
+            last_point, last_normal = mi.Point3f(0.0), mi.Normal3f(0.0)
+            last_pdf, last_sum, last_delta = mi.Float(1.0), mi.Float(0.0), mi.Bool(True)
+            while active:
+                si = scene.ray_intersect(ray, mi.RayFlags.All, depth == 0, active)
+                # what the path meets shines: weighted against the chance that the lamp would have been chosen
+                emitter = si.emitter(scene, active)
+                start = dr.zeros(mi.Interaction3f)
+                start.p = last_point
+                seen = mi.DirectionSample3f(scene, si, start)
+                shines = active & (emitter != None)  # noqa: E711 # compares pointers
+                number = dr.gather(mi.UInt32, self._index_of_id, dr.reinterpret_array(mi.UInt32, emitter), shines)
+                asked = shines & ~last_delta & (last_sum > 0.0)
+                chance = self._chance(number, last_point, last_normal, asked) / last_sum
+                lamp_pdf = dr.select(asked, emitter.pdf_direction(start, seen, asked) * chance, 0.0)
+                weight = dr.select(lamp_pdf > 0.0, last_pdf / (last_pdf + lamp_pdf), 1.0)
+                result += dr.select(shines, throughput * weight * emitter.eval(si, shines), 0.0)
+                valid |= active & si.is_valid()
+                active &= si.is_valid() & (depth + 1 < self._max_depth)
+
+                # light of one lamp
+                bsdf = si.bsdf(ray)
+                normal = si.sh_frame.n
+                lit = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+                chosen, light, total = self._choose(si.p, normal, sampler.next_1d(active), lit)
+                lit &= light > 0.0
+                lamp = dr.gather(mi.EmitterPtr, self._emitters, chosen, lit)
+                toward, value = lamp.sample_direction(si, sampler.next_2d(active), lit)
+                lit &= toward.pdf > 0.0
+                lit &= ~scene.ray_test(si.spawn_ray_to(toward.p), lit)
+                share = light / total
+                wo = si.to_local(toward.d)
+                reflected, pdf = bsdf.eval_pdf(context, si, wo, lit)
+                pdf = dr.select(toward.delta, 0.0, pdf)
+                weight = toward.pdf * share / (toward.pdf * share + pdf)
+                result += dr.select(lit, throughput * reflected * value * (weight / share), 0.0)
+
+                # the next segment
+                drawn, factor = bsdf.sample(context, si, sampler.next_1d(active), sampler.next_2d(active), active)
+                ray = si.spawn_ray(si.to_world(drawn.wo))
+                last_point, last_normal = si.p, normal
+                last_pdf, last_sum = drawn.pdf, total
+                last_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
+                throughput *= factor
+                eta *= drawn.eta
+                depth += 1
+                strongest = dr.max(throughput)
+                active &= strongest > 0.0
+                stay = dr.minimum(strongest * dr.square(eta), 0.95)
+                plays = depth >= self._roulette
+                active &= ~plays | (sampler.next_1d(active) < stay)
+                throughput *= dr.select(plays, dr.rcp(dr.maximum(stay, 1e-12)), 1.0)
+            return result, valid, []
+
+    mi.register_integrator(PLUGIN, ManyLampsIntegrator)
+    return ManyLampsIntegrator
+
+
+def many_lamps_integrator(
+    mi: ModuleType, scene: MitsubaObject, max_depth: int, roulette_depth: int
+) -> MitsubaObject | None:
+    """Return the integrator for a scene in its present state, or None where it has emitters of other kinds.
+
+    Inside ``variant.optical()``.
+
+    Parameters
+    ----------
+    mi : module
+    scene : mitsuba.Scene
+    max_depth : int
+        Longest light path [segments].
+    roulette_depth : int
+        Segments after which a light path ends at random.
+    """
+    table = lamp_table(mi, scene)
+    if table is None:
+        return None
+    _plugin(mi, mi.variant())
+    integrator: Any = mi.load_dict({"type": PLUGIN})
+    integrator.place(scene, table, max_depth, roulette_depth)
+    return integrator

@@ -1,0 +1,124 @@
+"""The camera at night: no light is lost or spread, and many lamps are sampled without bias."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from camera_lidar.camera import render, render_radiance
+from camera_lidar.camera.energy import keep_energy
+from camera_lidar.camera.shining import lamp_light
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.engine import variant
+from scarl_sionna.engine.light.haze import Haze
+from scarl_sionna.engine.light.sky import UNIT_LUMINANCE
+from scarl_sionna.engine.load import load_scene
+from scarl_sionna.engine.world import WorldState
+from tests.scenes import Material, Thing, box, plane, write_scene
+
+pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
+
+SPEC = CameraSpec(width=64, height=36, horizontal_fov_deg=60.0, samples_per_pixel=16, denoise=False, images=("rgb",))
+NIGHT = Lighting(sun_elevation_deg=-40.0, night_sky_luminance=0.01, street_lamps=True, headlamps=True)
+POSE = Pose([0.0, 0.0, 1.6])
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> WorldState:
+    """Return a street at night: 14 lamps on both sides, a car with its beams, boxes that throw shadows."""
+    folder = tmp_path_factory.mktemp("night")
+    road = Thing("road", plane(400.0, 60.0, (100.0, 0.0, 0.0)), "Roads", is_object=False)
+    lamps = [
+        Thing(f"lamp{number}", plane(0.5, 0.3, (-40.0 + 15.0 * number, side, 7.0), (0.0, 0.0, -1.0)), "Pole", "lens")
+        for number, side in ((k, 8.0 if k % 2 else -8.0) for k in range(14))
+    ]
+    things = [Thing(f"box{k}", box((3.0, 2.0, 2.0), (12.0 + 9.0 * k, -4.0 + 4.0 * k, 1.0)), "Car") for k in range(3)]
+    front = box((0.02, 0.2, 0.1), (-1.0, 0.6, 0.7)) + box((0.02, 0.2, 0.1), (-1.0, -0.6, 0.7))
+    beams = Thing("beams", front, "Car", "head")
+    black = Material((0.0, 0.0, 0.0))
+    path = write_scene(folder, [road, *lamps, *things, beams], materials={"lens": black, "head": black})
+    toml = folder / "scene.toml"
+    text = toml.read_text().replace("[materials.lens]", '[materials.lens]\nlamp = "street_lamp"')
+    toml.write_text(text.replace("[materials.head]", '[materials.head]\nlamp = "headlamp"'))
+    return load_scene(path).with_lighting(NIGHT).at(0.0)
+
+
+def block_means(image: np.ndarray) -> np.ndarray:
+    return image.reshape(4, 9, 8, 8, 3).mean(axis=(1, 3))
+
+
+def test_lamps_chosen_by_their_light_are_unbiased(street: WorldState, monkeypatch: pytest.MonkeyPatch) -> None:
+    def shots(samples: int, seeds: range) -> np.ndarray:
+        views = [render._View(SPEC, POSE, seed, samples) for seed in seeds]
+        return np.array([render._trace(street, view) - render._shining(street, view, 1.0)[0] for view in views])
+
+    ours = shots(64, range(4))
+    monkeypatch.setattr(render, "many_lamps_integrator", lambda *_: None)
+    theirs = shots(128, range(10, 14))
+    mean, error = [], []
+    for images in (ours, theirs):
+        blocks = np.array([block_means(image) for image in images])
+        mean.append(blocks.mean(axis=0))
+        error.append(blocks.var(axis=0, ddof=1) / len(blocks))
+    # errors from four images each: Student's t with 6 degrees of freedom over 96 blocks, 1e-6 each
+    spread = np.sqrt(error[0] + error[1]) + 1e-3 * mean[1].mean()  # and rounding where there is only sky
+    assert (np.abs(mean[0] - mean[1]) < 16.0 * spread).all()
+    assert mean[0].mean() == pytest.approx(mean[1].mean(), rel=0.01)  # five times the difference's standard error
+    noise = [np.median(images.std(axis=0, ddof=1) / images.mean(axis=0).clip(1e-9)) for images in (ours, theirs)]
+    assert noise[0] < 0.6 * noise[1]  # with half the samples
+
+
+def test_a_lamp_smaller_than_a_pixel_has_its_light(tmp_path: Path) -> None:
+    """The sum over the image is luminance times the lamp's area in pixels; haze dims it by its distance."""
+    size, distance = 0.11, 80.0
+    lamp = Thing("lamp", plane(size, size, (distance, 1.3, 2.0), (-1.0, 0.0, 0.0)), "Pole", "lens")
+    path = write_scene(tmp_path, [lamp], materials={"lens": Material((0.0, 0.0, 0.0))})
+    toml = tmp_path / "scene.toml"
+    toml.write_text(toml.read_text().replace("[materials.lens]", '[materials.lens]\nlamp = "street_lamp"'))
+    state = load_scene(path).with_lighting(NIGHT.with_(night_sky_luminance=0.0)).at(0.0)
+    area = (SPEC.intrinsics[0, 0] * size / distance) ** 2
+    assert area < 0.01  # 16 samples a pixel miss it in most images
+    expected = 9000.0 / (np.pi * size * size) / UNIT_LUMINANCE * area
+    image = render_radiance(state, SPEC.with_(denoise=True), POSE, np.random.default_rng(0)).astype(float)
+    shown = (image @ [0.2126, 0.7152, 0.0722]).sum()
+    # 4 or 5 of the 64 rows and columns of rays meet a lamp of 0.076 px: (4 / 4.88)^2 at worst
+    assert shown == pytest.approx(expected, rel=0.35)
+    with variant.optical() as mi:
+        scene = state.optical_scene()
+        clear, hazy = (lamp_light(mi, scene, SPEC, POSE, haze) for haze in (None, Haze.of(240.0, np.zeros(3))))
+    assert clear is not None and hazy is not None and clear.pixels.sum() <= 9
+    np.testing.assert_allclose(hazy.radiance, clear.radiance * np.exp(-3.0 * 80.0 / 240.0), rtol=2e-3)
+
+
+def test_a_biased_filter_gets_its_energy_back_by_place_and_brightness() -> None:
+    """Skewed noise through a mean of logarithms: half of the light is gone, and a bright half spills over the dark."""
+    rng = np.random.default_rng(5)
+    truth = np.where(np.arange(160) < 80, 1.0, 30.0)[None, :, None] * np.ones((96, 1, 3))
+    traced = truth * rng.gamma(0.5, 2.0, (96, 160, 1))
+    filtered = truth * 0.5 + 0.3
+    repaired = keep_energy(filtered, traced)
+    # gamma of shape 0.5 has variance 2: 7680 pixels, 5 sigma is 8 %; both halves within their own noise, 2 % apart
+    for half in (np.s_[:, :80], np.s_[:, 80:]):
+        assert repaired[half].sum() == pytest.approx(traced[half].sum(), rel=0.01)
+    assert keep_energy(np.zeros((4, 4, 3)), np.ones((4, 4, 3))).max() == 0.0
+    np.testing.assert_allclose(keep_energy(truth, truth), truth, rtol=1e-12)
+
+
+def test_the_denoised_night_keeps_its_light_and_its_dark(street: WorldState) -> None:
+    """16 samples denoised against 512: it lost a third of all light and doubled the dark parts before."""
+    many = render_radiance(street, SPEC.with_(samples_per_pixel=512), POSE, np.random.default_rng(0)).astype(float)
+    few = np.mean(
+        [
+            render_radiance(street, SPEC.with_(denoise=True), POSE, np.random.default_rng(seed)).astype(float)
+            for seed in (1, 2, 3)
+        ],
+        axis=0,
+    )
+    assert few.mean() == pytest.approx(many.mean(), rel=0.03)
+    luminance = many.mean(axis=-1)
+    dark = luminance <= np.median(luminance)
+    assert few[dark].mean() == pytest.approx(many[dark].mean(), rel=0.10)
