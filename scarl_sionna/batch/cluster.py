@@ -103,7 +103,7 @@ def work(job: ShardJob, threads: int | None) -> ShardReport:
     """Make a shard in a worker and tell the client of each frame."""
     from scarl_sionna.engine.threads import limit_threads
 
-    if not (Path(job.root) / MANIFEST).exists():
+    if job.target is None and not (Path(job.root) / MANIFEST).exists():
         raise OutputError(
             f"this worker does not see the dataset {job.root}; give --out on a file system that all workers mount"
         )

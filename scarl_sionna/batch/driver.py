@@ -14,6 +14,7 @@ from typing import Any
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError
 from scarl_sionna.dataset.encoding import StoreOptions
 from scarl_sionna.dataset.store.layout import LOG_FILE
+from scarl_sionna.dataset.store.remote import RemoteFolder, check_workers, is_address
 from scarl_sionna.dataset.store.writer import DatasetFolder
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 
@@ -47,6 +48,9 @@ class ExportSettings:
     plan_file : path, optional
         Plan that jobs of an array share: read if it is there, else computed once and written. Each job compares what it
         makes with the files as they are then.
+    scratch : path, optional
+        Folder of this machine for what is not finished of a dataset in an object store (default: one of the user's
+        cache for each address).
     """
 
     workers: int = 0
@@ -58,6 +62,7 @@ class ExportSettings:
     licence: str = "not stated"
     description: str = ""
     plan_file: str | Path | None = None
+    scratch: str | Path | None = None
 
     def __post_init__(self) -> None:
         if self.workers < 0:
@@ -86,7 +91,8 @@ def export(
     ----------
     scenarios : iterable of ScenarioSpec
         Their `scene_name` differ; all have the same rig.
-    out : path
+    out : path or str
+        Folder, or address in an object store: ``s3://bucket/data``, ``gs://bucket/data``.
     settings : ExportSettings, optional
         Default: one process, this one.
     on_event : callable
@@ -117,7 +123,7 @@ def _export(
     started = perf_counter()
     plan = plan_export(scenarios, settings.options, settings.licence, settings.description, settings.plan_file)
     part = None if settings.part is None else f"{settings.part[0]}_of_{settings.part[1]}"
-    with DatasetFolder(out, plan.dataset, overwrite=settings.overwrite, part=part) as folder, _log_file(folder.root):
+    with _folder(out, plan, settings, part) as folder, _log_file(folder.root):
         jobs, report = _jobs(plan, folder, settings)
         on_event("plan", {"frames": report.num_frames, "done": report.num_kept, "shards": len(jobs)})
         _log.info("%d frames, %d there, %d shards to make", report.num_frames, report.num_kept, len(jobs))
@@ -146,6 +152,14 @@ def _export(
     return report
 
 
+def _folder(out: str | Path, plan: ExportPlan, settings: ExportSettings, part: str | None) -> DatasetFolder:
+    if not is_address(out):
+        return DatasetFolder(out, plan.dataset, overwrite=settings.overwrite, part=part)
+    if settings.workers or settings.scheduler is not None:
+        check_workers(str(out))
+    return RemoteFolder(str(out), plan.dataset, overwrite=settings.overwrite, part=part, scratch=settings.scratch)
+
+
 def run_jobs(jobs: list[ShardJob], settings: ExportSettings, on_event: OnEvent) -> Iterator[ShardReport]:
     """Yield the report of each shard as it is finished."""
     if not jobs:
@@ -166,7 +180,8 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
         for name, scenario in sorted(plan.scenarios.items())
         for shard in range(-(-scenario.num_frames // settings.options.shard_frames))
     ]
-    report = ExportReport(folder.root, 0)
+    target = folder.target.url if isinstance(folder, RemoteFolder) else None
+    report = ExportReport(folder.root, 0, address=target or "")
     jobs = []
     root = output_root(folder.root)
     for name, shard in shards_of_part(keys, settings.part):
@@ -188,6 +203,8 @@ def _jobs(plan: ExportPlan, folder: DatasetFolder, settings: ExportSettings) -> 
                     folder.plan.scene_hash(name),
                     settings.on_error,
                     settings.plan_file is not None,
+                    target,
+                    folder.rows[name][shard] is not None,
                 )
             )
     return jobs, report

@@ -13,6 +13,7 @@ from time import perf_counter
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions, encode_frame
 from scarl_sionna.dataset.store.layout import MARKED as AT_THE_TOP
 from scarl_sionna.dataset.store.records import metadata_texts
+from scarl_sionna.dataset.store.remote import is_address, scratch_folder
 from scarl_sionna.simulation import load_world, observe
 
 from .driver import ExportSettings
@@ -109,7 +110,7 @@ def estimate(plan: ExportPlan, out: str | Path, settings: ExportSettings) -> Est
         len(plan.scenarios),
         {**frame.timings, "encoding (beside)": encoding},
         processes,
-        _free(Path(out)),
+        _free(scratch_folder(str(out)) if is_address(out) else Path(out)),
         _num_files(plan, encoded, settings.options),
     )
 

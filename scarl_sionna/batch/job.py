@@ -20,6 +20,7 @@ from scarl_sionna.core.errors import ExportError, OutputError, ScarlError
 from scarl_sionna.core.results import Frame
 from scarl_sionna.dataset.encoding import StoreOptions, encode_frame
 from scarl_sionna.dataset.store.manifest import ScenePlan, differences
+from scarl_sionna.dataset.store.remote import fetch_shard, send_shard
 from scarl_sionna.dataset.store.shard_writer import ShardWriter
 from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
@@ -41,7 +42,10 @@ _log = logging.getLogger("scarl_sionna.batch")
 
 @dataclass(frozen=True)
 class ShardJob:
-    """One shard to make; plain data that can be sent to another process."""
+    """One shard to make; plain data that can be sent to another process.
+
+    `target`: address of the object store that it goes to when it is finished; `is_begun_there`: some frames are there.
+    """
 
     root: str
     scenario: ScenarioSpec
@@ -52,6 +56,8 @@ class ShardJob:
     configuration: str
     on_error: OnError = "raise"
     is_planned_before: bool = False
+    target: str | None = None
+    is_begun_there: bool = False
 
     @property
     def name(self) -> str:
@@ -108,6 +114,8 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
     """
     seconds: dict[str, float] = {}
     rig, scenario = job.rig, job.scenario
+    if job.target is not None and job.is_begun_there:
+        fetch_shard(job.target, Path(job.root), job.scene, job.shard)
     with ShardWriter(job.root, job.scene, job.shard, job.options, job.configuration) as shard:
         missing = shard.missing
         kept = len(shard.frames) - len(missing)
@@ -140,6 +148,8 @@ def make_shard(job: ShardJob, on_event: OnEvent = ignore) -> ShardReport:
             _fail(job, shard, index, cause, on_event)
         started = perf_counter()
         record = shard.commit()
+        if job.target is not None:
+            send_shard(job.target, Path(job.root), job.scene, job.shard, record)
         _add(seconds, "putting in place", perf_counter() - started)
     failed = dict(record.failed)
     return ShardReport(job.scene.name, job.shard, len(missing) - len(failed), kept, failed, record.num_bytes, seconds)

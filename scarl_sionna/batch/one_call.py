@@ -43,8 +43,8 @@ def export(
     scenarios : ScenarioSpec, str, path, or several of them
         Scenarios, their files (.yaml, .json), names of ready scenarios, or names of scenes; all have the same rig. For
         many drives of one, see :class:`scarl_sionna.batch.Sweep`.
-    out : path
-        Folder of the dataset.
+    out : path or str
+        Folder of the dataset, or its address in an object store (``s3://bucket/data``).
     workers : int
         Processes on this machine; 0: in this process. The bytes do not depend on it. A script that asks for some needs
         ``if __name__ == "__main__":``, as every program that starts processes.

@@ -17,6 +17,7 @@ class ExportReport(Described, units={"num_bytes": "bytes", "wall_seconds": "s"})
     Attributes
     ----------
     root : Path
+        Folder of the dataset; of one in an object store, where what is not finished is kept.
     num_frames : int
         Frames asked for.
     num_made, num_kept : int
@@ -28,6 +29,8 @@ class ExportReport(Described, units={"num_bytes": "bytes", "wall_seconds": "s"})
     wall_seconds : float
     seconds : dict of str to float
         By stage, summed over workers.
+    address : str
+        Of a dataset in an object store.
     """
 
     root: Path
@@ -38,6 +41,7 @@ class ExportReport(Described, units={"num_bytes": "bytes", "wall_seconds": "s"})
     num_bytes: int = 0
     wall_seconds: float = 0.0
     seconds: dict[str, float] = field(default_factory=dict)
+    address: str = ""
 
     def add(self, report: ShardReport) -> None:
         """Add a shard."""
@@ -52,7 +56,7 @@ class ExportReport(Described, units={"num_bytes": "bytes", "wall_seconds": "s"})
         kept = f", {self.num_kept} kept from before" if self.num_kept else ""
         stages = ", ".join(f"{stage} {taken:.1f}" for stage, taken in self.seconds.items())
         lines = [f"{self.num_made} frames written{kept} in {self.wall_seconds:.1f} s ({stages})"]
-        lines.append(f"dataset: {self.root}   {self.num_bytes / 1e6:.1f} MB")
+        lines.append(f"dataset: {self.address or self.root}   {self.num_bytes / 1e6:.1f} MB")
         if self.failed:
             lines.append(f"{len(self.failed)} frames failed; the same command tries them again:")
             shown = list(self.failed.items())[:10]

@@ -101,6 +101,9 @@ class _Stored:
     ] = "packed"
     licence: Annotated[str, typer.Option(help="For the dataset card.")] = "not stated"
     description: Annotated[str, typer.Option(help="For the dataset card.")] = ""
+    scratch: Annotated[
+        Path | None, typer.Option(help="Folder for what is not finished, where --out is an address.")
+    ] = None
     overwrite: Annotated[
         bool,
         typer.Option("--overwrite", help="Remove the dataset in the folder first; files that are not its own stay."),
@@ -121,7 +124,7 @@ def export(
             autocompletion=completing(ready_names),
         ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder of the dataset.")],
+    out: Annotated[str, typer.Option(help="Folder of the dataset, or its address: s3://bucket/data.")],
     job: _Job,
     stored: _Stored,
 ) -> None:
@@ -166,13 +169,14 @@ def _settings(job: _Job, stored: _Stored) -> ExportSettings:
         stored.licence,
         stored.description,
         job.plan,
+        stored.scratch,
     )
 
 
 @app.command()
 def verify(
     context: typer.Context,
-    dataset: Annotated[Path, typer.Argument(help="Folder of the dataset.")],
+    dataset: Annotated[str, typer.Argument(help="Folder of the dataset, or its address.")],
     repair: Annotated[
         bool, typer.Option("--repair", help="Remove damaged shards, so that the next export makes them again.")
     ] = False,
@@ -311,7 +315,7 @@ def _choice(name: str, value: str, *allowed: ChoiceT) -> ChoiceT:
     return next(choice for choice in allowed if choice == value)
 
 
-def _export(scenarios: list[ScenarioSpec], out: Path, settings: ExportSettings) -> ExportReport:
+def _export(scenarios: list[ScenarioSpec], out: str, settings: ExportSettings) -> ExportReport:
     """Run an export under a progress bar."""
     columns = (
         BarColumn(bar_width=12),

@@ -18,7 +18,7 @@ from .readers.reader import Dataset, Scene, open_dataset
 from .schema import OBJECT, POINT
 from .store.archives import REMEDY, ArchivedFiles
 from .store.card import dataset_card, is_card, unmarked_card
-from .store.files import output_error
+from .store.files import LocalFiles, RemoteFiles, output_error
 from .store.layout import (
     CARD,
     DATA_FOLDERS,
@@ -46,11 +46,14 @@ from .store.manifest import (
     without_later,
 )
 from .store.records import ShardRecord, bundle_name, metadata_texts, record_name
+from .store.remote import RemoteFolder
 from .store.writer import DatasetFolder, Row, shard_rows
 
 Kind = Literal["damage", "unfinished"]
 _BLOCK = 2**26
 """Read at once of a file whose checksum is computed [bytes]."""
+_HELD = 2**28
+"""Largest ZIP file of a shard that is held in memory while its frames are checked [bytes]."""
 STRAY = "belongs to no finished shard"
 UNFINISHED_STRAY = "is of a shard that is not finished (an export that is running or was stopped)"
 
@@ -133,7 +136,8 @@ def verify(
 
     Parameters
     ----------
-    root : path
+    root : path or str
+        A folder, or an fsspec address; of a place that lists no folders (most web servers) only the shards are checked.
     repair : bool
         Remove damaged shards, so that the next export makes them again, and write anew what follows from the rest. Only
         files of the dataset's own are removed or replaced.
@@ -147,12 +151,10 @@ def verify(
     OutputError
         If it is in use or cannot be repaired for lack of permission.
     """
-    root = Path(root)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ScarlWarning)  # a manifest that is lost is a fault here
         dataset = open_dataset(root)
-    archived = isinstance(dataset.files, ArchivedFiles)
-    if archived and repair:
+    if isinstance(dataset.files, ArchivedFiles) and repair:
         raise DatasetError("archives are written once and cannot be repaired", root, REMEDY)
     found = Verification()
     if dataset.manifest_fault is not None:
@@ -166,13 +168,18 @@ def verify(
         found.num_planned += len(scene.shard_range(shard, dataset.plan.options))
         found.add(_check_shard(dataset, scene, shard, found, known))
     on_shard(len(shards), len(shards))
-    if not archived:
-        found.add(_check_manifest(dataset, root, known))
-        found.add(_check_marked(dataset, root, found))
-        found.add(_check_strays(dataset, root, known, found))
+    if isinstance(dataset.files, LocalFiles):
+        folder = dataset.files.root
+        found.add(_check_manifest(dataset, folder, known))
+        found.add(_check_marked(dataset, folder, found))
+        found.add(_check_strays(dataset, folder, known, found))
+    elif isinstance(dataset.files, RemoteFiles):
+        found.add(_check_store(dataset, dataset.files, known, found))
     found.add(_check_order(dataset))
-    if repair and (found.faults or found.unfinished or not (root / BACKUP).exists()):
-        _repair(root, dataset, found)
+    if repair and isinstance(dataset.files, RemoteFiles):
+        _repair_store(dataset, found)
+    elif repair and (found.faults or found.unfinished or not (Path(root) / BACKUP).exists()):
+        _repair(Path(root), dataset, found)
     return found
 
 
@@ -218,7 +225,9 @@ def _check_shard(
         yield Fault(name, "is not of the layout that the manifest states", scene.name, shard)
     damaged = False
     for file, (size, digest) in record.on_disk.items():
-        what = _check_file(dataset, file, size, digest)
+        what, data = _check_file(dataset, file, size, digest)
+        if record.bundle is not None and what is None and data:
+            dataset.scene(scene.name).hold(file, data)
         found.num_files += 1
         found.num_bytes += size
         if what is not None:
@@ -230,23 +239,26 @@ def _check_shard(
             yield from _check_frame(dataset.scene(scene.name), index, shard)
 
 
-def _check_file(dataset: Dataset, name: str, size: int, digest: str) -> str | None:
+def _check_file(dataset: Dataset, name: str, size: int, digest: str) -> tuple[str | None, bytes]:
+    """Return what is wrong with a file, and its bytes if they are few enough to be held."""
     if name.split("/")[0] not in (ARRAYS, IMAGES, SHARDS):
-        return "is no place for data of a shard"
-    found, length = hashlib.sha256(), 0
+        return "is no place for data of a shard", b""
+    found, length, parts = hashlib.sha256(), 0, []
     try:
         while data := dataset.files.read(name, length, length + _BLOCK):
             found.update(data)
             length += len(data)
+            if size <= _HELD:
+                parts.append(data)
             if len(data) < _BLOCK:
                 break
     except FileNotFoundError:
-        return "is not there"
+        return "is not there", b""
     except (OSError, DatasetError) as error:
-        return f"cannot be read: {error}"
+        return f"cannot be read: {error}", b""
     if length != size:
-        return f"has {length} bytes, {size} were written"
-    return None if found.hexdigest() == digest else "its checksum is wrong"
+        return f"has {length} bytes, {size} were written", b""
+    return (None, b"".join(parts)) if found.hexdigest() == digest else ("its checksum is wrong", b"")
 
 
 def _check_frame(scene: Scene, index: int, shard: int) -> Iterator[Fault]:
@@ -309,7 +321,7 @@ def _check_manifest(dataset: Dataset, root: Path, known: set[str]) -> Iterator[F
     plan, there = dataset.plan, dataset.manifest["shards"]
     rows: dict[str, list[Row]] = {}
     for scene in plan.scenes:
-        now, arrays = shard_rows(root, scene, plan.options)
+        now, arrays = shard_rows(dataset.files, scene, plan.options)
         old = [*there.get(scene.name, []), *[None] * len(now)][: len(now)]
         rows[scene.name] = [  # those that an export has changed meanwhile were reported with their shards
             was
@@ -429,6 +441,44 @@ def _check_order(dataset: Dataset) -> Iterator[Fault]:
             last = time
 
 
+def _check_store(dataset: Dataset, files: RemoteFiles, known: set[str], found: Verification) -> Iterator[Fault]:
+    """Yield what is wrong beside the shards of a dataset behind an address, as far as it lists its files."""
+    names = files.walk()
+    if MANIFEST not in names:
+        return
+    if dataset.plan.options.layout == "packed":
+        yield from _check_manifest(dataset, Path(), known)
+    layout = Layout(dataset.plan, known)
+    for name in names:
+        if name in known or name in MARKED:
+            continue
+        shard = layout.shard_of(name)
+        if not layout.owns(name) or shard is None:
+            if not layout.owns(name):
+                found.foreign.append(name)
+            continue
+        finished = record_name(*shard) in known
+        yield Fault(name, STRAY if finished else UNFINISHED_STRAY, kind="damage" if finished else "unfinished")
+
+
+def _repair_store(dataset: Dataset, found: Verification) -> None:
+    """Remove damaged shards of a dataset in an object store, and what of its own belongs to nothing."""
+    if not (found.faults or found.unfinished):
+        return
+    folder = RemoteFolder(dataset.place, dataset.plan, repair=True)
+    with folder:
+        layout = Layout(folder.plan)
+        for scene, shard in sorted({(f.scene, f.shard) for f in found.faults if f.scene is not None}):
+            if shard is not None:
+                folder.target.remove(record_name(scene, shard))
+                folder.target.remove(bundle_name(scene, shard))
+                found.removed.append((scene, shard))
+        for fault in [*found.faults, *found.unfinished]:
+            if fault.what in (STRAY, UNFINISHED_STRAY) and layout.owns(fault.name):
+                folder.target.remove(fault.name)
+        folder.finalize(afresh=True)
+
+
 def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
     """Remove damaged shards and what of the dataset's own belongs to nothing, and write the rest anew."""
     damaged = {
@@ -473,7 +523,7 @@ def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
 def _metadata_of_nothing(folder: DatasetFolder, scene: str) -> list[str]:
     """Return the metadata of a scene's arrays that none of its shards has."""
     plan = folder.plan.scene(scene)
-    known = metadata_texts(plan, shard_rows(folder.root, plan, folder.plan.options)[1], folder.plan.options)
+    known = metadata_texts(plan, shard_rows(LocalFiles(folder.root), plan, folder.plan.options)[1], folder.plan.options)
     layout = Layout(folder.plan)
     names = [name for name, is_folder in files_under(folder.root, [f"{ARRAYS}/{scene}"]) if not is_folder]
     return [name for name in names if name.endswith(f"/{METADATA}") and name not in known and layout.owns(name)]

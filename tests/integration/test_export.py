@@ -199,7 +199,7 @@ def test_a_full_disk_stops_it_and_nothing_is_lost(scenarios, undisturbed, tmp_pa
 
     Where it may be mounted, on a small file system.
     """
-    place = full_disk(tmp_path, 700)
+    place = full_disk(tmp_path, 350)
     try:
         with pytest.raises(OutputError, match="free some space; the same command goes on"):
             export(scenarios, place / "out", SETTINGS)

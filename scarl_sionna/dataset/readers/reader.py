@@ -280,6 +280,10 @@ class Scene(Described, Sequence["StoredFrame"]):
         """
         return self._files.read_image(index, sensor, image)
 
+    def hold(self, name: str, data: bytes) -> None:
+        """Read a file from memory from now on, until another is held: for who goes through all of a shard."""
+        self._files.hold(name, data)
+
     def members(self, shard: int) -> tuple[ShardRecord, Iterator[tuple[str, list[bytes]]]] | None:
         """Return the record of a shard, and name and content of its files, each checked; None: it is not finished.
 

@@ -16,7 +16,7 @@ from scarl_sionna.core.untrusted.checked import checked, plain
 from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.dataset.encoding import StoreOptions
 from scarl_sionna.dataset.store.archives import shard_of
-from scarl_sionna.dataset.store.files import Files, read_small
+from scarl_sionna.dataset.store.files import Files, HeldFiles, read_small
 from scarl_sionna.dataset.store.forms import MetasForm
 from scarl_sionna.dataset.store.manifest import ARRAYS, SHARDS, ScenePlan
 from scarl_sionna.dataset.store.records import (
@@ -56,9 +56,13 @@ class ShardFiles:
     def __init__(
         self, files: Files, place: str, plan: ScenePlan, options: StoreOptions, rows: Sequence[list[Any] | None]
     ) -> None:
-        self._files, self._place, self._plan, self._options, self._rows = files, place, plan, options, rows
+        self._files, self._place, self._plan, self._options, self._rows = HeldFiles(files), place, plan, options, rows
         self._lock = threading.Lock()
         self._shards: OrderedDict[int, _Shard] = OrderedDict()
+
+    def hold(self, name: str, data: bytes) -> None:
+        """Read a file from memory from now on, until another is held."""
+        self._files.hold(name, data)
 
     def arrays(self, index: int) -> dict[str, ArrayInfo]:
         """Return the arrays of a frame's shard by name."""

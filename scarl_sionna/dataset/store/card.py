@@ -14,9 +14,13 @@ _MARK = re.compile(r"<!-- scarl-sionna dataset card ([0-9a-f]{16}) -->\n")
 def is_card(path: Path) -> bool:
     """Return whether a file is a dataset card as it was written: one with a line of somebody else's is theirs."""
     try:
-        text = path.read_text(encoding="utf-8") if path.is_file() else ""
+        return is_card_text(path.read_text(encoding="utf-8") if path.is_file() else "")
     except (OSError, UnicodeDecodeError):
         return False
+
+
+def is_card_text(text: str) -> bool:
+    """Return whether a text is that of a dataset card as it was written."""
     body, _, mark = text.removesuffix("\n").rpartition("\n")
     return f"{mark}\n" == _mark(f"{body}\n") if _MARK.fullmatch(f"{mark}\n") else False
 
@@ -43,6 +47,11 @@ def unmarked_card(manifest: Mapping[str, Any]) -> str:
     sensors = manifest["calibration"]
     kinds = sorted({item["kind"] for item in sensors.values()})
     software = manifest["configuration"]["software"]
+    others = (
+        "or any ZIP program for single images; `scarl-sionna repack` makes PNG files and a Zarr v3 hierarchy of all."
+        if manifest["configuration"]["storage"].get("layout") == "packed"
+        else "or any Zarr v3 reader for the arrays and any PNG reader for the images."
+    )
     lines = [
         "# Dataset",
         "",
@@ -59,8 +68,7 @@ def unmarked_card(manifest: Mapping[str, Any]) -> str:
         "|---|---|---|---|",
         *(f"| {name} | {item['num_frames']} | {item['split']} | {item['seed']} |" for name, item in scenes.items()),
         "",
-        "Reading: `scarl_sionna.open_dataset(folder)`, "
-        "or any Zarr v3 reader for the arrays and any PNG reader for the images.",
+        "Reading: `scarl_sionna.open_dataset(folder)`, " + others,
         "`manifest.json` holds calibration, units, axes, conventions, the depth formula and a checksum of every shard.",
         "`scarl-sionna verify` checks all of it.",
         "",

@@ -118,7 +118,9 @@ class RemoteFiles:
             self._system, self._root = fsspec.core.url_to_fs(url)
         except (ValueError, ImportError) as error:
             raise DatasetError(
-                f"cannot open this address: {error}", url, "install the fsspec package of its protocol"
+                f"cannot open this address: {error}",
+                url,
+                "install the fsspec package of its protocol (s3: pip install 'scarl-sionna[s3]')",
             ) from error
 
     def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
@@ -137,7 +139,7 @@ class RemoteFiles:
             If it does not answer, or refuses.
         """
         try:
-            data = bytes(self._system.cat_file(f"{self._root.rstrip('/')}/{name}", start=start, end=stop))
+            data = bytes(self._system.cat_file(self._path(name), start=start, end=stop))
         except (FileNotFoundError, NotADirectoryError):
             raise
         except Exception as error:  # every protocol has errors of its own
@@ -163,7 +165,8 @@ class RemoteFiles:
             If the server does not answer.
         """
         try:
-            found = self._system.ls(f"{self._root.rstrip('/')}/{folder}", detail=False)
+            self._system.invalidate_cache()  # of listings: another process may be writing
+            found = self._system.ls(self._path(folder), detail=False)
         except (FileNotFoundError, NotADirectoryError, PermissionError, NotImplementedError):
             return []
         except Exception as error:
@@ -172,6 +175,28 @@ class RemoteFiles:
             raise self._unreachable(folder, error) from error
         return sorted(str(name).rstrip("/").rpartition("/")[2] for name in found)
 
+    def walk(self) -> list[str]:
+        """Return the names of all files, sorted; none if the server lists no folders.
+
+        Raises
+        ------
+        DatasetUnreachable
+            If the server does not answer.
+        """
+        top = self._root.rstrip("/")
+        try:
+            self._system.invalidate_cache()
+            found = self._system.find(top)
+        except (FileNotFoundError, NotADirectoryError, NotImplementedError):
+            return []
+        except Exception as error:
+            raise self._unreachable("a list of files", error) from error
+        prefix = f"{self._system._strip_protocol(top)}/"
+        return sorted(str(name).removeprefix(prefix) for name in found)
+
+    def _path(self, name: str) -> str:
+        return f"{self._root.rstrip('/')}/{name}"
+
     def _unreachable(self, name: str, error: Exception) -> DatasetUnreachable:
         status = getattr(error, "status", None)
         what = f"answers {status} for {name}" if status is not None else f"does not give {name}"
@@ -179,6 +204,27 @@ class RemoteFiles:
         return DatasetUnreachable(
             f"the server {what} ({reason:.200})", self.url, "check the address, the network and your permissions"
         )
+
+
+class HeldFiles:
+    """Files of a dataset, one of which may be held in memory, so that its parts are read at once."""
+
+    def __init__(self, files: Files) -> None:
+        self.url, self._files = files.url, files
+        self._held: tuple[str, bytes] | None = None
+
+    def hold(self, name: str, data: bytes) -> None:
+        """Hold a file, and forget the one before it."""
+        self._held = name, data
+
+    def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
+        """Return a file's bytes, or those from `start` to `stop`."""
+        held = self._held
+        return held[1][start:stop] if held is not None and held[0] == name else self._files.read(name, start, stop)
+
+    def names(self, folder: str) -> list[str]:
+        """Return the names in a folder, sorted; none if it is not there."""
+        return self._files.names(folder)
 
 
 def read_member(

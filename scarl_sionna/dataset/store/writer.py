@@ -13,12 +13,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from scarl_sionna.core.errors import DatasetError, OutputError, ScarlWarning
+from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, InputFileError, OutputError, ScarlWarning
 from scarl_sionna.core.results import Frame
 from scarl_sionna.dataset.encoding import StoreOptions, encode_frame
 
 from .card import dataset_card, unmarked_card
-from .files import LocalFiles, make_folder, output_error, write_whole
+from .files import Files, LocalFiles, make_folder, output_error, write_whole
 from .layout import (
     CARD,
     CONTACT_SHEET,
@@ -141,7 +141,7 @@ class DatasetFolder:
         """
         try:
             with FileLock(self.root, "manifest", timeout=MANIFEST_SECONDS, what="another export writes the manifest"):
-                there = _There.look(self.root).manifest
+                there = self._there().manifest
                 if there is not None:  # other parts of the export may have added to it
                     self.plan = self.plan.merged(plan_of(there))
                 data = self._write_manifest({} if there is None or afresh else there["shards"], there)
@@ -166,22 +166,42 @@ class DatasetFolder:
         clear_temporaries(self.root, sheet=self.part is None)
         if self.overwrite and self.part is None:
             self._clear(there)
-            there = _There(self.root)
+            there = There(self.root)
         old = there.plan or self._plan_of_shards(there.records())
-        grows = True
-        if old is not None:
-            changes = self.plan.changes(old)
-            if changes and holds_frames(self.root):
-                shown = "; ".join(changes[:5]) + (f"; and {len(changes) - 5} more" if len(changes) > 5 else "")
-                raise OutputError(
-                    f"{self.root} holds frames of another configuration ({shown}); choose another folder or overwrite"
-                )
-            self.plan = self.plan if changes else self.plan.merged(old)
-            grows = [(s.name, s.num_frames) for s in self.plan.scenes] != [(s.name, s.num_frames) for s in old.scenes]
+        grows = self._merge(old, holds_frames(self.root))
         self._write_manifest({} if there.manifest is None or grows else there.manifest["shards"], there.manifest)
         self._tidy_work()
 
-    def _check_foreign(self) -> _There:
+    def _merge(self, old: DatasetPlan | None, is_begun: bool) -> bool:
+        """Add what is planned there to this plan; return whether there is more in it now than there.
+
+        `is_begun`: whether there are frames.
+
+        Raises
+        ------
+        OutputError
+            If they are of another configuration.
+        """
+        if old is None:
+            return True
+        changes = self.plan.changes(old)
+        if changes and is_begun:
+            shown = "; ".join(changes[:5]) + (f"; and {len(changes) - 5} more" if len(changes) > 5 else "")
+            raise OutputError(
+                f"{self.address} holds frames of another configuration ({shown}); choose another folder or overwrite"
+            )
+        self.plan = self.plan if changes else self.plan.merged(old)
+        return [(s.name, s.num_frames) for s in self.plan.scenes] != [(s.name, s.num_frames) for s in old.scenes]
+
+    @property
+    def address(self) -> str:
+        """Where the dataset is, for people."""
+        return str(self.root)
+
+    def _there(self) -> There:
+        return There.look(LocalFiles(self.root), self.root)
+
+    def _check_foreign(self) -> There:
         """Return what of ours is there, or raise if something that is not ours stands in the way; nothing is written.
 
         Raises
@@ -190,8 +210,8 @@ class DatasetFolder:
             With the names of the files.
         """
         if not self.root.is_dir():
-            return _There(self.root)
-        there = _There.look(self.root)
+            return There(self.root)
+        there = self._there()
         found = blocked_folders(self.root, [scene.name for scene in self.plan.scenes])
         where = "where files of the dataset belong"
         if not self.repair:
@@ -243,7 +263,7 @@ class DatasetFolder:
                 remove_file(self.root / name)  # of an overwrite that was stopped: it is made again
         return self.plan if records else None
 
-    def _clear(self, there: _There) -> None:
+    def _clear(self, there: There) -> None:
         """Remove a dataset's own files; what is foreign stays.
 
         Records go first: without its record a shard is not there. The manifest stays until it is replaced, and tells
@@ -290,7 +310,9 @@ class DatasetFolder:
         """
         texts: dict[str, str] = {}
         for scene in self.plan.scenes:
-            self.rows[scene.name], arrays = shard_rows(self.root, scene, self.plan.options, known.get(scene.name, []))
+            self.rows[scene.name], arrays = shard_rows(
+                LocalFiles(self.root), scene, self.plan.options, known.get(scene.name, [])
+            )
             texts.update(metadata_texts(scene, arrays, self.plan.options))
         data = manifest_data(self.plan, {scene.name: self.rows[scene.name] for scene in self.plan.scenes})
         manifest = dump_manifest(data)
@@ -311,7 +333,7 @@ class DatasetFolder:
 
 
 @dataclass(frozen=True)
-class _There:
+class There:
     """What of ours is in a folder: the manifest or its copy, and its plan."""
 
     root: Path
@@ -319,8 +341,8 @@ class _There:
     plan: DatasetPlan | None = None
 
     @classmethod
-    def look(cls, root: Path) -> _There:
-        """Look into a folder.
+    def look(cls, files: Files, root: Path) -> There:
+        """Look into a place; `root`: its folder, or that of what is on its way there.
 
         Raises
         ------
@@ -328,10 +350,12 @@ class _There:
             If the dataset there is of a newer schema: what is its own is not known.
         """
         try:
-            manifest, _ = recover_manifest(LocalFiles(root))
+            manifest, _ = recover_manifest(files)
             return cls(root, manifest, plan_of(manifest))
         except (ManifestDamage, ManifestMissing, ManifestForeign):
             return cls(root)
+        except DatasetUnreachable:
+            raise
         except DatasetError as error:
             raise OutputError(f"{error}; or choose another folder") from error
 
@@ -400,7 +424,7 @@ def _write_if_other(root: Path, name: str, text: str) -> None:
 
 
 def shard_rows(
-    root: Path, scene: ScenePlan, options: StoreOptions, known: Sequence[Row] = ()
+    files: Files, scene: ScenePlan, options: StoreOptions, known: Sequence[Row] = ()
 ) -> tuple[list[Row], dict[str, Any]]:
     """Return checksum, frames, failed frames and bytes of each finished shard, and the arrays.
 
@@ -411,15 +435,22 @@ def shard_rows(
     """
     rows: list[Row] = []
     arrays: dict[str, Any] = {}
+    root = files.root if isinstance(files, LocalFiles) else None
+    there = set(files.names(f"{SHARDS}/{scene.name}")) if root is None else set()
     for shard in range(scene.num_shards(options)):
-        path = root / record_name(scene.name, shard)
-        if shard < len(known) and _is_full(known[shard], scene, shard, options) and path.is_file():
+        name = record_name(scene.name, shard)
+        if not ((root / name).is_file() if root is not None else name.rpartition("/")[2] in there):
+            rows.append(None)
+            continue
+        if shard < len(known) and _is_full(known[shard], scene, shard, options):
             rows.append(known[shard])
             continue
         try:
-            text = path.read_bytes()
+            text = files.read(name)
             record = ShardRecord.parse(text)
-        except (FileNotFoundError, IsADirectoryError, NotADirectoryError, DatasetError):
+        except DatasetUnreachable:
+            raise
+        except (FileNotFoundError, NotADirectoryError, InputFileError, DatasetError):
             rows.append(None)
             continue
         rows.append([hashlib.sha256(text).hexdigest(), len(record.frames), sorted(record.failed), record.num_bytes])
