@@ -8,10 +8,13 @@ import numpy.typing as npt
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.image_sensor import ImageSensor
 
+from .mosaic import through_mosaic
+from .projection import pixel_rays
 from .tone import DAYLIGHT_EXPOSURE, srgb_encode, tone_curve
 
 Array = npt.NDArray[np.float64]
 
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _GLARE_WIDTH = 0.04
 """Standard deviation of the scattered light's spread, as a share of the image's width."""
 
@@ -35,8 +38,11 @@ def develop(
     linear = np.maximum(clean, 0.0) * (gain * spec.exposure * DAYLIGHT_EXPOSURE)
     if spec.sensor is None:
         return np.rint(255.0 * srgb_encode(tone_curve(linear))).astype(np.uint8)
-    numbers = digitize(expose(linear, spec.sensor, rng), spec.sensor)
-    balanced = white_balance(numbers.astype(np.float64) / full_scale(spec.sensor) * spec.sensor.saturation, spec.sensor)
+    linear = automatic(vignetted(linear, spec), spec.sensor)
+    numbers = digitize(expose(linear, spec.sensor, rng), spec.sensor) - spec.sensor.black_level
+    values = numbers.astype(np.float64) / full_scale(spec.sensor) * spec.sensor.saturation
+    values = values if spec.sensor.mosaic is None else through_mosaic(values, spec.sensor.mosaic)
+    balanced = white_balance(values, spec.sensor)
     curved = tone_curve(balanced) if spec.sensor.tone_curve == "shoulder" else np.clip(balanced, 0.0, 1.0)
     return np.rint(255.0 * srgb_encode(curved)).astype(np.uint8)
 
@@ -72,6 +78,26 @@ def expose(linear: Array, sensor: ImageSensor, rng: np.random.Generator) -> Arra
     return electrons - sensor.dark_electrons
 
 
+def vignetted(linear: Array, spec: CameraSpec) -> Array:
+    r"""Return the image with its light falling towards the corners: :math:`1 - v (1 - \cos^4 \theta)`.
+
+    Theta is the angle to the optical axis; the law of thin lenses without glass that makes up for it.
+    """
+    share = 0.0 if spec.sensor is None else spec.sensor.vignetting
+    if share == 0.0:
+        return linear
+    cosine = np.nan_to_num(pixel_rays(spec)[:, 0].reshape(linear.shape[:2]), nan=0.0)
+    return np.asarray(linear * (1.0 - share * (1.0 - np.maximum(cosine, 0.0) ** 4))[..., None])
+
+
+def automatic(linear: Array, sensor: ImageSensor) -> Array:
+    """Return the image exposed so that its mean luminance is the sensor's `auto_exposure`; a black one stays."""
+    mean = float(linear.mean(axis=(0, 1)) @ _LUMINANCE)
+    if sensor.auto_exposure is None or mean <= 0.0:
+        return linear
+    return linear * (sensor.auto_exposure / mean)
+
+
 def veil(linear: Array, share: float) -> Array:
     """Return an image of which a share of the light is spread widely by the optics.
 
@@ -92,9 +118,12 @@ def full_scale(sensor: ImageSensor) -> int:
 
 
 def digitize(electrons: Array, sensor: ImageSensor) -> npt.NDArray[np.int64]:
-    """Return the converter's numbers, 0 to :func:`full_scale`; a uniform step adds the variance step^2 / 12."""
+    """Return the converter's numbers, 0 to :func:`full_scale`; a uniform step adds the variance step^2 / 12.
+
+    The black level is in them.
+    """
     scale = full_scale(sensor)
-    return np.clip(np.rint(electrons * (scale / sensor.full_well)), 0, scale).astype(np.int64)
+    return np.clip(np.rint(electrons * (scale / sensor.full_well)) + sensor.black_level, 0, scale).astype(np.int64)
 
 
 def white_balance(linear: Array, sensor: ImageSensor) -> Array:
