@@ -10,6 +10,8 @@ most. A lone path is the hardest case for the error, for no other path hides it:
 all others with no amplitude, so that it goes through the group's transforms. These tables are of straight paths with
 the rates of the array's centre (``motion_tolerance=None``), the transforms alone.
 
+``--cascade`` prints the time and the memory of one frame of 192 channels.
+
 A second part, alone with ``--motion``, is of exact motion: a radar that passes points at rest, tolerance of motion
 against CPU time and error. Its error is that of lone paths, one pair at the ends of the array, against the exact sum.
 """
@@ -31,7 +33,10 @@ import numpy as np
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.accuracy import Accuracy
+from scarl_sionna.core.specs.radar.array import HALF_WAVE, AntennaArray, uniform_line
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveform import Fmcw
+from scarl_sionna.core.specs.radar.waveforms.coded import Ofdm, Pmcw
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.points import point_targets
 from scarl_sionna.radar.synthesis import synthesize
@@ -44,6 +49,11 @@ NUM_LONE = 12
 MOTION_TOLERANCES = (None, 1e-2, 3e-3, 1e-3, 1e-4)
 SPEEDS = (0.0, 1.5, 14.0, 30.0)
 STRAIGHT = {"motion_tolerance": None}
+CASCADE = {
+    "fmcw": Fmcw(),
+    "ofdm": Ofdm(num_subcarriers=512, cyclic_prefix=2e-6),
+    "pmcw": Pmcw(code_length=511, num_chirps=256),
+}
 
 
 def random_points(radar: RadarSpec, count: int, slowest: float, fastest: float) -> RadarPaths:
@@ -140,6 +150,21 @@ def motion_table(count: int, rounds: int) -> None:
             )
 
 
+def cascade_row(name: str, count: int) -> None:
+    """Print the cost of a frame of 192 channels, of points within 30 m/s, with exact motion."""
+    array = AntennaArray(
+        tx_positions=uniform_line(12, 16 * HALF_WAVE), rx_positions=uniform_line(16, HALF_WAVE), max_array_extent=1.0
+    )
+    radar = RadarSpec(waveform=CASCADE[name], array=array)
+    paths = random_points(radar, count, -30.0, 30.0)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    signal, wall, cpu = timed(lambda: synthesize(paths, radar))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print("| waveform | samples | wall [s] | CPU [s] | peak [GB] | of it before |")
+    print("|---|---|---|---|---|---|")
+    print(f"| {name} | {' x '.join(map(str, signal.shape))} | {wall:.3g} | {cpu:.3g} | {peak:.2f} | {before:.2f} |")
+
+
 def cfr_cost() -> tuple[float, int]:
     """Return seconds of ``Paths.cfr`` a path and sample, and the paths of Sionna RT's street used for it."""
     from scarl_sionna.engine import variant
@@ -180,10 +205,14 @@ def main() -> None:
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--no-sionna", action="store_true")
     parser.add_argument("--motion", action="store_true", help="only the table of exact motion")
+    parser.add_argument("--cascade", choices=CASCADE, help="only a frame of 12 x 16 antennas with a waveform")
     options = parser.parse_args()
     radar = RadarSpec()
     cells = radar.num_virtual * radar.num_chirps * radar.num_samples
     print(machine(), f"load {os.getloadavg()[0]:.1f}")
+    if options.cascade:
+        cascade_row(options.cascade, options.paths)
+        return
     if options.motion:
         motion_table(options.paths, options.rounds)
         return
