@@ -97,14 +97,12 @@ def solve_paths(
     if chosen.method in ("raycast", "scatterers") or (chosen.method == "sbr" and chosen.sbr.pane_loss_db is None):
         warn_of_panes(state, radar, place.pose, chosen.method, chosen.warn_at)
     other = None if receiver is None else state.as_mount(receiver)
-
-    def solved(tuned: RadarSpec) -> RadarPaths:
-        return SOLVERS[chosen.method](state, tuned, place, chosen, other)
-
+    solve = SOLVERS[chosen.method]
     if chosen.num_band_frequencies > 1:
-        return solved_over_band(solved, radar, chosen.num_band_frequencies, chosen.warn_at.band_error)
+        count, level = chosen.num_band_frequencies, chosen.warn_at.band_error
+        return solved_over_band(lambda tuned: solve(state, tuned, place, chosen, other), radar, count, level)
     warn_of_band(state, radar, chosen.warn_at)
-    return solved(radar)
+    return solve(state, radar, place, chosen, other)
 
 
 def _settings(method: str | None, settings: RadarSettings | Spec | None, fields: dict[str, object]) -> RadarSettings:
