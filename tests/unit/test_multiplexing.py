@@ -129,6 +129,31 @@ def test_velocity_and_direction_over_the_whole_interval(kind, share):
         assert np.ptp(rows) <= 4 or np.ptp(rows) >= len(rd.power) - 4
 
 
+@pytest.mark.parametrize("kind", [ss.Bpm(), ss.Ddm(), ss.Bpm(block_length=32)])
+@pytest.mark.parametrize("num_tx", [2, 3, 4, 6, 7, 8, 12, 16])
+def test_every_image_reaches_codes_that_nobody_sends(kind, num_tx):
+    """What tells a velocity from its images: turned by each of them, the codes are no sum of those that are sent."""
+    used, unused = np.split(kind.matrix(num_tx), [num_tx], axis=1)
+    period = len(used)
+    for image in range(1, period):
+        turned = np.exp(2j * np.pi * image * np.arange(period) / period)[:, None] * used
+        in_unused = (np.abs(unused.conj().T @ turned / period) ** 2).sum(axis=0).mean()  # of a power of 1
+        assert in_unused > 0.99 * min(0.5, (period - num_tx) / (2 * num_tx)), image
+
+
+@pytest.mark.parametrize("num_tx", [2, 4, 6])
+def test_an_even_number_of_binary_transmitters_has_one_velocity(num_tx):
+    array = ss.AntennaArray(tx_positions=uniform_line(num_tx, 4 * HALF_WAVE), rx_positions=uniform_line(4, HALF_WAVE))
+    radar = SMALL.with_(array=array, multiplexing=ss.Bpm())
+    sight = np.array([np.cos(0.28), np.sin(0.28), 0.0])
+    for seed, velocity in enumerate((3.0, -7.0, 14.0)):
+        adc = raw(radar, [8.5 * sight], [velocity * sight], 1.0, np.random.default_rng(seed))
+        points = ss.detect(ss.range_doppler_angle(ss.virtual_cube(adc, radar), radar))
+        strongest = points.power.argmax()
+        assert points.radial_velocity[strongest] == pytest.approx(velocity, abs=0.1 * radar.velocity_resolution)
+        assert points.azimuth[strongest] == pytest.approx(0.28, abs=np.radians(0.5))
+
+
 @pytest.mark.parametrize("kind", ["cdm", "random"])
 def test_residual_of_irregular_codes_is_as_theory_says(kind):
     """The floor over other velocities: 1 / num_chirps a code, (num_tx - 1) / (num_tx num_chirps) of random order."""

@@ -257,6 +257,9 @@ class Bpm(_Periodic):
 
     A moving target leaves images at other velocities, a multiple of ``wavelength / (2 block_length chirp_interval)``
     away; the columns that no transmitter sends tell them from the target, as the empty bands of :class:`Ddm` do.
+    Transmitters take first the columns whose number has an even count of binary ones. A velocity that is half of the
+    interval off turns column i into i XOR 1: columns 0 and 1 would become each other, and nothing would tell the two
+    velocities apart. So at least half of an image's power is in columns that nobody sends, as long as they are as many.
 
     References
     ----------
@@ -269,8 +272,10 @@ class Bpm(_Periodic):
     )
 
     def matrix(self, num_tx: int) -> Codes:
-        """Return the Hadamard matrix, shape (block_length, block_length)."""
-        return scipy.linalg.hadamard(self.block_length or 2 ** int(num_tx).bit_length()).astype(np.complex128)
+        """Return the Hadamard matrix, its columns in the order of transmitters, shape (block_length, block_length)."""
+        natural = scipy.linalg.hadamard(self.block_length or 2 ** int(num_tx).bit_length()).astype(np.complex128)
+        ones = [column.bit_count() % 2 for column in range(len(natural))]
+        return np.asarray(natural[:, np.argsort(ones, kind="stable")])
 
     def check(self, num_chirps: int, num_tx: int) -> None:
         """Raise if there is no such code, or the frame does not hold whole periods.

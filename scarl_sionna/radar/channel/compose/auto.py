@@ -198,7 +198,7 @@ def _warn_of_tolerance(met: Mapping[str, Any], chosen: Chosen, settings: RadarSe
         short.append(
             f"{met['num_by_class']} of them have the RCS of their class, {settings.auto.errors.by_class_db:g} dB"
         )
-    if level > tolerance:
+    if level > tolerance and met["num_by_class"] < met["num_counted"]:
         short.append(f"the others are computed at the level of {level:g} dB")
     reason = (
         f"a budget of {settings.accuracy.tube_budget} tubes pays for no more: {', '.join(short)}; " if short else ""
