@@ -186,7 +186,7 @@ def verify(
     Exit code 0: whole and complete; 1: damaged; 2: no dataset; 3: whole, not complete.
     """
     with reported(context, "not all was checked"):
-        from scarl_sionna.dataset.verify import describe
+        from scarl_sionna.dataset.findings import describe
         from scarl_sionna.dataset.verify import verify as check
 
         columns = (TextColumn("shards"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"))

@@ -4,33 +4,30 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from scarl_sionna.core.errors import DatasetError, OutputError, ScarlError, ScarlWarning
+from scarl_sionna.core.errors import DatasetError, ScarlError, ScarlWarning
 
 from .encoding import decode_png
+from .findings import STRAY, UNFINISHED_STRAY, Fault, Kind, Verification
 from .readers.reader import Dataset, Scene, open_dataset
+from .repair import repair_folder, repair_store
 from .schema import OBJECT, POINT
 from .store.archives import REMEDY, ArchivedFiles
 from .store.card import dataset_card, is_card, unmarked_card
-from .store.files import LocalFiles, RemoteFiles, output_error
+from .store.files import LocalFiles, RemoteFiles
 from .store.layout import (
     CARD,
     DATA_FOLDERS,
     MARKED,
-    METADATA,
     WORK_FOLDER,
     Layout,
     files_under,
     is_manifest,
     is_temporary,
-    prune,
-    remove_file,
 )
 from .store.manifest import (
     ARRAYS,
@@ -46,82 +43,12 @@ from .store.manifest import (
     without_later,
 )
 from .store.records import ShardRecord, bundle_name, metadata_texts, record_name
-from .store.remote import RemoteFolder
-from .store.writer import DatasetFolder, Row, shard_rows
+from .store.writer import Row, shard_rows
 
-Kind = Literal["damage", "unfinished"]
 _BLOCK = 2**26
 """Read at once of a file whose checksum is computed [bytes]."""
 _HELD = 2**28
 """Largest ZIP file of a shard that is held in memory while its frames are checked [bytes]."""
-STRAY = "belongs to no finished shard"
-UNFINISHED_STRAY = "is of a shard that is not finished (an export that is running or was stopped)"
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Something that is wrong: the file (or frame), what it is, and the shard that holds it, if one does.
-
-    `kind` "unfinished": what an export leaves that is running or was stopped; the next one mends it and no data is
-    damaged.
-    """
-
-    name: str
-    what: str
-    scene: str | None = None
-    shard: int | None = None
-    kind: Kind = "damage"
-
-    def __str__(self) -> str:
-        return f"{self.name}: {self.what}"
-
-
-@dataclass
-class Verification:
-    """What :func:`verify` found.
-
-    Attributes
-    ----------
-    num_frames, num_planned : int
-        Frames that are there, and that the manifest plans.
-    num_files, num_bytes : int
-        Files whose checksum was computed.
-    failed : dict of (str, int) to str
-        Frames that could not be made, with the reason.
-    faults : list of Fault
-        What is damaged.
-    unfinished : list of Fault
-        Traces of an export that is running or was stopped.
-    foreign : list of str
-        Files in the dataset's folders, or with names of its files, that are not its own; they are never touched.
-    removed : list of (str, int)
-        Shards that were removed, to be made again.
-    """
-
-    num_frames: int = 0
-    num_planned: int = 0
-    num_files: int = 0
-    num_bytes: int = 0
-    failed: dict[tuple[str, int], str] = field(default_factory=dict)
-    faults: list[Fault] = field(default_factory=list)
-    unfinished: list[Fault] = field(default_factory=list)
-    foreign: list[str] = field(default_factory=list)
-    removed: list[tuple[str, int]] = field(default_factory=list)
-
-    @property
-    def ok(self) -> bool:
-        """Whether nothing is damaged (frames may still be missing)."""
-        return not self.faults
-
-    @property
-    def complete(self) -> bool:
-        """Whether nothing is damaged, no frame is missing and no export is under way."""
-        return self.ok and not self.unfinished and self.num_frames == self.num_planned
-
-    def add(self, faults: Iterable[Fault]) -> None:
-        """Add what is wrong, each to its list."""
-        for fault in faults:
-            (self.faults if fault.kind == "damage" else self.unfinished).append(fault)
 
 
 def verify(
@@ -177,9 +104,9 @@ def verify(
         found.add(_check_store(dataset, dataset.files, known, found))
     found.add(_check_order(dataset))
     if repair and isinstance(dataset.files, RemoteFiles):
-        _repair_store(dataset, found)
+        repair_store(dataset, found)
     elif repair and (found.faults or found.unfinished or not (Path(root) / BACKUP).exists()):
-        _repair(Path(root), dataset, found)
+        repair_folder(Path(root), dataset, found)
     return found
 
 
@@ -459,112 +386,3 @@ def _check_store(dataset: Dataset, files: RemoteFiles, known: set[str], found: V
             continue
         finished = record_name(*shard) in known
         yield Fault(name, STRAY if finished else UNFINISHED_STRAY, kind="damage" if finished else "unfinished")
-
-
-def _repair_store(dataset: Dataset, found: Verification) -> None:
-    """Remove damaged shards of a dataset in an object store, and what of its own belongs to nothing."""
-    if not (found.faults or found.unfinished):
-        return
-    folder = RemoteFolder(dataset.place, dataset.plan, repair=True)
-    with folder:
-        layout = Layout(folder.plan)
-        for scene, shard in sorted({(f.scene, f.shard) for f in found.faults if f.scene is not None}):
-            if shard is not None:
-                folder.target.remove(record_name(scene, shard))
-                folder.target.remove(bundle_name(scene, shard))
-                found.removed.append((scene, shard))
-        for fault in [*found.faults, *found.unfinished]:
-            if fault.what in (STRAY, UNFINISHED_STRAY) and layout.owns(fault.name):
-                folder.target.remove(fault.name)
-        folder.finalize(afresh=True)
-
-
-def _repair(root: Path, dataset: Dataset, found: Verification) -> None:
-    """Remove damaged shards and what of the dataset's own belongs to nothing, and write the rest anew."""
-    damaged = {
-        (fault.scene, fault.shard) for fault in found.faults if fault.scene is not None and fault.shard is not None
-    }
-    strays = [
-        fault.name
-        for fault in [*found.faults, *found.unfinished]
-        if fault.what in (STRAY, UNFINISHED_STRAY) or is_temporary(fault.name)
-    ]
-    with DatasetFolder(root, dataset.plan, repair=True) as folder:
-        layout, removed = Layout(folder.plan), list[str]()
-        try:
-            for scene, shard in sorted(damaged):
-                place = root / record_name(scene, shard)
-                try:
-                    files = list(ShardRecord.parse(place.read_bytes()).on_disk)
-                except (OSError, DatasetError):
-                    files = []
-                _remove(root, record_name(scene, shard), found)  # first: without its record the shard is not there
-                removed += [name for name in files if layout.owns(name)]
-                for name in files:
-                    if layout.owns(name):
-                        _remove(root, name, found)
-                found.removed.append((scene, shard))
-            strays += [
-                name for scene in {scene for scene, _ in damaged} for name in _metadata_of_nothing(folder, scene)
-            ]
-            for name in strays:
-                _remove(root, name, found)
-            prune(root, [*strays, *removed])
-            for name in MARKED:
-                if (root / name).is_dir():
-                    remove_file(root / name)  # if nothing is in it
-        except OSError as error:
-            if isinstance(error, OutputError):
-                raise
-            raise output_error(root, error) from error
-        folder.finalize(afresh=True)
-
-
-def _metadata_of_nothing(folder: DatasetFolder, scene: str) -> list[str]:
-    """Return the metadata of a scene's arrays that none of its shards has."""
-    plan = folder.plan.scene(scene)
-    known = metadata_texts(plan, shard_rows(LocalFiles(folder.root), plan, folder.plan.options)[1], folder.plan.options)
-    layout = Layout(folder.plan)
-    names = [name for name, is_folder in files_under(folder.root, [f"{ARRAYS}/{scene}"]) if not is_folder]
-    return [name for name in names if name.endswith(f"/{METADATA}") and name not in known and layout.owns(name)]
-
-
-def _remove(root: Path, name: str, found: Verification) -> None:
-    """Remove a file of the dataset; a link is removed itself, and nothing that is reached by one."""
-    path = root / name
-    if os.path.realpath(path.parent) != os.path.join(os.path.realpath(root), os.path.dirname(name)).rstrip("/"):
-        return
-    if not remove_file(path):
-        found.foreign.append(f"{name}/ (a folder where a file belongs)")
-
-
-def describe(found: Verification) -> str:
-    """Return what was found, for people."""
-    lines = [
-        f"{found.num_frames} of {found.num_planned} frames, {found.num_files} files, "
-        f"{found.num_bytes / 1e6:.1f} MB checked"
-    ]
-    lines += [f"  {fault}" for fault in found.faults[:20]]
-    if len(found.faults) > 20:
-        lines.append(f"  and {len(found.faults) - 20} more")
-    if found.unfinished:
-        lines.append(
-            f"  {len(found.unfinished)} traces of an export that is running or was stopped, "
-            f"for instance {found.unfinished[0]}"
-        )
-    if found.foreign:
-        more = f" and {len(found.foreign) - 10} more" if len(found.foreign) > 10 else ""
-        lines.append(f"  not of the dataset, never touched: {', '.join(found.foreign[:10])}{more}")
-    for (scene, index), reason in list(found.failed.items())[:10]:
-        lines.append(f"  failed: {scene} frame {index}: {reason}")
-    if found.removed:
-        lines.append(
-            f"{len(found.removed)} shards removed; the export makes them again: " + json.dumps(found.removed[:20])
-        )
-    elif found.faults:
-        lines.append("damaged; `scarl-sionna verify --repair` removes what is damaged, then the export makes it again")
-    elif not found.complete:
-        lines.append("whole, not complete; the export goes on where it was")
-    else:
-        lines.append("whole and complete")
-    return "\n".join(lines)
