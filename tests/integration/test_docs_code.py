@@ -35,6 +35,11 @@ PAGES = sorted(
     for path in (REPO / "README.md", *(REPO / "docs").glob("*.md"))
     if "```python" in path.read_text(encoding="utf-8") and path.name not in OWN_TESTS
 )
+PATTERN = "azimuth_deg,elevation_deg,gain_dbi\n" + "".join(
+    f"{azimuth},{elevation},{5.0 - 0.002 * (azimuth**2 + elevation**2):.3f}\n"
+    for azimuth in range(-60, 61, 20)
+    for elevation in range(-60, 61, 20)
+)
 MATERIAL = '[my_wall]\nsource = "own"\nrelative_permittivity = 3.0\nconductivity = 0.2\nuncertainty = "10 %"\n'
 
 
@@ -92,6 +97,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a working folder with the files that pages name."""
     root = tmp_path_factory.mktemp("docs_code")
     (root / "examples").symlink_to(REPO / "examples")
+    (root / "patch.csv").write_text(PATTERN, encoding="utf-8")
     for name in ("my_materials.toml", "mine.toml"):
         (root / name).write_text(MATERIAL, encoding="utf-8")
     street(root / "street").rename(root / "street" / "street.xml")

@@ -108,6 +108,7 @@ def test_a_point_is_the_exact_retarded_signal(name) -> None:
         assert np.sqrt(np.mean(error**2)) < 1e-3, (distance, speed)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_many_paths_are_the_direct_sum(name) -> None:
     """Both ways that motion is given: rates of the centre alone, and velocities of end points."""
@@ -124,6 +125,7 @@ def test_many_paths_are_the_direct_sum(name) -> None:
         assert error < accuracy.synthesis_tolerance + (tolerance or 0.0)
 
 
+@pytest.mark.some(9)
 @pytest.mark.parametrize("window", ["hann", "rect"])
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_the_map_has_its_peak_at_the_point(name, window) -> None:

@@ -86,6 +86,7 @@ def exact(radar, point, velocity):
     return samples.reshape(wave.num_chirps, repeats, count).mean(axis=1)
 
 
+@pytest.mark.some(6)
 @pytest.mark.usefixtures("ways")
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_a_point_is_what_was_sent_a_delay_earlier(name) -> None:
