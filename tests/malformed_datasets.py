@@ -14,7 +14,7 @@ from tests.malformed import Kind, evil_text, mutated
 
 def _write_dataset(folder: Path) -> None:
     from scarl_sionna.dataset.encoding import StoreOptions
-    from scarl_sionna.dataset.store.writer import write_dataset
+    from scarl_sionna.dataset.write import write_dataset
     from tests.frames import RIG as SMALL
     from tests.frames import make_frame
 

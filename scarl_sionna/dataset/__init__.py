@@ -9,7 +9,7 @@ from scarl_sionna.core.results import Frame
 
 from .encoding import StoreOptions
 from .readers.reader import Dataset, Scene, StoredFrame, open_dataset
-from .store.writer import write_dataset
+from .write import write_dataset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,9 +12,9 @@ from .readers.reader import Dataset
 from .store.files import LocalFiles, output_error
 from .store.layout import MARKED, METADATA, Layout, files_under, is_temporary, prune, remove_file
 from .store.manifest import ARRAYS
-from .store.records import ShardRecord, bundle_name, metadata_texts, record_name
+from .store.records import ShardRecord, bundle_name, metadata_texts, record_name, shard_rows
 from .store.remote import RemoteFolder
-from .store.writer import DatasetFolder, shard_rows
+from .store.writer import DatasetFolder
 
 
 def repair_store(dataset: Dataset, found: Verification) -> None:

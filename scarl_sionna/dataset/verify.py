@@ -42,8 +42,7 @@ from .store.manifest import (
     read_manifest,
     without_later,
 )
-from .store.records import ShardRecord, bundle_name, metadata_texts, record_name
-from .store.writer import Row, shard_rows
+from .store.records import Row, ShardRecord, bundle_name, metadata_texts, record_name, shard_rows
 
 _BLOCK = 2**26
 """Read at once of a file whose checksum is computed [bytes]."""

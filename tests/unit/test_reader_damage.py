@@ -12,7 +12,7 @@ import pytest
 from scarl_sionna.core.errors import DatasetError
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.dataset.encoding import StoreOptions
-from scarl_sionna.dataset.store.writer import write_dataset
+from scarl_sionna.dataset.write import write_dataset
 from tests.frames import RIG, assert_same, make_frame
 
 FRAMES = [make_frame(index) for index in range(4)]

@@ -19,7 +19,7 @@ from fsspec.implementations.memory import MemoryFileSystem
 from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, ScarlWarning
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.dataset.encoding import StoreOptions
-from scarl_sionna.dataset.store.writer import write_dataset
+from scarl_sionna.dataset.write import write_dataset
 from tests.frames import RIG, assert_same, make_frame
 
 with_http = pytest.mark.skipif(find_spec("aiohttp") is None, reason="needs aiohttp")

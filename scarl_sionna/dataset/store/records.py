@@ -7,24 +7,27 @@ each begins, so that it is read without the table of contents of the ZIP file.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
-from scarl_sionna.core.errors import DatasetError
+from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, InputFileError
 from scarl_sionna.core.untrusted.checked import checked
 from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
-from .files import Files, check_name, output_error, read_member
+from .files import Files, LocalFiles, check_name, output_error, read_member
 from .forms import RecordForm
 from .layout import METADATA
 from .manifest import ARRAYS, IMAGES, SHARDS, ScenePlan
 from .shards import ArrayInfo, array_metadata, group_metadata, index_length, parse_index, shard_key
 
+Row = list[Any] | None
+"""Checksum, number of frames, failed frames and bytes of a shard, as the manifest holds them."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """Time of every member of a ZIP file, so that the same frames give the same bytes."""
 
@@ -148,6 +151,46 @@ def read_record(root: Path, scene: str, shard: int) -> ShardRecord | None:
         return None
     except OSError as error:
         raise output_error(path, error) from error
+
+
+def is_full(row: Row, scene: ScenePlan, shard: int, options: StoreOptions) -> bool:
+    """Return whether a shard has all of its frames."""
+    return row is not None and row[1] == len(scene.shard_range(shard, options))
+
+
+def shard_rows(
+    files: Files, scene: ScenePlan, options: StoreOptions, known: Sequence[Row] = ()
+) -> tuple[list[Row], dict[str, Any]]:
+    """Return checksum, frames, failed frames and bytes of each finished shard, and the arrays.
+
+    None for a shard that is not finished.
+
+    A shard that `known` lists with all of its frames is not read again: its record is the largest part of a large
+    dataset's bookkeeping. The arrays are those of the shards that were read.
+    """
+    rows: list[Row] = []
+    arrays: dict[str, Any] = {}
+    root = files.root if isinstance(files, LocalFiles) else None
+    there = set(files.names(f"{SHARDS}/{scene.name}")) if root is None else set()
+    for shard in range(scene.num_shards(options)):
+        name = record_name(scene.name, shard)
+        if not ((root / name).is_file() if root is not None else name.rpartition("/")[2] in there):
+            rows.append(None)
+            continue
+        if shard < len(known) and is_full(known[shard], scene, shard, options):
+            rows.append(known[shard])
+            continue
+        try:
+            text = files.read(name)
+            record = ShardRecord.parse(text)
+        except DatasetUnreachable:
+            raise
+        except (FileNotFoundError, NotADirectoryError, InputFileError, DatasetError):
+            rows.append(None)
+            continue
+        rows.append([hashlib.sha256(text).hexdigest(), len(record.frames), sorted(record.failed), record.num_bytes])
+        arrays.update(record.arrays)
+    return rows, arrays
 
 
 def write_members(file: IO[bytes], members: Iterable[tuple[str, Iterable[bytes]]]) -> dict[str, int]:

@@ -22,8 +22,8 @@ from .card import dataset_card, is_card_text
 from .files import RemoteFiles, make_folder, output_error, write_whole
 from .layout import CARD, WORK_FOLDER, Layout, prune, remove_empty, remove_file
 from .manifest import BACKUP, MANIFEST, SHARDS, DatasetPlan, ScenePlan, dump_manifest, manifest_data
-from .records import ShardRecord, record_name
-from .writer import DatasetFolder, Row, There, holds_frames, shard_rows
+from .records import Row, ShardRecord, record_name, shard_rows
+from .writer import DatasetFolder, There, holds_frames
 
 STORES = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "oss", "memory")
 """Protocols of places where a file appears whole or not at all."""

@@ -1,21 +1,17 @@
-"""A dataset folder that is open for writing: the manifest, the locks of the run, and a simple writer of frames."""
+"""A dataset folder that is open for writing: the manifest, the locks of the run, and what of ours is there."""
 
 from __future__ import annotations
 
-import hashlib
 import warnings
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, InputFileError, OutputError, ScarlWarning
-from scarl_sionna.core.results import Frame
-from scarl_sionna.dataset.encoding import StoreOptions, encode_frame
+from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, OutputError, ScarlWarning
+from scarl_sionna.dataset.encoding import StoreOptions
 
 from .card import dataset_card, unmarked_card
 from .files import Files, LocalFiles, make_folder, output_error, write_whole
@@ -54,15 +50,13 @@ from .manifest import (
     plan_of,
     recover_manifest,
 )
-from .records import ShardRecord, meta_name, metadata_texts, record_name
+from .records import Row, ShardRecord, is_full, meta_name, metadata_texts, record_name, shard_rows
 from .shard_writer import ShardWriter, tidy_shard
 from .shards import group_metadata
 
 _RUN = "run"
 MANIFEST_SECONDS = 900.0
 """How long to wait for the many jobs of an array that begin or end at once [s]."""
-Row = list[Any] | None
-"""Checksum, number of frames, failed frames and bytes of a shard, as the manifest holds them."""
 
 
 class DatasetFolder:
@@ -130,7 +124,7 @@ class DatasetFolder:
 
     def is_finished(self, scene: str, shard: int) -> bool:
         """Return whether a shard was finished with all of its frames when the dataset was opened."""
-        return _is_full(self.rows[scene][shard], self.plan.scene(scene), shard, self.plan.options)
+        return is_full(self.rows[scene][shard], self.plan.scene(scene), shard, self.plan.options)
 
     def finalize(self, *, afresh: bool = False) -> dict[str, Any]:
         """Write the manifest with the checksums of all shards that are there, and the dataset card.
@@ -407,10 +401,6 @@ def _size(path: Path) -> int | None:
         return None
 
 
-def _is_full(row: Row, scene: ScenePlan, shard: int, options: StoreOptions) -> bool:
-    return row is not None and row[1] == len(scene.shard_range(shard, options))
-
-
 def _write_if_other(root: Path, name: str, text: str) -> None:
     path = root / name
     try:
@@ -423,89 +413,6 @@ def _write_if_other(root: Path, name: str, text: str) -> None:
     write_whole(path, text, root)
 
 
-def shard_rows(
-    files: Files, scene: ScenePlan, options: StoreOptions, known: Sequence[Row] = ()
-) -> tuple[list[Row], dict[str, Any]]:
-    """Return checksum, frames, failed frames and bytes of each finished shard, and the arrays.
-
-    None for a shard that is not finished.
-
-    A shard that `known` lists with all of its frames is not read again: its record is the largest part of a large
-    dataset's bookkeeping. The arrays are those of the shards that were read.
-    """
-    rows: list[Row] = []
-    arrays: dict[str, Any] = {}
-    root = files.root if isinstance(files, LocalFiles) else None
-    there = set(files.names(f"{SHARDS}/{scene.name}")) if root is None else set()
-    for shard in range(scene.num_shards(options)):
-        name = record_name(scene.name, shard)
-        if not ((root / name).is_file() if root is not None else name.rpartition("/")[2] in there):
-            rows.append(None)
-            continue
-        if shard < len(known) and _is_full(known[shard], scene, shard, options):
-            rows.append(known[shard])
-            continue
-        try:
-            text = files.read(name)
-            record = ShardRecord.parse(text)
-        except DatasetUnreachable:
-            raise
-        except (FileNotFoundError, NotADirectoryError, InputFileError, DatasetError):
-            rows.append(None)
-            continue
-        rows.append([hashlib.sha256(text).hexdigest(), len(record.frames), sorted(record.failed), record.num_bytes])
-        arrays.update(record.arrays)
-    return rows, arrays
-
-
 def holds_frames(root: Path) -> bool:
     """Return whether a folder holds finished shards or frames."""
     return any(root.glob(f"{SHARDS}/*/*.json")) or any(root.glob(f"{WORK_FOLDER}/*/*/*.pack"))
-
-
-def write_dataset(
-    root: str | Path,
-    rig: Mapping[str, Any],
-    scenes: Mapping[str, Iterable[Frame]],
-    *,
-    options: StoreOptions | None = None,
-    configuration: Mapping[str, Any] | None = None,
-    overwrite: bool = False,
-) -> Path:
-    """Write frames that are at hand as a dataset.
-
-    Parameters
-    ----------
-    root : path
-    rig : mapping
-        `Rig.to_dict()` of the rig that made all frames.
-    scenes : mapping of str to iterable of Frame
-        Frames by scene; their indices begin at 0 and have no gaps.
-    options : StoreOptions, optional
-    configuration : mapping, optional
-        Plain data on how the frames were made, the same for all scenes.
-    overwrite : bool
-        Remove the dataset that is there first; files that are not its own stay.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be written, holds other data, or a frame has something that the schema does not know.
-    """
-    options = options or StoreOptions()
-    frames = {name: list(items) for name, items in scenes.items()}
-    plans = tuple(ScenePlan(name, len(items), configuration or {}) for name, items in frames.items())
-    plan = DatasetPlan(rig, plans, options)
-    with DatasetFolder(root, plan, overwrite=overwrite) as folder, ThreadPoolExecutor(2) as pool:
-        for name, items in frames.items():
-            shards = defaultdict(list)
-            for frame in items:
-                shards[frame.index // options.shard_frames].append(frame)
-            for number, group in shards.items():
-                with folder.shard(name, number) as shard:
-                    for frame in group:
-                        if frame.index in shard.missing:
-                            shard.add(encode_frame(frame, options, pool))
-                    shard.commit()
-        folder.finalize()
-    return Path(root)
