@@ -17,6 +17,7 @@ from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from tests.children import with_parent
 from tests.scenes import Thing, box, plane, write_scene
 
 PLACE = Pose([2.0, 0.0, 1.0])
@@ -101,12 +102,15 @@ def command(*arguments: object) -> list[str]:
 
 def start(*arguments: object, **options: object) -> subprocess.Popen:
     """Start an export as a process."""
-    return subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)  # type: ignore[call-overload]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command(*arguments), **pipes, **with_parent(), **options)  # type: ignore[call-overload]
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess:
     """Run an export as a process to its end."""
-    return subprocess.run(command(*arguments), capture_output=True, text=True, check=False, timeout=300)
+    return subprocess.run(
+        command(*arguments), capture_output=True, text=True, check=False, timeout=300, **with_parent()
+    )
 
 
 def contents(out: Path) -> dict[str, bytes]:
@@ -133,8 +137,24 @@ def wait_until(condition: Callable[[], bool], process: subprocess.Popen, seconds
     raise AssertionError(f"nothing happened in {seconds:g} s")
 
 
+def wait_until_gone(group: int, seconds: float = 30.0) -> bool:
+    """Wait until no process of a group is left."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
+
+
 def kept_frames(out: Path) -> set[tuple[str, int]]:
     """Return scene and index of the frames that are finished: kept alone, or in a finished shard."""
-    alone = {(path.parts[-3], int(path.stem)) for path in out.glob(".work/*/*/*.pack")}
-    shards = ((path.parent.name, json.loads(path.read_text())) for path in out.glob("shards/*/??????.json"))
-    return alone.union((scene, index) for scene, shard in shards for index in shard["frames"])
+    while True:
+        try:
+            alone = {(path.parts[-3], int(path.stem)) for path in out.glob(".work/*/*/*.pack")}
+            records = [(path.parent.name, path.read_text()) for path in out.glob("shards/*/??????.json")]
+        except FileNotFoundError:
+            continue  # a running export removed it meanwhile
+        return alone.union((scene, index) for scene, text in records for index in json.loads(text)["frames"])

@@ -18,6 +18,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.children import with_parent
+
 REPO = Path(__file__).resolve().parents[1]
 RESULTS = "SCARL_TEST_RESULTS"
 """Environment variable of such a process: the file to which it writes a line for each finished part of a test."""
@@ -78,6 +80,7 @@ def _run(nodeids: list[str], options: list[str]) -> dict[str, tuple[str, str]]:
             capture_output=True,
             text=True,
             check=False,
+            **with_parent(),
         )
         found = {
             "": (

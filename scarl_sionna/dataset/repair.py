@@ -51,7 +51,7 @@ def repair_folder(root: Path, dataset: Dataset, found: Verification) -> None:
             for scene, shard in sorted(damaged):
                 place = root / record_name(scene, shard)
                 try:
-                    files = list(ShardRecord.parse(place.read_bytes()).on_disk)
+                    files = list(ShardRecord.load(place).on_disk)
                 except (OSError, DatasetError):
                     files = []
                 _remove(root, record_name(scene, shard), found)  # first: without its record the shard is not there

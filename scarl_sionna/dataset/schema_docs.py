@@ -31,7 +31,7 @@ Schema version {version}. How a dataset is made is described in [export.md](expo
 
 ```
 out/
-  manifest.json                               configuration and its hash, calibration, conventions, schema, splits, checksums
+  manifest.json                               configuration and its hash, calibration, conventions, schema, splits, checksums (its own, too)
   manifest.backup.json                        copy of the manifest, read where that is lost
   README.md                                   dataset card
   export.log                                  when and where it was made (not part of the data)
@@ -56,7 +56,7 @@ its name, and `arrays/` is a Zarr v3 hierarchy with its `zarr.json` files, one g
 
 An array has one chunk for each frame. A chunk is compressed with Blosc (zstd, level 5, bit shuffle) and ends with a CRC-32C, so
 that every Zarr v3 reader sees damage. Reading a frame, or a part of it, reads that frame's chunk and nothing else.
-`open_dataset` holds images and the JSON of a shard to the SHA-256 in the shard's record, and the record to that in the manifest:
+`open_dataset` holds images and the JSON of a shard to the SHA-256 in the shard's record, the record to that in the manifest, and the manifest to its own:
 of 1,000 single bits flipped at random over all these files none is read in silence (`pytest tests/unit/test_reader_damage.py --run-slow`), for
 3 % more CPU time of reading frames with images (`python benchmarks/readers.py --part checks`). The error names file and frame.
 

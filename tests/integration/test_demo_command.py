@@ -20,6 +20,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
+from tests.children import with_parent
 from tests.exports import contents, kept_frames, wait_until
 from tests.frames import assert_same
 
@@ -96,7 +97,11 @@ def test_every_sensor_of_a_frame_has_its_files_and_reads_back(from_command) -> N
 def start_demo(scenario: Path, out: Path, frames: int) -> subprocess.Popen:
     command = [sys.executable, "-m", "scarl_sionna.cli", "demo", "--scenario", str(scenario), "--out", str(out)]
     return subprocess.Popen(
-        [*command, "--frames", str(frames)], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [*command, "--frames", str(frames)],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        **with_parent(),
     )
 
 

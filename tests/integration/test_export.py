@@ -32,6 +32,7 @@ from scarl_sionna.dataset.verify import verify
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.simulation import load_world, observe
+from tests.children import with_parent
 from tests.exports import RIG, SHARD_FRAMES, contents, kept_frames, run, scenario_files, start, wait_until
 from tests.frames import assert_same
 
@@ -266,7 +267,7 @@ def lock_holder(out: Path) -> int | None:
 def test_a_scheduler_elsewhere_and_its_loss(files, scenarios, undisturbed, tmp_path) -> None:
     out, address_file = tmp_path / "out", tmp_path / "scheduler.json"
     module = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, **with_parent()}
     scheduler = subprocess.Popen([*module, "--scheduler-file", str(address_file)], **quiet)
     worker = None
     try:

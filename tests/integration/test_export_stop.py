@@ -23,7 +23,7 @@ from scarl_sionna.dataset import StoreOptions, open_dataset
 from scarl_sionna.dataset.verify import verify
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
-from tests.exports import RIG, SHARD_FRAMES, contents, kept_frames, scenario_files, start, wait_until
+from tests.exports import RIG, SHARD_FRAMES, contents, kept_frames, scenario_files, start, wait_until, wait_until_gone
 
 OPTIONS = StoreOptions(shard_frames=SHARD_FRAMES)
 RECORDING = ExportSettings(options=OPTIONS, on_error="record")
@@ -182,15 +182,3 @@ def test_a_signal_with_workers(files, undisturbed, tmp_path, number, to_group) -
     export([ScenarioSpec.load(path) for path in files], out, RECORDING)
     assert contents(out) == contents(undisturbed)
     assert not (out / ".work").exists()
-
-
-def wait_until_gone(group: int, seconds: float = 30.0) -> bool:
-    """Wait until no process of a group is left."""
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return True
-        time.sleep(0.1)
-    return False

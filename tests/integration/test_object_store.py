@@ -22,6 +22,7 @@ from scarl_sionna.dataset.store import remote
 from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan
 from scarl_sionna.dataset.store.remote import RemoteFolder, fetch_shard, scratch_folder, send_shard
 from scarl_sionna.dataset.verify import verify
+from tests.children import with_parent
 from tests.exports import command, contents, scenario_files
 from tests.frames import RIG, assert_same, make_frame
 from tests.s3_server import S3Server, s3_server
@@ -294,7 +295,9 @@ def test_killed_exports_with_workers_to_the_store(server, tmp_path) -> None:
 
     arguments = command(*files, "--out", URL, "--workers", 2)
     for attempt in range(6):
-        process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+        process = subprocess.Popen(
+            arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True, **with_parent()
+        )
         try:
             process.wait(12 + 3 * attempt)
         except subprocess.TimeoutExpired:
@@ -302,7 +305,7 @@ def test_killed_exports_with_workers_to_the_store(server, tmp_path) -> None:
         process.communicate()
         if "manifest.json" in stored():
             assert verify(URL).ok
-    done = subprocess.run(arguments, capture_output=True, text=True, check=False, timeout=600)
+    done = subprocess.run(arguments, capture_output=True, text=True, check=False, timeout=600, **with_parent())
     assert done.returncode == 0, done.stderr
     export(
         [ScenarioSpec.load(path) for path in files],

@@ -26,6 +26,7 @@ from scarl_sionna.fusion.rig import Rig
 from scarl_sionna.scenario.motion.tables import read_table
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scene.document.mesh_files import check_mesh
+from tests.children import with_parent
 from tests.malformed_kinds import ALIASES, KINDS
 from tests.scenes import box
 
@@ -43,7 +44,13 @@ def read_mutations(names: list[str], count: int, seed: int, folder: Path, second
     """Let a process read mutated files; a crash or a hang is told with the case."""
     arguments = [sys.executable, "-W", "ignore", "-m", "tests.malformed", ",".join(names), str(count), str(seed)]
     done = subprocess.run(
-        [*arguments, str(folder)], cwd=REPO, capture_output=True, text=True, check=False, timeout=seconds
+        [*arguments, str(folder)],
+        cwd=REPO,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=seconds,
+        **with_parent(),
     )
     lasts = {name: (folder / name / "last") for name in names}
     last = [path.read_text() for path in lasts.values() if path.is_file()]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import random
 import shutil
 import warnings
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
-from scarl_sionna.core.errors import DatasetError
+from scarl_sionna.core.errors import DatasetError, ScarlWarning
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.dataset.encoding import StoreOptions
+from scarl_sionna.dataset.verify import verify
 from scarl_sionna.dataset.write import write_dataset
 from tests.frames import RIG, assert_same, make_frame
 
@@ -20,8 +23,11 @@ FRAMES = [make_frame(index) for index in range(4)]
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory) -> Path:
-    out = tmp_path_factory.mktemp("damage") / "out"
-    return write_dataset(out, RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=2, layout="files"))
+    return written(tmp_path_factory.mktemp("damage") / "out", "files")
+
+
+def written(out: Path, layout: Literal["packed", "files"]) -> Path:
+    return write_dataset(out, RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=2, layout=layout))
 
 
 def read_by(out: Path) -> dict[int, str]:
@@ -48,7 +54,7 @@ def flipped(path: Path, bit: int) -> bytes:
     return bytes(data)
 
 
-@pytest.mark.parametrize("count", [120, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [30, pytest.param(1000, marks=pytest.mark.slow)])
 def test_no_flipped_bit_is_read_in_silence(whole, tmp_path, count: int) -> None:
     out = tmp_path / "out"
     shutil.copytree(whole, out)
@@ -71,6 +77,56 @@ def test_no_flipped_bit_is_read_in_silence(whole, tmp_path, count: int) -> None:
         assert all(not text or name.rpartition("/")[2].partition(".")[0] in text for text in outcome.values()), outcome
         seen += 1
     assert seen > 0.8 * count
+
+
+@pytest.mark.parametrize("count", [30, pytest.param(1000, marks=pytest.mark.slow)])
+def test_no_flipped_bit_of_a_packed_dataset_is_read_in_silence(tmp_path, count: int) -> None:
+    """What no reader of ours reads of a ZIP file, its own headers, `verify` still holds to the record."""
+    out = written(tmp_path / "out", "packed")
+    places = {
+        path.with_suffix(".zip"): [(start, start + size) for size, _, start in files.values()]
+        for path in out.glob("shards/a/*.json")
+        if (files := json.loads(path.read_text())["files"])
+    }
+    files = [*places, *out.glob("shards/a/*.json"), out / "manifest.json"]
+    rng, seen, unread = random.Random(6), 0, 0
+    for _ in range(count):
+        path = rng.choice([*places, *files])  # most bytes are in the ZIP files
+        before = path.read_bytes()
+        bit = rng.randrange(8 * len(before))
+        path.write_bytes(flipped(path, bit))
+        outcome = read_by(out)
+        if path in places and not any(start <= bit // 8 < stop for start, stop in places[path]):
+            assert not any(outcome.values()), outcome
+            if unread < 10:
+                assert path.relative_to(out).as_posix() in {fault.name for fault in verify(out).faults}
+            unread += 1
+        elif path.name != "manifest.json":  # of that any outcome of `read_by` will do, as above
+            assert any(outcome.values()), f"{path.name}, byte {bit // 8}, was read as if nothing had happened"
+            assert all(not text or path.relative_to(out).as_posix() in text for text in outcome.values()), outcome
+            seen += 1
+        path.write_bytes(before)
+    assert seen > 0.5 * count and unread
+
+
+def test_another_number_in_the_manifest_is_seen(whole, tmp_path) -> None:
+    """What is in the manifest, specifications for instance, is handed out, too."""
+    out = tmp_path / "out"
+    shutil.copytree(whole, out)
+    text = (out / "manifest.json").read_text()
+    other = text.replace('"num_azimuth": 5', '"num_azimuth": 4')
+    assert text.count('"num_azimuth": 5') == 2 and len(other) == len(text)  # the rig and the calibration
+    (out / "manifest.json").write_text(other)
+    with pytest.warns(ScarlWarning, match=r"manifest\.json is damaged: its checksum is wrong"):
+        assert_same(open_dataset(out)[0].to_frame(), FRAMES[0])
+    (out / "manifest.backup.json").write_text(other)
+    with pytest.raises(DatasetError, match=r"manifest\.json is damaged: its checksum is wrong"):
+        open_dataset(out)
+    (out / "manifest.json").write_text(text[: text.index(',\n "checksum"')] + "\n}\n")  # as before there was one
+    assert_same(open_dataset(out)[0].to_frame(), FRAMES[0])
+    (out / "manifest.json").write_text(other[: other.index(',\n "checksum"')] + "\n}\n")
+    with pytest.raises(DatasetError, match=r"manifest\.json is damaged: its checksum is wrong"):
+        open_dataset(out)
 
 
 @pytest.mark.parametrize("image", ["rgb", "instance", "semantic", "depth"])

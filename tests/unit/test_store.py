@@ -420,6 +420,7 @@ def test_the_manifest_is_typed_and_the_plain_data_that_it_was(tmp_path) -> None:
     write_dataset(tmp_path / "ds", RIG.to_dict(), {"lane": FRAMES[:3]})
     manifest = open_dataset(tmp_path / "ds").manifest
     plain = json.loads((tmp_path / "ds" / "manifest.json").read_text())
+    del plain["checksum"]
     assert manifest == plain and json.loads(json.dumps(manifest)) == plain
     scene = manifest.scenes["lane"]
     assert (scene.num_frames, scene.split) == (plain["scenes"]["lane"]["num_frames"], plain["scenes"]["lane"]["split"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import pickle
-import random
 import shutil
 import zipfile
 from pathlib import Path
@@ -161,42 +160,7 @@ def test_the_other_layout_is_refused_and_overwritten_on_request(plain, packed, t
         archive_dataset(packed, tmp_path / "x")
 
 
-# -- damage ----------------------------------------------------------------------------------------------------------
-
-
-def test_no_flipped_bit_is_silent(damaged) -> None:
-    """A reader gives what was written or names the ZIP file; `verify` names it in any case, also where none reads."""
-    rng, unread = random.Random(2), 0
-    files = sorted(damaged.glob("shards/a/*.zip"))
-    for _ in range(60):
-        path = rng.choice(files)
-        before = path.read_bytes()
-        data = bytearray(before)
-        bit = rng.randrange(8 * len(data))
-        data[bit // 8] ^= 1 << bit % 8
-        path.write_bytes(bytes(data))
-        name, shard = path.relative_to(damaged).as_posix(), int(path.stem)
-        members = _members(damaged, shard)
-        inside = any(start <= bit // 8 < stop for start, stop in members)
-        messages = []
-        for index in range(2 * shard, min(2 * shard + 2, 5)):
-            try:
-                assert_same(open_dataset(damaged).scene("a").frame(index).to_frame(), FRAMES[index])
-            except DatasetError as error:
-                messages.append(str(error))
-        assert bool(messages) == inside and all(f"in {name}" in text for text in messages), (messages, bit // 8)
-        unread += not inside
-        path.write_bytes(before)
-    assert unread < 30
-    data = bytearray((damaged / "shards/a/000001.zip").read_bytes())
-    data[-3] ^= 1  # in the table of contents
-    (damaged / "shards/a/000001.zip").write_bytes(bytes(data))
-    assert [str(fault) for fault in verify(damaged).faults] == ["shards/a/000001.zip: its checksum is wrong"]
-
-
-def _members(out: Path, shard: int) -> list[tuple[int, int]]:
-    record = ShardRecord.parse((out / f"shards/a/{shard:06d}.json").read_bytes())
-    return [(record.starts[name], record.starts[name] + size) for name, (size, _) in record.files.items()]
+# -- damage (flipped bits: test_reader_damage.py) ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("how", ["cut", "lost", "record", "a folder"])

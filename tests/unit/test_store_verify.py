@@ -73,6 +73,7 @@ def swap(first: str, second: str) -> Callable[[Path], None]:
 def edit(name: str, change: Callable[[dict], None]) -> Callable[[Path], None]:
     def damage(out: Path) -> None:
         data = json.loads((out / name).read_text())
+        data.pop("checksum", None)  # a manifest as it was before there was one
         change(data)
         (out / name).write_text(json.dumps(data))
 

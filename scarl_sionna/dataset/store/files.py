@@ -12,8 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Protocol, TypeVar
 
-from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, OutputError, ScarlWarning
-from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular
+from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, InputFileError, OutputError, ScarlWarning
+from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular, read_bytes
 
 from .atomic import partial_path
 
@@ -22,8 +22,9 @@ T = TypeVar("T")
 _SAFE = re.compile(r"[A-Za-z0-9_\-][A-Za-z0-9_.\-]*(/[A-Za-z0-9_\-][A-Za-z0-9_.\-]*)*")
 _SYNC_THREADS = 8
 _MAKE_TRIES = 100
-_MOST_BYTES = 2**40
-_MOST_JSON_BYTES = 100 * MEGABYTE
+MOST_BYTES = 2**40
+"""Largest file that is read."""
+MOST_JSON_BYTES = 100 * MEGABYTE
 _NO_LISTING = (401, 403, 404, 405, 501)
 """Answers of HTTP servers that give files and list no folders."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+:(//|:)")
@@ -89,7 +90,7 @@ class LocalFiles:
 
     def read(self, name: str, start: int | None = None, stop: int | None = None) -> bytes:
         """Return a file's bytes, or those from `start` to `stop`."""
-        with open_regular(self.path(name), _MOST_BYTES) as file:
+        with open_regular(self.path(name), MOST_BYTES) as file:
             size = os.fstat(file.fileno()).st_size
             first, last = start or 0, size if stop is None else min(stop, size)
             if first < 0:
@@ -252,9 +253,9 @@ def read_small(files: Files, name: str) -> bytes:
     DatasetError
         If it is larger than any that is written.
     """
-    data = files.read(name, 0, _MOST_JSON_BYTES + 1)
-    if len(data) > _MOST_JSON_BYTES:
-        raise DatasetError(f"{name} has more than {_MOST_JSON_BYTES} bytes", files.url, "do not trust this dataset")
+    data = files.read(name, 0, MOST_JSON_BYTES + 1)
+    if len(data) > MOST_JSON_BYTES:
+        raise DatasetError(f"{name} has more than {MOST_JSON_BYTES} bytes", files.url, "do not trust this dataset")
     return data
 
 
@@ -360,6 +361,15 @@ def write_whole(path: Path, data: bytes | str, work: Path | None = None) -> None
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+def holds_text(path: Path, text: str) -> bool:
+    """Return whether a file holds a text and nothing else; a folder or a pipe does not."""
+    data = text.encode()
+    try:
+        return read_bytes(path, len(data) + 1) == data
+    except (FileNotFoundError, IsADirectoryError, InputFileError):
+        return False
 
 
 def output_error(path: str | Path, error: OSError) -> OutputError:

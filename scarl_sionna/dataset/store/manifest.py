@@ -39,6 +39,7 @@ FROM_PLAN = ("configuration", "configuration_hash", "scenes", "splits", "shards"
 """Entries of a manifest that follow from the plan and the shards, the same in every schema version."""
 
 _SCENE_NAME = re.compile(r"[A-Za-z0-9_\-]+")
+_CHECKSUM = ',\n "checksum": "'
 _RESERVED = frozenset({"objects", *(item.name for item in schema.FRAME)})
 _RADAR_NUMBERS = (
     "num_tx",
@@ -243,14 +244,22 @@ def without_later(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def dump_manifest(data: Mapping[str, Any]) -> str:
-    """Return the manifest's text; a shard stands on a line."""
+    """Return the manifest's text; a shard stands on a line, and the SHA-256 of all before it at the end."""
     shards = {name: rows for name, rows in data["shards"].items()}
     head = json.dumps({key: value for key, value in data.items() if key != "shards"}, indent=1)
     lists = [
         f"  {json.dumps(name)}: [\n" + ",\n".join("   " + json.dumps(row) for row in rows) + "\n  ]"
         for name, rows in shards.items()
     ]
-    return head[: head.rindex("\n}")] + ',\n "shards": {\n' + ",\n".join(lists) + "\n }\n}\n"
+    text = head[: head.rindex("\n}")] + ',\n "shards": {\n' + ",\n".join(lists) + "\n }"
+    return f'{text}{_CHECKSUM}{hashlib.sha256(text.encode()).hexdigest()}"\n}}\n'
+
+
+def _is_as_written(text: bytes, data: Mapping[str, Any], checksum: object) -> bool:
+    """Return whether a manifest is what was written; one from before there was a checksum has that of a part of it."""
+    if checksum is None:
+        return bool(hash_of(data["configuration"]) == data["configuration_hash"])
+    return checksum == hashlib.sha256(text[: text.rfind(_CHECKSUM.encode())]).hexdigest()
 
 
 def recover_manifest(files: Files) -> tuple[Manifest, DatasetError | None]:
@@ -317,7 +326,8 @@ def read_manifest(files: Files, name: str = MANIFEST) -> Manifest:
         If there is none, it is of a newer schema or damaged, or names that lead out of the dataset stand in it.
     """
     try:
-        data = parse_json(read_small(files, name))
+        text = read_small(files, name)
+        data = parse_json(text)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise ManifestMissing(
             f"no dataset here (no {name})", files.url, "give the folder that `scarl-sionna export --out` wrote"
@@ -335,6 +345,7 @@ def read_manifest(files: Files, name: str = MANIFEST) -> Manifest:
             files.url,
             "update scarl-sionna",
         )
+    checksum = data.pop("checksum", None)
     try:
         manifest = _manifest_of(data)
         for scene in (*data["scenes"], *data["shards"], *data["configuration"]["scenes"]):
@@ -343,6 +354,8 @@ def read_manifest(files: Files, name: str = MANIFEST) -> Manifest:
         for mount in data["configuration"]["rig"]["sensors"]:
             check_name(mount["name"], "sensor name")
         plan_of(data)
+        if not _is_as_written(text, data, checksum):
+            raise ValueError("its checksum is wrong")
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ManifestDamage(
             f"{name} is damaged: {error!s:.200}", files.url, "run the export again: it writes it anew"

@@ -7,9 +7,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+from scarl_sionna.core.untrusted.files import open_regular
 from scarl_sionna.dataset.encoding import EncodedFrame
 
-from .files import make_folder, write_whole
+from .files import MOST_BYTES, make_folder, write_whole
 from .shards import ArrayInfo
 
 _MAGIC = b"SCARLPK1"
@@ -71,7 +72,7 @@ def is_whole(path: Path, configuration: str) -> bool:
     """Return whether a pack is there, its checksum is right and it is of a configuration."""
     digest = hashlib.sha256()
     try:
-        with open(path, "rb") as file:
+        with open_regular(path, MOST_BYTES) as file:
             left = path.stat().st_size - _DIGEST_LENGTH
             if left <= 0:
                 return False

@@ -17,10 +17,11 @@ from typing import IO, Any
 
 from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, InputFileError
 from scarl_sionna.core.untrusted.checked import checked
+from scarl_sionna.core.untrusted.files import read_bytes
 from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
-from .files import Files, LocalFiles, check_name, output_error, read_member
+from .files import MOST_JSON_BYTES, Files, LocalFiles, check_name, output_error, read_member
 from .forms import RecordForm
 from .layout import METADATA
 from .manifest import ARRAYS, IMAGES, SHARDS, ScenePlan
@@ -91,6 +92,17 @@ class ShardRecord:
         return json.dumps(data, indent=0) + "\n"
 
     @classmethod
+    def load(cls, path: Path) -> ShardRecord:
+        """Return the record in a file of this machine; errors as for :meth:`parse`, and `OSError`."""
+        try:
+            text = read_bytes(path, MOST_JSON_BYTES)
+        except InputFileError as error:  # a pipe, or a link to a device, would hold it up for ever
+            raise DatasetError(
+                f"the record of a shard {error.strerror}", path, "run verify --repair, then export"
+            ) from error
+        return cls.parse(text, str(path))
+
+    @classmethod
     def parse(cls, text: bytes, where: str = "") -> ShardRecord:
         """Return the record of :meth:`dump`.
 
@@ -146,7 +158,7 @@ def read_record(root: Path, scene: str, shard: int) -> ShardRecord | None:
     """Return the record of a shard, or None if it is not finished."""
     path = root / record_name(scene, shard)
     try:
-        return ShardRecord.parse(path.read_bytes(), str(path))
+        return ShardRecord.load(path)
     except FileNotFoundError:
         return None
     except OSError as error:

@@ -17,7 +17,7 @@ from types import TracebackType
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
-from .files import Batch, LocalFiles, make_folder, output_error, write_whole
+from .files import Batch, LocalFiles, holds_text, make_folder, output_error, write_whole
 from .layout import WORK_FOLDER, clear_work
 from .locks import FileLock
 from .manifest import ScenePlan
@@ -280,12 +280,8 @@ def _write_metadata(
 ) -> None:
     """Write the ``zarr.json`` files that are not there or differ."""
     for name, text in metadata_texts(scene, arrays, options).items():
-        try:
-            if (root / name).read_text(encoding="utf-8") == text:
-                continue
-        except (FileNotFoundError, UnicodeDecodeError):
-            pass
-        batch.write(name, [text.encode()])
+        if not holds_text(root / name, text):
+            batch.write(name, [text.encode()])
 
 
 def tidy_shard(root: Path, scene: ScenePlan, shard: int, options: StoreOptions) -> None:

@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, OutputErr
 from scarl_sionna.dataset.encoding import StoreOptions
 
 from .card import dataset_card, unmarked_card
-from .files import Files, LocalFiles, make_folder, output_error, write_whole
+from .files import Files, LocalFiles, holds_text, make_folder, output_error, write_whole
 from .layout import (
     CARD,
     CONTACT_SHEET,
@@ -369,7 +369,7 @@ class There:
         for path in (path for scene in scenes for path in sorted(self.root.glob(f"{SHARDS}/{scene}/*.json"))):
             if path.stem.isdigit():
                 with suppress(DatasetError, OSError):
-                    record = ShardRecord.parse(path.read_bytes())
+                    record = ShardRecord.load(path)
                     if all(_is_of_scene(name, path.parent.name) for name in record.on_disk):
                         found[path.parent.name, int(path.stem)] = record
         return found
@@ -391,7 +391,7 @@ def _is_of_scene(name: str, scene: str) -> bool:
 
 def _is_group(path: Path) -> bool:
     """Return whether a file is the metadata of an empty group, which an export writes as it begins."""
-    return path.name == METADATA and path.read_bytes() == group_metadata().encode()
+    return path.name == METADATA and holds_text(path, group_metadata())
 
 
 def _size(path: Path) -> int | None:
@@ -403,12 +403,10 @@ def _size(path: Path) -> int | None:
 
 def _write_if_other(root: Path, name: str, text: str) -> None:
     path = root / name
-    try:
-        if path.read_text(encoding="utf-8") == text:
-            return
-    except (FileNotFoundError, UnicodeDecodeError):
-        make_folder(path.parent)
-    except IsADirectoryError:
+    if holds_text(path, text):
+        return
+    make_folder(path.parent)
+    if path.is_dir() and not path.is_symlink():
         remove_empty(path)
     write_whole(path, text, root)
 
