@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 
 from ..processing import RangeDoppler
 from ..windows import window_values
-from .correlated import MOST_CELLS, Links, factor_of_links
+from .correlated import MOST_CELLS, MOST_VALUES, Links, factor_of_links
 from .statistics import LEAST_PFA, Halves, factor, order_of, rate_of_each
 
 Array = npt.NDArray[np.float64]
@@ -109,7 +109,7 @@ def cfar(
     -----
     Doppler is periodic; beyond the ends of range there is nothing, so cells there have fewer training cells. An axis of
     one bin has no training cells. The factors are exact for independent training cells; how windows link them counts by
-    the effective number of independent ones, and cell by cell where a map of one channel has few of them
+    the effective number of independent ones, and cell by cell where a window has few of them
     (:mod:`~scarl_sionna.signal.detection.correlated`).
 
     In a window all around, a car hides the people beside it. Along its own velocity a person is alone, and a long
@@ -202,8 +202,7 @@ def exceeds(
         factors = np.array([factor(kind, pfa, num_looks, Halves(int(a), int(b), window.loss), rank) for a, b in which])[
             inverse.reshape(-1)
         ]
-        if num_looks == 1:
-            factors = factors * window.linked(kind, pfa, rank)
+        factors = factors * window.linked(kind, pfa, num_looks, rank)
         if kind == "so":
             level = np.where(counts > 0, level, np.inf)
             out[part] = power[row[part], column[part]] > factors * level.min(axis=1)
@@ -280,20 +279,23 @@ class TrainingWindow:
         _, side = self.offsets(kind)
         return Halves(int((side == 0).sum()), int((side == 1).sum()), self.loss)
 
-    def linked(self, kind: Kind, pfa: float, rank: float) -> float:
-        """Return by how much the exact factor of a cell of one look is that of so many independent cells.
+    def linked(self, kind: Kind, pfa: float, num_looks: int, rank: float) -> float:
+        """Return by how much the exact factor is that of so many independent cells, dimensionless.
 
-        Counted for windows of few cells only (:mod:`~scarl_sionna.signal.detection.correlated`).
+        Counted where cells times looks are few (:mod:`~scarl_sionna.signal.detection.correlated`).
         """
         offsets, side = self.offsets(kind)
-        if len(offsets) > MOST_CELLS or self.loss > _INDEPENDENT:
+        many = len(offsets) > MOST_CELLS and len(offsets) * num_looks > MOST_VALUES
+        if many or self.loss > _INDEPENDENT:
             return 1.0
         covariances = []
         for half in range(int(side.max()) + 1):
             apart = offsets[side == half, None] - offsets[None, side == half] + np.array(self.outer) - 1
             covariances.append(self.correlation[0][apart[..., 0]] * self.correlation[1][apart[..., 1]])
-        exact = factor_of_links(kind, pfa, Links(*covariances), rank)
-        return exact / factor(kind, pfa, 1, self.halves(kind), rank)
+        exact = factor_of_links(kind, pfa, num_looks, Links(*covariances), rank)
+        if kind == "ca":  # also for rates that the integral cannot tell
+            return exact / float(_factor_on_mean(pfa, num_looks, np.array(len(offsets) * self.loss)))
+        return exact / factor(kind, pfa, num_looks, self.halves(kind), rank)
 
     def offsets(self, kind: Kind) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
         """Return the training cells (n, 2) from the cell, and the half that each is in (0 where there are no halves).
@@ -330,11 +332,13 @@ def fitting_window(shape: tuple[int, int], guard: Widths = GUARD, training: Widt
 def _threshold_factor(window: TrainingWindow, num_looks: int, pfa: float, count: Array) -> Array:
     """Return the factor on the training average for every cell."""
     values, inverse = np.unique(count, return_inverse=True)
-    freedom = np.maximum(values * window.loss, 1.0)
-    factors = scipy.stats.f.isf(pfa, 2 * num_looks, 2 * num_looks * freedom)
-    if num_looks == 1:
-        factors = factors * window.linked("ca", pfa, RANK)
+    factors = _factor_on_mean(pfa, num_looks, values * window.loss) * window.linked("ca", pfa, num_looks, RANK)
     return np.asarray(factors[inverse].reshape(count.shape))
+
+
+def _factor_on_mean(pfa: float, num_looks: int, freedom: Array) -> Array:
+    """Return the factor on the mean of so many independent training cells, at least of one."""
+    return np.asarray(scipy.stats.f.isf(pfa, 2 * num_looks, 2 * num_looks * np.maximum(freedom, 1.0)))
 
 
 def _box_sum(values: Array, size: tuple[int, ...]) -> Array:
