@@ -74,3 +74,14 @@ def received(position, velocity, times, carrier, sent):
     """Return what arrives of `sent` (a function of time), mixed with the carrier, for times of any shape."""
     delay, strength = retarded(position, velocity, times)
     return strength * sent(times - delay) * turns(-np.longdouble(carrier) * delay.astype(np.longdouble))
+
+
+def factors_in_turn(factors, interval, change, time):
+    """Return the factor of a code that is sent all the time: each chirp's, reached as a raised cosine in `change` [s].
+
+    Before the first chirp it is the first one's.
+    """
+    number = np.clip(np.floor(time / interval).astype(int), 0, len(factors) - 1)
+    share = np.clip((time - number * interval) / change, 0.0, 1.0)
+    weight = 0.5 - 0.5 * np.cos(np.pi * share)
+    return factors[number] * weight + factors[np.maximum(number - 1, 0)] * (1.0 - weight)

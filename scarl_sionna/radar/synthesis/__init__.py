@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -27,7 +28,7 @@ from scarl_sionna.radar.radome import settled
 from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
-from . import band, coded_ramps, direct, groups, symbols
+from . import band, coded_ramps, direct, groups, passing, symbols
 from .moving import Signal, Tolerances, linear_signal, moving_signals
 from .orders import orders
 from .receiver import received
@@ -104,21 +105,57 @@ def synthesize(
     expect("rng", rng, (np.random.Generator, type(None)), "give numpy.random.default_rng(seed), or None for no noise")
     if method not in ("nufft", "direct"):
         raise ParameterRangeError("method", repr(method), "'nufft' or 'direct'")
+    codes = codes_of(radar)
     if not radar.front_end.is_ideal or radar.array.has_echo or radar.adc.is_real:
-        return received(paths, radar, rng, lambda some, ideal: synthesize(some, ideal, None, accuracy, method))
+        return received(paths, radar, rng, lambda some, ideal: alone(some, ideal, accuracy, method, codes))
+    adc = alone(paths, radar.separated, accuracy, method, codes)
     if radar.multiplexing.is_coded:
-        adc = multiplex(synthesize(paths, radar.separated, None, accuracy, method), radar)
-        return adc if rng is None else add_noise(adc, radar, rng)
+        adc = multiplex(adc, radar)
+    return adc if rng is None else add_noise(adc, radar, rng)
+
+
+def codes_of(radar: RadarSpec) -> npt.NDArray[np.complex128] | None:
+    """Return the transmitters' factors of symbols that they all send at once, (num_rows, num_tx); else None.
+
+    By definition of the multiplexing. Echoes that come late have the factor of the chirp before. Of ramps none do: they
+    beat above the filter's band.
+    """
+    if not radar.multiplexing.is_coded or not is_coded(radar.waveform) or not radar.multiplexing.shares_band:
+        return None
+    return radar.multiplexing.codes(radar.num_chirps, radar.num_tx)
+
+
+def alone(
+    paths: RadarPaths,
+    radar: RadarSpec,
+    accuracy: Accuracy,
+    method: Literal["nufft", "direct"],
+    codes: npt.NDArray[np.complex128] | None,
+) -> npt.NDArray[np.complex64]:
+    """Return the signal of every receiver without noise, each transmitter in rows of its own.
+
+    As of :func:`synthesize`, of an ideal front end.
+
+    Parameters
+    ----------
+    paths : RadarPaths
+    radar : RadarSpec
+        Without codes: ``RadarSpec.separated``.
+    accuracy, method
+        As of :func:`synthesize`.
+    codes : ndarray of complex128, shape (num_chirps, num_tx), optional
+        With which the rows will be multiplied: what comes late has the one before, and is divided by its own.
+    """
     adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
     tolerance = accuracy.synthesis_tolerance if method == "nufft" else None
     radar = settled(radar)
-    make = _of_symbols if is_coded(radar.waveform) else _of_ramps
+    make = partial(_of_symbols, codes=codes) if is_coded(radar.waveform) else _of_ramps
     if isinstance(radar.waveform, PcFmcw):
         make = _of_coded_ramps
     for senders, alike in _by_band(radar):
         for first, signal in make(paths, alike, tolerance, accuracy.motion_tolerance):
             _add(adc, radar, signal, first, senders)
-    return adc if rng is None else add_noise(adc, radar, rng)
+    return adc
 
 
 def _by_band(radar: RadarSpec) -> Iterator[tuple[Sequence[int], RadarSpec]]:
@@ -159,7 +196,11 @@ def _of_constant(
 
 
 def _of_symbols(
-    paths: RadarPaths, radar: RadarSpec, tolerance: float | None, motion_tolerance: float | None
+    paths: RadarPaths,
+    radar: RadarSpec,
+    tolerance: float | None,
+    motion_tolerance: float | None,
+    codes: npt.NDArray[np.complex128] | None = None,
 ) -> Iterator[tuple[int, Signal]]:
     """Yield first chirps and what makes the signals of symbols from there on, to be added up."""
     waveform = radar.waveform
@@ -175,14 +216,19 @@ def _of_symbols(
             ScarlWarning,
             stacklevel=4,
         )
+    change = passing.changes(codes, radar)
+    if change is not None and paths.num_paths:
+        end = passing.end_of(paths, radar)
+        for first, signal in _of_symbols(paths, end, *passing.tolerances(radar, end, tolerance, motion_tolerance)):
+            yield first, passing.passed(signal, radar, end, change[first:])
     beyond = paths.select(~inside) if tolerance is not None else paths
     if beyond.num_paths:
-        yield 0, symbols.plain(band.constant(beyond), radar, waveform, motion_tolerance)
+        yield 0, symbols.plain(band.constant(beyond), radar, waveform, motion_tolerance, codes)
     if tolerance is None or not inside.any():
         return
     kept = paths.select(inside)
-    change = np.abs(kept.length_rate) + radar.frame_time * np.abs(kept.length_acceleration)
-    nodes = symbols.Nodes.of(waveform, float(change.max()), tolerance)
+    fastest = float((np.abs(kept.length_rate) + radar.frame_time * np.abs(kept.length_acceleration)).max())
+    nodes = symbols.Nodes.of(waveform, fastest, tolerance)
     for wait, weight in zip(nodes.wait, nodes.weight, strict=True):
         tones = seen_by(radar, float(wait), every=True)
         for first, signal in _of_ramps(kept, tones, symbols.CHANNEL_SHARE * tolerance, motion_tolerance):
@@ -239,7 +285,7 @@ def _within_band(paths: RadarPaths, radar: RadarSpec) -> tuple[RadarPaths, PathG
         f"{radar.max_range:.4g} m (up to {length.max():.4g} m) and are filtered out before sampling; "
         "sample faster or sweep less to see them",
         ScarlWarning,
-        stacklevel=4,
+        stacklevel=6,
     )
     kept = paths.select(~beyond)
     return kept, PathGeometry.of(kept, radar)

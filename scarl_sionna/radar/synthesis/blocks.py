@@ -5,9 +5,10 @@ Wheels, limbs, all that turns or bends its way.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -20,12 +21,13 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.signal.front_end.mixer import in_phase
 from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
-from . import synthesize
+from . import alone, codes_of
 from .motion import center_terms, is_known
 from .phase import chirps_of
 
@@ -99,30 +101,9 @@ def synthesize_blocks(
             "None with effects of the front end, which need the whole frame",
             "use radar.with_(front_end=radar.front_end.ideal()) and a radome with echo=False, or leave the blocks out",
         )
-    if radar.adc.is_real:
-        both = radar.with_(sampling="complex")
-        return in_phase(synthesize_blocks(paths_at, both, chirps_per_block, rng, accuracy, method, block_tolerance))
-    if radar.multiplexing.is_coded:
-        chirps = chirps_per_block * (radar.num_slow_chirps // radar.num_chirps)
-        alone = synthesize_blocks(paths_at, radar.separated, chirps, None, accuracy, method, block_tolerance)
-        adc = multiplex(alone, radar)
-        return adc if rng is None else add_noise(adc, radar, rng)
-    adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
-    ramps, single = radar.num_tx, chirps_of(radar, 0, 1)
-    apart, size, before = 0.0, 0.0, None
-    for first in range(0, radar.num_chirps, chirps_per_block):
-        count = min(chirps_per_block, radar.num_chirps - first)
-        start, middle = first * radar.doppler_interval, (first + count / 2.0) * radar.doppler_interval
-        paths = paths_at(middle)
-        block = synthesize(later(paths, start - middle), chirps_of(radar, first, count), None, accuracy, method)
-        adc[:, first * ramps : (first + count) * ramps] = block
-        if before is not None:
-            carried = synthesize(later(before[0], middle - before[1]), single, None, accuracy, method)
-            found = synthesize(paths, single, None, accuracy, method)
-            apart = max(apart, float(np.linalg.norm(carried - found)))
-            size = max(size, float(np.linalg.norm(carried)), float(np.linalg.norm(found)))
-        before = paths, middle
-    error = 0.25 * apart / size if size > 0.0 else 0.0
+    chirps = chirps_per_block * (radar.num_slow_chirps // radar.num_chirps)
+    both = radar.with_(sampling="complex") if radar.adc.is_real else radar
+    adc, error = _Blocks(paths_at, both.separated, accuracy, method, codes_of(both)).joined(chirps)
     if error > block_tolerance:
         warnings.warn(
             f"blocks of {chirps_per_block} chirps do not follow the motion: "
@@ -131,7 +112,56 @@ def synthesize_blocks(
             ScarlWarning,
             stacklevel=2,
         )
-    return adc if rng is None else add_noise(adc, radar, rng)
+    if radar.multiplexing.is_coded:
+        adc = multiplex(adc, radar)
+    adc = adc if rng is None else add_noise(adc, radar, rng)
+    return in_phase(adc) if radar.adc.is_real else adc
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """A frame in blocks of chirps, each transmitter in rows of its own; see :func:`synthesize_blocks`."""
+
+    paths_at: PathsAt
+    radar: RadarSpec
+    accuracy: Accuracy
+    method: Literal["nufft", "direct"]
+    codes: npt.NDArray[np.complex128] | None
+
+    def joined(self, size: int) -> tuple[npt.NDArray[np.complex64], float]:
+        """Return the signal of blocks of so many chirps, and their error at the borders, relative to the strongest."""
+        radar = self.radar
+        adc = np.zeros((radar.num_rx, radar.num_chirps_total, radar.num_samples), dtype=np.complex64)
+        apart, strongest, before = 0.0, 0.0, None
+        for first in range(0, radar.num_chirps, size):
+            count = min(size, radar.num_chirps - first)
+            middle = (first + count / 2.0) * radar.doppler_interval
+            paths = self.paths_at(middle)
+            adc[:, first * radar.num_tx : (first + count) * radar.num_tx] = self._block(paths, middle, first, count)
+            if before is not None:
+                carried, found = self._single(later(before[0], middle - before[1])), self._single(paths)
+                apart = max(apart, float(np.linalg.norm(carried - found)))
+                strongest = max(strongest, float(np.linalg.norm(carried)), float(np.linalg.norm(found)))
+            before = paths, middle
+        return adc, 0.25 * apart / strongest if strongest > 0.0 else 0.0
+
+    def _block(self, paths: RadarPaths, middle: float, first: int, count: int) -> npt.NDArray[np.complex64]:
+        """Return some chirps, from paths in their middle; with symbols those before them that reach into them."""
+        lead = min(first, 2) if self._reaches_on else 0
+        some = slice(first - lead, first + count)
+        codes = None if self.codes is None else self.codes[some]
+        moved = later(paths, some.start * self.radar.doppler_interval - middle)
+        found = alone(moved, chirps_of(self.radar, some.start, lead + count), self.accuracy, self.method, codes)
+        return found[:, lead * self.radar.num_tx :]
+
+    @property
+    def _reaches_on(self) -> bool:
+        """Whether a chirp depends on the one before."""
+        waveform = self.radar.waveform
+        return is_coded(waveform) and (self.codes is not None or math.isfinite(waveform.prefix_time))
+
+    def _single(self, paths: RadarPaths) -> npt.NDArray[np.complex64]:
+        return alone(paths, chirps_of(self.radar, 0, 1), self.accuracy, self.method, None)
 
 
 def later(paths: RadarPaths, time: float) -> RadarPaths:

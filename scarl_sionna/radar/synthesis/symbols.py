@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -98,7 +99,9 @@ def modulated(signal: Signal, radar: RadarSpec, waveform: Coded, first: int, wei
         channel = np.conj(signal(tx, rx))
         rows = strengths if len(strengths) == 1 else strengths[first : first + len(channel)]
         lines = np.zeros((len(channel), count), dtype=np.complex128)
-        lines[:, (sent - count // 2) % count] = rows * channel
+        for few in range(0, len(sent), count):  # tones beyond the band of the samples fold
+            some = slice(few, few + count)
+            lines[:, (sent[some] - count // 2) % count] += rows[:, some] * channel[:, some]
         return np.asarray(np.fft.ifft(lines, axis=1, norm="forward") * weight)
 
     return of_pair
@@ -158,10 +161,13 @@ class Law:
         return tuple(np.concatenate(columns, axis=1) for columns in zip(*found, strict=True))  # type: ignore[return-value]
 
 
-def plain(paths: RadarPaths, radar: RadarSpec, waveform: Coded, tolerance: float | None) -> Signal:
+def plain(
+    paths: RadarPaths, radar: RadarSpec, waveform: Coded, tolerance: float | None, codes: Complex | None = None
+) -> Signal:
     """Return what makes the samples of a pair as a plain sum in float64 over paths, samples and tones.
 
-    A sample is what was sent a delay earlier: of its own symbol, of its prefix, of a symbol before, or nothing.
+    A sample is what was sent a delay earlier: of its own symbol, of its prefix, of a symbol before, or nothing. Symbols
+    before are those of all transmitters where they take turns, and have codes of their own where they send at once.
     """
     law, strengths, count = Law.of(paths, radar, tolerance), waveform.spectrum, waveform.num_samples
     tones = waveform.spacing * (waveform.sent - count // 2)
@@ -170,14 +176,16 @@ def plain(paths: RadarPaths, radar: RadarSpec, waveform: Coded, tolerance: float
     time = np.arange(waveform.repetitions * count) / waveform.sample_rate
     step, prefix = radar.doppler_interval, waveform.prefix_time
 
-    def envelope(row: int, after: Array) -> Complex:
+    def envelope(row: int, after: Array, tx: int) -> Complex:
         """Return what was sent at times after the start of a chirp's window."""
         out = np.zeros(len(after), dtype=np.complex128)
         for back in range(row + 1):
             moved = after + back * step
             inside = (moved >= -prefix) & (moved < period)
-            lines = strengths[0 if len(strengths) == 1 else row - back]
-            out[inside] = phasor(np.outer(moved[inside], tones)) @ lines
+            if inside.any():
+                lines = strengths[0 if len(strengths) == 1 else row - back]
+                turn = 1.0 if codes is None else codes[row - back, tx] / codes[row, tx]
+                out[inside] = turn * (phasor(np.outer(moved[inside], tones)) @ lines)
             if np.all(moved >= -prefix):
                 break
         return out
@@ -185,13 +193,18 @@ def plain(paths: RadarPaths, radar: RadarSpec, waveform: Coded, tolerance: float
     def of_pair(tx: int, rx: int) -> npt.NDArray[np.complexfloating]:
         middle = np.arange(radar.num_chirps, dtype=np.float64) * step + radar.tx_delay(tx)
         middle += window_start(waveform) + half
-        delay, turn, bend, amplitude, growth = law.at(tx, rx, middle)
         out = np.zeros((radar.num_chirps, count), dtype=np.complex128)
         x = time - half
-        for row in range(radar.num_chirps):
-            for path in range(delay.shape[1]):
+        for sender in range(radar.num_tx) if radar.tx_delay(radar.num_tx - 1) > 0.0 else (tx,):
+            since = radar.tx_delay(tx) - radar.tx_delay(sender)
+            earlier = int(since < 0.0)  # its last chirp was in the turn before
+            since += earlier * step
+            delay, turn, bend, amplitude, growth = law.at(sender, rx, middle)
+            late = np.flatnonzero(delay.max(axis=0) + np.abs(turn).max(axis=0) * half > since - period)
+            for row, path in product(range(earlier, radar.num_chirps), late):
                 tau = delay[row, path] + x * (turn[row, path] + 0.5 * x * bend[row, path])
-                carried = phasor(-waveform.carrier_frequency * tau) * envelope(row, time - tau)
+                sent = envelope(row - earlier, time - tau + since, sender)
+                carried = phasor(-waveform.carrier_frequency * tau) * sent
                 strength = np.conj(amplitude[row, path]) * (1.0 + growth[row, path] * x)
                 out[row] += (strength * carried).reshape(waveform.repetitions, count).mean(axis=0)
         return out
