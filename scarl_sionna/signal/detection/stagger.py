@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +13,11 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from ..direction.manifold import Manifold
 from ..peaks import parabola_offset
 from ..processing import RangeDoppler, uncompensated
-from ..uneven import chirp_times, doppler_matrix
+from ..uneven import chirp_times, doppler_matrix, middle_time
 from ..windows import window_values
 from .ambiguity import is_clear
-from .cells import Cells, beat_place, bins_a_hertz, range_gain, transmit_delays
+from .cells import Cells, beat_place, bins_a_hertz, transmit_delays
+from .subbin import ToneAxis
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -30,6 +32,12 @@ _RIDGE = 1e-9
 """Of the largest eigenvalue of a map's rows: keeps noise small where they say little."""
 _STEPS = np.linspace(-0.6, 0.6, 13)
 """Places around a hypothesis at which its tone is looked for [bins]."""
+_BESIDE = 2
+"""Range bins on each side of a target's way over a frame that tell its place."""
+_PLACES = (8, 64)
+"""Steps a range bin in which that is looked for, first and then about the best."""
+_FINE = 64
+"""Steps a range bin in which a tone's lobe is known; its error is below 1e-4."""
 
 
 def is_staggered(radar: RadarSpec) -> bool:
@@ -61,7 +69,9 @@ def resolved(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     range follow from its column of the map, :math:`x = D z`, by least squares; in them each hypothesis, the row plus a
     multiple of the interval, is a tone at the chirps' true times, and the strongest beam of all is taken if it is
     clear. From the strongest cell on, each target's tone (times a parabola over the frame, for range migration) is
-    taken off its range and those beside; a cell of which less than a tenth is left then was an image.
+    taken off its range and those beside; a cell of which less than a tenth is left then was an image. The range is that
+    of the tone which migrates through the bins as its velocity says and fits them best: in a row of the map a fast
+    target may stand with some of the frame's chirps only, and with their range.
 
     References
     ----------
@@ -75,9 +85,9 @@ def resolved(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
     base = replace(cells, fold=np.zeros_like(cells.fold)).doppler
     at = list(zip(column, base, cells.distance, strict=True))
     alone = np.array([frame.hypotheses(frame.samples(place), *seen)[1].max() for place, *seen in at])
-    found: list[tuple[int, int, float, Complex]] = []
+    found: list[_Found] = []
     for row in np.argsort(-alone, kind="stable"):
-        near = [doppler for other, _, doppler, _ in found if abs(column[other] - column[row]) <= _REACH]
+        near = [item.doppler for item in found if abs(column[item.number] - column[row]) <= _REACH]
         samples = frame.without(frame.samples(column[row]), near)
         folds, power = frame.hypotheses(samples, base[row], cells.distance[row])
         best, here = int(power.argmax()), int(np.flatnonzero(folds == 0)[0])
@@ -86,23 +96,35 @@ def resolved(cells: Cells, manifold: Manifold, noise_power: float) -> Cells:
         if not is_clear(power[best], power[here], noise_power):
             best = here
         doppler = frame.refined(samples, base[row] + folds[best] / frame.interval, cells.distance[row])
-        found.append((int(row), int(folds[best]), doppler, frame.beam_values(samples, np.array([doppler]))[0]))
+        start, values = frame.placed(int(column[row]), doppler, near, cells.distance[row])
+        found.append(_Found(int(row), int(folds[best]), doppler, start, values))
     return _moved(cells, found)
 
 
-def _moved(cells: Cells, found: list[tuple[int, int, float, Complex]]) -> Cells:
-    """Return the cells that were found (row, fold, Doppler frequency, values), in their first order."""
-    found = sorted(found, key=lambda item: item[0])
-    kept = cells.select(np.array([item[0] for item in found]))
-    fold, doppler = np.array([item[1] for item in found]), np.array([item[2] for item in found])
-    rows = len(cells.rd.radial_velocity)
+class _Found(NamedTuple):
+    """A target: which cell, its interval, Doppler frequency [Hz], range at the frame's start [bins] and values."""
+
+    number: int
+    fold: int
+    doppler: float
+    start: float
+    values: Complex
+
+
+def _moved(cells: Cells, found: list[_Found]) -> Cells:
+    """Return the cells that were found, in their first order."""
+    found = sorted(found, key=lambda item: item.number)
+    kept = cells.select(np.array([item.number for item in found]))
+    fold, doppler, start = (np.array([getattr(item, name) for item in found]) for name in ("fold", "doppler", "start"))
+    rows, columns = len(cells.rd.radial_velocity), cells.rd.data.shape[2]
     offset = (doppler * cells.rd.radar.slow_interval - fold) * rows - (kept.row - rows // 2)
-    own = np.stack([item[3] for item in found]) / np.sqrt(range_gain(kept))[:, None]
-    # in the map a row's own Doppler frequency was compensated, which may be some rows off
-    seen = replace(kept, fold=np.zeros_like(fold))
-    moved = replace(seen, offset=(offset, kept.offset[1]))
-    shift = bins_a_hertz(cells.rd) if cells.rd.is_compensated else 0.0
-    return replace(moved, fold=fold, offset=(offset, kept.offset[1] - shift * (moved.doppler - seen.doppler)), own=own)
+    moved = replace(kept, fold=np.zeros_like(fold), offset=(offset, kept.offset[1]))
+    shift = bins_a_hertz(cells.rd)
+    place = start + shift * fold / cells.rd.radar.slow_interval - kept.column
+    if not cells.rd.is_compensated:
+        place = place + shift * moved.doppler
+    place = np.mod(place + 0.5 * columns, columns) - 0.5 * columns
+    return replace(moved, fold=fold, offset=(offset, place), own=np.stack([item.values for item in found]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +148,10 @@ class SlowTime:
         From row to row of the regular grid [s].
     span : float
         Width of the interval of Doppler frequencies that are told apart [Hz].
+    axis : RangeLobe
+    rising : ndarray of float64, shape (num_chirps,)
+        By how many range bins a target stands higher in each chirp than at the frame's start, for each Hz of its
+        Doppler frequency.
     """
 
     manifold: Manifold
@@ -136,6 +162,8 @@ class SlowTime:
     delays: Array
     interval: float
     span: float
+    axis: RangeLobe
+    rising: Array
 
     @classmethod
     def of(cls, rd: RangeDoppler, manifold: Manifold) -> SlowTime:
@@ -147,8 +175,15 @@ class SlowTime:
         square += _RIDGE * float(np.linalg.norm(square, 2)) * np.eye(len(square))
         inverse = window[:, None] * matrix.conj().T @ np.linalg.inv(square)
         span = radar.unfolded_velocity / radar.unambiguous_velocity / radar.slow_interval
-        delays = transmit_delays(radar)
-        return cls(manifold, uncompensated(rd), inverse, window, chirp_times(radar), delays, radar.slow_interval, span)
+        delays, times = transmit_delays(radar), chirp_times(radar)
+        middle, sweep = (radar.num_chirps - 1) / 2.0 * radar.doppler_interval, radar.waveform.sweep
+        later = times - middle + middle_time(radar) + delays.mean()
+        rising = (1.0 + sweep.slope * later / radar.center_frequency) * rd.data.shape[2] / radar.sample_rate
+        rising = rising if sweep.slope > 0.0 else -rising
+        farthest = float(np.ptp(rising)) * 0.5 * (span + 2.0 / radar.slow_interval)
+        axis = RangeLobe.of(rd, 3.0 * farthest + 3.0 * _BESIDE * max(1, rd.data.shape[2] // radar.num_range_bins))
+        data, interval = uncompensated(rd), radar.slow_interval
+        return cls(manifold, data, inverse, window, times, delays, interval, span, axis, rising)
 
     def samples(self, column: int) -> Complex:
         """Return the windowed samples of a range bin, shape (num_virtual, num_chirps) [sqrt(W)]."""
@@ -192,3 +227,72 @@ class SlowTime:
         level = np.log(np.maximum(self.power(samples, asked, distance), 1e-300))
         best = int(np.clip(level.argmax(), 1, len(level) - 2))
         return float(asked[best] + step * parabola_offset(*level[best - 1 : best + 2]))
+
+    def placed(self, column: int, doppler: float, near: list[float], distance: float) -> tuple[float, Complex]:
+        """Return the range at the frame's start [bins] of a target about a column, and its channels' values [sqrt(W)].
+
+        Those of the tone that migrates by its Doppler frequency [Hz] and holds most of the power of the bins that it
+        passes. `near` are the Doppler frequencies of stronger targets there.
+        """
+        rises, total = self.rising * doppler, self.data.shape[2]
+        middle, half = float(self.window @ rises), 0.5 * float(np.ptp(rises))
+        stride = self.axis.stride
+        reach = int(np.ceil(2.0 * half)) + _BESIDE * stride
+        beside = np.arange(-reach, reach + 1)
+        values = np.stack([self.without(self.samples(int(place)), near) for place in (column + beside) % total])
+        values *= np.exp(-2j * np.pi * doppler * (self.times + self.delays[:, None]))
+        beam = self._beam(values, distance, reach) * self.axis.turned(beside, np.sign(self.rising[0]))
+        place = 0.0
+        for steps, far in zip(_PLACES, (stride + half, 2.0 * stride / _PLACES[0]), strict=True):
+            places = place + np.arange(-np.ceil(far * steps), np.ceil(far * steps) + 1.0) / steps
+            shape = self.axis.lobe(beside - (places[:, None] + rises - middle)[..., None])
+            power = np.abs(np.einsum("nmk,mk->n", shape, beam)) ** 2 / np.einsum("nmk,m->n", shape**2, self.window)
+            best = int(np.clip(power.argmax(), 1, len(places) - 2))
+            place = float(places[best] + parabola_offset(*power[best - 1 : best + 2]) / steps)
+        shape = self.axis.lobe(-(place + rises - middle))
+        own = values[reach] @ shape / (self.window @ shape**2)
+        return float((column + place - middle) % total), np.asarray(own)
+
+    def _beam(self, values: Complex, distance: float, strongest: int) -> Complex:
+        """Return values (num_bins, num_virtual, num_chirps) in the beam of one bin, shape (num_chirps, num_bins)."""
+        place = np.array([distance])
+        sines = self.manifold.strongest(values[strongest].sum(axis=-1)[None], place)
+        return np.asarray(np.einsum("c,kcm->mk", np.conj(self.manifold.phasors(sines, place)[0]), values))
+
+
+@dataclass(frozen=True, eq=False)
+class RangeLobe:
+    """A tone in the range bins of a map, by its distance from them.
+
+    Attributes
+    ----------
+    level : ndarray of float64, shape (num_steps,)
+        At steps of 1 / `_FINE` bins from 0 on; the same on the other side.
+    count, total : int
+        Values that are transformed, into so many bins.
+    """
+
+    level: Array
+    count: int
+    total: int
+
+    @classmethod
+    def of(cls, rd: RangeDoppler, far: float) -> RangeLobe:
+        """Return the lobe up to so many bins from a tone."""
+        weights, total = ToneAxis.of(rd)[1].weights, rd.data.shape[2]
+        position = np.arange(len(weights)) - (len(weights) - 1) / 2.0
+        steps = np.arange(np.ceil(far * _FINE) + 2.0) / _FINE
+        return cls(np.cos(2.0 * np.pi / total * np.multiply.outer(steps, position)) @ weights, len(weights), total)
+
+    @property
+    def stride(self) -> int:
+        """Bins of a resolution."""
+        return max(self.total // self.count, 1)
+
+    def lobe(self, apart: Array) -> Array:
+        """Return the level at distances from a tone [bins], same shape."""
+        return np.interp(np.abs(apart), np.arange(len(self.level)) / _FINE, self.level)
+
+    def turned(self, bins: npt.NDArray[np.integer], sign: float) -> Complex:
+        """Return what refers the phases of bins to the middle of the values, same shape."""
+        return np.asarray(np.exp(2j * np.pi * sign * bins / self.total * (self.count - 1) / 2.0))
