@@ -140,12 +140,39 @@ def test_what_needs_a_q_says_so():
         REAL.with_(num_samples=127)
     with pytest.raises(ParameterRangeError, match="real part of its raw data"):
         PathModel(REAL, paths_at(20.0))
-    with pytest.raises(ParameterRangeError, match="sample I and Q"):
-        ss.synthesize_interference(ss.one_way_paths(REAL, Pose([30.0, 0.0, 0.0]), Pose()), BOTH, REAL)
-    with pytest.raises(ParameterRangeError, match="images are made of I and Q"):
-        ss.RadarNetwork(REAL, (Pose(),))
 
 
 def test_blocks_of_chirps_are_i_of_those_of_complex_sampling():
     one, other = (ss.synthesize_blocks(lambda t: paths_at(20.0), r, 8) for r in (BOTH, REAL))
     assert np.array_equal(other.real, one.real) and not other.imag.any()
+
+
+def test_another_radar_crosses_twice_as_wide_a_band_at_half_the_power():
+    """Without a Q beats of both signs are heard: as long a burst over two-sided bands of one rate, mean power 1/2."""
+    sender = BOTH.with_(bandwidth=450e6, start_frequency=76.85e9)
+    paths = ss.one_way_paths(sender, ss.Pose([40.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]), Pose())
+    delay, rate = 40.0 / SPEED_OF_LIGHT, REAL.sample_rate
+    slope, own = sender.waveform.chirp_slope, REAL.waveform.chirp_slope
+    middle = (77e9 - 76.85e9 + slope * delay) / (slope - own)  # where the beat is 0 Hz
+    power = np.abs(ss.synthesize_interference(paths, sender, REAL)[0]) ** 2
+    level = np.abs(paths.a[0, 0, 0]) ** 2 * 1e-3 * 10 ** (sender.front_end.tx_power_dbm / 10)
+    time, length = np.arange(128) / rate, rate / (slope - own)
+    assert 4e-6 < middle < 26e-6
+    assert power[1:].sum(axis=1).mean() / rate == pytest.approx(0.5 * level * length, rel=0.03)
+    hit = power[3] > 0.05 * level
+    assert np.mean(time[hit]) == pytest.approx(middle, abs=0.5 / rate)
+    filtered = REAL.with_(filters=ss.IfFilter(low_pass=0.3 * rate, low_pass_order=2))
+    both, real = (ss.synthesize_interference(paths, sender, r) for r in (filtered.with_(sampling="complex"), filtered))
+    assert np.array_equal(real.real, both.real) and not real.imag.any() and real.any()
+
+
+def test_images_of_a_network_are_those_of_complex_sampling():
+    """Up to the sidelobes of the image below 0 Hz, twice the beat frequency away: Dirichlet's kernel there."""
+    images = []
+    for radar in (BOTH, REAL):
+        network = ss.RadarNetwork(radar.with_(num_chirps=4), (Pose(), Pose([0.0, 0.5, 0.0])))
+        points = np.array([[47.3, 1.0, 0.0]]), np.zeros((1, 3)), np.ones(1)
+        frame = ss.synthesize_network(ss.network_paths(network, points=points), network)
+        grid = np.stack([np.full(41, 47.3), np.linspace(-1.0, 3.0, 41), np.zeros(41)], axis=1)
+        images.append(ss.back_project(frame, grid))
+    assert np.abs(images[1] - images[0]).max() < np.abs(images[0]).max() / (128 * np.sin(np.pi * 2 * 47.3 / 128))

@@ -16,14 +16,14 @@ import numpy as np
 import numpy.typing as npt
 import scipy.fft
 
-from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT, watt_to_dbm
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.phase import phasor
 from scarl_sionna.signal.front_end.channels import apply_rx
-from scarl_sionna.signal.front_end.mixer import image_factors
+from scarl_sionna.signal.front_end.mixer import image_factors, in_phase
 
 from .emission import Emission
 from .listener import Listener
@@ -67,12 +67,7 @@ def synthesize_interference(
     -------
     ndarray of complex64, shape (num_rx, num_chirps_total, num_samples)
         [sqrt(W)], behind the filters before the converter, without noise: it is added to that of
-        :func:`scarl_sionna.synthesize`.
-
-    Raises
-    ------
-    ParameterRangeError
-        If the radar that listens has no Q.
+        :func:`scarl_sionna.synthesize`. Real samples are its I, of beat frequencies of both signs.
 
     Warns
     -----
@@ -93,9 +88,6 @@ def synthesize_interference(
     .. [1] G. M. Brooker, "Mutual interference of millimeter-wave radar systems", IEEE Trans. Electromagn. Compat.
        49(1), 2007.
     """
-    if radar.adc.is_real:
-        allowed = "'complex': what folds from frequencies below 0 Hz is not modelled"
-        raise ParameterRangeError("radar.adc.sampling", "'real'", allowed, "sample I and Q")
     heard = Listener.of(radar)
     shape = (radar.num_rx, len(heard.ramp), radar.num_samples)
     straight: Complex = np.zeros(shape, dtype=np.complex128)
@@ -125,7 +117,8 @@ def synthesize_interference(
     if mixer is not None:
         kept, other = image_factors(mixer)
         straight = kept * straight + other * image
-    return np.repeat(straight.astype(np.complex64), heard.copies, axis=1)
+    rows = np.repeat(straight.astype(np.complex64), heard.copies, axis=1)
+    return in_phase(rows) if radar.adc.is_real else rows
 
 
 def _warn_of_compression(geometry: PathGeometry, radar: RadarSpec) -> None:

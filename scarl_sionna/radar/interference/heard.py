@@ -51,7 +51,8 @@ class Interference:
         Shape (num_chirps_total, num_samples).
         """
         power = np.mean(np.abs(self.adc) ** 2, axis=0)
-        return np.asarray(power > sample_noise_power(self.radar))
+        share = 0.5 if self.radar.adc.is_real else 1.0  # of the noise, which I has
+        return np.asarray(power > share * sample_noise_power(self.radar))
 
     @property
     def cell_power(self) -> npt.NDArray[np.float32]:

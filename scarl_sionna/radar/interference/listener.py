@@ -82,7 +82,7 @@ class Listener:
             pad = max(pad, math.ceil(SETTLED * rate / (2.0 * np.pi * min(filters.high_pass))))
         if filters is not None and filters.low_pass is not None:
             over = max(over, math.ceil(CORNERS * filters.low_pass / rate))
-        elif not is_coded(waveform):
+        elif not is_coded(waveform) and not radar.adc.is_real:
             middle = -0.5 * math.copysign(rate, waveform.sweep.slope)
         if is_coded(waveform):
             first, slope, carrier = window_start(waveform), 0.0, np.full(len(start), waveform.carrier_frequency)
@@ -134,8 +134,8 @@ class Listener:
         """Return frequencies [Hz] and the filter's transfer, as of `scipy.fft.fft`; of the conjugate if `mirrored`.
 
         The filters of the front end; without a low pass one whose noise bandwidth is the sample rate, with the edges of
-        a root raised cosine: of ramps it lets through the echoes' beat frequencies, of symbols the band about the
-        carrier.
+        a root raised cosine: of ramps it lets through the echoes' beat frequencies, where I alone is sampled those of
+        both signs below half of the rate; of symbols the band about the carrier.
         """
         frequency = scipy.fft.fftfreq(self.size, 1.0 / self.rate)
         middle = -self.middle if mirrored else self.middle

@@ -137,6 +137,7 @@ def _of_pair(
             left = grid.residual_cycles(float(np.abs(middle_rate).max()), float(np.abs(terms[2]).max()), True)
             blur = max(blur, float(np.abs(left).max()))
             data = adc[rx, tx :: radar.num_tx].astype(np.complex128) / (radar.num_chirps * radar.num_samples)
+            data *= 2.0 if radar.adc.is_real else 1.0  # half of a signal is in its image, below 0 Hz
             image += phasor(-constant) * _transform(data, over_y * radar.doppler_interval, over_x / radar.sample_rate)
     return image / radar.num_virtual, blur
 

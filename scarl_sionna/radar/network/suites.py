@@ -47,7 +47,7 @@ class RadarNetwork(Described):
     Raises
     ------
     ParameterRangeError
-        If there are not as many offsets or phases as radars, no radar, or one without Q.
+        If there are not as many offsets or phases as radars, or no radar.
     InputTypeError
         If `radar` is no RadarSpec, or a place neither Mount nor Pose.
     """
@@ -60,8 +60,6 @@ class RadarNetwork(Described):
     def __post_init__(self) -> None:
         if not isinstance(self.radar, RadarSpec):
             raise InputTypeError("radar", self.radar, "a RadarSpec", "for instance RadarSpec.preset('awr1843boost')")
-        if self.radar.adc.is_real:
-            raise ParameterRangeError("radar.adc.sampling", "'real'", "'complex': images are made of I and Q")
         object.__setattr__(self, "mounts", tuple(Mount.of(place) for place in self.mounts))
         if not self.mounts:
             raise ParameterRangeError("mounts", "()", "at least one radar")
