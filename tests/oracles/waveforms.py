@@ -1,7 +1,7 @@
 """Signals of one point from what a radar sends and the exact retarded delay; numpy only.
 
 The wave that arrives at the time t was scattered at the time t_h with ``|x(t_h)| = c (t - t_h)`` and left as much
-earlier again: a radar at rest in the origin, one antenna, a point of strength 1 at the start.
+earlier again: a radar at rest in the origin, one antenna (or two places), a point of strength 1 at the start.
 """
 
 from __future__ import annotations
@@ -9,17 +9,25 @@ from __future__ import annotations
 import numpy as np
 
 C = 299792458.0
+ORIGIN = (np.zeros(3), np.zeros(3))
 
 
-def retarded(position, velocity, time):
-    """Return the round-trip delay [s] and the strength over that at time 0, for times of reception [s] of any shape."""
+def retarded(position, velocity, time, antennas=ORIGIN):
+    """Return the round-trip delay [s] and the strength over that at time 0, for times of reception [s] of any shape.
+
+    `antennas` are the places of the transmitter and the receiver; strengths are over that at the origin.
+    """
     position, velocity, time = np.asarray(position, float), np.asarray(velocity, float), np.asarray(time, float)
+    sender, receiver = (np.asarray(place, float) for place in antennas)
     # |p + v (t - s)|**2 = c**2 s**2 for the way back s
-    at = position + time[..., None] * velocity
+    at = position - receiver + time[..., None] * velocity
     a, b, c = velocity @ velocity - C**2, -2.0 * at @ velocity, np.sum(at * at, axis=-1)
     back = (-b - np.sqrt(b * b - 4.0 * a * c)) / (2.0 * a)
     place = position + (time - back)[..., None] * velocity
-    return 2.0 * back, (position @ position) / np.sum(place * place, axis=-1)
+    if antennas is ORIGIN:
+        return 2.0 * back, (position @ position) / np.sum(place * place, axis=-1)
+    out = np.linalg.norm(place - sender, axis=-1)
+    return back + out / C, (position @ position) / (out * back * C)
 
 
 def turns(cycles):
@@ -27,12 +35,12 @@ def turns(cycles):
     return np.exp(2j * np.pi * np.asarray(cycles - np.rint(cycles), dtype=float))
 
 
-def dechirped(position, velocity, starts, ts, carriers, slope):
+def dechirped(position, velocity, starts, ts, carriers, slope, antennas=ORIGIN):
     """Return the transmitted ramp times the conjugate of what arrives, shape (chirps, samples).
 
     The ramp's phase at theta after its start is ``f theta + slope theta**2 / 2`` cycles.
     """
-    delay, strength = retarded(position, velocity, starts[:, None] + ts)
+    delay, strength = retarded(position, velocity, starts[:, None] + ts, antennas)
     carriers, ts = np.asarray(carriers, np.longdouble)[:, None], np.asarray(ts, np.longdouble)
 
     def cycles(theta):
@@ -70,9 +78,9 @@ def chip_train(chips, chip_rate, time):
     return out
 
 
-def received(position, velocity, times, carrier, sent):
+def received(position, velocity, times, carrier, sent, antennas=ORIGIN):
     """Return what arrives of `sent` (a function of time), mixed with the carrier, for times of any shape."""
-    delay, strength = retarded(position, velocity, times)
+    delay, strength = retarded(position, velocity, times, antennas)
     return strength * sent(times - delay) * turns(-np.longdouble(carrier) * delay.astype(np.longdouble))
 
 

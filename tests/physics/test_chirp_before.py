@@ -91,6 +91,13 @@ def test_no_change_without_codes_or_behind_a_prefix() -> None:
         assert same != (waveform is CODE and multiplexing == "bpm")
 
 
+def test_what_is_longer_than_a_chirp_is_told() -> None:
+    radar = radar_of(CODE, "bpm")
+    *_, paths, _ = point(radar, 300.0, 0.0)
+    with pytest.warns(ss.ScarlWarning, match="longer than a chirp"):
+        ss.synthesize(paths, radar)
+
+
 @pytest.mark.parametrize("kind", ["tdm", "bpm"])
 @pytest.mark.parametrize("name", ["ofdm", "golay"])
 def test_symbols_that_outlast_the_prefix(name, kind) -> None:

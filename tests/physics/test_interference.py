@@ -77,6 +77,13 @@ def test_ramps_of_one_slope_are_a_ghost_at_half_the_way() -> None:
     assert found.range[column] == pytest.approx(seen, abs=0.6 * victim.range_resolution)
     assert found.radial_velocity[row] == pytest.approx(-4.0, abs=0.6 * victim.velocity_resolution)
     assert np.abs(data[0]).max() ** 2 == pytest.approx(level(victim), rel=0.01)
+    # it is there from its arrival to the ramp's end, at one level
+    power, rate = np.abs(data[0, 1]) ** 2 / level(victim), victim.sample_rate
+    length = 30e-6 - late - DELAY
+    assert power.sum() / rate == pytest.approx(length, rel=0.01)
+    begins = np.arange(len(power))[power > 0.25][0] / rate
+    assert begins == pytest.approx(late + DELAY, abs=0.01 * length)
+    assert power[64:448] == pytest.approx(np.ones(384), rel=0.01)
     # phases between the receivers are those of a plane wave, and its delay along the line of sight
     turned = left_by(victim, victim, ss.Pose([0.0, DISTANCE, 0.0]), start_time=late)
     apart = DISTANCE - np.hypot(DISTANCE - 0.03, 0.0)

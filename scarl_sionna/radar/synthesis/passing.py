@@ -13,12 +13,14 @@ in a period of its own, some delays long, so that the transforms of codes make i
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
 from pydantic import Field
 
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveforms.coded import Pmcw
 from scarl_sionna.core.units import SPEED_OF_LIGHT
@@ -98,7 +100,13 @@ def changes(codes: Complex | None, radar: RadarSpec) -> Complex | None:
 
 
 def end_of(paths: RadarPaths, radar: RadarSpec) -> RadarSpec:
-    """Return a radar that sends the end of the code, as long as the longest delay of some paths."""
+    """Return a radar that sends the end of the code, as long as the longest delay of some paths.
+
+    Warns
+    -----
+    ScarlWarning
+        If that is longer than a chirp.
+    """
     waveform = radar.waveform
     assert isinstance(waveform, Pmcw)  # by the caller
     arms = sum(float(np.linalg.norm(array, axis=1).max()) for array in (radar.tx_array, radar.rx_array))
@@ -108,6 +116,14 @@ def end_of(paths: RadarPaths, radar: RadarSpec) -> RadarSpec:
     )
     chips = math.ceil(float(length.max()) / SPEED_OF_LIGHT * waveform.chip_rate)
     reach = min(chips, waveform.repetitions * waveform.code_length - CHANGE)
+    if reach < chips:
+        warnings.warn(
+            f"paths of up to {float(length.max()):.4g} m are longer than a chirp of "
+            f"{waveform.chirp_interval * 1e6:.4g} us: what arrives of them has the factor of the chirp before, not "
+            "of one before that; more repetitions make chirps longer",
+            ScarlWarning,
+            stacklevel=5,
+        )
     end = End(
         carrier_frequency=waveform.carrier_frequency,
         chip_rate=waveform.chip_rate,
