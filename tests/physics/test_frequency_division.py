@@ -156,7 +156,7 @@ def test_blocks_of_symbols_and_errors_of_channels() -> None:
     gains = ss.ChannelErrors(tx_gain_db=(0.0, -3.0, 6.0), tx_phase_deg=(0.0, 40.0, -70.0))
     real = radar.with_(front_end=radar.front_end.with_(channels=gains))
     ratio = maps(ss.synthesize(paths, real), real).data[:, 8] / maps(whole, radar).data[:, 8]
-    wanted = 10.0 ** (np.array([0.0, -3.0, 6.0]) / 20.0) * np.exp(1j * np.radians([0.0, 40.0, -70.0]))
+    wanted = 10.0 ** (np.array([0.0, -3.0, 6.0]) / 20.0) * np.exp(-1j * np.radians([0.0, 40.0, -70.0]))  # as of ramps
     column = maps(whole, radar).power[8].argmax()
     assert np.allclose(ratio[:, column], np.repeat(wanted, 4), rtol=1e-3)
 

@@ -112,8 +112,8 @@ def synthesize_interference(
         straight, image = np.conj(straight), np.conj(image)
     channels = radar.front_end.channels
     if channels is not None:
-        straight = apply_rx(straight, channels).astype(np.complex128)
-        image = np.conj(apply_rx(np.conj(image), channels)).astype(np.complex128)
+        straight = apply_rx(straight, channels, heard.sign < 0).astype(np.complex128)
+        image = np.conj(apply_rx(np.conj(image), channels, heard.sign < 0)).astype(np.complex128)
     if mixer is not None:
         kept, other = image_factors(mixer)
         straight = kept * straight + other * image

@@ -9,7 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.specs.radar.multiplexing import IdealMimo
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.tones import seen_by
+from scarl_sionna.core.specs.radar.waveforms.coded import Ofdm, Pmcw
+from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.core.units import SPEED_OF_LIGHT, dbm_to_watt
 from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
@@ -19,6 +23,8 @@ from scarl_sionna.signal.front_end.oscillators import Oscillators
 from scarl_sionna.signal.noise import sample_noise_power
 
 from . import direct
+from .phase import chirps_of, phasor
+from .symbols import modulated
 
 Adc = npt.NDArray[np.complex64]
 Index = npt.NDArray[np.intp]
@@ -148,7 +154,7 @@ def turned(echoes: Adc, radar: RadarSpec, lines: Oscillators, delay: float) -> A
         for rx in range(radar.num_rx):
             oscillator = lines.rx[rx]
             if oscillator not in known:
-                known[oscillator] = np.exp(1j * lines.phase(tx, rx, delay)).astype(np.complex64)
+                known[oscillator] = lines.factor(tx, rx, delay)
             out[rx, tx :: radar.num_tx] = echoes[rx, tx :: radar.num_tx] * known[oscillator]
     return out
 
@@ -156,21 +162,38 @@ def turned(echoes: Adc, radar: RadarSpec, lines: Oscillators, delay: float) -> A
 def _leak(length: float, level_db: float, phase_deg: float, plain: RadarSpec, lines: Oscillators | None) -> Adc:
     """Return what leaks into every receiver from every transmitter over a fixed way."""
     power = dbm_to_watt(plain.front_end.tx_power_dbm + level_db)
-    amplitude = np.array([np.sqrt(power) * np.exp(1j * np.radians(phase_deg))])
-    still = np.zeros(1)
-    row = direct.sum_paths(amplitude, np.array([length]), still, still, plain.with_(num_chirps=1), 0)
-    shape = (plain.num_rx, plain.num_chirps_total, plain.num_samples)
-    leak = np.broadcast_to(row.astype(np.complex64), shape)
-    return np.array(leak) if lines is None else turned(np.array(leak), plain, lines, length / SPEED_OF_LIGHT)
+    amplitude = complex(np.sqrt(power) * np.exp(1j * np.radians(phase_deg)))
+    leak = np.empty((plain.num_rx, plain.num_chirps_total, plain.num_samples), dtype=np.complex64)
+    for tx in range(plain.num_tx):
+        leak[:, tx :: plain.num_tx] = _way(amplitude, length, plain, tx)
+    return leak if lines is None else turned(leak, plain, lines, length / SPEED_OF_LIGHT)
 
 
 def _radome_echo(plain: RadarSpec, lines: Oscillators | None) -> Adc:
     """Return what the radome sends back from every transmitter into every receiver."""
-    echo, still = radome_echo(plain), np.zeros(1)
+    echo = radome_echo(plain)
     out = np.zeros((plain.num_rx, plain.num_chirps_total, plain.num_samples), dtype=np.complex64)
-    single = plain.with_(num_chirps=1)
     for tx in range(plain.num_tx):
         for rx in range(plain.num_rx):
-            amplitude, length = np.conj(echo.amplitude[tx, rx : rx + 1]), echo.length[tx, rx : rx + 1]
-            out[rx, tx :: plain.num_tx] = direct.sum_paths(amplitude, length, still, still, single, 0)
+            amplitude, length = np.conj(echo.amplitude[tx, rx]), float(echo.length[tx, rx])
+            out[rx, tx :: plain.num_tx] = _way(complex(amplitude), length, plain, tx)
     return out if lines is None else turned(out, plain, lines, float(echo.length.mean()) / SPEED_OF_LIGHT)
+
+
+def _way(amplitude: complex, length: float, radar: RadarSpec, tx: int) -> npt.NDArray[np.complexfloating]:
+    """Return what comes over a fixed way [m] with an amplitude [sqrt(W)], shape (num_chirps or 1, num_samples)."""
+    still, own = np.zeros(1), radar.waveform_of(tx)
+    columns = np.array([amplitude]), np.array([length]), still, still
+    if isinstance(own, Ofdm | Pmcw):
+        alike = radar.with_(multiplexing=IdealMimo(), waveform=own)
+        signal = direct.sum_paths(*columns, seen_by(alike, every=True), 0)
+        return modulated(lambda tx, rx: signal, alike, own, 0, np.ones(own.num_samples))(0, 0)
+    if isinstance(own, PcFmcw):
+        beat = direct.sum_paths(*columns, radar.with_(multiplexing=IdealMimo(), waveform=own.ramps()), 0)
+        if own.coding == "across":
+            return np.asarray(beat * np.conj(own.by_chirp)[:, None])
+        ts = own.adc_start_time + np.arange(own.num_samples) / own.sample_rate
+        frequency, strength = own.lines
+        return np.asarray(beat * np.conj(phasor(np.outer(ts - length / SPEED_OF_LIGHT, frequency)) @ strength))
+    one = radar.waveform.chirp_frequencies is None  # for all
+    return direct.sum_paths(*columns, chirps_of(radar, 0, 1) if one else radar, tx)

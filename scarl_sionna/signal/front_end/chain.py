@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
 from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
@@ -36,12 +37,13 @@ def receive(
         [sqrt(W)]
     """
     front, adc = radar.front_end, np.asarray(alone, dtype=np.complex64)
+    is_beat = not is_coded(radar.waveform)
     if front.channels is not None:
-        adc = apply_tx(adc, front.channels, radar.num_tx)
+        adc = apply_tx(adc, front.channels, radar.num_tx, is_beat)
     if radar.multiplexing.is_coded:
         adc = multiplex(adc, radar)
     if front.channels is not None:
-        adc = apply_rx(adc, front.channels)
+        adc = apply_rx(adc, front.channels, is_beat)
     adc = add_noise(adc, radar, rng)
     if front.amplifier is not None:
         adc = compress(adc, front.amplifier)

@@ -9,6 +9,7 @@ import scipy.signal
 
 from scarl_sionna.core.specs.radar.impairments import IfFilter
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
 
 BLEND = 0.2
 """Part of the sample rate over which beat frequencies below its top go over into those below 0 Hz (noise, images)."""
@@ -48,10 +49,18 @@ def apply_filters(adc: npt.NDArray[np.complexfloating], radar: RadarSpec) -> npt
     (raised cosine: a jump would ring over the whole chirp), so echoes beyond ``(1 - BLEND) max_range`` are filtered as
     if partly there. A filter has settled to the first sample's value before the first sample: a constant is
     suppressed from the start, an oscillation after the filter's own settling time, 1 us at 175 kHz.
+
+    Symbols go on periodically within a window (a prefix, or a code that is sent all the time), so they are in a steady
+    state: their frequencies on both sides of the carrier have the transfer function as it is.
     """
     filters = radar.front_end.filters
     if filters is None:
         return np.asarray(adc, dtype=np.complex64)
+    if is_coded(radar.waveform):
+        frequency = scipy.fft.fftfreq(adc.shape[-1], 1.0 / radar.sample_rate)
+        spectrum = scipy.fft.fft(np.asarray(adc, dtype=np.complex64), axis=-1)
+        spectrum *= transfer(filters, frequency).astype(np.complex64)
+        return np.asarray(scipy.fft.ifft(spectrum, axis=-1, overwrite_x=True))
     count = scipy.fft.next_fast_len(2 * adc.shape[-1])
     share = np.arange(count, dtype=np.float64) / count
     above = 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 1.0 + BLEND) / BLEND, 0.0, 1.0))

@@ -9,6 +9,7 @@ import scipy.fft
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.impairments import PhaseNoise
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
 
 Array = npt.NDArray[np.float64]
 
@@ -55,6 +56,9 @@ class Oscillators:
     that is the range correlation ``4 sin(pi f tau)**2``. Offsets beyond half the sample rate are left out, as behind an
     ideal filter. Starts of ramps are rounded to samples, the same for both terms. A ramp that starts late by d has the
     beat phase ``2 pi slope tau d``, a ripple of phase theta ``theta(t_s) - theta(t_s - tau)``.
+
+    Symbols are sampled as they arrive, mixed with the receiver's oscillator: their phase is the opposite one. Periods
+    that are averaged have the mean of its phasors.
     """
 
     def __init__(self, radar: RadarSpec, rng: np.random.Generator | None) -> None:
@@ -64,7 +68,8 @@ class Oscillators:
             raise ParameterRangeError(
                 "front_end.chirp_errors", "given", "None: the waveform has no ramps", "use phase_noise, which any has"
             )
-        count = scipy.fft.next_fast_len(int(np.ceil(radar.frame_time * radar.sample_rate)) + radar.num_samples)
+        latest = radar.frame_time + max(radar.waveform.chirp_delays or (0.0,))
+        count = scipy.fft.next_fast_len(int(np.ceil(latest * radar.sample_rate)) + self._window)
         self._frequency = scipy.fft.rfftfreq(count, 1.0 / radar.sample_rate)
         self._count = count
         self.tx = (noise and noise.tx_oscillator) or (0,) * radar.num_tx
@@ -80,15 +85,34 @@ class Oscillators:
         jitter = errors.start_jitter if errors is not None and rng is not None else 0.0
         self._late = rng.normal(0.0, jitter, shape) if jitter and rng is not None else np.zeros(shape)
 
+    @property
+    def _repetitions(self) -> int:
+        waveform = self.radar.waveform
+        return waveform.repetitions if is_coded(waveform) else 1
+
+    @property
+    def _window(self) -> int:
+        """Samples of a chirp before periods are averaged."""
+        return self._repetitions * self.radar.num_samples
+
+    def factor(self, tx: int, rx: int, delay: float) -> npt.NDArray[np.complex64]:
+        """Return what the samples of an echo are multiplied with, shape (num_chirps, num_samples)."""
+        phase, radar = self.phase(tx, rx, delay), self.radar
+        if not is_coded(radar.waveform):
+            return np.exp(1j * phase).astype(np.complex64)
+        each = np.exp(-1j * phase).reshape(radar.num_chirps, self._repetitions, radar.num_samples)
+        return np.asarray(each.mean(axis=1), dtype=np.complex64)
+
     def phase(self, tx: int, rx: int, delay: float) -> Array:
-        """Return the phase of an echo [rad], shape (num_chirps, num_samples)."""
+        """Return the phase of an echo in a beat signal [rad], shape (num_chirps, repetitions * num_samples)."""
         radar = self.radar
-        out = np.zeros((radar.num_chirps, radar.num_samples))
+        out = np.zeros((radar.num_chirps, self._window))
         if self._spectra:
             turn = np.exp(-2j * np.pi * self._frequency * delay)
             record = scipy.fft.irfft(self._spectra[self.rx[rx]] - self._spectra[self.tx[tx]] * turn, self._count)
             start = np.arange(radar.num_chirps) * radar.doppler_interval + radar.tx_delay(tx)
-            out += record[np.rint(start * radar.sample_rate).astype(np.intp)[:, None] + np.arange(radar.num_samples)]
+            start += np.asarray(radar.waveform.chirp_delays or 0.0)
+            out += record[np.rint(start * radar.sample_rate).astype(np.intp)[:, None] + np.arange(self._window)]
         errors = radar.front_end.chirp_errors
         if errors is not None:
             out += 2.0 * np.pi * radar.waveform.sweep.slope * delay * self._late[:, tx, None]

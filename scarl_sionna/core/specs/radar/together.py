@@ -11,8 +11,8 @@ from .multiplexing import Fdm, Multiplexing
 from .waveform import Waveform
 from .waveforms.coded import Ofdm
 
-_OF_RAMPS = ("phase_noise", "chirp_errors", "leakage", "filters")
-"""Effects that are modelled in the beat signal of equal ramps."""
+_RAMPS = ("fmcw", "stepped_fmcw", "tones")
+"""Waveforms whose ramps can have errors; tones are what a receiver made of some."""
 
 
 def check_together(
@@ -21,7 +21,7 @@ def check_together(
     """Raise if parts of a radar do not go together.
 
     By definition of each: periodic codes are told apart by a regular Doppler transform, a random order is that of
-    chirps that are all alike, and oscillators, leakage and filters are modelled in the beat signal of equal ramps.
+    chirps that are all alike, and errors of ramps need ramps.
 
     Parameters
     ----------
@@ -49,15 +49,9 @@ def check_together(
     if multiplexing.is_coded and multiplexing.kind == "tdm" and not ramps:
         allowed = "equal ramps ('fmcw') for a random order, in which a channel's chirps have any number"
         raise SpecError(model, ("multiplexing", "order_seed"), shown, allowed, "leave order_seed out")
-    if waveform.kind == "tones" or ramps:
-        return
-    for name in _OF_RAMPS:
-        if getattr(front_end, name) not in (None, ()):
-            allowed = "equal ramps ('fmcw'), in whose beat signal this effect is modelled"
-            raise SpecError(model, ("front_end", name), f"with {waveform.kind!r}", allowed, "leave it out")
-    if array.has_echo:
-        allowed = "equal ramps ('fmcw'), in whose beat signal the echo of a radome is modelled"
-        raise SpecError(model, ("array", "radome", "echo"), f"with {waveform.kind!r}", allowed, "give echo=False")
+    if front_end.chirp_errors is not None and waveform.kind not in _RAMPS:
+        allowed = "ramps without a code, of which these are errors"
+        raise SpecError(model, ("front_end", "chirp_errors"), f"with {waveform.kind!r}", allowed, "leave it out")
 
 
 def _check_subcarriers(model: type, waveform: Waveform, turns: int, shown: str) -> None:
