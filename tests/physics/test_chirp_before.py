@@ -13,7 +13,7 @@ from scarl_sionna.core.settings.accuracy import Accuracy
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.synthesis.blocks import later
-from scarl_sionna.radar.synthesis.passing import CHANGE
+from scarl_sionna.radar.synthesis.coded.passing import CHANGE
 from tests.oracles.waveforms import chip_train, factors_in_turn, received, symbol_train
 
 BOUND = Accuracy().synthesis_tolerance + Accuracy().motion_tolerance

@@ -10,7 +10,7 @@ import pytest
 
 import scarl_sionna as ss
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
-from scarl_sionna.radar.synthesis.passing import CHANGE
+from scarl_sionna.radar.synthesis.coded.passing import CHANGE
 from tests.oracles.waveforms import chip_train, dechirped, factors_in_turn, received, retarded, symbol_train
 
 PRESET, FREE = ss.RadarSpec.preset, {"pattern": IsotropicPattern()}

@@ -28,7 +28,9 @@ from scarl_sionna.radar.radome import settled
 from scarl_sionna.signal.multiplexing import multiplex
 from scarl_sionna.signal.noise import add_noise
 
-from . import band, coded_ramps, direct, groups, passing, symbols
+from . import band, direct, groups
+from .coded import passing, symbols
+from .coded import ramps as coded_ramps
 from .moving import Signal, Tolerances, linear_signal, moving_signals
 from .orders import orders
 from .receiver import received
@@ -87,7 +89,7 @@ def synthesize(
         e^{j 2 \pi (f_0 \tau + S \tau t_s - S \tau^2 / 2)}, \quad
         \tau(t) = L_{ij}(t) / (c + L_{ij}'(t)/2)
 
-    for ramps; symbols are in :mod:`scarl_sionna.radar.synthesis.symbols`.
+    for ramps; symbols are in :mod:`scarl_sionna.radar.synthesis.coded.symbols`.
 
     *Kept*: exact delay and strength of each pair at every time (spherical wavefronts, end points that move straight on,
     antennas that move and turn with the radar), motion within a ramp, range migration, residual video phase. Paths of

@@ -12,8 +12,8 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.paths import RadarPaths, band_nodes
 
+from .coded.symbols import Signal, lagrange
 from .phase import FrameGrid
-from .symbols import Signal, lagrange
 
 Array = npt.NDArray[np.float64]
 

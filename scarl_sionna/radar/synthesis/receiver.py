@@ -23,8 +23,8 @@ from scarl_sionna.signal.front_end.oscillators import Oscillators
 from scarl_sionna.signal.noise import sample_noise_power
 
 from . import direct
+from .coded.symbols import modulated
 from .phase import chirps_of, phasor
-from .symbols import modulated
 
 Adc = npt.NDArray[np.complex64]
 Index = npt.NDArray[np.intp]

@@ -15,8 +15,8 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.radar.paths import RadarPaths
 
-from .nufft import num_nodes
-from .phase import FrameGrid, beat_cycles, phasor
+from ..nufft import num_nodes
+from ..phase import FrameGrid, beat_cycles, phasor
 from .symbols import NODES_SHARE, Law, Signal, lagrange
 
 Array = npt.NDArray[np.float64]

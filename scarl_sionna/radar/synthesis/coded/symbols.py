@@ -27,10 +27,10 @@ from scarl_sionna.core.specs.radar.waveforms.coded import Coded, window_start
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.radar.paths import RadarPaths
 
-from .motion import PairTerms, PathMotion
-from .nufft import num_nodes
-from .orders import orders
-from .phase import delay_terms, phasor
+from ..motion import PairTerms, PathMotion
+from ..nufft import num_nodes
+from ..orders import orders
+from ..phase import delay_terms, phasor
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]

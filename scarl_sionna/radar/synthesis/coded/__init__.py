@@ -1,0 +1,1 @@
+"""Signals of waveforms with codes or data: symbols, coded ramps."""
