@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,6 +70,17 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.drives)
+
+    def digest(self) -> str:
+        """Return a text that tells these frames from others."""
+        told = hashlib.sha256()
+        for part in (self.drives, self.weather, self.splits):
+            told.update("\n".join(part).encode())
+        for some in self.objects:
+            told.update(some.places.tobytes())
+        for method in self.methods:
+            told.update(method.encode() + self.maps[method].tobytes())
+        return told.hexdigest()[:16]
 
     def rows(self, split: str, weather: str | None = None, drives: Sequence[str] | None = None) -> npt.NDArray[np.intp]:
         """Return the numbers of the frames of a split, of all or one weather, of all or some drives."""

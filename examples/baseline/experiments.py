@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.errors import DatasetError, OutputError
+
 from .data import INPUTS, Samples
 from .grid import Objects
 
+FRAMES = ("all", "clear", "one seed", "three seeds, thinned", "three seeds")
+"""Which frames a network may learn from; see `Experiment`."""
 NUM_RUNS = 3
 """Trainings of each kind, from other first weights."""
 _SEED = re.compile(r"_s(\d+)$")
@@ -78,13 +82,28 @@ def _seed_of(drive: str) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What the network of an experiment finds in the test frames whose radar is simulated by a method."""
+    """What the network of an experiment finds in the test frames whose radar is simulated by a method.
+
+    Attributes
+    ----------
+    experiment : Experiment
+    test_method : str
+    num_frames : int
+        Frames in training.
+    seconds : float
+        CPU time of the training [s].
+    found : list of Objects
+        By test frame.
+    made_with : dict
+        Steps of the training, and the digest of the frames.
+    """
 
     experiment: Experiment
     test_method: str
     num_frames: int
     seconds: float
     found: list[Objects]
+    made_with: dict[str, int | str] = field(default_factory=dict)
 
 
 def run_experiments(
@@ -94,48 +113,97 @@ def run_experiments(
     num_steps: int,
     on_done: Callable[[str], None] = print,
 ) -> None:
-    """Train and test, a line of a JSON file for each; what stands in the file already is not done again."""
+    """Train and test, a line of a JSON file for each; what stands in the file already is not done again.
+
+    Raises
+    ------
+    OutputError
+        As of :func:`finished`.
+    DatasetError
+        If there is no frame to train on or to test with.
+    """
     from .training import TrainingSettings, detections, train  # imports TensorFlow
 
-    done = {(outcome.experiment, outcome.test_method) for outcome in read_outcomes(file)}
     test = samples.rows("test")
+    for split, rows in (("train", samples.rows("train")), ("test", test)):
+        if not len(rows):
+            raise DatasetError(f"no frame is in the split {split!r}: make more drives, or give --splits to the export")
+    done = {outcome.experiment for outcome in finished(samples, file, num_steps)}
+    made_with = {"steps": num_steps, "dataset": samples.digest()}
     for experiment in chosen:
-        if all((experiment, method) in done for method in samples.methods):
+        if experiment in done:
             continue
         rows = training_rows(samples, experiment.frames, experiment.run)
         started = time.process_time()
         settings = TrainingSettings(num_steps=num_steps, seed=experiment.run)
         network = train(samples, rows, experiment.inputs, experiment.method, settings)
         seconds = time.process_time() - started
+        found = {method: detections(network, samples, test, experiment.inputs, method) for method in samples.methods}
+        about = {"num_frames": len(rows), "seconds": seconds, "made_with": made_with}
+        _end_last_line(file)
         with open(file, "a", encoding="utf-8") as out:
-            for method in samples.methods:
-                found = detections(network, samples, test, experiment.inputs, method)
-                out.write(json.dumps(_line(Outcome(experiment, method, len(rows), seconds, found))) + "\n")
+            out.write(json.dumps({"experiment": asdict(experiment), **about, "found": _plain(found)}) + "\n")
         on_done(f"{experiment}: {len(rows)} frames, {seconds:.1f} s of CPU")
 
 
-def _line(outcome: Outcome) -> dict[str, object]:
-    frames = [
-        {"places": some.places.round(3).tolist(), "kinds": some.kinds.tolist(), "scores": some.scores.round(5).tolist()}
-        for some in outcome.found
-    ]
-    about = {"test_method": outcome.test_method, "num_frames": outcome.num_frames, "seconds": outcome.seconds}
-    return {"experiment": asdict(outcome.experiment), **about, "found": frames}
+def finished(samples: Samples, file: str | Path, num_steps: int | None = None) -> list[Outcome]:
+    """Return what stands in a file of :func:`run_experiments`, all of it from these frames.
+
+    Raises
+    ------
+    OutputError
+        If some is of other frames, or of another number of steps than asked for, or than the rest.
+    """
+    outcomes = list(read_outcomes(file))
+    for outcome in outcomes:
+        steps = outcomes[0].made_with.get("steps") if num_steps is None else num_steps
+        if outcome.made_with != {"steps": steps, "dataset": samples.digest()}:
+            raise OutputError(
+                f"{file} holds results of other frames or another number of steps: give another --out, or remove it"
+            )
+    return outcomes
+
+
+def _plain(found: Mapping[str, Sequence[Objects]]) -> dict[str, list[dict[str, object]]]:
+    return {
+        method: [
+            {
+                "places": some.places.round(3).tolist(),
+                "kinds": some.kinds.tolist(),
+                "scores": some.scores.round(5).tolist(),
+            }
+            for some in frames
+        ]
+        for method, frames in found.items()
+    }
+
+
+def _end_last_line(file: str | Path) -> None:
+    """Cut off what a killed training left of a line."""
+    if Path(file).exists():
+        with open(file, "rb+") as out:
+            out.truncate(out.read().rfind(b"\n") + 1)
 
 
 def read_outcomes(file: str | Path) -> Iterator[Outcome]:
-    """Yield what :func:`run_experiments` wrote; nothing where there is no file."""
+    """Yield what :func:`run_experiments` wrote; nothing where there is no file.
+
+    A last line without its end is of a training that was killed while it was written, and does not count.
+    """
     if not Path(file).exists():
         return
-    for text in Path(file).read_text(encoding="utf-8").splitlines():
+    for text in Path(file).read_text(encoding="utf-8").splitlines(keepends=True):
+        if not text.endswith("\n"):
+            return
         line = json.loads(text)
-        found = [
-            Objects(
-                np.array(frame["places"], np.float64).reshape(-1, 2),
-                np.array(frame["kinds"], np.int64),
-                np.array(frame["scores"], np.float64),
-            )
-            for frame in line["found"]
-        ]
         experiment = Experiment(**line["experiment"])
-        yield Outcome(experiment, line["test_method"], line["num_frames"], line["seconds"], found)
+        for method, frames in line["found"].items():
+            found = [
+                Objects(
+                    np.array(frame["places"], np.float64).reshape(-1, 2),
+                    np.array(frame["kinds"], np.int64),
+                    np.array(frame["scores"], np.float64),
+                )
+                for frame in frames
+            ]
+            yield Outcome(experiment, method, line["num_frames"], line["seconds"], found, line["made_with"])

@@ -87,12 +87,26 @@ class Results:
         low, high = np.nanquantile(drawn, (0.05, 0.95))
         return mean, float(low), float(high)
 
-    def difference(self, numbers: Sequence[int], others: Sequence[int]) -> tuple[float, float, float]:
-        """Return by how much the mean precision of trainings is above that of others, and an interval of 90 %.
+    def scatter(
+        self, numbers: Sequence[int], kind: int | None = None, weather: str | None = None
+    ) -> tuple[float, float]:
+        """Return the mean and the standard deviation of the average precision of trainings on all test frames.
 
-        Both are tested on the same draws of drives, so that what is hard in a drive cancels.
+        The deviation is that of one training, nan for fewer than two; test drives do not vary in it.
         """
-        score = self._scorer(None, (0.0, np.inf), None)
+        score = self._scorer(kind, (0.0, np.inf), weather)
+        values = [score(number, np.arange(len(self.rows))) for number in numbers]
+        return _mean(values), float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
+
+    def difference(
+        self, numbers: Sequence[int], others: Sequence[int], kind: int | None = None
+    ) -> tuple[float, float, float]:
+        """Return by how much the precision of trainings is above that of others, and an interval of 90 %.
+
+        Both are tested on the same draws of drives, so that what is hard in a drive cancels. Of one class, or the mean
+        over classes.
+        """
+        score = self._scorer(kind, (0.0, np.inf), None)
         everything = np.arange(len(self.rows))
 
         def apart(first: npt.ArrayLike, second: npt.ArrayLike, frames: npt.NDArray[np.intp]) -> float:
@@ -153,6 +167,11 @@ def _text(value: tuple[float, float, float]) -> str:
     return "-" if np.isnan(mean) else f"{mean:.0f} ({low:.0f} to {high:.0f})"
 
 
+def _deviating(value: tuple[float, float]) -> str:
+    mean, deviation = (100.0 * part for part in value)
+    return "-" if np.isnan(mean) else f"{mean:.0f}" if np.isnan(deviation) else f"{mean:.0f} ± {deviation:.0f}"
+
+
 def _short(value: tuple[float, float, float]) -> str:
     return "-" if np.isnan(value[0]) else f"{100.0 * value[0]:.0f}"
 
@@ -180,34 +199,36 @@ def _by_input(results: Results) -> str:
 
 
 def _by_method(results: Results) -> str:
-    """Return the mean by how the radar was simulated in training and in the test."""
+    """Return precision by how the radar was simulated in training and in the test, with the scatter of trainings."""
     first, second = results.methods[:2]
-    pairs = [(one, other) for one in (first, second) for other in (first, second)]
-    head = ["network sees", *(f"trained on {one}, tested on {other}" for one, other in pairs)]
+    pairs = [(first, first), (second, second), (second, first), (first, second)]
+    head = ["network sees", "class", *(f"trained on {one}, tested on {other}" for one, other in pairs)]
     head.append(f"tested on {first}: {first} above {second}")
     rows = []
     for inputs in INPUTS:
         runs = {(one, other): results.runs(inputs, one, "all", other) for one, other in pairs}
-        if all(runs.values()):
-            above = results.difference(runs[first, first], runs[second, first])
-            rows.append([inputs, *(_text(results.value(run)) for run in runs.values()), _text(above)])
+        if not all(runs.values()):
+            continue
+        for name, kind in ((CLASSES[0], 0), ("all classes", None)):
+            above = results.difference(runs[first, first], runs[second, first], kind)
+            values = [_deviating(results.scatter(run, kind)) for run in runs.values()]
+            rows.append([inputs, name, *values, _text(above)])
     return _table(head, rows)
 
 
 def _by_weather(results: Results) -> str:
-    """Return the mean by weather of training and test."""
-    head = [
-        "network sees",
-        *(f"trained on {one}, tested in {other}" for one in ("both", "clear") for other in ("clear", "rain")),
-    ]
+    """Return precision by weather of training and test, with the scatter of trainings."""
+    columns = [(frames, weather) for frames in ("all", "clear") for weather in ("clear", "rain")]
+    named = {"all": "both", "clear": "clear"}
+    head = ["network sees", "class", *(f"trained on {named[one]}, tested in {other}" for one, other in columns)]
     rows = []
     for inputs in INPUTS:
-        kinds = [
-            (results.runs(inputs, results.best, frames), weather)
-            for frames in ("all", "clear")
-            for weather in ("clear", "rain")
-        ]
-        rows.append([inputs, *(_text(results.value(run, weather=weather)) for run, weather in kinds)])
+        for name, kind in ((CLASSES[0], 0), ("all classes", None)):
+            values = [
+                results.scatter(results.runs(inputs, results.best, frames), kind, weather)
+                for frames, weather in columns
+            ]
+            rows.append([inputs, name, *(_deviating(value) for value in values)])
     return _table(head, rows)
 
 

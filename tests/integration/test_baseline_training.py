@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import scarl_sionna as ss
+from scarl_sionna.core.errors import DatasetError, OutputError
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.fusion import Rig, SensorMount
@@ -40,7 +42,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_network_trains_and_answers(dataset, tmp_path) -> None:
     from examples.baseline.data import CAMERA, GRID, INPUTS, read_samples
-    from examples.baseline.experiments import experiments, read_outcomes, run_experiments
+    from examples.baseline.experiments import experiments, finished, run_experiments
     from examples.baseline.training import TrainingSettings, batches, detection_loss, train
 
     samples = read_samples(dataset)
@@ -59,9 +61,15 @@ def test_every_network_trains_and_answers(dataset, tmp_path) -> None:
     done: list[str] = []
     for _ in range(2):  # the second time all is there
         run_experiments(samples, chosen, tmp_path / "out.jsonl", 2, done.append)
-    outcomes = list(read_outcomes(tmp_path / "out.jsonl"))
+    outcomes = finished(samples, tmp_path / "out.jsonl", 2)
     assert len(done) == len(outcomes) == 3
     assert all(len(outcome.found) == 2 for outcome in outcomes)
+
+    with pytest.raises(OutputError, match="another number of steps"):
+        run_experiments(samples, chosen, tmp_path / "out.jsonl", 3)
+    nothing = replace(samples, splits=np.full(len(samples), "train"))
+    with pytest.raises(DatasetError, match="'test'"):
+        run_experiments(nothing, chosen, tmp_path / "other.jsonl", 2)
 
     few, many = (TrainingSettings(num_steps=steps, batch_size=2, width=8) for steps in (1, 40))
     fed, wanted = next(batches(samples, np.arange(2), "map", "raycast", few))

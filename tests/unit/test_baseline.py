@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import scarl_sionna as ss
+from examples.baseline import __main__ as command
 from examples.baseline.data import FULL_SNR_DB, MOST_POINTS, VELOCITY_BINS, Samples, velocity_map
-from examples.baseline.experiments import Experiment, Outcome, experiments, training_rows
+from examples.baseline.experiments import Experiment, Outcome, experiments, finished, training_rows
 from examples.baseline.grid import CLASSES, HEAT_RADIUS, Objects, PolarGrid, decode, encode
 from examples.baseline.metrics import average_precision, match, mean_precision, precision_table
 from examples.baseline.tables import Results, markdown
+from scarl_sionna.core.errors import OutputError
 from scarl_sionna.signal.angle import RangeDopplerAngle
 
 GRID = PolarGrid(40, 24, 1.6, 0.75)
@@ -154,4 +159,61 @@ def test_tables_tell_what_networks_found(samples) -> None:
     assert results.num_objects(0, (20.0, 40.0)) == sum(10 + row >= 20 for row in test)
     text = markdown(results)
     assert "| pedestrian, 20 to 40 m | 8 | 100 | - | - |" in text
-    assert "| map | 100 (100 to 100) | 100 (100 to 100) | 50 (50 to 50) | 50 (50 to 50) | 50 (50 to 50) |" in text
+    # trained and tested on auto, on raycast, trained on raycast and tested on auto, the other way; what auto is above
+    assert "| map | all classes | 100 ± 0 | 50 ± 0 | 50 ± 0 | 100 ± 0 | 50 (50 to 50) |" in text
+    assert "| map | car | 100 ± 0 | 100 ± 0 | 100 ± 0 | 100 ± 0 | 0 (0 to 0) |" in text
+    assert "| map | car | 100 ± 0 | 100 ± 0 | - | - |" in text  # clear and rain, nothing trained on clear alone
+
+
+def test_scatter_is_that_of_trainings(samples) -> None:
+    perfect = [samples.objects[row] for row in samples.rows("test")]
+    found = [perfect, [some.chosen(some.kinds == 0) for some in perfect], [objects([], []) for _ in perfect]]
+    outcomes = [Outcome(Experiment("map", "auto", "all", run), "auto", 16, 1.0, found[run]) for run in range(3)]
+    results = Results(samples, outcomes)
+    assert results.scatter([0, 1, 2]) == pytest.approx((0.5, 0.5))  # 1, 1/2 and 0
+    assert results.scatter([0, 1], kind=0) == pytest.approx((1.0, 0.0))
+    assert results.difference([0], [2], 0) == pytest.approx((1.0, 1.0, 1.0))
+    assert np.isnan(results.scatter([0])[1])
+
+
+def test_results_of_other_frames_are_refused_and_a_cut_line_does_not_count(samples, tmp_path) -> None:
+    file = tmp_path / "outcomes.jsonl"
+    made_with = {"steps": 300, "dataset": samples.digest()}
+    found = {"auto": [{"places": [[1.0, 2.0]], "kinds": [3], "scores": [0.5]}], "raycast": []}
+    line = json.dumps(
+        {
+            "experiment": {"inputs": "map", "method": "auto", "frames": "all", "run": 1},
+            "num_frames": 16,
+            "seconds": 2.0,
+            "made_with": made_with,
+            "found": found,
+        }
+    )
+    assert finished(samples, file) == []
+    file.write_text(line + "\n" + line[:-5])
+    outcomes = finished(samples, file, 300)
+    assert [outcome.test_method for outcome in outcomes] == ["auto", "raycast"]
+    assert outcomes[0].experiment == Experiment("map", "auto", "all", 1) and outcomes[0].found[0].kinds.tolist() == [3]
+    with pytest.raises(OutputError, match="another number of steps"):
+        finished(samples, file, 200)
+    with pytest.raises(OutputError, match="other frames"):
+        finished(replace(samples, weather=samples.weather[::-1].copy()), file)
+
+
+def test_the_command_says_what_is_wrong(tmp_path, monkeypatch, capsys) -> None:
+    def run(*arguments: str) -> int:
+        monkeypatch.setattr("sys.argv", ["baseline", *arguments])
+        return command.main()
+
+    assert run(str(tmp_path / "nothing"), "--out", str(tmp_path / "out")) == 2
+    assert "error: " in capsys.readouterr().err
+    for wrong in (["--steps", "0"], ["--inputs", "lidar"], ["--frames", "some"]):
+        with pytest.raises(SystemExit):
+            run("data", *wrong)
+    monkeypatch.setattr(command, "read_samples", _interrupted)
+    assert run("data", "--out", str(tmp_path / "out")) == 130
+    assert "go on with the same command" in capsys.readouterr().err
+
+
+def _interrupted(*_: object) -> None:
+    raise KeyboardInterrupt

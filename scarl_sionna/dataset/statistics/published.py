@@ -138,9 +138,15 @@ def _without_lidar(found: Counted) -> float:
     return 100.0 * _mean(_boxes(found)["lidar_points"] == 0)
 
 
-def _without_both(found: Counted) -> float:
-    rows = _boxes(found)
-    return 100.0 * _mean((rows["radar_points"] == 0) & (rows["lidar_points"] == 0))
+def _without_both(nearest: float = 0.0, farthest: float = math.inf) -> Count:
+    """Return what gives the share of boxes between two ranges [m] without a radar and a lidar point [%]."""
+
+    def count(found: Counted) -> float:
+        rows = _boxes(found)
+        rows = rows[(rows["range"] >= nearest) & (rows["range"] < farthest)]
+        return 100.0 * _mean((rows["radar_points"] == 0) & (rows["lidar_points"] == 0))
+
+    return count
 
 
 def _label_share(group: str) -> Count:
@@ -224,7 +230,19 @@ FIGURES: tuple[Published, ...] = (
     ),
     Published("nuScenes", "boxes without a radar point", "%", 61.19, _BOXES, AUDIT, _without_radar),
     Published("nuScenes", "boxes without a lidar point", "%", 12.01, _BOXES, AUDIT, _without_lidar),
-    Published("nuScenes", "boxes without both", "%", 9.43, _BOXES, AUDIT, _without_both),
+    Published("nuScenes", "boxes without both", "%", 9.43, _BOXES, AUDIT, _without_both()),
+    *(
+        Published(
+            "nuScenes",
+            f"boxes without both, {near} to {far} m",
+            "%",
+            value,
+            _BOXES,
+            AUDIT,
+            _without_both(near, far),
+        )
+        for near, far, value in ((0, 20, 4.04), (20, 30, 9.99), (30, 40, 13.8), (40, 50, 19.75))
+    ),
     Published(
         "View-of-Delft",
         "radar points a scan, mean",
