@@ -99,14 +99,14 @@ class Results:
         return _mean(values), float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
 
     def difference(
-        self, numbers: Sequence[int], others: Sequence[int], kind: int | None = None
+        self, numbers: Sequence[int], others: Sequence[int], kind: int | None = None, weather: str | None = None
     ) -> tuple[float, float, float]:
         """Return by how much the precision of trainings is above that of others, and an interval of 90 %.
 
-        Both are tested on the same draws of drives, so that what is hard in a drive cancels. Of one class, or the mean
-        over classes.
+        Both are tested on the same draws of drives, so that what is hard in a drive cancels. Of one class or the mean
+        over classes, in one weather or in all.
         """
-        score = self._scorer(kind, (0.0, np.inf), None)
+        score = self._scorer(kind, (0.0, np.inf), weather)
         everything = np.arange(len(self.rows))
 
         def apart(first: npt.ArrayLike, second: npt.ArrayLike, frames: npt.NDArray[np.intp]) -> float:
@@ -221,14 +221,14 @@ def _by_weather(results: Results) -> str:
     columns = [(frames, weather) for frames in ("all", "clear") for weather in ("clear", "rain")]
     named = {"all": "both", "clear": "clear"}
     head = ["network sees", "class", *(f"trained on {named[one]}, tested in {other}" for one, other in columns)]
+    head.append("tested in rain: both above clear")
     rows = []
     for inputs in INPUTS:
         for name, kind in ((CLASSES[0], 0), ("all classes", None)):
-            values = [
-                results.scatter(results.runs(inputs, results.best, frames), kind, weather)
-                for frames, weather in columns
-            ]
-            rows.append([inputs, name, *(_deviating(value) for value in values)])
+            runs = {frames: results.runs(inputs, results.best, frames) for frames in named}
+            values = [_deviating(results.scatter(runs[frames], kind, weather)) for frames, weather in columns]
+            above = _text(results.difference(runs["all"], runs["clear"], kind, "rain")) if all(runs.values()) else "-"
+            rows.append([inputs, name, *values, above])
     return _table(head, rows)
 
 

@@ -162,7 +162,7 @@ def test_tables_tell_what_networks_found(samples) -> None:
     # trained and tested on auto, on raycast, trained on raycast and tested on auto, the other way; what auto is above
     assert "| map | all classes | 100 ± 0 | 50 ± 0 | 50 ± 0 | 100 ± 0 | 50 (50 to 50) |" in text
     assert "| map | car | 100 ± 0 | 100 ± 0 | 100 ± 0 | 100 ± 0 | 0 (0 to 0) |" in text
-    assert "| map | car | 100 ± 0 | 100 ± 0 | - | - |" in text  # clear and rain, nothing trained on clear alone
+    assert "| map | car | 100 ± 0 | 100 ± 0 | - | - | - |" in text  # clear and rain, nothing trained on clear alone
 
 
 def test_scatter_is_that_of_trainings(samples) -> None:
@@ -172,6 +172,7 @@ def test_scatter_is_that_of_trainings(samples) -> None:
     results = Results(samples, outcomes)
     assert results.scatter([0, 1, 2]) == pytest.approx((0.5, 0.5))  # 1, 1/2 and 0
     assert results.scatter([0, 1], kind=0) == pytest.approx((1.0, 0.0))
+    assert results.difference([0], [1], weather="rain") == pytest.approx((0.5, 0.5, 0.5))
     assert results.difference([0], [2], 0) == pytest.approx((1.0, 1.0, 1.0))
     assert np.isnan(results.scatter([0])[1])
 
