@@ -6,6 +6,7 @@ Pages that begin in the middle of a session find the names that a session has: a
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,8 @@ OWN_TESTS = ("getting_started.md", "reading.md", "formats.md")
 """Pages whose results are looked at by tests of their own."""
 SLOW = (
     "scatterers.md", "README.md", "rcs.md", "accuracy.md", "camera.md", "materials.md", "micro_doppler.md",
-    "demo.md", "actors.md", "export.md", "interference.md", "session.md",
+    "demo.md", "actors.md", "export.md", "interference.md", "session.md", "prompt.md",
+    "radar_settings.md", "radar_labels.md", "calibration.md",
 )  # fmt: skip # a table
 PAGES = sorted(
     path
@@ -106,15 +108,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("corner", "body", "windows", "tyres", "car"):
         corner().export(root / f"{name}.ply")
     source = drive(num_frames=13, ends=("front",), scenes=("drive",))
-    for name in ("out", "demo_out"):
-        write_dataset(root / name, source.rig, {"drive": list(source.scenes[0])})
+    write_dataset(root / "out", source.rig, {"drive": list(source.scenes[0])})
+    shutil.copytree(root / "out", root / "demo_out")
     return root
 
 
 def case(page: Path) -> object:
     # what pages leave behind would stay in the worker for the files after them: a few processes share the pages
-    process = "tensorflow" if page.name == "calibration.md" else str(PAGES.index(page) % 5)
-    marks = [pytest.mark.slow] * (page.name in SLOW) + [pytest.mark.own_process(process)]
+    is_slow = page.name in SLOW
+    process = "tensorflow" if page.name == "calibration.md" else str(PAGES.index(page) % 5) if is_slow else "quick"
+    marks = [pytest.mark.slow] * is_slow + [pytest.mark.own_process(process)]
     return pytest.param(page, id=page.name, marks=marks)
 
 

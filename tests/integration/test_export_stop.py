@@ -67,6 +67,7 @@ def engine_silence(number: int) -> None:
         signal.raise_signal(number)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("hit", [signal.raise_signal, engine_error, engine_error_of, engine_silence])
 def test_a_signal_in_a_frame_is_no_failed_frame(scenarios, undisturbed, tmp_path, monkeypatch, number, hit) -> None:
@@ -153,21 +154,23 @@ def assert_stopped_whole(process: subprocess.Popen, out: Path, number: int) -> N
     assert all(not json.loads(path.read_text())["failed"] for path in out.glob("shards/*/??????.json"))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_in_the_middle_of_a_render(heavy, tmp_path, number) -> None:
+@pytest.mark.some(1)
+@pytest.mark.parametrize(("number", "rounds"), [(signal.SIGINT, 2), (signal.SIGINT, 4), (signal.SIGTERM, 4)])
+def test_a_signal_in_the_middle_of_a_render(heavy, tmp_path, number, rounds) -> None:
     """At moments drawn at random, which fall into the engine, into our code and between frames."""
     out, moments = tmp_path / "out", random.Random(number)
-    for _ in range(4):
+    for _ in range(rounds):
         process = start(heavy, "--out", out, "--on-error", "record")
         before = kept_frames(out)
         assert wait_until(lambda before=before: kept_frames(out) != before, process)
         time.sleep(moments.uniform(0.0, 0.3))
         process.send_signal(number)
         assert_stopped_whole(process, out, number)
-    assert len(kept_frames(out)) >= 4
+    assert len(kept_frames(out)) >= rounds
     assert len(open_dataset(out)) < 40
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("to_group", [True, False])
 def test_a_signal_with_workers(files, undisturbed, tmp_path, number, to_group) -> None:

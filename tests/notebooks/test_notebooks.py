@@ -23,7 +23,7 @@ def _case(path: Path) -> object:
     return pytest.param(path, id=path.stem, marks=() if path.stem in QUICK else pytest.mark.slow)
 
 
-@pytest.mark.some(6)
+@pytest.mark.some(2)
 @pytest.mark.parametrize("path", [_case(path) for path in NOTEBOOKS])
 def test_runs(path: Path) -> None:
     notebook = nbformat.read(path, as_version=4)

@@ -125,6 +125,7 @@ def test_velocities_of_limbs_while_the_walker_speeds_up():
     np.testing.assert_allclose(moved.twist.velocity_at(moved.pose.rotate(point)), slope, atol=1e-3)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("speed", [0.9, 1.3, 2.0])
 def test_feet_stand_on_the_ground_and_hardly_slide(speed):
     gait = WalkingGait(1.75)

@@ -65,6 +65,7 @@ def test_boxes_move_at_the_velocity_of_their_labels(name) -> None:
     check(name, 12)
 
 
+@pytest.mark.some(6)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in scenario_names() if name not in QUICK])
 def test_boxes_of_all_scenarios_move_at_the_velocity_of_their_labels(name) -> None:

@@ -119,6 +119,7 @@ def test_a_mesh_is_seen_along_x_in_vertical_polarisation_at_77_ghz_unless_said(t
     assert other.predict(other.channels[0], np.zeros(1)) < found - 0.5
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("optimizer", ["least_squares", "adam"])
 def test_recovers_a_dielectric_from_its_rcs(file: Path, optimizer: str) -> None:
     truth = np.array([5.5, 16.0])

@@ -35,6 +35,7 @@ def sphere_image_centre(centre_optical: npt.NDArray, radius: float, intrinsics: 
     return project([*(tangent * direction), 1.0], intrinsics)[0]
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(("u", "v"), [(60.0, 50.0), (260.0, 150.0), (400.0, 40.0), (101.3, 220.7)])
 def test_a_shining_ball_appears_at_its_projection(tmp_path: Path, u: float, v: float) -> None:
     spec = CameraSpec(width=480, height=270, horizontal_fov_deg=90.0, samples_per_pixel=64, max_depth=1, denoise=False)

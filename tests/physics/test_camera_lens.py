@@ -35,6 +35,7 @@ FISHEYE = CameraSpec(
 )
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("spec", "pixel"),
     [(BARREL, (40.0, 30.0)), (BARREL, (225.0, 120.0)), (FISHEYE, (100.0, 60.0)), (FISHEYE, (7.0, 96.0))],

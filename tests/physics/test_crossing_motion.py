@@ -90,7 +90,7 @@ def forced(request, monkeypatch):
     return request.param
 
 
-@pytest.mark.some(4)
+@pytest.mark.some(2)
 @pytest.mark.parametrize("motion", RADARS)
 @pytest.mark.parametrize("multiplexing", ENDS)
 def test_a_point_in_any_motion_is_the_exact_retarded_signal(forced, multiplexing: str, motion: str) -> None:
@@ -198,6 +198,7 @@ def moved_mount(pose: Pose, twist: Twist, time: float) -> Mount:
     return Mount(Pose.from_rotation(pose.position + twist.linear * time, axes), twist)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("multiplexing", ENDS)
 def test_ghosts_of_a_moving_wall_seen_by_a_turning_radar(tmp_path, multiplexing: str) -> None:
     wall = Thing(
@@ -248,6 +249,7 @@ def test_patches_of_a_body_that_crosses(tmp_path, motion: str) -> None:
     assert at_chirps(solve, radar, (255,), Accuracy(motion_tolerance=None)) > -25.0
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("distance", [3.0, 10.0])
 @pytest.mark.parametrize("shape", ["box", "plate"])
 def test_default_patches_are_small_enough_for_what_crosses(tmp_path, shape: str, distance: float) -> None:

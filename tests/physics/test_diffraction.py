@@ -197,6 +197,7 @@ def test_over_a_box_by_the_ground(tmp_path) -> None:
     assert PathGeometry.of(there, RADAR).center_length()[0] == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("moving", ["target", "radar", "screen"])
 def test_rate_and_acceleration_over_an_edge(tmp_path, moving: str) -> None:
     trajectory = {

@@ -31,6 +31,7 @@ def wave(angle, source):
     return direction, np.stack([first, np.cross(direction, first)], axis=1).astype(complex)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("ratio", OPENINGS)
 def test_current_is_the_exact_one_less_physical_optics_integrated(ratio) -> None:
     """Any direction of the source and of the observer; the integral along the grazing ray is done by numbers."""

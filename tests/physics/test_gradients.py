@@ -105,6 +105,7 @@ def test_values_are_the_plain_sum(way: str, tx_counts: tuple[int, int]) -> None:
             assert np.abs(found[rx, tx :: radar.num_tx] - exact).max() < 3e-9 * np.abs(exact).max()
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("name", OF_COLUMNS)
 @pytest.mark.parametrize("growth", [0.0, 3.0])
 def test_derivatives_to_columns(way: str, growth: float, name: str) -> None:
@@ -145,6 +146,7 @@ def street(turns: bool = False, linear: bool = False) -> ss.RadarPaths:
     return ss.RadarPaths(**(fields | columns | {"linear_motion": np.arange(5) < 2 * linear}))
 
 
+@pytest.mark.some(8)
 @pytest.mark.parametrize(("turns", "linear"), [(False, True), (True, False)], ids=["kept", "turning"])
 @pytest.mark.parametrize("name", OF_PATHS)
 def test_derivatives_through_the_path_list(name: str, turns: bool, linear: bool) -> None:
@@ -253,6 +255,7 @@ def point_model(tolerance: float = TOLERANCE) -> PointModel:
     return PointModel(RADAR, mount, place, rng.uniform(-12, 12, (4, 3)), rng.uniform(0.5, 5.0, 4), tolerance)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("name", OF_POINTS)
 def test_derivatives_of_point_targets(name: str) -> None:
     model = point_model()

@@ -238,6 +238,7 @@ def test_blocks_that_do_not_follow_are_told() -> None:
         synthesize_blocks(blinking, radar, 8)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["sionna", "sbr"])
 def test_retraced_chirps_of_a_moving_wall(tmp_path, method: str) -> None:
     """A plate comes at 30 m/s.
@@ -334,6 +335,7 @@ def blade_field(time: float, radar: np.ndarray, wavenumber: float) -> complex:
     return complex(np.sum(np.exp(-2j * wavenumber * distance) * cosine / distance**2))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("chirps", "bound"), [(8, 0.1), (2, 0.03)])
 def test_flash_of_a_blade_on_a_rolling_wheel(tmp_path, chirps: int, bound: float) -> None:
     """Traced again in the scene, wheel joint and all.

@@ -77,6 +77,7 @@ def asphalt(tmp_path_factory):
     return scene(tmp_path_factory.mktemp("asphalt"), ground("asphalt")).at(0.0)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("height", [0.3, 0.5, 1.0, 1.5])
 def test_two_ray_ground(asphalt, height: float) -> None:
     found = two_ray_db(asphalt, np.array(oracle.GROUND_RANGES), height)
@@ -124,6 +125,7 @@ GHOSTS = [
 ]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("y", "material", "position", "velocity", "expected"), GHOSTS)
 def test_ghosts_behind_a_wall(tmp_path, y, material, position, velocity, expected) -> None:
     paths = ghosts(scene(tmp_path, wall(y, material)).at(0.0), position, velocity)

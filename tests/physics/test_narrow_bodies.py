@@ -38,6 +38,7 @@ def seen_in_wall(state, knobs: SbrSettings) -> float:
     return float(20.0 * np.log10(max(abs(np.sum((paths.a[:, 0, 0] * wave)[by])), 1e-30)))
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("width", [0.04, 0.1])
 @pytest.mark.parametrize("place", [-0.31, 0.0, 0.47])
 def test_a_post_is_found_in_a_wall_by_coarse_tubes(tmp_path, width: float, place: float) -> None:

@@ -46,6 +46,7 @@ def by_quadrature(corners, source, receiver, nodes: int = 400) -> complex:
     return complex(np.sum(value / strength(corners.mean(axis=0))[0] * np.exp(-1j * WAVENUMBER * length) * jacobian))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("turn_deg", [20.0, 45.0, 70.0])
 def test_corners_and_edges_are_the_integral_over_a_triangle(turn_deg: float) -> None:
     """Random triangles of 5 to 20 cm, 8 m away, bistatic: within the part that is left out, 2 %, and 200 times less."""
@@ -79,6 +80,7 @@ def test_a_face_seen_head_on_is_not_oblique() -> None:
         assert not is_oblique(on.dr, moving).numpy().any()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("aspect_deg", [12.0, 30.0, 50.0])
 def test_a_large_oblique_plate_is_exact_over_the_band_with_a_few_rows(tmp_path, aspect_deg: float) -> None:
     """1 m x 0.5 m at 12 m, patches of 3 rad (0.3 m), 30 dB and more below its flash: 0.1 dB over 300 MHz."""

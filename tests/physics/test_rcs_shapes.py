@@ -63,6 +63,7 @@ def test_disk_and_cylinder_vectors():
     assert np.abs(dbsm(found) - oracle.CYLINDER_DBSM).max() < 0.1
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("size", [1.0, 3.0, 10.0, 30.0, 100.0])
 @pytest.mark.filterwarnings("ignore:the mesh is:scarl_sionna.ScarlWarning")
 def test_plate_and_disk_sizes(size):
@@ -77,6 +78,7 @@ def test_plate_and_disk_sizes(size):
         assert np.abs(dbsm(found) - dbsm(exact))[strong].max() < 0.1
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("size", [1.0, 3.0, 10.0, 30.0, 100.0])
 @pytest.mark.filterwarnings("ignore:the mesh is:scarl_sionna.ScarlWarning")
 def test_cylinder_sizes(size):
@@ -142,6 +144,7 @@ def test_sphere_mie_oracle():
         assert oracle.mie_sphere(ka) == pytest.approx(exact, rel=1e-8)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("ka", "subdivisions"), [(50.0, 5), (100.0, 5), (200.0, 6), pytest.param(500.0, 7, marks=pytest.mark.slow)]
 )

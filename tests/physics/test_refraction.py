@@ -80,6 +80,7 @@ def behind(folder, material: RadioMaterial, incidence_deg: float, panes=(5.0,)):
     return paths, point_targets(target, [[0, 0, 0]], 1.0, RADAR, Pose())
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("permittivity", "thickness", "incidence_deg", "te", "tm"), TRANSMITTED[1:6:2])
 def test_path_through_a_pane(tmp_path, permittivity, thickness, incidence_deg, te, tm) -> None:
     paths, free = behind(tmp_path, sheet(permittivity, thickness), incidence_deg)

@@ -71,6 +71,7 @@ def found_and_expected(world, method: str, band: tuple[float, float], sector_deg
     return power.sum(axis=0), expected, error
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("band", BANDS)
 @pytest.mark.parametrize("method", SETTINGS)
 def test_every_solver_has_the_laws_sigma0(world, method, band) -> None:

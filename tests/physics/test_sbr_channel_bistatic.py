@@ -49,6 +49,7 @@ def _solve(folder, mesh, tx, rx, **options):
     return solve_paths(state, RADAR, tx, method="sbr", receiver=rx, settings=ALL, **options)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("shape", ["plate", "trihedral"])
 @pytest.mark.parametrize("receive_deg", [(50.0, 40.0), (60.0, 50.0), (54.7, 52.0)])
 def test_far_pair_measures_the_bistatic_rcs(tmp_path, shape, receive_deg) -> None:

@@ -13,6 +13,7 @@ DEFAULT = ss.SbrSettings(floor_db=None)
 BAR_DB = 0.5  # of the project
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("number", [1, 9, 11, 28, 35, 41])
 def test_random_corners_against_the_far_field(tmp_path, number: int) -> None:
     """3 to 20 cm, any aspect, 20 to 250 m; where k leg^2 / (4 R) < 0.5 rad the waves are plane to 0.1 dB."""

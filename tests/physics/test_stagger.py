@@ -47,6 +47,7 @@ def seen(radar, distance, speed, rcs=1e3, **options):
     return detect(ss.range_doppler_angle(ss.virtual_cube(adc, radar), radar), **options), paths
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("speed", [-70.0, 13.0, 40.0])
 @pytest.mark.parametrize(
     ("name", "multiplexing"), [("alternating", "tdm"), ("three", "tdm"), ("blocks", "ideal"), ("jitter", "tdm")]

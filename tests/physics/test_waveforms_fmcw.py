@@ -93,6 +93,7 @@ def between(axis, power, index):
     return axis[index] + 0.5 * (low - high) / (low - 2.0 * here + high) * (axis[1] - axis[0])
 
 
+@pytest.mark.some(8)
 @pytest.mark.usefixtures("ways")
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_a_point_is_the_exact_retarded_signal(name) -> None:
@@ -108,7 +109,7 @@ def test_a_point_is_the_exact_retarded_signal(name) -> None:
         assert np.sqrt(np.mean(error**2)) < 1e-3, (distance, speed)
 
 
-@pytest.mark.some(5)
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_many_paths_are_the_direct_sum(name) -> None:
     """Both ways that motion is given: rates of the centre alone, and velocities of end points."""
@@ -125,7 +126,7 @@ def test_many_paths_are_the_direct_sum(name) -> None:
         assert error < accuracy.synthesis_tolerance + (tolerance or 0.0)
 
 
-@pytest.mark.some(9)
+@pytest.mark.some(4)
 @pytest.mark.parametrize("window", ["hann", "rect"])
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_the_map_has_its_peak_at_the_point(name, window) -> None:
@@ -190,6 +191,7 @@ def test_what_no_frame_can_be_is_refused(fields, message) -> None:
         ss.Fmcw(**{**RAMP, **fields})
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("name", [*WAVEFORMS, "ofdm", "pmcw", "golay"])
 def test_blocks_of_chirps_make_the_whole_frame(name) -> None:
     """What each chirp has of its own stays with it: carriers, starts, chips, data, turns of a pair of codes."""

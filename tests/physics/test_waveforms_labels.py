@@ -62,6 +62,7 @@ def test_cells_have_the_power_of_their_instance(name) -> None:
     assert np.abs(found.power - expected.power)[inside].max() < bound * expected.power.max()
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_detections_have_the_label_of_what_made_them(name) -> None:
     radar = radar_of(name)

@@ -86,7 +86,7 @@ def exact(radar, point, velocity):
     return samples.reshape(wave.num_chirps, repeats, count).mean(axis=1)
 
 
-@pytest.mark.some(6)
+@pytest.mark.some(3)
 @pytest.mark.usefixtures("ways")
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_a_point_is_what_was_sent_a_delay_earlier(name) -> None:
@@ -135,6 +135,7 @@ def test_a_code_sent_all_the_time_wraps_around() -> None:
         synthesize(paths, radar.with_(multiplexing="tdm", tx_positions=((0.0, 0.0, 0.0), (0.0, 0.1, 0.0))))
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", ["ofdm", "comb", "m-sequence", "golay"])
 @pytest.mark.parametrize("multiplexing", ["ideal", "tdm"])
 def test_many_moving_paths_are_the_direct_sum(name, multiplexing) -> None:
@@ -167,6 +168,7 @@ def between(axis, power, index):
     return axis[index] + 0.5 * (low - high) / (low - 2.0 * here + high) * (axis[1] - axis[0])
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("window", ["hann", "rect"])
 @pytest.mark.parametrize("name", [name for name in WAVEFORMS if name != "own code"])
 def test_the_map_has_its_peak_at_the_point(name, window) -> None:

@@ -89,7 +89,7 @@ PLAIN = st.recursive(
 )
 
 
-@settings(max_examples=150, deadline=5000, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, deadline=5000, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=PLAIN)
 def test_any_plain_data_is_read_or_refused(tmp_path, data: object) -> None:
     text = json.dumps(data)

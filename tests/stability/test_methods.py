@@ -122,6 +122,7 @@ def reference(tmp_path_factory):
     return {method: power(solve(folder / method, plate(), method), method) for method in METHODS}
 
 
+@pytest.mark.some(7)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("kind", AWKWARD)
 def test_what_the_mesh_looks_like_does_not_matter(tmp_path, reference, kind: str, method: str) -> None:
@@ -159,6 +160,7 @@ def test_no_target_is_no_path_and_a_silent_frame(tmp_path, method: str) -> None:
     assert frame.num_paths == 0 and not frame.adc_int.any()
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("distance", [0.5, 300.0])
 def test_very_near_and_very_far(tmp_path, method: str, distance: float) -> None:
@@ -247,7 +249,7 @@ def street(path: Path) -> list[str]:
     `sionna` and `sbr` have such a test in their own files.
     """
     state = load_scene(path).at(0.0)
-    options = {"raycast": {}, "scatterers": {"models": {"car": ScattererModel.tr38901("car")}}}
+    options = {"raycast": {"num_rays": 100_000}, "scatterers": {"models": {"car": ScattererModel.tr38901("car")}}}
     return [digest(solve_paths(state, RADAR, Pose([0, 0, 0.5]), method, **more)) for method, more in options.items()]
 
 

@@ -55,6 +55,7 @@ def test_sbr_tells_of_it_once(tmp_path) -> None:
         ss.solve_paths(world.at(0.0), radar, ss.Pose(), method="sbr", instances=["plate"])
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["highway_guardrail", "urban_crossing"])
 def test_no_overlap_is_seen_in_the_scenes_of_the_package(name) -> None:
     world = ss.load_scene(name)

@@ -64,6 +64,7 @@ def error_db(radar, paths, tolerance):
     return 20.0 * np.log10(np.abs(fast - exact).max() / np.abs(exact).max())
 
 
+@pytest.mark.some(6)
 @pytest.mark.usefixtures("each_method")
 @pytest.mark.parametrize("multiplexing", ["ideal", "tdm"])
 @pytest.mark.parametrize("speed", [0.0, 20.0, 70.0])
@@ -73,6 +74,7 @@ def test_fast_synthesis_equals_the_exact_sum(multiplexing, speed, count):
     assert error_db(radar, scene(radar, count, speed), 1e-5) < -100.0
 
 
+@pytest.mark.some(3)
 @pytest.mark.usefixtures("each_method")
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-6])
 def test_error_stays_below_the_tolerance(tolerance):
@@ -81,6 +83,7 @@ def test_error_stays_below_the_tolerance(tolerance):
         assert error_db(radar, scene(radar, count, 70.0), tolerance) < 20.0 * np.log10(tolerance)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("tolerance", "fastest"),
     [

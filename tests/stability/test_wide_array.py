@@ -44,6 +44,7 @@ def radio_variant():
         yield
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("mirror", ["steel", "glass"])
 def test_signal_of_every_antenna_at_5_m(tmp_path, mirror: str) -> None:
     """Complex signal of a 1 m array, walls and target at 5 m, against one solve for each antenna: the bar is -60 dB.

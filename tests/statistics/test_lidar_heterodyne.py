@@ -150,6 +150,7 @@ def test_statistical_estimates_lie_at_the_bound(cnr_db: float) -> None:
     assert abs(np.corrcoef(found.distance[kept], found.radial_velocity[kept])[0, 1]) < SIGMAS / np.sqrt(kept.sum())
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("cnr_db", [18.0, 25.0, 35.0])
 def test_estimates_from_raw_beats_reach_the_bound_within_10_percent(cnr_db: float) -> None:
     cnr = 10.0 ** (cnr_db / 10.0)

@@ -70,8 +70,8 @@ def ratio_to_bound(window: str, snr_db: float, draws: int) -> np.ndarray:
 
 @pytest.mark.parametrize("window", ["rect", "hann"])
 def test_estimates_reach_the_bound(window: str) -> None:
-    """From the issue: within 1.2. The root mean square of 200 draws itself is known to 5 %, of 400 to 3.5 %."""
-    ratio = ratio_to_bound(window, 30.0, 200)
+    """From the issue: within 1.2. The root mean square of 100 draws itself is known to 7 %, of 400 to 3.5 %."""
+    ratio = ratio_to_bound(window, 30.0, 100)
     assert (ratio < 1.2).all() and (ratio > 0.85).all(), ratio
 
 
@@ -83,6 +83,7 @@ def test_estimates_reach_the_bound_from_15_to_45_db(window: str, snr_db: float) 
     assert (ratio < 1.2).all() and (ratio > 0.9).all(), ratio
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("window", ["rect", "hann"])
 @pytest.mark.parametrize("name", REGULAR)
 def test_a_point_without_noise_is_found_between_the_bins(name: str, window: str) -> None:

@@ -76,6 +76,7 @@ def test_files_are_small_and_name_known_materials(model):
     assert counts["_light"] <= counts[""]
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("model", NAMES)
 @pytest.mark.parametrize("detail", ["detailed", "light"])
 def test_measures_and_ground(driven, model, detail):

@@ -23,6 +23,7 @@ def imported_by(statement: str) -> set[str]:
     return set(done.stdout.split())
 
 
+@pytest.mark.some(2)  # the last imports all the others
 @pytest.mark.parametrize(
     "statement",
     [

@@ -203,6 +203,7 @@ def test_rays_are_spread_over_the_area_that_the_radar_sees(tmp_path, position, s
         assert (across**2).mean(axis=0) == pytest.approx(1 / 3, abs=0.03)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("tolerance", [3.0, 1.0, 0.3])
 def test_a_corner_reflector_is_found_whatever_its_class_is(tmp_path, tolerance) -> None:
     mesh = trimesh.Trimesh(0.1 * np.array(TRIHEDRAL_MESH[0]) @ _boresight().T, TRIHEDRAL_MESH[1], process=False)

@@ -60,13 +60,20 @@ def completed(words: str) -> list[str]:
     return done.stdout.split()
 
 
-def test_the_shell_completes_commands_options_and_names() -> None:
-    assert completed("scarl-sionna pre") == ["preview"]
-    assert completed("scarl-sionna demo --sce") == ["--scenario", "--scene"]
-    assert completed("scarl-sionna demo --scene highway_g") == ["highway_guardrail"]
-    assert completed("scarl-sionna export cut") == [name for name in scenario_names() if name.startswith("cut")]
-    assert completed("scarl-sionna demo --weather dr") == ["drizzle"]
-    assert completed("scarl-sionna demo --method ray") == ["raycast"]
+@pytest.mark.some(2)
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("pre", ["preview"]),
+        ("demo --sce", ["--scenario", "--scene"]),
+        ("demo --scene highway_g", ["highway_guardrail"]),
+        ("demo --weather dr", ["drizzle"]),
+        ("demo --method ray", ["raycast"]),
+        ("export cut", [name for name in scenario_names() if name.startswith("cut")]),
+    ],
+)
+def test_the_shell_completes_commands_options_and_names(typed: str, expected: list[str]) -> None:
+    assert completed(f"scarl-sionna {typed}") == expected
 
 
 def test_completion_can_be_installed() -> None:

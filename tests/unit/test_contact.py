@@ -56,6 +56,7 @@ def test_a_car_that_backs_out_of_a_drive_stands_on_its_wheels(drive) -> None:
     assert "backing" in off and max(off.values()) < CONTACT, off
 
 
+@pytest.mark.some(6)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", scenario_names())
 def test_wheels_of_all_scenarios_stand_on_the_ground(name) -> None:

@@ -64,6 +64,7 @@ def test_finds_a_usable_llvm_and_dr_jit_compiles_with_it() -> None:
     assert words[-1] == "4.0"
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("version", ["15", "16", None])
 def test_too_old_llvm_is_refused_and_the_process_lives(tmp_path: Path, version: str | None) -> None:
     library = build_library(tmp_path, "libLLVM.so", version)

@@ -38,6 +38,7 @@ def strains(motion: Trajectory, first: float, last: float) -> tuple[float, float
     return float(np.abs((pull * along).sum(1)).max()), float(np.abs(across).max()), float(jerk.max())
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("name", scenario_names())
 @pytest.mark.filterwarnings("ignore::scarl_sionna.core.errors.ScarlWarning")
 def test_motions_of_ready_scenarios_stay_within_their_limits(name) -> None:
@@ -49,6 +50,7 @@ def test_motions_of_ready_scenarios_stay_within_their_limits(name) -> None:
         assert jerk < JERK, (member.actor.name, jerk)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("scene", ["roundabout", "parking_garage", "signalised_crossing", "country_road"])
 def test_traffic_takes_bends_at_ease(scene) -> None:
     network = read_document(find_scene(scene)).lanes

@@ -47,6 +47,7 @@ def on_bin(radar, share):
     return round(share * count / 2) * 2.0 * radar.unambiguous_velocity / count
 
 
+@pytest.mark.some(8)
 @pytest.mark.parametrize("kind", ["ddm", "ddm4", "bpm", "cdm"])
 @pytest.mark.parametrize("base", [SMALL, CASCADE], ids=["12", "192"])
 @pytest.mark.parametrize("share", [0.0, 0.31, -0.77])
@@ -70,6 +71,7 @@ def test_transmitters_are_separated_below_60_db(kind, base, share):
         assert others.max() < 1e-6 * level[sender]
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("kind", list(KINDS))
 @pytest.mark.parametrize("base", [SMALL, CASCADE], ids=["12", "192"])
 def test_channels_are_those_of_ideal_transmitters(kind, base):
@@ -110,6 +112,7 @@ def test_unambiguous_velocity(kind, factor):
     assert radar.num_chirps_total == radar.num_chirps * (1 if kind in ("ddm", "bpm", "cdm") else 3)
 
 
+@pytest.mark.some(7)
 @pytest.mark.parametrize("kind", ["ddm", "ddm4", "bpm", "cdm", "random"])
 @pytest.mark.parametrize("share", [-0.83, -0.4, 0.1, 0.55, 0.91])
 def test_velocity_and_direction_over_the_whole_interval(kind, share):

@@ -63,6 +63,7 @@ def _heights_below(world, points, reach: float = ABOVE):
     return found, hits
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("name", maps.MAPS)
 def test_every_lane_has_a_surface_at_its_height(worlds, name):
     world, file = worlds(name)
@@ -77,6 +78,7 @@ def test_every_lane_has_a_surface_at_its_height(worlds, name):
     assert raised.sum() < 0.01 * len(z)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("name", maps.MAPS)
 def test_rays_find_no_gap_along_borders_and_none_between_road_and_ground(worlds, name):
     world, file = worlds(name)

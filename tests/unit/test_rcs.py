@@ -74,6 +74,7 @@ def test_same_bytes_twice():
     assert first.tobytes() == scattering_matrix(CORNER, F77, angle, 0.7).tobytes()
 
 
+@pytest.mark.slow
 def test_same_bytes_in_another_process():
     code = (
         "import hashlib, tests.unit.test_rcs as t;"

@@ -84,6 +84,7 @@ def digest_of_a_model_and_its_paths(folder: str) -> str:
     return hashlib.sha256(b"".join(arrays)).hexdigest()
 
 
+@pytest.mark.slow  # tests/stability/test_methods.py has the same of paths
 def test_same_bytes_in_another_process(tmp_path):
     code = (
         f"import tests.unit.test_scatterers as t; print(t.digest_of_a_model_and_its_paths({str(tmp_path / 'other')!r}))"

@@ -60,6 +60,7 @@ def _triangles(path: Path) -> tuple[int, int]:
     return len(shapes), total
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", NEW, scope="module")
 def test_a_scene_has_what_makes_its_kind_of_place(name):
     world = world_of(name)
@@ -76,6 +77,7 @@ def test_a_scene_has_what_makes_its_kind_of_place(name):
     assert size < 5e6
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", NEW, scope="module")
 def test_lanes_are_a_network_and_lie_on_the_ground(name):
     world = world_of(name)
@@ -100,6 +102,7 @@ def _ray_down(state, starts, actors):
     return gap
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", NEW, scope="module")
 def test_actors_stand_on_the_ground(name):
     """A ray down from 5 cm above the origin of each actor, below its bodywork, in a world without its actors."""
@@ -118,6 +121,7 @@ def test_actors_stand_on_the_ground(name):
         assert free.mean() > 0.5
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", NEW, scope="module")
 def test_nobody_runs_into_anybody_or_into_a_wall(name):
     world = world_of(name)
@@ -144,6 +148,7 @@ def _is_solid(box) -> bool:
     )
 
 
+@pytest.mark.some(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NEW, scope="module")
 def test_no_two_parts_of_the_place_overlap_in_a_plane(name):
@@ -157,6 +162,7 @@ def test_no_two_parts_of_the_place_overlap_in_a_plane(name):
     assert not found
 
 
+@pytest.mark.some(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NEW, scope="module")
 def test_a_radar_of_the_ego_car_sees_the_others(name):
@@ -171,6 +177,7 @@ def test_a_radar_of_the_ego_car_sees_the_others(name):
     assert others & seen
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", NEW, scope="module")
 def test_motion_is_smooth(name):
     """Accelerations of cars stay within what tyres give (9 m/s2), and nobody jumps."""
@@ -198,6 +205,7 @@ def cache_root(tmp_path_factory):
         os.environ["SCARL_CACHE_DIR"] = before
 
 
+@pytest.mark.some(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NEW, scope="module")
 def test_the_light_level_has_fewer_shapes_and_triangles(name, cache_root):
@@ -206,6 +214,7 @@ def test_the_light_level_has_fewer_shapes_and_triangles(name, cache_root):
     assert light[0] < 0.6 * detailed[0] and light[1] < 0.5 * detailed[1]
 
 
+@pytest.mark.some(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NEW, scope="module")
 def test_variants_are_other_places_of_the_same_kind(name, cache_root):
@@ -217,6 +226,7 @@ def test_variants_are_other_places_of_the_same_kind(name, cache_root):
     )
 
 
+@pytest.mark.some(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NEW, scope="module")
 @pytest.mark.parametrize(("variant", "detail"), [(1, "detailed"), (5, "light")])

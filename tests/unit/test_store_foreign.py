@@ -110,6 +110,7 @@ def test_foreign_files_in_a_dataset_survive_a_resumed_export(mixed, whole) -> No
     assert ours(mixed) == ours(whole)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("lost", [(), ("manifest.json",), ("manifest.json", "manifest.backup.json")])
 def test_foreign_files_in_a_dataset_survive_overwrite(mixed, tmp_path, lost) -> None:
     for name in lost:
@@ -173,6 +174,7 @@ def test_a_folder_of_hidden_files_is_no_foreign_folder(tmp_path, whole) -> None:
     assert verify(tmp_path / "out").complete
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("name", ["README.md", "manifest.json", "manifest.backup.json", "export.log"])
 def test_a_file_of_the_users_in_the_place_of_ours_stops_the_export_before_it_begins(mixed, name, overwrite) -> None:
@@ -204,6 +206,7 @@ def in_place(kind: str, path: Path) -> None:
         path.symlink_to("/tmp")
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("kind", ["file", "folder", "link"])
 @pytest.mark.parametrize(
     "name", ["images/b/front/camera/rgb/000001.png", "shards/b/000000.json", "arrays/b/radar/adc/zarr.json"]
@@ -217,6 +220,7 @@ def test_what_has_the_name_of_a_file_to_come_stops_an_added_scene(mixed, name, k
     assert tree(mixed) == before
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("name", ["images", "images/b", "arrays/b/radar", "images/b/front/camera/rgb", ".work/b"])
 @pytest.mark.parametrize("kind", ["file", "link"])
 def test_what_stands_where_a_folder_belongs_stops_an_added_scene(mixed, name, kind) -> None:
@@ -259,6 +263,7 @@ LOSSES = [
 ]  # fmt: skip # a table
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("lost", LOSSES, ids=" ".join)
 def test_repair_of_a_scene_that_lost_all_of_its_shards(whole, tmp_path, lost) -> None:
     out = tmp_path / "out"
@@ -274,6 +279,7 @@ def test_repair_of_a_scene_that_lost_all_of_its_shards(whole, tmp_path, lost) ->
     assert ours(out) == ours(whole)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     "name",
     [
@@ -325,6 +331,7 @@ def test_repair_names_a_file_in_the_place_of_a_folder(whole, tmp_path, name) -> 
     assert ours(out) == ours(whole)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("damage", [None, "", "{", '{"format": "scarl-dataset", "schema_version": 1}'])
 def test_a_lost_manifest_is_read_from_its_copy_and_put_back(whole, tmp_path, damage) -> None:
     out = tmp_path / "out"

@@ -167,8 +167,8 @@ def test_a_track_is_labelled_by_most_of_its_clusters() -> None:
 
 
 def test_errors_are_as_large_as_the_covariances_say() -> None:
-    """Normalised squared errors of 80 ways with the assumed noise: chi-square with 4 degrees each [99.9 %]."""
-    runs, count, q = 80, 25, 0.5
+    """Normalised squared errors of 24 ways with the assumed noise: chi-square with 4 degrees each [99.9 %]."""
+    runs, count, q = 24, 25, 0.5
     errors = np.zeros((runs, count))
     for seed in range(runs):
         rng = np.random.default_rng(seed)

@@ -92,13 +92,14 @@ class Manifold:
     def refine(self, snapshot: Phasors, sines: Array, distance: Array, rounds: int = 12, scale: float = 1.0) -> Array:
         """Return the sines (n, 2) at the beamformer's maximum near a start, by parabolas of shrinking step."""
         sines, width = sines.copy(), scale * self.step
+        # all three of a parabola at once: few snapshots cost what the calls do
+        snapshots, distances = np.tile(snapshot, (3, 1)), np.tile(distance, 3)
         for _ in range(rounds):
             for axis in self.axes:
-                move = np.zeros(2)
-                move[axis] = width[axis]
-                left, here, right = (
-                    self.power(snapshot, np.clip(sines + sign * move, -1.0, 1.0), distance) for sign in (-1, 0, 1)
-                )
+                places = np.tile(sines, (3, 1, 1))
+                places[:, :, axis] += width[axis] * np.array([[-1.0], [0.0], [1.0]])
+                power = self.power(snapshots, np.clip(places, -1.0, 1.0).reshape(-1, 2), distances)
+                left, here, right = power.reshape(3, -1)
                 sines[:, axis] = np.clip(sines[:, axis] + parabola_offset(left, here, right) * width[axis], -1.0, 1.0)
                 width[axis] *= 0.6
         return sines
