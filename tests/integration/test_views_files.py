@@ -313,6 +313,7 @@ convert(FrameSource(drive(ends=("front",)).rig, [SceneFrames("x", Deadly([frame,
 """
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("form", ["hdf5", "nuscenes"])
 def test_a_killed_export_leaves_no_output_and_its_rest_goes_with_the_next(tmp_path, form) -> None:
     command = [sys.executable, "-c", KILLED, form, str(tmp_path / "x")]

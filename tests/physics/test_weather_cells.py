@@ -18,7 +18,7 @@ from scarl_sionna.signal.processing import virtual_cube
 
 RADAR = RadarSpec().with_(num_chirps=64, num_samples=128, ramp_time=7.5e-6, bandwidth=150e6)
 HEAVY = Weather(rain_rate=50.0)
-SEEDS = 48
+SEEDS = 100
 
 
 @pytest.fixture(scope="module")

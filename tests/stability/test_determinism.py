@@ -53,7 +53,6 @@ def digests(folder: Path) -> dict[str, str]:
     return result
 
 
-@pytest.mark.slow
 def test_same_bytes_twice_and_in_another_process(tmp_path) -> None:
     first, second = digests(tmp_path / "a"), digests(tmp_path / "b")
     assert first == second

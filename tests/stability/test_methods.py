@@ -253,6 +253,7 @@ def street(path: Path) -> list[str]:
     return [digest(solve_paths(state, RADAR, Pose([0, 0, 0.5]), method, **more)) for method, more in options.items()]
 
 
+@pytest.mark.slow  # of all methods: test_determinism.py
 def test_same_bytes_twice_and_in_another_process(tmp_path) -> None:
     things = [
         Thing("ground", plane(128.0, 128.0), "Roads", "steel", is_object=False),

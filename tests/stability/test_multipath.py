@@ -163,6 +163,7 @@ def _digest(folder: str) -> str:
     return digest.hexdigest()
 
 
+@pytest.mark.slow  # of all methods: test_determinism.py
 def test_same_bytes_twice_and_in_two_processes(tmp_path) -> None:
     here = _digest(str(tmp_path / "a"))
     assert here == _digest(str(tmp_path / "b"))

@@ -76,6 +76,7 @@ def test_small_motion_makes_no_doppler_floor(tmp_path, shape, moving) -> None:
     assert 20 * np.log10(spectrum[bins > 10].max() / spectrum[0]) < -60.0
 
 
+@pytest.mark.slow  # of all methods: test_determinism.py
 def test_same_bytes_twice_and_in_another_process(tmp_path) -> None:
     path = write_scene(
         tmp_path, [Thing("corner", _corner(), "Static", "steel"), Thing("box", box((1, 1, 1), (2, 1, 0)))]

@@ -192,6 +192,7 @@ def test_killed_at_every_step_of_tidying_up(frames, expected, tmp_path, monkeypa
     assert_tidy(out, expected)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("lost", [(), ("manifest.json", "manifest.backup.json")])
 def test_killed_at_every_eighth_step_of_an_overwrite(frames, expected, tmp_path, lost) -> None:
     """A later run without it either goes on rightly or refuses.
