@@ -9,7 +9,6 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
