@@ -130,7 +130,9 @@ def test_the_scene_is_that_of_scarls_figure_2(frame, objects) -> None:
 
 def test_signs_of_the_radial_velocity_in_the_radar_paths(world, rig, frame, objects) -> None:
     sensor = frame.radars["radar"].world_from_sensor
-    paths = solve_paths(world.at(TIME), rig["radar"].spec, Mount(sensor, Twist(own_velocity(frame))), "raycast")
+    paths = solve_paths(
+        world.at(TIME), rig["radar"].spec, Mount(sensor, Twist(own_velocity(frame))), "raycast", num_rays=200_000
+    )
     velocity = paths.length_rate / 2.0  # there and back
     for name, sign in (("guardrail_right", -1), ("oncoming", -1), ("car_ahead", 1)):
         mine = velocity[paths.instance[:, 0] == objects[name].instance]
