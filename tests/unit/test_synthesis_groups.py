@@ -7,7 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from scarl_sionna.core.specs.radar.array import HALF_WAVE, AntennaArray, uniform_line
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.tones import seen_by
+from scarl_sionna.core.specs.radar.waveforms.coded import Ofdm, Pmcw
 from scarl_sionna.radar.synthesis import chirpz, groups, nufft
 
 RADAR = RadarSpec().with_(num_samples=128, num_chirps=64)
@@ -103,3 +106,13 @@ def test_paths_that_bend_are_halved_where_they_differ_most_until_their_series_is
             for count, (index, _) in zip(terms, found, strict=True)
         )
     )
+
+
+@pytest.mark.parametrize("waveform", [Ofdm(num_subcarriers=512), Pmcw(code_length=511)], ids=["ofdm", "pmcw"])
+def test_tones_of_a_wide_array_take_one_spreading(waveform) -> None:
+    """What is not mixed with ramps has no migration that differs between antennas: one term, as with one antenna."""
+    wide = AntennaArray(tx_positions=uniform_line(12, 16 * HALF_WAVE), max_array_extent=1.0)
+    radar = seen_by(RadarSpec(waveform=waveform, array=wide), every=True)
+    box = np.array([6.0, 6.0, 500.0, 500.0]), np.array([-60.0, 60.0, -60.0, 60.0])
+    assert chirpz.Layout.of(radar, *box, 4e-5).terms == ()
+    assert isinstance(groups.straight(radar, *box, 100_000, 4e-5), chirpz.Transform)

@@ -111,12 +111,12 @@ class Layout:
         reference = 0.5 * float(delay.min() + delay.max())
         phase = PathPhase.of(radar, length, rate, 0, reference)
         doppler, squared = _middle(phase.doppler), _middle(phase.squared_rate)
-        # antennas see other lengths than the array's centre; v follows the delay
+        # antennas see other lengths than the array's centre; v follows the delay, where the receiver mixes with ramps
         extent = sum(float(np.linalg.norm(array, axis=1).max()) for array in (radar.tx_array, radar.rx_array))
         extent += grid.tx_delay(radar.num_tx - 1) * float(np.abs(rate).max())
         largest = float(np.abs(phase.doppler).max())
         migration = float(np.abs(phase.migration).max())
-        migration += largest * extent * (sweep.slope / sweep.start_frequency) ** 2 / SPEED_OF_LIGHT
+        migration += sweep.video * largest * extent * (sweep.slope / sweep.start_frequency) ** 2 / SPEED_OF_LIGHT
         x, q = float(grid.x[-1]), float(grid.x[-1] + grid.y[-1])
         phases = {
             "migration": 2.0 * np.pi * migration * x * q,
