@@ -144,8 +144,9 @@ def _evil_packed(folder: Path, case: int) -> bool:
     """Change what is inside of a packed dataset, and put the checksums right that would show it."""
     from scarl_sionna.dataset.store.records import write_members
 
-    if case < 24:
-        return evil_text()(folder / ("d/shards/a/000000.json", "d/shards/a/000000.zip")[case % 2], case // 2)
+    if case < 72 and case % 3 == 0:
+        number = case // 3
+        return evil_text()(folder / ("d/shards/a/000000.json", "d/shards/a/000000.zip")[number % 2], number // 2)
     root, rng, how = folder / "d", random.Random(case), case % 7
     if how == 0:
         return False  # a plain mutation, which the checksums show

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 TOPIC = "scarl-export"
 CONNECT_SECONDS = 10.0
+RESTART_SECONDS = 300.0
+"""How long no worker of this machine may be there before the export gives up [s]; on a busy one a start takes 60."""
 _AHEAD, _LEAST_AHEAD = 3, 256  # shards that are handed out at once: for each worker, and in all
 _KEPT = "finished frames are kept; the same command goes on from there"
 
@@ -90,6 +92,10 @@ def _reports(
         raise ExportError(
             f"workers died again and again on {error.args[0] if error.args else 'a shard'} (memory?); {_KEPT}"
         ) from error
+    except _no_worker_errors(distributed) as error:
+        raise ExportError(
+            f"all workers died and none could be started again within {RESTART_SECONDS:g} s (memory?); {_KEPT}"
+        ) from error
     except (
         asyncio.CancelledError,
         distributed.client.FutureCancelledError,
@@ -97,6 +103,12 @@ def _reports(
         distributed.comm.CommClosedError,
     ) as error:
         raise ExportError(f"the Dask scheduler was lost ({type(error).__name__}); {_KEPT}") from error
+
+
+def _no_worker_errors(distributed: ModuleType) -> tuple[type[Exception], ...]:
+    """Return the errors of a shard that found no worker; older versions of Dask have one of them."""
+    names = ("NoWorkerError", "NoValidWorkerError")
+    return tuple(getattr(distributed.scheduler, name) for name in names if hasattr(distributed.scheduler, name))
 
 
 def work(job: ShardJob, threads: int | None) -> ShardReport:
@@ -153,10 +165,10 @@ def _mute() -> dict[logging.Logger, list[logging.Handler]]:
 
 @contextmanager
 def _muted() -> Iterator[None]:
-    """Keep a local cluster's own log to itself.
+    """Keep Dask's own log in this process to itself.
 
-    When it is stopped in the middle of its work, it writes tracebacks of its connections, some of them at the highest
-    level; what concerns the export comes as an exception.
+    When it is stopped in the middle of its work, or loses its scheduler, it writes tracebacks of its connections, some
+    of them at the highest level; what concerns the export comes as an exception.
     """
     before = _mute()
     try:
@@ -175,6 +187,9 @@ def _local_client(distributed: ModuleType, count: int) -> Iterator[Client]:
         "distributed.worker.multiprocessing-method": "spawn",
         "distributed.worker.preload": [__name__],  # calls `dask_setup`
         "distributed.comm.timeouts.connect": "30s",
+        # Dask gives a worker up for good that is not back after 15 s, and waits for ever when all are given up
+        "distributed.deploy.lost-worker-timeout": "1h",
+        "distributed.scheduler.no-workers-timeout": f"{RESTART_SECONDS:g}s",
     }
     with (
         dask.config.set(settings),
@@ -195,12 +210,13 @@ def _local_client(distributed: ModuleType, count: int) -> Iterator[Client]:
 @contextmanager
 def _remote_client(distributed: ModuleType, address: str) -> Iterator[Client]:
     """Connect to a scheduler; it and its workers stay when the export is done."""
-    try:
-        client = distributed.Client(address, timeout=CONNECT_SECONDS)
-    except (OSError, TimeoutError, asyncio.TimeoutError, ValueError) as error:
-        raise ExportError(
-            f"no Dask scheduler answers at {address} within {CONNECT_SECONDS:g} s ({type(error).__name__}); "
-            "start one with `dask scheduler`, or check the address"
-        ) from error
-    with client:
-        yield client
+    with _muted():
+        try:
+            client = distributed.Client(address, timeout=CONNECT_SECONDS)
+        except (OSError, TimeoutError, asyncio.TimeoutError, ValueError) as error:
+            raise ExportError(
+                f"no Dask scheduler answers at {address} within {CONNECT_SECONDS:g} s ({type(error).__name__}); "
+                "start one with `dask scheduler`, or check the address"
+            ) from error
+        with client:
+            yield client

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from scarl_sionna.core.errors import OutputError, ParameterRangeError
+from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.registry import SETTINGS_TYPES, SPEC_TYPES, lifted, sensor_class, spec_type
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, RadarFrame, SensorResult
@@ -31,6 +31,7 @@ from .store.shards import ArrayInfo, encode_chunk
 
 NOT_DATA = frozenset({"seconds"})
 """Diagnostics that are left out, so that the same seed gives the same bytes."""
+_MOST_PIXELS = 100_000_000
 PNG_LEVEL = {"semantic": 6, "instance": 6}
 """zlib level of the PNG files, 3 where not named: level 6 takes twice the time for 0 to 12 % of the bytes of a
 picture."""
@@ -273,10 +274,21 @@ def encode_png(kind: str, pixels: npt.NDArray[Any]) -> bytes:
     return buffer.getvalue()
 
 
-def decode_png(kind: str, data: bytes) -> npt.NDArray[Any]:
-    """Return the pixels of :func:`encode_png`."""
-    with Image.open(io.BytesIO(data)) as image:
-        pixels = np.array(image)
+def decode_png(kind: str, data: bytes, where: str = "") -> npt.NDArray[Any]:
+    """Return the pixels of :func:`encode_png`; `where` is what an error names.
+
+    Raises
+    ------
+    DatasetError
+        If they cannot be decoded, which checksums do not rule out where somebody else wrote them, or are too many.
+    """
+    try:
+        with Image.open(io.BytesIO(data), formats=("PNG",)) as image:
+            if image.width * image.height > _MOST_PIXELS:
+                raise ValueError(f"{image.width} x {image.height} pixels, at most {_MOST_PIXELS} are read")
+            pixels = np.array(image)
+    except Exception as error:  # a decoder of damaged data has errors of any kind
+        raise DatasetError(f"an image cannot be decoded ({error!s:.200})", where or None) from error
     return pixels.astype(np.uint16, copy=False) if kind in ("instance", "depth") else pixels
 
 

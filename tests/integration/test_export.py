@@ -298,6 +298,7 @@ def test_a_scheduler_elsewhere_and_its_loss(files, scenarios, undisturbed, tmp_p
         _, errors = process.communicate(timeout=120)
         assert process.returncode == 2
         assert "the Dask scheduler was lost" in errors and "the same command goes on from there" in errors
+        assert "Traceback" not in errors  # of Dask's own log
     finally:
         for item in (scheduler, worker):
             if item is not None:

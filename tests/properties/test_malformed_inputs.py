@@ -32,7 +32,7 @@ from tests.scenes import box
 
 REPO = Path(__file__).resolve().parents[2]
 SLOW = 155
-"""Cases of each kind in the slow run: 14 kinds without CommonRoad, 2,170 cases."""
+"""Cases of each kind in the slow run: 15 kinds without CommonRoad, 2,325 cases."""
 FEW = 15
 
 

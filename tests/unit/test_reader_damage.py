@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import random
 import shutil
@@ -9,11 +10,12 @@ import warnings
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import DatasetError, ScarlWarning
 from scarl_sionna.dataset import open_dataset
-from scarl_sionna.dataset.encoding import StoreOptions
+from scarl_sionna.dataset.encoding import StoreOptions, encode_png
 from scarl_sionna.dataset.verify import verify
 from scarl_sionna.dataset.write import write_dataset
 from tests.frames import RIG, assert_same, make_frame
@@ -127,6 +129,27 @@ def test_another_number_in_the_manifest_is_seen(whole, tmp_path) -> None:
     (out / "manifest.json").write_text(other[: other.index(',\n "checksum"')] + "\n}\n")
     with pytest.raises(DatasetError, match=r"manifest\.json is damaged: its checksum is wrong"):
         open_dataset(out)
+
+
+@pytest.mark.parametrize(
+    "data", [b"no picture", b"\x89PNG\r\n\x1a\n cut", encode_png("rgb", np.zeros((9, 9, 3), np.uint8))[:-30]]
+)
+def test_a_picture_that_was_written_as_no_picture_is_a_typed_error(whole, tmp_path, data: bytes) -> None:
+    """Checksums are right where somebody else wrote the file."""
+    out = tmp_path / "out"
+    shutil.copytree(whole, out)
+    name, record = "images/a/front/camera/rgb/000003.png", json.loads((out / "shards/a/000001.json").read_text())
+    (out / name).write_bytes(data)
+    record["files"][name] = [len(data), hashlib.sha256(data).hexdigest()]
+    text = json.dumps(record)
+    (out / "shards/a/000001.json").write_text(text)
+    manifest = json.loads((out / "manifest.json").read_text())
+    del manifest["checksum"]
+    manifest["shards"]["a"][1][0] = hashlib.sha256(text.encode()).hexdigest()
+    (out / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(DatasetError, match="frame 3, front/camera/rgb: an image cannot be decoded"):
+        open_dataset(out)[3].to_frame()
+    assert any("an image cannot be decoded" in fault.what for fault in verify(out).faults)
 
 
 @pytest.mark.parametrize("image", ["rgb", "instance", "semantic", "depth"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.server
+import re
 import threading
 import warnings
 from collections.abc import Iterator
@@ -37,6 +38,28 @@ class Whole(http.server.SimpleHTTPRequestHandler):
 
     def log_message(self, format: str, *args: object) -> None:
         """Write nothing."""
+
+
+class Ranged(Whole):
+    """Sends parts of files, as most servers do; `sizes` are those of its answers for ZIP files [bytes]."""
+
+    sizes: ClassVar[list[int]] = []
+
+    def do_GET(self) -> None:
+        """Answer a request."""
+        asked, path = re.fullmatch(r"bytes=(\d+)-(\d*)", self.headers.get("Range", "")), self.translate_path(self.path)
+        if asked is None or not Path(path).is_file():
+            super().do_GET()
+            return
+        data = Path(path).read_bytes()
+        start, last = int(asked[1]), min(int(asked[2] or len(data)), len(data) - 1)
+        self.send_response(206)
+        self.send_header("Content-Range", f"bytes {start}-{last}/{len(data)}")
+        self.send_header("Content-Length", str(last + 1 - start))
+        self.end_headers()
+        self.wfile.write(data[start : last + 1])
+        if path.endswith(".zip"):
+            self.sizes.append(last + 1 - start)
 
 
 class Refusing(Whole):
@@ -122,6 +145,18 @@ def test_a_store_that_does_not_answer_is_no_damage(unwilling, error: Exception, 
     with pytest.raises(DatasetUnreachable, match=words) as caught:
         dataset[0].to_frame()
     assert "damaged" not in str(caught.value) and "repair" not in str(caught.value)
+
+
+@with_http
+def test_a_server_with_ranges_sends_parts_of_a_shard(tmp_path) -> None:
+    out = write_dataset(tmp_path / "out", RIG.to_dict(), {"a": FRAMES}, options=StoreOptions(shard_frames=2))
+    with served(out, Ranged) as url, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dataset = open_dataset(url)
+        assert (dataset[1].image["front/camera"].rgb == FRAMES[1].images["front/camera"].rgb).all()
+        assert 0 < sum(Ranged.sizes) < (out / "shards/a/000000.zip").stat().st_size / 3
+        for frame, written in zip(dataset, FRAMES, strict=True):
+            assert_same(frame.to_frame(), written)
 
 
 @with_http

@@ -186,7 +186,7 @@ class StoredImage(StoredResult):
             file = scene.read_image(index, self.name, name)
             if file is None:
                 return None
-            pixels = decode_png(name, file)
+            pixels = decode_png(name, file, f"frame {index}, {self.name}/{name}")
             return decode_depth(pixels, self.spec.max_distance) if name == "depth" else pixels
         value = self.read(name)
         return value.astype(np.float32) if value is not None and value.dtype == np.float16 else value
