@@ -270,6 +270,16 @@ def test_figures_beside_the_published_ones_are_those_told_by_hand() -> None:
     }
 
 
+@pytest.mark.parametrize("kind", ["radar", "lidar"])
+def test_a_dataset_without_a_sensor_does_not_tell_what_it_misses(kind) -> None:
+    blind = planted()
+    blind.objects[f"{kind}_points"] = 0
+    here = {item.published.quantity: item.here for item in compare(blind)}
+    other = {"radar": "lidar", "lidar": "radar"}[kind]
+    assert math.isnan(here[f"boxes without a {kind} point"]) and math.isnan(here["boxes without both, 30 to 40 m"])
+    assert math.isnan(here["boxes without both"]) and not math.isnan(here[f"boxes without a {other} point"])
+
+
 def test_published_figures_have_a_source_and_a_value() -> None:
     assert {figure.dataset for figure in FIGURES} == {"RadarScenes", "nuScenes", "View-of-Delft"}
     for figure in FIGURES:

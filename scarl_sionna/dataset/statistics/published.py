@@ -130,21 +130,18 @@ def _boxes(found: Counted) -> Rows:
     return rows[(rows["pixels"] > 0) | (rows["lidar_points"] > 0) | (rows["radar_points"] > 0)]
 
 
-def _without_radar(found: Counted) -> float:
-    return 100.0 * _mean(_boxes(found)["radar_points"] == 0)
+def _without(*columns: str, nearest: float = 0.0, farthest: float = math.inf) -> Count:
+    """Return what gives the share of boxes between two ranges [m] for which no sensor of some kinds has a point [%].
 
-
-def _without_lidar(found: Counted) -> float:
-    return 100.0 * _mean(_boxes(found)["lidar_points"] == 0)
-
-
-def _without_both(nearest: float = 0.0, farthest: float = math.inf) -> Count:
-    """Return what gives the share of boxes between two ranges [m] without a radar and a lidar point [%]."""
+    A dataset in which a kind has no point at all, since it has no such sensor, does not tell it.
+    """
 
     def count(found: Counted) -> float:
+        if not all(found.objects[column].any() for column in columns):
+            return math.nan
         rows = _boxes(found)
         rows = rows[(rows["range"] >= nearest) & (rows["range"] < farthest)]
-        return 100.0 * _mean((rows["radar_points"] == 0) & (rows["lidar_points"] == 0))
+        return 100.0 * _mean(np.all([rows[column] == 0 for column in columns], axis=0))
 
     return count
 
@@ -158,6 +155,7 @@ def _label_share(group: str) -> Count:
 
 _SEEN = "moving road users, looks with a point"
 _BOXES = "boxes in the benchmark's class ranges; here: those that some sensor sees"
+_BOTH = ("radar_points", "lidar_points")
 _EQUAL = "moving road users, medians at equal range"
 
 FIGURES: tuple[Published, ...] = (
@@ -228,9 +226,9 @@ FIGURES: tuple[Published, ...] = (
         97,
         323,
     ),
-    Published("nuScenes", "boxes without a radar point", "%", 61.19, _BOXES, AUDIT, _without_radar),
-    Published("nuScenes", "boxes without a lidar point", "%", 12.01, _BOXES, AUDIT, _without_lidar),
-    Published("nuScenes", "boxes without both", "%", 9.43, _BOXES, AUDIT, _without_both()),
+    Published("nuScenes", "boxes without a radar point", "%", 61.19, _BOXES, AUDIT, _without("radar_points")),
+    Published("nuScenes", "boxes without a lidar point", "%", 12.01, _BOXES, AUDIT, _without("lidar_points")),
+    Published("nuScenes", "boxes without both", "%", 9.43, _BOXES, AUDIT, _without(*_BOTH)),
     *(
         Published(
             "nuScenes",
@@ -239,7 +237,7 @@ FIGURES: tuple[Published, ...] = (
             value,
             _BOXES,
             AUDIT,
-            _without_both(near, far),
+            _without(*_BOTH, nearest=near, farthest=far),
         )
         for near, far, value in ((0, 20, 4.04), (20, 30, 9.99), (30, 40, 13.8), (40, 50, 19.75))
     ),
