@@ -218,6 +218,7 @@ def test_tf_data_shuffles_by_seed_anew_in_each_epoch(place) -> None:
 
 
 @pytest.mark.own_process
+@pytest.mark.slow  # 160 frames are simulated, and a network is trained
 def test_a_keras_network_learns_near_and_far_from_range_doppler_maps_in_one_epoch(tmp_path) -> None:
     """160 frames of one target each; the label comes from the boxes. A constant answer is right in half of them."""
     from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset

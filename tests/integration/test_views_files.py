@@ -104,6 +104,7 @@ def test_hdf5_says_what_a_frame_lacks_and_leaves_nothing(tmp_path) -> None:
 # -- TFRecord --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.some(1)
 @pytest.mark.own_process
 @pytest.mark.parametrize("compression", ["", "GZIP"])
 def test_tfrecord_comes_back_as_it_was(tmp_path, compression) -> None:

@@ -113,7 +113,7 @@ def test_many_points_share_few_terms_within_the_bound(monkeypatch) -> None:
     points = distance[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(count)], axis=1)
     velocities = rng.normal(0.0, 15.0, (count, 3))
     paths = point_targets(points, velocities, distance**4, radar, Mount(Pose(), RADARS["turning"]))
-    for index in range(0, count, 6):
+    for index in range(0, count, 12):
         alone = np.zeros_like(paths.a)
         alone[index] = paths.a[index]
         fast = synthesize(replace(paths, a=alone), radar)
@@ -225,6 +225,7 @@ def test_ghosts_of_a_moving_wall_seen_by_a_turning_radar(tmp_path, multiplexing:
     assert at_chirps(solve, radar, (255,), Accuracy(motion_tolerance=None)) > -25.0
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("motion", ["body", "radar"])
 def test_patches_of_a_body_that_crosses(tmp_path, motion: str) -> None:
     """Small patches: each keeps its own pattern over a frame, which what moves across turns (docs/sbr.md)."""

@@ -88,7 +88,7 @@ def test_two_ray_ground(asphalt, height: float) -> None:
 
 def test_two_ray_nulls_of_metal(tmp_path) -> None:
     state = scene(tmp_path, ground("steel")).at(0.0)
-    expected = np.array(oracle.NULL_GROUND_RANGES)
+    expected = np.array(oracle.NULL_GROUND_RANGES)[::3]
     steps = np.linspace(-0.002, 0.002, 41)
     x = (expected[:, None] * (1.0 + steps)).ravel()
     level = two_ray_db(state, x, 0.5)["H"].reshape(len(expected), -1)

@@ -47,6 +47,7 @@ def a_map(paths, radar, **options):
     return range_doppler(virtual_cube(synthesize(paths, radar), radar), radar, **options)
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("multiplexing", ["ideal", "tdm"])
 @pytest.mark.parametrize("window", ["rect", "hann", "blackmanharris"])
 @pytest.mark.parametrize("padding", [1, 2])

@@ -38,6 +38,7 @@ CUTS = (
 )
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("name", CUTS)
 def test_same_theory(name):
     """Bar of the project: mean error 0.1 dB, 95th percentile 0.3 dB, down to 20 dB below each peak.

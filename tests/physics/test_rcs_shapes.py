@@ -101,6 +101,7 @@ def test_cylinder_sizes(size):
     assert abs(dbsm(found[0]) - dbsm(oracle.cylinder(radius, height, LAMBDA, 0.0))) < max(0.11 / size, 0.01)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("size", [10.0, 30.0, 100.0])
 def test_nulls_by_size(size):
     """The first three nulls of plates and of disks of 10 to 100 wavelengths, within 0.01 deg (bar)."""

@@ -63,6 +63,7 @@ def test_plate_in_the_near_field_is_the_exact_integral(tmp_path, size) -> None:
         assert abs(np.angle(found / exact)) < 0.05, angle
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(("distance", "dbsm"), [(2, -5.017), (5, -1.363), (10, 1.960), (20, 4.419), (50, 9.037)])
 def test_pole_in_the_near_field(tmp_path, distance, dbsm) -> None:
     """k a R / (R + a) |integral along the pole|^2 (stationary phase around it); radius 5 cm, height 2 m, 77 GHz."""

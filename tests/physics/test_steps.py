@@ -75,7 +75,7 @@ def turning():
     )
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(2)
 @pytest.mark.parametrize("height", [1.05, 1.78])
 @pytest.mark.parametrize("relative", [0.1, 1.0, 1.7, 2.99])
 def test_the_foot_on_the_ground_stands_still(height, relative):

@@ -46,6 +46,7 @@ def three(radar: ss.RadarSpec, count: int, seed: int):
     return paths
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_cells_have_the_power_of_their_instance(name) -> None:
     radar = radar_of(name)

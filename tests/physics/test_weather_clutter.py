@@ -79,10 +79,10 @@ def test_mean_power_per_range_is_the_radar_equations() -> None:
 
 
 def test_power_of_a_cell_is_exponential() -> None:
-    """A cell without windows, of 300 frames: its power over the mean is exponential (Kolmogorov and Smirnov, 0.1 %)."""
+    """A cell without windows, of 150 frames: its power over the mean is exponential (Kolmogorov and Smirnov, 0.1 %)."""
     radar = RADAR.with_(num_chirps=1, tx_positions=((0.0, 0.0, 0.0),), rx_positions=((0.0, 0.0, 0.0),))
     power = []
-    for seed in range(300):
+    for seed in range(150):
         paths = volume_clutter(HEAVY, radar, Pose(), np.random.default_rng(seed), sampling=VolumeSampling(60.0, 1500))
         beat = np.fft.fft(synthesize(paths, radar)[0, 0] * np.hanning(radar.num_samples))
         power.append(np.abs(beat[int(20.0 / radar.range_resolution)]) ** 2)

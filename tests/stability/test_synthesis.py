@@ -137,6 +137,7 @@ def test_bending_paths(forced, monkeypatch):
     assert error_db(radar, paths, 1e-5) < -100.0
 
 
+@pytest.mark.some(4)
 @pytest.mark.usefixtures("each_method")
 @pytest.mark.parametrize(("num_samples", "num_chirps"), [(1, 1), (1, 64), (64, 1), (127, 63), (128, 63)])
 def test_odd_and_tiny_frames(num_samples, num_chirps):

@@ -171,6 +171,7 @@ def test_same_bytes_twice_and_plain_diagnostics(state, paths) -> None:
     assert json.dumps(without[0]) == json.dumps(without[1])
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("method", ["sbr", "raycast", "auto"])
 def test_the_sensor_takes_any_solver(state, method) -> None:
     frame = Radar(RADAR.with_(num_chirps=2), SETTINGS.with_(noise=False), method).observe(

@@ -106,7 +106,7 @@ def test_nobody_stands_inside_a_body_in_an_enclosed_scene(name):
 def test_lamps_of_enclosed_scenes_shine_at_any_time_of_day(name, time):
     world = world_of(name)
     assert world.document.info["enclosed"] is True
-    spec = CameraSpec(width=64, height=36, horizontal_fov_deg=75.0, images=("rgb",), samples_per_pixel=36)
+    spec = CameraSpec(width=64, height=36, horizontal_fov_deg=75.0, images=("rgb",), samples_per_pixel=16)
     means = []
     for light in (NIGHT, Lighting.preset("overcast")):
         state = world.with_lighting(light).at(time)

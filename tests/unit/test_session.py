@@ -159,6 +159,7 @@ def test_wheels_and_legs_do_not_keep_what_was_only_expected(world: ss.World) -> 
     assert wheel.rolling.at(0.75)[0] == pytest.approx(way, rel=1e-12)
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize(
     ("time", "poses", "error", "words"),
     [

@@ -40,6 +40,7 @@ def solve(name: str, place, lacking):
         return world, solve_paths(state, RADAR, pose, "sionna", num_samples=50_000, max_depth=2)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("name", "place", "lacking"), SCENES)
 def test_built_in_scenes_solve_at_77_ghz(name: str, place, lacking) -> None:
     world, paths = solve(name, place, lacking)
@@ -107,6 +108,7 @@ OWN = [
 ]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("bsdf", "used", "expected"), OWN)
 def test_a_users_own_xml_gets_our_materials(tmp_path, bsdf: str, used: str, expected: str) -> None:
     state = load_scene(xml(tmp_path, bsdf, used)).at(0.0)
