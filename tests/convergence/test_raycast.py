@@ -11,7 +11,10 @@ from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
 from tests.scenes import Thing, ball, plane, write_scene
 
-pytestmark = pytest.mark.own_process  # what it leaves behind would stay in the worker for the files after it
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.own_process,
+]  # what it leaves behind would stay in the worker for the files after it
 
 RADAR = RadarSpec(azimuth_fov_deg=60.0, elevation_fov_deg=30.0)
 

@@ -105,6 +105,7 @@ def start_demo(scenario: Path, out: Path, frames: int) -> subprocess.Popen:
     )
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_whole_frames_and_goes_on(scenario_path, from_command, tmp_path) -> None:
     out = tmp_path / "out"
     process = start_demo(scenario_path, out, frames=60)

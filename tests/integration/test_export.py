@@ -160,6 +160,7 @@ def test_kill_at_random_moments_twenty_times(files, undisturbed, tmp_path) -> No
     assert kill_and_resume(files, tmp_path / "out", undisturbed, kills=20, seed=2) == 20
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_is_finished_and_no_frame_is_made_twice(files, scenarios, undisturbed, tmp_path) -> None:
     for attempt in range(5):  # fifteen small frames may all be finished before the signal is there
         out = tmp_path / f"out{attempt}"

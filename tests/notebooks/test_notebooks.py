@@ -10,11 +10,8 @@ nbformat = pytest.importorskip("nbformat")
 nbclient = pytest.importorskip("nbclient")
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-QUICK = (
-    "01_first_frame", "03_radar_signal_chain", "05_where_methods_fail", "06_materials", "07_rcs_of_your_mesh", "08_coherent_lidar",
-    "10_reproduce_scarl", "11_multipath_and_ghosts", "14_interference",
-    "15_six_radars_as_one"
-)
+QUICK = ("01_first_frame", "07_rcs_of_your_mesh")
+"""What users begin with, and the quickest; all others run with --run-slow and by `make notebooks`."""
 TIMEOUT = 180.0
 """What a notebook may take on two cores [s]."""
 
@@ -23,7 +20,6 @@ def _case(path: Path) -> object:
     return pytest.param(path, id=path.stem, marks=() if path.stem in QUICK else pytest.mark.slow)
 
 
-@pytest.mark.some(2)
 @pytest.mark.parametrize("path", [_case(path) for path in NOTEBOOKS])
 def test_runs(path: Path) -> None:
     notebook = nbformat.read(path, as_version=4)

@@ -90,7 +90,7 @@ def forced(request, monkeypatch):
     return request.param
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("motion", RADARS)
 @pytest.mark.parametrize("multiplexing", ENDS)
 def test_a_point_in_any_motion_is_the_exact_retarded_signal(forced, multiplexing: str, motion: str) -> None:
@@ -153,6 +153,7 @@ def test_what_rates_of_the_array_centre_cost() -> None:
     assert error_db(radar, point, velocity, mount) < BOUND_DB
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("multiplexing", ["ideal", "tdm"])
 def test_the_direction_is_that_of_mid_frame(multiplexing: str) -> None:
     radar = RadarSpec().with_(pattern=IsotropicPattern(), multiplexing=multiplexing, num_samples=64, bandwidth=40e6)

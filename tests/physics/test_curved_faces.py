@@ -139,7 +139,7 @@ def near_pole(radius, height, distance):
     return dbsm(2.0 * np.pi / LAMBDA * radius * distance / (distance + radius) * np.abs(line) ** 2)
 
 
-@pytest.mark.some(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [5.0, 20.0])
 def test_a_post_of_14_sides_in_a_scene(tmp_path, distance):
     """The post of 0.13 m of the issue, in the near field, by the closed form of `test_pole_in_the_near_field`."""

@@ -87,7 +87,7 @@ def test_bistatic_cube_against_moments() -> None:
     assert rms(errors(CUBE, angles, truth, 0, 30, OFF)) > 3.0
 
 
-@pytest.mark.some(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [3.0, 5.0])
 def test_bistatic_pair_is_reciprocal(size) -> None:
     """Bar: 0.5 dB at 10 deg within 20 dB of the peak; the mean of both senses has none, cross-polar included."""

@@ -116,6 +116,7 @@ def test_ghost_behind_a_wall_stands_where_the_oracle_says(tmp_path) -> None:
         assert 20 * np.log10(level[paths.depth == depth] / direct) == pytest.approx(wanted[name], abs=0.05)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("mirror", ["ground", "wall"])
 def test_a_corner_over_a_mirror_is_its_bistatic_far_field_from_the_images(tmp_path, mirror) -> None:
     """`sbr` of the mesh through a mirror against `ss.rcs`, another tracer, at the four pairs of directions."""

@@ -46,6 +46,7 @@ def test_envelope_of_a_walker(walking):
     assert np.abs(edge - exact).max() < 0.6  # one line of 0.31 m/s, and what a foot gains in 6.4 ms at 50 m/s2: 0.3 m/s
 
 
+@pytest.mark.slow
 def test_pedalling_legs(riding):
     """At a constant speed, so that nothing but the pedalling is correlated.
 

@@ -67,7 +67,7 @@ def both(folder, things, depth, mount):
     return [paths.select(index) for paths, index in zip(found, order, strict=True)]
 
 
-@pytest.mark.some(6)
+@pytest.mark.some(4)
 @pytest.mark.parametrize("depth", [1, 2, 3])
 @pytest.mark.parametrize("name", SCENES)
 def test_paths_are_those_that_rays_find(tmp_path, name, depth) -> None:

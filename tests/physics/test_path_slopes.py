@@ -30,7 +30,7 @@ def fixed(tmp_path_factory: pytest.TempPathFactory) -> FixedPaths:
     return FixedPaths.trace(problem.measurements[0], load_materials(), 77e9)
 
 
-@pytest.mark.some(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("material", ["asphalt", "concrete", "brick"])
 def test_against_differences_of_the_solver(fixed: FixedPaths, material: str) -> None:
     parameters = [(material, field) for field in LOSSY]

@@ -74,6 +74,7 @@ def test_the_class_of_pedestrians_has_the_measured_mean(tmp_path, model) -> None
 SLOW = pytest.mark.slow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "count"),
     [("adult_man", 8), pytest.param("adult_man", 24, marks=SLOW), pytest.param("adult_woman", 24, marks=SLOW)],

@@ -80,6 +80,7 @@ def test_shares_of_a_cell_sum_to_one(method) -> None:
     assert max(shares.values()) == pytest.approx(float(labels.share[row, column]), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_spread_agrees_with_the_synthesis_of_each_instance() -> None:
     paths = free_space(SMALL, 300, seed=2)
     rd = a_map(paths, SMALL)

@@ -41,6 +41,7 @@ def peak_near(rda, radar, row, column):
     )
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("multiplexing", ["ideal", "tdm"])
 @pytest.mark.parametrize("azimuth_deg", [0.0, 40.0])
 def test_points_over_the_unambiguous_region(multiplexing, azimuth_deg):
@@ -66,6 +67,7 @@ def test_points_over_the_unambiguous_region(multiplexing, azimuth_deg):
         assert abs(beam - true_beam) < BIN, f"azimuth at {r} m, {v} m/s"
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("distance", [3.0, 40.0])
 @pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), [(0.0, 0.0), (40.0, 0.0), (-25.0, 8.0), (10.0, -12.0)])
 def test_board_layout_finds_azimuth_and_elevation(distance, azimuth_deg, elevation_deg):

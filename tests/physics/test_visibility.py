@@ -115,6 +115,7 @@ def test_radar_cells_and_objects(frame: ss.Frame) -> None:
     assert total <= radar.cell_power.sum() * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_labels_of_cells_can_be_left_out(frame: ss.Frame, tmp_path: Path) -> None:
     from scarl_sionna.radar.sensor import Radar
 

@@ -126,7 +126,7 @@ def test_many_paths_are_the_direct_sum(name) -> None:
         assert error < accuracy.synthesis_tolerance + (tolerance or 0.0)
 
 
-@pytest.mark.some(4)
+@pytest.mark.some(2)
 @pytest.mark.parametrize("window", ["hann", "rect"])
 @pytest.mark.parametrize("name", WAVEFORMS)
 def test_the_map_has_its_peak_at_the_point(name, window) -> None:

@@ -110,6 +110,7 @@ def test_the_direct_sum_is_the_oracle(name) -> None:
     assert np.abs(found - wanted).max() < 1e-6 * np.abs(wanted).max()  # results are of complex64
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["ofdm", "golay"])
 def test_an_echo_after_the_prefix_brings_the_symbol_before(name) -> None:
     short = {"ofdm": {"cyclic_prefix": 0.2e-6, "idle_time": 0.0}, "golay": {"prefix_chips": 60}}[name]
@@ -192,6 +193,7 @@ def test_the_map_has_its_peak_at_the_point(name, window) -> None:
         assert gain == pytest.approx(lost, abs=0.1)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["ofdm", "m-sequence"])
 def test_two_speeds_in_one_range_cell_and_an_angle(name) -> None:
     radar = ss.RadarSpec(waveform=WAVEFORMS[name].with_(num_chirps=64)).with_(pattern=IsotropicPattern())

@@ -306,6 +306,7 @@ def _floor(chirps) -> float:
     return float(np.delete(level, np.arange(count // 2 - 6, count // 2 + 7)).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moving", ["target", pytest.param("radar", marks=pytest.mark.slow)])
 def test_retraced_mirror_chirps_have_no_doppler_floor(tmp_path, moving: str) -> None:
     """Echo of a wall at 100 m, traced anew for each chirp of a twentieth of a wavelength.

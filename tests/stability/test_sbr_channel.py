@@ -48,7 +48,7 @@ def _corner() -> trimesh.Trimesh:
     return mesh
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("moving", ["target", "radar"])
 @pytest.mark.parametrize("shape", ["corner", "box", "ball"])
 def test_small_motion_makes_no_doppler_floor(tmp_path, shape, moving) -> None:

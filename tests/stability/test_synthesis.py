@@ -64,7 +64,7 @@ def error_db(radar, paths, tolerance):
     return 20.0 * np.log10(np.abs(fast - exact).max() / np.abs(exact).max())
 
 
-@pytest.mark.some(6)
+@pytest.mark.some(4)
 @pytest.mark.usefixtures("each_method")
 @pytest.mark.parametrize("multiplexing", ["ideal", "tdm"])
 @pytest.mark.parametrize("speed", [0.0, 20.0, 70.0])
@@ -74,7 +74,7 @@ def test_fast_synthesis_equals_the_exact_sum(multiplexing, speed, count):
     assert error_db(radar, scene(radar, count, speed), 1e-5) < -100.0
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(2)
 @pytest.mark.usefixtures("each_method")
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-6])
 def test_error_stays_below_the_tolerance(tolerance):
@@ -189,6 +189,7 @@ def test_exact_sum_equals_an_independent_oracle():
         assert np.abs(signal - expected).max() < 2e-3 * np.abs(expected).max()
 
 
+@pytest.mark.some(1)
 @pytest.mark.usefixtures("each_method")
 def test_same_bytes_for_any_number_of_threads(monkeypatch):
     radar = RadarSpec().with_(num_chirps=64)

@@ -90,6 +90,7 @@ def test_too_old_llvm_in_the_environment_is_replaced_with_a_warning(tmp_path: Pa
     assert "ScarlWarning" in done.stderr and str(library) in done.stderr
 
 
+@pytest.mark.slow
 def test_real_old_llvm_loaded_by_an_earlier_import_is_named() -> None:
     old = [path for path in engine.llvm_candidates(engine._search_dirs()) if engine._major_in_name(path) == 15]
     if not old:

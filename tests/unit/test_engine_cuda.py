@@ -143,12 +143,14 @@ def test_llvm_where_dr_jit_does_not_start_on_a_device(tmp_path: Path, monkeypatc
     assert done.returncode == 1 and "Dr.Jit has no cuda backend in this process" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_device_that_is_refused_is_passed_over_in_silence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install(tmp_path, monkeypatch, 11040, [(8, 6)])
     done = run(ENSURE)
     assert done.returncode == 0 and done.stdout.startswith("backend llvm") and "Warning" not in done.stderr, done.stderr
 
 
+@pytest.mark.slow
 def test_dr_jit_gets_the_library_that_was_probed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Alone it asks for ``libcuda.so``, which only development files bring, and looks into some system folders."""
     install(tmp_path, monkeypatch, 12080, [(8, 9)])

@@ -231,7 +231,7 @@ def test_there_are_enough_and_all_have_a_test() -> None:
     assert len({ScenarioSpec.preset(name).scene for name in NAMES}) >= 8
 
 
-@pytest.mark.some(8)
+@pytest.mark.some(6)
 @pytest.mark.parametrize("name", NAMES)
 def test_what_it_is_named_after_happens(name) -> None:
     run = run_of(name)  # no collision, no motion that ends early: these are errors
@@ -239,7 +239,7 @@ def test_what_it_is_named_after_happens(name) -> None:
     EVENTS[name](run)
 
 
-@pytest.mark.some(8)
+@pytest.mark.some(6)
 @pytest.mark.parametrize("name", NAMES)
 def test_nobody_appears_or_vanishes_in_view(name) -> None:
     run = run_of(name)
@@ -278,7 +278,7 @@ def test_the_demo_takes_one_by_name(tmp_path) -> None:
     assert result.exit_code == 2 and "did you mean 'cut_in'" in result.stderr
 
 
-@pytest.mark.some(8)
+@pytest.mark.some(6)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_its_world_loads_and_all_stand_on_the_ground(name) -> None:

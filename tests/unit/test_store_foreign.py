@@ -110,7 +110,7 @@ def test_foreign_files_in_a_dataset_survive_a_resumed_export(mixed, whole) -> No
     assert ours(mixed) == ours(whole)
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("lost", [(), ("manifest.json",), ("manifest.json", "manifest.backup.json")])
 def test_foreign_files_in_a_dataset_survive_overwrite(mixed, tmp_path, lost) -> None:
     for name in lost:
@@ -263,7 +263,7 @@ LOSSES = [
 ]  # fmt: skip # a table
 
 
-@pytest.mark.some(4)
+@pytest.mark.some(2)
 @pytest.mark.parametrize("lost", LOSSES, ids=" ".join)
 def test_repair_of_a_scene_that_lost_all_of_its_shards(whole, tmp_path, lost) -> None:
     out = tmp_path / "out"
@@ -279,7 +279,7 @@ def test_repair_of_a_scene_that_lost_all_of_its_shards(whole, tmp_path, lost) ->
     assert ours(out) == ours(whole)
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "name",
     [
@@ -304,6 +304,7 @@ def test_repair_of_an_empty_folder_in_the_place_of_a_file(whole, tmp_path, name)
     assert ours(out) == ours(whole)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", [PNG, "shards/a/000001.json"])
 def test_repair_keeps_a_folder_with_something_in_it(whole, tmp_path, name) -> None:
     out = tmp_path / "out"
@@ -315,6 +316,7 @@ def test_repair_keeps_a_folder_with_something_in_it(whole, tmp_path, name) -> No
     assert f"{name}/ (a folder where a file belongs)" in found.foreign
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["images", "shards/a"])
 def test_repair_names_a_file_in_the_place_of_a_folder(whole, tmp_path, name) -> None:
     out = tmp_path / "out"
@@ -331,7 +333,7 @@ def test_repair_names_a_file_in_the_place_of_a_folder(whole, tmp_path, name) -> 
     assert ours(out) == ours(whole)
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("damage", [None, "", "{", '{"format": "scarl-dataset", "schema_version": 1}'])
 def test_a_lost_manifest_is_read_from_its_copy_and_put_back(whole, tmp_path, damage) -> None:
     out = tmp_path / "out"

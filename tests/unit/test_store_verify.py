@@ -157,7 +157,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.some(10)
+@pytest.mark.some(7)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_is_found_and_repaired(damaged, whole, fault) -> None:
     damage, name, what = FAULTS[fault]
