@@ -14,7 +14,7 @@ from tests.scenes import Thing, ball, plane, write_scene
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.own_process,
-]  # what it leaves behind would stay in the worker for the files after it
+]  # it leaves much memory behind
 
 RADAR = RadarSpec(azimuth_fov_deg=60.0, elevation_fov_deg=30.0)
 
