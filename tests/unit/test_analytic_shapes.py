@@ -88,7 +88,7 @@ def test_every_sensor_sees_them(tmp_path: Path) -> None:
     pose = ss.Pose([0.0, 0.0, 1.0])
     image = Camera(ss.CameraSpec(width=160, height=90, images=("instance",))).observe(state, pose, _rng())
     assert len(np.unique(image.instance)) >= 5
-    scan = Lidar(ss.LidarSpec()).observe(state, pose, _rng())
+    scan = Lidar(ss.LidarSpec(num_azimuth=360, num_elevation=32)).observe(state, pose, _rng())
     assert len(np.unique(scan.instance)) == 5
     small = SHAPES.replace('"50"', '"0.5"')  # the ground far from the radar's way
     state = ss.load_scene(scene(tmp_path, small)).at(0.0)

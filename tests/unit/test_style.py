@@ -18,6 +18,8 @@ _WITH_REASON = re.compile(r"#\s*fmt:\s*(skip|off)\s*#\s*\S")
 
 def without_reason(code: str) -> list[int]:
     """Return the lines of a module that take themselves out of the formatter and do not say why."""
+    if not _EXCEPTION.search(code):  # most modules: tokens take seconds
+        return []
     tokens = tokenize.generate_tokens(io.StringIO(code).readline)
     comments = [token for token in tokens if token.type == tokenize.COMMENT]
     found = [token for token in comments if _EXCEPTION.search(token.string) and not _WITH_REASON.search(token.string)]
