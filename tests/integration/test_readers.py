@@ -201,6 +201,7 @@ def test_tf_data_delivers_more_than_200_megabytes_a_cpu_second(tmp_path) -> None
     assert size / (process_time() - start) > 200e6
 
 
+@pytest.mark.slow
 @pytest.mark.own_process
 def test_tf_data_shuffles_by_seed_anew_in_each_epoch(place) -> None:
     from scarl_sionna.dataset.readers.tf_data import tf_dataset

@@ -215,6 +215,7 @@ def test_echoes_and_clutter_join_without_a_chain_in_common(tmp_path) -> None:
     assert paths.a[stop[0] : stop[1]].tobytes() == alone.select(kept).a.tobytes()
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_bytes(tmp_path) -> None:
     state = scene(tmp_path, [GROUND, WALL], [target((20, 1, 1.0))])
     both = [

@@ -193,6 +193,7 @@ def test_what_is_refused_says_so() -> None:
         image_of(ss.RadarNetwork(RADAR, line(1, 0.4)), points[0], points[0], pairs=[(0, 3)])
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["sbr", "sionna"])
 def test_pairs_in_a_scene_are_those_of_the_solver(tmp_path, method) -> None:
     wall = Thing("plate", plane(0.3, 0.3, (10.0, 0.0, 1.0), (-1, 0, 0)), "Static", "steel")

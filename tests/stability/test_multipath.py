@@ -107,6 +107,7 @@ def test_small_motion_turns_the_phase_and_no_path_flickers(tmp_path) -> None:
     assert np.abs(np.diff(amplitude, axis=0)).max() < 1e-2 * np.abs(amplitude).max()
 
 
+@pytest.mark.slow
 def test_near_field_of_every_antenna(tmp_path) -> None:
     """One solve from the centre of a 1 m array against one solve for each pair of antennas, walls 5 m away."""
     wall = Thing("wall", plane(32.0, 64.0, (5, 0, 0), (-1, 0, 0)), "Wall", "steel")

@@ -105,6 +105,7 @@ def test_real_old_llvm_loaded_by_an_earlier_import_is_named() -> None:
     assert "Dr.Jit runs on LLVM 15" in done.stdout and "imported before" in done.stdout
 
 
+@pytest.mark.slow
 def test_drjit_imported_first_with_a_good_llvm_is_accepted() -> None:
     done = run("import drjit\n" + ENSURE, DRJIT_LIBLLVM_PATH=usable_llvm(), SCARL_BACKEND="llvm")
     assert done.stdout.strip() == "backend llvm", done.stderr
