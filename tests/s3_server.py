@@ -35,8 +35,10 @@ class S3Server:
             return self._application(environ, start_response)
         environ["wsgi.input"].read(int(environ.get("CONTENT_LENGTH") or 0))
         code = {403: "AccessDenied", 500: "InternalError", 503: "SlowDown"}[status]
-        start_response(_WORDS[status], [("Content-Type", "application/xml")])
-        return [f"<Error><Code>{code}</Code><Message>refused by the test</Message></Error>".encode()]
+        body = f"<Error><Code>{code}</Code><Message>refused by the test</Message></Error>".encode()
+        # without its length the client may take the body for the beginning of another answer
+        start_response(_WORDS[status], [("Content-Type", "application/xml"), ("Content-Length", str(len(body)))])
+        return [] if environ["REQUEST_METHOD"] == "HEAD" else [body]
 
     def begin(self, refuse: Refuse | None = None) -> None:
         """Count requests from 0 again, and refuse some."""
