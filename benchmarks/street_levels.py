@@ -1,6 +1,6 @@
 """What finer knobs of `sbr` buy in frames of the ready scenes, object by object.
 
-    python benchmarks/street_levels.py 0:7                 a line of JSON a frame
+    python benchmarks/street_levels.py 0:7                 a line of JSON a frame; only the levels that it lacks
     python benchmarks/street_levels.py --write docs/accuracy.md     table from the results
 
 All coherent bodies of a frame are traced by the plan of `auto` at 1 dB, with its reflections and without a budget; only
@@ -34,8 +34,9 @@ RESULTS = Path("docs/figures/data/street_levels.jsonl")
 REFERENCE = SbrSettings(
     max_phase=0.4, integration_phase=0.02, max_turn=3.0, max_depth=5, edge_share=0.0625, sheet_share=0.05
 )
-COARSE, MIDDLE = DEFAULT_AUTO.levels[:2]
+ROUGH, COARSE, MIDDLE = DEFAULT_AUTO.levels[:3]
 LEVELS = {
+    "3 rad, edges 1, three bounces (`auto`, 6 dB)": ROUGH,
     "3 rad, edges 0.25 (`auto`, 3 dB)": COARSE,
     "3 rad, edges 0.125": COARSE.with_(edge_share=0.125),
     "2 rad, edges 0.125": COARSE.with_(edge_share=0.125, max_phase=2.0, integration_phase=0.15),
@@ -47,32 +48,33 @@ LEVELS = {
 SHARE = 0.9
 
 
-def solve(seed: int) -> dict[str, Any]:
-    """Return the line of one frame."""
+def solve(seed: int, line: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Return the line of one frame, or one with the levels that it lacks."""
     frame = street(seed)
     plan = _plan(frame, 1.0)
     bodies = sorted({number for share in plan.shares if share.solver == "sbr" for number in share.instances})
-    start = time.process_time()
-    truth = echoes(_by_plan(frame, plan, REFERENCE, True), bodies)
-    counted = {number: level for number, level in truth.items() if level > 10.0}
-    line: dict[str, Any] = {
-        "seed": seed,
-        "name": frame.name,
-        "reference_cpu": round(time.process_time() - start, 1),
-        "level_db": {_name(frame, number): round(level, 2) for number, level in counted.items()},
-        "levels": {},
-    }
-    for label, level in LEVELS.items():
+    if line is None:
         start = time.process_time()
-        paths = _by_plan(frame, plan, sbr_settings(level), True)
+        truth = echoes(_by_plan(frame, plan, REFERENCE, True), bodies)
+        line = {
+            "seed": seed,
+            "name": frame.name,
+            "reference_cpu": round(time.process_time() - start, 1),
+            "level_db": {_name(frame, n): round(level, 2) for n, level in truth.items() if level > 10.0},
+            "levels": {},
+        }
+    counted = {_name(frame, number): number for number in bodies if _name(frame, number) in line["level_db"]}
+    for label in (label for label in LEVELS if label not in line["levels"]):
+        start = time.process_time()
+        paths = _by_plan(frame, plan, sbr_settings(LEVELS[label]), True)
         cpu = time.process_time() - start
         found = echoes(paths, bodies)
-        expected = expected_errors(paths, RADAR, bodies, DEFAULT_AUTO.errors, level)
+        expected = expected_errors(paths, RADAR, bodies, DEFAULT_AUTO.errors, LEVELS[label])
         line["levels"][label] = {
             "cpu": round(cpu, 1),
             "paths": paths.num_paths,
-            "error_db": {_name(frame, n): round(found[n] - truth[n], 2) for n in counted},
-            "expected_db": {_name(frame, n): round(expected.get(n, -1.0), 2) for n in counted},
+            "error_db": {name: round(found[n] - line["level_db"][name], 2) for name, n in counted.items()},
+            "expected_db": {name: round(expected.get(n, -1.0), 2) for name, n in counted.items()},
         }
     return line
 
@@ -113,11 +115,13 @@ def main() -> None:
         return
     warnings.simplefilter("ignore")
     for seed in range(*map(int, arguments.seeds.split(":"))):
-        if seed in {line["seed"] for line in lines}:
+        old = next((line for line in lines if line["seed"] == seed), None)
+        if old is not None and all(label in old["levels"] for label in LEVELS):
             continue
-        line = {**solve(seed), "machine": machine()}
-        with arguments.out.open("a") as file:
-            file.write(json.dumps(line) + "\n")
+        line = {**solve(seed, old), "machine": machine()}
+        lines = [one for one in lines if one["seed"] != seed] + [line]
+        text = "".join(json.dumps(one) + "\n" for one in sorted(lines, key=lambda one: one["seed"]))
+        arguments.out.write_text(text)
         print(line["name"], f"reference {line['reference_cpu']:.0f} s", flush=True)
 
 

@@ -32,7 +32,7 @@ class SbrLevel(Spec):
     max_depth: int = Field(ge=1, le=32, description="number of bounces followed, as in SbrSettings")
     growth: float = Field(
         5.0,
-        ge=1.0,
+        gt=0.0,
         description="number of tubes of all bounces over that of an object's faces, patches and edges: what a budget "
         "counts; docs/accuracy.md, budget",
     )
@@ -105,6 +105,16 @@ class AutoSettings(Spec):
 
     levels: tuple[SbrLevel, ...] = Field(
         (
+            SbrLevel(
+                tolerance_db=6.0,
+                max_phase=3.0,
+                integration_phase=0.2,
+                edge_share=1.0,
+                return_angle=0.3,
+                max_depth=3,
+                growth=0.8,
+                patch_error=0.4,
+            ),
             SbrLevel(
                 tolerance_db=3.0,
                 max_phase=3.0,

@@ -23,7 +23,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.scatterers.model import loaded_models
 
 from .budget import sbr_settings
-from .choose import Chosen, View, choose, level_of
+from .choose import ENOUGH, Chosen, View, choose, counts, level_of
 from .expected_error import expected_errors, kept_error
 from .hybrid import solve_hybrid
 from .mirror_chains import possible_chains
@@ -32,9 +32,6 @@ from .spend import Choice
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import World, WorldState
-
-ENOUGH = 0.9
-"""Share of the objects that must be within the tolerance for a solve to have met it: by definition of the tolerance."""
 
 
 def solve_auto(
@@ -138,7 +135,7 @@ def _met(choices: list[Choice], errors: Mapping[int, float], settings: RadarSett
     by_class = 0
     for choice in choices:
         item = choice.item
-        if item.expected_db < rules.counts_from_db or not (item.is_coherent and item.info.is_object):
+        if not counts(choice, rules):
             continue
         if choice.over_budget:
             bounds.append(rules.errors.by_class_db)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -28,6 +28,10 @@ from .spend import Choice, spend
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
+
+
+ENOUGH = 0.9
+"""Share of the objects that must be within the tolerance for a solve to have met it: by definition of the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +119,8 @@ class Chosen:
     mirrors : list of Mirror
         That serve them.
     level : SbrLevel
-        How finely coherent bodies are computed: that of the tolerance, or the finest coarser one with which the budget
-        pays for all of them and for their reflections, or the coarsest.
+        How finely coherent bodies are computed: that of the tolerance, or a coarser one where the budget then leaves
+        less to class and without reflections.
     """
 
     choices: list[Choice]
@@ -141,18 +145,61 @@ def choose(view: View) -> Chosen:
     for choice in coherent:
         _settle(view, choice)
     own = [choice for choice in choices.values() if choice.method in ("sbr", "scatterers")]
-    budget = view.settings.accuracy.tube_budget
     finest = level_of(view.settings.accuracy.channel_tolerance_db, view.rules)
     coarser = [level for level in view.rules.levels if level.tolerance_db > finest.tolerance_db]
-    for level in (finest, *reversed(coarser)):
-        cost = {choice.item.number: _num_tubes(view, choice, level) for choice in own}
-        if spend(own, cost, {mirror.number for mirror in mirrors}, budget):
-            break
+    level = _level_to_take(view, own, mirrors, (finest, *reversed(coarser)))
     for choice in own:
         if choice.over_budget:
+            budget = view.settings.accuracy.tube_budget
             text = f"{choice.tubes} tubes are more than is left of the budget of {budget}: RCS by class"
             choice.method, choice.reason, choice.tubes = "raycast", text, 0
     return Chosen(list(choices.values()), mirrors, level)
+
+
+def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels: Sequence[SbrLevel]) -> SbrLevel:
+    """Return the level with which the budget keeps the smallest error, the finest of equal ones; spend it so.
+
+    Where the error that 90 % of the objects keep is the same, as of a class, the mean decides.
+    """
+    rules = view.rules
+
+    def error(level: SbrLevel) -> tuple[float, float]:
+        cost = {choice.item.number: _num_tubes(view, choice, level) for choice in own}
+        spend(own, cost, {mirror.number for mirror in mirrors}, view.settings.accuracy.tube_budget)
+        counted = [choice for choice in own if counts(choice, rules)]
+        if not counted:
+            return level.tolerance_db, 0.0
+        kept, typical = (
+            sorted(planned_error(choice, share * level.tolerance_db, rules) for choice in counted)
+            for share in (1.0, rules.errors.median)
+        )
+        return kept[int(np.ceil(ENOUGH * len(kept))) - 1], float(np.mean(typical))
+
+    best, least = levels[0], error(levels[0])
+    for level in levels[1:]:
+        if least[0] <= levels[0].tolerance_db or level.tolerance_db >= least[0]:
+            break
+        if (found := error(level)) < least:
+            best, least = level, found
+    error(best)
+    return best
+
+
+def counts(choice: Choice, rules: AutoSettings) -> bool:
+    """Return whether an object is one of those whose error a tolerance is about; by definition."""
+    item = choice.item
+    return item.expected_db >= rules.counts_from_db and item.is_coherent and item.info.is_object
+
+
+def planned_error(choice: Choice, computed_db: float, rules: AutoSettings) -> float:
+    """Return the error of an object by what the budget pays for [dB], from that of objects that are computed.
+
+    A reflection that alone shows an object has no number of decibels: each counts as the class's error at most.
+    """
+    by_class = rules.errors.by_class_db
+    if choice.over_budget:
+        return by_class + (min(choice.changes[0].change_db, by_class) if choice.changes else 0.0)
+    return max(computed_db, 0.0 if choice.without is None else min(choice.without.change_db, by_class))
 
 
 def _num_tubes(view: View, choice: Choice, level: SbrLevel) -> int:
