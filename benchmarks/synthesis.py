@@ -150,10 +150,13 @@ def motion_table(count: int, rounds: int) -> None:
             )
 
 
-def cascade_row(name: str, count: int) -> None:
-    """Print the cost of a frame of 192 channels, of points within 30 m/s, with exact motion."""
+def cascade_row(name: str, count: int, senders: int) -> None:
+    """Print the cost of a frame of 192 channels, of points within 30 m/s, with exact motion; of fewer transmitters."""
+    places = uniform_line(12, 16 * HALF_WAVE)
     array = AntennaArray(
-        tx_positions=uniform_line(12, 16 * HALF_WAVE), rx_positions=uniform_line(16, HALF_WAVE), max_array_extent=1.0
+        tx_positions=places[:: 11 // (senders - 1) if senders > 1 else 12][:senders],
+        rx_positions=uniform_line(16, HALF_WAVE),
+        max_array_extent=1.0,
     )
     radar = RadarSpec(waveform=CASCADE[name], array=array)
     paths = random_points(radar, count, -30.0, 30.0)
@@ -206,12 +209,13 @@ def main() -> None:
     parser.add_argument("--no-sionna", action="store_true")
     parser.add_argument("--motion", action="store_true", help="only the table of exact motion")
     parser.add_argument("--cascade", choices=CASCADE, help="only a frame of 12 x 16 antennas with a waveform")
+    parser.add_argument("--senders", type=int, default=12, help="of these antennas, for a part of that frame")
     options = parser.parse_args()
     radar = RadarSpec()
     cells = radar.num_virtual * radar.num_chirps * radar.num_samples
     print(machine(), f"load {os.getloadavg()[0]:.1f}")
     if options.cascade:
-        cascade_row(options.cascade, options.paths)
+        cascade_row(options.cascade, options.paths, options.senders)
         return
     if options.motion:
         motion_table(options.paths, options.rounds)
