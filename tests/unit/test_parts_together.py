@@ -27,7 +27,7 @@ WAVEFORMS = [
     ss.Fmcw(direction="down", **SMALL),
     ss.Fmcw(ramp_time=40e-6, adc_start_time=5e-6, sampling_frequency=4e6, **SMALL),
     ss.PcFmcw(**SMALL),
-    ss.Pmcw(code_length=127, chip_rate=300e6, repetitions=8, num_chirps=64),
+    ss.Pmcw(code_length=127, chip_rate=300e6, repetitions=8, num_chirps=64, prefix_chips=127),
     ss.Ofdm(num_subcarriers=128, num_chirps=64),
 ]
 
@@ -55,10 +55,9 @@ def test_coded_transmitters_of_any_waveform_see_a_point_as_ideal_ones_do(wavefor
         (ss.Ofdm(num_chirps=64), {"multiplexing": ss.Tdm(order_seed=1)}, "equal ramps"),
         (
             ss.Ofdm(num_chirps=64),
-            {"front_end": ss.FrontEnd(leakage=(ss.Leakage(length=0.1, level_db=-30.0),))},
-            "leakage.*equal ramps",
+            {"front_end": ss.FrontEnd(chirp_errors=ss.ChirpErrors(start_jitter=1e-9))},
+            "chirp_errors.*ramps without a code",
         ),
-        (ss.Pmcw(), {"front_end": ss.FrontEnd(filters=ss.IfFilter(high_pass=(1e5,)))}, "filters.*equal ramps"),
     ],
 )
 def test_parts_that_do_not_go_together_are_refused(waveform, parts, message: str) -> None:
