@@ -254,6 +254,19 @@ def test_what_one_object_spends_of_the_budget_the_next_lacks(platoon) -> None:
         assert sum(entry["tubes"] for entry in reported.values()) <= budget
 
 
+def test_a_coarser_level_is_taken_where_it_leaves_less_to_class(platoon) -> None:
+    cost = {
+        level.tolerance_db: plan_channel(
+            platoon, RADAR, POSE, tube_budget=10**9, channel_tolerance_db=level.tolerance_db
+        ).predicted["tubes"]
+        for level in AutoSettings().levels
+    }
+    budget = int(0.9 * cost[6.0])  # less than all at any level; of the finer ones it pays for one car at most
+    reported = solve_paths(platoon, RADAR, POSE, tube_budget=budget, channel_tolerance_db=1.0)
+    assert reported.diagnostics["level_db"] == 6.0
+    assert sum(entry["method"] == "sbr" for entry in choices(reported).values()) == 2
+
+
 def test_echoes_through_mirrors_are_paid_from_what_is_left(tmp_path) -> None:
     """Two bodies over a mirror.
 

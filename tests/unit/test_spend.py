@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from scarl_sionna.core.settings.auto import AutoSettings
+from scarl_sionna.radar.channel.compose import choose
 from scarl_sionna.radar.channel.compose.reflections import Change
 from scarl_sionna.radar.channel.compose.spend import Choice, spend
 
@@ -91,3 +93,21 @@ def test_a_mirror_that_serves_nobody_costs_nothing(budget: int) -> None:
     assert own[0].over_budget == (budget < 10)
     assert whole == (budget >= 10)
     assert own[0].mirrors == []
+
+
+def test_a_level_that_computes_road_users_comes_before_one_that_is_better_on_average(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    own = objects(car=[], post_1=[], post_2=[], post_3=[], post_4=[])
+    for choice in own:
+        choice.item.expected_db, choice.item.is_coherent, choice.item.info.is_object = 30.0, True, True  # type: ignore[misc]
+    rules = AutoSettings()
+    rough, fine = rules.levels[0], rules.levels[2]
+    prices = {rough.tolerance_db: (100, 10), fine.tolerance_db: (1000, 10)}
+    monkeypatch.setattr(
+        choose, "_num_tubes", lambda _, choice, level: prices[level.tolerance_db]["car" not in choice.item.name]
+    )
+    for budget, taken in ((1100, fine), (105, rough), (90, fine)):
+        view = SimpleNamespace(rules=rules, settings=SimpleNamespace(accuracy=SimpleNamespace(tube_budget=budget)))
+        assert choose._level_to_take(view, own, [], (fine, rough)) is taken  # type: ignore[arg-type]
+        assert own[0].over_budget == (budget == 90)

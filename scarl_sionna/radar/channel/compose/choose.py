@@ -159,21 +159,23 @@ def choose(view: View) -> Chosen:
 def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels: Sequence[SbrLevel]) -> SbrLevel:
     """Return the level with which the budget keeps the smallest error, the finest of equal ones; spend it so.
 
-    Where the error that 90 % of the objects keep is the same, as of a class, the mean decides.
+    Where the error that 90 % of the objects keep is the same, as of a class, the number of road users that are left to
+    their class decides, then the mean error.
     """
     rules = view.rules
 
-    def error(level: SbrLevel) -> tuple[float, float]:
+    def error(level: SbrLevel) -> tuple[float, int, float]:
         cost = {choice.item.number: _num_tubes(view, choice, level) for choice in own}
         spend(own, cost, {mirror.number for mirror in mirrors}, view.settings.accuracy.tube_budget)
         counted = [choice for choice in own if counts(choice, rules)]
         if not counted:
-            return level.tolerance_db, 0.0
+            return level.tolerance_db, 0, 0.0
         kept, typical = (
             sorted(planned_error(choice, share * level.tolerance_db, rules) for choice in counted)
             for share in (1.0, rules.errors.median)
         )
-        return kept[int(np.ceil(ENOUGH * len(kept))) - 1], float(np.mean(typical))
+        users = sum(choice.over_budget and choice.item.info.actor is not None for choice in counted)
+        return kept[int(np.ceil(ENOUGH * len(kept))) - 1], users, float(np.mean(typical))
 
     best, least = levels[0], error(levels[0])
     for level in levels[1:]:
