@@ -24,6 +24,9 @@ REPO = Path(__file__).resolve().parents[1]
 RESULTS = "SCARL_TEST_RESULTS"
 """Environment variable of such a process: the file to which it writes a line for each finished part of a test."""
 
+WITHOUT = [f"-pno:{name}" for name in ("cacheprovider", "hypothesispytest", "zarr", "xdist", "xdist.looponfail")]
+"""Plugins that such a process starts without: a second of CPU time each time."""
+
 peaks: dict[str, int] = {}
 """Most memory of each such process that this one has started [bytes], by the file."""
 _outcomes: dict[str, dict[str, tuple[str, str]]] = {}
@@ -74,7 +77,7 @@ def _run(nodeids: list[str], options: list[str]) -> dict[str, tuple[str, str]]:
         results = Path(folder) / "results"
         results.touch()
         done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options, *nodeids],
+            [sys.executable, "-m", "pytest", "-q", *WITHOUT, *options, *nodeids],
             cwd=REPO,
             env={**os.environ, RESULTS: str(results)},
             capture_output=True,
