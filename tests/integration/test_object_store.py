@@ -189,6 +189,15 @@ def test_access_denied_in_the_middle(server, encoded, expected) -> None:
     assert run(encoded) == 1 and stored() == expected  # the other two are kept on this machine
 
 
+def test_a_store_that_may_not_be_listed_is_not_taken_for_an_empty_one(server, encoded, expected) -> None:
+    run(encoded)
+    server.begin(lambda method, path, number: 403 if method == "GET" and path.strip("/") == "data" else None)
+    with pytest.raises(OutputError, match=r"refuses a list of shards/a .*credentials and permissions"):
+        run(encoded)
+    server.begin()
+    assert stored() == expected
+
+
 @pytest.mark.slow
 def test_a_server_that_fails_once_is_asked_again(server, encoded, expected) -> None:
     failed = set[str]()

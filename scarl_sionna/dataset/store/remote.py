@@ -60,6 +60,23 @@ class RemoteTarget(RemoteFiles):
             )
         super().__init__(url.rstrip("/"))
 
+    def names(self, folder: str) -> list[str]:
+        """Return the names in a folder, sorted; none if it is not there.
+
+        Raises
+        ------
+        OutputError
+            If the store does not let it be listed: a manifest of what seems to be nothing would be written.
+        """
+        try:
+            self._system.invalidate_cache()
+            found = self._system.ls(self._path(folder), detail=False)
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+        except Exception as error:
+            raise self._refused(f"a list of {folder}", error) from error
+        return sorted(str(name).rstrip("/").rpartition("/")[2] for name in found)
+
     def write(self, name: str, data: bytes) -> None:
         """Put a small file."""
         try:
