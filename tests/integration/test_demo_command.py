@@ -126,6 +126,7 @@ def test_a_killed_run_leaves_whole_frames_and_goes_on(scenario_path, from_comman
         assert_same(stored.to_frame(), short.to_frame())
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_finished_frames_and_says_so(scenario_path, tmp_path) -> None:
     out = tmp_path / "out"
     process = start_demo(scenario_path, out, frames=60)

@@ -265,6 +265,7 @@ def lock_holder(out: Path) -> int | None:
     return None
 
 
+@pytest.mark.slow
 def test_a_scheduler_elsewhere_and_its_loss(files, scenarios, undisturbed, tmp_path) -> None:
     out, address_file = tmp_path / "out", tmp_path / "scheduler.json"
     module = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"]

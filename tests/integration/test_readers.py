@@ -143,6 +143,7 @@ def test_samples_travel_to_another_process(place) -> None:
 # -- TensorFlow ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.own_process
 def test_tf_data_gives_frames_in_order_and_ragged_batches(place) -> None:
     from scarl_sionna.dataset.readers.tf_data import tensorflow, tf_dataset

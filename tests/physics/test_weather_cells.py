@@ -41,6 +41,7 @@ def ranged(cube, near: float, far: float):
     return beat[..., round(near / RADAR.range_resolution) : round(far / RADAR.range_resolution)]
 
 
+@pytest.mark.slow
 def test_cells_are_speckle_at_every_range(cubes) -> None:
     """E[P^2] = 2 E[P]^2, by the real processing, of the cells that are 10 dB over the noise, within 5 standard errors.
 
@@ -81,6 +82,7 @@ def directions() -> tuple[np.ndarray, np.ndarray]:
     return unit.reshape(-1, 3), weight.ravel() / weight.sum()
 
 
+@pytest.mark.slow
 def test_correlation_over_antennas_is_the_patterns(cubes) -> None:
     """Of all pairs of channels, to the ends of the array: the Fourier transform of the two-way gain (van Cittert)."""
     data = np.array([ranged(cube, 10.0, 60.0) for cube in cubes])
@@ -97,6 +99,7 @@ def test_correlation_over_antennas_is_the_patterns(cubes) -> None:
         assert min(abs(each.mean() - value) for value in (expected, expected.conj())) < 5.0 * error
 
 
+@pytest.mark.slow
 def test_correlation_over_chirps_is_the_spectrums(cubes) -> None:
     """Turbulence, a Gaussian, and fall, over the pattern; to lags of most of the frame, where nothing comes back."""
     data = np.array([ranged(cube, 10.0, 60.0) for cube in cubes])

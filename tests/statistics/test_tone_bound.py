@@ -68,7 +68,7 @@ def ratio_to_bound(window: str, snr_db: float, draws: int) -> np.ndarray:
     return np.sqrt(np.mean(np.square(errors), axis=0)) / bound
 
 
-@pytest.mark.some(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("window", ["hann", "rect"])
 def test_estimates_reach_the_bound(window: str) -> None:
     """From the issue: within 1.2. The root mean square of 200 draws itself is known to 5 %, of 400 to 3.5 %."""

@@ -60,7 +60,7 @@ def completed(words: str) -> list[str]:
     return done.stdout.split()
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("typed", "expected"),
     [

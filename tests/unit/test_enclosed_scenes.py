@@ -100,6 +100,7 @@ def test_nobody_stands_inside_a_body_in_an_enclosed_scene(name):
         assert state.inside(state.actor_pose("ego").apply(np.array(mount))) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "time"), [("tunnel", 2.0), pytest.param("parking_garage", 1.0, marks=pytest.mark.slow)]
 )

@@ -82,6 +82,7 @@ def test_too_old_llvm_is_refused_and_the_process_lives(tmp_path: Path, version: 
         assert part in done.stdout
 
 
+@pytest.mark.slow
 def test_too_old_llvm_in_the_environment_is_replaced_with_a_warning(tmp_path: Path) -> None:
     library = build_library(tmp_path, "libLLVM-15.so.1", "15")
     done = run(ENSURE + KERNEL, DRJIT_LIBLLVM_PATH=str(library), SCARL_BACKEND="llvm")
@@ -160,6 +161,7 @@ def test_modules_that_must_not_come_before_dr_jit(modules: set[str], expected: s
     assert engine.imported_too_early(modules) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("tensorflow") is None, reason="needs the extra [tensorflow]")
 def test_tensorflow_imported_first_does_not_crash() -> None:
     """Without the bootstrap the same lines end with a segmentation fault at the first kernel (TensorFlow 2.21)."""
