@@ -13,6 +13,7 @@ from examples.baseline import __main__ as command
 from examples.baseline.data import FULL_SNR_DB, MOST_POINTS, VELOCITY_BINS, Samples, velocity_map
 from examples.baseline.experiments import Experiment, Outcome, experiments, finished, training_rows
 from examples.baseline.grid import CLASSES, HEAT_RADIUS, Objects, PolarGrid, decode, encode
+from examples.baseline.methods import Seen, strongest, table
 from examples.baseline.metrics import average_precision, match, mean_precision, precision_table
 from examples.baseline.tables import Results, markdown
 from scarl_sionna.core.errors import OutputError
@@ -199,6 +200,19 @@ def test_results_of_other_frames_are_refused_and_a_cut_line_does_not_count(sampl
         finished(samples, file, 200)
     with pytest.raises(OutputError, match="other frames"):
         finished(replace(samples, weather=samples.weather[::-1].copy()), file)
+
+
+def test_methods_are_compared_where_an_object_is() -> None:
+    grid = PolarGrid(40, 24, 1.6, 0.75)
+    levels = np.zeros((40, 24, 2), np.float16)
+    levels[12, 12, 1], levels[20, 12, 0], levels[12, 20, 0] = 0.5, 1.0, 1.0  # the others are beyond what is looked at
+    assert strongest(levels, [20.3, 1.0], grid) == 0.5 * FULL_SNR_DB
+    levels[0, 12, 0] = 0.25
+    assert strongest(levels, [0.5, 0.0], grid) == 0.25 * FULL_SNR_DB  # at the edge of the map
+    seen = [Seen(0, "sbr", (50.0, 27.0)), Seen(0, "sbr", (30.0, 31.0)), Seen(0, "raycast", (40.0, 40.0))]
+    text = table(seen)
+    assert "| car | sbr | 2 | 1 | -1.0 to 23.0, median 11.0 |" in text
+    assert "| car | raycast | 1 | 0 | 0.0 to 0.0, median 0.0 |" in text
 
 
 def test_the_command_says_what_is_wrong(tmp_path, monkeypatch, capsys) -> None:
