@@ -108,8 +108,5 @@ def test_correlated_training_cells_keep_the_false_alarm_rate(guard, training, pf
     covariance = hann[apart[..., 0]] * hann[apart[..., 1]]
     count = len(ring)
     exact = 1.0 / np.linalg.det(np.eye(count) + high / count * covariance)
-    # The effective number of cells gives the sum its mean and variance. What is left is its third cumulant, T^3 / 6 of
-    # the difference to the gamma distribution's in log(Pfa); without the correlation 29 % and 42 % more alarms.
-    second, third = (np.trace(np.linalg.matrix_power(covariance / count, power)) for power in (2, 3))
-    assert abs(np.log(exact / pfa)) < high**3 / 3.0 * abs(third - second**2)
-    assert high**3 / 3.0 * abs(third - second**2) < 0.1
+    # links count one by one (without them 29 % and 42 % more alarms); what is left is the endless window of this oracle
+    assert exact == pytest.approx(pfa, rel=0.02)
