@@ -166,14 +166,21 @@ class RemoteFiles:
             If the server does not answer.
         """
         try:
-            self._system.invalidate_cache()  # of listings: another process may be writing
-            found = self._system.ls(self._path(folder), detail=False)
-        except (FileNotFoundError, NotADirectoryError, PermissionError, NotImplementedError):
+            return self._listed(folder)
+        except (PermissionError, NotImplementedError):
             return []
         except Exception as error:
             if getattr(error, "status", None) in _NO_LISTING:
                 return []
             raise self._unreachable(folder, error) from error
+
+    def _listed(self, folder: str) -> list[str]:
+        """Return the names in a folder, sorted; none if it is not there. Errors are those of the server."""
+        try:
+            self._system.invalidate_cache()  # of listings: another process may be writing
+            found = self._system.ls(self._path(folder), detail=False)
+        except (FileNotFoundError, NotADirectoryError):
+            return []
         return sorted(str(name).rstrip("/").rpartition("/")[2] for name in found)
 
     def walk(self) -> list[str]:

@@ -69,13 +69,9 @@ class RemoteTarget(RemoteFiles):
             If the store does not let it be listed: a manifest of what seems to be nothing would be written.
         """
         try:
-            self._system.invalidate_cache()
-            found = self._system.ls(self._path(folder), detail=False)
-        except (FileNotFoundError, NotADirectoryError):
-            return []
+            return self._listed(folder)
         except Exception as error:
             raise self._refused(f"a list of {folder}", error) from error
-        return sorted(str(name).rstrip("/").rpartition("/")[2] for name in found)
 
     def write(self, name: str, data: bytes) -> None:
         """Put a small file."""
