@@ -170,12 +170,9 @@ def _level_to_take(view: View, own: list[Choice], mirrors: list[Mirror], levels:
         counted = [choice for choice in own if counts(choice, rules)]
         if not counted:
             return level.tolerance_db, 0, 0.0
-        kept, typical = (
-            sorted(planned_error(choice, share * level.tolerance_db, rules) for choice in counted)
-            for share in (1.0, rules.errors.median)
-        )
+        typical = [_planned_error(choice, rules.errors.median * level.tolerance_db, rules) for choice in counted]
         users = sum(choice.over_budget and choice.item.info.actor is not None for choice in counted)
-        return kept[int(np.ceil(ENOUGH * len(kept))) - 1], users, float(np.mean(typical))
+        return planned_error(counted, level, rules), users, float(np.mean(typical))
 
     best, least = levels[0], error(levels[0])
     for level in levels[1:]:
@@ -193,7 +190,13 @@ def counts(choice: Choice, rules: AutoSettings) -> bool:
     return item.expected_db >= rules.counts_from_db and item.is_coherent and item.info.is_object
 
 
-def planned_error(choice: Choice, computed_db: float, rules: AutoSettings) -> float:
+def planned_error(counted: Sequence[Choice], level: SbrLevel, rules: AutoSettings) -> float:
+    """Return the error that enough of some objects keep by what the budget pays for [dB], at least one object."""
+    errors = sorted(_planned_error(choice, level.tolerance_db, rules) for choice in counted)
+    return errors[int(np.ceil(ENOUGH * len(errors))) - 1]
+
+
+def _planned_error(choice: Choice, computed_db: float, rules: AutoSettings) -> float:
     """Return the error of an object by what the budget pays for [dB], from that of objects that are computed.
 
     A reflection that alone shows an object has no number of decibels: each counts as the class's error at most.
