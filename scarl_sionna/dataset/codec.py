@@ -1,7 +1,8 @@
-"""Values as files hold them: depth as a 16-bit code, and plain data for JSON."""
+"""Values as files hold them: depth as a 16-bit code, plain data for JSON, JSON texts with their own checksum."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from typing import TypeAlias
 
@@ -18,6 +19,7 @@ DEPTH_FORMULA = (
     f"depth [m] = max_distance * {DEPTH_RATIO:g} ** ((code - 65535) / 65534), max_distance from the sensor's spec"
 )
 _LAST_CODE = 65535
+_CHECKSUM = ',\n "checksum": "'
 
 
 def encode_depth(depth: npt.NDArray[np.float32], max_distance: float) -> npt.NDArray[np.uint16]:
@@ -58,3 +60,14 @@ def plain(value: object) -> JsonValue:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     return str(value)
+
+
+def with_checksum(text: str) -> str:
+    """Return the text of a JSON table with the SHA-256 of all before it as the table's last entry, ``"checksum"``."""
+    body = text[: text.rindex("\n}")]
+    return f'{body}{_CHECKSUM}{hashlib.sha256(body.encode()).hexdigest()}"\n}}\n'
+
+
+def checksum_of(text: bytes) -> str:
+    """Return what the last entry of a text of `with_checksum` should be."""
+    return hashlib.sha256(text[: max(text.rfind(_CHECKSUM.encode()), 0)]).hexdigest()

@@ -16,6 +16,7 @@ import pytest
 from scarl_sionna.core.errors import DatasetError, ScarlWarning
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.dataset.encoding import StoreOptions, encode_png
+from scarl_sionna.dataset.store.manifest import dump_manifest, manifest_data
 from scarl_sionna.dataset.verify import verify
 from scarl_sionna.dataset.write import write_dataset
 from tests.frames import RIG, assert_same, make_frame
@@ -111,6 +112,63 @@ def test_no_flipped_bit_of_a_packed_dataset_is_read_in_silence(tmp_path, count: 
     assert seen > 0.5 * count and unread
 
 
+def just_killed(out: Path, layout: Literal["packed", "files"]) -> Path:
+    """Write a dataset as a kill leaves it when its shards are in place: the manifest lists none of them yet."""
+    plan = open_dataset(written(out, layout)).plan
+    for name in ("manifest.json", "manifest.backup.json"):
+        (out / name).write_text(dump_manifest(manifest_data(plan, {"a": [None, None]})))
+    return out
+
+
+@pytest.mark.parametrize("layout", ["packed", "files"])
+@pytest.mark.parametrize("count", [15, pytest.param(500, marks=pytest.mark.slow)])
+def test_no_flipped_bit_is_read_in_silence_before_the_manifest_lists_the_shards(tmp_path, layout, count: int) -> None:
+    """A record has a checksum of its own; one that is damaged costs its frames, and the rest is read."""
+    out = just_killed(tmp_path / "out", layout)
+    assert not any(read_by(out).values())
+    rng = random.Random(7)
+    for _ in range(count):
+        number = rng.randrange(2)
+        path = out / f"shards/a/{number:06d}.json"
+        before = path.read_bytes()
+        path.write_bytes(flipped(path, rng.randrange(8 * len(before))))
+        with pytest.warns(ScarlWarning, match=f"{path.name}: (the record of a shard is damaged|nothing holds)") as seen:
+            dataset = open_dataset(out)
+        if "nothing holds" in str(seen[0].message):  # the word "checksum" itself, which is no data
+            assert_same(dataset[2 * number].to_frame(), FRAMES[2 * number])
+        else:
+            assert [frame.index for frame in dataset] == [2 - 2 * number, 3 - 2 * number]
+            assert_same(dataset[0].to_frame(), FRAMES[2 - 2 * number])
+            with pytest.raises(DatasetError, match=f"no frame {2 * number} .*{path.name}.*damaged"):
+                dataset.scene("a").frame(2 * number)
+        path.write_bytes(before)
+
+
+def test_a_damaged_record_that_is_not_listed_is_removed_and_the_rest_kept(tmp_path) -> None:
+    out = just_killed(tmp_path / "out", "packed")
+    path = out / "shards/a/000001.json"
+    text = path.read_text()
+    size = str(json.loads(text)["bundle"][1])
+    path.write_text(text.replace(size, str(int(size) + 1)))  # right in form, and a number that nothing else tells
+    found = verify(out, repair=True)
+    assert found.removed == [("a", 1)] and any("its checksum is wrong" in fault.what for fault in found.faults)
+    assert not list(out.glob("shards/a/000001*"))
+    assert [frame.index for frame in open_dataset(out)] == [0, 1]
+    assert verify(out).ok
+
+
+def test_a_record_without_a_checksum_that_is_not_listed_is_told(tmp_path) -> None:
+    """As earlier versions wrote them, if they were killed before the manifest had one."""
+    out = just_killed(tmp_path / "out", "packed")
+    path = out / "shards/a/000001.json"
+    text = path.read_text()
+    path.write_text(text[: text.index(',\n "checksum"')] + "\n}\n")
+    with pytest.warns(ScarlWarning, match=r"000001\.json: nothing holds its checksum; `scarl-sionna verify --repair`"):
+        assert len(open_dataset(out)) == len(FRAMES)
+    verify(out, repair=True)
+    assert verify(out).complete and not any(read_by(out).values())
+
+
 def test_another_number_in_the_manifest_is_seen(whole, tmp_path) -> None:
     """What is in the manifest, specifications for instance, is handed out, too."""
     out = tmp_path / "out"
@@ -141,6 +199,7 @@ def test_a_picture_that_was_written_as_no_picture_is_a_typed_error(whole, tmp_pa
     name, record = "images/a/front/camera/rgb/000003.png", json.loads((out / "shards/a/000001.json").read_text())
     (out / name).write_bytes(data)
     record["files"][name] = [len(data), hashlib.sha256(data).hexdigest()]
+    del record["checksum"]
     text = json.dumps(record)
     (out / "shards/a/000001.json").write_text(text)
     manifest = json.loads((out / "manifest.json").read_text())

@@ -67,6 +67,8 @@ class Dataset(Described, Sequence["StoredFrame"]):
         self.plan: DatasetPlan = plan_of(self.manifest)
         self._specs: dict[str, Spec] = {}
         self._scenes = {scene.name: Scene(self, scene) for scene in self.plan.scenes}
+        for fault in (fault for scene in self._scenes.values() for fault in scene.faults.values()):
+            warnings.warn(fault, ScarlWarning, stacklevel=3)
         self._frames = [(name, index) for name, scene in self._scenes.items() for index in scene.frames]
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -157,6 +159,7 @@ class Scene(Described, Sequence["StoredFrame"]):
         rows = dataset.manifest["shards"].get(self.name, [])
         self._files = ShardFiles(dataset.files, dataset.place, plan, dataset.plan.options, rows)
         self.frames: tuple[int, ...] = tuple(self._files.frames())
+        self.faults = self._files.faults
 
     def _facts(self) -> Iterable[Row]:
         yield "name", self.name
@@ -187,8 +190,11 @@ class Scene(Described, Sequence["StoredFrame"]):
             If the frame is not there (yet).
         """
         if index not in self.frames:
+            fault = self.faults.get(index // self.dataset.plan.options.shard_frames)
             raise DatasetError(
-                f"scene {self.name} has no frame {index}", self.dataset.place, "run the export again to make it"
+                f"scene {self.name} has no frame {index}" + (f" ({fault})" if fault else ""),
+                self.dataset.place,
+                "run the export again to make it",
             )
         return StoredFrame(self, index)
 

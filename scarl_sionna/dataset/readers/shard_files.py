@@ -51,6 +51,11 @@ class ShardFiles:
     options : StoreOptions
     rows : sequence
         What the manifest states of each shard: checksum of its record and number of frames first; None: not finished.
+
+    Attributes
+    ----------
+    faults : dict of int to str
+        By shard, what is wrong with a record for which the manifest does not answer yet; after `frames`.
     """
 
     def __init__(
@@ -59,6 +64,7 @@ class ShardFiles:
         self._files, self._place, self._plan, self._options, self._rows = HeldFiles(files), place, plan, options, rows
         self._lock = threading.Lock()
         self._shards: OrderedDict[int, _Shard] = OrderedDict()
+        self.faults: dict[int, str] = {}
 
     def hold(self, name: str, data: bytes) -> None:
         """Read a file from memory from now on, until another is held."""
@@ -208,7 +214,10 @@ class ShardFiles:
         return SceneStore({name.removeprefix(top): text for name, text in texts.items()}, sizes, read, again)
 
     def frames(self) -> Iterator[int]:
-        """Yield the frames of finished shards: from the manifest, and from records that came after it."""
+        """Yield the frames of finished shards: from the manifest, and from records that came after it.
+
+        A damaged one of these does not keep the rest from being read: its frames are left out.
+        """
         full = {shard for shard in range(len(self._rows)) if self._is_full(shard)}
         shards, there = sorted(full), set[int]()
         if len(full) < self._plan.num_shards(self._options):
@@ -216,8 +225,24 @@ class ShardFiles:
             there = {int(name[:-5]) for name in names if _RECORD.fullmatch(name)} - full
             shards = sorted(full | {shard for shard in there if shard < self._plan.num_shards(self._options)})
         for shard in shards:
-            frames = self._plan.shard_range(shard, self._options)
-            yield from (index for index in self._record(shard).frames if index in frames) if shard in there else frames
+            frames: Sequence[int] = self._plan.shard_range(shard, self._options)
+            yield from self._late_frames(shard, frames) if shard in there else frames
+
+    def _late_frames(self, shard: int, planned: Sequence[int]) -> list[int]:
+        """Return the frames of a record that is younger than what the manifest says of it; note what is wrong."""
+        try:
+            record = self._record(shard)
+        except DatasetUnreachable:
+            raise
+        except DatasetError as error:
+            self.faults[shard] = f"{error}; its frames are left out"
+            return []
+        if self._row(shard) is None and not record.has_checksum:  # of an earlier version
+            name = record_name(self._plan.name, shard)
+            self.faults[shard] = (
+                f"{self._place}/{name}: nothing holds its checksum; `scarl-sionna verify --repair` does"
+            )
+        return [index for index in record.frames if index in planned]
 
     def _is_full(self, shard: int) -> bool:
         row = self._row(shard)

@@ -127,6 +127,7 @@ class RecordForm(Table):
     arrays: dict[str, _Array] = Field(max_length=100_000)
     files: dict[str, _File | _Member] = Field(max_length=10_000_000)
     bundle: Annotated[tuple[Text, _Count, _Digest], Field(strict=False)] | None = None
+    checksum: _Digest | None = None
 
     @model_validator(mode="after")
     def _check(self) -> RecordForm:

@@ -22,7 +22,7 @@ from scarl_sionna.core.specs.radar.waveform import Fmcw
 from scarl_sionna.core.untrusted.checked import checked
 from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.dataset import schema
-from scarl_sionna.dataset.codec import DEPTH_FORMULA, plain
+from scarl_sionna.dataset.codec import DEPTH_FORMULA, checksum_of, plain, with_checksum
 from scarl_sionna.dataset.encoding import StoreOptions, spec_of
 
 from .files import Files, check_name, read_small
@@ -39,7 +39,6 @@ FROM_PLAN = ("configuration", "configuration_hash", "scenes", "splits", "shards"
 """Entries of a manifest that follow from the plan and the shards, the same in every schema version."""
 
 _SCENE_NAME = re.compile(r"[A-Za-z0-9_\-]+")
-_CHECKSUM = ',\n "checksum": "'
 _RESERVED = frozenset({"objects", *(item.name for item in schema.FRAME)})
 _RADAR_NUMBERS = (
     "num_tx",
@@ -251,15 +250,14 @@ def dump_manifest(data: Mapping[str, Any]) -> str:
         f"  {json.dumps(name)}: [\n" + ",\n".join("   " + json.dumps(row) for row in rows) + "\n  ]"
         for name, rows in shards.items()
     ]
-    text = head[: head.rindex("\n}")] + ',\n "shards": {\n' + ",\n".join(lists) + "\n }"
-    return f'{text}{_CHECKSUM}{hashlib.sha256(text.encode()).hexdigest()}"\n}}\n'
+    return with_checksum(head[: head.rindex("\n}")] + ',\n "shards": {\n' + ",\n".join(lists) + "\n }\n}\n")
 
 
 def _is_as_written(text: bytes, data: Mapping[str, Any], checksum: object) -> bool:
     """Return whether a manifest is what was written; one from before there was a checksum has that of a part of it."""
     if checksum is None:
         return bool(hash_of(data["configuration"]) == data["configuration_hash"])
-    return checksum == hashlib.sha256(text[: text.rfind(_CHECKSUM.encode())]).hexdigest()
+    return checksum == checksum_of(text)
 
 
 def recover_manifest(files: Files) -> tuple[Manifest, DatasetError | None]:

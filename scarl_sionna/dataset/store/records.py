@@ -19,6 +19,7 @@ from scarl_sionna.core.errors import DatasetError, DatasetUnreachable, InputFile
 from scarl_sionna.core.untrusted.checked import checked
 from scarl_sionna.core.untrusted.files import read_bytes
 from scarl_sionna.core.untrusted.json_text import parse_json
+from scarl_sionna.dataset.codec import checksum_of, with_checksum
 from scarl_sionna.dataset.encoding import EncodedFrame, StoreOptions
 
 from .files import MOST_JSON_BYTES, Files, LocalFiles, check_name, output_error, read_member
@@ -52,6 +53,8 @@ class ShardRecord:
         Name, size [bytes] and SHA-256 of the ZIP file that all of `files` are in; None: each is a file.
     starts : mapping of str to int
         Where each of `files` begins in the bundle [bytes].
+    has_checksum : bool
+        Whether its text has a checksum of its own. One of an earlier version has none; the manifest has one for it.
     """
 
     configuration: str
@@ -61,6 +64,7 @@ class ShardRecord:
     files: Mapping[str, tuple[int, str]] = field(default_factory=dict)
     bundle: tuple[str, int, str] | None = None
     starts: Mapping[str, int] = field(default_factory=dict)
+    has_checksum: bool = field(default=True, compare=False)
 
     @property
     def on_disk(self) -> Mapping[str, tuple[int, str]]:
@@ -79,7 +83,7 @@ class ShardRecord:
         return read_member(files, self.bundle[0], name, (self.starts[name], self.files[name][0]), start, stop)
 
     def dump(self) -> str:
-        """Return the record's text."""
+        """Return the record's text, its own checksum at its end."""
         places = {name: [] if self.bundle is None else [self.starts[name]] for name in self.files}
         data = {
             "configuration": self.configuration,
@@ -89,7 +93,7 @@ class ShardRecord:
             "files": {name: [*self.files[name], *places[name]] for name in sorted(self.files)},
             **({} if self.bundle is None else {"bundle": list(self.bundle)}),
         }
-        return json.dumps(data, indent=0) + "\n"
+        return with_checksum(json.dumps(data, indent=0))
 
     @classmethod
     def load(cls, path: Path) -> ShardRecord:
@@ -113,6 +117,8 @@ class ShardRecord:
         """
         try:
             data = checked(RecordForm, parse_json(text))
+            if data.checksum not in (None, checksum_of(text)):
+                raise ValueError("its checksum is wrong")
             arrays = {
                 check_name(name, "array"): ArrayInfo(info.dtype, tuple(info.shape), tuple(info.axes), info.attributes)
                 for name, info in data.arrays.items()
@@ -122,7 +128,8 @@ class ShardRecord:
             failed = {int(index): reason for index, reason in data.failed.items()}
             if data.bundle is not None:
                 check_name(data.bundle[0], "file")
-            return cls(data.configuration, tuple(data.frames), failed, arrays, files, data.bundle, starts)
+            has_checksum = data.checksum is not None
+            return cls(data.configuration, tuple(data.frames), failed, arrays, files, data.bundle, starts, has_checksum)
         except ValueError as error:
             raise DatasetError(
                 f"the record of a shard is damaged: {error!s:.200}", where, "run verify --repair, then export"
