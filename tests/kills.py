@@ -177,7 +177,7 @@ class Kills:
             while not file.exists():
                 assert scheduler.poll() is None
                 time.sleep(0.05)
-            alone = ["--nworkers", "1", "--nthreads", "1", "--no-nanny", "--death-timeout", "5"]
+            alone = ["--nworkers", "1", "--nthreads", "1", "--no-nanny", "--death-timeout", "60"]
             alone += ["--local-directory", str(self.folder)]
             worker = subprocess.Popen([*module, "distributed.cli.dask_worker", *place, *alone], **quiet)
             yield scheduler, json.loads(file.read_text())["address"]

@@ -62,6 +62,9 @@ def run_on_cluster(
         else:
             client = stack.enter_context(_remote_client(distributed, scheduler))
             threads = None
+            if not client.ncores():
+                text = f"the Dask scheduler at {scheduler} has no worker yet; the export waits until one comes"
+                warnings.warn(text, ScarlWarning, stacklevel=2)
         client.subscribe_topic(TOPIC, lambda event: on_event("frame", event[1]))
         yield from _reports(distributed, client, jobs, threads)
 

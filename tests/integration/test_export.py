@@ -287,7 +287,7 @@ def test_a_scheduler_elsewhere_and_its_loss(files, scenarios, undisturbed, tmp_p
                 "1",
                 "--no-dashboard",
                 "--death-timeout",
-                "5",
+                "60",
                 "--local-directory",
                 str(tmp_path),
             ],

@@ -6,12 +6,15 @@ import os
 import shlex
 import shutil
 import subprocess
+import warnings
 from pathlib import Path
 
 import pytest
 import yaml
 
+from scarl_sionna.batch.cluster import run_on_cluster
 from scarl_sionna.batch.estimate import Estimate
+from scarl_sionna.core.errors import ScarlWarning
 
 SCRIPT = Path(__file__).resolve().parents[2] / "examples/slurm_export.sh"
 pytestmark = pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
@@ -65,3 +68,15 @@ def test_a_forecast_counts_the_loading_of_every_scene() -> None:
     assert found.seconds == pytest.approx(20.0 + (50.0 + 76.0) / 2)
     assert "frames: 100 of 20 scenes" in str(found) and "4.00 s to load a scene" in str(found)
     assert "size:   100 MB" in str(found) and "files:  400" in str(found)
+
+
+def test_a_scheduler_without_workers_is_told() -> None:
+    """Else nothing says why an export stands still."""
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster,
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("error", ScarlWarning)  # it is not to wait here
+        with pytest.raises(ScarlWarning, match=f"at {cluster.scheduler_address} has no worker yet"):
+            next(run_on_cluster([], 0, cluster.scheduler_address, lambda kind, data: None))
