@@ -51,6 +51,10 @@ class Device:
         """Return an array of any shape on the device, row after row."""
         return self.Real(_aligned(np.ascontiguousarray(values, dtype=np.float64).ravel()))
 
+    def single(self, values: npt.ArrayLike) -> DeviceArray:
+        """Return an array of any shape on the device, row after row, rounded to float32."""
+        return self.mi.Float(_aligned(np.ascontiguousarray(values, dtype=np.float32).ravel()))
+
     def vectors(self, values: npt.ArrayLike) -> DeviceArray:
         """Return vectors (n, 3) on the device."""
         rows = np.asarray(values, dtype=np.float64)
@@ -62,9 +66,8 @@ class Device:
         By a gather from a flat array: given NumPy's (3, n), Dr.Jit writes the number of rows into the kernel, so that
         each number makes a kernel of its own.
         """
-        rows = np.ascontiguousarray(values, dtype=np.float32)
-        flat = self.mi.Float(_aligned(rows.ravel()))
-        return self.dr.gather(self.mi.Vector3f, flat, self.dr.arange(self.mi.UInt32, len(rows)))
+        rows = np.asarray(values)
+        return self.dr.gather(self.mi.Vector3f, self.single(rows), self.dr.arange(self.mi.UInt32, len(rows)))
 
     def on_host(self, values: DeviceArray) -> npt.NDArray[Any]:
         """Return numbers (n,) or vectors (n, 3) of the device as NumPy arrays.

@@ -89,15 +89,21 @@ class FaceRays(Device, ABC):
         return self._face(self._scene.ray_intersect_preliminary(ray, coherent=False, active=active))
 
     def first_within(
-        self, origin: DeviceArray, direction: DeviceArray, distance: DeviceArray, active: DeviceArray
+        self,
+        origin: DeviceArray,
+        direction: DeviceArray,
+        distance: DeviceArray,
+        active: DeviceArray = True,
+        coherent: bool = False,
     ) -> tuple[DeviceArray, DeviceArray]:
         """Return the face that each active ray meets first before a distance, or `MISS`, and how far away that is.
 
-        In the frame of the rays; that distance is the engine's, a float32 number.
+        In the frame of the rays; that distance is the engine's, a float32 number. `coherent`: neighbouring rays run
+        side by side, which the engine may use.
         """
         ray = self.mi.Ray3f(self.mi.Point3f(origin), self.mi.Vector3f(direction))
         ray.maxt = self.mi.Float(distance)
-        found = self._scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        found = self._scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
         return self._face(found), self.dr.select(found.is_valid(), found.t, 0.0)
 
     def blocked(self, origin: DeviceArray, direction: DeviceArray, distance: DeviceArray | None = None) -> DeviceArray:

@@ -16,9 +16,11 @@ from scarl_sionna.core.pose import Pose
 
 Array = npt.NDArray[np.float64]
 
-_PLANE_MISMATCH = 1e-3
+PLANE_MISMATCH = 1e-3
 """A plane hit farther than this from the engine's (relative to 1 m + distance) is not trusted: the ray grazes the
 plane."""
+NEARLY_IN_PLANE = 1e-12
+"""Cosine of incidence below which a ray runs in the plane."""
 _ENCLOSED = 0.75
 """Winding number from which a point counts as inside. A closed mesh gives 1, an open half space at most 0.5."""
 
@@ -120,8 +122,8 @@ def refine_distance(
     else:
         height = offset - np.einsum("ij,ij->i", origins, normal)
     engine = distance.astype(np.float64)
-    plane = np.divide(height, cosine, out=engine.copy(), where=np.abs(cosine) > 1e-12)
-    trusted = np.abs(plane - engine) <= _PLANE_MISMATCH * (1.0 + engine)
+    plane = np.divide(height, cosine, out=engine.copy(), where=np.abs(cosine) > NEARLY_IN_PLANE)
+    trusted = np.abs(plane - engine) <= PLANE_MISMATCH * (1.0 + engine)
     return np.where(trusted, plane, engine), cosine
 
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from scarl_sionna.engine.rays.face_planes import FaceTable
 from scarl_sionna.engine.rays.face_rays import FaceRays
+from scarl_sionna.engine.rays.moving_faces import MovingFaces
 from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection, transmission
 from scarl_sionna.scene.materials.rough import diffuse_albedo, height_loss
@@ -171,37 +172,24 @@ class FaceSurfaces:
         scatters = np.array([name in names and albedo[names.index(name)] > 0.0 for name in table.material])
         self.is_rough = scatters[faces.part]
         """Whether a part of what each face reflects is scattered diffusely."""
-        triangles = faces.triangles
-        self._normal = rays.reals(triangles.normal)
-        self._offset = rays.reals(triangles.offset)
-        self._part = rays.index(faces.part)
+        self._faces = MovingFaces(rays, state)
         self._material_of_part = rays.index(of_part)
-        motion = np.zeros((len(table.name), 9))
-        for part, moved in state._part_motion.items():  # joints included: wheels, limbs
-            motion[part] = np.concatenate([moved.twist.linear, moved.twist.angular, moved.pose.position])
-        self._motion = rays.reals(motion)
-        self._motion_of_part, self._part_of_face = motion, faces.part
 
     def plane(self, face: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the unit normals and offsets of faces."""
-        dr, rays = self._rays.dr, self._rays
-        return dr.gather(rays.Vector, self._normal, face), dr.gather(rays.Real, self._offset, face)
+        return self._faces.plane(face)
 
     def velocity(self, face: DeviceArray, point: DeviceArray) -> DeviceArray:
         """Return the velocity of surface points [m/s]."""
-        dr, rays = self._rays.dr, self._rays
-        row = 3 * dr.gather(rays.mi.UInt32, self._part, face)
-        linear, angular, origin = (dr.gather(rays.Vector, self._motion, row + k) for k in range(3))
-        return linear + dr.cross(angular, point - origin)
+        return self._faces.velocity(self._faces.part(face), point)
 
     def velocity_on_host(self, face: Index, point: Real) -> Real:
         """Return the velocity of surface points in NumPy, shape (n, 3) [m/s]."""
-        linear, angular, origin = np.split(self._motion_of_part[self._part_of_face[face]], 3, axis=1)
-        return np.asarray(linear + np.cross(angular, point - origin))
+        return self._faces.velocity_on_host(face, point)
 
     def _material(self, face: DeviceArray) -> DeviceArray:
         dr, mi = self._rays.dr, self._rays.mi
-        return dr.gather(mi.UInt32, self._material_of_part, dr.gather(mi.UInt32, self._part, face))
+        return dr.gather(mi.UInt32, self._material_of_part, self._faces.part(face))
 
     def coefficients(self, face: DeviceArray, cosine: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the TE and the TM reflection coefficient, less what heights take, each as real and imaginary part."""

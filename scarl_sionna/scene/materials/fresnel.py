@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .dielectrics import water_permittivity
+from .layers import HOST, Arithmetic, layers
 from .table import RadioMaterial
 
 Real = npt.NDArray[np.float64]
@@ -203,29 +204,9 @@ def layer_coefficients(
     .. [1] M. Born, E. Wolf, *Principles of Optics*, 7th ed., section 1.6.
     """
     cosine = np.asarray(cos_incidence, dtype=np.float64)
-    media = [1.0 + 0j, *permittivities]
-    normal = [np.sqrt(medium - (1.0 - cosine**2) + 0j) for medium in media]
     wave = 2.0 * np.pi * frequency / SPEED_OF_LIGHT
-    reflected, passed = [], []
-    for magnetic in (False, True):
-        admittance = [q / medium if magnetic else q for q, medium in zip(normal, media, strict=True)]
-        total = _interface(admittance[-2], admittance[-1])
-        through = 1.0 + total
-        for index in range(len(depths), 0, -1):
-            once = np.exp(-1j * wave * depths[index - 1] * normal[index])
-            face = _interface(admittance[index - 1], admittance[index])
-            denominator = 1.0 + face * total * once**2
-            through = (1.0 + face) * through * once / denominator
-            total = (face + total * once**2) / denominator
-        reflected.append(total)
-        passed.append(through)
-    return (reflected[0], reflected[1]), (passed[0], passed[1])
-
-
-def _interface(first: Complex, second: Complex) -> Complex:
-    """Return (a - b) / (a + b), 0 where both vanish (grazing)."""
-    total = first + second
-    return np.asarray(np.divide(first - second, total, out=np.zeros_like(total), where=total != 0))
+    media = [np.complex128(medium) for medium in permittivities]
+    return layers(HOST, media, [wave * depth for depth in depths], cosine)
 
 
 def film_of(material: RadioMaterial, frequency: float) -> tuple[complex, float] | None:
@@ -377,7 +358,7 @@ def power_reflectance(material: RadioMaterial, frequency: float, cos_incidence: 
     return np.abs(te) ** 2, np.abs(tm) ** 2
 
 
-def te_fraction_of_h(sine_elevation: Real, cos_incidence: Real, normal_up: Real) -> Real:
+def te_fraction_of_h(sine_elevation: Real, cos_incidence: Real, normal_up: Real, on: Arithmetic = HOST) -> Real:
     r"""Return how much of the power of a horizontally polarised wave (along phi-hat) is TE at a surface.
 
     The same fraction of a vertically polarised wave (theta-hat) is TM.
@@ -390,6 +371,8 @@ def te_fraction_of_h(sine_elevation: Real, cos_incidence: Real, normal_up: Real)
         Cosine of the angle from the surface's normal n, 0 to 1.
     normal_up : ndarray of float64, shape (num_hits,)
         Component along the radar's z axis of the unit normal that points towards the radar.
+    on : Arithmetic
+        What the numbers are made of.
 
     Returns
     -------
@@ -404,8 +387,7 @@ def te_fraction_of_h(sine_elevation: Real, cos_incidence: Real, normal_up: Real)
     .. math:: \frac{[(z \times u) \cdot (u \times n)]^2}{|z \times u|^2 |u \times n|^2}
               = \frac{(u_z \cos\theta + n_z)^2}{(1 - u_z^2)(1 - \cos^2\theta)}
     """
-    area_squared = (1.0 - sine_elevation**2) * (1.0 - cos_incidence**2)
-    fraction = np.ones_like(area_squared)
+    area_squared = (1.0 - sine_elevation * sine_elevation) * (1.0 - cos_incidence * cos_incidence)
     numerator = (sine_elevation * cos_incidence + normal_up) ** 2
-    np.divide(numerator, area_squared, out=fraction, where=area_squared > 1e-12)
-    return np.minimum(fraction, 1.0, out=fraction)
+    defined = area_squared > 1e-12
+    return on.minimum(on.where(defined, numerator / on.where(defined, area_squared, 1.0), 1.0), 1.0)

@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from scarl_sionna.core.errors import ParameterRangeError
 
+Array = npt.NDArray[np.float64]
+
 GOLDEN_FRACTION = (np.sqrt(5.0) - 1.0) / 2.0
 """Fractional parts of its multiples fill 0 to 1 as evenly as any sequence (Weyl, three-gap theorem)."""
 
@@ -60,23 +62,29 @@ class RayGrid:
     @property
     def solid_angle(self) -> float:
         """Solid angle of a cell [sr]."""
-        return self.azimuth_fov * 2.0 * np.sin(self.elevation_fov / 2.0) / self.num_rays
+        return self.azimuth_fov * self.height / self.num_rays
 
     @property
     def spacing(self) -> float:
         """Angle between neighbouring rays at the boresight, the larger of the two [rad]."""
-        return max(self.azimuth_fov / self.num_azimuth, 2.0 * np.sin(self.elevation_fov / 2.0) / self.num_elevation)
+        return max(self.azimuth_fov / self.num_azimuth, self.height / self.num_elevation)
 
-    def directions(self, first: int, stop: int) -> npt.NDArray[np.float64]:
-        """Return the unit directions of rays `first` to `stop` in the radar frame, shape (stop - first, 3)."""
-        row, column = np.divmod(np.arange(first, stop), self.num_azimuth)
+    @property
+    def height(self) -> float:
+        """Difference of the sines of the elevations of the upper and the lower edge."""
+        return float(2.0 * np.sin(self.elevation_fov / 2.0))
+
+    def columns(self) -> tuple[Array, Array, Array]:
+        """Return cosine and sine of the azimuth of every column, and its place in the cells' height, 0 to 1."""
         columns = np.arange(self.num_azimuth)
         azimuths = self.azimuth_fov * ((columns + 0.5) / self.num_azimuth - 0.5)
         place = (columns * GOLDEN_FRACTION + 0.5) % 1.0 if self.staggered else np.full(self.num_azimuth, 0.5)
-        sines = 2.0 * np.sin(self.elevation_fov / 2.0) * ((row + place[column]) / self.num_elevation - 0.5)
-        cosines = np.sqrt(1.0 - sines**2)
-        out = np.empty((stop - first, 3))
-        out[:, 0] = cosines * np.cos(azimuths)[column]
-        out[:, 1] = cosines * np.sin(azimuths)[column]
-        out[:, 2] = sines
-        return out
+        return np.cos(azimuths), np.sin(azimuths), place
+
+    def directions(self, first: int, stop: int) -> Array:
+        """Return the unit directions of rays `first` to `stop` in the radar frame, shape (stop - first, 3)."""
+        row, column = np.divmod(np.arange(first, stop), self.num_azimuth)
+        cosine, sine, place = self.columns()
+        up = self.height * ((row + place[column]) / self.num_elevation - 0.5)
+        level = np.sqrt(1.0 - up**2)
+        return np.stack([level * cosine[column], level * sine[column], up], axis=1)

@@ -6,6 +6,7 @@ number whose variance is the sum of their powers. A few dozen of them make the s
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.settings.raycast import RaycastSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.scene.materials.layers import Number
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -58,19 +60,53 @@ class ResolutionCells:
             Direction cosines in the radar frame.
         instance : ndarray of int32, shape (num_hits,)
         """
+        counts = *self.cosine_counts, int(instance.max(initial=0)) + 1
+        return cell_number(_whole, self.sizes, counts, distance, radial_velocity, y, z, instance.astype(np.int64))
+
+    @property
+    def sizes(self) -> tuple[float, float, float, float]:
+        """Of a cell in range [m], radial velocity [m/s] and the cosines y and z."""
+        return self.range_width, self.velocity_width, *self.cosine_widths
+
+    @property
+    def cosine_counts(self) -> tuple[int, int]:
+        """How many cells there are in the cosines y and z."""
         y_width, z_width = self.cosine_widths
-        velocity = np.floor(radial_velocity / self.velocity_width).astype(np.int64) % _VELOCITY_CELLS
-        columns = (
-            (np.floor(distance / self.range_width).astype(np.int64), None),
-            (velocity, _VELOCITY_CELLS),
-            (np.floor((y + 1.0) / y_width).astype(np.int64), int(2.0 / y_width) + 2),
-            (np.floor((z + 1.0) / z_width).astype(np.int64), int(2.0 / z_width) + 2),
-            (instance.astype(np.int64), int(instance.max(initial=0)) + 1),
-        )
-        number = columns[0][0]
-        for column, count in columns[1:]:
-            number = number * count + column
-        return number
+        return int(2.0 / y_width) + 2, int(2.0 / z_width) + 2
+
+
+def cell_number(
+    whole: Callable[[Number], Number],
+    sizes: Sequence[Number],
+    counts: Sequence[Number],
+    distance: Number,
+    radial_velocity: Number,
+    y: Number,
+    z: Number,
+    instance: Number,
+) -> Number:
+    """Return the numbers of :meth:`ResolutionCells.number` for NumPy's arrays or the engine's.
+
+    Parameters
+    ----------
+    whole : callable
+        From float64 to the whole number at or below it, int64.
+    sizes : sequence of four numbers
+        `ResolutionCells.sizes`.
+    counts : sequence of three whole numbers
+        Cells in the cosines y and z, and instances.
+    distance, radial_velocity, y, z, instance
+        As of :meth:`ResolutionCells.number`.
+    """
+    number = whole(distance / sizes[0])
+    number = number * _VELOCITY_CELLS + (whole(radial_velocity / sizes[1]) & (_VELOCITY_CELLS - 1))
+    number = number * counts[0] + whole((y + 1.0) / sizes[2])
+    number = number * counts[1] + whole((z + 1.0) / sizes[3])
+    return number * counts[2] + instance
+
+
+def _whole(value: Array) -> Index:
+    return np.floor(value).astype(np.int64)
 
 
 def thin(cell: Index, power: Array, hits_per_cell: int) -> tuple[Index, Array]:
@@ -96,26 +132,24 @@ def thin(cell: Index, power: Array, hits_per_cell: int) -> tuple[Index, Array]:
         The sum of ``power[kept] * growth`` over a cell is the sum of `power` over it.
     """
     order = np.argsort(cell, kind="stable")
-    ordered = power[order]
-    starts = np.flatnonzero(np.diff(cell[order], prepend=cell[order[:1]] - 1))
+    ordered, sorted_cell = power[order], cell[order]
+    starts = np.flatnonzero(np.diff(sorted_cell, prepend=sorted_cell[:1] - 1))
+    if not len(starts):
+        return order, np.ones(0)
     counts = np.diff(np.append(starts, len(order)))
-    totals = np.add.reduceat(ordered, starts) if len(starts) else np.zeros(0)
-    owner = np.repeat(np.arange(len(starts)), counts)
-    running = np.cumsum(ordered / totals[owner])  # grows by 1 a cell, so each cell's share is its fractional part
-    before = running - ordered / totals[owner]
-    base = np.arange(len(starts))[owner]
-    shares = _points_below(running - base, hits_per_cell) - _points_below(before - base, hits_per_cell)
-    last = starts + counts - 1
-    if len(starts):  # rounding of the running sum must not lose or add a share at a cell's ends
-        shares[last] += hits_per_cell - np.add.reduceat(shares, starts)
-    full = counts[owner] > hits_per_cell
-    growth = np.where(full, shares * totals[owner] / (hits_per_cell * ordered), 1.0)
-    stays = np.flatnonzero(growth > 0.0)
-    kept = order[stays]
-    rising = np.argsort(kept)
-    return kept[rising], growth[stays][rising]
-
-
-def _points_below(share: Array, count: int) -> Index:
-    """Return how many of the points (k + 1/2) / count lie below a share of the whole."""
-    return np.clip(np.floor(share * count + 0.5), 0, count).astype(np.int64)
+    totals = np.add.reduceat(ordered, starts)
+    total = np.repeat(totals, counts)
+    running = np.cumsum(ordered / total)  # grows by 1 a cell, so each cell's share is what is over the cells before
+    running -= np.repeat(np.arange(float(len(starts))), counts)
+    points = np.floor(running * hits_per_cell + 0.5)  # of the points (k + 1/2) / hits_per_cell of a cell, those below
+    np.clip(points, 0, hits_per_cell, out=points)
+    points[starts + counts - 1] = hits_per_cell  # rounding of the running sum must not lose or add a share
+    shares = np.diff(points, prepend=0.0)
+    shares[starts] = points[starts]
+    full = np.repeat(counts > hits_per_cell, counts)
+    stays = np.flatnonzero(~full | (shares > 0.0))
+    growth = np.where(full[stays], shares[stays] * total[stays] / (hits_per_cell * ordered[stays]), 1.0)
+    in_place = np.zeros(len(cell))
+    in_place[order[stays]] = growth
+    kept = np.flatnonzero(in_place)
+    return kept, in_place[kept]
