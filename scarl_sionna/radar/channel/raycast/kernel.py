@@ -97,6 +97,17 @@ class _Hit(NamedTuple):
     velocity: DeviceArray
 
 
+class Task(NamedTuple):
+    """Which rays are cast, and what of their hits gives paths."""
+
+    grid: RayGrid
+    knobs: RaycastSettings
+    reach: float
+    """[m]"""
+    owned: npt.NDArray[np.bool_]
+    """Which parts give paths, shape (num_parts,)."""
+
+
 class RaycastKernel:
     """The rays of one radar in one state of the world. Make it inside ``variant.use("optical")``.
 
@@ -106,12 +117,7 @@ class RaycastKernel:
     state : WorldState
     radar : RadarSpec
     mount : Mount
-    grid : RayGrid
-    knobs : RaycastSettings
-    reach : float
-        [m].
-    owned : ndarray of bool, shape (num_parts,)
-        Parts that give paths.
+    task : Task
     """
 
     def __init__(
@@ -120,11 +126,9 @@ class RaycastKernel:
         state: WorldState,
         radar: RadarSpec,
         mount: Mount,
-        grid: RayGrid,
-        knobs: RaycastSettings,
-        reach: float,
-        owned: npt.NDArray[np.bool_],
+        task: Task,
     ) -> None:
+        grid, knobs, reach, owned = task
         self._on, self._grid = rays, grid
         self._faces = MovingFaces(rays, state)
         self._arithmetic = _Complex(rays)
@@ -185,16 +189,8 @@ class RaycastKernel:
         received = dr.select(valid & reflected.gives, power, NO_PATH)
         radial = dr.dot(hit.velocity, ray)
         instance = whole(dr.gather(mi.Int32, self._instance, hit.part))
-        cell = cell_number(
-            lambda value: whole(dr.floor(value)),
-            self._sizes,
-            self._counts,
-            hit.distance,
-            radial,
-            local.y,
-            local.z,
-            instance,
-        )
+        place = hit.distance, radial, local.y, local.z
+        cell = cell_number(lambda value: whole(dr.floor(value)), self._sizes, self._counts, place, instance)
         dr.eval(face, rough, cell, received)
         faces, power = face.numpy(), received.numpy()
         if not self._covered.all():

@@ -28,7 +28,7 @@ from scarl_sionna.radar.link import received_amplitude
 from scarl_sionna.radar.paths import RadarPaths
 
 from .grid import RayGrid
-from .kernel import Hits, RaycastKernel
+from .kernel import Hits, RaycastKernel, Task
 from .thinning import thin
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def solve_raycast(
     }
     with variant.optical() as mi:
         start = time.perf_counter()
-        kernel = RaycastKernel(StateRays(mi, state), state, radar, mount, rays_of, knobs, reach, owned)
+        kernel = RaycastKernel(StateRays(mi, state), state, radar, mount, Task(rays_of, knobs, reach, owned))
         found = Hits.joined(
             [
                 kernel.hits(first, min(first + RAYS_PER_BATCH, rays_of.num_rays))

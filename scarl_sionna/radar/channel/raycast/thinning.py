@@ -61,7 +61,7 @@ class ResolutionCells:
         instance : ndarray of int32, shape (num_hits,)
         """
         counts = *self.cosine_counts, int(instance.max(initial=0)) + 1
-        return cell_number(_whole, self.sizes, counts, distance, radial_velocity, y, z, instance.astype(np.int64))
+        return cell_number(_whole, self.sizes, counts, (distance, radial_velocity, y, z), instance.astype(np.int64))
 
     @property
     def sizes(self) -> tuple[float, float, float, float]:
@@ -79,10 +79,7 @@ def cell_number(
     whole: Callable[[Number], Number],
     sizes: Sequence[Number],
     counts: Sequence[Number],
-    distance: Number,
-    radial_velocity: Number,
-    y: Number,
-    z: Number,
+    place: Sequence[Number],
     instance: Number,
 ) -> Number:
     """Return the numbers of :meth:`ResolutionCells.number` for NumPy's arrays or the engine's.
@@ -95,9 +92,12 @@ def cell_number(
         `ResolutionCells.sizes`.
     counts : sequence of three whole numbers
         Cells in the cosines y and z, and instances.
-    distance, radial_velocity, y, z, instance
+    place : sequence of four arrays
+        Distance, radial velocity, y and z, as of :meth:`ResolutionCells.number`.
+    instance
         As of :meth:`ResolutionCells.number`.
     """
+    distance, radial_velocity, y, z = place
     number = whole(distance / sizes[0])
     number = number * _VELOCITY_CELLS + (whole(radial_velocity / sizes[1]) & (_VELOCITY_CELLS - 1))
     number = number * counts[0] + whole((y + 1.0) / sizes[2])
