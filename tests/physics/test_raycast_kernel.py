@@ -28,7 +28,12 @@ MOUNT = Mount(Pose.from_euler([0.3, -0.2, 0.1], yaw=0.05, pitch=-0.02, roll=0.3)
 
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    return ss.load_scene(write_scene(tmp_path_factory.mktemp("kernel"), THINGS, ACTORS, MATERIALS))
+    scene = write_scene(tmp_path_factory.mktemp("kernel"), THINGS, ACTORS, MATERIALS)
+    toml, rows = scene.with_name("scene.toml"), ""
+    for line in toml.read_text().splitlines():  # a half space and a layer take films of water in the rain
+        rows += line + ("\nwets = 1.0\n" if line in ('radio = "concrete"', 'radio = "plastic"') else "\n")
+    toml.write_text(rows)
+    return ss.load_scene(scene)
 
 
 LITERAL = {"rcs_model": "per_hit", "rough_ground": False, "grid": "regular"}
@@ -36,7 +41,9 @@ LITERAL = {"rcs_model": "per_hit", "rough_ground": False, "grid": "regular"}
 
 @pytest.mark.parametrize(("weather", "knobs"), [("clear", LITERAL), ("heavy_rain", {})])
 def test_every_column_is_that_of_plain_numpy(world, weather: str, knobs: dict) -> None:
-    state = world.with_weather(weather).at(0.4)  # rain: films of water, so three layers
+    state = world.with_weather(weather).at(0.4)
+    films = sum(material.water_film > 0.0 for material in state.world.materials.values())
+    assert films == (2 if weather == "heavy_rain" else 0)
     radar = ss.RadarSpec.preset("awr1843boost")
     settings = RaycastSettings(num_rays=40_000, hits_per_cell=None, hit_phase="geometric", **knobs)
     paths = ss.solve_paths(state, radar, MOUNT, settings=ss.RadarSettings.of("raycast", raycast=settings))
