@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 import signal
 import warnings
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from scarl_sionna.core.cores import usable_cores
 from scarl_sionna.core.errors import ExportError, OutputError, ScarlError, ScarlWarning
 from scarl_sionna.core.packages import require
 from scarl_sionna.dataset.store.manifest import MANIFEST
@@ -58,7 +58,7 @@ def run_on_cluster(
         if scheduler is None:
             count = min(workers, len(jobs))
             client = stack.enter_context(_local_client(distributed, count))
-            threads: int | None = max(len(os.sched_getaffinity(0)) // count, 1)
+            threads: int | None = max(usable_cores() // count, 1)
         else:
             client = stack.enter_context(_remote_client(distributed, scheduler))
             threads = None

@@ -32,14 +32,21 @@ def clear_stale() -> None:
     with suppress(OSError):
         for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
             found = _NAME.fullmatch(path.name)
-            if found is None or path.is_symlink() or not path.is_dir() or path.stat().st_uid != os.getuid():
+            if found is None or path.is_symlink() or not path.is_dir() or not _is_mine(path):
                 continue
             if not is_running(int(found[1])):
                 shutil.rmtree(path, ignore_errors=True)
 
 
+def _is_mine(path: Path) -> bool:
+    """Return whether this user made a folder; Windows has no numbers of users, and a place for each."""
+    return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()
+
+
 def is_running(process: int) -> bool:
-    """Return whether a process of this machine runs, by its number."""
+    """Return whether a process of this machine runs, by its number; on Windows, where asking would stop it, always."""
+    if os.name == "nt":
+        return True
     try:
         os.kill(process, 0)
     except ProcessLookupError:

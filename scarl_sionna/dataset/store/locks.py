@@ -44,8 +44,13 @@ class FileLock:
         self._descriptor: int | None = None
 
     def __enter__(self) -> FileLock:
-        import fcntl  # reading a dataset needs no lock, and works where there is no fcntl
-
+        try:
+            import fcntl  # reading a dataset needs no lock, and works where there is no fcntl
+        except ImportError as error:
+            raise OutputError(
+                f"{self.path.parent.parent} cannot be locked: writing a dataset needs POSIX file locks, which this "
+                "system does not have; on Windows use WSL"
+            ) from error
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)

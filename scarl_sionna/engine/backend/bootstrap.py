@@ -26,23 +26,16 @@ from pathlib import Path
 from scarl_sionna.core.errors import EngineError, ScarlWarning
 
 from .cuda import activate_cuda, cuda_device, find_cuda
+from .platforms import places
 from .probing import run_probe
 
 MIN_LLVM = 17
 """Oldest LLVM that Dr.Jit 1.5 compiles correctly with (17, 19 and 22 were tried; 15 and 16 abort the process)."""
 
 BACKENDS = ("cuda", "llvm")
+NO_METAL = "Metal has no numbers of double precision, which the phases of radar and lidar need"
+"""Why a Metal device is not used (Metal Shading Language Specification: there is no type ``double``)."""
 _LIBLLVM_VARIABLE = "DRJIT_LIBLLVM_PATH"
-_PATTERNS = ("libLLVM.so*", "libLLVM-[0-9]*.so*", "libLLVM.dylib")
-_SYSTEM_DIRS = (
-    "/usr/lib/x86_64-linux-gnu",
-    "/usr/lib/aarch64-linux-gnu",
-    "/usr/lib64",
-    "/usr/lib",
-    "/usr/local/lib",
-    "/opt/homebrew/opt/llvm/lib",
-    "/usr/local/opt/llvm/lib",
-)
 _LLVM_PROBE = """
 import ctypes, sys
 for name in sys.argv[2:]:
@@ -112,15 +105,11 @@ def probe_llvm(path: str) -> Llvm | None:
 
 
 def _search_dirs() -> list[Path]:
-    """Return the folders to look into, in order."""
+    """Return the folders to look into, in order: the system's, then those of this Python and its packages."""
     chosen = os.environ.get("SCARL_LLVM_DIRS")
     if chosen:
         return [Path(name) for name in chosen.split(os.pathsep) if name]
-    multiarch = sysconfig.get_config_var("MULTIARCH")
-    dirs = [Path("/usr/lib") / multiarch] if multiarch else []
-    dirs += [Path(name) for name in _SYSTEM_DIRS]
-    dirs += sorted(Path("/usr/lib").glob("llvm-*/lib"), reverse=True)
-    dirs.append(Path(sys.prefix) / "lib")
+    dirs = [*places().llvm_folders, Path(sys.prefix) / "lib", Path(sys.prefix) / "Library/bin"]  # Conda's on Windows
     packages = {sysconfig.get_path("platlib"), *site.getsitepackages(), site.getusersitepackages()}
     for folder in sorted(packages):
         dirs += sorted(Path(folder).glob("*.libs"))
@@ -133,11 +122,15 @@ def _major_in_name(path: str) -> int | None:
     return int(found.group(1)) if found else None
 
 
-def llvm_candidates(dirs: Iterable[Path]) -> list[str]:
-    """Return the LLVM libraries in some folders, each once: the new enough ones first, newest first."""
+def llvm_candidates(dirs: Iterable[Path], patterns: Iterable[str] | None = None) -> list[str]:
+    """Return the LLVM libraries in some folders, each once: the new enough ones first, newest first.
+
+    `patterns`: names of the library; default: those of this system.
+    """
+    names = tuple(patterns or places().llvm_patterns)
     paths: dict[Path, str] = {}
     for folder in dirs:
-        for pattern in _PATTERNS:
+        for pattern in names:
             for path in sorted(folder.glob(pattern)):
                 paths.setdefault(path.resolve(), str(path))
     majors = {path: _major_in_name(path) or _major_in_name(str(real)) for real, path in paths.items()}
@@ -192,15 +185,16 @@ def imported_too_early(modules: Container[str]) -> str | None:
 def llvm_remedy() -> str:
     """Return what to do on a machine without a usable LLVM."""
     return (
-        "install one: 'apt-get install libllvm19' (as root), "
-        "or 'pip install \"scarl-sionna[llvm]\"' (x86-64 Linux, without "
-        f"root), or set {_LIBLLVM_VARIABLE} to the shared library of an LLVM >= {MIN_LLVM}"
+        f"install one: {places().llvm_remedy}, "
+        f"or set {_LIBLLVM_VARIABLE} to the shared library of an LLVM >= {MIN_LLVM}"
     )
 
 
 def _wanted_backend() -> str | None:
     """Return the backend that the environment asks for, or None."""
     wanted = os.environ.get("SCARL_BACKEND", "").strip().lower()
+    if wanted == "metal":
+        raise EngineError(f"SCARL_BACKEND = 'metal': {NO_METAL}; use SCARL_BACKEND=llvm, or leave it unset")
     if wanted and wanted not in BACKENDS:
         raise EngineError(f"SCARL_BACKEND = '{wanted}' is not a backend (allowed: {', '.join(BACKENDS)}, or unset)")
     return wanted or None

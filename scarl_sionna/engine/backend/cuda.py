@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import ctypes
 import os
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 
+from .platforms import places
 from .probing import run_probe
 
 MIN_DRIVER = (12, 2)
@@ -90,22 +93,31 @@ class Cuda:
         return f"{self.name} (CUDA {driver}, compute capability {capability})"
 
 
+def loadable(names: Iterable[str]) -> str:
+    """Return the first of some libraries, names or paths, that the system's loader finds; empty if none."""
+    for name in names:
+        with suppress(OSError):
+            ctypes.CDLL(name)
+            return name
+    return ""
+
+
 def _cuda_name() -> str:
-    return os.environ.get(_LIBCUDA) or "libcuda.so.1"
+    return os.environ.get(_LIBCUDA) or loadable(places().cuda)
 
 
 def _optix_name() -> str:
-    return os.environ.get(_LIBOPTIX) or "libnvoptix.so.1"
+    names = places().optix
+    return os.environ.get(_LIBOPTIX) or loadable(names) or "".join(names[:1])
 
 
 @cache
 def find_cuda() -> Cuda | None:
     """Return the CUDA device of this machine, usable or not, or None; it is looked for once."""
-    try:
-        ctypes.CDLL(_cuda_name())  # cheap look before a process is started
-    except OSError:
+    name = _cuda_name()
+    if not (name and loadable([name])):  # cheap look before a process is started
         return None
-    words = run_probe(_PROBE, _cuda_name(), _optix_name(), *map(str, MIN_CAPABILITY))
+    words = run_probe(_PROBE, name, _optix_name(), *map(str, MIN_CAPABILITY))
     if len(words) < 6 or words[0] != "CUDA":
         return None
     numbers = [int(word) for word in words[1:6]]
@@ -121,6 +133,7 @@ def cuda_device() -> str | None:
 def activate_cuda() -> None:
     """Tell Dr.Jit which library to load.
 
-    It looks for ``libcuda.so``, which a driver without development files does not have.
+    It looks for ``libcuda.so``, which a driver without development files does not have, and for OptiX by name alone.
     """
     os.environ[_LIBCUDA] = _cuda_name()
+    os.environ[_LIBOPTIX] = _optix_name()

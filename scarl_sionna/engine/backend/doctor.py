@@ -16,10 +16,12 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from typing import Literal, NamedTuple
 
+from scarl_sionna.core.cores import usable_cores
 from scarl_sionna.core.registry import ENTRY_POINT_GROUP
 
 from . import bootstrap as engine
 from .cuda import find_cuda
+from .platforms import places
 
 Status = Literal["ok", "warn", "missing"]
 
@@ -130,8 +132,14 @@ def _package_findings() -> list[Finding]:
     return findings
 
 
+def _metal_findings() -> list[Finding]:
+    """Look for Metal, which is not used."""
+    metal = places().metal
+    return [] if metal is None else [Finding("Metal", f"there, not used: {engine.NO_METAL}; LLVM runs instead")]
+
+
 def _engine_findings() -> list[Finding]:
-    """Look for LLVM and CUDA."""
+    """Look for LLVM, CUDA and Metal."""
     library, refused = engine.find_llvm()
     device = find_cuda()
     usable = device is not None and not device.refusal
@@ -141,10 +149,12 @@ def _engine_findings() -> list[Finding]:
         found = "; ".join(refused) if refused else "none"
         llvm = Finding("LLVM", found, "warn" if usable else "missing", engine.llvm_remedy())
     if device is None:
-        return [llvm, Finding("CUDA device", "none (optional; LLVM runs on the processor)")]
-    if device.refusal:
-        return [llvm, Finding("CUDA device", f"{device}, not used", "warn", device.refusal)]
-    return [llvm, Finding("CUDA device", str(device))]
+        cuda = Finding("CUDA device", "none (optional; LLVM runs on the processor)")
+    elif device.refusal:
+        cuda = Finding("CUDA device", f"{device}, not used", "warn", device.refusal)
+    else:
+        cuda = Finding("CUDA device", str(device))
+    return [llvm, cuda, *_metal_findings()]
 
 
 def check_variant(twin: str) -> Finding:
@@ -187,8 +197,7 @@ def _memory() -> tuple[int, int] | None:
 
 def _machine_findings() -> list[Finding]:
     """Look at processors and memory."""
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    findings = [Finding("threads", f"{usable} of {os.cpu_count()}")]
+    findings = [Finding("threads", f"{usable_cores()} of {os.cpu_count()}")]
     memory = _memory()
     if memory is not None:
         total, available = memory

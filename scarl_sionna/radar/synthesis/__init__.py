@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,6 +12,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.cores import usable_cores
 from scarl_sionna.core.errors import ParameterRangeError, ScarlWarning
 from scarl_sionna.core.prompt.arguments import HOW_TO_RADAR, expect
 from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
@@ -335,16 +335,11 @@ def _add(adc: npt.NDArray[np.complex64], radar: RadarSpec, signal: Signal, first
         adc[rx, ramp : ramp + len(values) * radar.num_tx : radar.num_tx] += values
 
     pairs = [(tx, rx) for tx in senders for rx in range(radar.num_rx)]
-    workers = min(_num_cores(), len(pairs), MAX_THREADS)
+    workers = min(usable_cores(), len(pairs), MAX_THREADS)
     with ThreadPoolExecutor(
         workers
     ) as pool:  # pairs write to rows of their own, so the bytes do not depend on the order
         list(pool.map(add_pair, pairs))
-
-
-def _num_cores() -> int:
-    """Return the processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 __all__ = ["synthesize"]
