@@ -44,12 +44,21 @@ print("; ".join(str(found) for found in (library, device) if found))
 sys.exit(not (library or device))'
 }
 
-llvm_from_apt() {
-    [ "${SCARL_SETUP_LLVM:-}" != wheel ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1 || return 1
-    say "no LLVM >= 17 found: installing Debian's libllvm19"
-    local install=(env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends libllvm19)
+apt_install() {
+    [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1 || return 1
+    say "installing Debian's $1"
+    local install=(env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$1")
     "${install[@]}" </dev/null >/dev/null 2>&1 || { apt-get update -q </dev/null >/dev/null && "${install[@]}" </dev/null >/dev/null; }
 }
+
+llvm_from_apt() {
+    [ "${SCARL_SETUP_LLVM:-}" != wheel ] || return 1
+    say "no LLVM >= 17 found"
+    apt_install libllvm19
+}
+
+# Dr.Jit needs a library that comes with a compiler, and a slim system has none
+engine_starts() { "$venv/bin/python" -c 'from scarl_sionna.engine.backend.bootstrap import ensure_engine; ensure_engine()'; }
 
 llvm_from_wheel() {
     [ "$(uname -sm)" = "Linux x86_64" ] || return 1
@@ -77,6 +86,10 @@ if ! found="$(llvm_found)"; then
     llvm_from_apt || llvm_from_wheel || true
     found="$(llvm_found)" || fail "the ray tracer needs an LLVM >= 17: install libllvm19 as root (apt-get install libllvm19), \
 or set DRJIT_LIBLLVM_PATH to its shared library, then call make again"
+fi
+if ! engine_starts 2>/dev/null; then
+    apt_install libatomic1 || true
+    engine_starts || fail "the ray tracing engine does not start: see the last line above"
 fi
 say "ray tracing engine: $found"
 say "done"

@@ -173,3 +173,20 @@ def test_windows_is_not_asked_whether_a_process_runs(monkeypatch: pytest.MonkeyP
     running = is_running(4_000_000)
     monkeypatch.undo()
     assert running and not asked
+
+
+@pytest.mark.parametrize(
+    ("missing", "remedy"),
+    [("libatomic.so.1: cannot open shared object file", "libatomic1"), ("no module named nanobind", "reinstall")],
+)
+def test_a_dr_jit_that_lacks_a_library_says_what_to_install(
+    missing: str, remedy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "drjit" / "__init__.py"
+    package.parent.mkdir()
+    package.write_text(f"try:\n    raise ImportError({missing!r})\nexcept ImportError:\n    _drjit_ext.__file__\n")
+    monkeypatch.delitem(sys.modules, "drjit", raising=False)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(EngineError, match=missing[:9]) as refused:
+        bootstrap._loaded_drjit()
+    assert remedy in str(refused.value)

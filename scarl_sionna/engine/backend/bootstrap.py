@@ -22,6 +22,7 @@ from collections.abc import Container, Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 from scarl_sionna.core.errors import EngineError, ScarlWarning
 
@@ -230,17 +231,28 @@ def _complete_typing() -> None:
             typing.Self = typing_extensions.Self
 
 
+def _loaded_drjit() -> ModuleType:
+    """Import Dr.Jit; raise what to install where a library of the system that it needs is missing."""
+    try:
+        import drjit
+    except (ImportError, NameError) as error:  # its own look for a reason stumbles over the name that is not there
+        reason = error.__context__ or error
+        remedy = "reinstall the package 'drjit'"
+        if "libatomic" in str(reason):  # a slim Debian has none until a compiler brings it
+            remedy = "install 'libatomic1' ('apt-get install libatomic1' as root; 'libatomic' in other distributions)"
+        raise EngineError(f"Dr.Jit cannot be loaded: {reason}; {remedy}") from error
+    return drjit
+
+
 def _drjit_has(backend: str) -> bool:
     """Return whether Dr.Jit, now imported, has started a backend."""
-    import drjit as dr
-
+    dr = _loaded_drjit()
     return bool(dr.has_backend(dr.JitBackend.LLVM if backend == "llvm" else dr.JitBackend.CUDA))
 
 
 def _check_loaded(backend: str) -> None:
     """Raise if Dr.Jit, now imported, cannot run a backend."""
-    import drjit as dr
-
+    dr = _loaded_drjit()
     if not _drjit_has(backend):
         remedy = llvm_remedy() if backend == "llvm" else "check the NVIDIA driver, or set SCARL_BACKEND=llvm"
         raise EngineError(f"Dr.Jit has no {backend} backend in this process; {remedy}")
@@ -273,7 +285,8 @@ def ensure_engine() -> str:
     ------
     EngineError
         If there is no usable LLVM (or no CUDA device where one is asked for), if Dr.Jit was imported earlier with an
-        LLVM that is too old, or if TensorFlow was imported first where that cannot be cured.
+        LLVM that is too old, if a library that Dr.Jit needs is missing, or if TensorFlow was imported first where that
+        cannot be cured.
 
     Warns
     -----
