@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.cores import usable_cores
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveform import Fmcw
-from scarl_sionna.radar.synthesis import MAX_THREADS, _num_cores
+from scarl_sionna.radar.synthesis import MAX_THREADS
 from scarl_sionna.radar.synthesis.groups import DIRECT_COST, FFT_COST, SPREAD_COST
 from scarl_sionna.radar.synthesis.phase import FrameGrid
 
@@ -195,7 +196,7 @@ class BeatOperator:
     def _each(self, of_pair: Callable[[int, int], None]) -> None:
         """Run something for every pair; pairs write to rows of their own."""
         pairs = [(tx, rx) for tx in range(self.radar.num_tx) for rx in range(self.radar.num_rx)]
-        with ThreadPoolExecutor(min(_num_cores(), len(pairs), MAX_THREADS)) as pool:
+        with ThreadPoolExecutor(min(usable_cores(), len(pairs), MAX_THREADS)) as pool:
             list(pool.map(lambda pair: of_pair(*pair), pairs))
 
 
