@@ -12,7 +12,11 @@ QUALITY ?= draft
 JOBS ?= 2
 PYTEST_ARGS ?=
 
-.PHONY: help setup demo test test-slow lint format bench validation docs notebooks clean distclean
+.PHONY: help setup demo test test-slow checks lint style types imports format bench validation docs notebooks clean distclean
+
+ifeq ($(MAKELEVEL),0)
+.NOTPARALLEL: # whatever -j says: two set-ups at once would write into one environment
+endif
 
 help: ## Show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -20,8 +24,9 @@ help: ## Show this list
 $(STAMP): pyproject.toml scripts/setup_env.sh
 	@bash scripts/setup_env.sh $(VENV) && touch $@
 
-$(TEST_STAMP): $(STAMP)
-	@bash scripts/setup_env.sh $(VENV) test && touch $@
+# what tests, linters and the site need comes in one go: pip takes half a minute to find out what fits together
+$(TEST_STAMP): pyproject.toml scripts/setup_env.sh
+	@bash scripts/setup_env.sh $(VENV) test,docs && touch $(STAMP) $(DOCS_STAMP) $@
 
 setup: $(STAMP) ## Make .venv with all that is needed; does nothing when it is up to date
 	@echo "setup: $(VENV) is ready"
@@ -29,16 +34,28 @@ setup: $(STAMP) ## Make .venv with all that is needed; does nothing when it is u
 demo: $(STAMP) ## Simulate a short synchronized dataset and its contact sheet into OUT (demo_out)
 	$(BIN)/scarl-sionna demo --out $(OUT) --quality $(QUALITY)
 
-test: lint docs ## Run the linters, build the documentation site, and run all tests but the slow ones
+# compiled modules are kept, whatever the environment says: a run starts some fifty processes
+test test-slow: export PYTHONDONTWRITEBYTECODE =
+
+test: checks ## Run the linters, build the documentation site, and run all tests but the slow ones
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
 
-test-slow: lint docs ## Run the linters, build the documentation site, and run all tests
+test-slow: checks ## Run the linters, build the documentation site, and run all tests
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --run-slow $(PYTEST_ARGS)
 
-lint: $(TEST_STAMP) ## Check style, types and the direction of imports
+checks: $(TEST_STAMP)
+	@$(MAKE) --no-print-directory -j $(JOBS) lint docs # each takes one core
+
+lint: types style imports ## Check style, types and the direction of imports
+
+style: $(TEST_STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: $(TEST_STAMP)
 	$(BIN)/mypy
+
+imports: $(TEST_STAMP)
 	$(BIN)/lint-imports
 
 format: $(TEST_STAMP) ## Format the code
@@ -65,6 +82,7 @@ docs: $(DOCS_STAMP) ## Build the documentation site into build/site; fails on an
 
 clean: ## Remove caches and outputs, but not .venv
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache $(OUT)
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
 
 distclean: clean ## Remove .venv, too
 	rm -rf $(VENV)

@@ -76,11 +76,13 @@ fi
 trap 'exit 130' INT TERM # leaves the mark behind, as a kill does: a half-written package would look installed
 touch "$unfinished"
 say "installing the Python packages (a few minutes the first time)"
-if ! "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -e ".$extra"; then
+if ! "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile -e ".$extra"; then
     rm -f "$unfinished"
     fail "pip could not install the packages (its message stands above); check the network and call make again"
 fi
 rm -f "$unfinished"
+# pip compiles on one core, a minute for the tests' packages; what does not compile is made for other versions of Python
+"$venv/bin/python" -m compileall -q -j 0 "$venv"/lib/python3*/site-packages >/dev/null 2>&1 || true
 
 if ! found="$(llvm_found)"; then
     llvm_from_apt || llvm_from_wheel || true
