@@ -38,10 +38,10 @@ demo: $(STAMP) ## Simulate a short synchronized dataset and its contact sheet in
 test test-slow: export PYTHONDONTWRITEBYTECODE =
 
 test: checks ## Run the linters, build the documentation site, and run all tests but the slow ones
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 test-slow: checks ## Run the linters, build the documentation site, and run all tests
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --run-slow $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --run-slow $(PYTEST_ARGS)
 
 checks: $(TEST_STAMP)
 	@$(MAKE) --no-print-directory -j $(JOBS) lint docs # each takes one core

@@ -1,4 +1,4 @@
-"""HDF5, TFRecord, MCAP and Rerun files: read back with the packages of others, number by number."""
+"""HDF5, MCAP and Rerun files: read back with the packages of others, number by number."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ from scarl_sionna.dataset.formats import FORMATS, FrameSource, SceneFrames, as_s
 from scarl_sionna.dataset.formats.hdf5 import export_hdf5
 from scarl_sionna.dataset.formats.mcap import export_mcap
 from scarl_sionna.dataset.formats.mcap_schemas import SCHEMAS
-from scarl_sionna.dataset.formats.tfrecord import export_tfrecord, read_tfrecord
 from tests.client_env import REPO, client_python, run_client
 from tests.drive import drive
 
@@ -99,58 +98,6 @@ def test_hdf5_says_what_a_frame_lacks_and_leaves_nothing(tmp_path) -> None:
     assert not list(tmp_path.iterdir())
     with pytest.raises(ParameterRangeError, match="compression"):
         export_hdf5(SOURCE, tmp_path / "x.h5", compression="zip")
-
-
-# -- TFRecord --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.some(1)
-@pytest.mark.own_process
-@pytest.mark.parametrize("compression", ["", "GZIP"])
-def test_tfrecord_comes_back_as_it_was(tmp_path, compression) -> None:
-    items = {
-        "adc": f"{RADAR}:adc",
-        "rgb": f"{CAMERA}:rgb",
-        "points": f"{LIDAR}:points",
-        "boxes": "boxes",
-        "t": "timestamp_ns",
-    }
-    export_tfrecord(SOURCE, tmp_path / "out", items, frames_per_file=2, compression=compression)
-    names = sorted(path.name for path in (tmp_path / "out").glob("*.tfrecord"))
-    assert names[:2] == ["lane-00000-of-00002.tfrecord", "lane-00001-of-00002.tfrecord"]
-    found = list(read_tfrecord(tmp_path / "out"))
-    assert len(found) == 6
-    for item, frame in zip(found, FRAMES, strict=True):
-        np.testing.assert_array_equal(item["adc"].numpy(), frame.results[RADAR].adc)
-        np.testing.assert_array_equal(item["rgb"].numpy(), frame.results[CAMERA].rgb)
-        np.testing.assert_array_equal(item["points"].numpy()[:, :3], frame.results[LIDAR].position)
-        assert item["boxes"].shape == (3, 10)
-        assert int(item["t"]) == frame.timestamp_ns
-    batch = next(iter(read_tfrecord(tmp_path / "out", ["street"], batch_size=3)))
-    assert batch["adc"].shape == (3, *FRAMES[0].results[RADAR].adc.shape)
-    assert batch["points"].row_lengths().numpy().tolist() == [f.results[LIDAR].num_points for f in FRAMES[3:]]
-
-
-@pytest.mark.own_process
-def test_tfrecord_bad_input(tmp_path) -> None:
-    with pytest.raises(ParameterRangeError, match="frames_per_file"):
-        export_tfrecord(SOURCE, tmp_path / "out", frames_per_file=0)
-    with pytest.raises(ParameterRangeError, match="no frames"):
-        export_tfrecord(FrameSource(SOURCE.rig, []), tmp_path / "out")
-    with pytest.raises(DatasetError, match="dataset_info"):
-        read_tfrecord(tmp_path)
-    export_tfrecord(SOURCE, tmp_path / "out", ["boxes"])
-    with pytest.raises(DatasetError, match="no scene 'avenue'"):
-        read_tfrecord(tmp_path / "out", ["avenue"])
-    info = tmp_path / "out" / "dataset_info.json"
-    text = info.read_text()
-    info.write_text(text.replace('"format_version": 1', '"format_version": 9'))
-    with pytest.raises(DatasetError, match="update scarl-sionna"):
-        read_tfrecord(tmp_path / "out")
-    info.write_text(text)
-    (tmp_path / "out" / "lane-00000-of-00001.tfrecord").unlink()
-    with pytest.raises(DatasetError, match="is not there"):
-        read_tfrecord(tmp_path / "out")
 
 
 # -- MCAP ------------------------------------------------------------------------------------------------------------
