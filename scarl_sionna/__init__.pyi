@@ -44,6 +44,8 @@ from .core.specs.radar.waveforms.coded import Ofdm, Pmcw
 from .core.specs.radar.waveforms.kinds import SteppedFmcw
 from .core.specs.radar.waveforms.phase_coded import PcFmcw
 from .core.specs.weather import Weather
+from .dataset.captures import read_capture
+from .dataset.captures.capture import Capture
 from .dataset.readers.reader import Dataset, open_dataset
 from .dataset.statistics.collect import DatasetStatistics, dataset_statistics
 from .engine.load import load_scene, stage
@@ -105,6 +107,7 @@ __all__ = [
     "Bpm",
     "BrownConrady",
     "CameraSpec",
+    "Capture",
     "Cdm",
     "ChannelErrors",
     "ChirpErrors",
@@ -189,6 +192,7 @@ __all__ = [
     "range_doppler_angle",
     "rcs",
     "read_actor_model",
+    "read_capture",
     "retraced",
     "simulate",
     "solve_paths",

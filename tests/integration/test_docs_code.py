@@ -21,6 +21,7 @@ from ipywidgets import Widget
 import scarl_sionna as ss
 from scarl_sionna.core.pose import Twist
 from scarl_sionna.dataset import write_dataset
+from scarl_sionna.dataset.formats import convert
 from tests.calibration_street import street
 from tests.drive import drive
 
@@ -110,6 +111,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     source = drive(num_frames=13, ends=("front",), scenes=("drive",))
     write_dataset(root / "out", source.rig, {"drive": list(source.scenes[0])})
     shutil.copytree(root / "out", root / "demo_out")
+    convert(root / "out", "dca1000", root / "cap")
     return root
 
 

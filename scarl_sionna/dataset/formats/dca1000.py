@@ -22,6 +22,7 @@ from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveform import Fmcw
 from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
+from scarl_sionna.dataset.captures.lvds import Order, decode
 from scarl_sionna.dataset.store.manifest import hash_of
 
 from .output import whole_folder
@@ -68,11 +69,7 @@ def decode_dca1000(
     ParameterRangeError
         If the length is not that of a frame.
     """
-    count = num_rx * num_chirps_total * num_samples * 2
-    if raw.shape != (count,) or num_samples % 2:
-        raise ParameterRangeError("capture", f"{raw.size} numbers", f"{count}: one frame of an even number of samples")
-    pairs = raw.reshape(num_chirps_total, num_rx, num_samples // 2, 2, 2).swapaxes(-1, -2)
-    return np.ascontiguousarray(pairs.reshape(num_chirps_total, num_rx, num_samples, 2).transpose(1, 0, 2, 3))
+    return decode(raw, (num_rx, num_chirps_total, num_samples))
 
 
 def encode_real(adc_int: npt.NDArray[np.int16]) -> npt.NDArray[np.int16]:
@@ -108,12 +105,7 @@ def decode_real(
     ParameterRangeError
         If the length is not that of a frame.
     """
-    count = num_rx * num_chirps_total * num_samples
-    if raw.shape != (count,):
-        raise ParameterRangeError("capture", f"{raw.size} numbers", f"{count}: one frame of real samples")
-    out = np.zeros((num_rx, num_chirps_total, num_samples, 2), dtype=np.int16)
-    out[..., 0] = raw.reshape(num_chirps_total, num_rx, num_samples).transpose(1, 0, 2)
-    return out
+    return decode(raw, (num_rx, num_chirps_total, num_samples), Order(is_real=True))
 
 
 def read_dca1000(folder: str | Path, frame: int = 0) -> npt.NDArray[np.int16]:

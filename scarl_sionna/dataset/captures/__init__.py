@@ -1,0 +1,68 @@
+"""Readers of what real radars recorded, one format a file, and a table of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scarl_sionna.core.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from .capture import Capture
+
+__all__ = ["FORMATS", "CaptureFormat", "read_capture"]
+
+
+@dataclass(frozen=True)
+class CaptureFormat:
+    """A format of captures."""
+
+    module: str
+    function: str
+    description: str
+
+
+FORMATS: Mapping[str, CaptureFormat] = {
+    "dca1000": CaptureFormat("dca1000", "read_dca1000_capture", "DCA1000 with mmWave Studio or the mmWave SDK's demo"),
+}
+"""Formats by name."""
+
+
+def read_capture(path: str | Path, format: str, **options: object) -> Capture:
+    """Return what a real radar recorded.
+
+    Parameters
+    ----------
+    path : str or Path
+        File or folder, see the format's reader.
+    format : str
+        One of `FORMATS`.
+    **options
+        Of the format's reader.
+
+    Returns
+    -------
+    Capture
+        Its frames are read one by one, when they are asked for.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such format.
+    InputFileError
+        If a file is missing, too large, cut, damaged, or not of its format.
+
+    Examples
+    --------
+    >>> capture = read_capture("recording", "dca1000", board="awr1843boost")  # doctest: +SKIP
+    >>> rd = ss.range_doppler(capture.cube(0), capture.radar)  # doctest: +SKIP
+    """
+    if format not in FORMATS:
+        raise UnknownNameError("format of captures", format, FORMATS)
+    chosen = FORMATS[format]
+    module = import_module(f".{chosen.module}", __name__)
+    result: Capture = getattr(module, chosen.function)(path, **options)
+    return result
