@@ -13,6 +13,7 @@ from scarl_sionna.core.prompt.describe import MAX_LINES, MAX_WIDTH, array_text, 
 from scarl_sionna.core.settings.plan import ChannelPlan, Share
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.dataset import write_dataset
+from scarl_sionna.dataset.formats import convert
 from scarl_sionna.radar.points import PointScatterers
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scene.materials.table import load_materials
@@ -66,6 +67,8 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     )
     write_dataset(folder / "data", RIG.to_dict(), {"street": [make_frame(0), make_frame(1)]})
     dataset = ss.open_dataset(folder / "data")
+    convert(source, "dca1000", folder / "captures")
+    capture = ss.read_capture(next((folder / "captures").glob("*/*/adc_data.json")).parent, "dca1000")
     network = ss.RadarNetwork(RADAR, (ss.Pose(), ss.Pose([0, 1, 0])))
     extra = [
         network,
@@ -110,6 +113,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         ChannelPlan((Share("sbr"),), mirrors=("road",)),
         PointScatterers([[1, 2, 3]], [[0, 0, 0]], 1.0),
         dataset,
+        capture,
         dataset.scene(dataset.scenes[0]),
         dataset[0],
         ss.dataset_statistics(dataset),
