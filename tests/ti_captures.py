@@ -43,8 +43,9 @@ def sample_order(adc: np.ndarray, lanes: int = 2, interleaved: bool = False, q_f
 def write_bin(path: Path, adc: np.ndarray, is_real: bool = False, **order: Any) -> None:
     """Append one frame to a capture."""
     if is_real:
-        values = [int(adc[rx, chirp, k, 0]) for chirp in range(adc.shape[1]) for rx in range(adc.shape[0])
-                  for k in range(adc.shape[2])]  # fmt: skip
+        num_rx, num_chirps, num_samples, _ = adc.shape
+        places = [(rx, chirp, k, 0) for chirp in range(num_chirps) for rx in range(num_rx) for k in range(num_samples)]
+        values = [int(adc[place]) for place in places]
     else:
         values = sample_order(adc, **order)
     with path.open("ab") as file:
