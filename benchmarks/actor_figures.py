@@ -5,7 +5,7 @@ Contact sheets of all models, detailed and light, and of their colours.
 python benchmarks/actor_figures.py [--figures docs/figures] [--sheets vehicles people colours]
 python benchmarks/actor_figures.py --only saloon bus [--views front rear] [--width 560] [--samples 12]
 
-With --only, one sheet of those models is written (actors_chosen.jpg), for a look while a model is made.
+With --only, one sheet of those models is written (actors_chosen.webp), for a look while a model is made.
 """
 
 from __future__ import annotations
@@ -115,12 +115,12 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
             for level in ("detailed", "light")
             for name in VEHICLES
         ]
-        save_photo(sheet(tiles, 3), folder / "actors_vehicles.jpg")
+        save_photo(sheet(tiles, 3), folder / "actors_vehicles.webp")
         tiles = [
             (name, studio.picture(name, "detailed", "right" if name == "bus" else "rear", size, samples))
             for name in VEHICLES
         ]
-        save_photo(sheet(tiles, 3), folder / "actors_rear.jpg")
+        save_photo(sheet(tiles, 3), folder / "actors_rear.webp")
     if "people" in wanted:
         size = (230, 300)
         names = [name for name in actor_names() if name not in VEHICLES]
@@ -129,7 +129,7 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
             for level in ("detailed", "light")
             for name in names
         ]
-        save_photo(sheet(tiles, len(names)), folder / "actors_people.jpg")
+        save_photo(sheet(tiles, len(names)), folder / "actors_people.webp")
     if "colours" in wanted:
         tiles = []
         for name in COLORFUL:
@@ -137,7 +137,7 @@ def _sheets(studio: Studio, wanted: list[str], folder: Path, samples: int) -> No
                 tiles.append(
                     (f"{name}: {variant}", studio.picture(name, "detailed", "front", (256, 144), samples, variant))
                 )
-        save_photo(sheet(tiles, 5), folder / "actors_colours.jpg")
+        save_photo(sheet(tiles, 5), folder / "actors_colours.webp")
 
 
 def main() -> None:
@@ -162,7 +162,7 @@ def main() -> None:
             for level in arguments.levels
             for view in arguments.views
         ]
-        save_photo(sheet(tiles, len(arguments.views)), arguments.figures / "actors_chosen.jpg")
+        save_photo(sheet(tiles, len(arguments.views)), arguments.figures / "actors_chosen.webp")
 
 
 if __name__ == "__main__":

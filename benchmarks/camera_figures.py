@@ -68,7 +68,7 @@ def main() -> None:
         spec = CameraSpec(images=("rgb",), horizontal_fov_deg=field, samples_per_pixel=samples, sensor=sensor)
         frame = Camera(spec).observe(state, *view(state), np.random.default_rng(1))
         assert frame.rgb is not None
-        save_photo(Image.fromarray(frame.rgb), options.figures / f"{name}.jpg")
+        save_photo(Image.fromarray(frame.rgb), options.figures / f"{name}.webp")
         print(name, flush=True)
 
 

@@ -85,7 +85,7 @@ def gallery(figures: Path) -> Path:
     )
     width, columns, gap = 420, 4, 6
     views = [
-        Image.open(figures / f"scene_{n}_{'day' if n == 'urban_crossing' else 'street'}.jpg").convert("RGB")
+        Image.open(figures / f"scene_{n}_{'day' if n == 'urban_crossing' else 'street'}.webp").convert("RGB")
         for n in names
     ]
     tiles = [view.resize((width, round(width * 9 / 16)), Image.Resampling.LANCZOS) for view in views]
@@ -94,7 +94,7 @@ def gallery(figures: Path) -> Path:
     sheet = Image.new("RGB", (columns * (width + gap) - gap, rows * (height + gap) - gap), (255, 255, 255))
     for number, tile in enumerate(tiles):
         sheet.paste(tile, (number % columns * (width + gap), number // columns * (height + gap)))
-    path = figures / "scenes_gallery.jpg"
+    path = figures / "scenes_gallery.webp"
     save_photo(sheet, path)
     return path
 
@@ -105,8 +105,8 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", choices=PICTURES, default=list(PICTURES))
     arguments = parser.parse_args()
     for name in arguments.only:
-        save_photo(picture(*PICTURES[name]), arguments.figures / f"{name}.jpg")
-        print(f"{name}: {(arguments.figures / f'{name}.jpg').stat().st_size // 1000} kB")
+        save_photo(picture(*PICTURES[name]), arguments.figures / f"{name}.webp")
+        print(f"{name}: {(arguments.figures / f'{name}.webp').stat().st_size // 1000} kB")
     print(gallery(arguments.figures))
 
 

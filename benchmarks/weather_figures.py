@@ -240,7 +240,7 @@ def main() -> None:
     draw_clutter(arguments.figures / "weather_clutter.png")
     world = ss.load_scene("highway_guardrail")
     draw_lidar(world, arguments.figures / "weather_lidar.png")
-    draw_looks(world, arguments.figures / "weather_looks.jpg", arguments.samples)
+    draw_looks(world, arguments.figures / "weather_looks.webp", arguments.samples)
 
 
 if __name__ == "__main__":
