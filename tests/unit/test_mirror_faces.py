@@ -82,3 +82,4 @@ def test_points_at_the_edges_of_triangles() -> None:
     point = np.array([(2, -near, 0), (2, -far, 0), (-near, 2, 0), (-far, 2, 0), (4, 0, 0), (2, 2, 0), (2.001, 2, 0)])
     assert inside(point, corners, np.array([0, 0, 1])).tolist() == [True, False, True, False, True, True, False]
     assert not inside(point, corners[:0], np.array([0, 0, 1])).any()
+    assert inside(point[:0], corners, np.array([0, 0, 1])).tolist() == []

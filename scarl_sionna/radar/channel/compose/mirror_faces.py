@@ -104,6 +104,8 @@ class MirrorFaces:
 
 def inside(point: Array, corners: Array, normal: Array) -> Flags:
     """Return which points are over one of the triangles in a plane, or within `COINCIDENT` of its edges [m]."""
+    if not len(point):
+        return np.zeros(0, dtype=np.bool_)
     across = np.delete(np.arange(3), np.abs(normal).argmax())
     flat, triangles = point[:, across], corners[:, :, across]
     lower, upper = triangles.min(axis=1) - _NEAR, triangles.max(axis=1) + _NEAR
