@@ -5,7 +5,8 @@
 
 A frame fails if it raises anything, gives paths that are not finite, or an object whose echo is `ABSURD_DB` over the
 bound of `auto` (a flat plate or an image; rough classes 10 dB above their mean), with the antenna at its best. A radar
-that stands inside a body by chance is to be refused. Paths only: nothing is synthesised. Each frame can be made again from its seed; `FRAMES` consecutive ones share a world.
+that stands inside a body by chance is to be refused. Paths only: nothing is synthesised. Each frame can be made again
+from its seed; `FRAMES` consecutive ones share a world.
 """
 
 from __future__ import annotations
@@ -56,17 +57,19 @@ def problem(seed: int) -> dict[str, Any]:
     name = sources[number % len(sources)]
     of_world, rng = np.random.default_rng([4, number]), np.random.default_rng([4, number, seed])
     world: dict[str, Any] = {"source": name, "seed_of_world": int(of_world.integers(1000))}
-    last = 8.0
+    first, last = 0.0, 8.0
     if name in PLACES:
         one = name in ONE_VARIANT
         world |= {"variant": 0, "detail": "detailed"} if one else {"variant": int(of_world.integers(VARIANTS))}
         world.setdefault("detail", str(of_world.choice(["light", "detailed"])))
     else:
-        last = float(ScenarioSpec.preset(name).duration or last)
+        spec = ScenarioSpec.preset(name)
+        first = spec.start_time
+        last = first + float(spec.duration or last)
     return {
         "seed": seed,
         **world,
-        "time": float(np.round(rng.uniform(0.0, last), 3)),
+        "time": float(np.round(rng.uniform(first, last), 3)),
         "height": float(np.round(rng.uniform(0.3, 1.5), 2)),
         "yaw": float(np.round(rng.choice([0.0, 0.0, np.pi / 2.0, np.pi, rng.uniform(-np.pi, np.pi)]), 3)),
         "pitch": float(np.round(rng.choice([0.0, 0.0, rng.uniform(-0.3, 0.3)]), 3)),
@@ -166,10 +169,11 @@ def report(file: Path) -> str:
     cpu = [line["cpu"] for line in lines]
     most = max((line["over_bound_db"] for line in lines if "paths" in line), default=-300.0)
     refused = sum("refused" in line for line in lines)
+    sources = len({line["source"] for line in lines})
     text = (
-        f"{len(lines)} frames of {len({line['source'] for line in lines})} places and scenarios, {len(failed)} failed, "
-        f"{refused} with the radar inside a body refused; largest echo over its bound {most:.1f} dB; CPU with the scene's loading, median {np.median(cpu):.1f} s, "
-        f"sum {sum(cpu) / 60.0:.0f} min"
+        f"{len(lines)} frames of {sources} places and scenarios, {len(failed)} failed, {refused} with the radar inside "
+        f"a body refused; largest echo over its bound {most:.1f} dB; CPU with the scene's loading, median "
+        f"{np.median(cpu):.1f} s, sum {sum(cpu) / 60.0:.0f} min"
     )
     return "\n".join([text, *(f"seed {seed}: {why}" for seed, why in failed)])
 

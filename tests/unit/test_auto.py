@@ -388,6 +388,18 @@ def test_a_corner_of_two_walls_echoes(tmp_path) -> None:
     assert both.any() and paths.length[both] / 2.0 == pytest.approx(30.0, abs=1e-3)
 
 
+def test_a_wall_behind_the_radar_whose_ghost_is_in_view_is_a_mirror_and_no_body(tmp_path) -> None:
+    """From a wall ahead past the radar to a wall behind it and back: the sum of both distances, there and back."""
+    things = [
+        Thing("ahead", plane(8.0, 8.0, (12, 0, 4), (-1, 0, 0)), "Building"),
+        Thing("behind", box((2, 8, 8), (-6, 0, 4.1)), "Building"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    paths = solve_paths(state, RADAR, POSE, num_rays=20_000, max_distance=30.0)
+    both = paths.is_mirror_chain & (paths.depth == 2)
+    assert both.any() and paths.length[both] / 2.0 == pytest.approx(12.0 + 5.0, abs=1e-3)
+
+
 def test_the_plan_says_what_it_expects_and_the_paths_whether_it_is_met(state, paths) -> None:
     plan = plan_channel(state, RADAR, POSE, settings=SETTINGS)
     assert plan.predicted["tubes"] == sum(entry["tubes"] for entry in choices(paths).values()) > 0

@@ -139,7 +139,12 @@ def choose(view: View) -> Chosen:
         choice
         for choice in choices.values()
         if choice.method in ("sbr", "scatterers")
-        or (choice.method == "out of view" and choice.item.is_coherent and choice.item.info.is_object)
+        or (
+            choice.method == "out of view"
+            and choice.item.is_coherent
+            and choice.item.info.is_object
+            and choice.item.number not in flat
+        )
     ]
     mirrors = _look(view, [choice for choice in coherent if choice.item.distance < view.reach])
     for choice in coherent:
