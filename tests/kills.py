@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing.process import BaseProcess
+from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from typing import Literal
 
@@ -227,6 +228,7 @@ def main(count: int, seed: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         (place / "tmp").mkdir()
+        get_temp_dir()  # of multiprocessing, which wants to find it at the very end
         os.environ["TMPDIR"] = tempfile.tempdir = str(place / "tmp")
         kills = Kills(place, seed)
         while sum(kills.killed.values()) < count:

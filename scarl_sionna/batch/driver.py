@@ -12,6 +12,7 @@ from time import perf_counter
 from typing import Any
 
 from scarl_sionna.core.errors import OutputError, ParameterRangeError, ScarlError
+from scarl_sionna.core.temporary import clear_stale
 from scarl_sionna.dataset.encoding import StoreOptions
 from scarl_sionna.dataset.store.layout import LOG_FILE
 from scarl_sionna.dataset.store.remote import RemoteFolder, check_workers, is_address
@@ -121,6 +122,7 @@ def _export(
     scenarios: Iterable[ScenarioSpec], out: str | Path, settings: ExportSettings, on_event: OnEvent
 ) -> ExportReport:
     started = perf_counter()
+    clear_stale()  # here, too: an export that finds all of it finished, or its scene loaded, makes no folder of its own
     plan = plan_export(scenarios, settings.options, settings.licence, settings.description, settings.plan_file)
     part = None if settings.part is None else f"{settings.part[0]}_of_{settings.part[1]}"
     with _folder(out, plan, settings, part) as folder, _log_file(folder.root):

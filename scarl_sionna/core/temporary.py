@@ -1,6 +1,6 @@
 """Temporary folders that a killed process does not leave for ever.
 
-The next one that needs such a folder removes them.
+The next one that needs such a folder removes them, and the next export.
 """
 
 from __future__ import annotations

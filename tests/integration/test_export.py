@@ -11,6 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,7 @@ from scarl_sionna.core.errors import (
     TimeRangeError,
 )
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.temporary import temporary_folder
 from scarl_sionna.dataset import StoreOptions, open_dataset
 from scarl_sionna.dataset.verify import verify
 from scarl_sionna.fusion import Rig, SensorMount
@@ -79,6 +81,19 @@ def test_a_finished_export_makes_nothing_again(scenarios, undisturbed) -> None:
     assert (report.num_made, report.num_kept) == (0, 15)
     changed = [path.name for path, time in before.items() if path.stat().st_mtime_ns != time]
     assert set(changed) <= {"export.log"}
+
+
+def test_an_export_that_loads_no_scene_removes_what_a_killed_process_left(
+    scenarios, undisturbed, tmp_path, monkeypatch
+) -> None:
+    """As where one of two workers dies at its scene and the other one makes all."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with temporary_folder() as mine:
+        left = mine.name.replace(f"_{os.getpid()}_", "_999999999_")
+    (tmp_path / left).mkdir()
+    (tmp_path / "notes").mkdir()
+    assert export(scenarios, undisturbed, SETTINGS).num_made == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["notes"]
 
 
 @pytest.mark.slow  # a dead worker is replaced is the same with two of them, and runs always
