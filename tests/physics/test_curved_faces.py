@@ -82,6 +82,19 @@ def test_the_surface_behind_faces_is_the_true_one(mesh, radius):
     assert depth[0] > 0.015 and depth[1] < 1e-4
 
 
+def test_the_surface_goes_on_beyond_a_face_no_higher_than_inside():
+    """A tube that grazes a face has corners many sides away: a man had footprints in 7 million parts of a parabola."""
+    body = load_body(post(1.0, 12))
+    curved = body.with_curves(SbrSettings(), 2.0 * np.pi / LAMBDA).curved
+    corners = body.triangles.corners[curved.is_curved]
+    share = np.array([[12.0, -5.0, -6.0], [-30.0, 1.0, 30.0], [1.2, -0.1, -0.1]])
+    far = np.einsum("kc,nci->nki", share, corners)
+    lift = np.linalg.norm(curved.on_surface(np.arange(len(corners)), far) - far, axis=2)
+    assert lift.max() < 3.0 * np.linalg.norm(curved.lift, axis=2).sum(axis=1).max()
+    a_little = lift[:, 2] / np.linalg.norm(curved.lift, axis=2).sum(axis=1)
+    assert a_little.max() > 0.1  # a little outside the parabola is the surface of the neighbour
+
+
 def prism(profile, length):
     """Return an open sheet: a line of points in the xz plane drawn along y."""
     points = np.array([(x, y, z) for x, z in profile for y in (0.0, length)])

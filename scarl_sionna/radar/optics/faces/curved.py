@@ -97,12 +97,16 @@ class CurvedFaces:
         return np.asarray(np.where(self.is_curved, own, plane))
 
     def on_surface(self, row: Index, points: Array) -> Array:
-        """Return the points of the surface for which points (n, k, 3) of curved faces stand; `row` (n,)."""
+        """Return the points of the surface for which points (n, k, 3) of curved faces stand; `row` (n,).
+
+        Beyond the face the surface goes on as far as its lift is no larger than inside: corners of a tube that grazes a
+        face can lie many sides away, where a parabola would be hundreds of metres high and cut into millions of parts.
+        """
         second, third = np.moveaxis(
             np.einsum("nki,nci->nkc", points - self.origin[row, None], self.gradient[row]), 2, 0
         )[..., None]
         first = 1.0 - second - third
-        weight = 4.0 * np.stack([first * second, second * third, third * first])
+        weight = np.clip(4.0 * np.stack([first * second, second * third, third * first]), -1.0, 1.0)
         lift = (weight * np.moveaxis(self.lift[row], 1, 0)[:, :, None]).sum(axis=0)
         length = np.sqrt(np.einsum("nki,nki->nk", lift, lift))
         spread = np.einsum("enk,ne->nk", weight[..., 0], self.length[row]) - length
@@ -301,7 +305,8 @@ class DeviceCurves:
             offset = point - origin
             second, third = dr.dot(offset, one), dr.dot(offset, two)
             first = 1.0 - second - third
-            weight = 4.0 * first * second, 4.0 * second * third, 4.0 * third * first
+            products = first * second, second * third, third * first
+            weight = [dr.clip(4.0 * product, -1.0, 1.0) for product in products]
             away = weight[0] * lift[0] + weight[1] * lift[1] + weight[2] * lift[2]
             size = dr.norm(away)
             spread = dr.maximum(weight[0] * a + weight[1] * b + weight[2] * c - size, 0.0)
