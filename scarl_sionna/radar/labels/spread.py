@@ -19,7 +19,6 @@ from scarl_sionna.core.specs.radar.tones import seen_by
 from scarl_sionna.core.specs.radar.waveforms.coded import is_coded
 from scarl_sionna.core.specs.radar.waveforms.phase_coded import PcFmcw
 from scarl_sionna.core.units import SPEED_OF_LIGHT
-from scarl_sionna.radar.antenna import PathGeometry
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.motion import PairTerms
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
@@ -118,7 +117,7 @@ class PathCells:
         doppler_window = window if doppler_window is None else doppler_window
         response, waveform, radar = response_weights(radar, window), radar.waveform, seen_by(radar)
         seconds = waveform.repetitions / waveform.spacing if is_coded(waveform) else 0.0
-        length = PathGeometry.of(paths, radar).center_length()
+        length = paths.length
         grid = FrameGrid(radar)
         _, over_x, over_y, _ = grid.expand(*delay_terms(length, paths.length_rate, paths.length_acceleration), 0)
         doppler_bin = np.mod(over_y * radar.doppler_interval * radar.num_chirps, radar.num_chirps)

@@ -182,14 +182,15 @@ def _of_constant(
     paths: RadarPaths, radar: RadarSpec, tolerance: float | None, motion_tolerance: float | None
 ) -> Iterator[tuple[int, Signal]]:
     """Yield first chirps and what makes the signals of ramps, or of tones, of paths of constant transfer."""
-    kept, geometry = _within_band(paths, radar)
+    kept = _within_band(paths, radar)
     held, bent, linear, moving = orders(kept, radar, motion_tolerance)
     if linear.any():  # one transform for both
         linear, held = linear | held, np.zeros_like(held)
     if held.any():
         kept = replace(kept, length_acceleration=np.where(held, 0.0, kept.length_acceleration))
-    for signal in _signals(kept, geometry, radar, held | bent, tolerance):
-        yield 0, signal
+    if (held | bent).any():
+        for signal in _signals(kept.select(held | bent), radar, tolerance):
+            yield 0, signal
     if linear.any():
         yield 0, linear_signal(kept.select(linear), radar, tolerance)
     if moving.any():
@@ -243,7 +244,7 @@ def _of_coded_ramps(
     """Yield first chirps and what makes the signals of ramps with a phase code from there on, to be added up."""
     waveform = radar.waveform
     assert isinstance(waveform, PcFmcw)  # by the caller
-    kept, geometry = _within_band(paths, radar)
+    kept = _within_band(paths, radar)
     if not kept.num_paths:
         return
     if tolerance is None:
@@ -252,7 +253,7 @@ def _of_coded_ramps(
     higher, screens = np.zeros(1), np.ones((1, radar.num_samples), dtype=np.complex128)
     share, chips = 1.0, np.conj(waveform.by_chirp)
     if waveform.coding == "within":
-        length = geometry.center_length()
+        length = kept.length
         arms = sum(float(np.linalg.norm(array, axis=1).max()) for array in (radar.tx_array, radar.rx_array))
         arms += radar.frame_time * float(np.abs(kept.length_rate).max())
         delays = (float(length.min()) - arms) / SPEED_OF_LIGHT, (float(length.max()) + arms) / SPEED_OF_LIGHT
@@ -272,16 +273,15 @@ def _check_finite(paths: RadarPaths) -> None:
             )
 
 
-def _within_band(paths: RadarPaths, radar: RadarSpec) -> tuple[RadarPaths, PathGeometry]:
-    """Return the paths whose beat frequency passes the receiver's filter, and their geometry."""
+def _within_band(paths: RadarPaths, radar: RadarSpec) -> RadarPaths:
+    """Return the paths whose beat frequency passes the receiver's filter."""
     _check_finite(paths)
-    geometry = PathGeometry.of(paths, radar)
     if not radar.waveform.sweep.video:  # nothing is mixed down by a ramp: long delays are ambiguous, not filtered out
-        return paths, geometry
-    length = geometry.center_length()
+        return paths
+    length = paths.length
     beyond = length >= 2.0 * radar.max_range
     if not beyond.any():
-        return paths, geometry
+        return paths
     warnings.warn(
         f"{int(beyond.sum())} of {paths.num_paths} paths are longer than twice the unambiguous range of "
         f"{radar.max_range:.4g} m (up to {length.max():.4g} m) and are filtered out before sampling; "
@@ -289,33 +289,22 @@ def _within_band(paths: RadarPaths, radar: RadarSpec) -> tuple[RadarPaths, PathG
         ScarlWarning,
         stacklevel=6,
     )
-    kept = paths.select(~beyond)
-    return kept, PathGeometry.of(kept, radar)
+    return paths.select(~beyond)
 
 
-def _signals(
-    paths: RadarPaths,
-    geometry: PathGeometry,
-    radar: RadarSpec,
-    chosen: npt.NDArray[np.bool_],
-    tolerance: float | None,
-) -> Iterator[Signal]:
-    """Yield what makes the signals of chosen paths with the rates of the array centres, group by group."""
-    if not chosen.all():
-        paths = paths.select(chosen)
-        geometry = PathGeometry.of(paths, radar)
+def _signals(paths: RadarPaths, radar: RadarSpec, tolerance: float | None) -> Iterator[Signal]:
+    """Yield what makes the signals of paths with the rates of the array centres, group by group."""
     partition: list[tuple[npt.NDArray[np.intp], groups.Method | None]] = [(np.arange(paths.num_paths), None)]
     if tolerance is not None:
         motion = (paths.length_rate, paths.length_acceleration)
-        partition = groups.partition(radar, geometry.center_length(), *motion, tolerance)
+        partition = groups.partition(radar, paths.length, *motion, tolerance)
     for index, transform in partition:
-        whole = len(index) == paths.num_paths
-        group = paths if whole else paths.select(index)
-        yield _of_center(group, geometry if whole else PathGeometry.of(group, radar), radar, transform)
+        yield _of_center(paths if len(index) == paths.num_paths else paths.select(index), radar, transform)
 
 
-def _of_center(paths: RadarPaths, geometry: PathGeometry, radar: RadarSpec, transform: groups.Method | None) -> Signal:
+def _of_center(paths: RadarPaths, radar: RadarSpec, transform: groups.Method | None) -> Signal:
     """Return what makes the signal of some paths: by their transform, or by the plain sum."""
+    geometry = PathGeometry.of(paths, radar)
     motion = paths.length_rate, paths.length_acceleration
 
     def of_pair(tx: int, rx: int) -> npt.NDArray[np.complexfloating]:

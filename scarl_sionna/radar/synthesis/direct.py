@@ -51,7 +51,7 @@ def sum_moving(motion: PathMotion, radar: RadarSpec, tx: int, rx: int) -> npt.ND
     for start in range(0, radar.num_chirps, rows):
         block = slice(start, start + rows)
         for path, amplitude in enumerate(motion.of_pair(tx, rx)):
-            (length, rate, bend), strength, growth = motion.select(path).terms(tx, rx, ramp[block])
+            (length, rate, bend), strength, growth = motion.select(np.array([path])).terms(tx, rx, ramp[block])
             tau, turn, curve = delay_terms(length, rate, bend)
             tau = tau + x * (turn + 0.5 * x * curve)
             grown = amplitude * strength * (1.0 + growth * x)

@@ -178,9 +178,12 @@ class PathMotion:
     geometry: PathGeometry | None = None
 
     @classmethod
-    def of(cls, paths: RadarPaths, radar: RadarSpec) -> PathMotion:
-        """Return the motion of paths whose velocities are known; of the others as if their ends stood still."""
-        geometry = PathGeometry.of(paths, radar)
+    def of(cls, paths: RadarPaths, radar: RadarSpec, geometry: PathGeometry | None = None) -> PathMotion:
+        """Return the motion of paths whose velocities are known; of the others as if their ends stood still.
+
+        `geometry` is that of the paths, if it is at hand.
+        """
+        geometry = geometry or PathGeometry.of(paths, radar)
         motion = cls._of(paths, radar.tx_array, radar.rx_array, geometry.amplitude)
         return motion if geometry.fields is None else replace(motion, geometry=geometry)
 
@@ -213,16 +216,15 @@ class PathMotion:
         between = Terms(inner, own[0] - both[1], own[1] - both[2])
         return cls(tx, rx, mirror, reflected, between, amplitude, reach)
 
-    def select(self, path: int) -> PathMotion:
-        """Return the motion of one path."""
-        one = slice(path, path + 1)
-        row = int(np.count_nonzero(self.mirror[:path]))
-        seen = slice(row, row + int(self.mirror[path]))
-        tx, rx = (End(end.offset[one], end.velocity[one], end.arms) for end in (self.tx, self.rx))
+    def select(self, rows: npt.NDArray[np.intp]) -> PathMotion:
+        """Return the motion of some paths, without the amplitudes of single pairs."""
+        mirror = self.mirror[rows]
+        seen = (np.cumsum(self.mirror) - 1)[rows[mirror]]
+        tx, rx = (End(end.offset[rows], end.velocity[rows], end.arms) for end in (self.tx, self.rx))
         image = self.reflected
         reflected = Reflected(image.offset[seen], image.velocity[seen], image.turn[seen], image.tx_arms, image.rx_arms)
-        between = Terms(*(column[one] for column in self.between))
-        return PathMotion(tx, rx, self.mirror[one], reflected, between, self.amplitude[one], self.reach[one])
+        between = Terms(*(column[rows] for column in self.between))
+        return PathMotion(tx, rx, mirror, reflected, between, self.amplitude[rows], self.reach[rows])
 
     def ends(self, tx: int | None, rx: int | None, times: Array, known: tuple[Array, Array] | None = None) -> Ends:
         """Return lengths, and strengths over those at time 0 between the centres, shape (num_times, num_paths) each.
@@ -263,20 +265,25 @@ class PathMotion:
         self, pair: tuple[int | None, int | None], times: Array, out: Terms, home: Terms
     ) -> tuple[Terms, Array, Array]:
         """Return what :meth:`terms` does, from the distances of both ends."""
-        time, (value, rate, acceleration) = times[:, None], self.between
-        length = [a + b for a, b in zip(out, home, strict=True)]
         strength = self.reach / (out.value * home.value)
         growth = -(out.rate / out.value + home.rate / home.value)
         if self.mirror.any():
             through = self.reflected.terms(*pair, times)
-            for column, part in zip(length, through, strict=True):
-                column[:, self.mirror] = part
             strength[:, self.mirror] = self.reach[self.mirror] / through.value
             growth[:, self.mirror] = -through.rate / through.value
+        return self.lengths(pair, times, out, home), strength, growth
+
+    def lengths(self, pair: tuple[int | None, int | None], times: Array, out: Terms, home: Terms) -> Terms:
+        """Return lengths with derivatives from the distances of both ends, (num_times, num_paths) each."""
+        time, (value, rate, acceleration) = times[:, None], self.between
+        length = [a + b for a, b in zip(out, home, strict=True)]
+        if self.mirror.any():
+            for column, part in zip(length, self.reflected.terms(*pair, times), strict=True):
+                column[:, self.mirror] = part
         length[0] += value + time * (rate + 0.5 * time * acceleration)
         length[1] += rate + time * acceleration
         length[2] += acceleration
-        return Terms(*length), strength, growth
+        return Terms(*length)
 
 
 _VELOCITIES = ("tx_velocity", "rx_velocity")
@@ -327,8 +334,9 @@ class PairTerms:
     @classmethod
     def of(cls, paths: RadarPaths, radar: RadarSpec) -> PairTerms:
         """Return the terms of paths for a radar."""
-        motion = PathMotion.of(paths, radar) if is_known(paths).any() else None
-        return cls(paths, PathGeometry.of(paths, radar), motion)
+        geometry = PathGeometry.of(paths, radar)
+        motion = PathMotion.of(paths, radar, geometry) if is_known(paths).any() else None
+        return cls(paths, geometry, motion)
 
     def start(self, tx: int, rx: int) -> Terms:
         """Return lengths with their derivatives at the frame's start, shape (num_paths,) each."""
@@ -336,11 +344,26 @@ class PairTerms:
         own = self.paths.length_rate, self.paths.length_acceleration
         if self.motion is None:
             return Terms(length, *own)
-        known = is_known(self.paths)
         start, (out, home) = np.zeros(1), self._of_antennas
-        found = self.motion.joined((tx, rx), start, out[tx], home[rx])[0]
-        bend = np.where(self.paths.filled("linear_motion"), 0.0, found.acceleration[0])
-        return Terms(length, np.where(known, found.rate[0], own[0]), np.where(known, bend, own[1]))
+        found = self.motion.lengths((tx, rx), start, out[tx], home[rx])
+        rate, bend = found.rate[0], np.where(self._bends, found.acceleration[0], 0.0)
+        if self._known.all():
+            return Terms(length, rate, bend)
+        return Terms(length, np.where(self._known, rate, own[0]), np.where(self._known, bend, own[1]))
+
+    @cached_property
+    def _known(self) -> npt.NDArray[np.bool_]:
+        return is_known(self.paths)
+
+    @cached_property
+    def _bends(self) -> npt.NDArray[np.bool_]:
+        """Paths in known motion that is not linear."""
+        return np.asarray(self._known & ~self.paths.filled("linear_motion"))
+
+    @cached_property
+    def _bent(self) -> PathMotion | None:
+        """The motion of those alone; None if there are none."""
+        return self.motion.select(np.flatnonzero(self._bends)) if self.motion and self._bends.any() else None
 
     @cached_property
     def _of_antennas(self) -> tuple[list[Terms], list[Terms]]:
@@ -352,8 +375,8 @@ class PairTerms:
 
     def growth(self, tx: int, rx: int, time: float) -> Array:
         """Return strengths at a time [s] over those at the frame's start, shape (num_paths,)."""
-        moving = is_known(self.paths) & ~self.paths.filled("linear_motion")
-        if self.motion is None or not moving.any():
-            return np.ones(self.paths.num_paths)
-        start, then = self.motion.ends(tx, rx, np.array([0.0, time])).strength
-        return np.where(moving, then / start, 1.0)
+        grown = np.ones(self.paths.num_paths)
+        if self._bent is not None:
+            start, then = self._bent.ends(tx, rx, np.array([0.0, time])).strength
+            grown[self._bends] = then / start
+        return grown
