@@ -36,7 +36,8 @@ REFERENCE = SbrSettings(
 )
 ROUGH, COARSE, MIDDLE = DEFAULT_AUTO.levels[:3]
 LEVELS = {
-    "3 rad, edges 1, three bounces (`auto`, 6 dB)": ROUGH,
+    "3 rad, edges 1, three bounces": ROUGH.with_(max_depth=3),
+    "3 rad, edges 1 (`auto`, 6 dB)": ROUGH,
     "3 rad, edges 0.25 (`auto`, 3 dB)": COARSE,
     "3 rad, edges 0.125": COARSE.with_(edge_share=0.125),
     "2 rad, edges 0.125": COARSE.with_(edge_share=0.125, max_phase=2.0, integration_phase=0.15),

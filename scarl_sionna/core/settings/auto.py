@@ -111,8 +111,8 @@ class AutoSettings(Spec):
                 integration_phase=0.2,
                 edge_share=1.0,
                 return_angle=0.3,
-                max_depth=3,
-                growth=0.8,
+                max_depth=5,
+                growth=1.1,
                 patch_error=0.4,
             ),
             SbrLevel(
