@@ -194,19 +194,24 @@ def _local_client(distributed: ModuleType, count: int) -> Iterator[Client]:
         "distributed.deploy.lost-worker-timeout": "1h",
         "distributed.scheduler.no-workers-timeout": f"{RESTART_SECONDS:g}s",
     }
-    with (
-        dask.config.set(settings),
-        _muted(),
-        distributed.LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit=None,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,  # of the workers until `dask_setup` mutes them
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
+    with dask.config.set(settings), _muted(), ExitStack() as opened:
+        try:
+            cluster = opened.enter_context(
+                distributed.LocalCluster(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    memory_limit=None,
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,  # of the workers until `dask_setup` mutes them
+                )
+            )
+            client = opened.enter_context(distributed.Client(cluster))
+        except RuntimeError as error:  # a process that is killed while it starts is not started again
+            raise ExportError(
+                f"the {count} worker processes of this machine did not start ({error}): one was killed, or memory is "
+                "short; call the export again, it goes on where it was, or take fewer workers"
+            ) from error
         yield client
 
 

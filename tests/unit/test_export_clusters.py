@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from scarl_sionna.batch.cluster import run_on_cluster
+from scarl_sionna.batch.cluster import _local_client, run_on_cluster
 from scarl_sionna.batch.estimate import Estimate
-from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.errors import ExportError, ScarlWarning
 
 SCRIPT = Path(__file__).resolve().parents[2] / "examples/slurm_export.sh"
 pytestmark = pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
@@ -80,3 +80,16 @@ def test_a_scheduler_without_workers_is_told() -> None:
         warnings.simplefilter("error", ScarlWarning)  # it is not to wait here
         with pytest.raises(ScarlWarning, match=f"at {cluster.scheduler_address} has no worker yet"):
             next(run_on_cluster([], 0, cluster.scheduler_address, lambda kind, data: None))
+
+
+def test_workers_that_are_killed_while_they_start_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Found by random kills: Dask does not start such a process again, and its RuntimeError went through."""
+    distributed = pytest.importorskip("distributed")
+
+    def dead(**_: object) -> None:
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr(distributed, "LocalCluster", dead)
+    told = r"2 worker processes .* \(Nanny failed to start\.\).*call the export again"
+    with pytest.raises(ExportError, match=told), _local_client(distributed, 2):
+        pass
