@@ -9,6 +9,6 @@ RUN apt-get update \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /opt/scarl-sionna
 COPY . .
-RUN PIP_NO_CACHE_DIR=1 make setup && rm -rf /var/lib/apt/lists/* /root/.cache
+RUN PIP_NO_CACHE_DIR=1 make setup && rm -rf /var/lib/apt/lists/*
 ENV PATH="/opt/scarl-sionna/.venv/bin:$PATH"
 CMD ["make", "demo"]

@@ -18,15 +18,16 @@ from typing import Any
 
 import numpy as np
 
+from scarl_sionna.core.cores import usable_cores
+
 PACKAGES = ("scarl-sionna", "sionna-rt", "mitsuba", "drjit", "numpy", "finufft")
 
 
 def machine() -> str:
     """Return processor, cores, load and versions in one line, for the head of every report."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     load = os.getloadavg()[0]
-    return f"{_processor()}, {cores} cores (load {load:.1f}), Python {platform.python_version()}, {versions}"
+    return f"{_processor()}, {usable_cores()} cores (load {load:.1f}), Python {platform.python_version()}, {versions}"
 
 
 def _processor() -> str:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.metadata
-import os
 import platform
 import time
 from collections.abc import Callable
@@ -23,6 +22,7 @@ from functools import partial
 import numpy as np
 
 import scarl_sionna as ss
+from scarl_sionna.core.cores import usable_cores
 from scarl_sionna.scene.actors.model import actor_names
 from scarl_sionna.scene.motion.trajectory import WaypointTrajectory
 
@@ -107,7 +107,7 @@ def main() -> None:
         f"{name} {importlib.metadata.version(name)}" for name in ("mitsuba", "drjit", "sionna-rt", "numpy")
     )
     print(
-        f"{platform.processor() or platform.machine()}, {len(os.sched_getaffinity(0))} cores; Python "
+        f"{platform.processor() or platform.machine()}, {usable_cores()} cores; Python "
         f"{platform.python_version()}, {packages}"
     )
     ss.load_scene(given.scene).at(0.0).cast([0.0, 0.0, 50.0], DOWN)  # the engine starts

@@ -30,6 +30,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scarl_sionna.core.cores import usable_cores
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.accuracy import Accuracy
@@ -195,7 +196,7 @@ def cfr_cost() -> tuple[float, int]:
 
 def machine() -> str:
     """Return what the figures were measured on."""
-    parts = [f"{len(os.sched_getaffinity(0))} cores", platform.machine(), f"Python {platform.python_version()}"]
+    parts = [f"{usable_cores()} cores", platform.machine(), f"Python {platform.python_version()}"]
     return ", ".join(parts + [f"{name} {version(name)}" for name in ("numpy", "scipy", "finufft", "sionna-rt")])
 
 

@@ -129,7 +129,7 @@ def test_captures_hold_i_alone():
     assert np.array_equal(decode_real(raw, 4, 6, 8), adc)
     with pytest.raises(ParameterRangeError, match="even number"):
         encode_real(adc[:, :, :7])
-    with pytest.raises(ParameterRangeError, match="192: one frame"):
+    with pytest.raises(ParameterRangeError, match="one frame of real samples"):
         decode_real(raw[:-1], 4, 6, 8)
 
 

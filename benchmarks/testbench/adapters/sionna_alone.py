@@ -22,12 +22,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from benchmarks.harness import machine
 from benchmarks.testbench.adapters.answers import run
+from scarl_sionna.core.units import SPEED_OF_LIGHT, VACUUM_PERMITTIVITY
 from scarl_sionna.engine.backend.bootstrap import ensure_engine
 
 ensure_engine()  # only finds an LLVM for Dr.Jit
 import sionna.rt as rt  # noqa: E402 - after the engine
 
-VACUUM_PERMITTIVITY = 8.8541878128e-12
 METAL = (1.0, 1e7, 0.1)
 """Relative permittivity, conductivity [S/m], thickness [m]."""
 RAYS = 1_000_000
@@ -83,7 +83,7 @@ def gain(found: tuple[Any, Any], frequencies: Any, gate: tuple[float, float] | N
     """Return the power gain [dB], mean over frequencies; `gate`: middle and half width of the ranges [m]."""
     a, delay = found
     if gate:
-        inside = np.abs(delay * 299_792_458.0 / 2.0 - gate[0]) < gate[1]
+        inside = np.abs(delay * SPEED_OF_LIGHT / 2.0 - gate[0]) < gate[1]
         a, delay = a[inside], delay[inside]
     if not a.size:
         return NOTHING_DB

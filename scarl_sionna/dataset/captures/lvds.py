@@ -67,7 +67,9 @@ def decode(raw: npt.NDArray[np.int16], shape: tuple[int, int, int], order: Order
     num_lanes, is_interleaved, q_first, is_real = order
     count = num_rx * num_chirps * num_samples * (1 if is_real else 2)
     if raw.shape != (count,):
-        raise ParameterRangeError("capture", f"{raw.size} numbers", f"{count}: one frame")
+        raise ParameterRangeError(
+            "capture", f"{raw.size} numbers", f"{count}: one frame of {'real' if is_real else 'complex'} samples"
+        )
     per_chirp = num_samples * (num_rx if is_interleaved else 1)
     if not is_real and per_chirp % num_lanes:
         raise ParameterRangeError(

@@ -137,26 +137,21 @@ class _Setup(Table):
     capturedFiles: _CapturedFiles | None = None
 
 
-def read_studio(path: Path, device: str = "", index: int = 0) -> Setup:
-    """Return what an ``.mmwave.json`` file says of one device.
+def read_studio(path: Path, device: str = "") -> Setup:
+    """Return what an ``.mmwave.json`` file says of its first device.
 
     Parameters
     ----------
     path : Path
     device : str
         Name of the chip, which the file does not tell.
-    index : int
-        Number of the device, from 0, of a cascade.
 
     Raises
     ------
     InputFileError
         If it is no such file, or describes what is not read, see :func:`.ti_cfg.read_cfg`.
     """
-    studio = _checked(_Studio, path)
-    if index >= len(studio.mmWaveDevices):
-        raise InputFileError(f"describes {len(studio.mmWaveDevices)} devices", path)
-    one = studio.mmWaveDevices[index]
+    one = _checked(_Studio, path).mmWaveDevices[0]
     chirps = _loop(one.rfConfig, path)
     profiles = {item.rlProfileCfg_t.profileId: _profile(item.rlProfileCfg_t) for item in one.rfConfig.rlProfiles}
     sent = one.rawDataCaptureConfig
@@ -183,26 +178,6 @@ def read_studio(path: Path, device: str = "", index: int = 0) -> Setup:
         num_lanes=len(lanes),
         device=device,
     )
-
-
-def senders_of_cascade(path: Path, num_devices: int) -> tuple[int, ...]:
-    """Return which transmitter of a cascade sends each chirp of a loop, counted through all devices, three each.
-
-    Raises
-    ------
-    InputFileError
-        If a chirp has no transmitter or several, or the file describes fewer devices.
-    """
-    studio = _checked(_Studio, path)
-    if len(studio.mmWaveDevices) != num_devices:
-        raise InputFileError(f"describes {len(studio.mmWaveDevices)} devices, not {num_devices}", path)
-    loops = [_loop(device.rfConfig, path) for device in studio.mmWaveDevices]
-    if len({len(loop) for loop in loops}) != 1:
-        raise InputFileError("has devices with different numbers of chirps", path)
-    masks = [
-        sum((chirp.txEnable & 7) << 3 * k for k, chirp in enumerate(chirps)) for chirps in zip(*loops, strict=True)
-    ]
-    return tuple(sender(mask, path) for mask in masks)
 
 
 def read_setup(path: Path) -> tuple[str, str, list[str]]:

@@ -267,18 +267,25 @@ class PathMotion:
         """Return what :meth:`terms` does, from the distances of both ends."""
         strength = self.reach / (out.value * home.value)
         growth = -(out.rate / out.value + home.rate / home.value)
-        if self.mirror.any():
-            through = self.reflected.terms(*pair, times)
+        through = self.through(pair, times)
+        if through is not None:
             strength[:, self.mirror] = self.reach[self.mirror] / through.value
             growth[:, self.mirror] = -through.rate / through.value
-        return self.lengths(pair, times, out, home), strength, growth
+        return self.lengths(times, out, home, through), strength, growth
 
-    def lengths(self, pair: tuple[int | None, int | None], times: Array, out: Terms, home: Terms) -> Terms:
-        """Return lengths with derivatives from the distances of both ends, (num_times, num_paths) each."""
+    def through(self, pair: tuple[int | None, int | None], times: Array) -> Terms | None:
+        """Return the distances of the paths over a mirror, from end to end; None if there are none."""
+        return self.reflected.terms(*pair, times) if self.mirror.any() else None
+
+    def lengths(self, times: Array, out: Terms, home: Terms, through: Terms | None) -> Terms:
+        """Return lengths with derivatives from the distances of both ends, (num_times, num_paths) each.
+
+        `through` is what :meth:`through` gives.
+        """
         time, (value, rate, acceleration) = times[:, None], self.between
         length = [a + b for a, b in zip(out, home, strict=True)]
-        if self.mirror.any():
-            for column, part in zip(length, self.reflected.terms(*pair, times), strict=True):
+        if through is not None:
+            for column, part in zip(length, through, strict=True):
                 column[:, self.mirror] = part
         length[0] += value + time * (rate + 0.5 * time * acceleration)
         length[1] += rate + time * acceleration
@@ -345,7 +352,7 @@ class PairTerms:
         if self.motion is None:
             return Terms(length, *own)
         start, (out, home) = np.zeros(1), self._of_antennas
-        found = self.motion.lengths((tx, rx), start, out[tx], home[rx])
+        found = self.motion.lengths(start, out[tx], home[rx], self.motion.through((tx, rx), start))
         rate, bend = found.rate[0], np.where(self._bends, found.acceleration[0], 0.0)
         if self._known.all():
             return Terms(length, rate, bend)
