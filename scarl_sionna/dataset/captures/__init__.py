@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 from scarl_sionna.core.errors import UnknownNameError
 
+from .recognise import format_of
+
 if TYPE_CHECKING:
     from .capture import Capture
 
@@ -27,19 +29,22 @@ class CaptureFormat:
 
 FORMATS: Mapping[str, CaptureFormat] = {
     "dca1000": CaptureFormat("dca1000", "read_dca1000_capture", "DCA1000 with mmWave Studio or the mmWave SDK's demo"),
+    "coloradar": CaptureFormat("datasets.coloradar", "read_coloradar_capture", "a run of ColoRadar, raw data"),
+    "radelft": CaptureFormat("datasets.radelft", "read_radelft_capture", "RaDelft: TI's cascade board with its TDA2"),
+    "radial": CaptureFormat("datasets.radial", "read_radial_capture", "a sequence of RADIal, raw data"),
 }
 """Formats by name."""
 
 
-def read_capture(path: str | Path, format: str, **options: object) -> Capture:
+def read_capture(path: str | Path, format: str | None = None, **options: object) -> Capture:
     """Return what a real radar recorded.
 
     Parameters
     ----------
     path : str or Path
         File or folder, see the format's reader.
-    format : str
-        One of `FORMATS`.
+    format : str, optional
+        One of `FORMATS`; left out: by the names of the files in the folder.
     **options
         Of the format's reader.
 
@@ -53,13 +58,15 @@ def read_capture(path: str | Path, format: str, **options: object) -> Capture:
     UnknownNameError
         If there is no such format.
     InputFileError
-        If a file is missing, too large, cut, damaged, or not of its format.
+        If a file is missing, too large, cut, damaged, or not of its format, or the format is left out and not plain.
 
     Examples
     --------
     >>> capture = read_capture("recording", "dca1000", board="awr1843boost")  # doctest: +SKIP
     >>> rd = ss.range_doppler(capture.cube(0), capture.radar)  # doctest: +SKIP
     """
+    if format is None:
+        format = format_of(path)
     if format not in FORMATS:
         raise UnknownNameError("format of captures", format, FORMATS)
     chosen = FORMATS[format]

@@ -19,6 +19,9 @@ from scarl_sionna.signal.processing import virtual_cube
 MOST_FRAME = 1_000_000_000
 """Largest frame that is read [bytes]; a description that claims more is not believed."""
 
+LEVELS = "levels are relative: give full_scale_dbm= for absolute ones; noise figure and pattern are the defaults"
+"""Note of a capture whose full scale nobody told."""
+
 ReadFrame = Callable[[int], npt.NDArray[np.int16]]
 """From a number of a frame to its I and Q, shape (num_rx, num_chirps_total, num_samples, 2)."""
 

@@ -20,7 +20,7 @@ from scarl_sionna.core.untrusted.files import read_text
 from scarl_sionna.core.untrusted.json_text import parse_json
 from scarl_sionna.signal.converter import step_size
 
-from .capture import Capture, check_frame_size
+from .capture import LEVELS, Capture, check_frame_size
 from .lvds import Order, decode
 from .pieces import Pieces
 from .ti_cfg import read_cfg
@@ -30,7 +30,6 @@ from .ti_setup import array_of, radar_of
 FORMAT = "dca1000"
 CAPTURE, DESCRIPTION = "adc_data.bin", "adc_data.json"
 """Of this project's exporter."""
-LEVELS = "levels are relative: give full_scale_dbm= for absolute ones; noise figure and pattern are the defaults"
 
 
 def read_dca1000_capture(

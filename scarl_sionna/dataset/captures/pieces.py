@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.errors import InputFileError
-from scarl_sionna.core.untrusted.files import open_regular
+from scarl_sionna.core.untrusted.files import open_regular, read_text
 
 LARGEST_FILE = 10**13
 """Of which a frame at a time is read [bytes]."""
@@ -55,6 +55,50 @@ class Pieces:
         if left:
             raise InputFileError(f"ends {left} bytes before the frame does", self.paths[-1], "copy the capture again")
         return np.frombuffer(b"".join(parts), "<i2").astype(np.int16, copy=False)
+
+    def whole(self, count: int) -> npt.NDArray[np.int16]:
+        """Return all numbers of 16 bits.
+
+        Raises
+        ------
+        InputFileError
+            If they are not `count`, or cannot be read.
+        """
+        if self.num_bytes != 2 * count:
+            raise InputFileError(f"has {self.num_bytes} bytes, one frame has {2 * count}", self.paths[0])
+        return self.int16(0, count)
+
+
+def numbered(folder: Path, before: str, after: str) -> dict[int, Path]:
+    """Return the files ``before + number + after`` of a folder by their number, rising.
+
+    Raises
+    ------
+    InputFileError
+        If there is none.
+    """
+    found = {}
+    for path in folder.glob(f"{before}*{after}"):
+        number = path.name[len(before) : len(path.name) - len(after)]
+        if number.isascii() and number.isdecimal() and len(number) < 18:
+            found[int(number)] = path
+    if not found:
+        raise InputFileError(f"has no file {before}*{after}", folder)
+    return dict(sorted(found.items()))
+
+
+def text_of(path: Path, most: int) -> str:
+    """Return the text of a file.
+
+    Raises
+    ------
+    InputFileError
+        If it cannot be opened, is no regular file, larger than `most` bytes, or no text.
+    """
+    try:
+        return read_text(path, most)
+    except OSError as error:
+        raise _unreadable(path, error) from error
 
 
 def _size(path: Path) -> int:

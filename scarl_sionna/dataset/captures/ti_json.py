@@ -8,6 +8,7 @@ References
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -21,6 +22,8 @@ from scarl_sionna.core.untrusted.json_text import PlainData, parse_json
 from .ti_setup import MOST_CHIRPS, Profile, Setup, bits, one_profile, samples, sender
 
 LARGEST = 16 * MEGABYTE
+NUM_CHIPS = 4
+"""Of a cascade board."""
 ModelT = TypeVar("ModelT", bound=Table)
 
 
@@ -115,6 +118,7 @@ class _RawCapture(Table):
 
 
 class _Device(Table):
+    mmWaveDeviceId: Count = 0
     rfConfig: _RfConfig
     rawDataCaptureConfig: _RawCapture = _RawCapture()
 
@@ -152,6 +156,45 @@ def read_studio(path: Path, device: str = "") -> Setup:
         If it is no such file, or describes what is not read, see :func:`.ti_cfg.read_cfg`.
     """
     one = _checked(_Studio, path).mmWaveDevices[0]
+    senders = tuple(sender(chirp.txEnable, path) for chirp in _loop(one.rfConfig, path))
+    return _setup(one, senders, path, device)
+
+
+def read_cascade(path: Path) -> Setup:
+    """Return what an ``.mmwave.json`` file says of four chips that work as one radar.
+
+    Transmitters are counted over the chips, three each, and receivers, four each: master, then slaves 1 to 3.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputFileError
+        If it is no such file, the chips do not sample alike, a receiver is off, or as :func:`read_studio`.
+    """
+    chips = sorted(_checked(_Studio, path).mmWaveDevices, key=lambda chip: chip.mmWaveDeviceId)
+    if [chip.mmWaveDeviceId for chip in chips] != list(range(NUM_CHIPS)):
+        raise InputFileError(f"describes {len(chips)} chips, a cascade of {NUM_CHIPS} (0 to 3) is read", path)
+    loops = [_loop(chip.rfConfig, path) for chip in chips]
+    if len({len(loop) for loop in loops}) != 1:
+        raise InputFileError("has chips with different numbers of chirps", path)
+    masks = [
+        sum((chirp.txEnable & 7) << 3 * chip for chip, chirp in enumerate(turn)) for turn in zip(*loops, strict=True)
+    ]
+    senders = tuple(sender(mask, path) for mask in masks)
+    setups = [_setup(chip, senders, path, "") for chip in chips]
+    first = setups[0]
+    if any(replace(other, receivers=first.receivers) != first for other in setups):
+        raise InputFileError("has chips that do not sample alike", path)
+    if any(len(other.receivers) != 4 for other in setups):
+        raise InputFileError("has receivers that are off, recordings of all 16 are read", path)
+    return replace(first, receivers=tuple(range(4 * NUM_CHIPS)))
+
+
+def _setup(one: _Device, senders: tuple[int, ...], path: Path, device: str) -> Setup:
+    """Return what a chip's description says, with the transmitter of each chirp as it is told."""
     chirps = _loop(one.rfConfig, path)
     profiles = {item.rlProfileCfg_t.profileId: _profile(item.rlProfileCfg_t) for item in one.rfConfig.rlProfiles}
     sent = one.rawDataCaptureConfig
@@ -168,7 +211,7 @@ def read_studio(path: Path, device: str = "") -> Setup:
         raise InputFileError("has no receiver switched on", path)
     return Setup(
         profile=one_profile([chirp.profileId for chirp in chirps], profiles, path),
-        transmitters=tuple(sender(chirp.txEnable, path) for chirp in chirps),
+        transmitters=senders,
         receivers=receivers,
         num_loops=one.rfConfig.rlFrameCfg_t.numLoops,
         frame_period=one.rfConfig.rlFrameCfg_t.framePeriodicity_msec / 1e3,

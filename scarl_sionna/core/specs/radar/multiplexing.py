@@ -229,13 +229,13 @@ class _Periodic(_Coded):
             )
 
 
-class Ddm(_Periodic):
+class Ddm(_Periodic, WithoutNone):
     """Doppler division: transmitter i turns its phase by ``i / num_bands`` of a cycle from chirp to chirp.
 
-    The Doppler spectrum falls into ``num_bands = num_tx + num_empty_bands`` bands; a target shows once in each used
-    band (one line a transmitter) and in none of the empty ones. Which bands are empty tells its velocity, within
-    ``wavelength / (4 chirp_interval)``. Two targets at one range whose Doppler frequencies differ by a multiple of a
-    band lie on each other: the stronger one is found.
+    With `bands` it is ``bands[i] / num_bands`` of a cycle. The Doppler spectrum falls into ``num_bands = num_tx +
+    num_empty_bands`` bands; a target shows once in each used band (one line a transmitter) and in none of the empty
+    ones. Which bands are empty tells its velocity, within ``wavelength / (4 chirp_interval)``. Two targets at one range
+    whose Doppler frequencies differ by a multiple of a band lie on each other: the stronger one is found.
 
     References
     ----------
@@ -245,11 +245,36 @@ class Ddm(_Periodic):
 
     kind: Literal["ddm"] = "ddm"
     num_empty_bands: int = Field(1, ge=1, le=64, description="bands of the Doppler spectrum without a transmitter")
+    bands: tuple[int, ...] | None = Field(
+        None, description="band of each transmitter, from 0; None: one after the other"
+    )
 
     def matrix(self, num_tx: int) -> Codes:
-        """Return the phase progressions of all bands, shape (num_bands, num_bands)."""
+        """Return the phase progressions of all bands, those sent first, shape (num_bands, num_bands)."""
         bands = np.arange(num_tx + self.num_empty_bands)
-        return np.exp(2j * np.pi * np.outer(bands, bands) / len(bands))
+        sent = bands[:num_tx] if self.bands is None else np.array(self.bands, dtype=np.int64)
+        order = np.concatenate([sent, np.setdiff1d(bands, sent)])
+        return np.exp(2j * np.pi * np.outer(bands, order) / len(bands))
+
+    def check(self, num_chirps: int, num_tx: int) -> None:
+        """Raise if the frame does not hold whole periods, or `bands` are not one of each transmitter.
+
+        Raises
+        ------
+        ParameterRangeError
+            If `num_chirps` is no multiple of the bands' number, or two transmitters have one band.
+        """
+        count = num_tx + self.num_empty_bands
+        if self.bands is not None and not (
+            len(self.bands) == num_tx == len(set(self.bands)) and min(self.bands) >= 0 and max(self.bands) < count
+        ):
+            raise SpecError(
+                type(self),
+                ("multiplexing", "bands"),
+                self.bands,
+                f"{num_tx} different bands of 0 to {count - 1}, one of each transmitter",
+            )
+        super().check(num_chirps, num_tx)
 
 
 class Bpm(_Periodic):

@@ -1,0 +1,1 @@
+"""Recordings of published datasets, one dataset a file."""
