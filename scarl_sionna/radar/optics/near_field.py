@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from types import ModuleType
 from typing import Any
 
@@ -16,7 +15,7 @@ from scarl_sionna.engine.rays.face_rays import StateRays
 from scarl_sionna.engine.types import DeviceArray
 
 from .faces.curved import DeviceCurves
-from .faces.oblique import Ends, edge_terms, is_oblique, steady_slope
+from .faces.oblique import STEADY, Ends, edge_terms, is_oblique, steady_slope
 from .faces.panes import through_panes
 from .fields import Field, OnDevice, Wave, radiating_vector, reflected_field
 from .phase import spherical_wave_integral
@@ -65,22 +64,23 @@ class NearField:
         return [tubes.take(np.flatnonzero(rows)) for rows in (~bent, bent) if rows.any()]
 
 
-def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt.NDArray[Any]]:
+def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
     r"""Return the columns of patches: end points, transfer, lengths, rate and what diffuse scattering needs.
+
+    One kernel serves patches of any number of bounces; there is one more for those on curved faces.
 
     Parameters
     ----------
     near : NearField
     tubes : ImageTubes
         Patches over each of which the phase is all but linear: one of :meth:`NearField.kinds`.
-    diffuse : bool
-        Whether to return what a rough surface scatters, column ``scattered``: the transfer of a patch of 1 m2.
 
     Returns
     -------
     dict
-        Of patches on flat faces also ``oblique``, (n,) bool: of these `a` is that for an integral of 1 m2, and
-        ``edges``, (n, 6) complex128 [m2], has the integral in parts, see :func:`.oblique.edge_terms`.
+        ``a`` is the transfer, ``scattered`` what a rough surface scatters, the transfer of a patch of 1 m2; both
+        (n, 2, 2) complex128. Of patches on flat faces also ``oblique``, (n,) bool: of these `a` is that for an integral
+        of 1 m2, and ``edges``, (n, 6) complex128 [m2], has the integral in parts, see :func:`.oblique.edge_terms`.
 
     Notes
     -----
@@ -107,62 +107,53 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
     .. [2] V. Degli-Esposti et al., "Measurement and Modelling of Scattering From Buildings", IEEE Trans. Antennas
            Propag. 55(1), 2007, Eqs. (2), (5).
     """
-    rays, surfaces, wavenumber = near.rays, near.surfaces, near.wavenumber
-    dr, mi, Vector, on = rays.dr, rays.mi, rays.Vector, OnDevice(rays.dr)
-    count, depth = tubes.face.shape
-    tube = dr.arange(mi.UInt32, count)
+    count = len(tubes)
+    if count == 1:  # Dr.Jit has kernels of their own for arrays of one number
+        return {name: column[:1] for name, column in radiated(near, tubes.take(np.zeros(2, dtype=np.int64))).items()}
+    rays, surfaces = near.rays, near.surfaces
+    dr, on = rays.dr, OnDevice(rays.dr)
+    wavenumber, integration_phase = rays.real(near.wavenumber), rays.real(near.integration_phase)
+    chain = _Chain(near, tubes)
     corner = rays.corners(tubes.corners)
     center = (corner[0] + corner[1] + corner[2]) / 3.0
-    faces = rays.index(tubes.face)
-    face = [dr.gather(mi.UInt32, faces, depth * tube + k) for k in range(depth)]
-    images = rays.reals(tubes.image)
-    image = [dr.gather(Vector, images, depth * tube + k) for k in range(depth)]
-    plane = [surfaces.plane(number) for number in face]
-    point = _reflection_points(dr, center, image, plane)
+    face, image, (normal, _) = chain.face(chain.last), chain.image(chain.last), chain.plane(chain.last)
+    moving = surfaces.velocity(face, center)
+    seen, seen_velocity = chain.unfolded(center, moving)
     receiver = rays.vector(near.rx.pose.position)
-    line = [rays.vector(near.tx.pose.position), *point, receiver]
-    travel = [dr.normalize(stop - start) for start, stop in pairwise(line)]
-    moving = [surfaces.velocity(face[k], point[k]) for k in range(depth)]
-    rate = dr.dot(travel[-1], rays.vector(near.rx.velocity)) - dr.dot(travel[0], rays.vector(near.tx.velocity))
-    reflected = [(axis, dr.zeros(Vector, count)) for axis in _spherical_basis(rays, near.tx.pose, travel[0])]
-    reflected, _ = through_panes(rays, surfaces, tubes.way_in, reflected, travel[0])
-    onward = travel[0]
-    for k in range(depth):
-        field, arriving = reflected, travel[k]
-        normal = plane[k][0]
-        normal = normal * -dr.sign(dr.dot(normal, arriving))
-        smooth, onward = reflected_field(on, partial(surfaces.coefficients, face[k]), field, arriving, normal)
-        kept, strayed, *turn = surfaces.roughness(face[k])
-        reflected = [(kept * re, kept * im) for re, im in smooth]
-        rate += dr.dot(moving[k], arriving - travel[k + 1])
-    back = travel[-1]
+    first, back = dr.normalize(seen - rays.vector(near.tx.pose.position)), dr.normalize(receiver - center)
+    sent = [(axis, dr.zeros(rays.Vector, count)) for axis in _spherical_basis(rays, near.tx.pose, first)]
+    sent, _ = through_panes(rays, surfaces, tubes.way_in, sent, first)
+    field = chain.reflected(seen, sent)
+    arriving = dr.normalize(center - image)
+    normal = normal * -dr.sign(dr.dot(normal, arriving))
+    reflected, onward, (strayed, *turn) = _bounced(on, surfaces, face, field, arriving, normal)
+    tx_velocity, rx_velocity = seen_velocity - rays.vector(near.tx.velocity), moving - rays.vector(near.rx.velocity)
     oblique, edges = None, []
-    out, home = dr.norm(center - image[-1]), dr.norm(receiver - center)
+    out, home = dr.norm(center - image), dr.norm(receiver - center)
+    ends = image, receiver
     if near.curves is not None and near.curves.curved.is_curved[tubes.face[0, -1]]:
-        ends = image[-1], receiver
-        integral = near.curves.spherical_wave_integral(
-            face[-1], corner, ends, normal, wavenumber, near.integration_phase
-        )
+        integral = near.curves.spherical_wave_integral(face, corner, ends, normal, wavenumber, integration_phase)
     else:
-        unfolded = _unfolded_velocity(dr, moving, plane[:-1])
+        duration = rays.real(near.duration)
         passing = [
-            (near.duration * (unfolded - rays.vector(near.tx.drift)), travel[0], out),
-            (near.duration * (moving[-1] - rays.vector(near.rx.drift)), travel[-1], home),
+            (duration * (seen_velocity - rays.vector(near.tx.drift)), first, out),
+            (duration * (moving - rays.vector(near.rx.drift)), back, home),
         ]
-        flat = Ends(corner, image[-1], receiver, wavenumber, steady_slope(dr, wavenumber, passing, near.max_turn))
+        flat = Ends(
+            corner, *ends, wavenumber, steady_slope(dr, wavenumber, passing, rays.real(near.max_turn or STEADY))
+        )
         oblique = is_oblique(dr, flat)
-        ends = image[-1], receiver
-        parts = spherical_wave_integral(rays, corner, ends, wavenumber, near.integration_phase, ~oblique)
+        parts = spherical_wave_integral(rays, corner, ends, wavenumber, integration_phase, ~oblique)
         integral = dr.select(oblique, 1.0, parts[0]), dr.select(oblique, 0.0, parts[1])
         edges = edge_terms(rays, flat)
     scale = 0.125 / np.pi / (out * home)
     factor = (integral[1] * scale, -integral[0] * scale)  # -j times the integral
     columns: dict[str, Any] = {
-        "tx_point": _unfolded(dr, center, plane[:-1]),
+        "tx_point": seen,
         "rx_point": center,
-        "tx_velocity": _unfolded_velocity(dr, moving, plane[:-1]) - rays.vector(near.tx.velocity),
-        "rx_velocity": moving[-1] - rays.vector(near.rx.velocity),
-        "length_rate": rate,
+        "tx_velocity": tx_velocity,
+        "rx_velocity": rx_velocity,
+        "length_rate": dr.dot(first, tx_velocity) - dr.dot(back, rx_velocity),
         "length": out + home,
         "cosine": dr.abs(dr.dot(normal, back)),
     }
@@ -177,18 +168,98 @@ def radiated(near: NearField, tubes: ImageTubes, diffuse: bool) -> dict[str, npt
         for t, (re, im) in enumerate(on.component(receive[r], vector)):
             columns[f"re{r}{t}"] = re * factor[0] - im * factor[1]
             columns[f"im{r}{t}"] = re * factor[1] + im * factor[0]
-    if diffuse:
-        cosines = dr.abs(dr.dot(normal, arriving)) * columns["cosine"] / np.pi
-        level = 0.5 / wavenumber / (out * home) * kept_out * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
-        columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, level, turn)
+    cosines = dr.abs(dr.dot(normal, arriving)) * columns["cosine"] / np.pi
+    level = 0.5 / wavenumber / (out * home) * kept_out * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
+    columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, level, turn)
     dr.eval(*columns.values())
     found = {name: rays.on_host(column) for name, column in columns.items()}
-    found["a"] = _matrices(found, "re", "im")
+    found["a"], found["scattered"] = _matrices(found, "re", "im"), _matrices(found, "sre", "sim")
     if edges:
         found["edges"] = np.stack([found.pop(f"edge{k}") + 1j * found.pop(f"edge{k}j") for k in range(6)], axis=1)
-    if diffuse:
-        found["scattered"] = _matrices(found, "sre", "sim")
     return found
+
+
+class _Chain:
+    """The mirrors before patches, on the device, as loops: else each number of bounces has a kernel of its own.
+
+    Parameters
+    ----------
+    near : NearField
+    tubes : ImageTubes
+        Patches, all behind the same number of mirrors.
+    """
+
+    def __init__(self, near: NearField, tubes: ImageTubes) -> None:
+        self._rays, self._surfaces = near.rays, near.surfaces
+        dr, mi = near.rays.dr, near.rays.mi
+        self._count, depth = tubes.face.shape
+        self.last = dr.opaque(mi.UInt32, depth - 1)
+        """Number of the patch itself in a chain, whose mirrors are 0 to this."""
+        self._first = dr.arange(mi.UInt32, self._count) * dr.opaque(mi.UInt32, depth)
+        self._faces, self._images = near.rays.index(tubes.face), near.rays.reals(tubes.image)
+
+    def face(self, number: DeviceArray) -> DeviceArray:
+        """Return the faces of the chains at a number."""
+        return self._rays.dr.gather(self._rays.mi.UInt32, self._faces, self._first + number)
+
+    def image(self, number: DeviceArray) -> DeviceArray:
+        """Return the images of the transmitter from which the rays come to the faces at a number."""
+        return self._rays.dr.gather(self._rays.Vector, self._images, self._first + number)
+
+    def plane(self, number: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+        """Return normals and offsets of these faces."""
+        return self._surfaces.plane(self.face(number))
+
+    def unfolded(self, center: DeviceArray, velocity: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
+        """Return the images of the patches' centres that the transmitter sees, and their velocities.
+
+        A mirror moves as it does where the ray to the centre meets it.
+        """
+        dr, mi = self._rays.dr, self._rays.mi
+
+        def behind(
+            left: DeviceArray, seen: DeviceArray, moved: DeviceArray
+        ) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
+            number = left - 1
+            normal, offset = self.plane(number)
+            source = self.image(number)
+            seen = seen - 2.0 * (dr.dot(normal, seen) - offset) * normal
+            ray = seen - source
+            point = source + (offset - dr.dot(normal, source)) / dr.dot(normal, ray) * ray
+            mirror = self._surfaces.velocity(self.face(number), point)
+            return number, seen, moved - 2.0 * dr.dot(normal, moved - mirror) * normal
+
+        state = dr.zeros(mi.UInt32, self._count) + self.last, center, velocity
+        _, seen, moved = dr.while_loop(state, lambda left, *_: left > 0, behind, label="images of patches")
+        return seen, moved
+
+    def reflected(self, seen: DeviceArray, field: Field) -> Field:
+        """Return what the mirrors make of fields on the way to `seen`, the images of the patches' centres."""
+        dr, mi, on = self._rays.dr, self._rays.mi, OnDevice(self._rays.dr)
+
+        def onward(number: DeviceArray, seen: DeviceArray, field: Field) -> tuple[DeviceArray, DeviceArray, Field]:
+            (normal, offset), arriving = self.plane(number), dr.normalize(seen - self.image(number))
+            lit = normal * -dr.sign(dr.dot(normal, arriving))
+            field, _, _ = _bounced(on, self._surfaces, self.face(number), field, arriving, lit)
+            return number + 1, seen - 2.0 * (dr.dot(normal, seen) - offset) * normal, field
+
+        state = dr.zeros(mi.UInt32, self._count), seen, field
+        _, _, field = dr.while_loop(state, lambda number, *_: number < self.last, onward, label="mirrors")
+        return field
+
+
+def _bounced(
+    on: OnDevice,
+    surfaces: FaceSurfaces,
+    face: DeviceArray,
+    field: Field,
+    arriving: DeviceArray,
+    normal: DeviceArray,
+) -> tuple[Field, DeviceArray, tuple[DeviceArray, ...]]:
+    """Return the field that faces reflect, its direction, and the rest of what their roughness does."""
+    smooth, onward = reflected_field(on, partial(surfaces.coefficients, face), field, arriving, normal)
+    kept, *rest = surfaces.roughness(face)
+    return [(kept * re, kept * im) for re, im in smooth], onward, tuple(rest)
 
 
 def _matrices(found: dict[str, npt.NDArray[Any]], real: str, imaginary: str) -> npt.NDArray[np.complex128]:
@@ -214,37 +285,6 @@ def _scattered(
             found[f"{name}0{t}"] = level * (turn[0] * vertical - turn[1] * horizontal)
             found[f"{name}1{t}"] = level * (turn[1] * vertical + turn[0] * horizontal)
     return found
-
-
-def _reflection_points(
-    dr: ModuleType, center: DeviceArray, image: list[DeviceArray], plane: list[tuple[DeviceArray, DeviceArray]]
-) -> list[DeviceArray]:
-    """Return where the rays to the patches' centres meet the faces of their chains."""
-    points = [center]
-    for k in range(len(image) - 2, -1, -1):
-        (normal, offset), source = plane[k], image[k + 1]
-        ray = points[0] - source
-        share = (offset - dr.dot(normal, source)) / dr.dot(normal, ray)
-        points.insert(0, source + share * ray)
-    return points
-
-
-def _unfolded(dr: ModuleType, center: DeviceArray, mirrors: list[tuple[DeviceArray, DeviceArray]]) -> DeviceArray:
-    """Return the images of the patches' centres that the transmitter sees."""
-    seen = center
-    for normal, offset in reversed(mirrors):
-        seen = seen - 2.0 * (dr.dot(normal, seen) - offset) * normal
-    return seen
-
-
-def _unfolded_velocity(
-    dr: ModuleType, moving: list[DeviceArray], mirrors: list[tuple[DeviceArray, DeviceArray]]
-) -> DeviceArray:
-    """Return the velocity of these images, by the velocities of the faces where they reflect."""
-    seen = moving[-1]
-    for (normal, _), mirror in zip(reversed(mirrors), reversed(moving[:-1]), strict=True):
-        seen = seen - 2.0 * dr.dot(normal, seen - mirror) * normal
-    return seen
 
 
 def _spherical_basis(rays: StateRays, pose: Pose, direction: DeviceArray) -> tuple[DeviceArray, DeviceArray]:

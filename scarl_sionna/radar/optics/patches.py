@@ -16,7 +16,7 @@ from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine.device import device
 from scarl_sionna.engine.types import DeviceArray
 
-from .faces.oblique import Ends, is_oblique, steady_slope
+from .faces.oblique import STEADY, Ends, is_oblique, steady_slope
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -120,7 +120,7 @@ class PatchSize:
                     passing.append((way, ray, distance))
                     slopes.append((way - dr.dot(way, ray) * ray) / distance)
             longest = dr.opaque(Real, self.longest)
-            steady = steady_slope(dr, self.wavenumber, passing, self.max_turn) if passing else 0.0
+            steady = steady_slope(dr, self.wavenumber, passing, self.max_turn or STEADY) if passing else 0.0
             image = dr.gather(Vector, on.reals(source), row)
             ends = Ends(corner, image, on.vector(receiver), self.wavenumber, steady)
             by_area = dr.select(is_oblique(dr, ends), 0.0, Real(1.0))

@@ -118,8 +118,8 @@ def spherical_wave_integral(
     on: Device,
     corner: list[DeviceArray],
     stations: tuple[DeviceArray, DeviceArray],
-    wavenumber: float,
-    largest: float,
+    wavenumber: DeviceArray,
+    largest: DeviceArray,
     wanted: DeviceArray = True,
 ) -> Pair:
     r"""Return the integrals over triangles of exp(-jk (length - length at the centre)) from sources to a receiver.
@@ -131,9 +131,9 @@ def spherical_wave_integral(
         The three corners [m].
     stations : tuple of two Dr.Jit Array3f64
         Source and receiver.
-    wavenumber : float
+    wavenumber : float or Dr.Jit float64 number
         [rad/m].
-    largest : float
+    largest : float or Dr.Jit float64 number
         A triangle is cut into n^2 equal ones, so that the phase departs from a linear one by less than this at half of
         their sides [rad].
     wanted : Dr.Jit Bool
@@ -216,7 +216,7 @@ def _linear_integral(
     corner: list[DeviceArray],
     source: DeviceArray,
     receiver: DeviceArray,
-    wavenumber: float,
+    wavenumber: DeviceArray,
     length: DeviceArray,
 ) -> Pair:
     """Return the mean of the phase factor over triangles, times a half."""

@@ -247,7 +247,7 @@ def _rows(
     Rough pieces are added to those of their depth.
     """
     is_rough = near.surfaces.is_rough[patches.face[:, -1]] & tracer.settings.diffuse
-    columns: Columns = radiated(near, patches, bool(is_rough.any()))
+    columns: Columns = radiated(near, patches)
     part = tracer.faces.part[patches.face]
     columns["instance"] = state.world.parts.instance[part]
     columns["semantic"] = state.world.parts.semantic[part[:, -1]]
@@ -259,7 +259,7 @@ def _rows(
         some = {name: column[rows] for name, column in columns.items() if name not in ("oblique", "edges")}
         some["first_semantic"] = state.world.parts.semantic[part[rows, 0]]
         rough.setdefault(patches.depth, []).append(rough_pieces(some, patches.take(rows)))
-    columns.pop("scattered", None)
+    columns.pop("scattered")
     triangles = tracer.faces.triangles
     columns = with_edges(columns, patches, near, (triangles.normal, triangles.offset))
     seen = columns["length"] < 2.0 * tracer.reach

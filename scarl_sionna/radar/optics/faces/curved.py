@@ -225,6 +225,7 @@ class DeviceCurves:
         self._row = on.index(np.maximum(curved.row, 0))
         columns = [curved.origin, *np.moveaxis(curved.gradient, 1, 0), *np.moveaxis(curved.lift, 1, 0)]
         self._vectors = [on.reals(column) for column in columns]
+        self._largest = on.real(curved.largest)
         self._reals = [on.reals(a) for a in (*curved.length.T, curved.height, curved.rounding)]
 
     def spherical_wave_integral(
@@ -233,8 +234,8 @@ class DeviceCurves:
         corner: list[DeviceArray],
         ends: tuple[DeviceArray, DeviceArray],
         normal: DeviceArray,
-        wavenumber: float,
-        flat_phase: float,
+        wavenumber: DeviceArray,
+        flat_phase: DeviceArray,
     ) -> Pair:
         """Return the integrals of `phase.spherical_wave_integral` over footprints on curved faces.
 
@@ -247,9 +248,9 @@ class DeviceCurves:
             Source and receiver.
         normal : Dr.Jit Array3f64
             Unit normal on the lit side.
-        wavenumber : float
+        wavenumber : float or Dr.Jit float64 number
             [rad/m].
-        flat_phase : float
+        flat_phase : float or Dr.Jit float64 number
             As `largest` there, for the curvature of the waves [rad].
 
         Notes
@@ -289,7 +290,7 @@ class DeviceCurves:
             over = surface(0.5 * (one + two)) - 0.5 * (surface(one) + surface(two))
             stands = dr.maximum(stands, dr.abs(dr.dot(over, axis)))
         parts = wavenumber * square * (1.0 / out + 1.0 / home) / 8.0 / flat_phase
-        parts = dr.maximum(parts, wavenumber * stands / self.curved.largest)
+        parts = dr.maximum(parts, wavenumber * stands / self._largest)
         cuts = dr.maximum(dr.ceil(dr.sqrt(parts)), 1.0)
         most = 0.5 * MOST_SHOWN * dr.norm(across) / cuts**2
         return over_parts(self._on, corner, cuts, of_part)

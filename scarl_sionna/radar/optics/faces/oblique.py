@@ -34,7 +34,7 @@ class Ends(NamedTuple):
     """The three corners [m]."""
     source: DeviceArray
     receiver: DeviceArray
-    wavenumber: float
+    wavenumber: DeviceArray
     """[rad/m]."""
     steady: DeviceArray | float = 0.0
     """Slope of the phase that motion over a frame asks for [rad/m], see :func:`steady_slope`."""
@@ -42,9 +42,9 @@ class Ends(NamedTuple):
 
 def steady_slope(
     dr: ModuleType,
-    wavenumber: float,
+    wavenumber: DeviceArray,
     legs: list[tuple[DeviceArray, DeviceArray, DeviceArray]],
-    max_turn: float | None,
+    max_turn: DeviceArray,
 ) -> DeviceArray:
     """Return the slope of the phase above which what moves keeps the strength of its edges over a frame [rad/m].
 
@@ -54,15 +54,15 @@ def steady_slope(
     Parameters
     ----------
     dr : module
-    wavenumber : float
+    wavenumber : float or Dr.Jit float64 number
         [rad/m].
     legs : list of tuple
         Way over a frame past each end [m], unit direction of its leg, and length [m].
-    max_turn : float or None
-        [rad]; None, where patches do not follow from motion: `STEADY`.
+    max_turn : float or Dr.Jit float64 number
+        [rad]; `STEADY` where patches do not follow from motion.
     """
     change = sum(dr.norm(way - dr.dot(way, ray) * ray) / distance for way, ray, distance in legs)
-    return 12.0 / (max_turn or STEADY) ** 2 * wavenumber * change
+    return 12.0 / max_turn**2 * wavenumber * change
 
 
 def is_oblique(dr: ModuleType, ends: Ends) -> DeviceArray:
