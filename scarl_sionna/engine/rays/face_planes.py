@@ -63,9 +63,9 @@ def _repeated(world: World, part: Index) -> Flags:
     order = np.lexsort(np.moveaxis(corners, 2, 0)[::-1], axis=1)
     corners = np.take_along_axis(corners, order[..., None], axis=1)
     keys = np.column_stack([world.parts.actor[part], corners.reshape(len(corners), 9)])
-    _, first = np.unique(keys, axis=0, return_index=True)
-    repeated = np.ones(len(keys), dtype=np.bool_)
-    repeated[first] = False
+    order = np.lexsort(keys.T)  # stable: the earliest of equal ones comes first
+    repeated = np.zeros(len(keys), dtype=np.bool_)
+    repeated[order[1:]] = np.all(np.diff(keys[order], axis=0) == 0, axis=1)
     return repeated
 
 
