@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -327,6 +328,26 @@ def test_change_by_the_ground_is_that_of_image_theory(tmp_path, height: float) -
     straight, bent = (np.sqrt(30.0**2 + 2.0**2 + (height - sign * 0.6) ** 2) for sign in (1.0, -1.0))
     assert change.change_db == pytest.approx(40.0 * np.log10(1.0 + straight / bent), abs=0.03)  # metal loses 0.2 %
     assert not changes(sights(view_of(state, mirrors), [2])[2], mirrors, 29.0)  # too far
+
+
+def test_ways_looked_at_together_show_what_each_shows_alone(tmp_path) -> None:
+    """The ground, two walls and a ceiling, one behind the other; a sign, a box half hidden by it, a box behind all."""
+    things = [
+        Thing("ground", plane(100.0, 100.0, (50, 0, 0)), "Ground", "grey", is_object=False),
+        Thing("wall", box((60, 0.2, 6), (20, 6.1, 3.1)), "Wall", "steel"),
+        Thing("other", box((60, 0.2, 6), (20, -4.1, 3.1)), "Wall", "white"),
+        Thing("sign", plane(1.0, 1.0, (10, 0.5, 1), (-1, 1, 0)), "TrafficSign", "steel"),
+        Thing("half", box((0.5, 2.0, 1.5), (15, 1, 1)), "Static", "steel"),
+        Thing("last", box((0.5, 1.0, 0.5), (30, 1, 0.4)), "Static", "steel"),
+    ]
+    state = load_scene(write_scene(tmp_path, things)).at(0.0)
+    mirrors = find_mirrors(state, [1, 2, 3], POSE.position, RADAR.wavelength)
+    together = sights(view_of(state, mirrors), [4, 5, 6])
+    alone = [sights(view_of(state, [replace(mirror, number=0)]), [4, 5, 6]) for mirror in mirrors]
+    assert len(mirrors) >= 5  # both sides of the walls
+    for number in (4, 5, 6):
+        assert together[number] == [alone[0][number][0], *(one[number][1] for one in alone)]
+    assert sum(0.0 < sight.share < 0.6 for seen in together.values() for sight in seen) >= 6
 
 
 def test_what_is_hidden_costs_nothing_and_what_only_a_mirror_shows_is_seen(tmp_path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -83,7 +83,8 @@ class View:
             return []
         knobs = self.settings.mirrors.with_(max_mirrors=rules.mirror_candidates)
         found = find_mirrors(self.state, chosen, self.pose.position, self.radar.wavelength, knobs)
-        return [mirror for mirror in found if mirror.extent > rules.smallest_mirror]
+        wide = [mirror for mirror in found if mirror.extent > rules.smallest_mirror]
+        return [replace(mirror, number=place) for place, mirror in enumerate(wide)]
 
     def instance(self, mirror: Mirror) -> int:
         """Return the instance of a mirror."""

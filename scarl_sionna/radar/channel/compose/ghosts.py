@@ -116,10 +116,12 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut:
     both = images[0].way, images[1].way
     moving = (found.filled("tx_velocity"), found.filled("rx_velocity"))  # the images of the radar were at rest
     ends = zip(images, (found.tx_point, found.rx_point), moving, strict=True)
-    legs = [
-        view.leg(image.way, image.pose.rotation, points, velocities, tested=not cut)
-        for image, points, velocities in ends
-    ]
+    legs, visible, station = [], np.ones(found.num_paths, dtype=np.bool_), Viewpoint.of(view.radar, pose, np.zeros(3))
+    for image, points, velocities in ends:
+        rows = np.tile([mirror.number for mirror in image.way], (len(points), 1)).astype(np.int64)
+        legs.append(view.leg(rows, image.pose.rotation, points, velocities))
+        if not cut:
+            visible &= view.shows(rows, points) & station.sees(legs[-1].image)
     there, back = legs
     changed: dict[str, Any] = {name: value for name, value in vars(found).items()}
     changed["a"] = np.einsum("pki,pkl,plj->pij", back.jones, found.a, there.jones)
@@ -141,11 +143,7 @@ def _seen(view: MirrorView, found: RadarPaths, images: tuple[Image, Image], cut:
         "rx_twist": view.mount.twist,
     }
     result = RadarPaths(**changed)
-    if cut:
-        return result
-    station = Viewpoint.of(view.radar, pose, np.zeros(3))
-    visible = [leg.visible & station.sees(leg.image) for leg in legs]
-    return result.select(visible[0] & visible[1])
+    return result if cut else result.select(visible)
 
 
 def _chained(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,7 @@ from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.tuned import material_frequency
 
 from .mirror_legs import MirrorView
-from .mirrors import Mirror, Way, chain_of
+from .mirrors import Mirror, Way
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -83,8 +84,13 @@ def mirror_chains(view: MirrorView, depth: int, reach: float, wide_arm: float) -
     state, mount, radar = view.state, view.mount, view.radar
     station = station_of(mount, radar)
     ends = np.concatenate([station.position[None], points_beside(state, station.position, "optical")])
+    shown: list[Way] = []
     possible = possible_chains(view.mirrors, station.position, depth, reach)
-    shown = [way for way in possible if view.shows(way, ends).any()]
+    for _, group in groupby(possible, key=len):  # shorter ones come first
+        some = list(group)
+        rows = np.repeat([[mirror.number for mirror in way] for way in some], len(ends), axis=0)
+        seen = view.shows(rows, np.tile(ends, (len(some), 1))).reshape(len(some), -1)
+        shown += [way for way, ok in zip(some, seen, strict=True) if ok.any()]
     shown.sort(key=lambda way: (len(way), [mirror.part for mirror in way]))  # of equal paths the first stays
     legs = legs_of(
         state,
@@ -156,7 +162,7 @@ def _as_traced(view: MirrorView, ways: Sequence[Way], depth: int) -> TracedPaths
     part, face = np.full((count, depth), -1, dtype=np.int64), np.full((count, depth), -1, dtype=np.int64)
     vertex, normal, offset = np.zeros((count, depth, 3)), np.zeros((count, depth, 3)), np.zeros((count, depth))
     for row, way in enumerate(ways):
-        chain = chain_of(way, 1)
+        chain = view.chain(np.array([[mirror.number for mirror in way]]))
         points, _ = chain.vertices(position, chain.images(position))
         for k, (mirror, point) in enumerate(zip(way, points[0], strict=True)):
             met = mirror.triangle_at(point)

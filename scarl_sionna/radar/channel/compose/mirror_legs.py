@@ -1,7 +1,4 @@
-"""Legs over mirrors, from a radar to points of objects.
-
-With each leg: what the mirrors do to polarisation and rate, and whether something hides it.
-"""
+"""Legs over mirrors, from a radar to points: what the mirrors do to polarisation and rate, what hides them."""
 
 from __future__ import annotations
 
@@ -16,19 +13,21 @@ import numpy.typing as npt
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.settings.mirrors import MirrorSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
-from scarl_sionna.radar.channel.multipath.images import material_coefficients, spherical_basis, transfer
+from scarl_sionna.radar.channel.multipath.images import Chain, material_coefficients, spherical_basis, transfer
 from scarl_sionna.radar.channel.multipath.station import Station
 from scarl_sionna.radar.optics.faces.panes import MOST_PANES
 from scarl_sionna.radar.tuned import material_frequency
 
 from .mirror_faces import MirrorFaces
-from .mirrors import Mirror, Way, chain_of
+from .mirrors import Mirror
 
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
+Ways = npt.NDArray[np.int64]
+"""Numbers of mirrors in the order from the radar, (num_points, num_mirrors)."""
 
 _LIFT = 1e-4
 """Rays start this far above a mirror [m], so that they do not meet it again: a guard against the rounding of float32
@@ -41,8 +40,6 @@ class Leg:
 
     Attributes
     ----------
-    visible : ndarray of bool, shape (num_points,)
-        Whether the mirrors are there and nothing hides the way.
     image : ndarray of float64, shape (num_points, 3)
         The points as the radar sees them [m, world].
     jones : ndarray of complex128, shape (num_points, 2, 2)
@@ -55,7 +52,6 @@ class Leg:
         Of `image` relative to the radar [m/s, world].
     """
 
-    visible: npt.NDArray[np.bool_]
     image: Array
     jones: Complex
     direction: Array
@@ -76,7 +72,7 @@ class MirrorView:
     owned : sequence of int
         Instances of the objects. They hide nothing here: the solver that made their points has seen to that.
     mirrors : sequence of Mirror
-        All of the solve, as of :func:`.mirrors.find_mirrors`.
+        All of the solve, as of :func:`.mirrors.find_mirrors`; the number of each is its place here.
     knobs : MirrorSettings
     thin : ndarray of int64
         Rows of the part table that let waves through on the last leg, to a point; see
@@ -108,27 +104,44 @@ class MirrorView:
             self.knobs.thickness,
         )
 
-    def shows(self, way: Way, points: Array) -> npt.NDArray[np.bool_]:
-        """Return which points, shape (num_points, 3) [m, world], a way shows, with nothing in between."""
-        chain = chain_of(way, len(points))
-        vertices, right = chain.vertices(self.station.position, chain.images(points))
-        return np.asarray(right & self._open(way, vertices, points, None))
+    @cached_property
+    def _planes(self) -> tuple[Array, Array, npt.NDArray[np.int64]]:
+        """Normals, offsets and parts of the mirrors, by their numbers."""
+        return (
+            np.array([mirror.normal for mirror in self.mirrors]).reshape(-1, 3),
+            np.array([mirror.offset for mirror in self.mirrors]),
+            np.array([mirror.part for mirror in self.mirrors], dtype=np.int64),
+        )
 
-    def leg(
-        self,
-        way: Way,
-        rotation: Array,
-        points: Array,
-        velocities: Array,
-        owner: npt.NDArray[np.int64] | None = None,
-        tested: bool = True,
-    ) -> Leg:
-        """Return a way to points.
+    def chain(self, ways: Ways) -> Chain:
+        """Return the chains of reflections of ways."""
+        flat = np.ones(ways.shape, dtype=np.bool_)
+        return Chain(flat, ~flat, self._planes[0][ways], self._planes[1][ways])
+
+    def shows(self, ways: Ways, points: Array, owner: npt.NDArray[np.int64] | None = None) -> npt.NDArray[np.bool_]:
+        """Return which points ways show, with nothing in between.
 
         Parameters
         ----------
-        way : Way
-            Mirrors from the radar on.
+        ways : ndarray of int64, shape (num_points, num_mirrors)
+            Numbers of the mirrors from the radar on, for each point. One call for many ways is many times cheaper than
+            one for each.
+        points : ndarray of float64, shape (num_points, 3)
+            [m, world].
+        owner : ndarray of int64, shape (num_points,), optional
+            Instances of the points: panes of their own hide them.
+        """
+        chain = self.chain(ways)
+        vertices, right = chain.vertices(self.station.position, chain.images(points))
+        return np.asarray(self._open(ways, vertices, points, owner, right))
+
+    def leg(self, ways: Ways, rotation: Array, points: Array, velocities: Array) -> Leg:
+        """Return ways to points, whether they are open or not.
+
+        Parameters
+        ----------
+        ways : ndarray of int64, shape (num_points, num_mirrors)
+            As of :meth:`shows`.
         rotation : ndarray of float64, shape (3, 3)
             Axes, as columns, of the frame of the radar's image.
         points : ndarray of float64, shape (num_points, 3)
@@ -136,63 +149,66 @@ class MirrorView:
             the direction in which the wave meets the object first [m, world].
         velocities : ndarray of float64, shape (num_points, 3)
             Of these points [m/s, world].
-        owner : ndarray of int64, shape (num_points,), optional
-            Instances of the points: panes of their own hide them.
-        tested : bool
-            Whether to find out what the mirrors show and what is hidden; if not, all points are taken as visible.
         """
         state, station = self.state, self.station
-        chain = chain_of(way, len(points))
+        chain, parts = self.chain(ways), self._planes[2][ways]
         images = chain.images(points)
-        vertices, right = chain.vertices(station.position, images)
+        vertices, _ = chain.vertices(station.position, images)
         travel = chain.travel(station.position, images)
-        names = sorted({state.world.parts.material[mirror.part] for mirror in way})
-        index = np.array([[names.index(state.world.parts.material[mirror.part]) for mirror in way]] * len(points))
+        names, index = np.unique(np.array(state.world.parts.material)[parts], return_inverse=True)
         jones = transfer(
             chain,
             travel,
             spherical_basis(station.rotation, travel[:, 0]),
             spherical_basis(rotation, travel[:, -1]),
             material_coefficients(
-                [state.world.materials[name] for name in names],
-                index.reshape(len(points), len(way)),
+                [state.world.materials[name] for name in names.tolist()],
+                index.reshape(parts.shape),
                 material_frequency(self.radar, self.radar.center_frequency),
             ),
         )
-        parts = np.array([[mirror.part for mirror in way]] * len(points), dtype=np.int64).reshape(len(points), len(way))
         surface = state.point_velocity(parts.ravel(), vertices.reshape(-1, 3)).reshape(vertices.shape)
         velocity = np.broadcast_to(station.velocity, points.shape).copy()
-        for k, mirror in enumerate(way):
-            velocity -= 2.0 * np.einsum("pi,i->p", velocity - surface[:, k], mirror.normal)[:, None] * mirror.normal
-        visible = right & self._open(way, vertices, points, owner) if tested else np.ones(len(points), dtype=np.bool_)
+        for k in range(chain.max_depth):
+            normal = chain.normal[:, k]
+            velocity -= 2.0 * np.einsum("pi,pi->p", velocity - surface[:, k], normal)[:, None] * normal
         seen = chain.image_velocity(velocities, surface) - station.velocity
-        return Leg(visible, images[:, 0], jones, travel[:, -1], velocity, seen)
+        return Leg(images[:, 0], jones, travel[:, -1], velocity, seen)
 
     def _open(
-        self, way: Way, vertices: Array, points: Array, owner: npt.NDArray[np.int64] | None
+        self,
+        ways: Ways,
+        vertices: Array,
+        points: Array,
+        owner: npt.NDArray[np.int64] | None,
+        right: npt.NDArray[np.bool_],
     ) -> npt.NDArray[np.bool_]:
-        """Return which ways meet each mirror where it is, and no other mirror in its place, with nothing in between."""
-        state, count = self.state, len(points)
-        here, seen = np.broadcast_to(self.station.position, (count, 3)).copy(), np.ones(count, dtype=bool)
-        for k in range(len(way) + 1):
-            end = vertices[:, k] if k < len(way) else points
+        """Return which ways meet each mirror where it is, and no other mirror in its place, with nothing in between.
+
+        Of those only that `right` has.
+        """
+        state, (normals, offsets, _) = self.state, self._planes
+        here, seen = np.broadcast_to(self.station.position, points.shape).copy(), right.copy()
+        for k in range(ways.shape[1] + 1):
             rows = np.flatnonzero(seen)
             if len(rows) == 0:
                 return seen
-            ahead = end[rows] - here[rows]
+            end = (vertices[:, k] if k < ways.shape[1] else points)[rows]
+            ahead = end - here[rows]
             distance = np.linalg.norm(ahead, axis=1)
             far = distance > _LIFT
             direction = np.where(far[:, None], ahead / np.maximum(distance, _LIFT)[:, None], [1.0, 0.0, 0.0])
-            if k < len(way):
+            if k < ways.shape[1]:
+                mirror = ways[rows, k]
                 hits = state.cast(here[rows], direction)
                 met = np.zeros(len(rows), dtype=bool)
-                met[hits.ray] = self.faces.owner(hits, end[rows[hits.ray]]) == way[k].number
-                side = np.sign(way[k].height(here[rows]))
+                met[hits.ray] = self.faces.owner(hits, end[hits.ray]) == mirror[hits.ray]
+                side = np.sign(_dot(here[rows], normals[mirror]) - offsets[mirror])
                 lift = np.full(len(rows), _LIFT)
-                lift[hits.ray[np.abs(way[k].height(hits.point)) > _LIFT]] = (
-                    self.knobs.thickness
-                )  # out from under a marking
-                here[rows] = vertices[rows, k] + (lift * side)[:, None] * way[k].normal
+                of_hit = mirror[hits.ray]
+                above = np.abs(_dot(hits.point, normals[of_hit]) - offsets[of_hit]) > _LIFT
+                lift[hits.ray[above]] = self.knobs.thickness  # out from under a marking
+                here[rows] = end + (lift * side)[:, None] * normals[mirror]
             else:
                 own = None if owner is None else owner[rows]
                 met = ~self._in_the_way(here[rows], direction, distance, own)
@@ -220,3 +236,7 @@ class MirrorView:
             if not len(rows):
                 break
         return hidden
+
+
+def _dot(first: Array, second: Array) -> Array:
+    return np.asarray(np.einsum("ij,ij->i", first, second))

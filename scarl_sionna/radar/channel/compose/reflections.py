@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -80,18 +81,34 @@ def sights(view: MirrorView, numbers: Sequence[int], rules: AutoSettings = DEFAU
     MaterialRangeError
         If a mirror's material has no data at the carrier frequency.
     """
-    found: dict[int, list[Sight]] = {number: [] for number in numbers}
     position = view.mount.pose.position
     boxes = [box_points(view.state, number) for number in numbers]
-    surfaces = {number: Surface.of(view.state, number) for number in numbers}
-    for way in [(), *((mirror,) for mirror in view.mirrors)]:
-        open_to = _open_to(way, position, boxes)
-        reached = [number for number, ok in zip(numbers, open_to, strict=True) if ok]
-        shown = [surfaces[number] for number in reached]
-        seen = dict(zip(reached, _by_way(view, way, reached, shown, rules.num_probes), strict=True))
-        for number in numbers:
-            found[number].append(seen.get(number, HIDDEN))
+    surfaces = [Surface.of(view.state, number) for number in numbers]
+    all_ways: list[Way] = [(), *((mirror,) for mirror in view.mirrors)]
+    found = {number: [HIDDEN] * len(all_ways) for number in numbers}
+    for depth in (0, 1):
+        looks = []
+        for place, way in enumerate(all_ways):
+            if len(way) == depth:
+                image = mirrored(way, position)
+                looks += [
+                    Look(numbers[k], place, surfaces[k].lit_points(image, rules.num_probes))
+                    for k in np.flatnonzero(_open_to(way, position, boxes)).tolist()
+                ]
+        for look, sight in zip(looks, _seen(view, looks, depth), strict=True):
+            found[look.number][look.place] = sight
     return found
+
+
+class Look(NamedTuple):
+    """An object that may be seen by a way."""
+
+    number: int
+    """Instance id."""
+    place: int
+    """0 straight, k over the mirror with the number k - 1."""
+    points: Array
+    """On the faces that the way lights, shape (num_points, 3) [m, world]."""
 
 
 def _open_to(way: Way, position: Array, boxes: Sequence[Array]) -> npt.NDArray[np.bool_]:
@@ -101,23 +118,27 @@ def _open_to(way: Way, position: Array, boxes: Sequence[Array]) -> npt.NDArray[n
     return np.asarray(reaches(way, position, np.concatenate(boxes)).reshape(len(boxes), -1).any(axis=1))
 
 
-def _by_way(view: MirrorView, way: Way, numbers: Sequence[int], surfaces: Sequence[Surface], count: int) -> list[Sight]:
-    """Return what a way shows of objects, by points on their surfaces."""
-    if not numbers:
+def _seen(view: MirrorView, looks: Sequence[Look], depth: int) -> list[Sight]:
+    """Return what ways over as many mirrors show of objects, by points on their surfaces."""
+    if not looks:
         return []
     pose = view.mount.pose
-    image = mirrored(way, pose.position)
-    points = [surface.lit_points(image, count) for surface in surfaces]
-    size = np.array([len(some) for some in points])
-    joined = np.concatenate(points)
-    leg = view.leg(way, np.eye(3), joined, np.zeros_like(joined), np.repeat(np.array(numbers, dtype=np.int64), size))
-    seen = leg.visible & Viewpoint.of(view.radar, pose, np.zeros(3)).sees(leg.image)
+    size = np.array([len(look.points) for look in looks])
+    points = np.concatenate([look.points for look in looks])
+    owner, place = (np.repeat(np.array([look[k] for look in looks], dtype=np.int64), size) for k in (0, 1))
+    ways = np.repeat(place[:, None] - 1, depth, axis=1)
+    rows = np.flatnonzero(Viewpoint.of(view.radar, pose, np.zeros(3)).sees(view.chain(ways).images(points)[:, 0]))
+    rows = rows[view.shows(ways[rows], points[rows], owner[rows])]
+    leg = view.leg(ways[rows], np.eye(3), points[rows], np.zeros((len(rows), 3)))
     ahead = leg.image - pose.position
     length = np.sqrt(np.einsum("ij,ij->i", ahead, ahead))
     strength = largest_field_gain(view.radar.array, ahead @ pose.rotation) / np.maximum(length, 1e-3)
     strength = strength * _largest_gain(leg.jones)
-    rows = np.split(np.arange(len(seen)), np.cumsum(size)[:-1])
-    return [_sight(seen[some], strength[some], length[some]) for some in rows]
+    borders = np.searchsorted(rows, np.concatenate([[0], np.cumsum(size)]))
+    return [
+        _sight(strength[first:last], length[first:last], count)
+        for first, last, count in zip(borders[:-1], borders[1:], size, strict=True)
+    ]
 
 
 def _largest_gain(jones: npt.NDArray[np.complex128]) -> Array:
@@ -127,10 +148,11 @@ def _largest_gain(jones: npt.NDArray[np.complex128]) -> Array:
     return np.asarray(np.sqrt(0.5 * (total + np.sqrt(np.maximum(total**2 - 4.0 * product**2, 0.0)))))
 
 
-def _sight(seen: npt.NDArray[np.bool_], strength: Array, length: Array) -> Sight:
-    if not seen.any():
+def _sight(strength: Array, length: Array, count: int) -> Sight:
+    """Return an object by the points that are seen, of `count`."""
+    if not len(length):
         return HIDDEN
-    return Sight(float(seen.mean()), float(strength[seen].mean()), float(length[seen].min()))
+    return Sight(len(length) / count, float(strength.mean()), float(length.min()))
 
 
 def changes(seen: Sequence[Sight], mirrors: Sequence[Mirror], reach: float) -> list[Change]:
