@@ -46,6 +46,7 @@ from .core.specs.radar.waveforms.phase_coded import PcFmcw
 from .core.specs.weather import Weather
 from .dataset.captures import read_capture
 from .dataset.captures.capture import Capture
+from .dataset.captures.map_capture import MapCapture
 from .dataset.readers.reader import Dataset, open_dataset
 from .dataset.statistics.collect import DatasetStatistics, dataset_statistics
 from .engine.load import load_scene, stage
@@ -86,6 +87,7 @@ __all__ = [
     "Accuracy",
     "AutoSettings",
     "ChannelPlan",
+    "MapCapture",
     "MirrorSettings",
     "Mount",
     "RadarSettings",

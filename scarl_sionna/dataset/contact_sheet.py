@@ -67,9 +67,7 @@ def radar_maps(frame: RadarFrame) -> RadarMaps:
     power = rda.data.max(axis=0)
     if rda.elevation is not None:
         power = power.max(axis=-1)
-    return RadarMaps(
-        rda.range, rda.radial_velocity, rda.azimuth, watt_to_dbm(rda.range_doppler.power), watt_to_dbm(power)
-    )
+    return RadarMaps(rda.range, rda.radial_velocity, rda.azimuth, watt_to_dbm(rda.channels.power), watt_to_dbm(power))
 
 
 def contact_sheet(

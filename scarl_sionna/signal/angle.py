@@ -42,12 +42,12 @@ class RangeDopplerAngle(Described):
     radial_velocity : ndarray of float64, shape (num_doppler_bins,)
         Rising; positive when the distance opens [m/s].
     azimuth : ndarray of float64, shape (num_azimuth,)
-        Rising, left positive, uniform in its sine [rad].
+        Rising, left positive, uniform in its sine where it is made here [rad].
     elevation : ndarray of float64, shape (num_elevation,), or None
-        Rising, up positive, uniform in its sine [rad]; None if the array has no vertical extent.
+        Rising, up positive, uniform in its sine where it is made here [rad]; None if the array has no vertical extent.
     radar : RadarSpec
-    range_doppler : RangeDoppler
-        The channels that the angles were made of.
+    range_doppler : RangeDoppler or None
+        The channels that the angles were made of; None of a recorded map that has powers alone.
     noise_power : float
         Mean thermal noise power of a cell [W].
     """
@@ -58,8 +58,23 @@ class RangeDopplerAngle(Described):
     azimuth: Array
     elevation: Array | None
     radar: RadarSpec
-    range_doppler: RangeDoppler
+    range_doppler: RangeDoppler | None
     noise_power: float
+
+    @property
+    def channels(self) -> RangeDoppler:
+        """The channels that the angles were made of.
+
+        Raises
+        ------
+        ParameterRangeError
+            If the map has powers alone.
+        """
+        if self.range_doppler is None:
+            raise ParameterRangeError(
+                "rda", "a map of powers alone", "a map with the channels that it was made of", "read raw data"
+            )
+        return self.range_doppler
 
     def _facts(self) -> Iterable[Row]:
         strongest = np.unravel_index(int(self.data.argmax()), self.data.shape)
@@ -76,7 +91,8 @@ class RangeDopplerAngle(Described):
         place += f", {np.degrees(self.azimuth[strongest[2]]):.3g} deg"
         yield "strongest cell", f"{watt_to_dbm(self.data[strongest]):.1f} dBm at {place}"
         yield "noise_power", f"{watt_to_dbm(self.noise_power):.1f} dBm in a cell"
-        yield "range_doppler", f"its channels, {self.range_doppler.data.shape}"
+        has = "none: powers alone" if self.range_doppler is None else f"its channels, {self.range_doppler.data.shape}"
+        yield "range_doppler", has
         yield "radar", short(self.radar)
 
     def plot(

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, overload
 
 from scarl_sionna.core.errors import UnknownNameError
 
@@ -14,6 +14,7 @@ from .recognise import format_of
 
 if TYPE_CHECKING:
     from .capture import Capture
+    from .map_capture import MapCapture
 
 __all__ = ["FORMATS", "CaptureFormat", "read_capture"]
 
@@ -32,11 +33,29 @@ FORMATS: Mapping[str, CaptureFormat] = {
     "coloradar": CaptureFormat("datasets.coloradar", "read_coloradar_capture", "a run of ColoRadar, raw data"),
     "radelft": CaptureFormat("datasets.radelft", "read_radelft_capture", "RaDelft: TI's cascade board with its TDA2"),
     "radial": CaptureFormat("datasets.radial", "read_radial_capture", "a sequence of RADIal, raw data"),
+    "raddet_adc": CaptureFormat("datasets.rad_tensor", "read_raddet_adc_capture", "raw data of RADDet"),
+    "raddet": CaptureFormat("datasets.rad_tensor", "read_raddet_capture", "range-azimuth-Doppler tensors of RADDet"),
+    "carrada": CaptureFormat("datasets.rad_tensor", "read_carrada_capture", "range-azimuth-Doppler tensors of CARRADA"),
+    "kradar": CaptureFormat("datasets.kradar", "read_kradar_capture", "4D tensors of K-Radar"),
 }
 """Formats by name."""
 
 
-def read_capture(path: str | Path, format: str | None = None, **options: object) -> Capture:
+@overload
+def read_capture(
+    path: str | Path, format: Literal["dca1000", "coloradar", "radelft", "radial", "raddet_adc"], **options: object
+) -> Capture: ...
+
+
+@overload
+def read_capture(path: str | Path, format: Literal["raddet", "carrada", "kradar"], **options: object) -> MapCapture: ...
+
+
+@overload
+def read_capture(path: str | Path, format: str | None = None, **options: object) -> Capture | MapCapture: ...
+
+
+def read_capture(path: str | Path, format: str | None = None, **options: object) -> Capture | MapCapture:
     """Return what a real radar recorded.
 
     Parameters
@@ -50,8 +69,8 @@ def read_capture(path: str | Path, format: str | None = None, **options: object)
 
     Returns
     -------
-    Capture
-        Its frames are read one by one, when they are asked for.
+    Capture or MapCapture
+        Raw data, or maps where a dataset has maps alone. Frames are read one by one, when they are asked for.
 
     Raises
     ------
@@ -71,5 +90,5 @@ def read_capture(path: str | Path, format: str | None = None, **options: object)
         raise UnknownNameError("format of captures", format, FORMATS)
     chosen = FORMATS[format]
     module = import_module(f".{chosen.module}", __name__)
-    result: Capture = getattr(module, chosen.function)(path, **options)
+    result: Capture | MapCapture = getattr(module, chosen.function)(path, **options)
     return result

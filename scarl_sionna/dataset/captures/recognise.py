@@ -12,6 +12,8 @@ MARKS: Mapping[str, tuple[str, ...]] = {
     "coloradar": ("single_chip/adc_samples", "cascade/adc_samples"),
     "radelft": ("master_*_data.bin",),
     "radial": ("*_events_log.rec",),
+    "carrada": ("RAD_numpy/*.npy",),
+    "kradar": ("radar_tesseract/tesseract_*.mat", "tesseract_*.mat"),
 }
 """Names of files that a folder of a format has one of."""
 STRONGER = (("radelft", "dca1000"),)

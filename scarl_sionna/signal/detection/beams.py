@@ -78,7 +78,7 @@ def beams_above(
     .. [1] M. A. Richards, *Fundamentals of Radar Signal Processing*, 2nd ed., 2014, ch. 6.5.
     """
     statistic = Statistic(**options)
-    areas, each = windows_of(rda.range_doppler, 1, pfa, *window, statistic)
+    areas, each = windows_of(rda.channels, 1, pfa, *window, statistic)
     shape = len(rda.radial_velocity), len(rda.range), -1
     chosen = np.ones(rda.data.shape, dtype=bool).reshape(shape) if tried is None else tried.reshape(shape)
     beams, out = rda.data.reshape(chosen.shape), np.zeros_like(chosen)
@@ -136,7 +136,7 @@ class Beams:
             if values is not None and axis in axes:
                 sines[:, axis] = np.sin(values)[index[2 + axis]]
         first = np.flatnonzero(np.diff(cell[order], prepend=-1))
-        return cls(index[0], index[1], sines, peak_offsets(rda.range_doppler, rda.data, index), first)
+        return cls(index[0], index[1], sines, peak_offsets(rda.channels, rda.data, index), first)
 
     def cells(self, rd: RangeDoppler) -> Cells:
         """Return the cells, with the offsets of the strongest beam of each."""

@@ -106,7 +106,7 @@ def detect(
     expect("rda", rda, RangeDopplerAngle, "give ss.range_doppler_angle(cube, radar)")
     radar = rda.radar if radar is None else radar
     expect("radar", radar, RadarSpec, HOW_TO_RADAR)
-    rd, power = rda.range_doppler, rda.range_doppler.power
+    rd, power = rda.channels, rda.channels.power
     fitting = fitting_window((rd.data.shape[1], rd.data.shape[2]))
     peaks_only, unfold = options.pop("peaks_only", True), options.pop("unfold", True)
     most, per_beam = options.pop("most_directions", 3), options.pop("per_beam", False)
@@ -149,7 +149,7 @@ def _beams(
     found = np.asarray(above.reshape(*above.shape[:2], -1).any(axis=2))
     row, column = np.nonzero(found)
     if peaks_only:
-        leaked = leaked_over_the_ends(rda.range_doppler, found | summed, row, column)
+        leaked = leaked_over_the_ends(rda.channels, found | summed, row, column)
         above[row[leaked], column[leaked]] = False
     return Beams.of(rda, above, manifold.axes)
 
@@ -163,7 +163,7 @@ def _points(
     how: _How,
 ) -> RadarPoints:
     """Return the table of detected cells, one row a direction; `noise` is that of a cell of one channel [W]."""
-    rd, radar = rda.range_doppler, manifold.radar
+    rd, radar = rda.channels, manifold.radar
     if how.unfold:
         find = resolved if is_staggered(rd.radar) and beams is None else unfolded
         cells = find(cells, manifold, noise / radar.num_virtual)
