@@ -114,6 +114,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         PointScatterers([[1, 2, 3]], [[0, 0, 0]], 1.0),
         dataset,
         capture,
+        ss.MapCapture("raddet", RADAR, ("000001",), ("a note",), lambda frame: rda),
         dataset.scene(dataset.scenes[0]),
         dataset[0],
         ss.dataset_statistics(dataset),
