@@ -47,8 +47,12 @@ from .core.specs.weather import Weather
 from .dataset.captures import read_capture
 from .dataset.captures.capture import Capture
 from .dataset.captures.map_capture import MapCapture
+from .dataset.point_clouds import read_points
+from .dataset.point_clouds.own import point_table
+from .dataset.point_clouds.table import PointTable
 from .dataset.readers.reader import Dataset, open_dataset
 from .dataset.statistics.collect import DatasetStatistics, dataset_statistics
+from .dataset.statistics.of_points import PointStatistics, count_points
 from .engine.load import load_scene, stage
 from .engine.world import World, WorldState
 from .fusion import Rig
@@ -143,6 +147,8 @@ __all__ = [
     "RadomeLayer",
     "radome_effect",
     "Pinhole",
+    "PointStatistics",
+    "PointTable",
     "Pose",
     "RadarFrame",
     "RadarClusters",
@@ -174,6 +180,7 @@ __all__ = [
     "back_project",
     "cluster",
     "compile_scatterers",
+    "count_points",
     "dataset_statistics",
     "detect",
     "export",
@@ -187,6 +194,7 @@ __all__ = [
     "observe",
     "one_way_paths",
     "open_dataset",
+    "point_table",
     "point_targets",
     "quantize",
     "radar_cube",
@@ -195,6 +203,7 @@ __all__ = [
     "rcs",
     "read_actor_model",
     "read_capture",
+    "read_points",
     "retraced",
     "simulate",
     "solve_paths",

@@ -115,6 +115,8 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         dataset,
         capture,
         ss.MapCapture("raddet", RADAR, ("000001",), ("a note",), lambda frame: rda),
+        ss.point_table(dataset),
+        ss.count_points(ss.point_table(dataset)),
         dataset.scene(dataset.scenes[0]),
         dataset[0],
         ss.dataset_statistics(dataset),

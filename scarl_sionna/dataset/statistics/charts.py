@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .counted import Counted, Rows
+from .counted import Counted, CountedPoints, Rows
 from .groups import GROUP_NAMES, NO_GROUP
 
 COLOURS = {"car": "#2166ac", "large vehicle": "#7b3294", "two-wheeler": "#d95f02", "pedestrian": "#1b9e77"}
@@ -49,6 +49,16 @@ def charts(found: Counted) -> Figure:
         )  # fmt: skip # a table
         for draw, axes in zip(panels, figure.subplots(4, 2).ravel(), strict=True):
             draw(found, axes)
+        return figure
+
+
+def point_charts(found: CountedPoints) -> Figure:
+    """Return points of objects against range, and the distribution of RCS, as one figure."""
+    with mpl.rc_context(LOOK):
+        figure = Figure(figsize=(10.5, 3.6), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        _points_against_range(found, left)
+        _rcs(found, right)
         return figure
 
 
@@ -91,7 +101,7 @@ def _legend(axes: Axes) -> None:
         axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", color=NONE_COLOUR)
 
 
-def _points_against_range(found: Counted, axes: Axes) -> None:
+def _points_against_range(found: CountedPoints, axes: Axes) -> None:
     seen = found.scans[found.scans["points"] > 0]
     middle = (RANGE_EDGES[1:] + RANGE_EDGES[:-1]) / 2.0
     for name, colour, rows in _groups(seen):
@@ -112,17 +122,17 @@ def _looks_without_points(found: Counted, axes: Axes) -> None:
     _legend(axes)
 
 
-def _rcs(found: Counted, axes: Axes) -> None:
+def _rcs(found: CountedPoints, axes: Axes) -> None:
     _densities(found, "rcs_dbsm", RCS_EDGES, axes)
     axes.set(title="Radar cross section of points", xlabel="RCS [dBsm]", ylabel="share of the points [%]")
 
 
-def _snr(found: Counted, axes: Axes) -> None:
+def _snr(found: CountedPoints, axes: Axes) -> None:
     _densities(found, "snr_db", SNR_EDGES, axes)
     axes.set(title="Signal-to-noise ratio of points", xlabel="SNR [dB]", ylabel="share of the points [%]")
 
 
-def _densities(found: Counted, column: str, edges: npt.NDArray[np.float64], axes: Axes) -> None:
+def _densities(found: CountedPoints, column: str, edges: npt.NDArray[np.float64], axes: Axes) -> None:
     others = found.points[found.points["group"] == NO_GROUP]
     drawn = [*_groups(found.points), *([("of none of them", NONE_COLOUR, others)] if len(others) else [])]
     for name, colour, rows in drawn:

@@ -29,11 +29,8 @@ from scarl_sionna.dataset.formats.source import (
     no_progress,
 )
 
-from .counted import FARTHEST, FIELD_OF_VIEW_DEG, OBJECT_ROW, POINT_ROW, SCAN_ROW, Rows, SceneFacts
+from .counted import FARTHEST, FIELD_OF_VIEW_DEG, OBJECT_ROW, POINT_ROW, SCAN_ROW, Rows, SceneFacts, velocity_spread
 from .groups import GROUP_NAMES, GROUP_OF_SEMANTIC, NO_GROUP, weather_name
-
-FEWEST_FOR_SPREAD = 3
-"""Points of an object in a scan from which a spread of their velocities is told."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,7 +202,7 @@ class _Counter:
             own = np.bincount(owner[owner >= 0], minlength=len(users))
             farthest = min(FARTHEST, radar.spec.max_range)
             for number, item in _looked_at(users, radar.world_from_sensor, farthest):
-                spread = _spread(points.radial_velocity[owner == number], radar.spec.unambiguous_velocity)
+                spread = velocity_spread(points.radial_velocity[owner == number], 2.0 * radar.spec.unambiguous_velocity)
                 away = _away(radar.world_from_sensor, item)
                 self._rows["scans"].append((*_kind(item), away, own[number], spread))
             group = np.array([*(GROUP_OF_SEMANTIC[item.semantic] for item in users), NO_GROUP])[owner]
@@ -261,14 +258,6 @@ def _moves(item: ObjectState) -> bool:
 def _away(world_from_here: Pose, item: ObjectState) -> float:
     """Return the distance of an object's centre over ground [m]."""
     return float(np.linalg.norm((item.world_from_box.position - world_from_here.position)[:2]))
-
-
-def _spread(velocity: npt.NDArray[np.float64], unambiguous: float) -> float:
-    """Return the standard deviation of radial velocities, each folded to the interval about the strongest point's."""
-    if len(velocity) < FEWEST_FOR_SPREAD:
-        return math.nan
-    gap = velocity - velocity[0]
-    return float(np.std(gap - 2.0 * unambiguous * np.rint(gap / (2.0 * unambiguous))))
 
 
 def _looked_at(items: list[ObjectState], world_from_radar: Pose, farthest: float) -> Iterator[tuple[int, ObjectState]]:

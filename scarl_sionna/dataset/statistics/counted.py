@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -20,6 +21,9 @@ SCAN_ROW = np.dtype([("group", "i1"), ("moving", "?"), ("range", "f4"), ("points
 POINT_ROW = np.dtype([("group", "i1"), ("moving", "?"), ("range", "f4"), ("snr_db", "f4"), ("rcs_dbsm", "f4")])
 Rows = npt.NDArray[np.void]
 
+FEWEST_FOR_SPREAD = 3
+"""Points of an object in a scan from which a spread of their velocities is told."""
+
 FIELD_OF_VIEW_DEG = 60.0
 """Half angle in azimuth within which a radar counts as looking at an object [deg]: that of RadarScenes' sensors."""
 FARTHEST = 100.0
@@ -36,7 +40,21 @@ class SceneFacts:
     num_frames: int
 
 
-class Counted(Protocol):
+class CountedPoints(Protocol):
+    """What charts of points alone read."""
+
+    @property
+    def scans(self) -> Rows:
+        """Rows of `SCAN_ROW`."""
+        raise NotImplementedError
+
+    @property
+    def points(self) -> Rows:
+        """Rows of `POINT_ROW`."""
+        raise NotImplementedError
+
+
+class Counted(CountedPoints, Protocol):
     """What charts, figures and the page read; see :class:`~.collect.DatasetStatistics`."""
 
     @property
@@ -47,16 +65,6 @@ class Counted(Protocol):
     @property
     def objects(self) -> Rows:
         """Rows of `OBJECT_ROW`."""
-        raise NotImplementedError
-
-    @property
-    def scans(self) -> Rows:
-        """Rows of `SCAN_ROW`."""
-        raise NotImplementedError
-
-    @property
-    def points(self) -> Rows:
-        """Rows of `POINT_ROW`."""
         raise NotImplementedError
 
     @property
@@ -92,3 +100,24 @@ class Counted(Protocol):
 
     def class_balance(self) -> dict[str, tuple[int, int]]:
         """Labels and objects by semantic class."""
+
+
+def velocity_spread(velocity: npt.NDArray[np.float64], interval: float) -> float:
+    """Return the standard deviation of the radial velocities of an object's points in a scan [m/s].
+
+    Parameters
+    ----------
+    velocity : ndarray of float64, shape (num_points,)
+        [m/s], the strongest point first.
+    interval : float
+        Width that they are folded to [m/s]: each is unfolded about the first; nan: they are not folded.
+
+    Returns
+    -------
+    float
+        nan below `FEWEST_FOR_SPREAD` points. By definition of the standard deviation.
+    """
+    if len(velocity) < FEWEST_FOR_SPREAD:
+        return math.nan
+    gap = velocity - velocity[0]
+    return float(np.std(gap if math.isnan(interval) else gap - interval * np.rint(gap / interval)))
