@@ -24,12 +24,8 @@ from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.derived.boxes import nearest_footprint
 from scarl_sionna.dataset.formats import FrameSource, SceneFrames
 from scarl_sionna.dataset.statistics.charts import by_range
-from scarl_sionna.dataset.statistics.collect import (
-    DatasetStatistics,
-    _spread,
-    dataset_statistics,
-)
-from scarl_sionna.dataset.statistics.counted import OBJECT_ROW, POINT_ROW, SCAN_ROW, SceneFacts
+from scarl_sionna.dataset.statistics.collect import DatasetStatistics, dataset_statistics
+from scarl_sionna.dataset.statistics.counted import OBJECT_ROW, POINT_ROW, SCAN_ROW, SceneFacts, velocity_spread
 from scarl_sionna.dataset.statistics.groups import GROUP_NAMES, weather_name
 from scarl_sionna.dataset.statistics.published import FIGURES, compare
 from tests.drive import drive
@@ -75,9 +71,9 @@ def test_a_point_belongs_to_the_nearest_footprint_whatever_its_height() -> None:
 
 
 def test_velocities_are_spread_about_the_strongest_point_and_folded() -> None:
-    assert _spread(np.array([4.9, 5.1, 5.0]), 20.0) == pytest.approx(np.std([4.9, 5.1, 5.0]))
-    assert _spread(np.array([9.9, -9.9, 9.8]), 10.0) == pytest.approx(np.std([9.9, 10.1, 9.8]))  # over the edge
-    assert math.isnan(_spread(np.array([1.0, 2.0]), 10.0))
+    assert velocity_spread(np.array([4.9, 5.1, 5.0]), 40.0) == pytest.approx(np.std([4.9, 5.1, 5.0]))
+    assert velocity_spread(np.array([9.9, -9.9, 9.8]), 20.0) == pytest.approx(np.std([9.9, 10.1, 9.8]))  # over the edge
+    assert math.isnan(velocity_spread(np.array([1.0, 2.0]), 20.0))
 
 
 # -- counting --------------------------------------------------------------------------------------------------------
