@@ -13,6 +13,7 @@ import numpy as np
 
 from tests.exports import RIG
 from tests.malformed import EVIL, Kind, evil_text, mutated
+from tests.malformed_captures import CAPTURES
 from tests.malformed_datasets import DATASETS
 from tests.scenes import Thing, box, plane, write_scene
 
@@ -380,4 +381,5 @@ KINDS: Mapping[str, Kind] = {
     "commonroad": _kind(_commonroad, ("c.xml",), _read_commonroad, ENTITIES),
     "numbers": Kind(_write_numbers, ("model.npz", "scan.npz", "scan.csv"), _read_numbers, _evil_numbers),
     **DATASETS,
+    **CAPTURES,
 }  # fmt: skip # a table
