@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,37 +13,13 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import DatasetError, OutputError
 
 from .data import INPUTS, Samples
-from .grid import Objects
+from .outcomes import Experiment, MadeWith, Outcome, add_outcomes, read_outcomes
 
 FRAMES = ("all", "clear", "one seed", "three seeds, thinned", "three seeds")
 """Which frames a network may learn from; see `Experiment`."""
 NUM_RUNS = 3
 """Trainings of each kind, from other first weights."""
 _SEED = re.compile(r"_s(\d+)$")
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """A training.
-
-    Parameters
-    ----------
-    inputs : str
-        What the network sees.
-    method : str
-        How the radar was simulated in training.
-    frames : str
-        Which frames of the training split it learns from: ``"all"``; ``"clear"``, those without rain; ``"one seed"``,
-        the drives of one seed of each scenario; ``"three seeds"``; ``"three seeds, thinned"``, as many frames as one
-        seed has.
-    run : int
-        Number of the repetition: the seed of the training, and which seeds of the scenarios come first.
-    """
-
-    inputs: str
-    method: str
-    frames: str
-    run: int
 
 
 def experiments(methods: Sequence[str], num_runs: int = NUM_RUNS) -> list[Experiment]:
@@ -80,32 +54,6 @@ def _seed_of(drive: str) -> int:
     return int(found[1]) if found else 0
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What the network of an experiment finds in the test frames whose radar is simulated by a method.
-
-    Attributes
-    ----------
-    experiment : Experiment
-    test_method : str
-    num_frames : int
-        Frames in training.
-    seconds : float
-        CPU time of the training [s].
-    found : list of Objects
-        By test frame.
-    made_with : dict
-        Steps of the training, and the digest of the frames.
-    """
-
-    experiment: Experiment
-    test_method: str
-    num_frames: int
-    seconds: float
-    found: list[Objects]
-    made_with: dict[str, int | str] = field(default_factory=dict)
-
-
 def run_experiments(
     samples: Samples,
     chosen: Iterable[Experiment],
@@ -117,7 +65,7 @@ def run_experiments(
 
     Raises
     ------
-    OutputError
+    InputFileError, OutputError
         As of :func:`finished`.
     DatasetError
         If there is no frame to train on or to test with.
@@ -129,7 +77,7 @@ def run_experiments(
         if not len(rows):
             raise DatasetError(f"no frame is in the split {split!r}: make more drives, or give --splits to the export")
     done = {outcome.experiment for outcome in finished(samples, file, num_steps)}
-    made_with = {"steps": num_steps, "dataset": samples.digest()}
+    made_with = MadeWith(steps=num_steps, dataset=samples.digest())
     for experiment in chosen:
         if experiment in done:
             continue
@@ -139,10 +87,8 @@ def run_experiments(
         network = train(samples, rows, experiment.inputs, experiment.method, settings)
         seconds = time.process_time() - started
         found = {method: detections(network, samples, test, experiment.inputs, method) for method in samples.methods}
-        about = {"num_frames": len(rows), "seconds": seconds, "made_with": made_with}
-        _end_last_line(file)
-        with open(file, "a", encoding="utf-8") as out:
-            out.write(json.dumps({"experiment": asdict(experiment), **about, "found": _plain(found)}) + "\n")
+        about = {"num_frames": len(rows), "seconds": seconds, "made_with": made_with.model_dump()}
+        add_outcomes(file, experiment, about, found)
         on_done(f"{experiment}: {len(rows)} frames, {seconds:.1f} s of CPU")
 
 
@@ -151,59 +97,17 @@ def finished(samples: Samples, file: str | Path, num_steps: int | None = None) -
 
     Raises
     ------
+    InputFileError
+        As of :func:`read_outcomes`.
     OutputError
-        If some is of other frames, or of another number of steps than asked for, or than the rest.
+        If some is of other frames, or of another number of them, or of another number of steps than asked for, or than
+        the rest.
     """
-    outcomes = list(read_outcomes(file))
+    outcomes, digest, num_test = list(read_outcomes(file)), samples.digest(), len(samples.rows("test"))
     for outcome in outcomes:
-        steps = outcomes[0].made_with.get("steps") if num_steps is None else num_steps
-        if outcome.made_with != {"steps": steps, "dataset": samples.digest()}:
+        steps = outcomes[0].made_with.steps if num_steps is None else num_steps
+        if (outcome.made_with.steps, outcome.made_with.dataset, len(outcome.found)) != (steps, digest, num_test):
             raise OutputError(
                 f"{file} holds results of other frames or another number of steps: give another --out, or remove it"
             )
     return outcomes
-
-
-def _plain(found: Mapping[str, Sequence[Objects]]) -> dict[str, list[dict[str, object]]]:
-    return {
-        method: [
-            {
-                "places": some.places.round(3).tolist(),
-                "kinds": some.kinds.tolist(),
-                "scores": some.scores.round(5).tolist(),
-            }
-            for some in frames
-        ]
-        for method, frames in found.items()
-    }
-
-
-def _end_last_line(file: str | Path) -> None:
-    """Cut off what a killed training left of a line."""
-    if Path(file).exists():
-        with open(file, "rb+") as out:
-            out.truncate(out.read().rfind(b"\n") + 1)
-
-
-def read_outcomes(file: str | Path) -> Iterator[Outcome]:
-    """Yield what :func:`run_experiments` wrote; nothing where there is no file.
-
-    A last line without its end is of a training that was killed while it was written, and does not count.
-    """
-    if not Path(file).exists():
-        return
-    for text in Path(file).read_text(encoding="utf-8").splitlines(keepends=True):
-        if not text.endswith("\n"):
-            return
-        line = json.loads(text)
-        experiment = Experiment(**line["experiment"])
-        for method, frames in line["found"].items():
-            found = [
-                Objects(
-                    np.array(frame["places"], np.float64).reshape(-1, 2),
-                    np.array(frame["kinds"], np.int64),
-                    np.array(frame["scores"], np.float64),
-                )
-                for frame in frames
-            ]
-            yield Outcome(experiment, method, line["num_frames"], line["seconds"], found, line["made_with"])

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 import scarl_sionna as ss
-from scarl_sionna.core.errors import ScarlError, UnknownNameError
+from scarl_sionna.core.errors import DatasetError, ScarlError, UnknownNameError
+from scarl_sionna.core.untrusted.checked import Table, Text, checked
 from scarl_sionna.dataset.readers.reader import StoredFrame
 from scarl_sionna.dataset.statistics.groups import GROUP_OF_SEMANTIC
 
@@ -46,9 +47,30 @@ def strongest(levels: npt.NDArray[Any], place: npt.ArrayLike, grid: PolarGrid = 
     return float(levels[rows, columns].max()) * FULL_SNR_DB
 
 
-def seen_in(frame: StoredFrame, choices: Iterable[Mapping[str, Any]]) -> Iterator[Seen]:
+class _Choice(Table):
+    instance: Text
+    method: Text
+
+
+class _Diagnostics(Table):
+    """What `auto` says of a frame."""
+
+    choices: list[_Choice]
+
+
+def chosen_methods(diagnostics: object) -> dict[str, str]:
+    """Return by which method `auto` computed each object of a frame.
+
+    Raises
+    ------
+    ValueError
+        If that is not told there, as in datasets of old versions.
+    """
+    return {choice.instance: choice.method for choice in checked(_Diagnostics, diagnostics).choices}
+
+
+def seen_in(frame: StoredFrame, chosen: Mapping[str, str]) -> Iterator[Seen]:
     """Yield the road users of a frame that count in the baseline; those that `auto` left out are in nobody's hands."""
-    chosen = {choice["instance"]: str(choice["method"]) for choice in choices}
     maps = [radar_inputs(frame, f"{method}/radar")[0] for method in METHODS]
     to_radar = frame.radar[f"{METHODS[0]}/radar"].world_from_sensor.inverse()
     for item in frame.labels:
@@ -100,9 +122,19 @@ def _all(places: Iterable[Path]) -> Iterator[Seen]:
                 raise UnknownNameError(
                     "sensor", f"{method}/radar", dataset.sensors, "make it with examples/baseline/rig.yaml"
                 )
+        sensor = f"{METHODS[0]}/radar"
         for name in dataset.scenes:
             for frame in dataset.scene(name):
-                yield from seen_in(frame, frame.radar[f"{METHODS[0]}/radar"].diagnostics["choices"])
+                try:
+                    chosen = chosen_methods(frame.radar[sensor].diagnostics)
+                except ValueError as error:
+                    raise DatasetError(
+                        f"scene {name}, frame {frame.index}: {sensor!r} does not tell by what each object was "
+                        f"computed: {error}",
+                        place,
+                        "export it anew with this version",
+                    ) from None
+                yield from seen_in(frame, chosen)
 
 
 if __name__ == "__main__":

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .data import INPUTS, Samples
-from .experiments import Outcome
 from .grid import CLASSES, Objects
 from .metrics import Matched, matched_frames, mean_precision, table_of
+from .outcomes import Outcome
 
 RANGES = ((0.0, 20.0), (20.0, 40.0), (40.0, 64.0))
 """Classes of distance from the radar [m]."""

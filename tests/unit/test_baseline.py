@@ -11,12 +11,13 @@ import pytest
 import scarl_sionna as ss
 from examples.baseline import __main__ as command
 from examples.baseline.data import FULL_SNR_DB, MOST_POINTS, VELOCITY_BINS, Samples, velocity_map
-from examples.baseline.experiments import Experiment, Outcome, experiments, finished, training_rows
+from examples.baseline.experiments import experiments, finished, training_rows
 from examples.baseline.grid import CLASSES, HEAT_RADIUS, Objects, PolarGrid, decode, encode
-from examples.baseline.methods import Seen, strongest, table
+from examples.baseline.methods import Seen, chosen_methods, strongest, table
 from examples.baseline.metrics import average_precision, match, mean_precision, precision_table
+from examples.baseline.outcomes import Experiment, MadeWith, Outcome, add_outcomes, read_outcomes
 from examples.baseline.tables import Results, markdown
-from scarl_sionna.core.errors import OutputError
+from scarl_sionna.core.errors import InputFileError, OutputError
 from scarl_sionna.signal.angle import RangeDopplerAngle
 
 GRID = PolarGrid(40, 24, 1.6, 0.75)
@@ -141,12 +142,15 @@ def test_experiments_learn_from_the_frames_that_they_name(samples) -> None:
     assert len(set(experiments(("auto", "raycast")))) == len(experiments(("auto", "raycast")))
 
 
+MADE = MadeWith(steps=300, dataset="frames")
+
+
 def test_tables_tell_what_networks_found(samples) -> None:
     test = samples.rows("test")
     perfect = [samples.objects[row] for row in test]
     cars = [some.chosen(some.kinds == 0) for some in perfect]
     outcomes = [
-        Outcome(Experiment("map", method, "all", run), other, 16, 1.0, cars if method == "raycast" else perfect)
+        Outcome(Experiment("map", method, "all", run), other, 16, 1.0, cars if method == "raycast" else perfect, MADE)
         for method in samples.methods
         for other in samples.methods
         for run in range(2)
@@ -169,7 +173,7 @@ def test_tables_tell_what_networks_found(samples) -> None:
 def test_scatter_is_that_of_trainings(samples) -> None:
     perfect = [samples.objects[row] for row in samples.rows("test")]
     found = [perfect, [some.chosen(some.kinds == 0) for some in perfect], [objects([], []) for _ in perfect]]
-    outcomes = [Outcome(Experiment("map", "auto", "all", run), "auto", 16, 1.0, found[run]) for run in range(3)]
+    outcomes = [Outcome(Experiment("map", "auto", "all", run), "auto", 16, 1.0, found[run], MADE) for run in range(3)]
     results = Results(samples, outcomes)
     assert results.scatter([0, 1, 2]) == pytest.approx((0.5, 0.5))  # 1, 1/2 and 0
     assert results.scatter([0, 1], kind=0) == pytest.approx((1.0, 0.0))
@@ -179,20 +183,15 @@ def test_scatter_is_that_of_trainings(samples) -> None:
 
 
 def test_results_of_other_frames_are_refused_and_a_cut_line_does_not_count(samples, tmp_path) -> None:
-    file = tmp_path / "outcomes.jsonl"
-    made_with = {"steps": 300, "dataset": samples.digest()}
-    found = {"auto": [{"places": [[1.0, 2.0]], "kinds": [3], "scores": [0.5]}], "raycast": []}
-    line = json.dumps(
-        {
-            "experiment": {"inputs": "map", "method": "auto", "frames": "all", "run": 1},
-            "num_frames": 16,
-            "seconds": 2.0,
-            "made_with": made_with,
-            "found": found,
-        }
-    )
+    file, number = tmp_path / "outcomes.jsonl", len(samples.rows("test"))
+    made_with = MadeWith(steps=300, dataset=samples.digest()).model_dump()
+    about = {"num_frames": 16, "seconds": 2.0, "made_with": made_with}
+    nothing = objects([], [])
+    found = {"auto": [objects([[1.0, 2.0]], [3]), *[nothing] * (number - 1)], "raycast": [nothing] * number}
     assert finished(samples, file) == []
-    file.write_text(line + "\n" + line[:-5])
+    add_outcomes(file, Experiment("map", "auto", "all", 1), about, found)
+    line = file.read_text()
+    file.write_text(line + line[:-5])
     outcomes = finished(samples, file, 300)
     assert [outcome.test_method for outcome in outcomes] == ["auto", "raycast"]
     assert outcomes[0].experiment == Experiment("map", "auto", "all", 1) and outcomes[0].found[0].kinds.tolist() == [3]
@@ -200,6 +199,45 @@ def test_results_of_other_frames_are_refused_and_a_cut_line_does_not_count(sampl
         finished(samples, file, 200)
     with pytest.raises(OutputError, match="other frames"):
         finished(replace(samples, weather=samples.weather[::-1].copy()), file)
+    add_outcomes(file, Experiment("map", "auto", "all", 2), about, found)
+    assert file.read_text().count("\n") == 2 and len(finished(samples, file)) == 4  # what was cut is gone
+    add_outcomes(file, Experiment("map", "auto", "all", 3), about, {"auto": found["auto"][:-1]})
+    with pytest.raises(OutputError, match="other frames"):
+        finished(samples, file)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda line: line.pop("made_with"), "made_with"),
+        (lambda line: line["made_with"].update(steps=0), "steps"),
+        (lambda line: line["found"]["auto"][0].update(scores=[]), "0 scores"),
+        (lambda line: line["found"]["auto"][0].update(kinds=[99]), "kinds"),
+        (lambda line: line.update(found=[]), "found"),
+    ],
+)
+def test_results_of_an_old_version_are_refused_with_their_line(change, told, tmp_path) -> None:
+    file = tmp_path / "outcomes.jsonl"
+    about = {"num_frames": 16, "seconds": 2.0, "made_with": MADE.model_dump()}
+    for run in range(2):
+        add_outcomes(file, Experiment("map", "auto", "all", run), about, {"auto": [objects([[1.0, 2.0]], [3])]})
+    first, second = file.read_text().splitlines()
+    changed = json.loads(second)
+    change(changed)
+    file.write_text(f"{first}\n{json.dumps(changed)}\n")
+    with pytest.raises(InputFileError, match=rf"line 2 is no result.*{told}.*remove the file"):
+        list(read_outcomes(file))
+    file.write_text(f"{first}\nnot json\n")
+    with pytest.raises(InputFileError, match="line 2"):
+        list(read_outcomes(file))
+
+
+def test_what_auto_says_of_a_frame_is_checked() -> None:
+    told = {"choices": [{"instance": "car", "method": "sbr", "reason": "near"}], "met": True}
+    assert chosen_methods(told) == {"car": "sbr"}
+    for old in ({}, {"choices": {}}, {"choices": [{"instance": "car"}]}, None):
+        with pytest.raises(ValueError, match=r"choices|method|table|mapping|dict"):
+            chosen_methods(old)
 
 
 def test_methods_are_compared_where_an_object_is() -> None:
