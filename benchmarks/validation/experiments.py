@@ -1,6 +1,6 @@
 """Experiments behind the causes of rows outside: one thing changed at a time.
 
-python benchmarks/validation/experiments.py people | bicycle | car      2, 1 and 5 minutes
+python benchmarks/validation/experiments.py people | bicycle | car | bumpers      2, 1, 5 and 5 minutes
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -21,6 +22,7 @@ from benchmarks.validation.vehicles import SECTORS, in_sector
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
+from tests.scenes import Material, Thing, plane, write_scene
 
 STANDS = StaticTrajectory(Pose())
 
@@ -81,7 +83,49 @@ def car(folder: Path) -> None:
         print(f"{detail}, 20 m, 24 azimuths:", medians(aspect, level, SECTORS), "mean", mean_db(level), "dBsm")
 
 
+def beam(front: bool) -> trimesh.Trimesh:
+    """Return a crash beam of a car as a bent box, behind its bumper."""
+    sign, x, low, half, bow = (1.0, 2.20, 0.42, 0.62, 0.10) if front else (-1.0, -2.21, 0.40, 0.60, 0.06)
+    y = np.linspace(-half, half, 25)
+    face = x - sign * bow * (y / half) ** 2
+    around = ((0.0, 0.0), (0.0, 0.12), (-0.06, 0.12), (-0.06, 0.0))
+    corners = np.stack([np.stack([face + sign * dx, y, np.full(25, low + dz)], axis=1) for dx, dz in around], axis=1)
+    a = 4 * np.arange(24)[:, None] + np.arange(4)
+    b = 4 * np.arange(24)[:, None] + (np.arange(4) + 1) % 4
+    faces = np.concatenate([np.stack([a, a + 4, b], axis=-1), np.stack([b, a + 4, b + 4], axis=-1)]).reshape(-1, 3)
+    return trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False)
+
+
+def bumpers(folder: Path) -> None:
+    """Print the ends of the saloon from 20 m as it is, and with its bumpers of plastic over metal beams."""
+    whole = ss.stage("highway_guardrail", [ss.StagedActor("it", "saloon", STANDS)])
+    things, materials = [], {}
+    for number, (mesh, material) in enumerate(actor_parts(whole, "it")):
+        pieces = [(mesh, material.name)]
+        if material.name == "car_paint" and np.ptp(mesh.vertices[:, 0]) > 4.0:
+            middle = mesh.vertices[mesh.faces].mean(axis=1)
+            bumper = (np.abs(middle[:, 0]) > 1.76) & (middle[:, 2] < 0.71)
+            pieces = [
+                (trimesh.Trimesh(mesh.vertices, mesh.faces[chosen], process=False), name)
+                for chosen, name in ((~bumper, "car_paint"), (bumper, "plastic"))
+            ]
+        for piece, (part, name) in enumerate(pieces):
+            materials[name] = Material(radio=name)
+            things.append(Thing(f"part_{number}_{piece}", part, "Car", name))
+    things += [Thing(f"beam_{front}", beam(front), "Car", "metal") for front in (True, False)]
+    speck = Thing("it", plane(1e-3, 1e-3), "Car", "metal", trajectory={"kind": "static", "position": [0.0, 0.0, 0.0]})
+    phi = azimuths(36)
+    aspect = np.degrees(np.minimum(phi, 2.0 * np.pi - phi))
+    worlds = {
+        "as it is": alone("saloon", "detailed", STANDS, folder / "it"),
+        "bumpers of plastic": ss.load_scene(write_scene(folder / "bumpers", things, [speck], materials)),
+    }
+    for label, world in worlds.items():
+        level = 10.0 * np.log10(powers(world, 0.0, phi, 20.0, 0.6)[:, 0])
+        print(f"{label}:", ", ".join(f"{n} {np.median(in_sector(aspect, level, n)):.1f}" for n in SECTORS), "dBsm")
+
+
 if __name__ == "__main__":
-    chosen = {"people": people, "bicycle": bicycle, "car": car}[sys.argv[1]]
+    chosen = {"people": people, "bicycle": bicycle, "car": car, "bumpers": bumpers}[sys.argv[1]]
     with tempfile.TemporaryDirectory() as place:
         chosen(Path(place))

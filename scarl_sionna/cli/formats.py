@@ -117,6 +117,9 @@ def stats(
     every: Annotated[int, typer.Option(min=1, help="Count only every n-th frame of each scene.")] = 1,
     pfa: Annotated[float, typer.Option(help="Probability of false alarm of the radar detector.")] = 1e-6,
     margin: Annotated[float, typer.Option(help="A radar point this far from a box is still the object's [m].")] = 0.5,
+    most_points: Annotated[
+        int | None, typer.Option(min=1, help="Keep the strongest points of a radar and frame only (default: all).")
+    ] = None,
 ) -> None:
     """Count what a dataset holds and write it as a page, beside published figures of other datasets.
 
@@ -127,7 +130,9 @@ def stats(
 
         data = taken.read()
         with _progress() as report:
-            found = dataset_statistics(data, pfa=pfa, margin=margin, every=every, on_progress=report)
+            found = dataset_statistics(
+                data, pfa=pfa, margin=margin, every=every, most_points=most_points, on_progress=report
+            )
         typer.echo(str(found))
         typer.echo(f"page: {found.save(out)}")
 

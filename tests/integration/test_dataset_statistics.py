@@ -155,6 +155,13 @@ def test_a_stored_dataset_gives_the_same_numbers_and_reads_no_picture(found, tmp
     assert "Car: 6 of 2" in repr(stored)
 
 
+def test_the_strongest_point_of_each_radar_and_frame_is_kept(found) -> None:
+    few = dataset_statistics(SOURCE, most_points=1)
+    assert found.points_per_scan.tolist() == [2] * 6 and few.points_per_scan.tolist() == [1] * 6
+    np.testing.assert_array_equal(few.points["snr_db"], found.points["snr_db"].reshape(6, 2).max(axis=1))
+    assert "the strongest 1 of a scan" in repr(few) and "the strongest 1 of a radar" in _page(few)
+
+
 def _no_picture(*_: object) -> None:
     raise AssertionError("a picture was read")
 
@@ -171,7 +178,9 @@ def test_occlusion_is_that_of_the_camera_that_sees_most(found) -> None:
     assert "Occlusion" in _page(counted)  # a dataset without radars has a page, too
 
 
-@pytest.mark.parametrize("arguments", [{"every": 0}, {"margin": -1.0}, {"margin": math.nan}, {"pfa": 2.0}])
+@pytest.mark.parametrize(
+    "arguments", [{"every": 0}, {"margin": -1.0}, {"margin": math.nan}, {"pfa": 2.0}, {"most_points": 0}]
+)
 def test_parameters_out_of_range_are_refused(arguments) -> None:
     with pytest.raises(ParameterRangeError):
         dataset_statistics(SOURCE, **arguments)

@@ -60,6 +60,8 @@ class DatasetStatistics(Described):
         Points of all radars in a frame.
     pfa, margin : float
         Probability of false alarm of the detector; see above [m].
+    most_points : int or None
+        How many points of a radar and frame were kept, the strongest; None: all.
     """
 
     scenes: tuple[SceneFacts, ...]
@@ -70,6 +72,7 @@ class DatasetStatistics(Described):
     points_per_frame: npt.NDArray[np.int64]
     pfa: float
     margin: float
+    most_points: int | None = None
 
     @property
     def num_frames(self) -> int:
@@ -102,7 +105,8 @@ class DatasetStatistics(Described):
         yield "weather", listed(f"{name}: {count}" for name, count in self.frames_by("weather").items())
         balance = self.class_balance()
         yield "labels", listed(f"{name}: {labels} of {objects}" for name, (labels, objects) in balance.items())
-        yield "radar points", f"{len(self.points)}, false alarm {self.pfa:g}, within {self.margin:g} m of a box"
+        kept = "" if self.most_points is None else f", the strongest {self.most_points} of a scan"
+        yield "radar points", f"{len(self.points)}, false alarm {self.pfa:g}{kept}, within {self.margin:g} m of a box"
         for number, name in enumerate(GROUP_NAMES):
             scans = self.scans[self.scans["group"] == number]
             if len(scans):
@@ -139,6 +143,7 @@ def dataset_statistics(
     pfa: float = 1e-6,
     margin: float = 0.5,
     every: int = 1,
+    most_points: int | None = None,
     on_progress: OnProgress = no_progress,
 ) -> DatasetStatistics:
     """Count what a dataset holds: labels, radar points of each object, their RCS and SNR, occlusion, weather.
@@ -153,6 +158,8 @@ def dataset_statistics(
         A radar point this far from a road user's box, seen from above, is still its own [m].
     every : int
         Only every n-th frame of each scene.
+    most_points : int, optional
+        Keep the strongest points of a radar and frame only, as a device whose list of targets is that long.
     on_progress : callable
 
     Raises
@@ -164,12 +171,14 @@ def dataset_statistics(
     """
     if every < 1:
         raise ParameterRangeError("every", every, ">= 1")
+    if most_points is not None and most_points < 1:
+        raise ParameterRangeError("most_points", most_points, ">= 1")
     if not 0.0 <= margin < math.inf:
         raise ParameterRangeError("margin", f"{margin:g} m", ">= 0 m")
     source = as_source(data)
     if not source.num_frames:
         raise ParameterRangeError("dataset", "no frames", "at least one frame")
-    counter = _Counter(source, pfa, margin)
+    counter = _Counter(source, pfa, margin, most_points)
     indices = [range(0, len(scene), every) for scene in source.scenes]
     total, done = sum(map(len, indices)), 0
     for number, (scene, chosen) in enumerate(zip(source.scenes, indices, strict=True)):
@@ -184,8 +193,8 @@ def dataset_statistics(
 class _Counter:
     """Gathers the rows of all frames."""
 
-    def __init__(self, source: FrameSource, pfa: float, margin: float) -> None:
-        self.source, self.pfa, self.margin = source, pfa, margin
+    def __init__(self, source: FrameSource, pfa: float, margin: float, most_points: int | None) -> None:
+        self.source, self.pfa, self.margin, self.most_points = source, pfa, margin, most_points
         self._scenes: list[SceneFacts] = []
         self._rows: dict[str, list[Any]] = defaultdict(list)
 
@@ -196,8 +205,7 @@ class _Counter:
         counts = np.zeros(len(users), np.int64)
         per_frame = 0
         for radar in frame.radars.values():
-            sensed = sensed_points(frame, radar, self.pfa)
-            points = sensed.points
+            points = sensed_points(frame, radar, self.pfa).points.strongest(self.most_points)
             owner = nearest_footprint(users, radar.world_from_sensor.apply(points.position), self.margin)
             own = np.bincount(owner[owner >= 0], minlength=len(users))
             farthest = min(FARTHEST, radar.spec.max_range)
@@ -242,7 +250,7 @@ class _Counter:
         objects, scans, points = (np.concatenate(self._rows[f"{name} done"]) for name in ("objects", "scans", "points"))
         per_scan, per_frame = (np.array(self._rows[f"points_per_{name}"], np.int64) for name in ("scan", "frame"))
         return DatasetStatistics(
-            tuple(self._scenes), objects, scans, points, per_scan, per_frame, self.pfa, self.margin
+            tuple(self._scenes), objects, scans, points, per_scan, per_frame, self.pfa, self.margin, self.most_points
         )
 
 

@@ -83,6 +83,11 @@ class Counted(CountedPoints, Protocol):
         raise NotImplementedError
 
     @property
+    def most_points(self) -> int | None:
+        """How many points of a radar and frame were kept, the strongest."""
+        raise NotImplementedError
+
+    @property
     def margin(self) -> float:
         """Farthest of a point from its box [m]."""
         raise NotImplementedError

@@ -45,9 +45,10 @@ def page(found: Counted) -> str:
 
 
 def _explained(found: Counted) -> str:
+    kept = "" if found.most_points is None else f", the strongest {found.most_points} of a radar and frame"
     return html.escape(
         "Radar points are those of the project's detector on the stored cubes (probability of false alarm "
-        f"{found.pfa:g}). A point belongs to the road user whose box, seen from above, is nearest and within "
+        f"{found.pfa:g}){kept}. A point belongs to the road user whose box, seen from above, is nearest and within "
         f"{found.margin:g} m. A radar looks at what is within {FIELD_OF_VIEW_DEG:g} deg of its axis and {FARTHEST:g} m "
         "(or its own reach), hidden or not. Other datasets have other sensors, detectors and labels: compare shapes "
         "and ratios before levels."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,6 +70,11 @@ class RadarPoints(
     def num_points(self) -> int:
         """Number of detections."""
         return int(self.range.shape[0])
+
+    def strongest(self, count: int | None) -> RadarPoints:
+        """Return the strongest points only, as a device sends whose list is that long; None: all."""
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        return RadarPoints(**{name: None if column is None else column[:count] for name, column in columns.items()})
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the detections from above, in the radar frame, coloured by radial velocity; larger: higher SNR.
