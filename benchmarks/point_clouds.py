@@ -1,10 +1,10 @@
 """Statistics of radar points beside RadarScenes: a radar like theirs in traffic of five places, `auto`, draft.
 
-    python benchmarks/point_clouds.py frames                     30 frames into build/point_clouds; goes on where it stopped
+    python benchmarks/point_clouds.py frames        30 frames into build/point_clouds, 20 min; goes on
     python benchmarks/point_clouds.py table [--write docs/statistics.md]
 
-RadarScenes (arXiv 2104.02493): four radars alike, 100 m, 60 deg to each side, 0.15 m, 0.1 km/h, 0.5 to 2 deg. That takes
-frames of 70 ms and some 60 channels; here it is 35 ms and 32 channels, 0.2 km/h and 3.6 deg. Chirps, places of the
+RadarScenes (arXiv 2104.02493): four radars alike, 100 m, 60 deg to each side, 0.15 m, 0.1 km/h, 0.5 to 2 deg. That
+takes frames of 70 ms and some 60 channels; here it is 35 ms, 32 channels, 0.2 km/h and 3.6 deg. Chirps, places of the
 antennas, power and noise are this project's. Their devices send a list of limited length; 206 is its mean in motion.
 """
 
