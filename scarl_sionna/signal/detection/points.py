@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -74,7 +74,8 @@ class RadarPoints(
     def strongest(self, count: int | None) -> RadarPoints:
         """Return the strongest points only, as a device sends whose list is that long; None: all."""
         columns = {field.name: getattr(self, field.name) for field in fields(self)}
-        return RadarPoints(**{name: None if column is None else column[:count] for name, column in columns.items()})
+        kept: dict[str, Any] = {name: column[:count] for name, column in columns.items() if column is not None}
+        return RadarPoints(**kept)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the detections from above, in the radar frame, coloured by radial velocity; larger: higher SNR.
