@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -108,18 +108,25 @@ def view(
         typer.echo(f"{data.num_frames} frames " + ("shown" if save is None else f"written to {save}"))
 
 
+@dataclass(frozen=True)
+class _Counting:
+    """Options of what is counted."""
+
+    every: Annotated[int, typer.Option(min=1, help="Count only every n-th frame of each scene.")] = 1
+    pfa: Annotated[float, typer.Option(help="Probability of false alarm of the radar detector.")] = 1e-6
+    margin: Annotated[float, typer.Option(help="A radar point this far from a box is still the object's [m].")] = 0.5
+    most_points: Annotated[
+        int | None, typer.Option(min=1, help="Keep the strongest points of a radar and frame only (default: all).")
+    ] = None
+
+
 @app.command()
-@grouped_options("taken")
+@grouped_options("taken", "counting")
 def stats(
     context: typer.Context,
     taken: _Frames,
+    counting: _Counting,
     out: Annotated[Path, typer.Option(help="Page to write (HTML, one file).")] = Path("stats.html"),
-    every: Annotated[int, typer.Option(min=1, help="Count only every n-th frame of each scene.")] = 1,
-    pfa: Annotated[float, typer.Option(help="Probability of false alarm of the radar detector.")] = 1e-6,
-    margin: Annotated[float, typer.Option(help="A radar point this far from a box is still the object's [m].")] = 0.5,
-    most_points: Annotated[
-        int | None, typer.Option(min=1, help="Keep the strongest points of a radar and frame only (default: all).")
-    ] = None,
 ) -> None:
     """Count what a dataset holds and write it as a page, beside published figures of other datasets.
 
@@ -130,9 +137,7 @@ def stats(
 
         data = taken.read()
         with _progress() as report:
-            found = dataset_statistics(
-                data, pfa=pfa, margin=margin, every=every, most_points=most_points, on_progress=report
-            )
+            found = dataset_statistics(data, **asdict(counting), on_progress=report)
         typer.echo(str(found))
         typer.echo(f"page: {found.save(out)}")
 
