@@ -24,6 +24,7 @@ from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.formats import convert
 from tests.calibration_street import street
 from tests.drive import drive
+from tests.point_files import write_radar_scenes
 
 REPO = Path(__file__).resolve().parents[2]
 OWN_TESTS = ("getting_started.md", "reading.md", "formats.md")
@@ -112,6 +113,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_dataset(root / "out", source.rig, {"drive": list(source.scenes[0])})
     shutil.copytree(root / "out", root / "demo_out")
     convert(root / "out", "dca1000", root / "cap")
+    (root / "sequence_1").mkdir()
+    write_radar_scenes(root / "sequence_1", [(10**6, 1, [{"range_sc": 12.0, "label_id": 0, "track_id": b"a"}])])
     return root
 
 
