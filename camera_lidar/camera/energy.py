@@ -11,7 +11,7 @@ Array = npt.NDArray[np.float64]
 
 CELL_PX = 16.0
 """Side of the cells over which light is summed [px]."""
-CELL_OCTAVES = 0.5
+CELL_OCTAVES = 0.25
 """Width of a class of brightness [factors of two]."""
 _DARKEST = 20.0
 """Octaves below the brightest pixel: what is darker forms one class."""
@@ -36,7 +36,7 @@ def keep_energy(denoised: npt.NDArray[np.floating], traced: npt.NDArray[np.float
     dark ones. Both images' luminances are summed into a grid over row, column and logarithm of the denoised luminance,
     linearly between cells and smoothed over neighbours, and each pixel takes the ratio of the sums at its place:
 
-    .. math:: y = d \, \frac{(S r)(c)}{(S d)(c)}, \quad c = (i / 16, j / 16, 2 \log_2 d)
+    .. math:: y = d \, \frac{(S r)(c)}{(S d)(c)}, \quad c = (i / 16, j / 16, 4 \log_2 d)
 
     Pixels darker than their neighbourhood have sums of their own, so light does not leak to them. Sums over several
     cells are those of the traced image; colours are those of the denoised one.

@@ -17,6 +17,7 @@ from scarl_sionna.engine.world import WorldState
 
 from .motion import shifted_sensor, shifted_state
 from .projection import camera_optical_from_world, pixel_centres, pixel_rays, projection_key
+from .shutter import bands
 
 LABEL_NAMES = ("depth", "semantic", "instance", "normal", "flow")
 
@@ -99,7 +100,7 @@ def render_labels(
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).
     sensor_twist : Twist, optional
-        Its velocity, for the flow; default: at rest.
+        Its velocity, for the flow and a rolling shutter; default: at rest.
     images : collection of str
         ``"normal"`` and ``"flow"`` are made only when named here; the others always.
 
@@ -112,6 +113,8 @@ def render_labels(
     One ray a pixel: a pixel belongs wholly to what its centre sees, without blending at edges. *Error* of the depth:
     that of the float32 it is stored in (6e-8 relative), since the hit point is a float64 one.
     """
+    if spec.readout_time > 0.0:
+        return _rolling_labels(state, spec, world_from_sensor, sensor_twist or Twist(), images)
     hits = cast_pixels(state, spec, world_from_sensor)
     depth_of_hit = (hits.point - world_from_sensor.position) @ world_from_sensor.rotation[:, 0]
     depth_of_hit[depth_of_hit > spec.max_distance] = np.inf
@@ -132,6 +135,18 @@ def render_labels(
         flow = np.full((*shape, 2), np.nan, dtype=np.float32)
         flow.reshape(-1, 2)[hits.pixel] = _flow(state, spec, world_from_sensor, sensor_twist or Twist(), hits)
     return LabelImages(depth.reshape(shape), semantic.reshape(shape), instance.reshape(shape), normal, flow)
+
+
+def _rolling_labels(
+    state: WorldState, spec: CameraSpec, world_from_sensor: Pose, sensor_twist: Twist, images: Collection[str]
+) -> LabelImages:
+    """Return the labels of each band of rows at its own instant."""
+    parts = [
+        render_labels(band.state, band.spec, band.pose, sensor_twist, images)
+        for band in bands(state, spec, world_from_sensor, sensor_twist)
+    ]
+    columns = {name: [getattr(part, name) for part in parts] for name in LABEL_NAMES}
+    return LabelImages(**{name: np.concatenate(rows) for name, rows in columns.items() if rows[0] is not None})
 
 
 def _flow(

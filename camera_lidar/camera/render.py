@@ -21,9 +21,9 @@ from .denoise import denoise
 from .develop import develop
 from .energy import keep_energy
 from .falling import add_falling
-from .motion import shifted_sensor, shifted_state
 from .ray_sensor import launch_samples, ray_sensor
 from .shining import lamp_light
+from .shutter import Band, bands, exposure_moments
 
 ROULETTE_DEPTH = 3
 """Segments after which a light path ends at random (unbiased Russian roulette). 3 takes a quarter less time than
@@ -55,14 +55,14 @@ def render_radiance(
     state : scarl_sionna.engine.world.WorldState
     spec : CameraSpec
         `samples_per_pixel` are taken in launches of full grids (:func:`launch_samples`); `max_depth` bounds the light
-        path. With an `exposure_time` the samples are shared out over `num_shutter_times` instants. `denoise` is done
-        here.
+        path. With an `exposure_time` the samples are shared out over `num_shutter_times` instants, with a
+        `readout_time` the rows over `num_readout_bands`. `denoise` is done here.
     world_from_sensor : Pose
         Sensor frame (x forward, y left, z up).
     rng : numpy.random.Generator
         Draws the seed of the sampler: the same generator state gives the same bytes.
     sensor_twist : Twist, optional
-        Velocity of the sensor, for motion blur; default: at rest.
+        Velocity of the sensor, for motion blur and a rolling shutter; default: at rest.
 
     Returns
     -------
@@ -76,31 +76,52 @@ def render_radiance(
     docs/camera.md.
     """
     seed = int(rng.integers(2**32))
-    moments = _moments(state, spec, world_from_sensor, sensor_twist or Twist())
-    count = -(-spec.samples_per_pixel // len(moments))
-    guide_count = -(-min(GUIDE_SAMPLES, spec.samples_per_pixel) // len(moments))
-    radiance = np.zeros((spec.height, spec.width, 3), dtype=np.float64)
-    shining = np.zeros_like(radiance)
-    guides = np.zeros((spec.height, spec.width, 6), dtype=np.float64)
     apart = has_lamps(state)
-    for number, (moment, pose) in enumerate(moments):
-        view = _View(spec, pose, (seed + 7919 * number) % 2**32, count)
-        traced = _trace(moment, view)
-        if apart:
-            seen, sampled = _shining(moment, view, 1.0 / len(moments))
-            traced = np.maximum(traced - seen, 0.0)
-            shining += sampled / len(moments)
-        radiance += traced / len(moments)
-        if spec.denoise:
-            guides += _guides(moment, _View(spec, pose, seed, guide_count)) / len(moments)
-    image = radiance.astype(np.float32)
+    traced = _Traced.black(spec)
+    for number, band in enumerate(bands(state, spec, world_from_sensor, sensor_twist or Twist())):
+        traced.rows(band.rows).add(band, sensor_twist or Twist(), (seed + 15485863 * number) % 2**32, apart)
+    image = traced.reflected.astype(np.float32)
     if not spec.denoise:
-        return (radiance + shining).astype(np.float32) if apart else image
-    filtered = denoise(image, guides.astype(np.float32))
+        return (traced.reflected + traced.shining).astype(np.float32) if apart else image
+    filtered = denoise(image, traced.guides.astype(np.float32))
     if not apart:
         return filtered
-    surface = (guides != 0.0).any(axis=-1, keepdims=True)
-    return np.asarray(np.where(surface, keep_energy(filtered, image), radiance) + shining, dtype=np.float32)
+    surface = (traced.guides != 0.0).any(axis=-1, keepdims=True)
+    kept = np.where(surface, keep_energy(filtered, image), traced.reflected)
+    return np.asarray(kept + traced.shining, dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class _Traced:
+    """What is traced of an image: light without and with lamps in view apart, albedo and normals; rows are views."""
+
+    reflected: npt.NDArray[np.float64]
+    shining: npt.NDArray[np.float64]
+    guides: npt.NDArray[np.float64]
+
+    @classmethod
+    def black(cls, spec: CameraSpec) -> _Traced:
+        return cls(*(np.zeros((spec.height, spec.width, channels)) for channels in (3, 3, 6)))
+
+    def rows(self, rows: slice) -> _Traced:
+        return _Traced(self.reflected[rows], self.shining[rows], self.guides[rows])
+
+    def add(self, band: Band, sensor_twist: Twist, seed: int, apart: bool) -> None:
+        """Add what a band sees, the mean over the instants of its exposure."""
+        spec = band.spec
+        moments = exposure_moments(band.state, spec, band.pose, sensor_twist)
+        count = -(-spec.samples_per_pixel // len(moments))
+        guide_count = -(-min(GUIDE_SAMPLES, spec.samples_per_pixel) // len(moments))
+        for number, (moment, pose) in enumerate(moments):
+            view = _View(spec, pose, (seed + 7919 * number) % 2**32, count)
+            traced = _trace(moment, view)
+            if apart:
+                seen, sampled = _shining(moment, view, 1.0 / len(moments))
+                traced = np.maximum(traced - seen, 0.0)
+                self.shining[:] += sampled / len(moments)
+            self.reflected[:] += traced / len(moments)
+            if spec.denoise:
+                self.guides[:] += _guides(moment, _View(spec, pose, seed, guide_count)) / len(moments)
 
 
 def has_lamps(state: WorldState) -> bool:
@@ -109,20 +130,6 @@ def has_lamps(state: WorldState) -> bool:
     if lighting is None:
         return False
     return lighting.headlamps or lighting.street_lamps or bool(state.world.document.info.get("enclosed", False))
-
-
-def _moments(
-    state: WorldState, spec: CameraSpec, world_from_sensor: Pose, sensor_twist: Twist
-) -> list[tuple[WorldState, Pose]]:
-    """Return the states and sensor poses at the instants of the exposure, evenly about the frame's time."""
-    if spec.exposure_time == 0.0 or spec.num_shutter_times == 1:
-        return [(state, world_from_sensor)]
-    offsets = ((np.arange(spec.num_shutter_times) + 0.5) / spec.num_shutter_times - 0.5) * spec.exposure_time
-    moments = []
-    for offset in offsets.tolist():
-        moment = shifted_state(state, offset)
-        moments.append((moment, shifted_sensor(state, moment, world_from_sensor, sensor_twist)))
-    return moments
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from .render import render_rgb
 
 
 class Camera:
-    """A camera with a global shutter, whose RGB and label images share one projection.
+    """A camera with a global or rolling shutter, whose RGB and label images share one projection.
 
     Parameters
     ----------
@@ -35,7 +35,8 @@ class Camera:
         ----------
         state : WorldState
         mount : Mount or Pose
-            Sensor frame (x forward = optical axis, y left, z up); its velocity is for motion blur and optical flow.
+            Sensor frame (x forward = optical axis, y left, z up); its velocity is for motion blur, a rolling shutter
+            and optical flow.
         rng : numpy.random.Generator
             Seeds the samples and the noise of the RGB image; the label images are not random.
 

@@ -54,6 +54,15 @@ class CameraSpec(Spec):
         0.0, ge=0.0, le=10.0, description="shutter, its middle at the frame's time [s]; 0: no blur"
     )
     num_shutter_times: int = Field(8, ge=1, le=256, description="instants of an exposure with blur")
+    readout_time: Seconds = Field(
+        0.0,
+        ge=0.0,
+        le=1.0,
+        description="rolling shutter: from top to bottom, the middle at the frame's time [s]; 0: global shutter",
+    )
+    num_readout_bands: int = Field(
+        16, ge=1, le=16384, description="instants at which the rows of a rolling shutter are seen"
+    )
     sensor: ImageSensor | None = Field(None, description="noise and converter of the RGB image; None: ideal")
     max_distance: Metres = Field(1000.0, gt=0.0, description="depth is infinite beyond [m]")
     flow_interval: Seconds = Field(0.1, gt=0.0, description="time over which the flow image is taken [s]")
