@@ -124,6 +124,18 @@ def test_parts_at_the_same_time_give_the_same_bytes(files, undisturbed, tmp_path
     assert verify(out).complete
 
 
+@pytest.mark.slow
+def test_two_exports_at_the_same_time(files, undisturbed, tmp_path) -> None:
+    """One makes the dataset, or each a share in turn; who comes while the other works is refused, and told why."""
+    out = tmp_path / "out"
+    done = [(process, *process.communicate(timeout=300)) for process in [start(*files, "--out", out) for _ in range(2)]]
+    assert 0 in {process.returncode for process, *_ in done}
+    for process, _, errors in done:
+        assert process.returncode == 0 or (process.returncode == 2 and "is in use: another export" in errors), errors
+    assert contents(out) == contents(undisturbed)
+    assert verify(out).complete and not verify(out).foreign
+
+
 def test_scenes_may_come_one_after_the_other(scenarios, undisturbed, tmp_path) -> None:
     out = tmp_path / "out"
     export(scenarios[1:], out, SETTINGS)

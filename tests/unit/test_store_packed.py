@@ -219,3 +219,19 @@ def test_the_forecast_of_files_is_the_number_of_files(packed, plain, tmp_path) -
         plan = SimpleNamespace(dataset=open_dataset(place).plan)
         there = len(contents(place)) + 1  # the log of an export
         assert _num_files(plan, frame, options) == there  # type: ignore[arg-type]
+
+
+def test_140_000_frames_are_35_004_files() -> None:
+    """At the default options, in 700 scenes of 200 frames; the forecast is held to real datasets above."""
+    from concurrent.futures import ThreadPoolExecutor
+    from types import SimpleNamespace
+
+    from scarl_sionna.dataset.encoding import encode_frame
+    from scarl_sionna.dataset.store.manifest import DatasetPlan, ScenePlan
+
+    options = StoreOptions()
+    with ThreadPoolExecutor(1) as pool:
+        frame = encode_frame(FRAMES[0], options, pool)
+    scenes = tuple(ScenePlan(f"s{number:03d}", 200) for number in range(700))
+    plan = SimpleNamespace(dataset=DatasetPlan(RIG.to_dict(), scenes, options))
+    assert _num_files(plan, frame, options) == 35_004  # type: ignore[arg-type]
