@@ -26,3 +26,25 @@ LINK_TABLE = (
     (100.0, -119.1696963656, 20.97029013491),
     (200.0, -131.2108961921, 8.929090308352),
 )
+
+
+def friis(frequency, distance):
+    """Amplitude and phase of a link between isotropic antennas in free space, e^{+jwt}."""
+    wavelength = C / frequency
+    return wavelength / (4.0 * np.pi * distance) * np.exp(-2j * np.pi * distance / wavelength)
+
+
+def two_ray(frequency, distance, heights, permittivity, coherence):
+    """Direct and ground ray between isotropic antennas over a flat half space, by image theory: V, then H.
+
+    `coherence` is what a rough ground leaves of the mirrored field.
+    """
+    low, high = heights
+    direct, mirrored = np.hypot(distance, high - low), np.hypot(distance, high + low)
+    sine = (high + low) / mirrored
+    root = np.sqrt(permittivity - (1.0 - sine**2))
+    out = []
+    for upper in (permittivity * sine, sine):
+        coefficient = coherence * (upper - root) / (upper + root)
+        out.append(friis(frequency, direct) + coefficient * friis(frequency, mirrored))
+    return np.array(out)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
@@ -10,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.spec import FieldValue, Spec
+from scarl_sionna.core.specs.place import fields_of_pose
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import Hertz, Metres, MetresPerSecond, Seconds
 
@@ -62,11 +62,7 @@ class Interferer(Spec):
     @model_validator(mode="before")
     @classmethod
     def _of_pose(cls, data: FieldValue) -> FieldValue:
-        if isinstance(data, Mapping) and isinstance(data.get("pose"), Pose):
-            pose = data["pose"]
-            rest = {name: value for name, value in data.items() if name != "pose"}
-            return {**rest, "position": tuple(pose.position.tolist()), "quaternion": tuple(pose.quaternion.tolist())}
-        return data
+        return fields_of_pose(data)
 
     @model_validator(mode="after")
     def _check(self) -> Interferer:

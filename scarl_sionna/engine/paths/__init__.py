@@ -1,1 +1,1 @@
-"""Sionna RT's PathSolver: which surfaces paths touch, and derivatives of its gains."""
+"""Sionna RT's PathSolver: which surfaces paths touch, radio links at any carrier, and derivatives of its gains."""

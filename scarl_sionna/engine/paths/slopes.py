@@ -21,7 +21,7 @@ from scarl_sionna.engine import variant
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 from scarl_sionna.engine.world import WorldState
 
-from .tracing import endpoints, solver_options
+from .tracing import polarized_points, solver_options
 
 Complex = npt.NDArray[np.complex128]
 
@@ -122,7 +122,7 @@ def path_slopes(
         )
         slopes: list[Complex] = []
         try:
-            with endpoints(mi, scene, np.asarray(source, dtype=np.float64), points):
+            with polarized_points(mi, scene, np.asarray(source, dtype=np.float64), points):
                 for active in range(len(names)) if with_slopes and names else (None,):
                     leaves = [mi.Float(value) for value in given]
                     if active is not None:

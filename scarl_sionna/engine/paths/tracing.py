@@ -9,7 +9,7 @@ that it met.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import ModuleType
@@ -138,53 +138,91 @@ def trace_paths(
         If the solver fails.
     """
     points = np.asarray(targets, dtype=np.float64).reshape(-1, 3)
-    per_batch = max(1, LANES_PER_BATCH // max(1, settings.max_depth * settings.num_samples))
     options = solver_options(settings)
     with variant.radio() as mi:
-        scene, twin = state.radio_scene(), state.world.twin("radio")
+        scene = state.radio_scene()
         batches, counts = [], [0]
-        for first in range(0, len(points), per_batch):
-            with endpoints(mi, scene, np.asarray(source, dtype=np.float64), points[first : first + per_batch]):
-                columns, count = _solve(scene, options)
-            columns["target"] += first
-            columns["part"] = twin.part_of_number(columns.pop("object"))
+        for chosen in target_batches(len(points), settings):
+            with polarized_points(mi, scene, np.asarray(source, dtype=np.float64), points[chosen]):
+                columns, count = solve(scene, options)
+            columns["target"] += chosen.start
             batches.append(columns)
             counts.append(count)
     if not batches:
         batches = [_no_columns(settings.max_depth)]
-    joined = {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}
-    touched = joined["kind"] != NONE
-    joined["part"] = np.where(touched, joined["part"], -1)
-    joined["face"] = np.where(touched, joined["face"], -1)
-    joined["vertex"] = np.where(touched[..., None], joined["vertex"], 0.0)
-    joined = _ordered(joined)
-    triangles = state._triangles
-    touched = joined["kind"] != NONE
-    row = np.where(touched, triangles.first[joined["part"]] + joined["face"], 0)
     return TracedPaths(
-        **joined,
-        normal=np.where(touched[..., None], triangles.normal[row], 0.0),
-        offset=np.where(touched, triangles.offset[row], 0.0),
+        **on_triangles(state, {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]}),
         num_candidates=max(counts),
         overflow=max(counts) >= settings.max_num_paths,
     )
 
 
+def target_batches(num_targets: int, settings: SionnaSettings) -> Iterator[slice]:
+    """Yield ranges of targets that one call of the solver can take; see `LANES_PER_BATCH`."""
+    size = max(1, LANES_PER_BATCH // max(1, settings.max_depth * settings.num_samples))
+    for first in range(0, num_targets, size):
+        yield slice(first, min(first + size, num_targets))
+
+
+def on_triangles(state: WorldState, columns: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of :func:`solve` in canonical order, with parts for the engine's objects, and with planes.
+
+    What comes in place of `object`, and `normal` and `offset`, is described in :class:`TracedPaths`.
+    """
+    found = dict(columns)
+    touched = found["kind"] != NONE
+    parts = state.world.twin("radio").part_of_number(found.pop("object"))
+    found["part"] = np.where(touched, parts, -1)
+    found["face"] = np.where(touched, found["face"], -1)
+    found["vertex"] = np.where(touched[..., None], found["vertex"], 0.0)
+    found = _ordered(found)
+    triangles = state._triangles
+    touched = found["kind"] != NONE
+    row = np.where(touched, triangles.first[found["part"]] + found["face"], 0)
+    found["normal"] = np.where(touched[..., None], triangles.normal[row], 0.0)
+    found["offset"] = np.where(touched, triangles.offset[row], 0.0)
+    return found
+
+
 @contextmanager
-def endpoints(mi: ModuleType, scene: MitsubaObject, source: Array, targets: Array) -> Iterator[None]:
+def polarized_points(mi: ModuleType, scene: MitsubaObject, source: Array, targets: Array) -> Iterator[None]:
     """Put a transmitter and receivers of both polarisations into the scene, world axes, and take them out again."""
     import sionna.rt as rt
 
-    before = scene.tx_array, scene.rx_array
     array = rt.PlanarArray(
         num_rows=1, num_cols=1, vertical_spacing=0.5, horizontal_spacing=0.5, pattern="iso", polarization="VH"
     )
+    first, *others = ({"position": mi.Point3f(*point.tolist())} for point in (source, *targets))
+    with endpoints(scene, first, others, (array, array)):
+        yield
+
+
+@contextmanager
+def endpoints(
+    scene: MitsubaObject,
+    source: dict[str, MitsubaObject],
+    targets: Sequence[dict[str, MitsubaObject]],
+    arrays: tuple[MitsubaObject, MitsubaObject],
+) -> Iterator[None]:
+    """Put a transmitter and receivers with their arrays into the scene, and take them out again.
+
+    Parameters
+    ----------
+    scene : sionna.rt.Scene
+    source, targets : dict, sequence of dict
+        Arguments of ``sionna.rt.Transmitter`` and ``Receiver``: position, orientation, velocity.
+    arrays : (sionna.rt.PlanarArray, sionna.rt.PlanarArray)
+        Of the transmitter and of the receivers.
+    """
+    import sionna.rt as rt
+
+    before = scene.tx_array, scene.rx_array
     names = ["scarl_source", *(f"scarl_target_{index}" for index in range(len(targets)))]
     try:
-        scene.tx_array = scene.rx_array = array
-        scene.add(rt.Transmitter(names[0], position=mi.Point3f(*source.tolist())))
+        scene.tx_array, scene.rx_array = arrays
+        scene.add(rt.Transmitter(names[0], **source))
         for name, target in zip(names[1:], targets, strict=True):
-            scene.add(rt.Receiver(name, position=mi.Point3f(*target.tolist())))
+            scene.add(rt.Receiver(name, **target))
         yield
     finally:
         for name in names:
@@ -196,8 +234,25 @@ def endpoints(mi: ModuleType, scene: MitsubaObject, source: Array, targets: Arra
             scene.rx_array = before[1]
 
 
-def _solve(scene: MitsubaObject, options: dict[str, Any]) -> tuple[dict[str, npt.NDArray[Any]], int]:
-    """Return one row a path, and the number of candidates."""
+def solve(
+    scene: MitsubaObject, options: dict[str, Any], also: tuple[str, ...] = ()
+) -> tuple[dict[str, npt.NDArray[Any]], int]:
+    """Return what the solver finds between the end points of a scene, one row a path, and the number of candidates.
+
+    Parameters
+    ----------
+    scene : sionna.rt.Scene
+        With its end points, inside of ``variant.radio()``.
+    options : dict
+        Of :func:`solver_options`.
+    also : tuple of str
+        Further arrays of ``sionna.rt.Paths``, one number a path: ``"doppler"``, ``"theta_t"`` and the like.
+
+    Raises
+    ------
+    EngineError
+        If the solver fails.
+    """
     import sionna.rt as rt
 
     solver = rt.PathSolver(deterministic=True)
@@ -214,6 +269,7 @@ def _solve(scene: MitsubaObject, options: dict[str, Any]) -> tuple[dict[str, npt
             interactions, objects = np.array(found.interactions), np.array(found.objects)
             faces, vertices = np.array(found.primitives), np.array(found.vertices)
         a = np.array(found.a[0]).astype(np.complex128) + 1j * np.array(found.a[1])
+        more = {name: np.array(getattr(found, name)).astype(np.float64) for name in also}
     except (RuntimeError, MemoryError) as error:
         raise EngineError(
             f"Sionna RT's path solver failed ({error}); use fewer num_samples or less max_depth"
@@ -225,7 +281,8 @@ def _solve(scene: MitsubaObject, options: dict[str, Any]) -> tuple[dict[str, npt
         "object": np.moveaxis(objects[:, rx, tx, path], 0, 1).astype(np.int64),
         "face": np.moveaxis(faces[:, rx, tx, path], 0, 1).astype(np.int64),
         "vertex": np.moveaxis(vertices[:, rx, tx, path], 0, 1).astype(np.float64),
-        "a": a[rx, :, tx, :, path].reshape(-1, 2, 2),
+        "a": a[rx, :, tx, :, path].reshape(len(rx), *a.shape[1::2]),
+        **{name: value[rx, tx, path] for name, value in more.items()},
     }
     # the solver's depth is that of the deepest path found
     missing = options["max_depth"] - columns["kind"].shape[1]
@@ -239,7 +296,7 @@ def _no_columns(max_depth: int) -> dict[str, npt.NDArray[Any]]:
     return {
         "target": np.zeros(0, np.int64),
         "kind": np.zeros((0, max_depth), np.int32),
-        "part": np.zeros((0, max_depth), np.int64),
+        "object": np.zeros((0, max_depth), np.int64),
         "face": np.zeros((0, max_depth), np.int64),
         "vertex": np.zeros((0, max_depth, 3)),
         "a": np.zeros((0, 2, 2), np.complex128),
