@@ -1,5 +1,6 @@
 # The public names and where they are defined: read by type checkers, and by lazy_loader at run time.
 from .batch.one_call import export
+from .core.channels import RadioChannels
 from .core.errors import ScarlError, ScarlWarning
 from .core.mount import Mount
 from .core.pose import Pose, Twist
@@ -9,6 +10,7 @@ from .core.settings.auto import AutoSettings
 from .core.settings.mirrors import MirrorSettings
 from .core.settings.plan import ChannelPlan, Share
 from .core.settings.radar import RadarSettings
+from .core.settings.radio import RadioSettings
 from .core.settings.raycast import RaycastSettings
 from .core.settings.sbr import SbrSettings
 from .core.settings.scatterers import ScattererSettings
@@ -43,6 +45,7 @@ from .core.specs.radar.waveform import Fmcw
 from .core.specs.radar.waveforms.coded import Ofdm, Pmcw
 from .core.specs.radar.waveforms.kinds import SteppedFmcw
 from .core.specs.radar.waveforms.phase_coded import PcFmcw
+from .core.specs.radio import RadioArray, RadioSpec, RadioStation
 from .core.specs.weather import Weather
 from .dataset.captures import read_capture
 from .dataset.captures.capture import Capture
@@ -84,6 +87,7 @@ from .signal.detection import detect
 from .signal.mitigation.hits import find_hits
 from .signal.mitigation.repair import mitigate
 from .signal.processing import range_doppler, virtual_cube
+from .signal.radio import frequency_response
 from .signal.tracking import RadarClusters, RadarTracks, cluster, track
 from .simulation import observe, radar_cube, simulate
 
@@ -156,6 +160,11 @@ __all__ = [
     "RadarPaths",
     "RadarSpec",
     "RadarTracks",
+    "RadioArray",
+    "RadioChannels",
+    "RadioSettings",
+    "RadioSpec",
+    "RadioStation",
     "RasterScan",
     "Rig",
     "RisleyScan",
@@ -185,6 +194,7 @@ __all__ = [
     "detect",
     "export",
     "find_hits",
+    "frequency_response",
     "label_cells",
     "label_paths",
     "label_points",

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from scarl_sionna.core.toml_file import read_toml
+from scarl_sionna.core.untrusted.toml_text import read_toml
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.world import World
 from scenes_xml import actor_path

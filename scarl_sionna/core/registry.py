@@ -1,10 +1,13 @@
-"""Finds sensor classes by the entry points ``scarl.sensors`` so that nothing here imports a sensor package."""
+"""Finds sensor classes: this package's by their names, others by the entry points ``scarl.sensors``.
+
+So nothing here imports a sensor.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -12,18 +15,27 @@ import numpy as np
 from .errors import UnknownNameError
 from .mount import Mount
 from .settings.radar import RadarSettings
+from .settings.radio import RadioSettings
 from .spec import FieldValue, Spec
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
 from .specs.radar.spec import RadarSpec
 from .specs.radar.version_0_1 import lift_version_0_1
+from .specs.radio import RadioSpec
 
 StateT = TypeVar("StateT", contravariant=True)
 """What a sensor looks at: for the built-in ones a state of the world, which stands above this package."""
 
 ENTRY_POINT_GROUP = "scarl.sensors"
+OWN: Mapping[str, str] = {"radar": "scarl_sionna.radar.sensor:Radar", "radio": "scarl_sionna.radio.sensor:Radio"}
+"""Sensors of this package: an installation from before there was one of them needs no new entry points for it."""
 
-SPEC_TYPES: Mapping[str, type[Spec]] = {"camera": CameraSpec, "lidar": LidarSpec, "radar": RadarSpec}
+SPEC_TYPES: Mapping[str, type[Spec]] = {
+    "camera": CameraSpec,
+    "lidar": LidarSpec,
+    "radar": RadarSpec,
+    "radio": RadioSpec,
+}
 """Specification of each built-in sensor kind. The class of another kind names its own as ``spec_type``."""
 
 
@@ -52,6 +64,7 @@ class Sensor(Protocol[StateT]):
 def sensor_class(kind: str) -> type[Sensor[Any]]:
     """Return the sensor class registered under a kind, for instance ``"radar"``."""
     found = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
+    found |= {name: EntryPoint(name, place, ENTRY_POINT_GROUP) for name, place in OWN.items()}
     if kind not in found:
         raise UnknownNameError("sensor kind", kind, found, "install the package that registers it under scarl.sensors")
     return found[kind].load()
@@ -73,7 +86,7 @@ def spec_type(kind: str) -> type[Spec]:
         raise UnknownNameError("sensor kind", kind, {*SPEC_TYPES, *error.known}, error.remedy) from None
 
 
-SETTINGS_TYPES: Mapping[str, type[Spec]] = {"radar": RadarSettings}
+SETTINGS_TYPES: Mapping[str, type[Spec]] = {"radar": RadarSettings, "radio": RadioSettings}
 """Settings of each built-in sensor kind that has some. The class of another kind names its own as ``settings_type``."""
 
 

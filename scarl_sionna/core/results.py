@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from .channels import RadioChannels
 from .pose import Pose, Twist
 from .prompt.describe import Described, Row, field_rows, html_table, listed, quantity
 from .prompt.frames import frame_plot
@@ -275,7 +276,7 @@ class RadarFrame(
         return np.ascontiguousarray(scaled).view(np.complex64)[..., 0]
 
 
-SensorResult = ImageFrame | LidarScan | RadarFrame
+SensorResult = ImageFrame | LidarScan | RadarFrame | RadioChannels
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -339,6 +340,8 @@ class Frame(Described):
         yield "vehicle_twist", repr(self.vehicle_twist)
         for name, found in (("radars", self.radars), ("images", self.images), ("lidars", self.lidars)):
             yield name, f"{len(found)}: {listed(found)}" if found else "none"
+        if self.radios:
+            yield "radios", f"{len(self.radios)}: {listed(self.radios)}"
         counts = Counter(SEMANTIC_CLASSES[item.semantic] for item in self.objects)
         yield "objects", f"{len(self.objects)}: " + listed(f"{count} {name}" for name, count in counts.most_common())
         yield "timings", listed(f"{stage} {quantity(taken, 's')}" for stage, taken in self.timings.items())
@@ -392,3 +395,8 @@ class Frame(Described):
     def lidars(self) -> dict[str, LidarScan]:
         """Lidar scans by sensor name."""
         return self.of_type(LidarScan)
+
+    @property
+    def radios(self) -> dict[str, RadioChannels]:
+        """Channels of radio links by sensor name."""
+        return self.of_type(RadioChannels)

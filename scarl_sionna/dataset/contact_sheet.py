@@ -162,7 +162,7 @@ def _suite(frame: Frame, suite: str | None) -> tuple[str, dict[str, Any]]:
         if isinstance(result, ImageFrame):
             shown = [kind for kind in SHOWN_IMAGES if getattr(result, kind) is not None]
         else:
-            shown = ["lidar" if isinstance(result, LidarScan) else "radar"]
+            shown = [kind for kind, cls in (("lidar", LidarScan), ("radar", RadarFrame)) if isinstance(result, cls)]
         for kind in shown:
             chosen.setdefault(kind, result)
     return suite, chosen

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from scarl_sionna.core.channels import RadioChannels
 from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.registry import SETTINGS_TYPES, SPEC_TYPES, lifted, sensor_class, spec_type
@@ -190,8 +191,8 @@ def _sensor_columns(
     schema.check_fields(type(result), known)
     columns: list[tuple[Field, Any]] = [(schema.POSE, pose_row(result.world_from_sensor))]
     extra: dict[str, Any] = {}
-    if isinstance(result, RadarFrame):
-        columns += _radar_columns(result, options)
+    if isinstance(result, RadarFrame | RadioChannels):
+        columns += _radar_columns(result, options) if isinstance(result, RadarFrame) else _radio_columns(result)
         extra["diagnostics"] = {key: value for key, value in result.diagnostics.items() if key not in NOT_DATA}
     elif isinstance(result, LidarScan):
         columns += _lidar_columns(name, result)
@@ -211,6 +212,12 @@ def _radar_columns(result: RadarFrame, options: StoreOptions) -> Iterator[tuple[
             as_complex = options.radar_format == "complex64"
             yield (schema.ADC_COMPLEX, result.adc) if as_complex else (item, result.adc_int)
         elif item is not schema.POSE and item.storage == "array" and getattr(result, item.name) is not None:
+            yield item, getattr(result, item.name)
+
+
+def _radio_columns(result: RadioChannels) -> Iterator[tuple[Field, Any]]:
+    for item in schema.RADIO:
+        if item is not schema.POSE and item.storage == "array":
             yield item, getattr(result, item.name)
 
 
@@ -235,8 +242,8 @@ def _foreign_columns(name: str, result: SensorResult) -> tuple[str, list[tuple[F
     if table is None:
         raise OutputError(
             f"cannot store the result of sensor '{name}' of type {type(result).__name__}; "
-            "return an ImageFrame, LidarScan or "
-            "RadarFrame, or a dataclass with `kind`, "
+            "return an ImageFrame, LidarScan, "
+            "RadarFrame or RadioChannels, or a dataclass with `kind`, "
             "and declare `stored_fields` and `result_type` on the sensor's class "
             "(see docs/dataset.md)"
         )

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
+from scarl_sionna.core.channels import RadioChannels
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.spec import Spec
@@ -237,6 +238,52 @@ RADAR: tuple[Field, ...] = (
     ),
 )
 
+_PATH, _STEP = ("station", "path"), ("station", "path", "interaction")
+
+RADIO: tuple[Field, ...] = (
+    POSE,
+    Field(
+        "world_from_station",
+        "float64",
+        ("station", "pose"),
+        "m, 1",
+        "position x, y, z and quaternion w, x, y, z of the stations, in the order of the specification",
+    ),
+    Field("station_velocity", "float64", ("station", "xyz"), "m/s", "velocity of the stations, world axes"),
+    Field(
+        "a",
+        "complex64",
+        ("station", "station_antenna", "antenna", "path"),
+        "",
+        "coefficient of the impulse response at the carrier, the phase exp(-2j pi f tau) in it; strongest path first",
+    ),
+    Field("tau", "float64", _PATH, "s", "delay"),
+    Field("doppler", "float64", _PATH, "Hz", "Doppler shift, positive where the way becomes shorter"),
+    Field("theta_t", "float32", _PATH, "rad", "zenith angle in which the path leaves the radio, world axes"),
+    Field("phi_t", "float32", _PATH, "rad", "azimuth in which the path leaves the radio, world axes"),
+    Field("theta_r", "float32", _PATH, "rad", "zenith angle from which the station sees the path come, world axes"),
+    Field("phi_r", "float32", _PATH, "rad", "azimuth from which the station sees the path come, world axes"),
+    Field("valid", "bool", _PATH, "", "whether there is such a path; all else is zero where there is none"),
+    Field(
+        "interaction",
+        "uint8",
+        _STEP,
+        "",
+        "from the radio on: 1 mirrored, 2 scattered, 4 refracted, 8 diffracted; 0 beyond the last",
+    ),
+    Field("instance", "uint16", _STEP, "", "instance id of what it happened at; 0 beyond the last"),
+    Field(
+        "cfr",
+        "complex64",
+        ("station", "station_antenna", "antenna", "subcarrier"),
+        "",
+        "frequency response at the specification's subcarriers",
+    ),
+    Field("num_paths", "int32", ("station",), "", "paths that were found, with those that are not kept"),
+    Field("gain_left_out", "float64", ("station",), "", "sum of abs(a)**2 of the paths that are not kept"),
+    Field("diagnostics", "", (), "", "candidates, materials with values of another frequency, absent stations", "json"),
+)
+
 ADC_COMPLEX = Field(
     "adc",
     "complex64",
@@ -251,12 +298,18 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
     "camera": CAMERA,
     "lidar": LIDAR,
     "radar": RADAR,
+    "radio": RADIO,
 }
 
 _OF_INTERFERERS = frozenset({"interference_hit", "interference_power"})
 """Fields of the radar that only a rig with interferers has."""
 
-RESULT_TYPES: Mapping[type, str] = {ImageFrame: "camera", LidarScan: "lidar", RadarFrame: "radar"}
+RESULT_TYPES: Mapping[type, str] = {
+    ImageFrame: "camera",
+    LidarScan: "lidar",
+    RadarFrame: "radar",
+    RadioChannels: "radio",
+}
 """Table of each built-in result type."""
 
 _STORED_AS = {"adc_int": "adc"}
@@ -287,10 +340,20 @@ def check_fields(result_type: type, table: Iterable[Field]) -> None:
 
 
 def tables_of(rig: Mapping[str, Any]) -> dict[str, tuple[Field, ...]]:
-    """Return the tables that a dataset of a rig states: what only interferers bring stands there with them alone."""
-    if any((mount.get("settings") or {}).get("interferers") for mount in rig["sensors"]):
-        return dict(TABLES)
-    return {name: tuple(item for item in items if item.name not in _OF_INTERFERERS) for name, items in TABLES.items()}
+    """Return the tables that a dataset of a rig states.
+
+    What only interferers bring stands there with them alone, and the table of radios with one alone: datasets without
+    them have the same bytes as before there were any.
+    """
+    mounts = rig["sensors"]
+    heard = any((mount.get("settings") or {}).get("interferers") for mount in mounts)
+    talks = any(mount["kind"] == "radio" for mount in mounts)
+    left_out = frozenset() if heard else _OF_INTERFERERS
+    return {
+        name: tuple(item for item in items if item.name not in left_out)
+        for name, items in TABLES.items()
+        if name != "radio" or talks
+    }
 
 
 def check_schema() -> None:

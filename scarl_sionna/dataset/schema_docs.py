@@ -20,6 +20,7 @@ _TITLES = {
     "camera": "Camera (`arrays/<scene>/<sensor>/`, `images/<scene>/<sensor>/`)",
     "lidar": "Lidar (`arrays/<scene>/<sensor>/`)",
     "radar": "Radar (`arrays/<scene>/<sensor>/`)",
+    "radio": "Radio (`arrays/<scene>/<sensor>/`)",
 }
 _INTRODUCTION = """\
 # The dataset
@@ -85,6 +86,7 @@ frame = ds[12]  # nothing is read yet; frames of all scenes in order
 frame.radar["front_center"].adc  # complex64; .adc_int: the codes; also ["front_center/radar"]
 frame.image["front_center"].depth  # float32 [m]; .rgb, .semantic, .instance, .normal, .flow
 frame.lidar["front_center"].position  # valid returns only
+frame.radio["radio"].cfr  # of a rig with a radio; .a, .tau, .doppler and the rest of the table
 frame.labels  # true boxes; .label_arrays: the same as columns
 frame.to_frame()  # the scarl_sionna.Frame that ss.observe returned
 ds.scene("drive").group["front_center/radar/adc"][100:200, 0, :64]  # zarr.Array: slices over frames
@@ -106,7 +108,7 @@ A reader reads every schema version up to its own, and refuses a newer one. A ne
 
 ## Sensors of other packages
 
-A sensor that is registered under the entry points `scarl.sensors` and returns an `ImageFrame`, `LidarScan` or `RadarFrame` is stored
+A sensor that is registered under the entry points `scarl.sensors` and returns an `ImageFrame`, `LidarScan`, `RadarFrame` or `RadioChannels` is stored
 like a built-in one. One with a result of its own says on its class what is to be stored; without that, an export refuses it before
 anything is simulated:
 

@@ -51,12 +51,13 @@ class SensorMount(Described):
         Unique in the rig; letters, digits, ``_``, ``-``, and ``/`` between groups, for instance ``"front_left/radar"``.
         It is also the sensor's folder in an export.
     kind : str
-        ``"radar"``, ``"camera"``, ``"lidar"``, or a kind registered under the entry points ``scarl.sensors``.
-    spec : RadarSpec, CameraSpec or LidarSpec
+        ``"radar"``, ``"camera"``, ``"lidar"``, ``"radio"``, or a kind registered under the entry points
+        ``scarl.sensors``.
+    spec : RadarSpec, CameraSpec, LidarSpec or RadioSpec
         What the sensor is.
     vehicle_from_sensor : Pose
         Sensor frame (x forward, y left, z up) in the vehicle frame (origin on the ground below the middle of the car).
-    settings : RadarSettings, optional
+    settings : RadarSettings or RadioSettings, optional
         How the sensor is simulated, for kinds that have settings: their defaults if left out.
 
     Raises

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from scarl_sionna.core import seeds
-from scarl_sionna.core.toml_file import read_toml
+from scarl_sionna.core.untrusted.toml_text import read_toml
 from scarl_sionna.scene.document.model import SceneDocument
 from scarl_sionna.scene.document.staging import without_number
 from scarl_sionna.scene.materials.table import MaterialTable, RadioMaterial

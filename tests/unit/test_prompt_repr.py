@@ -15,6 +15,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.formats import convert
 from scarl_sionna.radar.points import PointScatterers
+from scarl_sionna.radio.sensor import Radio
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
 from scarl_sionna.scene.materials.table import load_materials
 from tests.drive import RADAR, drive
@@ -32,6 +33,8 @@ NEEDED = {
     "PhaseNoise": {"mask": ((1e6, -95.0),)},
     "Radome": {"layers": ({"thickness": 3e-3, "relative_permittivity": 2.35},)},
     "RadomeLayer": {"thickness": 3e-3, "relative_permittivity": 2.35},
+    "RadioSpec": {"stations": ({"name": "mast"},)},
+    "RadioStation": {"name": "mast"},
 }
 """What specifications need that two numbers do not make."""
 
@@ -112,6 +115,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         Share("sbr"),
         ChannelPlan((Share("sbr"),), mirrors=("road",)),
         PointScatterers([[1, 2, 3]], [[0, 0, 0]], 1.0),
+        _channels(),
         dataset,
         capture,
         ss.MapCapture("raddet", RADAR, ("000001",), ("a note",), lambda frame: rda),
@@ -126,6 +130,13 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         load_materials(),
     ]
     return {**_defaults(), **{f"{type(item).__name__}": item for item in extra}}
+
+
+def _channels() -> ss.RadioChannels:
+    radio = Radio(ss.RadioSpec(stations=({"name": "mast"},)))
+    where = {"world_from_station": np.zeros((1, 7)), "station_velocity": np.zeros((1, 3))}
+    cfr = np.zeros((1, 1, 1, 64), np.complex64)
+    return ss.RadioChannels(radio.spec, ss.Pose(), **where, **radio._no_paths(), cfr=cfr)
 
 
 def _ready() -> tuple[str, ...]:

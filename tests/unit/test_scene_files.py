@@ -13,7 +13,7 @@ import trimesh
 from scipy.interpolate import CubicSpline
 
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES
-from scarl_sionna.core.toml_file import read_toml
+from scarl_sionna.core.untrusted.toml_text import read_toml
 from scenes_xml import scene_names, scene_path
 
 XML = scene_path("highway_guardrail")

@@ -32,7 +32,16 @@ from scarl_sionna.dataset.store.records import ShardRecord
 from scarl_sionna.dataset.store.shards import ArrayInfo
 
 from .shard_files import ShardFiles
-from .stored import StoredImage, StoredImages, StoredLidar, StoredRadar, StoredResult, SuiteMapping, stored_result
+from .stored import (
+    StoredImage,
+    StoredImages,
+    StoredLidar,
+    StoredRadar,
+    StoredRadio,
+    StoredResult,
+    SuiteMapping,
+    stored_result,
+)
 
 if TYPE_CHECKING:
     import zarr
@@ -366,6 +375,11 @@ class StoredFrame(Described):
     def lidar(self) -> SuiteMapping[StoredLidar]:
         """Lidars by sensor name, or by the name of their suite."""
         return SuiteMapping("lidar", {n: r for n, r in self.results.items() if isinstance(r, StoredLidar)})
+
+    @cached_property
+    def radio(self) -> SuiteMapping[StoredRadio]:
+        """Radios by sensor name, or by the name of their suite: ``radio["front_left"].cfr``."""
+        return SuiteMapping("radio", {n: r for n, r in self.results.items() if isinstance(r, StoredRadio)})
 
     @cached_property
     def image(self) -> SuiteMapping[StoredImage | StoredImages]:

@@ -17,7 +17,7 @@ from scarl_sionna.core.spec import FieldValue
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.dataset.derived.boxes import EGO_OFFSET
 from scarl_sionna.dataset.formats.source import Frames
-from scarl_sionna.dataset.schema import CAMERA, LIDAR
+from scarl_sionna.dataset.schema import CAMERA, LIDAR, RADIO
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
@@ -35,7 +35,10 @@ FRAME_ITEMS = ("boxes", "box_semantic", "box_instance", "timestamp_ns", "world_f
 RADAR_ITEMS = ("adc", "adc_int", "cube", "range_doppler", "range_azimuth")
 IMAGE_ITEMS = tuple(item.name for item in CAMERA if item.name != "world_from_sensor")
 LIDAR_ITEMS = ("points", *(item.name for item in LIDAR if item.name not in ("world_from_sensor", "num_points")))
-ITEMS_OF_KIND = {"radar": RADAR_ITEMS, "camera": IMAGE_ITEMS, "lidar": LIDAR_ITEMS}
+RADIO_ITEMS = tuple(item.name for item in RADIO if item.storage == "array" and item.name != "world_from_sensor")
+ITEMS_OF_KIND = {"radar": RADAR_ITEMS, "camera": IMAGE_ITEMS, "lidar": LIDAR_ITEMS, "radio": RADIO_ITEMS}
+_SHOWN_OF_KIND = {"radar": ("adc_int",), "lidar": ("points",), "radio": ("a", "tau", "doppler", "valid", "cfr")}
+"""What is read of a sensor where nothing is asked for."""
 _BOX_ITEMS = ("boxes", "box_semantic", "box_instance")
 _FIXED_LENGTH = ("beat_signal",)
 
@@ -71,6 +74,7 @@ class FrameSamples:
         lidar          ``points`` float32 (N, 5): x, y, z [m, sensor frame], intensity, radial velocity [m/s]; or a
         field of
                        `LidarScan`, one row a return
+        radio          a field of `RadioChannels`: ``cfr``, ``a``, ``tau``, ``doppler``, ``valid`` and the like
         frame          ``boxes`` float32 (M, 10): x, y, z, length, width, height [m], yaw [rad], velocity over ground
         [m/s], along the
                        axes of the vehicle frame, without the vehicle itself; ``box_semantic`` uint8; ``box_instance``
@@ -162,7 +166,7 @@ def box_arrays(frame: AnyFrame) -> dict[str, Array]:
 
 def kind_of(result: object) -> str:
     """Return the kind of a sensor's result, stored or in memory; "" for a kind of another package."""
-    for kind, name in (("radar", "adc_scale"), ("camera", "rgb"), ("lidar", "shot")):
+    for kind, name in (("radar", "adc_scale"), ("camera", "rgb"), ("lidar", "shot"), ("radio", "cfr")):
         if name in _field_names(result):
             return kind
     return ""
@@ -174,14 +178,14 @@ def _field_names(result: object) -> set[str]:
 
 
 def _all_items(frame: AnyFrame) -> list[str]:
-    """Return all that a frame holds: raw radar data, images, lidar points, boxes, time and pose."""
+    """Return all that a frame holds: raw radar data, images, lidar points, channels, boxes, time and pose."""
     out = []
     for name, result in frame.results.items():
         kind = kind_of(result)
         if kind == "camera":
             out += [f"{name}:{field}" for field in IMAGE_ITEMS if getattr(result, field) is not None]
         elif kind:
-            out.append(f"{name}:{'adc_int' if kind == 'radar' else 'points'}")
+            out += [f"{name}:{field}" for field in _SHOWN_OF_KIND[kind]]
     return [*out, *FRAME_ITEMS]
 
 

@@ -10,6 +10,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from scarl_sionna.core.channels import RadioChannels
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.registry import sensor_class
@@ -109,6 +110,9 @@ class StoredResult:
 
     def field(self, name: str) -> FieldValue:
         """Return a field as the sensor gave it."""
+        if name == "diagnostics":
+            meta = self._frame.scene.meta(self._frame.index)
+            return dict(meta["sensors"][self.name]["diagnostics"])
         value = self.read(name)
         return value.item() if value is not None and value.ndim == 0 else value
 
@@ -127,9 +131,6 @@ class StoredRadar(StoredResult):
 
     def field(self, name: str) -> FieldValue:
         """Return a field as the sensor gave it."""
-        if name == "diagnostics":
-            meta = self._frame.scene.meta(self._frame.index)
-            return dict(meta["sensors"][self.name]["diagnostics"])
         if name != "adc":
             return super().field(name)
         stored = self.read("adc")
@@ -151,6 +152,17 @@ class StoredRadar(StoredResult):
         """Return the radar's frame with all arrays in memory."""
         names = [item.name for item in fields(RadarFrame) if item.name not in ("spec", "world_from_sensor")]
         return RadarFrame(self.spec, self.world_from_sensor, **{name: getattr(self, name) for name in names})
+
+
+class StoredRadio(StoredResult):
+    """Stored channels of a radio: the fields of `RadioChannels`."""
+
+    table = schema.RADIO
+
+    def to_result(self) -> RadioChannels:
+        """Return the channels with all arrays in memory."""
+        names = [item.name for item in fields(RadioChannels) if item.name not in ("spec", "world_from_sensor")]
+        return RadioChannels(self.spec, self.world_from_sensor, **{name: getattr(self, name) for name in names})
 
 
 class StoredLidar(StoredResult):
@@ -260,7 +272,12 @@ class SuiteMapping(Mapping[str, Result], Generic[Result]):
         return f"<{self._kind}: {', '.join(self._sensors)}>"
 
 
-_BUILT_IN: Mapping[str, type[StoredResult]] = {"radar": StoredRadar, "lidar": StoredLidar, "camera": StoredImage}
+_BUILT_IN: Mapping[str, type[StoredResult]] = {
+    "radar": StoredRadar,
+    "lidar": StoredLidar,
+    "camera": StoredImage,
+    "radio": StoredRadio,
+}
 
 
 def stored_result(frame: FrameInDataset, name: str) -> StoredResult:

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
-from scarl_sionna.core.errors import EngineError
+from scarl_sionna.core.errors import EngineError, ScarlError
 from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.types import MitsubaObject
@@ -33,6 +33,18 @@ NONE, SPECULAR, DIFFUSE, REFRACTION, DIFFRACTION = 0, 1, 2, 4, 8
 """Kinds of interaction, the numbers of Sionna RT's ``InteractionType``."""
 LANES_PER_BATCH = 1 << 24
 """Depth times rays times targets of one call of the solver: its arrays of candidates then stay below 1 GB."""
+
+
+class PathBufferOverflowError(ScarlError):
+    """Sionna RT found more candidates than its buffer holds, so paths are missing."""
+
+    def __init__(self, max_num_paths: int) -> None:
+        self.max_num_paths = max_num_paths
+        super().__init__(
+            f"the path solver filled its buffer of max_num_paths = {max_num_paths} candidates, so paths may be "
+            "missing; raise max_num_paths, or ask for less with max_depth, num_samples or fewer targets "
+            "(on_overflow='warn' goes on with what was found)"
+        )
 
 
 @dataclass(frozen=True, eq=False)

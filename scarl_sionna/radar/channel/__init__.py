@@ -11,6 +11,7 @@ from scarl_sionna.core.settings.plan import ChannelPlan, Share
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.engine.paths.tracing import PathBufferOverflowError
 from scarl_sionna.engine.world import World, WorldState
 from scarl_sionna.radar.paths import RadarPaths
 
@@ -18,7 +19,7 @@ from .band import solved_over_band, warn_of_band
 from .compose.auto import plan_channel, solve_auto
 from .compose.hybrid import solve_hybrid
 from .compose.plan import OwnershipError
-from .multipath.solve import PathBufferOverflowError, solve_sionna
+from .multipath.solve import solve_sionna
 from .panes import warn_of_panes
 from .raycast.solve import solve_raycast
 from .sbr.solve import solve_sbr

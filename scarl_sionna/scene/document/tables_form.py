@@ -8,8 +8,8 @@ from typing import Any
 from pydantic import Field
 
 from scarl_sionna.core.errors import SceneError
-from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.core.untrusted.checked import Number, Table, Text, checked, plain
+from scarl_sionna.core.untrusted.toml_text import read_toml
 
 _Loose = dict[str, Any]
 _Value = bool | Number | Text | list[Number] | list[Text] | list[list[Number]] | dict[str, Number | list[Number] | Text]

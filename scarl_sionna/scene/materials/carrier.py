@@ -11,7 +11,7 @@ from pathlib import Path
 
 from scarl_sionna.core.errors import MaterialRangeError
 from scarl_sionna.core.spec import FieldValue
-from scarl_sionna.core.toml_file import read_toml
+from scarl_sionna.core.untrusted.toml_text import read_toml
 
 from .table import RadioMaterial, builtin_materials
 

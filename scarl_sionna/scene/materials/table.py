@@ -23,8 +23,8 @@ from scarl_sionna.core.errors import (
 )
 from scarl_sionna.core.prompt.describe import Described, Row
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.core.units import VACUUM_PERMITTIVITY, Hertz, Metres, Unit
+from scarl_sionna.core.untrusted.toml_text import read_toml
 
 BUILTIN_FILE = Path(__file__).with_name("materials.toml")
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import scenes_xml
 from scarl_sionna.core.errors import InputFileError, MapError, MapWarning
-from scarl_sionna.core.toml_file import read_toml
 from scarl_sionna.core.untrusted.files import read_bytes
+from scarl_sionna.core.untrusted.toml_text import read_toml
 from scenes_xml.cache import kept_folder
 
 from .building.scene import build_scene, scene_name

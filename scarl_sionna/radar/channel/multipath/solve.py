@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import ScarlError, ScarlWarning
+from scarl_sionna.core.errors import ScarlWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.settings.sionna import SionnaSettings
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine import variant
-from scarl_sionna.engine.paths.tracing import TracedPaths, trace_paths
+from scarl_sionna.engine.paths.tracing import PathBufferOverflowError, TracedPaths, trace_paths
 from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.radar.channel.antennas import check_antennas
 from scarl_sionna.radar.paths import RadarPaths
@@ -44,18 +44,6 @@ Array = npt.NDArray[np.float64]
 RAYS_APART = 3.5
 """Angle between neighbouring rays times the root of their number [rad]: that of an even grid over the sphere,
 (4 pi)^0.5. Decides a warning only."""
-
-
-class PathBufferOverflowError(ScarlError):
-    """Sionna RT found more candidates than its buffer holds, so paths are missing."""
-
-    def __init__(self, max_num_paths: int) -> None:
-        self.max_num_paths = max_num_paths
-        super().__init__(
-            f"the path solver filled its buffer of max_num_paths = {max_num_paths} candidates, so paths may be "
-            "missing; raise max_num_paths, or ask for less with max_depth, num_samples or fewer scatterers "
-            "(on_overflow='warn' goes on with what was found)"
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SKY, semantic_id
 from scarl_sionna.core.settings.raycast import RaycastSettings
-from scarl_sionna.core.toml_file import read_toml
+from scarl_sionna.core.untrusted.toml_text import read_toml
 from scarl_sionna.scene.materials.rough import diffuse_albedo
 
 if TYPE_CHECKING:

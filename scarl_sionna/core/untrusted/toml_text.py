@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from .errors import InputFileError, SceneError
-from .untrusted.files import MEGABYTE, read_text
+from scarl_sionna.core.errors import InputFileError, SceneError
+
+from .files import MEGABYTE, read_text
 
 if sys.version_info >= (3, 11):
     import tomllib

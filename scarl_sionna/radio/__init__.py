@@ -1,0 +1,1 @@
+"""The radio as a sensor: channels to base stations and cars at the frame's instant."""

@@ -1,0 +1,167 @@
+"""The radio as a sensor: paths by Sionna RT, the strongest of each station, impulse and frequency response."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.channels import RadioChannels
+from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.mount import Mount
+from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.settings.radio import RadioSettings
+from scarl_sionna.core.specs.radio import RadioSpec, RadioStation
+from scarl_sionna.core.units import SPEED_OF_LIGHT
+from scarl_sionna.engine.paths.links import Links, trace_links
+from scarl_sionna.engine.paths.tracing import PathBufferOverflowError
+from scarl_sionna.engine.rays.placement import check_placement
+from scarl_sionna.engine.world import WorldState
+from scarl_sionna.scene.motion.trajectory import is_present
+from scarl_sionna.signal.radio import response
+
+_DIRECTIONS = ("theta_t", "phi_t", "theta_r", "phi_r")
+
+
+class Radio:
+    """A radio that talks to stations, looking at a state of the world.
+
+    Parameters
+    ----------
+    spec : RadioSpec
+        What it is, and where the stations are.
+    settings : RadioSettings, optional
+        How the paths are found, and how many are kept.
+    """
+
+    def __init__(self, spec: RadioSpec, settings: RadioSettings | None = None) -> None:
+        self.spec = spec
+        self.settings = settings or RadioSettings()
+
+    def observe(self, state: WorldState, mount: Mount | Pose, rng: np.random.Generator) -> RadioChannels:
+        """Return the channels to all stations at the state's time, from one call of the solver.
+
+        Parameters
+        ----------
+        state : WorldState
+        mount : Mount or Pose
+            Frame of the radio's array (x forward, y left, z up) and its velocity.
+        rng : numpy.random.Generator
+            Not used: a channel has no noise, and the solver's rays are the same for every frame.
+
+        Raises
+        ------
+        PlacementError
+            If the radio or a station is inside a closed mesh.
+        UnknownNameError
+            If a station rides on an actor that the world does not have.
+        MaterialRangeError
+            If a material of the scene has no data at the carrier, unless the settings allow the nearest.
+        PathBufferOverflowError
+            If the solver's buffer was filled (``on_overflow="raise"``).
+
+        Warns
+        -----
+        ScarlWarning
+            If the buffer was filled (``on_overflow="warn"``).
+        """
+        started = time.perf_counter()
+        place = state.as_mount(mount)
+        stations = [_placed(state, station) for station in self.spec.stations]
+        there = [index for index, station in enumerate(self.spec.stations) if _is_there(state, station)]
+        check_placement(state, place.pose.position, "radio")
+        for index in there:
+            check_placement(state, stations[index].pose.position, f"station '{self.spec.stations[index].name}'")
+        rows: dict[str, npt.NDArray[Any]] = self._no_paths()
+        diagnostics: dict[str, Any] = {
+            "absent_stations": [station.name for k, station in enumerate(self.spec.stations) if k not in there]
+        }
+        if there:
+            found = trace_links(
+                state,
+                self.spec.frequency,
+                (place, [stations[index] for index in there]),
+                (self.spec.array, self.spec.station_array),
+                self.settings,
+            )
+            self._check(found)
+            for position, index in enumerate(there):
+                self._keep(rows, index, found, np.flatnonzero(found.receiver == position), state.world.parts.instance)
+            diagnostics |= {"num_candidates": found.num_candidates, "borrowed_materials": found.borrowed}
+        rows["cfr"] = response(rows["a"], rows["tau"], rows["doppler"], self.spec.subcarrier_frequencies)
+        rows["a"], rows["cfr"] = rows["a"].astype(np.complex64), rows["cfr"].astype(np.complex64)
+        return RadioChannels(
+            spec=self.spec,
+            world_from_sensor=place.pose,
+            world_from_station=np.array([[*one.pose.position, *one.pose.quaternion] for one in stations]),
+            station_velocity=np.array([one.twist.linear for one in stations]),
+            **rows,
+            diagnostics={**diagnostics, "seconds": time.perf_counter() - started},
+        )
+
+    def _check(self, found: Links) -> None:
+        """Raise or warn if the solver's buffer was filled."""
+        if not found.overflow:
+            return
+        error = PathBufferOverflowError(self.settings.solver.max_num_paths)
+        if self.settings.solver.on_overflow == "raise":
+            raise error
+        warnings.warn(str(error), ScarlWarning, stacklevel=3)
+
+    def _no_paths(self) -> dict[str, npt.NDArray[Any]]:
+        """Return the arrays of paths of all stations without any path; coefficients in double precision."""
+        spec, num = self.spec, len(self.spec.stations)
+        paths = num, self.settings.max_paths
+        steps = *paths, max(1, self.settings.solver.max_depth)
+        return {
+            "a": np.zeros((num, spec.station_array.num_antennas, spec.array.num_antennas, paths[1]), np.complex128),
+            "tau": np.zeros(paths),
+            "doppler": np.zeros(paths),
+            **{name: np.zeros(paths, np.float32) for name in _DIRECTIONS},
+            "valid": np.zeros(paths, np.bool_),
+            "interaction": np.zeros(steps, np.uint8),
+            "instance": np.zeros(steps, np.uint16),
+            "num_paths": np.zeros(num, np.int32),
+            "gain_left_out": np.zeros(num),
+        }
+
+    def _keep(
+        self,
+        rows: dict[str, npt.NDArray[Any]],
+        station: int,
+        found: Links,
+        chosen: npt.NDArray[np.int64],
+        instances: npt.NDArray[np.int32],
+    ) -> None:
+        """Put the strongest of a station's paths into its rows; those without any power are no paths."""
+        gain = (np.abs(found.a[chosen]) ** 2).mean(axis=(1, 2))
+        order = np.argsort(-gain, kind="stable")[: np.count_nonzero(gain)]
+        kept = chosen[order[: self.settings.max_paths]]
+        count, depth = len(kept), found.kind.shape[1]
+        tau = found.length[kept] / SPEED_OF_LIGHT
+        turned = found.a[kept] * np.exp(-2j * np.pi * (self.spec.frequency * tau % 1.0))[:, None, None]
+        rows["a"][station, ..., :count] = np.moveaxis(turned, 0, -1)
+        rows["tau"][station, :count] = tau
+        for name in ("doppler", *_DIRECTIONS):
+            rows[name][station, :count] = getattr(found, name)[kept]
+        rows["valid"][station, :count] = True
+        rows["interaction"][station, :count, :depth] = found.kind[kept]
+        part = found.part[kept]
+        rows["instance"][station, :count, :depth] = np.where(part >= 0, instances[part], 0)
+        rows["num_paths"][station] = len(order)
+        rows["gain_left_out"][station] = gain[order[self.settings.max_paths :]].sum()
+
+
+def _placed(state: WorldState, station: RadioStation) -> Mount:
+    """Return where a station is and how it moves."""
+    if station.actor is None:
+        return Mount(station.pose, Twist(np.array(station.velocity)))
+    return state.mount(station.actor, station.pose)
+
+
+def _is_there(state: WorldState, station: RadioStation) -> bool:
+    """Return whether a station is in the scene: its actor may come later or be gone."""
+    return station.actor is None or is_present(state.world.actor(station.actor).trajectory, state.time)
