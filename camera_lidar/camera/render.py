@@ -14,6 +14,7 @@ from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.light.haze import Haze, haze_integrator
 from scarl_sionna.engine.light.many_lamps import many_lamps_integrator
+from scarl_sionna.engine.light.retroreflectors import Retroreflectors
 from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.engine.world import WorldState
 
@@ -151,7 +152,8 @@ def _trace(state: WorldState, view: _View) -> npt.NDArray[np.float64]:
     with variant.optical() as mi:
         integrator = None
         if has_lamps(state):
-            integrator = many_lamps_integrator(mi, scene, view.spec.max_depth, ROULETTE_DEPTH)
+            back = Retroreflectors.of(state.world.parts)
+            integrator = many_lamps_integrator(mi, scene, view.spec.max_depth, ROULETTE_DEPTH, back)
         integrator = integrator or mi.load_dict(integrator_dict(view.spec))
         return _launched(mi, scene, integrator if haze is None else haze_integrator(mi, integrator, haze), view, 3)
 

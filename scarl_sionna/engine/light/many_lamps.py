@@ -3,6 +3,7 @@
 Mitsuba's path tracer picks emitters by fixed weights. With 50 lamps in a street most of its picks are lamps that are
 far away, face away or shine elsewhere, and the image is noise. Here a lamp's chance at a point is its intensity towards
 the point over the squared distance, as if nothing stood between; the estimate stays unbiased, whatever the chances.
+What sends light back to its lamp asks once more, by the light that it may send to the eye.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from scarl_sionna.engine.types import DeviceArray, MitsubaObject
 
 from .lamps import BEAM_FOV_DEG, low_beam
+from .retroreflectors import WHITE_SHEET, Retroreflectors, beads_law, observation_angle, sheet_law
 from .sky import LUMINANCE_WEIGHTS, UNIT_LUMINANCE
 
 Array = npt.NDArray[np.float64]
@@ -146,7 +148,14 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
     class ManyLampsIntegrator(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
         """A path tracer with next-event estimation and multiple importance sampling, as Mitsuba's `path`."""
 
-        def place(self, scene: MitsubaObject, table: LampTable, max_depth: int, roulette_depth: int) -> None:
+        def place(
+            self,
+            scene: MitsubaObject,
+            table: LampTable,
+            retroreflectors: Retroreflectors,
+            max_depth: int,
+            roulette_depth: int,
+        ) -> None:
             """Take the lamps of a scene. All numbers are variables, so that no frame costs a compilation."""
             self._modules = mi, dr
             self._max_depth, self._roulette = dr.opaque(mi.UInt32, max_depth), dr.opaque(mi.UInt32, roulette_depth)
@@ -162,6 +171,8 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             index = np.zeros(int(ids.max()) + 1, dtype=np.uint32)
             index[ids] = np.arange(len(ids))
             self._index_of_id = mi.UInt32(index)
+            self._sheets, self._beads = (mi.Float(column) for column in retroreflectors.columns(mi, scene))
+            self._sends_back = bool(retroreflectors.sheets or retroreflectors.beads)
 
         def _chance(
             self, index: DeviceArray, point: DeviceArray, normal: DeviceArray, active: DeviceArray
@@ -187,16 +198,36 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
             light = dr.select(kind == _BEAM, beam, spread) * strength * cosine / squared
             return dr.select(kind >= _SKY, strength, light)
 
+        def _sent_back(
+            self, index: DeviceArray, point: DeviceArray, eye: DeviceArray, active: DeviceArray
+        ) -> DeviceArray:
+            """Return how much more a sheet sends to where `eye` points for being near a lamp; never 0."""
+            radius = dr.gather(mi.Float, self._radius, index, active)
+            way = dr.gather(mi.Point3f, self._center, index, active) - point
+            angle = observation_angle(mi, dr.normalize(way), eye)
+            seen = dr.rad2deg(radius / dr.maximum(dr.norm(way), 1e-3))
+            return sheet_law(mi, dr.maximum(angle - seen, 0.0)) + 1e-3
+
         @dr.syntax  # type: ignore[misc]
         def _choose(
-            self, point: DeviceArray, normal: DeviceArray, random: DeviceArray, active: DeviceArray
+            self,
+            point: DeviceArray,
+            normal: DeviceArray,
+            random: DeviceArray,
+            active: DeviceArray,
+            eye: DeviceArray = None,
         ) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
-            """Return a lamp's index, the light that it may send, and the sum over all lamps; one pass."""
+            """Return a lamp's index, the light that it may send, and the sum over all lamps; one pass.
+
+            By the light that a sheet may send to where `eye` points, where that is given.
+            """
             mi, dr = self._modules  # the decorator loses names of outer functions
             index, total = mi.UInt32(0), mi.Float(0.0)
             chosen, light = mi.UInt32(0), mi.Float(0.0)
             while active & (index < self._count):
                 value = self._chance(index, point, normal, active)
+                if dr.hint(eye is not None, mode="scalar"):
+                    value *= self._sent_back(index, point, eye, active)
                 total += value
                 share = dr.select(total > 0.0, value / total, 0.0)
                 take = (value > 0.0) & (random < share)
@@ -205,6 +236,31 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
                 random = dr.clip(random, 0.0, 0.99999994)
                 index += 1
             return chosen, light, total
+
+        def _returned(
+            self,
+            scene: MitsubaObject,
+            sampler: MitsubaObject,
+            si: MitsubaObject,
+            bsdf: DeviceArray,
+            active: DeviceArray,
+        ) -> DeviceArray:
+            """Return the radiance that sheets, prisms and beads send back, by one lamp; not met by chance elsewhere."""
+            number = dr.reinterpret_array(mi.UInt32, si.shape)
+            sheet, beads = (dr.gather(mi.Float, column, number, active) for column in (self._sheets, self._beads))
+            asked = active & ((sheet > 0.0) | (beads > 0.0))
+            eye = si.to_world(si.wi)
+            chosen, light, total = self._choose(si.p, si.n, sampler.next_1d(asked), asked, eye)
+            lit = asked & (light > 0.0)
+            lamp = dr.gather(mi.EmitterPtr, self._emitters, chosen, lit)
+            toward, value = lamp.sample_direction(si, sampler.next_2d(lit), lit)
+            lit &= toward.pdf > 0.0
+            lit &= dr.dot(si.n, toward.d) * dr.dot(si.n, eye) > 0.0
+            lit &= ~scene.ray_test(si.spawn_ray_to(toward.p), lit)
+            angle = observation_angle(mi, toward.d, eye)
+            back = sheet * dr.square(dr.dot(si.n, toward.d)) * sheet_law(mi, angle) + beads * beads_law(mi, angle)
+            tint = dr.minimum(bsdf.eval_diffuse_reflectance(si, lit) / WHITE_SHEET, 1.0)
+            return dr.select(lit, tint * value * (back * total / light), 0.0)
 
         @dr.syntax  # type: ignore[misc]
         def sample(
@@ -259,6 +315,9 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
                 weight = toward.pdf * share / (toward.pdf * share + pdf)
                 result += dr.select(lit, throughput * reflected * value * (weight / share), 0.0)
 
+                if dr.hint(self._sends_back, mode="scalar"):
+                    result += throughput * self._returned(scene, sampler, si, bsdf, active)
+
                 # the next segment
                 drawn, factor = bsdf.sample(context, si, sampler.next_1d(active), sampler.next_2d(active), active)
                 ray = si.spawn_ray(si.to_world(drawn.wo))
@@ -281,7 +340,11 @@ def _plugin(mi: ModuleType, variant_name: str) -> type:
 
 
 def many_lamps_integrator(
-    mi: ModuleType, scene: MitsubaObject, max_depth: int, roulette_depth: int
+    mi: ModuleType,
+    scene: MitsubaObject,
+    max_depth: int,
+    roulette_depth: int,
+    retroreflectors: Retroreflectors,
 ) -> MitsubaObject | None:
     """Return the integrator for a scene in its present state, or None where it has emitters of other kinds.
 
@@ -295,11 +358,13 @@ def many_lamps_integrator(
         Longest light path [segments].
     roulette_depth : int
         Segments after which a light path ends at random.
+    retroreflectors : Retroreflectors
+        What sends the light of lamps back to them.
     """
     table = lamp_table(mi, scene)
     if table is None:
         return None
     _plugin(mi, mi.variant())
     integrator: Any = mi.load_dict({"type": PLUGIN})
-    integrator.place(scene, table, max_depth, roulette_depth)
+    integrator.place(scene, table, retroreflectors, max_depth, roulette_depth)
     return integrator
