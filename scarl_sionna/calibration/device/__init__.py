@@ -1,0 +1,10 @@
+"""The twin of a device: a radar's specification from captures of corner reflectors. See docs/device_twin.md."""
+
+from __future__ import annotations
+
+from .capture import ReflectorCapture
+from .fit import fit_device
+from .result import CaptureResidual, DeviceFit
+from .settings import DeviceFitSettings
+
+__all__ = ["CaptureResidual", "DeviceFit", "DeviceFitSettings", "ReflectorCapture", "fit_device"]

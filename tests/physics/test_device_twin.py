@@ -1,0 +1,170 @@
+"""The twin of a device: planted devices are found again from captures of reflectors through the whole front end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+import scarl_sionna as ss
+from scarl_sionna.calibration.device import DeviceFitSettings, ReflectorCapture, fit_device
+from scarl_sionna.calibration.errors import CalibrationError
+from scarl_sionna.core.errors import OutputError, ParameterRangeError
+from scarl_sionna.signal.antenna import field_gain
+from tests.device_captures import SETTINGS, STATED, Planted, errors_over_std, planted
+
+SMALL = STATED.with_(num_samples=64, num_chirps=8)
+
+
+@pytest.fixture(scope="module")
+def device() -> Planted:
+    return planted(3)
+
+
+@pytest.fixture(scope="module")
+def fit(device):
+    return fit_device(device.captures, device.stated, SETTINGS)
+
+
+def at_boresight(radar: ss.RadarSpec, rng: np.random.Generator | None, azimuth_deg: float = 0.0) -> ReflectorCapture:
+    place = 5.0 * np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
+    paths = ss.point_targets([place], [[0.0, 0.0, 0.0]], 10.0, radar, ss.Pose())
+    data = ss.synthesize(paths, radar, rng=rng, method="direct")
+    return ReflectorCapture(data, place, 10.0, position_std=1e-3, rcs_std_db=0.1)
+
+
+def test_every_planted_number_is_found_within_its_uncertainty(fit, device) -> None:
+    found = errors_over_std(fit, device)
+    assert set(device.truth) - {"tx_gain_db[0]", "tx_phase_deg[0]", "rx_gain_db[0]", "rx_phase_deg[0]"} <= set(found)
+    assert max(map(abs, found.values())) < 4.0, found
+    assert fit.not_identified == ()
+    assert fit.std[fit.names.index("range_bias")] < 0.003
+    assert fit.std[fit.names.index("rx_phase_deg[2]")] < 1.0
+
+
+def test_residuals_are_at_the_noise_held_out_too(fit) -> None:
+    assert [item.held_out for item in fit.residuals] == [False] * 10 + [True] * 2
+    assert all(0.93 < item.over_noise < 1.07 for item in fit.residuals), fit.residuals
+
+
+def test_the_fitted_radar_makes_the_raw_data_of_the_true_one(fit, device) -> None:
+    def echo(radar: ss.RadarSpec, bias: float) -> np.ndarray:
+        point = ss.point_targets([[6.0, 1.5, 0.2]], [[0.0, 0.0, 0.0]], 10.0, radar, ss.Pose())
+        alone = radar.with_(leakage=(), dc_offset_dbm=None)
+        return ss.synthesize(replace(point, inner_length=np.array([2.0 * bias])), alone, rng=None)
+
+    true, twin = echo(device.true, device.range_bias), echo(fit.radar, fit["range_bias"])
+
+    def apart(one: np.ndarray) -> float:
+        """Return what is left beside the true echo, a common phase aside: no survey fixes the absolute phase."""
+        turn = np.exp(1j * np.angle(np.vdot(one, true)))
+        return float(np.linalg.norm(true - turn * one) / np.linalg.norm(true))
+
+    assert apart(twin) < 0.05 < 0.5 < apart(echo(device.stated, 0.0))
+
+
+def test_leakage_and_constant_are_those_planted(fit, device) -> None:
+    (found,), (way,) = fit.radar.front_end.leakage, device.true.front_end.leakage
+    power = fit.radar.front_end.tx_power_dbm - device.true.front_end.tx_power_dbm
+    assert found.level_db + power == pytest.approx(way.level_db, abs=0.05)
+    per_metre = 360.0 * device.true.center_frequency / 299792458.0
+    middles = [item.phase_deg + per_metre * item.length for item in (found, way)]
+    assert (np.subtract(*middles) + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1.0)
+    assert fit.radar.front_end.dc_offset_dbm == pytest.approx(device.true.front_end.dc_offset_dbm, abs=0.02)
+
+
+def test_saved_files_give_the_radar_again(fit, tmp_path) -> None:
+    folder = fit.save(tmp_path / "twin")
+    text = (folder / "device.yaml").read_text(encoding="utf-8")
+    assert ss.RadarSpec(**yaml.safe_load(text)) == fit.radar
+    assert (folder / "report.png").stat().st_size > 10_000
+    assert "range_bias" in (folder / "estimate.json").read_text(encoding="utf-8")
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(OutputError, match="file"):
+        fit.save(tmp_path / "file")
+
+
+def test_what_is_not_there_is_not_found() -> None:
+    device = planted(5, count=6, stated=SMALL, has_leakage=False)
+    found = fit_device(device.captures, device.stated, SETTINGS)
+    assert not any(name.startswith("leakage") for name in found.names)
+    assert found.radar.front_end.leakage == ()
+    assert max(map(abs, errors_over_std(found, device).values())) < 4.5
+
+
+def test_time_division_gives_the_same_device() -> None:
+    device = planted(6, count=5, stated=SMALL.with_(multiplexing=ss.Tdm()))
+    found = fit_device(device.captures, device.stated, SETTINGS)
+    assert max(map(abs, errors_over_std(found, device).values())) < 4.5
+
+
+def test_walls_are_subtracted_with_an_empty_capture() -> None:
+    rng, device = np.random.default_rng(0), planted(7, count=8, stated=SMALL)
+    wall = ss.synthesize(
+        ss.point_targets([[8.0, -2.0, 0.0]], [[0.0, 0.0, 0.0]], 100.0, device.true, ss.Pose()), device.true, rng=rng
+    )
+    still = ss.synthesize(
+        ss.point_targets([[8.0, -2.0, 0.0]], [[0.0, 0.0, 0.0]], 100.0, device.true, ss.Pose()),
+        device.true.with_(leakage=(), dc_offset_dbm=None),
+        rng=None,
+    )
+    room = [replace(item, adc=item.adc + still, empty=wall) for item in device.captures]
+    found = fit_device(room, device.stated, SETTINGS)
+    assert "dc_i" not in found.names and "leakage_length" not in found.names
+    assert max(map(abs, errors_over_std(found, device).values())) < 4.5
+    assert all(item.over_noise < 1.1 for item in found.residuals)
+    without = fit_device([replace(item, empty=None) for item in room], device.stated, SETTINGS)
+    assert max(item.over_noise for item in without.residuals) > 3.0  # a wall that nobody told it of is seen
+
+
+def test_one_direction_does_not_tell_antenna_places() -> None:
+    found = fit_device([at_boresight(SMALL, np.random.default_rng(1))], SMALL, SETTINGS)
+    assert {"tx_y[0]", "rx_z[3]"} <= set(found.not_identified)
+    assert "not identified" in repr(found)
+
+
+def test_turning_the_radar_gives_the_pattern() -> None:
+    rng, angles = np.random.default_rng(2), np.arange(-40.0, 41.0, 10.0)
+    pattern = ss.RadarSpec().array.pattern.with_(half_power_azimuth_deg=35.0)
+    true = SMALL.with_(array=SMALL.array.with_(pattern=pattern))
+    captures = [at_boresight(true, rng, angle) for angle in angles]
+    found = fit_device(captures, SMALL, DeviceFitSettings(pattern_std_db=5.0, leakage=False))
+    offset = np.stack([np.cos(np.radians(angles)), np.sin(np.radians(angles)), 0.0 * angles], axis=1)
+    expected = 40.0 * np.log10(field_gain(pattern, offset) / field_gain(SMALL.array.pattern, offset))  # both ways
+    measured = found.levels_db - found.levels_db.mean()
+    assert np.allclose(measured, expected - expected.mean(), atol=0.1)
+    assert np.allclose(found.directions_deg[:, 0], angles)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"adc": np.zeros((4, 8, 64), dtype=np.complex64)}, r"captures\[0\].adc"),
+        ({"position": np.array([-5.0, 0.0, 0.0])}, r"captures\[0\].position.*x > 0"),
+        ({"position": np.array([5000.0, 0.0, 0.0])}, r"within max_range"),
+        ({"position_std": 0.0}, r"position_std = 0.0 m"),
+        ({"rcs_std_db": -1.0}, r"rcs_std_db = -1.0 dB"),
+        ({"held_out": True}, r"all held out"),
+        ({"empty": np.zeros((4, 3, 64), dtype=np.complex64)}, r"captures\[0\].empty"),
+    ],
+)
+def test_bad_captures_are_refused(change, match) -> None:
+    item = at_boresight(SMALL, np.random.default_rng(0))
+    with pytest.raises(ParameterRangeError, match=match):
+        fit_device([replace(item, **change)], SMALL)
+
+
+def test_no_noise_no_echo_and_other_radars_are_errors() -> None:
+    with pytest.raises(CalibrationError, match="do not differ"):
+        fit_device([at_boresight(SMALL, None)], SMALL)
+    item = at_boresight(SMALL, np.random.default_rng(0))
+    with pytest.raises(CalibrationError, match="dB over the noise"):
+        fit_device([replace(item, position=np.array([9.0, 0.0, 0.0]))], SMALL)
+    with pytest.raises(CalibrationError, match=r"sqrt\(W\)"):
+        fit_device([replace(item, adc=0.01 * item.adc)], SMALL)
+    with pytest.raises(ParameterRangeError, match="multiplexing"):
+        fit_device([item], SMALL.with_(multiplexing=ss.Bpm()))
+    with pytest.raises(ParameterRangeError, match="waveform"):
+        fit_device([item], SMALL.with_(waveform=ss.Pmcw()))
