@@ -86,7 +86,7 @@ frame = ds[12]  # nothing is read yet; frames of all scenes in order
 frame.radar["front_center"].adc  # complex64; .adc_int: the codes; also ["front_center/radar"]
 frame.image["front_center"].depth  # float32 [m]; .rgb, .semantic, .instance, .normal, .flow
 frame.lidar["front_center"].position  # valid returns only
-frame.radio["radio"].cfr  # of a rig with a radio; .a, .tau, .doppler and the rest of the table
+frame.radio  # by name, empty where the rig has no radio; each with .cfr, .a, .tau, .doppler and the rest of the table
 frame.labels  # true boxes; .label_arrays: the same as columns
 frame.to_frame()  # the scarl_sionna.Frame that ss.observe returned
 ds.scene("drive").group["front_center/radar/adc"][100:200, 0, :64]  # zarr.Array: slices over frames
