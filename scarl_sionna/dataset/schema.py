@@ -281,7 +281,14 @@ RADIO: tuple[Field, ...] = (
     ),
     Field("num_paths", "int32", ("station",), "", "paths that were found, with those that are not kept"),
     Field("gain_left_out", "float64", ("station",), "", "sum of abs(a)**2 of the paths that are not kept"),
-    Field("diagnostics", "", (), "", "candidates, materials with values of another frequency, absent stations", "json"),
+    Field(
+        "diagnostics",
+        "",
+        (),
+        "",
+        "candidates, materials with values of another frequency, absent stations, share of small mirrors",
+        "json",
+    ),
 )
 
 ADC_COMPLEX = Field(

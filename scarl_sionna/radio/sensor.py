@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scarl_sionna.core.channels import RadioChannels
-from scarl_sionna.core.errors import ScarlWarning
+from scarl_sionna.core.errors import ScarlWarning, SmallMirrorWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.radio import RadioSettings
@@ -23,6 +23,8 @@ from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.motion.trajectory import is_present
 from scarl_sionna.signal.radio import response
 
+SMALL_MIRROR_SHARE = 0.01
+"""Share of the gain over mirrors smaller than their Fresnel zone from which on there is a warning: 0.04 dB."""
 _DIRECTIONS = ("theta_t", "phi_t", "theta_r", "phi_r")
 
 
@@ -67,6 +69,8 @@ class Radio:
         -----
         ScarlWarning
             If the buffer was filled (``on_overflow="warn"``).
+        SmallMirrorWarning
+            If more than 1 % of the gain comes over mirrors that are smaller than their first Fresnel zone.
         """
         started = time.perf_counter()
         place = state.as_mount(mount)
@@ -88,6 +92,7 @@ class Radio:
                 self.settings,
             )
             self._check(found)
+            diagnostics["small_mirror_share"] = self._small_mirrors(found)
             for position, index in enumerate(there):
                 self._keep(rows, index, found, np.flatnonzero(found.receiver == position), state.world.parts.instance)
             diagnostics |= {"num_candidates": found.num_candidates, "borrowed_materials": found.borrowed}
@@ -110,6 +115,20 @@ class Radio:
         if self.settings.solver.on_overflow == "raise":
             raise error
         warnings.warn(str(error), ScarlWarning, stacklevel=3)
+
+    def _small_mirrors(self, found: Links) -> float:
+        """Warn of mirrors that are smaller than their first Fresnel zone; return the share of all gain over them."""
+        gain = (np.abs(found.a) ** 2).sum(axis=(1, 2))
+        share = float(gain[found.small_mirror].sum() / gain.sum()) if gain.any() else 0.0
+        if share > SMALL_MIRROR_SHARE:
+            warnings.warn(
+                f"{100.0 * share:.2g} % of the gain comes by {int(found.small_mirror.sum())} of {len(gain)} paths over "
+                "flat faces smaller than the first Fresnel zone; Sionna RT gives them the amplitude of an endless "
+                "mirror, most often too strong: take this gain for an upper bound, or a higher carrier",
+                SmallMirrorWarning,
+                stacklevel=3,
+            )
+        return share
 
     def _no_paths(self) -> dict[str, npt.NDArray[Any]]:
         """Return the arrays of paths of all stations without any path; coefficients in double precision."""

@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scarl_sionna.core.errors import EngineError, MaterialRangeError
+from scarl_sionna.core.errors import EngineError, MaterialRangeError, SmallMirrorWarning
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.settings.radio import RadioSettings
 from scarl_sionna.core.settings.sionna import SionnaSettings
-from scarl_sionna.core.specs.radio import RadioArray
+from scarl_sionna.core.specs.radio import RadioArray, RadioSpec, RadioStation
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.paths import links, tracing
 from scarl_sionna.engine.paths.links import trace_links
+from scarl_sionna.radio.sensor import Radio
 from scarl_sionna.scene.materials.carrier import at_carrier
 from scarl_sionna.scene.materials.table import MaterialTable, builtin_materials
 from tests.oracles.link import friis, two_ray
@@ -23,6 +24,7 @@ from tests.scenes import Material, Thing, plane, write_scene
 
 CARRIERS = (5.9e9, 28e9, 77e9)
 FEW = RadioSettings(solver=SionnaSettings(max_depth=1, num_samples=20_000))
+MANY = RadioSettings(solver=SionnaSettings(max_depth=1, num_samples=1_000_000))
 V, VH = RadioArray(), RadioArray(polarization="VH")
 SENDER = Mount(Pose([0.0, 0.0, 1.6]))
 CAR = {"kind": "constant_twist", "position": [0, 40, 0], "velocity": [0, -30, 0]}
@@ -184,3 +186,49 @@ def test_arrays_are_turned_and_steered_as_their_mounts_are(street) -> None:
     assert np.abs(np.angle(flat / flat[0])).max() < 1e-3  # broadside
     steered = solve(street, 28e9, station, (row, V)).a[0, 0]
     assert np.allclose(np.angle(steered[1:] / steered[:-1]), np.pi * np.sin(heading), atol=1e-3)
+
+
+def facade(width: float, centre: float = 0.0, step: float = 0.0) -> Thing:
+    """Return a wall of steel beside the link, 10 m aside and as high as it is wide."""
+    name = f"wall_{centre:.0f}_{step * 1e6:.0f}"
+    return Thing(name, plane(width, width, (centre, 10.0 - step, 2.0), (0, -1, 0)), "Building", "steel")
+
+
+def beside(folder, *walls: Thing):
+    return load_scene(write_scene(folder, list(walls), [])).at(0.0)
+
+
+RECEIVER = Mount(Pose([40.0, 0.0, 2.0]))
+TOWARDS = Mount(Pose([-40.0, 0.0, 2.0]))
+
+
+@pytest.mark.parametrize("frequency", CARRIERS)
+def test_mirrors_smaller_than_their_fresnel_zone_are_marked(tmp_path, frequency) -> None:
+    # half-way between the ends the zone is sqrt(wavelength * way) wide
+    zone = np.sqrt(SPEED_OF_LIGHT / frequency * 2.0 * np.hypot(4.0, 10.0))
+    for factor, is_small in ((0.9, True), (1.1, False)):
+        state = beside(tmp_path / f"{factor}", facade(factor * zone))
+        ends = [Mount(Pose([4.0, 0.0, 2.0]))], Mount(Pose([-4.0, 0.0, 2.0]))
+        found = solve(state, frequency, ends[0], sender=ends[1], settings=MANY)
+        assert found.kind[:, 0].tolist() == [0, tracing.SPECULAR]
+        assert found.small_mirror.tolist() == [False, is_small]
+
+
+def test_the_radio_says_how_much_comes_over_small_mirrors(tmp_path) -> None:
+    spec = RadioSpec(frequency=5.9e9, stations=(RadioStation(name="mast", pose=Pose([4.0, 0.0, 2.0])),))
+    radio, rng = Radio(spec, MANY), np.random.default_rng(0)
+    with pytest.warns(SmallMirrorWarning, match="12 % of the gain comes by 1 of 2 paths"):
+        found = radio.observe(beside(tmp_path / "small", facade(0.5)), Mount(Pose([-4.0, 0.0, 2.0])), rng)
+    assert found.diagnostics["small_mirror_share"] == pytest.approx(64.0 / (64.0 + 464.0), rel=1e-3)  # steel, 1/r**2
+    large = radio.observe(beside(tmp_path / "large", facade(5.0)), Mount(Pose([-4.0, 0.0, 2.0])), rng)
+    assert large.diagnostics["small_mirror_share"] == 0.0
+
+
+def test_surfaces_within_a_millimetre_give_one_path(tmp_path) -> None:
+    one = solve(beside(tmp_path / "one", facade(30.0)), 28e9, [RECEIVER], sender=TOWARDS)
+    sheets = beside(tmp_path / "sheets", facade(30.0), facade(30.0, step=4e-4))
+    found = solve(sheets, 28e9, [RECEIVER], sender=TOWARDS)
+    assert len(found.length) == len(one.length) == 2
+    assert 0.0 < one.length[1] - found.length[1] < 1e-3  # that over the sheet in front
+    apart = solve(beside(tmp_path / "apart", facade(30.0), facade(30.0, step=0.3)), 28e9, [RECEIVER], sender=TOWARDS)
+    assert len(apart.length) == 2  # the one behind is hidden

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from scarl_sionna.core.mount import Mount
@@ -29,6 +30,7 @@ from scarl_sionna.scene.materials.carrier import at_carrier, nearest_to_carrier
 from scarl_sionna.scene.materials.table import RadioMaterial
 
 from .tracing import DIFFRACTION, endpoints, on_triangles, solve, solver_options, target_batches
+from .zones import mirror_sizes, zone_diameters
 
 Array = npt.NDArray[np.float64]
 
@@ -37,6 +39,8 @@ _TUNED = ("relative_permittivity", "conductivity", "thickness", "scattering_coef
 """What of the engine's radio materials follows the carrier."""
 HALF_SPACE_LOSS = 110.0
 """Attenuation of the field [Np] on the way through the layer that stands for a half space: nothing in float32."""
+SAME_PLACE = 1e-3
+"""Paths whose points are within it of each other [m] are one."""
 LEAST_ATTENUATION = 1e-2
 """Below it [Np/m] a layer of that loss would be kilometres thick: such a material counts as without losses."""
 
@@ -62,6 +66,9 @@ class Links:
         Interactions, as in :mod:`.tracing`.
     part : ndarray of int64, shape (num_paths, max_depth)
         Rows of the part table, -1 beyond the path's depth.
+    small_mirror : ndarray of bool, shape (num_paths,)
+        Whether a mirror reflection is on a flat face that is smaller than the first Fresnel zone there: the engine
+        gives it the amplitude of an endless one.
     num_candidates : int
         Largest number of candidates of one call of the solver.
     overflow : bool
@@ -80,6 +87,7 @@ class Links:
     phi_r: Array
     kind: npt.NDArray[np.int32]
     part: npt.NDArray[np.int64]
+    small_mirror: npt.NDArray[np.bool_]
     num_candidates: int
     overflow: bool
     borrowed: dict[str, float]
@@ -135,14 +143,34 @@ def trace_links(
                 counts.append(count)
     found = on_triangles(state, {name: np.concatenate([batch[name] for batch in batches]) for name in batches[0]})
     places = np.array([mount.pose.position for mount in receivers])
+    length = _lengths(found, sender.pose.position, places[found["target"]])
+    keep = _once(found, length)
+    found, length = {name: column[keep] for name, column in found.items()}, length[keep]
+    zones = zone_diameters(found["vertex"], sender.pose.position, length, SPEED_OF_LIGHT / frequency)
     return Links(
         receiver=found["target"],
-        length=_lengths(found, sender.pose.position, places[found["target"]]),
+        length=length,
+        small_mirror=(mirror_sizes(state, *(found[name] for name in ("kind", "part", "face"))) < zones).any(axis=1),
         **{name: found[name] for name in ("a", "doppler", *_ANGLES, "kind", "part")},
         num_candidates=max(counts),
         overflow=max(counts) >= settings.solver.max_num_paths,
         borrowed=borrowed,
     )
+
+
+def _once(found: dict[str, npt.NDArray[Any]], length: Array) -> npt.NDArray[np.bool_]:
+    """Return which paths to keep so that none is there twice, shape (num_paths,).
+
+    Surfaces of two parts that coincide, or meet in a seam, give two whose points are within `SAME_PLACE`; the shorter
+    one stays: that over a marking, not that over the road below it.
+    """
+    kind, vertex = found["kind"], found["vertex"]
+    keep = np.ones(len(kind), dtype=np.bool_)
+    alike = np.concatenate([found["target"][:, None], kind], axis=1) * 1e6  # far apart where they differ
+    places = np.concatenate([alike, vertex.reshape(len(kind), 3 * kind.shape[1])], axis=1)
+    for one, other in cKDTree(places).query_pairs(SAME_PLACE, p=np.inf):
+        keep[other if length[one] <= length[other] else one] = False
+    return keep
 
 
 def _lengths(found: dict[str, npt.NDArray[Any]], start: Array, stop: Array) -> Array:

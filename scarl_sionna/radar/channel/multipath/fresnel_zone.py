@@ -6,10 +6,10 @@ import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from scarl_sionna.core.errors import ScarlWarning, SmallMirrorWarning
-from scarl_sionna.engine.paths.tracing import DIFFRACTION, SPECULAR, mirror_extent
+from scarl_sionna.engine.paths.tracing import DIFFRACTION, SPECULAR
+from scarl_sionna.engine.paths.zones import mirror_sizes, zone_diameters
 
 from .legs import Legs
 from .station import Station
@@ -17,45 +17,22 @@ from .station import Station
 if TYPE_CHECKING:
     from scarl_sionna.engine.world import WorldState
 
-Array = npt.NDArray[np.float64]
-
-
-def zone_diameters(legs: Legs, start: Array, wavelength: float) -> Array:
-    r"""Return the smaller diameter of the first Fresnel zone at each interaction [m], shape (num_legs, max_depth).
-
-    .. math:: 2 \sqrt{\lambda d_1 d_2 / (d_1 + d_2)}
-
-    with the lengths d1, d2 of the path before and behind. Along the plane of incidence the zone is longer
-    by 1 / cos(theta).
-
-    References
-    ----------
-    .. [1] Recommendation ITU-R P.526-15, section 2.1.
-    """
-    line = np.concatenate([np.broadcast_to(start, (len(legs.length), 1, 3)), legs.point], axis=1)
-    before = np.cumsum(np.linalg.norm(np.diff(line, axis=1), axis=2), axis=1)
-    behind = np.maximum(legs.length[:, None] - before, 0.0)
-    return 2.0 * np.sqrt(wavelength * before * behind / np.maximum(before + behind, 1e-12))
-
 
 def warn_of_small_mirrors(state: WorldState, wavelength: float, mirrors: list[tuple[Legs, Station]]) -> int:
     """Warn once of the mirror or edge that is smallest against its Fresnel zone.
 
     Return the number of such interactions.
     """
-    extents: dict[tuple[int, int], float] = {}
     num_small, worst = 0, (1.0, 0.0, 0.0, -1, SPECULAR)
     for legs, station in mirrors:
-        zones = zone_diameters(legs, station.position, wavelength)
+        zones = zone_diameters(legs.point, station.position, legs.length, wavelength)
+        sizes = mirror_sizes(state, legs.kind, legs.part, legs.face)
         for leg, k in zip(*np.nonzero((legs.kind == SPECULAR) | (legs.kind == DIFFRACTION)), strict=True):
-            key, kind = (int(legs.part[leg, k]), int(legs.face[leg, k])), int(legs.kind[leg, k])
-            if kind == SPECULAR and key not in extents:
-                extents[key] = mirror_extent(state, *key)
-            extent = extents[key] if kind == SPECULAR else float(legs.edge_length[leg])
-            zone = float(zones[leg, k])
+            kind, zone = int(legs.kind[leg, k]), float(zones[leg, k])
+            extent = float(sizes[leg, k] if kind == SPECULAR else legs.edge_length[leg])
             if extent < zone:
                 num_small += 1
-                worst = min(worst, (extent / zone, extent, zone, key[0], kind))
+                worst = min(worst, (extent / zone, extent, zone, int(legs.part[leg, k]), kind))
     if num_small:
         name = state.world.instances[int(state.world.parts.instance[worst[3]])].name
         what = "a flat face" if worst[4] == SPECULAR else "an edge"
