@@ -146,11 +146,12 @@ def trace_links(
     length = _lengths(found, sender.pose.position, places[found["target"]])
     keep = _once(found, length)
     found, length = {name: column[keep] for name, column in found.items()}, length[keep]
+    sizes = mirror_sizes(state, found["kind"], found["part"], found["face"])
     zones = zone_diameters(found["vertex"], sender.pose.position, length, SPEED_OF_LIGHT / frequency)
     return Links(
         receiver=found["target"],
         length=length,
-        small_mirror=(mirror_sizes(state, *(found[name] for name in ("kind", "part", "face"))) < zones).any(axis=1),
+        small_mirror=np.any(sizes < zones, axis=1),
         **{name: found[name] for name in ("a", "doppler", *_ANGLES, "kind", "part")},
         num_candidates=max(counts),
         overflow=max(counts) >= settings.solver.max_num_paths,
