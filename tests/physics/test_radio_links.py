@@ -232,3 +232,16 @@ def test_surfaces_within_a_millimetre_give_one_path(tmp_path) -> None:
     assert 0.0 < one.length[1] - found.length[1] < 1e-3  # that over the sheet in front
     apart = solve(beside(tmp_path / "apart", facade(30.0), facade(30.0, step=0.3)), 28e9, [RECEIVER], sender=TOWARDS)
     assert len(apart.length) == 2  # the one behind is hidden
+
+
+def test_facets_that_nearly_are_one_plane_give_one_path(tmp_path) -> None:
+    """A wall in two halves that lean towards the link by 0.02 deg each has two images of the sender for one mirror."""
+    slope = np.radians(0.02)
+    halves = []
+    for side in (-1.0, 1.0):
+        centre, normal = (15.0 * side, 10.0 - 15.0 * slope, 2.0), (-side * slope, -1, 0)
+        halves.append(Thing(f"half_{side > 0}", plane(30.0, 30.0, centre, normal), "Building", "steel"))
+    found = solve(beside(tmp_path / "halves", *halves), 28e9, [RECEIVER], sender=TOWARDS)
+    one = solve(beside(tmp_path / "one", facade(60.0)), 28e9, [RECEIVER], sender=TOWARDS)
+    assert len(found.length) == len(one.length) == 2
+    assert abs(found.length[1] - one.length[1]) < 0.01

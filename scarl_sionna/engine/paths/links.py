@@ -29,7 +29,7 @@ from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.materials.carrier import at_carrier, nearest_to_carrier
 from scarl_sionna.scene.materials.table import RadioMaterial
 
-from .tracing import DIFFRACTION, endpoints, on_triangles, solve, solver_options, target_batches
+from .tracing import DIFFRACTION, SPECULAR, endpoints, on_triangles, solve, solver_options, target_batches
 from .zones import mirror_sizes, zone_diameters
 
 Array = npt.NDArray[np.float64]
@@ -40,7 +40,7 @@ _TUNED = ("relative_permittivity", "conductivity", "thickness", "scattering_coef
 HALF_SPACE_LOSS = 110.0
 """Attenuation of the field [Np] on the way through the layer that stands for a half space: nothing in float32."""
 SAME_PLACE = 1e-3
-"""Paths whose points are within it of each other [m] are one."""
+"""Mirrors within it of each other [m] are one, and points of other steps."""
 LEAST_ATTENUATION = 1e-2
 """Below it [Np/m] a layer of that loss would be kilometres thick: such a material counts as without losses."""
 
@@ -162,15 +162,19 @@ def trace_links(
 def _once(found: dict[str, npt.NDArray[Any]], length: Array) -> npt.NDArray[np.bool_]:
     """Return which paths to keep so that none is there twice, shape (num_paths,).
 
-    Surfaces of two parts that coincide, or meet in a seam, give two whose points are within `SAME_PLACE`; the shorter
-    one stays: that over a marking, not that over the road below it.
+    Of paths with the same steps whose mirrors are one mirror within `SAME_PLACE` (each point lies on the other's plane:
+    two surfaces that coincide, facets of a crowned road or of a bonnet) the shorter one stays: that over a marking, not
+    that over the road below it. Other steps are the same where their points are.
     """
-    kind, vertex = found["kind"], found["vertex"]
+    kind, vertex, normal, offset = (found[name] for name in ("kind", "vertex", "normal", "offset"))
     keep = np.ones(len(kind), dtype=np.bool_)
     alike = np.concatenate([found["target"][:, None], kind], axis=1) * 1e6  # far apart where they differ
-    places = np.concatenate([alike, vertex.reshape(len(kind), 3 * kind.shape[1])], axis=1)
-    for one, other in cKDTree(places).query_pairs(SAME_PLACE, p=np.inf):
-        keep[other if length[one] <= length[other] else one] = False
+    tree = cKDTree(np.concatenate([alike, length[:, None]], axis=1))
+    for one, other in sorted(tree.query_pairs(SAME_PLACE, p=np.inf)):
+        off = [np.abs((vertex[a] * normal[b]).sum(axis=-1) - offset[b]) for a, b in ((one, other), (other, one))]
+        apart = np.where(kind[one] == SPECULAR, np.maximum(*off), np.linalg.norm(vertex[one] - vertex[other], axis=-1))
+        if keep[one] and keep[other] and np.all(apart < SAME_PLACE):
+            keep[other if length[one] <= length[other] else one] = False
     return keep
 
 
