@@ -78,6 +78,7 @@ from .radar.synthesis import synthesize
 from .radar.synthesis.blocks import retraced, synthesize_blocks
 from .radar.weather.attenuation import attenuate_paths
 from .scenario.spec.scenario import ScenarioSpec
+from .scene.actors.body import actor_from_body
 from .scene.actors.mesh import actor_from_mesh
 from .scene.actors.model import ActorModel, read_actor_model
 from .scene.document.staging import StagedActor
@@ -184,6 +185,7 @@ __all__ = [
     "Weather",
     "World",
     "WorldState",
+    "actor_from_body",
     "actor_from_mesh",
     "attenuate_paths",
     "back_project",

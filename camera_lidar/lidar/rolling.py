@@ -2,10 +2,12 @@
 
 Static geometry is hit by the rays as they are. For a moving body (an actor, a wheel, a limb), a ray is carried into the
 body's frame at the ray's own time, where the body stands still. So both are exact, whatever moves during the scan, and
-the engine's scene is moved once and not for every block of time.
+the engine's scene is moved once and not for every block of time; bodies that bend are moved for slices of it.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +16,7 @@ from scarl_sionna.engine.rays.apart import Apart, stand_apart
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.tables import RayHits
 
+from .bent import SLICE, BentSlice
 from .motion import Motion, knots
 
 Array = npt.NDArray[np.float64]
@@ -43,6 +46,8 @@ class RollingCaster:
         self._radius = np.array([body.radius for body in self._apart.bodies])
         self._motions = _motions(self._apart, state.time, duration)
         self._swept = _swept(self._motions, self._radius)
+        self._start, self._duration = state.time, duration
+        self._slices: dict[int, BentSlice] = {}
 
     def cast(self, origins: Array, directions: Array, times: Array, max_distance: float, from_sensor: bool) -> RayHits:
         """Intersect rays with the scene as it stands at each ray's own time.
@@ -65,7 +70,33 @@ class RollingCaster:
         -------
         RayHits
         """
-        hits = self._apart.state.cast(origins, directions, max_distance)
+        if not self._apart.bends:
+            return self._cast(None, (origins, directions, times), max_distance, from_sensor)
+        found = []
+        number = np.clip((times / SLICE).astype(np.int64), 0, max(int(np.ceil(self._duration / SLICE)) - 1, 0))
+        for one in np.unique(number).tolist():
+            if one not in self._slices:
+                start = self._start + one * SLICE
+                self._slices[one] = BentSlice(self._apart, start, start + SLICE)
+            rows = np.flatnonzero(number == one)
+            some = origins if origins.ndim == 1 else origins[rows]
+            hits = self._cast(self._slices[one], (some, directions[rows], times[rows]), max_distance, from_sensor)
+            found.append(replace(hits, ray=rows[hits.ray]))
+        columns = [np.concatenate(column) for column in zip(*(vars(hits).values() for hits in found), strict=True)]
+        order = np.argsort(columns[0], kind="stable")
+        return RayHits(*(column[order] for column in columns))
+
+    def _cast(
+        self,
+        bent: BentSlice | None,
+        lines: tuple[Array, Array, Array],
+        max_distance: float,
+        from_sensor: bool,
+    ) -> RayHits:
+        """Return the hits of rays (origins, directions, times) within one slice, if a body bends, else of all."""
+        origins, directions, times = lines
+        state = self._apart.state if bent is None else bent.state
+        hits = state.cast(origins, directions, max_distance)
         static = self._apart.body_of_part[hits.part] < 0
         if not static.all():  # a body below the scene
             hits = RayHits(*(column[static] for column in vars(hits).values()))
@@ -75,7 +106,7 @@ class RollingCaster:
         if rays.size == 0:
             return hits
         start = np.broadcast_to(origins, directions.shape)[rays]
-        moving = self._cast_carried(rays, bodies, start, directions[rays], times[rays], max_distance)
+        moving = self._cast_carried(bent, rays, bodies, (start, directions[rays], times[rays]), max_distance)
         return _nearest(hits, moving)
 
     def _candidates(
@@ -135,10 +166,15 @@ class RollingCaster:
         return np.flatnonzero(leave >= enter)
 
     def _cast_carried(
-        self, rays: Index, bodies: Index, origins: Array, directions: Array, times: Array, max_distance: float
+        self,
+        bent: BentSlice | None,
+        rays: Index,
+        bodies: Index,
+        lines: tuple[Array, Array, Array],
+        max_distance: float,
     ) -> RayHits:
-        """Return the hits of rays on the one body each, in no order."""
-        apart = self._apart
+        """Return the hits of rays (origins, directions, times) on the one body each, in no order."""
+        apart, (origins, directions, times) = self._apart, lines
         start, direction = np.empty_like(origins), np.empty_like(directions)
         ahead = np.full(len(rays), np.inf)
         for body in np.unique(bodies):
@@ -150,9 +186,14 @@ class RollingCaster:
             ahead[row], direction[row] = entry, along
             start[row] = local + np.where(np.isfinite(entry), entry, 0.0)[:, None] * along + apart.centre[body]
         met = np.flatnonzero(ahead <= max_distance)
-        hits = apart.state.cast(start[met], direction[met], max_distance=2.0 * float(self._radius.max()) * (1.0 + 1e-6))
+        state = apart.state if bent is None else bent.state
+        hits = state.cast(start[met], direction[met], max_distance=2.0 * float(self._radius.max()) * (1.0 + 1e-6))
         pair = met[hits.ray]
-        distance = ahead[pair] + hits.distance
+        if bent is None:
+            own = hits.distance, hits.normal, np.zeros_like(hits.point)
+        else:
+            own = bent.placed(start[pair], direction[pair], self._start + times[pair], hits)
+        distance = ahead[pair] + own[0]
         good = np.flatnonzero((apart.body_of_part[hits.part] == bodies[pair]) & (distance <= max_distance))
         pair, distance = pair[good], distance[good]
         point = origins[pair] + distance[:, None] * directions[pair]
@@ -160,10 +201,15 @@ class RollingCaster:
         for body in np.unique(bodies[pair]):
             row = np.flatnonzero(bodies[pair] == body)
             motion, time = self._motions[body], times[pair[row]]
-            normal[row] = motion.rotate(time, hits.normal[good[row]])
+            normal[row] = motion.rotate(time, own[1][good[row]])
             lever = point[row] - motion.position_at(time)
             velocity[row] = motion.linear_at(time) + np.cross(motion.angular_at(time), lever)
-        seen = hits.cos_incidence[good], hits.part[good]
+            if bent is not None:
+                velocity[row] += motion.rotate(time, own[2][good[row]])
+        cosine = hits.cos_incidence[good]
+        if bent is not None:
+            cosine = np.minimum(np.abs(np.einsum("ni,ni->n", direction[pair], own[1][good])), 1.0)
+        seen = cosine, hits.part[good]
         return RayHits(rays[pair], distance, point, normal, *seen, velocity, hits.face[good])
 
 

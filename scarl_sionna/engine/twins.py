@@ -22,6 +22,7 @@ from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.core.temporary import temporary_folder
+from scarl_sionna.scene.bodies.bending import vertex_normals
 from scarl_sionna.scene.document.model import SceneDocument, twin_xml
 from scarl_sionna.scene.materials.table import MaterialTable
 
@@ -163,18 +164,23 @@ class Twin:
         world_from_part: Mapping[str, Pose],
         twist_of_part: Mapping[str, Twist],
         meshes: Mapping[str, MeshData],
+        bent: Mapping[str, MeshData],
     ) -> None:
-        """Move the actors' parts to a state at a time [s], and switch its lights; nothing if it is already applied."""
+        """Move the actors' parts to a state at a time [s], and switch its lights; nothing if it is already applied.
+
+        Parts in `bent` have that mesh in place of their own.
+        """
         if self._applied is state:
             return
         with variant.use(self.kind) as mi:
             for name, pose in world_from_part.items():
-                if _is_same(self._pose_of.get(name), pose):
+                own = bent.get(name)
+                if own is None and _is_same(self._pose_of.get(name), pose):
                     continue
                 self._pose_of[name] = pose
-                world = pose.apply(meshes[name].vertices).astype(np.float32)
+                world = pose.apply((own or meshes[name]).vertices).astype(np.float32)
                 self._params[f"{name}.vertex_positions"] = mi.Float(world.ravel())
-                self._rotate_normals(mi, name, pose)
+                self._rotate_normals(mi, name, pose, own)
                 if self._lamps is not None and name in self._lamps.shapes:
                     self._lamps.move(self._params, name, pose)
             if self._lamps is not None:
@@ -188,7 +194,7 @@ class Twin:
                         self._object(name).velocity = mi.Vector3f(*velocity)
         self._applied = state
 
-    def _rotate_normals(self, mi: ModuleType, name: str, pose: Pose) -> None:
+    def _rotate_normals(self, mi: ModuleType, name: str, pose: Pose, bent: MeshData | None) -> None:
         """Turn the shading normals of a part with it; a mesh without any has an empty array."""
         key = f"{name}.vertex_normals"
         if key not in self._params:
@@ -197,6 +203,7 @@ class Twin:
             self._local_normals[name] = np.array(self._params[key], dtype=np.float64).reshape(-1, 3)
         local = self._local_normals[name]
         if local.size:
+            local = local if bent is None else vertex_normals(bent.vertices, bent.faces)
             self._params[key] = mi.Float(pose.rotate(local).astype(np.float32).ravel())
 
     def part_of_number(self, number: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:

@@ -23,6 +23,7 @@ from scarl_sionna.core.prompt.describe import Described, Row, listed, quantity, 
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.specs.lighting import Lighting
 from scarl_sionna.core.specs.weather import Weather
+from scarl_sionna.scene.bodies.bending import BentMesh
 from scarl_sionna.scene.document.model import SceneDocument
 from scarl_sionna.scene.document.staging import StagedActor, on_trajectories
 from scarl_sionna.scene.document.staging import stage as stage_document
@@ -32,7 +33,8 @@ from scarl_sionna.scene.materials.wet import wet_surfaces
 from scarl_sionna.scene.motion.trajectory import Motion, Trajectory, is_present
 from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
 
-from .instances import Shapes, describe_instance
+from .instances import Shapes, check_bodies, describe_instance
+from .rays.bent_faces import BentFaces, bent_faces
 from .rays.cast import Target, cast_rays
 from .rays.enclosure import is_enclosed, is_left_behind
 from .rays.geometry import Triangles, upright_box
@@ -68,10 +70,11 @@ class World(Described):
             [mesh.vertices for mesh in self._meshes.values()], [mesh.faces for mesh in self._meshes.values()]
         )
         self.actors = tuple(
-            Actor(entry.name, number, entry.trajectory, entry.joints)
+            Actor.of(entry, number, entry.trajectory)
             for number, entry in enumerate(self._entries, start=1)
             if entry.trajectory is not None
         )
+        check_bodies(self.actors, self._meshes)
         self._shapes = Shapes(self.parts, self._meshes)
         corners = self._triangles.corners.reshape(-1, 3) if document.is_foreign else None
         self.instances = {
@@ -182,9 +185,7 @@ class World(Described):
         )
         other._dry = dry, *self._dry[1:]
         other.actors = tuple(
-            Actor(
-                actor.name, actor.instance, trajectories.get(actor.name, actor.trajectory), entries[actor.name].joints
-            )
+            Actor.of(entries[actor.name], actor.instance, trajectories.get(actor.name, actor.trajectory))
             for actor in self.actors
         )
         moved = (actor for actor in other.actors if actor.name in trajectories)
@@ -242,9 +243,21 @@ class World(Described):
         twists = {actor.name: actor.trajectory.twist(time) for actor in self.actors}
         return WorldState(self, time, poses, twists)
 
-    def with_parts_at(self, places: Mapping[int, Pose]) -> WorldState:
-        """Return a state at rest in which parts of actors have given places, world_from_part by the row of the part."""
-        return _PlacedState(self, places)
+    def with_parts_at(self, places: Mapping[int, Pose], bent_at: float = 0.0) -> WorldState:
+        """Return a state at rest in which parts of actors have given places, world_from_part by the row of the part.
+
+        Those that bend are as at a time [s].
+        """
+        return _PlacedState(self, places, bent_at)
+
+    def bent_faces(self, places: Mapping[int, Pose], time: float) -> BentFaces:
+        """Return the faces that bend as at a time [s], their parts in given places."""
+        return bent_faces(self._triangles.first, self.mesh, self._bent(time), places)
+
+    def _bent(self, time: float) -> dict[int, BentMesh]:
+        """Return the meshes of the parts that bend at a time [s], in the frames of their actors."""
+        meshes = {shape: mesh for actor in self.actors for shape, mesh in actor.bent(time).items()}
+        return {self.parts.name.index(shape): mesh for shape, mesh in meshes.items()}
 
     def plot(
         self,
@@ -432,7 +445,30 @@ class WorldState(Described):
         """Return world_from_part: the actor's pose and the part's joint; the identity for what stands still."""
         return self._part_motion[part].pose if part in self._part_motion else Pose()
 
-    def point_velocity(self, part: npt.NDArray[Any], point: Array) -> Array:
+    def part_corners(self, part: int) -> Array:
+        """Return the triangles of a part in its own frame (`part_pose`), as it is bent now, (num_faces, 3, 3) [m]."""
+        mesh = self._bent_meshes.get(self.world.parts.name[part]) or self.world.mesh(part)
+        return mesh.vertices[mesh.faces]
+
+    @property
+    def _bent_at(self) -> float:
+        return self.time
+
+    @cached_property
+    def _bent(self) -> dict[int, BentMesh]:
+        return self.world._bent(self._bent_at)
+
+    @cached_property
+    def _bent_meshes(self) -> dict[str, MeshData]:
+        names = self.world.parts.name
+        return {names[part]: MeshData(mesh.vertices, self.world.mesh(part).faces) for part, mesh in self._bent.items()}
+
+    @cached_property
+    def _bent_faces(self) -> BentFaces | None:
+        poses = {part: self._part_motion[part].pose for part in self._bent}
+        return bent_faces(self.world._triangles.first, self.world.mesh, self._bent, poses) if self._bent else None
+
+    def point_velocity(self, part: npt.NDArray[Any], point: Array, face: npt.NDArray[np.int64] | None = None) -> Array:
         """Return the velocity of surface points.
 
         Parameters
@@ -441,6 +477,9 @@ class WorldState(Described):
             Row of the part table; -1 is at rest.
         point : ndarray of float64, shape (n, 3)
             [m, world].
+        face : ndarray of int64, shape (n,), optional
+            Triangle of each, a row of the state's :class:`~.face_planes.FaceTable`; without it, a point on a part that
+            bends has the velocity of the nearest point of its surface.
 
         Returns
         -------
@@ -455,11 +494,16 @@ class WorldState(Described):
             offset = point[rows] - np.array([each.pose.position for each in motions])[motion]
             turning = np.array([each.twist.angular for each in motions])[motion]
             velocity[rows] = np.array([each.twist.linear for each in motions])[motion] + np.cross(turning, offset)
+        if self._bent_faces is not None:
+            bent = self._bent_faces
+            velocity += bent.nearest(np.asarray(part), point) if face is None else bent.at(face, point)
         return velocity
 
     @cached_property
     def _triangles(self) -> Triangles:
-        return self.world._triangles.moved({part: motion.pose for part, motion in self._part_motion.items()})
+        corners = {part: self.part_corners(part) for part in self._bent}
+        triangles = self.world._triangles.with_meshes(corners)
+        return triangles.moved({part: motion.pose for part, motion in self._part_motion.items()})
 
     @cached_property
     def _bounds(self) -> tuple[Array, Array]:
@@ -475,6 +519,7 @@ class WorldState(Described):
             {names[part]: motion.pose for part, motion in self._part_motion.items()},
             {names[part]: motion.twist for part, motion in self._part_motion.items()},
             self.world._meshes,
+            self._bent_meshes,
         )
         return twin
 
@@ -531,9 +576,10 @@ class WorldState(Described):
     def _tight_box(self, info: InstanceInfo) -> dict[str, Any]:
         """Return what `ObjectState` says of the box of an actor at this time, as far as it is not that of its track."""
         actor = self.world.actor(str(info.actor))
-        if not any(joint.changes_shape for joint in actor.joints):
+        if actor.bending is None and not any(joint.changes_shape for joint in actor.joints):
             return {}
-        vertices = self.world._shapes.vertices(info.parts, self._joints[actor.name])
+        moved = self._joints.get(actor.name, {})
+        vertices = self.world._shapes.vertices(info.parts, moved, actor.bent(self._bent_at))
         box, size = upright_box(vertices, fixed_axes=True)
         return {"tight_center": box.position - info.frame_from_box.position, "tight_size": size}
 
@@ -583,10 +629,14 @@ class WorldState(Described):
 class _PlacedState(WorldState):
     """A state in which every part of an actor has a given place."""
 
-    def __init__(self, world: World, places: Mapping[int, Pose]) -> None:
+    def __init__(self, world: World, places: Mapping[int, Pose], bent_at: float) -> None:
         poses = {actor.name: Pose() for actor in world.actors}
         super().__init__(world, 0.0, poses, {name: Twist() for name in poses})
-        self._places = places
+        self._places, self._time_bent = places, bent_at
+
+    @property
+    def _bent_at(self) -> float:
+        return self._time_bent
 
     @cached_property
     def _part_motion(self) -> dict[int, Motion]:

@@ -284,13 +284,14 @@ def surface_motion(
     before, now, after = (world.at(time + sign * step) for sign in (-1.0, 0.0, 1.0))
     numbers, velocities, areas, across, points = [], [], [], [], []
     for part in range(len(world.parts.name)) if parts is None else parts:
-        corners = world.mesh(part).vertices[world.mesh(part).faces]
-        middle = corners.mean(axis=1)
+        middles = [state.part_corners(part).mean(axis=1) for state in (before, now, after)]
+        corners = now.part_corners(part)
         doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         ways = [
-            np.linalg.norm(state.part_pose(part).apply(middle) - pose.position, axis=1) for state in (before, after)
+            np.linalg.norm(state.part_pose(part).apply(middle) - pose.position, axis=1)
+            for state, middle in ((before, middles[0]), (after, middles[2]))
         ]
-        point = now.part_pose(part).apply(middle)
+        point = now.part_pose(part).apply(middles[1])
         sight = point - pose.position
         sight /= np.linalg.norm(sight, axis=1)[:, None]
         numbers.append(np.full(len(point), part, dtype=np.int32))

@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from scarl_sionna.core.errors import ScarlError, ScenarioError, ScenarioFileError, ScenarioValueError, UnknownNameError
+from scarl_sionna.scene.actors.body import actor_from_body
 from scarl_sionna.scene.actors.mesh import actor_from_mesh
 from scarl_sionna.scene.actors.model import ActorModel, Color, read_actor_model
 from scarl_sionna.scene.document.model import SceneDocument
@@ -20,7 +21,7 @@ from scarl_sionna.scene.motion.trajectory import Trajectory
 from .motion.bodies import ActorBody
 from .motion.motions import Setting, trajectory_of
 from .randomize import Jitter, draw_jitter, draw_look
-from .spec.actors import ActorSpec, EgoSpec, MeshSpec
+from .spec.actors import ActorSpec, BodyFileSpec, EgoSpec, MeshSpec
 from .spec.files import KeyPath
 from .spec.light import name_error
 from .spec.scenario import ScenarioSpec
@@ -89,8 +90,8 @@ def _role(spec: ScenarioSpec, path: KeyPath, name: str, one: EgoSpec | ActorSpec
 
 
 def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> ActorModel:
-    mesh = one.mesh if isinstance(one, ActorSpec) else None
-    if not isinstance(one, ActorSpec) or mesh is None:
+    own = one.mesh or one.body if isinstance(one, ActorSpec) else None
+    if not isinstance(one, ActorSpec) or own is None:
         place = spec.place(*path, "model")
         text = str(one.model)
         try:
@@ -99,40 +100,36 @@ def _model(spec: ScenarioSpec, path: KeyPath, one: EgoSpec | ActorSpec) -> Actor
             raise name_error(error, place) from error
         except ScarlError as error:
             raise ScenarioFileError(str(error), place, value=text) from error
-    file = spec.find(mesh.file)
+    key = "mesh" if isinstance(own, MeshSpec) else "body"
+    file = spec.find(own.file)
     if not file.is_file():
-        raise ScenarioFileError(f"'{mesh.file}' is not there", spec.place(*path, "mesh", "file"), value=mesh.file)
+        raise ScenarioFileError(f"'{own.file}' is not there", spec.place(*path, key, "file"), value=own.file)
+    if isinstance(own, BodyFileSpec) and own.moved_by is not None:
+        own = own.with_(moved_by=str(spec.find(own.moved_by).resolve()))
     try:
-        model = _mesh_model(file.resolve(), file.stat().st_mtime_ns, one.name, mesh.model_dump_json())
+        model = _own_model(file.resolve(), file.stat().st_mtime_ns, one.name, own.model_dump_json(), key)
         table = load_materials()
         for entry in model.materials.values():
             table[entry.radio]  # an unknown one raises here, where its line is known
         return model
     except UnknownNameError as error:
-        raise name_error(error, spec.place(*path, "mesh")) from error
+        raise name_error(error, spec.place(*path, key)) from error
     except ScarlError as error:
-        raise ScenarioFileError(str(error), spec.place(*path, "mesh"), value=mesh.file) from error
+        raise ScenarioFileError(str(error), spec.place(*path, key), value=own.file) from error
 
 
 @lru_cache(maxsize=64)
-def _mesh_model(file: Path, changed: int, name: str, text: str) -> ActorModel:
-    """Return the model of a mesh.
+def _own_model(file: Path, changed: int, name: str, text: str, key: str) -> ActorModel:
+    """Return the model of a mesh or of a body.
 
-    `changed` tells when the file was, so that a new one is read, `text` holds the `MeshSpec`.
+    `changed` tells when the file was, so that a new one is read, `text` holds the `MeshSpec` or `BodyFileSpec`.
     """
-    mesh = MeshSpec(**json.loads(text))
-    return actor_from_mesh(
-        file,
-        name,
-        mesh.semantic,
-        mesh.materials,
-        scale=mesh.scale,
-        up=mesh.up,
-        forward=mesh.forward,
-        motion=mesh.motion,
-        wheelbase=mesh.wheelbase,
-        rear_axle=mesh.rear_axle,
-    )
+    fields = json.loads(text)
+    materials = fields.pop("materials")
+    del fields["file"]
+    if key == "body":
+        return actor_from_body(file, name, materials, **fields)
+    return actor_from_mesh(file, name, fields.pop("semantic"), materials, **fields)
 
 
 def cast_of(

@@ -11,6 +11,7 @@ from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.core.semantics import semantic_id
 
+from .bodies.bending import Bending, BentMesh
 from .document.model import InstanceEntry, SceneDocument
 from .materials.table import MaterialTable
 from .motion.articulation import Joint
@@ -57,12 +58,24 @@ class PartTable(Described):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Actor(Described):
-    """A moving instance: name, instance id, its trajectory, and the joints by which parts of it move on their own."""
+    """A moving instance: name, instance id, its trajectory, joints by which parts move on their own, how it bends."""
 
     name: str
     instance: int
     trajectory: Trajectory
     joints: tuple[Joint, ...] = ()
+    bending: Bending | None = None
+
+    @classmethod
+    def of(cls, entry: InstanceEntry, number: int, trajectory: Trajectory) -> Actor:
+        """Return the actor of an instance with a number, on a trajectory."""
+        return cls(entry.name, number, trajectory, entry.joints, entry.bending)
+
+    def bent(self, time: float) -> dict[str, BentMesh]:
+        """Return the mesh of each shape that bends, in the actor's frame; beyond the trajectory, that at its end."""
+        if self.bending is None:
+            return {}
+        return self.bending.at(min(max(time, self.trajectory.start), self.trajectory.stop))
 
     def motions(self, time: float) -> dict[str, Motion]:
         """Return the motion relative to the actor of each shape that has a joint.

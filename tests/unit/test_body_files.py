@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,8 @@ def test_kinks_of_linear_keys_and_none_of_smooth_ones():
     np.testing.assert_allclose(steps[0], [1.0, -1.0])
     assert abs(steps[1][1] - steps[1][0]) < 1e-7
     held = Curve(times, values, "STEP")
+    again = pickle.loads(pickle.dumps(Curve(times, values, "SMOOTH")))
+    assert again.at(1.5) == Curve(times, values, "SMOOTH").at(1.5)
     assert held.at(1.5) == (1.0, 0.0) and held.at(-1.0)[0] == 0.0 and held.at(9.0)[0] == 1.0
 
 
@@ -149,7 +152,9 @@ def test_bones_of_a_bvh_turn_in_the_order_of_their_channels(tmp_path):
     vertices, speed = body.at(0.6)["body"]
     ends = [body.at(0.6 + sign * 1e-5)["body"][0] for sign in (-1.0, 1.0)]
     np.testing.assert_allclose(speed, (ends[1] - ends[0]) / 2e-5, atol=1e-7)
-    assert body.stop == 1.0 and vertices[:, 1].min() > -0.1
+    assert body.stop == 1.0 and vertices.shape == speed.shape
+    rest = body.at(0.0)["body"][0]  # from the hip at 1 m to the toe at 0.1 m, with the ends of the capsules
+    np.testing.assert_allclose([rest[:, 1].min(), rest[:, 1].max()], [0.1 - 0.15 * 0.4, 1.0 + 0.15 * 0.5], atol=1e-9)
 
 
 def test_a_skinned_mesh_takes_the_motion_of_bones_of_its_names(tmp_path):

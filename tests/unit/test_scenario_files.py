@@ -242,7 +242,7 @@ BAD = [
         ScenarioValueError,
         2,
         "actors[0]",
-        "either `model` or `mesh`",
+        "one of `model`, `mesh` and `body`",
     ),
     ("traffic:\n  density: 10\n  source: fcd\n", ScenarioValueError, 1, "traffic", "`file`"),
     (

@@ -18,10 +18,14 @@ from scarl_sionna.engine.show.view import StateView, WorldView
 from scarl_sionna.scene.motion.trajectory import Motion
 from scarl_sionna.scene.tables import Actor
 
+from .bent_faces import BentFaces
+
 Array = npt.NDArray[np.float64]
 
 _REACH = 3.0
 """A ray that starts on a body's sphere and runs at most two radii stays within so many radii of the centre."""
+_BETWEEN = 0.05
+"""Farthest that a vertex comes out of the box around the postures of a body that bends, between two of them [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,13 +64,29 @@ class Apart:
     centre : ndarray of float64, shape (num_bodies, 3)
         Where the centre of each body's sphere stands in `state` [m]; its axes are the world's.
     state : StateView
-        Static parts in their places, bodies apart.
+        Static parts in their places, bodies apart; those that bend as at time 0.
+    places : dict of int to Pose
+        Where each moving part is in `state`.
     """
 
     bodies: tuple[RigidPart, ...]
     body_of_part: npt.NDArray[np.int32]
     centre: Array
     state: StateView
+    places: dict[int, Pose]
+
+    @property
+    def bends(self) -> bool:
+        """Whether a body bends."""
+        return any(body.actor.bending is not None for body in self.bodies)
+
+    def bent_state(self, time: float) -> StateView:
+        """Return the state in which bodies that bend are as at a time [s]."""
+        return self.state.world.with_parts_at(self.places, time)
+
+    def bent_faces(self, time: float) -> BentFaces:
+        """Return the faces that bend as at a time [s], where the bodies stand apart."""
+        return self.state.world.bent_faces(self.places, time)
 
     def motions(self, time: float) -> list[Motion]:
         """Return the motion in the world of every body: that of the centre of its sphere, with the axes of its parts.
@@ -116,7 +136,7 @@ def stand_apart(world: WorldView) -> Apart:
             for part, body in enumerate(body_of_part.tolist())
             if body >= 0
         }
-        _kept[world] = Apart(bodies, body_of_part, centre, world.with_parts_at(places))
+        _kept[world] = Apart(bodies, body_of_part, centre, world.with_parts_at(places), places)
     return _kept[world]
 
 
@@ -131,7 +151,7 @@ def _bodies(world: WorldView) -> tuple[tuple[RigidPart, ...], npt.NDArray[np.int
             motion = jointed.get(world.parts.name[part])
             groups.setdefault(0 if motion is None else id(motion), []).append(part)
         for key, parts in groups.items():
-            vertices = np.concatenate([world.mesh(part).vertices for part in parts])
+            vertices = np.concatenate([_reached(world, actor, part) for part in parts])
             lower, upper = vertices.min(axis=0), vertices.max(axis=0)
             centre = (lower + upper) / 2.0
             radius = float(np.linalg.norm(vertices - centre, axis=1).max()) * (1.0 + 1e-6) + 1e-5
@@ -140,3 +160,15 @@ def _bodies(world: WorldView) -> tuple[tuple[RigidPart, ...], npt.NDArray[np.int
                 RigidPart(actor, world.parts.name[parts[0]] if key else None, centre, radius, (upper - lower) / 2.0)
             )
     return tuple(bodies), body_of_part
+
+
+def _reached(world: WorldView, actor: Actor, part: int) -> Array:
+    """Return points that hold a part between them, in the frame of its body: its vertices, or a box if it bends."""
+    name = world.parts.name[part]
+    if actor.bending is None or name not in actor.bending.shapes:
+        return world.mesh(part).vertices
+    vertices = np.concatenate([posture[name].vertices for posture in actor.bending.postures()])
+    lower, upper = vertices.min(axis=0) - _BETWEEN, vertices.max(axis=0) + _BETWEEN
+    return np.array(
+        [[x, y, z] for x in (lower[0], upper[0]) for y in (lower[1], upper[1]) for z in (lower[2], upper[2])]
+    )

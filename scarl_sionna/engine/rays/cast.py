@@ -26,8 +26,8 @@ class Target(NamedTuple):
     """Finds which triangle a ray hits, in single precision; stands in the state."""
     triangles: Triangles
     """The same triangles [m, world] in double precision."""
-    velocity: Callable[[npt.NDArray[Any], Array], Array]
-    """Velocity [m/s] of points, shape (n, 3), from the rows of their parts, shape (n,), and the points [m, world]."""
+    velocity: Callable[[npt.NDArray[Any], Array, npt.NDArray[np.int64]], Array]
+    """Velocity [m/s] of points, shape (n, 3), from rows of parts (n,), points [m, world] and faces (n,)."""
 
 
 def cast_rays(target: Target, origins: Array, directions: Array, max_distance: float) -> RayHits:
@@ -71,5 +71,5 @@ def _batch(target: Target, origins: Array, directions: Array, first: int, max_di
     distance, cosine = refine_distance(start, direction, normal, triangles.offset[row], rough)
     normal *= -np.sign(cosine)[:, None]
     point = start + distance[:, None] * direction
-    velocity = target.velocity(part, point)
+    velocity = target.velocity(part, point, row)
     return RayHits(ray + first, distance, point, normal, np.minimum(np.abs(cosine), 1.0), part, velocity, row)

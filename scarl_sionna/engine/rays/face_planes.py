@@ -48,13 +48,17 @@ class FaceTable:
 
 
 def face_table(state: WorldState) -> FaceTable:
-    """Return the triangles of a state; plane numbers are the same at all times."""
+    """Return the triangles of a state; plane numbers are the same at all times, one a face where parts bend."""
     world = state.world
     first = world._triangles.first
     part = np.repeat(np.arange(len(first) - 1), np.diff(first))
     if world not in _numbers:
         _numbers[world] = plane_numbers(world._triangles.normal, world._triangles.offset, part), _repeated(world, part)
-    return FaceTable(state._triangles, part, *_numbers[world])
+    plane, repeated = _numbers[world]
+    if state._bent:
+        bends = np.isin(part, list(state._bent))
+        plane = np.where(bends, plane.max() + 1 + np.arange(len(plane)), plane)
+    return FaceTable(state._triangles, part, plane, repeated)
 
 
 def _repeated(world: World, part: Index) -> Flags:

@@ -54,6 +54,17 @@ class Triangles:
         normal, offset = _planes(corners)
         return cls(corners, normal, offset, first)
 
+    def with_meshes(self, meshes: Mapping[int, Array]) -> Triangles:
+        """Return the triangles with other corners, (num_faces of the part, 3, 3), of some parts."""
+        if not meshes:
+            return self
+        corners, normal, offset = self.corners.copy(), self.normal.copy(), self.offset.copy()
+        for part, own in meshes.items():
+            rows = slice(self.first[part], self.first[part + 1])
+            corners[rows] = own
+            normal[rows], offset[rows] = _planes(own)
+        return Triangles(corners, normal, offset, self.first)
+
     def moved(self, world_from_part: Mapping[int, Pose]) -> Triangles:
         """Return the triangles with some parts moved from their own frame into the world."""
         if not world_from_part:

@@ -37,6 +37,12 @@ class MovingFaces:
         for part, moved in state._part_motion.items():  # joints included: wheels, limbs
             motion[part] = np.concatenate([moved.twist.linear, moved.twist.angular, moved.pose.position])
         self._motion_on_host, self._motion = motion, on.reals(motion)
+        self._bent = state._bent_faces
+        if self._bent is not None:  # row 0 is of faces that do not bend
+            base, gradient = self._bent.affine
+            table = np.concatenate([base[:, None], gradient.transpose(0, 2, 1)], axis=1).reshape(-1, 12)
+            self._bending = on.reals(np.concatenate([np.zeros((1, 12)), table]))
+            self._row = on.index(self._bent.number + 1)
 
     def plane(self, face: DeviceArray) -> tuple[DeviceArray, DeviceArray]:
         """Return the unit normals and offsets of faces."""
@@ -47,16 +53,22 @@ class MovingFaces:
         """Return the rows of faces in the part table."""
         return self._on.dr.gather(self._on.mi.UInt32, self._part, face)
 
-    def velocity(self, part: DeviceArray, point: DeviceArray) -> DeviceArray:
+    def velocity(self, face: DeviceArray, part: DeviceArray, point: DeviceArray) -> DeviceArray:
         """Return the velocity of surface points [m/s]."""
         dr, on = self._on.dr, self._on
         linear, angular, origin = (dr.gather(on.Vector, self._motion, 3 * part + k) for k in range(3))
-        return linear + dr.cross(angular, point - origin)
+        velocity = linear + dr.cross(angular, point - origin)
+        if self._bent is None:
+            return velocity
+        row = 4 * dr.gather(on.mi.UInt32, self._row, face)
+        base, x, y, z = (dr.gather(on.Vector, self._bending, row + k) for k in range(4))
+        return velocity + base + x * point.x + y * point.y + z * point.z
 
     def velocity_on_host(self, face: npt.NDArray[np.int64], point: Array) -> Array:
         """Return the velocity of surface points in NumPy, shape (n, 3) [m/s]."""
         linear, angular, origin = np.split(self._motion_on_host[self.part_on_host[face]], 3, axis=1)
-        return np.asarray(linear + np.cross(angular, point - origin))
+        velocity = np.asarray(linear + np.cross(angular, point - origin))
+        return velocity if self._bent is None else velocity + self._bent.at(face, point)
 
     def meet(
         self, origin: DeviceArray, direction: DeviceArray, face: DeviceArray, rough: DeviceArray

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import ObjectState
+from scarl_sionna.engine.rays.bent_faces import BentFaces
 from scarl_sionna.engine.twins import MeshData
 from scarl_sionna.engine.types import MitsubaObject
 from scarl_sionna.scene.document.model import SceneDocument
@@ -71,5 +72,8 @@ class WorldView(Protocol):
     def part_bounds(self) -> tuple[Array, Array]:
         """Return the lower and the upper corner of every part's box, each (num_parts, 3) [m]."""
 
-    def with_parts_at(self, places: Mapping[int, Pose]) -> StateView:
-        """Return a state at rest in which the parts of actors have given places."""
+    def with_parts_at(self, places: Mapping[int, Pose], bent_at: float = 0.0) -> StateView:
+        """Return a state at rest in which the parts of actors have given places, those that bend as at a time [s]."""
+
+    def bent_faces(self, places: Mapping[int, Pose], time: float) -> BentFaces:
+        """Return the faces that bend as at a time [s], their parts in given places."""

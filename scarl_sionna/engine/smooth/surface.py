@@ -133,13 +133,21 @@ def state_sheets(state: WorldState, parts: Index) -> Array:
     result = np.full(len(triangles.corners), np.inf)
     for part in parts.tolist():
         rows = slice(int(triangles.first[part]), int(triangles.first[part + 1]))
+        if part in state._bent:
+            result[rows] = _sheets_of(state._triangles.corners[rows], state._triangles.normal[rows])
+            continue
         if part not in known:
-            known[part] = np.full(rows.stop - rows.start, np.inf)
-            sound = np.flatnonzero(triangles.normal[rows].any(axis=1))
-            if len(sound):
-                known[part][sound] = sheet_sizes(triangles.corners[rows][sound])
+            known[part] = _sheets_of(triangles.corners[rows], triangles.normal[rows])
         result[rows] = known[part]
     return result
+
+
+def _sheets_of(corners: Array, normal: Array) -> Array:
+    sizes = np.full(len(corners), np.inf)
+    sound = np.flatnonzero(normal.any(axis=1))
+    if len(sound):
+        sizes[sound] = sheet_sizes(corners[sound])
+    return sizes
 
 
 def state_surface(state: WorldState, crease_angle: float, parts: Index) -> Surface:
@@ -151,13 +159,20 @@ def state_surface(state: WorldState, crease_angle: float, parts: Index) -> Surfa
     crease_angle : float
         [rad].
     parts : ndarray of int64
-        Rows of the part table that are looked at, each once for a world; the rest counts as flat.
+        Rows of the part table that are looked at, each once for a world, those that bend for each state; the rest
+        counts as flat.
     """
     triangles = state.world._triangles
     known = _known.setdefault(state.world, {})
     result = Surface.flat(len(triangles.corners))
     for part in parts.tolist():
         rows = slice(int(triangles.first[part]), int(triangles.first[part + 1]))
+        if part in state._bent:
+            corners = state._triangles.corners[rows]
+            bent = mesh_surface(corners, np.zeros(len(corners), dtype=np.int64), crease_angle)
+            if bent is not None:
+                result.put(rows, bent)
+            continue
         if (part, crease_angle) not in known:
             corners = triangles.corners[rows]
             known[part, crease_angle] = mesh_surface(corners, np.zeros(len(corners), dtype=np.int64), crease_angle)

@@ -181,7 +181,7 @@ class FaceSurfaces:
 
     def velocity(self, face: DeviceArray, point: DeviceArray) -> DeviceArray:
         """Return the velocity of surface points [m/s]."""
-        return self._faces.velocity(self._faces.part(face), point)
+        return self._faces.velocity(face, self._faces.part(face), point)
 
     def velocity_on_host(self, face: Index, point: Real) -> Real:
         """Return the velocity of surface points in NumPy, shape (n, 3) [m/s]."""

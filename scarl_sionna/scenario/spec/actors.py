@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import Degrees, Metres, Unit
+from scarl_sionna.scene.actors.body_spec import Axis, BodySpec
 
 from .motion import TrajectorySpec
 
 Color = Annotated[tuple[Annotated[float, Field(ge=0.0, le=1.0)], ...], Field(min_length=3, max_length=3)]
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
-
-
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
 class MeshSpec(Spec):
@@ -32,6 +30,15 @@ class MeshSpec(Spec):
     motion: Literal["vehicle", "cycle", "walk", "stand"] | None = Field(None, description="default: by the class")
     wheelbase: Metres | None = Field(None, gt=0.0, description="distance of the axles [m]")
     rear_axle: Metres | None = Field(None, le=0.0, description="x of the rear axle from the middle [m]")
+
+
+class BodyFileSpec(BodySpec):
+    """A body of your own that bends, as an actor; see `scarl_sionna.actor_from_body`."""
+
+    file: str = Field(min_length=1, description="skinned glTF or BVH, relative to the scenario's file")
+    materials: dict[str, str] = Field(
+        {"*": "clothed_skin"}, description='radio materials by part or by material of the file, "*" for the rest'
+    )
 
 
 class _Body(Spec):
@@ -55,13 +62,19 @@ class ActorSpec(_Body):
     name: str = Field(pattern=NAME)
     model: str | None = Field(None, min_length=1, description="actor model: a name, or the path of a folder")
     mesh: MeshSpec | None = Field(None, description="a mesh file instead of a model")
+    body: BodyFileSpec | None = Field(None, description="a skinned glTF or a BVH instead of a model")
     trajectory: TrajectorySpec
 
     @model_validator(mode="after")
     def _check(self) -> ActorSpec:
-        if (self.model is None) == (self.mesh is None):
-            raise ValueError("either `model` or `mesh`")
+        if sum(one is not None for one in (self.model, self.mesh, self.body)) != 1:
+            raise ValueError("one of `model`, `mesh` and `body`")
         return self
+
+    @model_serializer(mode="wrap")
+    def _as_before(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """Leave `body` out where there is none, so that a scenario of before has the bytes of before."""
+        return {name: value for name, value in inner(self).items() if name != "body" or value is not None}
 
 
 class TrafficSpec(Spec):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -68,6 +69,24 @@ def open_edges(body: trimesh.Trimesh) -> int:
     edges = edges[edges[:, 0] != edges[:, 1]]
     _, count = np.unique(edges, axis=0, return_counts=True)
     return int((count == 1).sum())
+
+
+def warn_if_open(model: str, parts: Mapping[str, trimesh.Trimesh]) -> None:
+    """Warn of the edges of parts that belong to one triangle only."""
+    counts = {part: number for part, body in parts.items() if (number := open_edges(body))}
+    if counts:
+        listed = ", ".join(
+            f"'{part}' {number}" for part, number in sorted(counts.items(), key=lambda item: -item[1])[:5]
+        )
+        warnings.warn(
+            f"mesh '{model}' is not closed: {sum(counts.values())} open edges "
+            f"({listed}{' ...' if len(counts) > 5 else ''}). Radar rays "
+            "that enter through the gaps are mirrored inside of the body and come back later than they should, "
+            "and a sensor that stands "
+            "inside is not always found; close the holes, or make panes and openings parts of materials of their own",
+            ScarlWarning,
+            stacklevel=3,
+        )
 
 
 def check_measures(model: str, semantic: str, size: Array, scale: float, up: str, forward: str) -> None:

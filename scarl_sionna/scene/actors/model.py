@@ -26,7 +26,7 @@ DETAILS = ("detailed", "light")
 MOTIONS = ("vehicle", "cycle", "walk", "stand")
 """How a model can move: steered with rolling wheels, the same and leaning on two wheels, on foot, or not at all."""
 
-_TABLES = {"actor", "variants", "materials", "joints"}
+_TABLES = {"actor", "variants", "materials", "joints", "bending"}
 _REQUIRED = {"name", "class", "motion", "length", "width", "height"}
 _KEYS = _REQUIRED | {"title", "license", "source", "wheelbase", "rear_axle", "ego_mount"}
 
@@ -63,6 +63,8 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
         Name -> linear RGB colours of BSDFs; the first one is the default.
     joints : tuple of mappings
         Rows of ``[[joints]]``, with shape ids of the model.
+    bending : mapping or None
+        ``[bending]``: how it bends, see :func:`scarl_sionna.scene.bodies.bending.bending_from_table`.
     wheelbase, rear_axle : float or None
         Distance of the axles and x of the rear one [m]; None for what has no axles.
     ego_mount : bool
@@ -84,6 +86,7 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
     rear_axle: float | None = None
     ego_mount: bool = False
     title: str = ""
+    bending: Mapping[str, Any] | None = None
 
     def level(self, detail: str) -> ModelLevel:
         """Return the geometry at a level of detail, ``"detailed"`` or ``"light"``.
@@ -96,6 +99,12 @@ class ActorModel(Described, units={"length": "m", "width": "m", "height": "m", "
         if detail not in DETAILS:
             raise UnknownNameError(f"detail of actor model '{self.name}'", str(detail), DETAILS)
         return self.levels[detail]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that it was read from: its ``actor.toml``, and those of how it bends."""
+        named = (self.bending or {}).get("file"), (self.bending or {}).get("motion")
+        return self.path, *(self.path.parent / name for name in named if name is not None)
 
     @property
     def bsdfs(self) -> tuple[str, ...]:
@@ -209,6 +218,7 @@ def _read(file: Path, _changed: int) -> ActorModel:
         materials=materials,
         variants=variants,
         joints=joints,
+        bending=table.get("bending"),
         ego_mount=bool(head.get("ego_mount", False)),
         title=str(head.get("title", "")),
         length=_measure(head, "length", where),

@@ -69,7 +69,10 @@ def read_bvh_body(path: Path, smooth: bool = True) -> Body:
             if length > 0.0:
                 capsule = trimesh.creation.capsule(length, SLIMNESS * length, count=(12, 8))
                 turn = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), tip / length)
-                meshes.append((capsule.vertices @ turn[:3, :3].T + whole[number, :, 3], capsule.faces))
+                middle = whole[number, :, 3] + tip / 2.0
+                meshes.append(
+                    ((capsule.vertices - capsule.bounds.mean(axis=0)) @ turn[:3, :3].T + middle, capsule.faces)
+                )
                 owners.append(np.full(len(capsule.vertices), number))
     if not meshes:
         raise ValueError("it has no bone of any length")

@@ -43,6 +43,7 @@ class Curve:
     kind: str = "LINEAR"
     turns: bool = False
     _between: Callable[[int, float], tuple[Array, Array]] = field(init=False, repr=False)
+    _splines: tuple[CubicSpline, CubicSpline] | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         values, kind = self.values, self.kind
@@ -54,8 +55,8 @@ class Curve:
             if closed:
                 keys[-1] = keys[0]
             spline = CubicSpline(self.times, keys, bc_type="periodic" if closed and len(keys) > 2 else "not-a-knot")
-            rate = spline.derivative()
-            object.__setattr__(self, "_between", lambda k, time: (spline(time), rate(time)))
+            object.__setattr__(self, "_splines", (spline, spline.derivative()))
+            object.__setattr__(self, "_between", self._along)
             return
         own = {"STEP": self._step, "CUBICSPLINE": self._hermite}.get(kind, self._slerp if self.turns else self._line)
         object.__setattr__(self, "_between", own)
@@ -70,6 +71,11 @@ class Curve:
 
     def _key(self, k: int) -> Array:
         return self.values[k, 1] if self.kind == "CUBICSPLINE" else self.values[k]
+
+    def _along(self, k: int, time: float) -> tuple[Array, Array]:
+        assert self._splines is not None  # where this is called
+        value, rate = self._splines
+        return value(time), rate(time)
 
     def _step(self, k: int, time: float) -> tuple[Array, Array]:
         return self.values[k], np.zeros_like(self.values[k])

@@ -241,10 +241,17 @@ def _check_obj(data: bytes) -> None:
 def ply_bytes(body: trimesh.Trimesh) -> bytes:
     """Return a binary PLY with shading normals, split at creases."""
     smooth = trimesh.graph.smooth_shade(body, angle=_CREASE)
-    columns = np.concatenate([smooth.vertices, smooth.vertex_normals], axis=1).astype("<f4")
+    return ply_of(smooth.vertices, smooth.vertex_normals, smooth.faces)
+
+
+def ply_of(
+    vertices: npt.NDArray[np.float64], normals: npt.NDArray[np.float64], triangles: npt.NDArray[np.int64]
+) -> bytes:
+    """Return a binary PLY of vertices (n, 3) [m], their normals, and faces (m, 3)."""
+    columns = np.concatenate([vertices, normals], axis=1).astype("<f4")
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(columns)}"]
     header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
-    header += [f"element face {len(smooth.faces)}", "property list uchar int vertex_indices", "end_header", ""]
-    faces = np.zeros(len(smooth.faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
-    faces["count"], faces["index"] = 3, smooth.faces
+    header += [f"element face {len(triangles)}", "property list uchar int vertex_indices", "end_header", ""]
+    faces = np.zeros(len(triangles), dtype=[("count", "u1"), ("index", "<i4", 3)])
+    faces["count"], faces["index"] = 3, triangles
     return "\n".join(header).encode("ascii") + columns.tobytes() + faces.tobytes()

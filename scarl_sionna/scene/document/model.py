@@ -11,6 +11,7 @@ from typing import Any
 
 from scarl_sionna.core.prompt.describe import Described, Row, field_rows, listed
 from scarl_sionna.core.specs.lighting import Lighting
+from scarl_sionna.scene.bodies.bending import Bending
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.articulation import Joint
 from scarl_sionna.scene.motion.trajectory import Trajectory
@@ -53,6 +54,7 @@ class InstanceEntry(Described):
     is_room: bool = False
     joints: tuple[Joint, ...] = ()
     signal: str | None = None
+    bending: Bending | None = None
 
 
 @dataclass(frozen=True, repr=False)

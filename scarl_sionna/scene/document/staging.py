@@ -15,6 +15,7 @@ import numpy as np
 from scarl_sionna.core.errors import MaterialError, ParameterRangeError, SceneError, UnknownNameError
 from scarl_sionna.core.prompt.describe import Described
 from scarl_sionna.scene.actors.model import DETAILS, ActorModel, Color, ModelLevel, check_colors, read_actor_model
+from scarl_sionna.scene.bodies.bending import bending_from_table
 from scarl_sionna.scene.motion.articulation import joints_from_tables, joints_on
 from scarl_sionna.scene.motion.trajectory import Trajectory
 
@@ -48,7 +49,7 @@ class StagedActor(Described):
     colors : mapping, optional
         BSDF id -> linear RGB, each 0 to 1; goes before the variant.
     phase : float
-        Of the gait or the pedals at the trajectory's start [cycles].
+        Of the gait or the pedals at the trajectory's start, of a body that bends at time 0 [cycles].
     radio : mapping, optional
         BSDF id -> radio material, in place of the model's.
 
@@ -132,7 +133,7 @@ def stage(document: SceneDocument, actors: Sequence[StagedActor], ego: str | Non
         bsdf_of_shape=stager.bsdf_of_shape,
         materials=stager.materials,
         ego=document.ego if ego is None else ego,
-        files=tuple(dict.fromkeys((*document.files, *(actor.model.path for actor in actors)))),
+        files=tuple(dict.fromkeys((*document.files, *(file for actor in actors for file in actor.model.files)))),
     )
 
 
@@ -179,7 +180,16 @@ class _Stager:
             self.bsdf_of_shape[name] = bsdf
         shapes = tuple(members.values())
         joints = joints_from_tables(_joint_tables(actor, members), actor.name, shapes, actor.trajectory)
-        return InstanceEntry(actor.name, actor.model.semantic, shapes, True, actor.trajectory, joints=joints)
+        bending, folder = actor.model.bending, actor.model.path.parent
+        return InstanceEntry(
+            actor.name,
+            actor.model.semantic,
+            shapes,
+            True,
+            actor.trajectory,
+            joints=joints,
+            bending=None if bending is None else bending_from_table(bending, folder, members, actor.phase),
+        )
 
     def _bsdfs(self, actor: StagedActor, level: ModelLevel) -> dict[str, str]:
         """Return the id in the scene of each BSDF of a model in an actor's colours."""

@@ -97,11 +97,24 @@ class _ModelHead(Table):
     ego_mount: bool = False
 
 
+class _Bending(Table):
+    file: Text
+    motion: Text | None = None
+    clip: Text | None = None
+    smooth: bool | None = None
+    unit: Number = 1.0
+    loop: bool = True
+    speed: Number = 1.0
+    placement: list[Number]
+    parts: dict[str, Text]
+
+
 class _Model(Table):
     actor: _ModelHead = Field(default_factory=_ModelHead)
     variants: dict[str, dict[str, list[Number]]] = Field(default_factory=dict)
     materials: dict[str, _Material] = Field(default_factory=dict)
     joints: list[_Joint] = Field(default_factory=list)
+    bending: _Bending | None = None
 
 
 def scene_tables(path: Path) -> dict[str, Any]:

@@ -245,7 +245,7 @@ class RaycastKernel:
         distance, cosine, normal = self._faces.meet(self._origin, ray, face, rough)
         point, part = self._origin + distance * ray, self._faces.part(face)
         normal = dr.select(cosine > 0.0, -normal, normal)
-        velocity = self._faces.velocity(part, point) - self._own_velocity
+        velocity = self._faces.velocity(face, part, point) - self._own_velocity
         nearest = dr.maximum(distance, NEAREST_HIT)
         return _Hit(local, ray, nearest, dr.minimum(dr.abs(cosine), 1.0), normal, part, point, velocity)
 

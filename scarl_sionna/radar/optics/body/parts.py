@@ -103,10 +103,11 @@ def actor_parts(world: World, name: str, time: float | None = None) -> list[tupl
     if name not in known:
         raise UnknownNameError("actor or object", name, known)
     start, stop = world.time_range
-    joints = world.at(min(max(0.0, start), stop) if time is None else time)._joints.get(name, {})
+    state = world.at(min(max(0.0, start), stop) if time is None else time)
+    joints = state._joints.get(name, {})
     result = []
     for part in known[name].parts:
-        corners = world._triangles.of_parts([part])
+        corners = state.part_corners(part)
         joint = joints.get(world.parts.name[part])
         if joint is not None:
             corners = joint.pose.apply(corners)
