@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
-from scarl_sionna.core.errors import MissingPackageError, ParameterRangeError, SimulatorError
+from scarl_sionna.core.errors import MissingPackageError, ParameterRangeError, ScarlError, SimulatorError
 from scarl_sionna.core.seeds import generator
 from scarl_sionna.scenario.motion.bodies import BodyLike, body_of
 from scarl_sionna.scenario.spec.actors import TrafficSpec
@@ -26,6 +27,10 @@ from .sumo_network import SumoNetwork, write_sumo_network
 _TOP_SPEED = {"lorry": 25.0, "bus": 27.8, "bicycle": 6.0, "scooter": 6.0}
 _TOUCH = 0.1
 """Overlap of two boxes that may come from the smoothing of their motion [m]."""
+_OPTIONS = (
+    *("--lanechange.duration", "3", "--time-to-teleport", "-1", "--no-step-log", "true", "--no-warnings", "true"),
+    *("--duration-log.disable", "true", "--collision.action", "warn"),
+)
 _LEAD = 3.0
 """Part of the warm-up that is recorded, too: the rear axle follows the way of before [s]."""
 
@@ -92,47 +97,76 @@ def run_sumo(
     start_time, duration = span[0], span[1] - span[0]
     if not 1e-3 <= duration <= 86400.0:
         raise ParameterRangeError("span", span, "a start, and a stop 0.001 to 86400 s later")
+    warm = default_warm_up(source) if warm_up is None else warm_up
+    with running_sumo(source, traffic, step, warm + duration, conversion) as (libsumo, conversion):
+        samples, kinds = _record(libsumo, warm, duration, step, start_time)
+    actors = planned_from_samples(samples, kinds, (start_time, start_time + duration), conversion)
+    return without_collisions(actors, np.arange(start_time, start_time + duration, 0.1), tolerance=_TOUCH)
+
+
+def default_warm_up(source: str | Path | LaneNetwork) -> float:
+    """Return the time that SUMO runs before anybody looks [s]: vehicles that enter lanes need some to spread."""
+    return 30.0 if isinstance(source, LaneNetwork) else 0.0
+
+
+@contextmanager
+def running_sumo(
+    source: str | Path | LaneNetwork, traffic: TrafficSpec, step: float, horizon: float, conversion: Conversion
+) -> Iterator[tuple[ModuleType, Conversion]]:
+    """Start SUMO in this process and close it at the end.
+
+    Parameters
+    ----------
+    source, traffic, step, conversion
+        As of :func:`run_sumo`.
+    horizon : float
+        Time for which random vehicles enter [s].
+
+    Yields
+    ------
+    libsumo : module
+    conversion : Conversion
+        With the ground of the lanes.
+
+    Raises
+    ------
+    ParameterRangeError, MissingPackageError, SimulatorError
+        As :func:`run_sumo`; what libsumo raises within becomes a SimulatorError.
+    """
     if not 0.01 <= step <= 1.0:
         raise ParameterRangeError("step", step, "0.01 to 1 s")
     seed = traffic.seed or 0
     if seed >= 2**31:
         raise ParameterRangeError("seed", seed, "an integer from 0 to 2147483647")
     libsumo = _libsumo()
-    options = [
-        "--step-length",
-        f"{step:g}",
-        "--seed",
-        str(seed),
-        "--lanechange.duration",
-        "3",
-        "--time-to-teleport",
-        "-1",
-    ]
-    options += [
-        "--no-step-log",
-        "true",
-        "--no-warnings",
-        "true",
-        "--duration-log.disable",
-        "true",
-        "--collision.action",
-        "warn",
-    ]
+    options = [*_OPTIONS, "--step-length", f"{step:g}", "--seed", str(seed)]
     with tempfile.TemporaryDirectory() as folder:
         if isinstance(source, LaneNetwork):
-            warm = 30.0 if warm_up is None else warm_up
             roads = write_sumo_network(source, folder)
-            routes = _write_routes(Path(folder), roads, warm + duration, traffic, conversion.models)
+            routes = _write_routes(Path(folder), roads, horizon, traffic, conversion.models)
             options = ["--net-file", str(roads.path), "--route-files", str(routes), *options]
             conversion = replace(conversion, ground=conversion.ground or source, types=None)
         else:
-            warm = 0.0 if warm_up is None else warm_up
             if not Path(source).is_file():
                 raise SimulatorError(f"configuration {source} is not there; give a .sumocfg or lanes")
             options = ["--configuration-file", str(source), *options]
-        samples, kinds = _record(libsumo, options, warm, duration, step, start_time)
-    actors = planned_from_samples(samples, kinds, (start_time, start_time + duration), conversion)
-    return without_collisions(actors, np.arange(start_time, start_time + duration, 0.1), tolerance=_TOUCH)
+        with sumo_errors(libsumo):
+            libsumo.start(["sumo", *options])
+            try:
+                yield libsumo, conversion
+            finally:
+                libsumo.close()
+
+
+@contextmanager
+def sumo_errors(libsumo: ModuleType) -> Iterator[None]:
+    """Make what libsumo raises a SimulatorError."""
+    try:
+        yield
+    except ScarlError:
+        raise
+    except (libsumo.TraCIException, libsumo.FatalTraCIError, RuntimeError) as error:
+        raise SimulatorError(f"SUMO stopped: {error}") from error
 
 
 def _libsumo() -> ModuleType:
@@ -144,32 +178,23 @@ def _libsumo() -> ModuleType:
 
 
 def _record(
-    libsumo: ModuleType, options: list[str], warm_up: float, duration: float, step: float, start_time: float
+    libsumo: ModuleType, warm_up: float, duration: float, step: float, start_time: float
 ) -> tuple[Samples, dict[str, tuple[str, bool]]]:
     """Run SUMO and return the samples of vehicles and people."""
     samples: Samples = {}
     kinds: dict[str, tuple[str, bool]] = {}
     first, last = round(warm_up / step), round((warm_up + duration) / step)
     early = max(first - round(_LEAD / step), 0)
-    try:
-        libsumo.start(["sumo", *options])
-        try:
-            for index in range(last + 1):
-                libsumo.simulationStep()
-                if index < early:
-                    continue
-                time = start_time + (index - first) * step
-                for domain, is_person in ((libsumo.vehicle, False), (libsumo.person, True)):
-                    for name in domain.getIDList():
-                        x, y, z = domain.getPosition3D(name)
-                        samples.setdefault(name, []).append(
-                            (time, x, y, z if abs(z) < 1e5 else 0.0, domain.getAngle(name))
-                        )
-                        kinds[name] = (domain.getTypeID(name), is_person)
-        finally:
-            libsumo.close()
-    except (libsumo.TraCIException, libsumo.FatalTraCIError, RuntimeError) as error:
-        raise SimulatorError(f"SUMO stopped: {error}") from error
+    for index in range(last + 1):
+        libsumo.simulationStep()
+        if index < early:
+            continue
+        time = start_time + (index - first) * step
+        for domain, is_person in ((libsumo.vehicle, False), (libsumo.person, True)):
+            for name in domain.getIDList():
+                x, y, z = domain.getPosition3D(name)
+                samples.setdefault(name, []).append((time, x, y, z if abs(z) < 1e5 else 0.0, domain.getAngle(name)))
+                kinds[name] = (domain.getTypeID(name), is_person)
     seen = {name: rows for name, rows in samples.items() if len(rows) > 1 and rows[-1][0] > start_time}
     return seen, kinds
 
