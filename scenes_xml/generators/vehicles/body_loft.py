@@ -16,6 +16,9 @@ from scipy.interpolate import PchipInterpolator
 from ..geometry.decal import first_hits, slab
 from ..geometry.mesh import Array, Mesh, grid, merge, outward, weld
 
+DRAFT = 0.20
+"""Slope of walls that meet others at an inner corner: pressed sheets have no right angles, which would send every wave
+back."""
 Line = tuple[tuple[float, float], ...]
 
 
@@ -109,7 +112,7 @@ def _ring(shape: BodyShape, x: float, inset: float, top: float, lean: PchipInter
     tunnel = min(shape.tunnel, y[0] - 0.01)
     half = np.concatenate(
         [
-            [[0.0, low], [tunnel, low], [tunnel, arch]],
+            [[0.0, low], [tunnel, low], [tunnel - DRAFT * (arch - low), arch + 0.1 * (arch - low)]],
             np.column_stack([y, z]),
             np.column_stack([y_top, z_top]),
             np.column_stack([inner, np.full(len(inner), top)]),

@@ -12,11 +12,15 @@ from scipy.interpolate import PchipInterpolator
 
 from ..geometry.decal import panel, strips
 from ..geometry.mesh import Array, Mesh, box, grid, merge, outward, revolve, weld
+from .body_loft import DRAFT
 
 SIDE_PROFILE = PchipInterpolator(
     [0.10, 0.20, 0.30, 0.45, 0.60, 0.72, 0.85, 1.00, 1.20], [0.90, 0.935, 0.965, 0.988, 0.998, 1.0, 0.982, 0.955, 0.90]
 )
 """Half width over its maximum as a function of the height over 1.46/height [m]."""
+
+CROWN = 0.5
+"""Radius of bumpers in side view, below their middle [m]."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,13 @@ def _smoothstep(x: Array) -> Array:
     return np.asarray(x * x * (3 - 2 * x))
 
 
+def _crown(z: Array, middle: float, above: float) -> Array:
+    """Return how far a bumper stands back [m] at a height, round by `CROWN` below its middle and by `above` over it."""
+    radius = np.where(z < middle, CROWN, above)
+    past = np.clip(np.abs(z - middle) / radius, 0.0, 0.7)
+    return np.asarray(radius * (1.0 - np.sqrt(1.0 - past**2)))
+
+
 def deform(shape: CarShape, p: Array) -> Array:
     """Return points with the nose and tail bowed in plan and sloped in side view.
 
@@ -83,9 +94,11 @@ def deform(shape: CarShape, p: Array) -> Array:
     x, y, z = p[..., 0], p[..., 1] / (shape.width / 2), p[..., 2]
     front = _smoothstep((x - (shape.front_axle + 0.30)) / (shape.half_length - shape.front_axle - 0.30))
     rear = _smoothstep((shape.rear_axle - 0.38 - x) / (shape.half_length + shape.rear_axle - 0.38))
-    bow = np.abs(y) ** 2.4
-    nose = shape.nose_slope * np.clip((z - 0.52) / 0.25, 0, 2) ** 1.5 + 0.06 * np.clip((0.40 - z) / 0.2, 0, 1) ** 2
-    tail = shape.tail_slope * np.clip((z - 0.62) / 0.3, 0, 2) ** 1.5 + 0.08 * np.clip((0.42 - z) / 0.2, 0, 1) ** 2
+    bow = y**2
+    nose = shape.nose_slope * np.clip((z - 0.52) / 0.25, 0, 2) ** 1.5 + _crown(z, 0.475, CROWN)
+    tail = shape.tail_slope * np.clip((z - 0.62) / 0.3, 0, 2) ** 1.5 + _crown(
+        z, shape.extra.get("plate_z", 0.56), 2 * CROWN
+    )
     shifted = x - front * (shape.front_bow * bow + nose) + rear * (shape.rear_bow * bow + tail)
     return np.stack([shifted, p[..., 1], z], -1)
 
@@ -135,7 +148,12 @@ def shell_ring(shape: CarShape, x: float, inset: float, deck: PchipInterpolator)
     tunnel = 0.56 * shape.width / 2
     half_ring = np.concatenate(
         [
-            [[0.0, low], [tunnel * 0.5, low], [tunnel, low], [tunnel, arch]],
+            [
+                [0.0, low],
+                [tunnel * 0.5, low],
+                [tunnel, low],
+                [tunnel - DRAFT * (arch - low), arch + 0.1 * (arch - low)],
+            ],
             np.column_stack([y, z]),
             np.column_stack([y_top, z_top]),
             np.column_stack([inner, z_top[-1] + crown]),
@@ -276,19 +294,21 @@ def wheel(shape: CarShape, x: float, left: bool) -> tuple[Mesh, Mesh, Mesh]:
     rim = r - 0.095
     tyre = np.array(
         [
-            (rim, -half * 0.9),
-            (rim + 0.02, -half),
-            (r - 0.03, -half),
-            (r - 0.008, -half * 0.86),
+            (rim, -half * 0.82),
+            (rim + 0.02, -half * 0.95),
+            (0.5 * (rim + r), -half),
+            (r - 0.03, -half * 0.95),
+            (r - 0.008, -half * 0.82),
             (r, -half * 0.6),
             (r, half * 0.6),
-            (r - 0.008, half * 0.86),
-            (r - 0.03, half),
-            (rim + 0.02, half),
-            (rim, half * 0.9),
+            (r - 0.008, half * 0.82),
+            (r - 0.03, half * 0.95),
+            (0.5 * (rim + r), half),
+            (rim + 0.02, half * 0.95),
+            (rim, half * 0.82),
         ]
     )
-    dark = np.array([(0.0005, -0.07), (rim, -0.075), (rim, 0.03), (0.0005, 0.035)])
+    dark = np.array([(0.0005, -0.03), (rim, -0.078), (rim, 0.0), (0.0005, 0.035)])
     lip = np.array(
         [(rim - 0.022, 0.06), (rim - 0.006, 0.099), (rim + 0.006, 0.099), (rim + 0.004, 0.085), (rim - 0.022, 0.03)]
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,6 +44,14 @@ def prism(outline: Sequence[tuple[float, float]], low: float, high: float) -> Me
     return outward(merge(parts))
 
 
+def tray(size: Sequence[float], centre: Sequence[float]) -> Mesh:
+    """Return a box [m] whose sides lean in downwards by 45 deg, as those of pressed sheets do."""
+    whole = box(size, centre)
+    low = whole.vertices[:, 2] < centre[2]
+    inset = np.where(low[:, None], np.sign(whole.vertices - centre) * [1.0, 1.0, 0.0] * size[2], 0.0)
+    return replace(whole, vertices=whole.vertices - inset)
+
+
 def car_underbody(
     front_axle: float, rear_axle: float, width: float, length: float, floor: float, radius: float
 ) -> dict[str, Mesh]:
@@ -52,21 +61,23 @@ def car_underbody(
     """
     low, half = floor - 0.008, 0.42 * width
     parts = {
-        "floor": box(
+        "floor": tray(
             (front_axle - rear_axle - 2 * radius - 0.24, 2 * half, 0.012),
             (0.5 * (front_axle + rear_axle), 0.0, low - 0.006),
         ),
-        "tunnel": box((front_axle - rear_axle + 0.1, 0.20, 0.03), (0.5 * (front_axle + rear_axle), 0.0, low - 0.03)),
-        "subframe": box((0.62, 0.82, 0.05), (front_axle, 0.0, low - 0.026)),
+        "tunnel": tray((front_axle - rear_axle + 0.1, 0.20, 0.03), (0.5 * (front_axle + rear_axle), 0.0, low - 0.03)),
+        "subframe": tray((0.62, 0.82, 0.05), (front_axle, 0.0, low - 0.026)),
         "silencer": outward(
             revolve(
-                np.array([(0.0, -0.26), (0.07, -0.26), (0.08, -0.23), (0.08, 0.23), (0.07, 0.26), (0.0, 0.26)]), 10, "y"
+                np.array(
+                    [(0.0, -0.26), (0.04, -0.245), (0.07, -0.19), (0.08, 0.0), (0.07, 0.19), (0.04, 0.245), (0.0, 0.26)]
+                ),
+                12,
+                "y",
             )
-        ).moved((-length / 2 + 0.42, 0.1, floor + 0.01)),
+        ).moved((-length / 2 + 0.42, 0.1, floor + 0.05)),
         "exhaust": bar((front_axle - 0.1, 0.16, low - 0.03), (-length / 2 + 0.42, 0.16, low - 0.02), 0.025),
-        "tail_pipe": bar(
-            (-length / 2 + 0.40, 0.34, floor + 0.01), (-length / 2 + 0.035, 0.52, floor + 0.035), 0.028, 8
-        ),
+        "tail_pipe": bar((-length / 2 + 0.40, 0.34, floor + 0.01), (-length / 2 + 0.14, 0.52, floor + 0.035), 0.028, 8),
         "beam": bar((rear_axle, -width / 2 + 0.24, radius - 0.06), (rear_axle, width / 2 - 0.24, radius - 0.06), 0.035),
     }
     for side in (1.0, -1.0):
