@@ -68,6 +68,8 @@ bench: $(STAMP) ## Run the benchmarks: error against time
 validation: $(TEST_STAMP) ## Set the simulator beside measurements again, and write docs/validation.md
 	@for name in ground people vehicles layers weather motion front_end; do echo "== benchmarks/validation/$$name.py"; \
 		$(BIN)/python benchmarks/validation/$$name.py || exit 1; done
+	@if [ -n "$(CAPTURES)" ]; then $(BIN)/python benchmarks/validation/captures.py "$(CAPTURES)"; \
+		else echo "== captures: kept; CAPTURES=folder of the recordings renews them"; fi
 	$(BIN)/python benchmarks/validation/page.py --figure
 
 notebooks: $(TEST_STAMP) ## Run all notebooks; copies with figures go to build/notebooks

@@ -176,3 +176,41 @@ def write_studio(folder: Path, senders: tuple[int, ...], loops: int, files: list
         },
     }
     (folder / "radar.setup.json").write_text(json.dumps(setup, indent=2))
+
+
+def log_text(
+    senders: tuple[int, ...], loops: int, frames: int = 8, chip: str = "AR1843", period_ms: float = 50.0
+) -> str:
+    """Return mmWave Studio's log of a session: another profile first, the one of `PROFILE` when the sensor starts last.
+
+    Numbers are those that the device gets: steps of 3.6 GHz / 2^26 (2.7 GHz / 2^26 of 60 GHz chips), 10 ns and 5 ns.
+    """
+    one, reference = PROFILE, 2.7e9 if chip[2] == "6" else 3.6e9
+    start = round(one["start_ghz"] * 1e9 * 2**26 / reference)
+    slope = round(one["slope_mhz_us"] * 1e12 * 2**26 / (reference * 900e6))
+    times = [round(one[key] * 100) for key in ("idle_us", "adc_start_us", "ramp_us")]
+    profile = (
+        f"0,{start},{times[0]},{times[1]},{times[2]},0,0,{slope},0,{one['samples']},{one['rate_ksps']:.0f},0,0,30,0"
+    )
+    calls = [
+        "IsFPGA:,0,0",
+        "API:select_capture_device,DCA1000,0",
+        f"API:select_chip_version,{chip},0",
+        "API:ChannelConfig,7,15,0",
+        "API:AdcOutConfig,2,1,0",
+        "API:DataFmtConfig,15,2,1,0,1,0",
+        "API:DataPathConfig,1,1,0,2,0",
+        "API:LaneConfig,3,0",
+        "TSW1400 Sampling rate : 600000000 7500000,0",
+        "API:ProfileConfig,0,1435384036,10000,600,6000,0,0,621,0,256,5000,0,0,30,0",
+        "API:ChirpConfig,0,9,0,0,0,0,0,1,0",
+        "API:FrameConfig,0,0,8,128,8000000,0,512,0",
+        "API:SensorStart,0",
+        f"API:ProfileConfig,{profile}",
+        *(f"API:ChirpConfig,{k},{k},0,0,0,0,0,{1 << sender},0" for k, sender in enumerate(senders)),
+        f"API:FrameConfig,0,{len(senders) - 1},{frames},{loops},{round(period_ms * 200_000)},0,256,0",
+        "API:AdvancedFrameConfig,1,0,0,0,1,1,200000,0,1,1,200000,0,0,0,0",
+        "API:SensorStart,0",
+        f"API:update_num_adc_files_and_frames,1,{frames},1,0",
+    ]
+    return "".join(f"02-Jan-2026 17:15:04: {call},\n" for call in calls)

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import scarl_sionna as ss
 from benchmarks.measured_rcs import FAR_SETTINGS, alone, azimuths
 from benchmarks.validation.people import mean_db, powers
-from benchmarks.validation.vehicles import SECTORS, in_sector
+from benchmarks.validation.vehicles import SECTORS, in_sector, lobe
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory
@@ -50,37 +50,35 @@ def bicycle(folder: Path) -> None:
 
 
 def car(folder: Path) -> None:
-    """Print the saloon's parts alone, with fewer bounces, by its flash, and from 20 m."""
+    """Print the saloon with fewer bounces, at other azimuths, without its plates, and from 20 m."""
+    world = ss.stage("highway_guardrail", [ss.StagedActor("it", "saloon", STANDS)])
+    parts, names = actor_parts(world, "it"), [name for name in world.parts.name if name.startswith("it_")]
 
-    def far(parts: Any, phi: np.ndarray, depth: int = 3) -> np.ndarray:
+    def far(phi: np.ndarray, depth: int = 3, without: str = "-") -> np.ndarray:
+        kept = [part for part, name in zip(parts, names, strict=True) if without not in name]
         settings = FAR_SETTINGS.with_(max_depth=depth)
-        s = scattering_matrix(load_body(parts), 77e9, np.radians(90.6), phi, settings=settings)
+        s = scattering_matrix(load_body(kept), 77e9, np.radians(90.6), phi, settings=settings)
         return np.asarray(10.0 * np.log10(4.0 * np.pi * np.abs(s[:, 0, 0]) ** 2))
+
+    def others(count: int) -> tuple[np.ndarray, np.ndarray]:
+        phi = 2.0 * np.pi * (np.arange(count) + np.random.default_rng(78).uniform(size=count)) / count
+        return phi, np.degrees(np.minimum(phi, 2.0 * np.pi - phi))
 
     def medians(aspect: np.ndarray, level: np.ndarray, names: Any) -> str:
         return ", ".join(f"{name} {np.median(in_sector(aspect, level, name)):.1f}" for name in names)
 
-    def staged(detail: str) -> tuple[Any, list[str]]:
-        world = ss.stage("highway_guardrail", [ss.StagedActor("it", "saloon", STANDS, detail=detail)])
-        return actor_parts(world, "it"), [name for name in world.parts.name if name.startswith("it_")]
-
-    phi, (parts, names) = azimuths(72), staged("detailed")
+    phi = azimuths(72)
     aspect = np.degrees(np.minimum(phi, 2.0 * np.pi - phi))
-    ends = (aspect < 20.1) | (aspect > 119.9)
-    for name in ("it_body", "it_plates"):
-        level = far([parts[names.index(name)]], phi[ends], 1)
-        print(name, "alone:", medians(aspect[ends], level, ("front", "rear")), "dBsm")
-    for depth in (1, 2):
-        print(depth, "bounces:", medians(aspect[ends], far(parts, phi[ends], depth), ("rear corner", "rear")), "dBsm")
-    light, _ = staged("light")
-    side = np.abs(np.degrees(phi) - 90.0) <= 20.0
-    for label, where in (("72 azimuths", phi[side]), ("every quarter degree", np.radians(np.arange(70, 110, 0.25)))):
-        print("light, side,", label, mean_db(far(light, where)), "dBsm")
-    phi = azimuths(24)
-    aspect = np.degrees(np.minimum(phi, 2.0 * np.pi - phi))
-    for detail in ("light", "detailed"):
-        level = 10.0 * np.log10(powers(alone("saloon", detail, STANDS, folder / detail), 0.0, phi, 20.0, 0.6)[:, 0])
-        print(f"{detail}, 20 m, 24 azimuths:", medians(aspect, level, SECTORS), "mean", mean_db(level), "dBsm")
+    side = (aspect > 60.1) & (aspect < 119.9)
+    print("side, one bounce", medians(aspect[side], far(phi[side], 1), ("side",)), "dBsm")
+    other, there = others(72)
+    side = (there > 60.1) & (there < 119.9)
+    print("other azimuths", medians(there[side], far(other[side]), ("side",)), "dBsm")
+    print("rear lobe", lobe(180.0), "without plates", lobe(180.0, "plate"), "dBsm")
+    phi, aspect = others(36)
+    level = 10.0 * np.log10(powers(alone("saloon", "detailed", STANDS, folder), 0.0, phi, 20.0, 0.6)[:, 0])
+    level.sort()
+    print("20 m, other azimuths: mean", mean_db(level), "without the three strongest", mean_db(level[:-3]), "dBsm")
 
 
 def beam(front: bool) -> trimesh.Trimesh:

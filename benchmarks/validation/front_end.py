@@ -17,15 +17,15 @@ from benchmarks.validation.rows import Row, around, run, share
 from scarl_sionna.core.pose import Pose
 from tests.physics.test_front_end_presets import profile
 
-FITTED = "preset `awr1642`, target of 1 m2 at 2 m; fitted to these captures ([front end](front_end.md))"
+FITTED = "preset `awr1642`, target of 2.5 m2 at 2 m; fitted to these captures ([front end](front_end.md))"
 JITTER = 1.1e-9
 """Largest error of a ramp's start [s]."""
 
 
 def capture() -> tuple[ss.RadarSpec, np.ndarray]:
-    """Return 256 chirps of one transmitter, a reflector of 1 m2 2 m away, as converted."""
+    """Return 256 chirps of one transmitter, a reflector of 2.5 m2 2 m away, as converted."""
     radar = ss.RadarSpec.preset("awr1642").with_(num_chirps=256, tx_positions=((0.0, 0.0, 0.0),))
-    paths = ss.point_targets([[2.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 1.0, radar, Pose())
+    paths = ss.point_targets([[2.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 2.5, radar, Pose())
     rng = np.random.default_rng(11)
     codes, scale, _ = ss.quantize(ss.synthesize(paths, radar, rng), radar, rng)
     return radar, scale * (codes[..., 0] + 1j * codes[..., 1])

@@ -27,6 +27,7 @@ TITLES = {
     "weather": "Weather",
     "motion": "Motion",
     "front_end": "Front end",
+    "captures": "Recordings of a real radar",
 }
 NOTHING = {
     "sigma0 of concrete, gravel, wet, icy and snowy roads; anything at 76 to 81 GHz; HH": "abstracts only",

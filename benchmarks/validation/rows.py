@@ -30,7 +30,7 @@ TEXTS = ("note", "why")
 """Fields that several rows share."""
 DEFAULTS = {"spread": "stated", "basis": "held out", "unit": "dB"}
 """What a row has that does not say it in the file."""
-THEMES = ("ground", "people", "vehicles", "layers", "weather", "motion", "front_end")
+THEMES = ("ground", "people", "vehicles", "layers", "weather", "motion", "front_end", "captures")
 
 Spread = Literal["stated", "between", "assumed"]
 Basis = Literal["held out", "fitted", "bound"]

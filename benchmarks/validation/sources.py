@@ -100,6 +100,11 @@ SOURCES = {
         "measured",
         "the captures",
     ),
+    "awr1642_held_out": Source(
+        "five other recordings of the same project, of another day, read and evaluated by this project",
+        "measured",
+        "the captures",
+    ),
     "cascade": Source(
         "Texas Instruments SWRU553A, MMWCAS-RF-EVM", "maker", "second hand: elliott-dp/drone-companion, findings"
     ),

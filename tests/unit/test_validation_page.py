@@ -20,7 +20,7 @@ def test_the_page_is_what_the_generator_makes_of_the_rows() -> None:
 def test_every_theme_says_what_it_cost_and_on_which_machine() -> None:
     for theme in THEMES:
         (cost,) = (line for line in LINES if line["theme"] == theme and "cpu_s" in line)
-        assert 0.0 < cost["cpu_s"] < 300.0 and "numpy" in cost["machine"]
+        assert 0.0 < cost["cpu_s"] < 900.0 and "numpy" in cost["machine"]
 
 
 def test_there_are_forty_rows_with_sources_and_no_name_twice() -> None:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.errors import InputFileError
+from scarl_sionna.core.errors import InputFileError, ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.prompt.describe import Described, Row, quantity, short
 from scarl_sionna.core.results import RadarFrame
 from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.core.specs.radar.waveform import Fmcw
 from scarl_sionna.signal.processing import virtual_cube
 
 MOST_FRAME = 1_000_000_000
@@ -110,6 +111,54 @@ class Capture(Described):
         """
         adc = self[index].adc
         return virtual_cube(adc if self.calibration is None else adc * self.calibration, self.radar)
+
+    def burst(self, start: int = 0, stop: int | None = None) -> Capture:
+        """Return frames of one chirp each as one frame, whose chirps they are.
+
+        Vibrations and breathing are often recorded so: a chirp a millisecond, with the time from frame to frame as the
+        chirp interval. Velocities and Doppler then follow from :func:`scarl_sionna.range_doppler` as of any frame.
+
+        Parameters
+        ----------
+        start, stop : int
+            Frames from `start` to before `stop`; left out: all.
+
+        Returns
+        -------
+        Capture
+            One frame of ``stop - start`` chirps; all of them are read at once.
+
+        Raises
+        ------
+        ParameterRangeError
+            If a frame has more than one chirp, there are fewer than two, or they are not equally far apart in time.
+        InputFileError
+            If they are more than 1 GB.
+        """
+        numbers = range(*slice(start, stop).indices(self.num_frames))
+        steps = np.diff(self.timestamp_ns[numbers.start : numbers.stop])
+        wave = self.radar.waveform
+        if self.radar.num_chirps_total != 1 or not isinstance(wave, Fmcw):
+            raise ParameterRangeError("capture", f"{self.radar.num_chirps_total} chirps a frame", "one chirp a frame")
+        if len(numbers) < 2:
+            raise ParameterRangeError("start, stop", f"{len(numbers)} frames", f"two or more of {self.num_frames}")
+        if np.ptp(steps) > 1 or steps[0] * 1e-9 <= wave.chirp_interval:
+            raise ParameterRangeError(
+                "capture", f"frames {steps.min()} to {steps.max()} ns apart", "equal times, longer than a chirp"
+            )
+        check_frame_size(4 * len(numbers) * self.radar.num_rx * self.radar.num_samples, "a burst")
+        idle = float(steps[0]) * 1e-9 - wave.ramp_time
+
+        def read(_: int) -> npt.NDArray[np.int16]:
+            return np.concatenate([self.read(number) for number in numbers], axis=1)
+
+        return replace(
+            self,
+            radar=self.radar.with_(num_chirps=len(numbers), idle_time=idle),
+            num_frames=1,
+            timestamp_ns=self.timestamp_ns[numbers.start : numbers.start + 1],
+            read=read,
+        )
 
 
 def check_frame_size(num_bytes: int, path: object) -> int:

@@ -1,4 +1,4 @@
-"""Captures of a DCA1000: ``adc_data.bin`` with the description of mmWave Studio, of the mmWave SDK's demo, or ours."""
+"""Captures of a DCA1000: ``adc_data.bin`` with mmWave Studio's description or log, the SDK demo's commands, or ours."""
 
 from __future__ import annotations
 
@@ -25,11 +25,14 @@ from .lvds import Order, decode
 from .pieces import Pieces
 from .ti_cfg import read_cfg
 from .ti_json import LARGEST, read_setup, read_studio
+from .ti_log import read_log
 from .ti_setup import array_of, radar_of
 
 FORMAT = "dca1000"
 CAPTURE, DESCRIPTION = "adc_data.bin", "adc_data.json"
 """Of this project's exporter."""
+DESCRIPTIONS = ("*.setup.json", "*.mmwave.json", "*.cfg", "*[Ll]og[Ff]ile*.txt")
+"""Those of TI's tools, the one that says most first."""
 
 
 def read_dca1000_capture(
@@ -48,8 +51,8 @@ def read_dca1000_capture(
     path : str or Path
         Folder with the capture and its description, or the ``.bin`` file.
     config : str or Path, optional
-        The description: ``.mmwave.json``, ``.setup.json`` or ``.cfg``; left out: the only one of the folder, ``.setup``
-        first. A folder of this project's exporter needs none.
+        The description: ``.mmwave.json``, ``.setup.json``, ``.cfg``, or mmWave Studio's ``LogFile.txt``; left out: the
+        only one of the folder, ``.setup`` first. A folder of this project's exporter needs none.
     board : str, optional
         Evaluation board, whose antennas are taken, see :data:`.ti_setup.BOARDS`; left out: by the name of the chip.
     array : AntennaArray, optional
@@ -75,7 +78,10 @@ def read_dca1000_capture(
     if config is None and (folder / DESCRIPTION).exists():
         return _exported(folder / DESCRIPTION)
     description, device, names = _description(folder, None if config is None else Path(config))
-    setup = read_cfg(description) if description.suffix == ".cfg" else read_studio(description, device)
+    if description.suffix == ".cfg":
+        setup = read_cfg(description)
+    else:
+        setup = read_log(description) if description.suffix == ".txt" else read_studio(description, device)
     radar = radar_of(setup, description, array_of(setup, description, board, array), full_scale_dbm)
     order = Order(setup.num_lanes, setup.is_interleaved, setup.q_first if q_first is None else q_first, setup.is_real)
     frames = _Frames(Pieces([place] if place.is_file() else _files(folder, names)), radar, order, description)
@@ -159,7 +165,7 @@ def _exported(description: Path) -> Capture:
 def _description(folder: Path, config: Path | None) -> tuple[Path, str, list[str]]:
     """Return the description, the name of the chip and those of the captured files, as far as they are told."""
     if config is None:
-        found = [sorted(folder.glob(pattern)) for pattern in ("*.setup.json", "*.mmwave.json", "*.cfg")]
+        found = [sorted(folder.glob(pattern)) for pattern in DESCRIPTIONS]
         config = next((files[0] for files in found if len(files) == 1), None)
         if config is None:
             there = ", ".join(file.name for files in found for file in files) or "none"

@@ -8,7 +8,7 @@ from pathlib import Path
 from scarl_sionna.core.errors import InputFileError
 
 MARKS: Mapping[str, tuple[str, ...]] = {
-    "dca1000": ("*.setup.json", "*.mmwave.json", "*.cfg", "adc_data.json"),
+    "dca1000": ("*.setup.json", "*.mmwave.json", "*.cfg", "adc_data.json", "*[Ll]og[Ff]ile*.txt"),
     "coloradar": ("single_chip/adc_samples", "cascade/adc_samples"),
     "radelft": ("master_*_data.bin",),
     "radial": ("*_events_log.rec",),
