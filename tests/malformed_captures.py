@@ -19,7 +19,7 @@ from tests.dataset_captures import (
 from tests.dataset_maps import kradar_tensor, write_kradar
 from tests.malformed import Kind, evil_text
 from tests.point_files import write_pcd, write_radar_scenes, write_vod
-from tests.ti_captures import cfg_text, write_bin, write_studio
+from tests.ti_captures import cfg_text, log_text, write_bin, write_studio
 
 
 def _kind(write: Callable[[Path], None], files: tuple[str, ...], *reads: Callable[[Path], object]) -> Kind:
@@ -62,10 +62,11 @@ def _points(inner: str, format: str) -> Callable[[Path], object]:
 
 
 def _write_ti(folder: Path) -> None:
-    for name in ("cfg", "studio"):
+    for name in ("cfg", "studio", "log"):
         (folder / name).mkdir()
         write_bin(folder / name / "adc_data.bin", np.ones((4, 6, 128, 2), dtype=np.int16))
     (folder / "cfg" / "a.cfg").write_text(cfg_text((0, 2, 1), 2))
+    (folder / "log" / "LogFile.txt").write_text(log_text((0, 2, 1), 2))
     write_studio(folder / "studio", (0, 2, 1), 2, ["adc_data.bin"])
 
 
@@ -102,8 +103,9 @@ def _write_points(folder: Path) -> None:
 CAPTURES: Mapping[str, Kind] = {
     "ti": _kind(
         _write_ti,
-        ("cfg/a.cfg", "studio/radar.mmwave.json", "studio/radar.setup.json", "cfg/adc_data.bin"),
+        ("cfg/a.cfg", "studio/radar.mmwave.json", "studio/radar.setup.json", "cfg/adc_data.bin", "log/LogFile.txt"),
         _capture("cfg", "dca1000"),
+        _capture("log", "dca1000"),
         _capture("studio", "dca1000"),
     ),
     "cascades": _kind(

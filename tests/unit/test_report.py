@@ -22,7 +22,7 @@ SAME = (
     ("performance_synthesis.md", "-93.5 dB; lone path -85.9 dB", "| 0.0001 | -93.5 | -85.9 |"),
     ("performance.md", "512 by 256 samples within 70 m/s take 0.37 s", "| 1 s | 0.37 s |"),
     ("baseline.md", "46 % on maps and 39 % on points", "| car | 128 | 46 (39 to 51) | 39 (33 to 45) |"),
-    ("limits.md", "3 to 10 dB too strong", "front and rear 3 to 10 dB above"),
+    ("limits.md", "agree within 1.6 dB", "floors are right within 1.6 dB"),
 )
 """Page, what the report says, and what the page says."""
 
@@ -45,7 +45,7 @@ def test_the_count_of_measured_rows_is_that_of_the_rows() -> None:
 
 def test_the_count_of_the_test_bench_is_that_of_its_page() -> None:
     page = (DOCS / "testbench.md").read_text(encoding="utf-8")
-    tried = re.search(r"\| all +\| 240 +\| +\| (\d+) of (\d+) tried +\| (\d+) of (\d+) tried", page)
+    tried = re.search(r"\| all +\| \d+ +\| +\| (\d+) of (\d+) tried +\| (\d+) of (\d+) tried", page)
     assert tried is not None
     a, b, c, d = tried.groups()
     assert f"in {a} of {b}, Sionna RT's solver alone in {c} of the {d} that it can try" in REPORT

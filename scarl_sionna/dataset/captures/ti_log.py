@@ -114,7 +114,7 @@ def _replaced(rows: list[tuple[int, ...]], new: tuple[int, ...], name: str) -> l
 
 def _numbers(words: Sequence[str], name: str, place: int, path: Path) -> tuple[int, ...]:
     try:
-        values = tuple(int(word) for word in words if len(word) < 16)
+        values = tuple(int(word) for word in words) if max(map(len, words), default=0) < 16 else ()
     except ValueError:
         values = ()
     if len(values) < LEAST[name]:

@@ -295,7 +295,6 @@ def wheel(shape: CarShape, x: float, left: bool) -> tuple[Mesh, Mesh, Mesh]:
     tyre = np.array(
         [
             (rim, -half * 0.82),
-            (rim + 0.02, -half * 0.95),
             (0.5 * (rim + r), -half),
             (r - 0.03, -half * 0.95),
             (r - 0.008, -half * 0.82),
@@ -304,7 +303,6 @@ def wheel(shape: CarShape, x: float, left: bool) -> tuple[Mesh, Mesh, Mesh]:
             (r - 0.008, half * 0.82),
             (r - 0.03, half * 0.95),
             (0.5 * (rim + r), half),
-            (rim + 0.02, half * 0.95),
             (rim, half * 0.82),
         ]
     )

@@ -31,7 +31,7 @@ def _stations(shape: CarShape) -> Array:
     around = arch * np.array([-1.0, -0.75, 0.0, 0.75, 1.0]) * 0.999
     wheels = [shape.front_axle + around, shape.rear_axle + around]
     h = shape.half_length
-    ends = [h, h - 0.018, h - 0.12]
+    ends = [h - 0.12 * (1.0 - np.sin(np.radians(turn))) for turn in (90.0, 60.0, 30.0, 0.0)]
     return np.unique(np.round(np.concatenate([*wheels, ends, [-x for x in ends], [0.0]]), 6))[::-1]
 
 
@@ -52,7 +52,8 @@ def shell(shape: CarShape) -> tuple[Mesh, Mesh]:
     black = [np.minimum(column, columns - 1 - column) < (4 if shape.cladding else 2)]
     for ring, flip in ((rings[0], False), (rings[-1], True)):
         centre = np.array([ring[0, 0], 0.0, 0.5 * (ring[:, 2].min() + ring[:, 2].max())])
-        cap = grid(car.deform(shape, np.stack([ring, np.broadcast_to(centre, ring.shape)])), close_columns=True)
+        levels = [centre + (ring - centre) * share for share in (1.0, 0.55, 0.0)]
+        cap = grid(car.deform(shape, np.stack(levels)), close_columns=True)
         parts.append(cap if flip else cap.flipped())
         black.append(np.zeros(len(cap.faces), bool))
     whole, is_black = outward(merge(parts)), np.concatenate(black)
