@@ -78,7 +78,7 @@ def _curve(line: Line) -> PchipInterpolator:
 def _stations(shape: BodyShape, fine: bool) -> tuple[Array, Array]:
     """Return the x of the cross-sections and the inset of each [m], front to rear."""
     r = shape.end_radius
-    turn = np.radians([0.0, 30.0, 60.0, 90.0] if fine else [0.0, 90.0])
+    turn = np.radians([0.0, 30.0, 60.0, 90.0])
     ends = r * (1.0 - np.sin(turn))
     xs = [shape.front - ends, shape.rear + ends, np.array(shape.more_stations)]
     theta = np.radians(np.linspace(0.0, 180.0, 13 if fine else 5))
