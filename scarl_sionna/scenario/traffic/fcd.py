@@ -132,10 +132,13 @@ def planned_from_samples(
     kinds: Mapping[str, tuple[str, bool]],
     span: tuple[float, float] | None,
     conversion: Conversion,
+    *,
+    at_front: bool = True,
 ) -> list[PlannedActor]:
     """Return the actors of samples as SUMO gives them.
 
-    `kinds` holds each one's type name and whether it is a person.
+    `kinds` holds each one's type name and whether it is a person; positions of vehicles are those of the middle of the
+    front bumper, or of the origin.
     """
     models, offset = conversion.models, conversion.offset
     with_heights = any(row[3] != 0.0 for rows in samples.values() for row in rows)
@@ -153,7 +156,11 @@ def planned_from_samples(
         if height is not None:
             points[:, 2] = height(points if with_heights else points[:, :2])
         record = Record(
-            name, rows[:, 0], points, np.radians(90.0 - rows[:, 4]), 0.0 if is_person else body.length / 2.0
+            name,
+            rows[:, 0],
+            points,
+            np.radians(90.0 - rows[:, 4]),
+            body.length / 2.0 if at_front and not is_person else 0.0,
         )
         try:
             smoothed = smooth_record(record, body, span)
