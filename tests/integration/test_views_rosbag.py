@@ -18,7 +18,7 @@ from scarl_sionna.dataset import write_dataset
 from scarl_sionna.dataset.derived.lidar_points import world_points
 from scarl_sionna.dataset.derived.radar_points import sensed_points
 from scarl_sionna.dataset.formats import convert
-from scarl_sionna.dataset.formats.rosbag import export_rosbag
+from scarl_sionna.dataset.formats.rosbag import export_rosbag, record_rosbag
 from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from tests.drive import drive
 
@@ -76,8 +76,8 @@ def test_topics_and_times(bag) -> None:
     topics = {
         "/scene", "/tf", "/odom", "/objects", "/front_center/camera/rgb/compressed", "/front_center/camera/depth",
         "/front_center/camera/semantic", "/front_center/camera/instance", "/front_center/camera/camera_info",
-        "/front_center/lidar/points", "/front_center/radar/detections", "/front_center/radar/adc",
-        "/front_center/radar/adc_info",
+        "/front_center/lidar/points", "/front_center/radar/detections", "/front_center/radar/scan",
+        "/front_center/radar/adc", "/front_center/radar/adc_info",
     }  # fmt: skip # a table
     assert set(bag) == topics
     for messages in bag.values():
@@ -221,3 +221,34 @@ def test_what_cannot_be_is_refused_and_leaves_nothing(tmp_path, monkeypatch) -> 
     with pytest.raises(MissingPackageError, match=r"scarl-sionna\[ros\]"):
         export_rosbag(SOURCE, tmp_path / "x")
     assert not list(tmp_path.iterdir())
+
+
+def test_scans_of_radar_msgs_have_their_azimuth_to_the_right(bag) -> None:
+    for frame, (_, message), (_, cloud) in zip(
+        FRAMES, bag["/front_center/radar/scan"], bag["/front_center/radar/detections"], strict=True
+    ):
+        assert message.header.frame_id == RADAR
+        points = sensed_points(frame, frame.results[RADAR]).points
+        rows = np.array([[r.range, r.azimuth, r.elevation, r.doppler_velocity, r.amplitude] for r in message.returns])
+        assert len(rows) == points.num_points == cloud.width > 0
+        r, right, up = rows[:, 0], rows[:, 1], rows[:, 2]
+        place = np.stack([np.cos(up) * np.cos(right), -np.cos(up) * np.sin(right), np.sin(up)], axis=1) * r[:, None]
+        np.testing.assert_allclose(place, points.position, atol=1e-3)  # float32
+        np.testing.assert_allclose(rows[:, 3], points.radial_velocity, atol=1e-4)
+        np.testing.assert_allclose(rows[:, 4], points.snr_db, atol=1e-3)
+
+
+def test_a_bag_is_recorded_frame_by_frame(bag, tmp_path: Path) -> None:
+    """As the steps of a session give them: the messages of an export of the same frames."""
+    frames = list(SOURCE.scenes[0])
+    with record_rosbag(SOURCE.rig, tmp_path / "live", raw_radar=True) as record:
+        for frame in frames:
+            record(frame)
+    found = read(tmp_path / "live")
+    assert set(found) == set(bag)
+    for topic in set(bag) - {"/scene"}:
+        for (time, message), (expected, other) in zip(found[topic], bag[topic][: len(frames)], strict=True):
+            assert time == expected and repr(message) == repr(other)
+    with pytest.raises(RuntimeError), record_rosbag(SOURCE.rig, tmp_path / "broken") as record:
+        raise RuntimeError
+    assert not (tmp_path / "broken").exists()

@@ -86,6 +86,19 @@ def detection_columns(frame: Frame, radar: RadarFrame, pfa: float) -> Columns:
     }
 
 
+def scan_columns(detections: Columns) -> dict[str, Any]:
+    """Return the fields of radar_msgs/RadarReturn of detections, in their order; azimuth is positive to the right."""
+    x, y, z = (np.asarray(detections[axis], dtype=np.float64) for axis in "xyz")
+    across = np.hypot(x, y)
+    return {
+        "range": np.hypot(across, z),
+        "azimuth": -np.arctan2(y, x),
+        "elevation": np.arctan2(z, across),
+        "doppler_velocity": detections["radial_velocity"],
+        "amplitude": detections["snr_db"],
+    }
+
+
 def packed(columns: Mapping[str, npt.NDArray[Any]]) -> npt.NDArray[np.void]:
     """Return columns as rows of a cloud: numbers with a fraction as float32, whole ones as they are."""
     kinds = {key: v.dtype.str if v.dtype.kind in "iu" else "<f4" for key, v in columns.items()}

@@ -2,14 +2,16 @@
 
 References
 ----------
-.. [1] ROS 2 common_interfaces (sensor_msgs, nav_msgs, visualization_msgs, tf2_msgs), Humble; REP 103 and 105: axes.
+.. [1] ROS 2 common_interfaces (sensor_msgs, nav_msgs, visualization_msgs, tf2_msgs), radar_msgs 0.2.1, Humble; REP 103
+       and 105: axes.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -30,9 +32,11 @@ from .recording import (
     SCENE_GAP,
     VEHICLE,
     WORLD,
+    Columns,
     detection_columns,
     lidar_columns,
     packed,
+    scan_columns,
     timed_frames,
     transforms,
 )
@@ -49,6 +53,13 @@ BAG_VERSION: Literal[8] = 8
 _TYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}  # of sensor_msgs/PointField
 _LENSES = {"brown_conrady": "rational_polynomial", "kannala_brandt": "equidistant"}  # as image_geometry calls them
 _ENCODINGS = {"depth": "32FC1", "semantic": "mono8", "instance": "mono16"}
+_SCAN, _RETURN = "radar_msgs/msg/RadarScan", "radar_msgs/msg/RadarReturn"
+_RADAR_MSGS = {
+    _RETURN: "float32 range\nfloat32 azimuth\nfloat32 elevation\nfloat32 doppler_velocity\nfloat32 amplitude\n",
+    _SCAN: "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n",
+}
+LIVE = "live"
+"""Name of the scene of a session's frames."""
 Content: TypeAlias = Any
 """A message; its class is made by the package."""
 Message = tuple[str, str, Content]
@@ -88,36 +99,68 @@ def export_rosbag(
     OutputError
         If the folder is there or cannot be written.
     """
-    require("rosbags", "ros")
-    from rosbags.rosbag2 import Writer
-
     source = as_source(data)
     if not source.num_frames:
         raise ParameterRangeError("dataset", "no frames", "at least one frame")
+    scenes = tuple(scene.name for scene in source.scenes)
+    with _bag_of(source, out, scenes, pfa=pfa, raw_radar=raw_radar, overwrite=overwrite) as bag:
+        for done, (scene, frame, time_ns) in enumerate(timed_frames(source, SCENE_GAP), 1):
+            bag.add(scene.name, frame, time_ns)
+            on_progress(done, source.num_frames)
+    return Path(out)
+
+
+@contextmanager
+def record_rosbag(
+    rig: Mapping[str, Any], out: str | Path, *, raw_radar: bool = False, pfa: float = 1e-6, overwrite: bool = False
+) -> Iterator[Callable[[Frame], None]]:
+    """Write a bag frame by frame while a session is stepped; no frame is kept.
+
+    Parameters
+    ----------
+    rig : mapping
+        `Rig.to_dict()`.
+    out, raw_radar, pfa, overwrite
+        As of :func:`export_rosbag`.
+
+    Yields
+    ------
+    callable
+        Takes the frames in the order of time; the first stands at 1 s.
+
+    Raises
+    ------
+    MissingPackageError, ParameterRangeError, OutputError
+        As :func:`export_rosbag`. An error within leaves no bag.
+    """
+    first: list[int] = []
+    source = FrameSource(rig, [])
+    with _bag_of(source, out, (LIVE,), pfa=pfa, raw_radar=raw_radar, overwrite=overwrite) as bag:
+
+        def record(frame: Frame) -> None:
+            first.append(frame.timestamp_ns)
+            del first[1:]
+            bag.add(LIVE, frame, SCENE_GAP + frame.timestamp_ns - first[0])
+
+        yield record
+
+
+@contextmanager
+def _bag_of(
+    source: FrameSource, out: str | Path, scenes: tuple[str, ...], *, pfa: float, raw_radar: bool, overwrite: bool
+) -> Iterator[_Bag]:
+    """Open a bag for frames of a source, whole or not at all."""
+    require("rosbags", "ros")
+    from rosbags.rosbag2 import Writer
+
     topics = _topics(source)
-    mark = {"format": FORMAT, "scenes": [scene.name for scene in source.scenes]}
-    done = 0
-    with whole_folder(out, mark, overwrite) as folder:
+    with whole_folder(out, {"format": FORMAT, "scenes": list(scenes)}, overwrite) as folder:
         below = folder / "bag"  # the writer wants to make its folder itself
         with Writer(below, version=BAG_VERSION) as writer:
-            bag = _Bag(writer, topics)
-            for scene, frame, time_ns in timed_frames(source, SCENE_GAP):
-                about = {"scene": scene.name, "frame": frame.index, "seed": frame.seed, "time_ns": frame.timestamp_ns}
-                bag.write(
-                    time_ns, ("/scene", "std_msgs/msg/String", bag.make("std_msgs/msg/String", json.dumps(about)))
-                )
-                for message in bag.messages(source, frame, time_ns, pfa):
-                    bag.write(time_ns, message)
-                if raw_radar:
-                    for name, radar in frame.radars.items():
-                        for message in bag.raw(name, radar):
-                            bag.write(time_ns, message)
-                done += 1
-                on_progress(done, source.num_frames)
+            yield _Bag(writer, topics, source, pfa, raw_radar)
         for path in below.iterdir():
             path.rename(folder / path.name)
         below.rmdir()
-    return Path(out)
 
 
 def _topics(source: FrameSource) -> dict[str, str]:
@@ -134,12 +177,28 @@ def _topics(source: FrameSource) -> dict[str, str]:
 class _Bag:
     """Makes messages and writes them; a topic is made known when it is first used."""
 
-    def __init__(self, writer: Writer, topics: Mapping[str, str]) -> None:
-        from rosbags.typesys import Stores, get_typestore
+    def __init__(
+        self, writer: Writer, topics: Mapping[str, str], source: FrameSource, pfa: float, raw_radar: bool
+    ) -> None:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         self.writer, self.topics = writer, topics
+        self.source, self.pfa, self.raw_radar = source, pfa, raw_radar
         self.types = get_typestore(getattr(Stores, f"ROS2_{ROS.upper()}"))
+        for kind, definition in _RADAR_MSGS.items():
+            self.types.register(get_types_from_msg(definition, kind))
         self.connections: dict[str, Any] = {}
+
+    def add(self, scene: str, frame: Frame, time_ns: int) -> None:
+        """Write all messages of a frame."""
+        about = {"scene": scene, "frame": frame.index, "seed": frame.seed, "time_ns": frame.timestamp_ns}
+        self.write(time_ns, self.text("/scene", about))
+        for message in self.messages(frame, time_ns):
+            self.write(time_ns, message)
+        if self.raw_radar:
+            for name, radar in frame.radars.items():
+                for message in self.raw(name, radar):
+                    self.write(time_ns, message)
 
     def make(self, kind: str, *fields: Content) -> Content:
         """Return a message of a type, its fields in the order of its definition."""
@@ -152,9 +211,9 @@ class _Bag:
             self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.types)
         self.writer.write(self.connections[topic], time_ns, self.types.serialize_cdr(content, kind))
 
-    def messages(self, source: FrameSource, frame: Frame, time_ns: int, pfa: float) -> Iterator[Message]:
+    def messages(self, frame: Frame, time_ns: int) -> Iterator[Message]:
         """Yield the messages of a frame, without the raw radar data."""
-        yield "/tf", "tf2_msgs/msg/TFMessage", self._transforms(source, frame, time_ns)
+        yield "/tf", "tf2_msgs/msg/TFMessage", self._transforms(frame, time_ns)
         yield "/odom", "nav_msgs/msg/Odometry", self._odometry(frame, time_ns)
         yield "/objects", "visualization_msgs/msg/MarkerArray", self._boxes(frame, time_ns)
         for name, image in frame.images.items():
@@ -164,8 +223,9 @@ class _Bag:
             rows = packed(lidar_columns(frame, scan))
             yield f"{self.topics[name]}/points", cloud, self._cloud(name, rows, time_ns)
         for name, radar in frame.radars.items():
-            rows = packed(detection_columns(frame, radar, pfa))
-            yield f"{self.topics[name]}/detections", cloud, self._cloud(name, rows, time_ns)
+            columns = detection_columns(frame, radar, self.pfa)
+            yield f"{self.topics[name]}/detections", cloud, self._cloud(name, packed(columns), time_ns)
+            yield f"{self.topics[name]}/scan", _SCAN, self._scan(name, columns, time_ns)
 
     def raw(self, name: str, radar: RadarFrame) -> Iterator[Message]:
         """Yield the raw data of a radar."""
@@ -199,9 +259,9 @@ class _Bag:
         point = self.make("geometry_msgs/msg/Point", *pose.position.tolist())
         return self.make("geometry_msgs/msg/Pose", point, self._quaternion(pose))
 
-    def _transforms(self, source: FrameSource, frame: Frame, time_ns: int) -> Content:
+    def _transforms(self, frame: Frame, time_ns: int) -> Content:
         found = []
-        for parent, child, pose in transforms(source, frame):
+        for parent, child, pose in transforms(self.source, frame):
             place = self.make("geometry_msgs/msg/Transform", self._vector(pose.position), self._quaternion(pose))
             header = self._header(time_ns, parent)
             found.append(self.make("geometry_msgs/msg/TransformStamped", header, child, place))
@@ -270,6 +330,11 @@ class _Bag:
         flat_matrices = (matrix.ravel(), np.eye(3).ravel(), np.hstack([matrix, np.zeros((3, 1))]).ravel())
         content = self.make(kind, header, spec.height, spec.width, model, lens, *flat_matrices, 0, 0, whole)
         yield f"{topic}/camera_info", kind, content
+
+    def _scan(self, frame_id: str, columns: Columns, time_ns: int) -> Content:
+        """Return detections as a scan."""
+        rows = np.stack(list(scan_columns(columns).values()), axis=1).astype(float).tolist()
+        return self.make(_SCAN, self._header(time_ns, frame_id), [self.make(_RETURN, *row) for row in rows])
 
     def _cloud(self, frame_id: str, rows: npt.NDArray[np.void], time_ns: int) -> Content:
         """Return a cloud; it is dense if every number is finite."""
