@@ -243,6 +243,29 @@ def _read_mesh(folder: Path) -> object:
     return None
 
 
+def _write_body(folder: Path) -> None:
+    from examples.breathing_person import write_person
+    from tests.unit.test_body_files import BVH
+
+    write_person(folder / "person.glb")
+    (folder / "leg.bvh").write_text(BVH)
+
+
+def _read_body(folder: Path) -> object:
+    from scarl_sionna.core.errors import ScarlError
+    from scarl_sionna.scene.actors.body import actor_from_body
+
+    errors: list[ScarlError] = []
+    for name in ("person.glb", "leg.bvh"):
+        try:
+            actor_from_body(folder / name, folder=folder / f"out_{name}")
+        except ScarlError as error:
+            errors.append(error)
+    if errors:
+        raise errors[0]
+    return None
+
+
 # motion
 
 
@@ -377,6 +400,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "actor": _kind(_write_actor, ("actor.toml", "bicycle.xml"), _read_actor, ENTITIES),
     "mesh": _kind(_write_mesh, MESHES, _read_mesh),
+    "body": _kind(_write_body, ("person.glb", "leg.bvh"), _read_body),
     "motion": _kind(_write_motion, ("t.csv", "path.csv", "f.xml", "f.xml.gz", "t.parquet"), _read_motion, ENTITIES),
     "commonroad": _kind(_commonroad, ("c.xml",), _read_commonroad, ENTITIES),
     "numbers": Kind(_write_numbers, ("model.npz", "scan.npz", "scan.csv"), _read_numbers, _evil_numbers),

@@ -61,6 +61,7 @@ class PixelHits:
     point: npt.NDArray[np.float64]
     normal: npt.NDArray[np.float64]
     part: npt.NDArray[np.int32]
+    face: npt.NDArray[np.int64]
 
 
 _LAST_CAST: WeakKeyDictionary[Any, tuple[tuple[object, ...], PixelHits]] = WeakKeyDictionary()
@@ -79,7 +80,7 @@ def cast_pixels(state: WorldState, spec: CameraSpec, world_from_sensor: Pose) ->
         return kept[1]
     seen = None if np.isfinite(rays[:, 0]).all() else np.flatnonzero(np.isfinite(rays[:, 0]))
     hits = state.cast(world_from_sensor.position, world_from_sensor.rotate(rays if seen is None else rays[seen]))
-    found = PixelHits(hits.ray if seen is None else seen[hits.ray], hits.point, hits.normal, hits.part)
+    found = PixelHits(hits.ray if seen is None else seen[hits.ray], hits.point, hits.normal, hits.part, hits.face)
     _LAST_CAST[state] = (key, found)
     return found
 
@@ -162,6 +163,8 @@ def _flow(
         rows = hits.part == part
         motion = later.part_pose(part).compose(state.part_pose(part).inverse())
         points[rows] = motion.apply(points[rows])
+    bends, moved = state.carried(hits.face, hits.point, later)
+    points[bends] = moved
     optical_from_world = camera_optical_from_world(shifted_sensor(state, later, world_from_sensor, sensor_twist))
     pixel, _ = spec.project(optical_from_world.apply(points))
     return pixel - pixel_centres(spec)[hits.pixel]

@@ -468,6 +468,14 @@ class WorldState(Described):
         poses = {part: self._part_motion[part].pose for part in self._bent}
         return bent_faces(self.world._triangles.first, self.world.mesh, self._bent, poses) if self._bent else None
 
+    def carried(
+        self, face: npt.NDArray[np.int64], point: Array, later: WorldState
+    ) -> tuple[npt.NDArray[np.int64], Array]:
+        """Return which of some points (n, 3) [m, world] on faces (n,) bend, and where those are in another state."""
+        if self._bent_faces is None or later._bent_faces is None:
+            return np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        return self._bent_faces.carried(face, point, later._bent_faces)
+
     def point_velocity(self, part: npt.NDArray[Any], point: Array, face: npt.NDArray[np.int64] | None = None) -> Array:
         """Return the velocity of surface points.
 

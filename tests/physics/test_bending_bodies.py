@@ -7,13 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import scarl_sionna as ss
 from camera_lidar import Lidar
+from camera_lidar.camera.labels import cast_pixels, render_labels
+from camera_lidar.camera.projection import camera_optical_from_world, pixel_centres
 from camera_lidar.lidar import shot_directions, shot_times
 from examples.breathing_person import BREATH, BREATHS, Gltf, breathing, capsule, write_person
 from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScenarioError
 from scarl_sionna.core.pose import Pose, Twist
+from scarl_sionna.core.specs.camera import CameraSpec
 from scarl_sionna.core.specs.lidar import LidarSpec
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.engine.load import load_scene, stage
@@ -201,6 +205,24 @@ def test_a_lidar_that_takes_its_time_meets_the_body_at_each_shot(tmp_path):
     assert away.min() > 0.0283 and away.max() < 0.0302
     exact = np.einsum("ij,ij->i", direction, np.cross([0.0, -RATE, 0.0], offset))
     np.testing.assert_allclose(scan.radial_velocity[rows], exact, atol=1e-6)
+
+
+def test_flow_of_a_camera_follows_the_bending(tmp_path):
+    """A point of the limb is on the circle about its pivot 0.1 s later."""
+    world = turning(tmp_path)
+    spec = CameraSpec(width=120, height=120, horizontal_fov_deg=40.0, flow_interval=0.1)
+    state, pose = world.at(0.4), Pose([0.0, 0.0, 0.5])
+    labels = render_labels(state, spec, pose, images=("depth", "semantic", "instance", "flow"))
+    rows = np.flatnonzero(labels.instance.ravel() == world.instances[2].instance)
+    hits = cast_pixels(state, spec, pose)
+    of_limb = np.isin(hits.pixel, rows)
+    offset = hits.point[of_limb] - [3.0, 0.0, LENGTH + 0.03]
+    turn = Rotation.from_rotvec([0.0, -RATE * 0.1, 0.0])
+    pixel, _ = spec.project(camera_optical_from_world(pose).apply(turn.apply(offset) + [3.0, 0.0, LENGTH + 0.03]))
+    exact = pixel - pixel_centres(spec)[hits.pixel[of_limb]]
+    found = labels.flow.reshape(-1, 2)[hits.pixel[of_limb]]
+    assert of_limb.sum() > 50 and np.abs(exact).max() > 1.0
+    np.testing.assert_allclose(found, exact, atol=0.02)  # float32 hits that graze a facet
 
 
 def test_what_is_no_body_is_told(tmp_path):

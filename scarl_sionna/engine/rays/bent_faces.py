@@ -67,6 +67,13 @@ class BentFaces:
         found = base[row] + np.einsum("nij,nj->ni", gradient[row], point)
         return np.where((row >= 0)[:, None], found, 0.0)
 
+    def carried(self, face: Index, point: Array, later: BentFaces) -> tuple[Index, Array]:
+        """Return which of some points (n, 3) [m, world] of faces (n,) bend, and where those are in another state."""
+        rows = np.flatnonzero(self.number[face] >= 0)
+        own = self.number[face[rows]]
+        _, share = _closest(point[rows], self.corners[own])
+        return rows, np.einsum("nk,nki->ni", share, later.corners[own])
+
     def nearest(self, part: Index, point: Array) -> Array:
         """Return the velocity of the nearest point of the surface of parts (n,) to points (n, 3) [m, world]."""
         result = np.zeros_like(point)
