@@ -122,6 +122,17 @@ def test_boxes_follow_the_posture(tmp_path):
     assert box.size[2] > 1.1
 
 
+@pytest.mark.parametrize("twin", ["optical", "radio"])
+def test_trees_follow_a_body_whose_actor_stands(tmp_path, twin):
+    """A level ray to the middle of the limb meets it half its thickness before, over the cosine of its slope."""
+    world = turning(tmp_path)
+    for time in (0.0, 0.5, 0.2):
+        angle = RATE * time
+        middle = np.array([3.0 + 0.5 * LENGTH * np.sin(angle), 0.0, LENGTH + 0.03 - 0.5 * LENGTH * np.cos(angle)])
+        hits = world.at(time).cast([0.0, 0.0, middle[2]], [[1.0, 0.0, 0.0]], twin=twin)
+        np.testing.assert_allclose(hits.distance, middle[0] - 0.03 / np.cos(angle), atol=1e-3)  # facets
+
+
 @pytest.mark.parametrize("method", ["raycast", "sbr"])
 def test_paths_of_a_radar_have_the_rates_of_the_surface(tmp_path, method):
     """Each path: 2 x the radial velocity of the point of the limb at its place."""
