@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,8 +22,10 @@ from scarl_sionna.engine.paths import links
 from scarl_sionna.engine.paths.tracing import PathBufferOverflowError
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.radio.sensor import Radio
+from scarl_sionna.scenario.compose import build_world
 from tests.scenes import Material, Thing, box, plane, write_scene
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 EGO = {"kind": "constant_twist", "position": [0, 0, 0], "velocity": [12, 0, 0]}
 AHEAD = {"kind": "constant_twist", "position": [25, 3, 0], "velocity": [8, 0, 0]}
 NOSE, TAIL = ss.Pose([2.2, 0.0, 1.6]), ss.Pose([-2.2, 0.0, 1.6])
@@ -246,3 +249,14 @@ def test_wrong_radios_are_refused(change, message) -> None:
         SPEC.with_(**change)
     with pytest.raises(ParameterRangeError, match="double_bounce"):
         ss.RadioSettings(solver={"double_bounce": True})
+
+
+def test_the_example_rig_sees_the_car_when_the_lorry_is_past() -> None:
+    """In the scenario that it is made for: Friis' gain of 4.2 m, within what the ground adds, once it is free."""
+    rig = Rig.load(EXAMPLES / "talking_rig.yaml")
+    world = build_world(ss.ScenarioSpec.preset("oncoming_lorry"))
+    radio = "roof/radio_28"
+    behind, free = (ss.observe(world, rig, time=t, seed=0, only=(radio,)).radios[radio] for t in (3.6, 5.2))
+    friis = 20.0 * np.log10(free.spec.wavelength / (4.0 * np.pi * 4.196))
+    assert 10.0 * np.log10(free.gain[1]) == pytest.approx(friis, abs=1.0)
+    assert behind.gain[1] < 0.1 * free.gain[1]
