@@ -41,6 +41,10 @@ class Planted:
             for kind in ("gain_db", "phase_deg"):
                 row = getattr(front.channels, f"{end}_{kind}")
                 out |= {f"{end}_{kind}[{number}]": value for number, value in enumerate(row)}
+            for row, values in enumerate(getattr(front.channels, f"{end}_coupling")):
+                for column, parts in enumerate(values):
+                    names = (f"{end}_coupling_{part}[{row},{column}]" for part in "iq")
+                    out |= dict(zip(names, parts, strict=True)) if row != column else {}
             moved = getattr(self.true, f"{end}_array") - getattr(self.stated, f"{end}_array")
             for number, (_, y, z) in enumerate(moved):
                 out |= {f"{end}_y[{number}]": float(y), f"{end}_z[{number}]": float(z)}
@@ -50,7 +54,14 @@ class Planted:
         return out
 
 
-def planted(seed: int, count: int = 12, stated: ss.RadarSpec = STATED, has_leakage: bool = True) -> Planted:
+def planted(
+    seed: int,
+    count: int = 12,
+    stated: ss.RadarSpec = STATED,
+    has_leakage: bool = True,
+    coupling_std: float = 0.0,
+    antenna_std: float = ANTENNA_STD,
+) -> Planted:
     """Return captures of reflectors of 10 dBsm, 3 to 10 m away, up to 45 deg aside; the last two are held out."""
     rng = np.random.default_rng(seed)
 
@@ -58,7 +69,7 @@ def planted(seed: int, count: int = 12, stated: ss.RadarSpec = STATED, has_leaka
         return (0.0, *rng.normal(0.0, spread, number - 1))
 
     def moved(places: np.ndarray) -> tuple[tuple[float, ...], ...]:
-        shift = rng.normal(0.0, ANTENNA_STD, (len(places), 2))
+        shift = rng.normal(0.0, antenna_std, (len(places), 2))
         return tuple(map(tuple, places + np.c_[np.zeros(len(places)), shift]))
 
     way = ss.Leakage(
@@ -79,6 +90,16 @@ def planted(seed: int, count: int = 12, stated: ss.RadarSpec = STATED, has_leaka
         tx_positions=moved(stated.tx_array),
         rx_positions=moved(stated.rx_array),
     )
+    if coupling_std:
+        draw = np.random.default_rng((seed, 1))
+        matrices = {
+            f"{end}_coupling": tuple(
+                tuple((1.0, 0.0) if i == j else tuple(draw.normal(0.0, coupling_std, 2)) for j in range(number))
+                for i in range(number)
+            )
+            for end, number in (("tx", stated.num_tx), ("rx", stated.num_rx))
+        }
+        true = true.with_(channels=true.front_end.channels.with_(**matrices))
     bias, captures = rng.normal(0.0, 0.05), []
     for number in range(count):
         distance, azimuth, elevation = rng.uniform(3.0, 10.0), *np.radians(rng.uniform((-45.0, -10.0), (45.0, 10.0)))

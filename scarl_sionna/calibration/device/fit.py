@@ -14,7 +14,7 @@ from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.gradients.operator import check_radar
 
 from .capture import ReflectorCapture, mean_of
-from .model import OF_CAPTURE, DeviceModel
+from .model import COUPLING, OF_CAPTURE, DeviceModel
 from .noise import MeasuredNoise
 from .result import CaptureResidual, DeviceFit
 from .settings import DeviceFitSettings
@@ -27,6 +27,9 @@ MIN_LEAKAGE_GAIN = 25.0
 """By how much a leakage must lower the sum of squares to be fitted: three parameters of noise alone exceed it once in
 60,000 devices."""
 
+LEAST_GAIN = 0.01
+"""Steps that lower the sum of squares by less end the search: a standard deviation is 1."""
+
 
 def fit_device(
     captures: Sequence[ReflectorCapture], radar: RadarSpec, settings: DeviceFitSettings | None = None
@@ -37,7 +40,7 @@ def fit_device(
     ----------
     captures : sequence of ReflectorCapture
         At least one that is not held out. Several ranges tell range bias from survey; several directions antenna places
-        from channel phases.
+        and coupling from gains and phases of the channels.
     radar : RadarSpec
         What is stated of the device: waveform, antennas, nominal power, filters. Linear FMCW, I and Q, transmitters in
         turn or apart; gains, leakage, imbalance and constant are fitted from nothing.
@@ -66,9 +69,11 @@ def fit_device(
 
     .. math:: \min_p \sum \frac{|y - f(p)|^2}{S / M} + \sum \frac{p_k^2}{\sigma_k^2}, \quad C = (J^T J)^{-1}
 
-    where the second sum has what is known beforehand: the survey, RCS, antenna places. The phase of each capture is
-    free, since no survey is exact to a fraction of a wavelength. The first transmitter and receiver have gain and phase
-    zero.
+    where the second sum has what is known beforehand: the survey, RCS, antenna places, coupling. The phase of each
+    capture is free, since no survey is exact to a fraction of a wavelength. The first transmitter and receiver have
+    gain and phase zero; coupling matrices have ones on their diagonals, so that gains and phases are the channels' own.
+    As the phase of each direction is free, the coupling of n antennas takes n directions whose levels are known, else
+    n + 1.
 
     References
     ----------
@@ -131,13 +136,21 @@ class _Fit:
     def result(self, noise: MeasuredNoise, residuals: list[CaptureResidual]) -> DeviceFit:
         """Return the estimates with their covariance."""
         information = self.rows.T @ self.rows
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
-        values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
-        known = values > 1e-12 * values[-1]
-        inverse = (vectors[:, known] / values[known]) @ vectors[:, known].T * np.outer(scale, scale)
-        lost = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-6
-        inverse[lost, lost] = np.inf
-        return DeviceFit.of(self.model, self.device, self.own, inverse, noise, residuals)
+        prior = np.zeros(len(information))
+        prior[: len(self.device)] = [1.0 / item.std**2 if COUPLING in item.name else 0.0 for item in self.model.device]
+        alone = np.sqrt(np.diag(_inverse(information - np.diag(prior))))[: len(self.device)]
+        return DeviceFit.of(self.model, self.device, self.own, (_inverse(information), alone), noise, residuals)
+
+
+def _inverse(information: Array) -> Array:
+    """Return the covariance, infinite for parameters of which nothing is known."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    known = values > 1e-12 * values[-1]
+    inverse = (vectors[:, known] / values[known]) @ vectors[:, known].T * np.outer(scale, scale)
+    lost = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-6
+    inverse[lost, lost] = np.inf
+    return np.asarray(inverse)
 
 
 def _search(
@@ -199,7 +212,7 @@ def _minimum(
         start[fixed:],
         jac=jacobian,
         x_scale="jac",
-        ftol=1e-9,
+        ftol=LEAST_GAIN / data.size,
         xtol=1e-9,
         gtol=1e-9,
         max_nfev=model.settings.max_evaluations,

@@ -27,7 +27,9 @@ Complex = npt.NDArray[np.complex128]
 OF_CAPTURE = ("x", "y", "z", "level_db", "phase_deg")
 """What each capture leaves open: where the reflector is beside the survey [m], its level beside what is expected [dB],
 and its phase."""
-STEPS = {"m": 1e-6, "dB": 1e-3, "deg": 1e-2, "noise": 1e-2}
+COUPLING = "_coupling_"
+"""In the names of parameters of coupling: ``rx_coupling_i[0,1]`` and ``..._q[0,1]`` are the real and imaginary part."""
+STEPS = {"m": 1e-6, "dB": 1e-3, "deg": 1e-2, "noise": 1e-2, "": 1e-3}
 """Steps of the central differences: errors of derivatives are below 1e-6 of them."""
 
 
@@ -64,8 +66,8 @@ class DeviceModel:
 
     Notes
     -----
-    By definition of the front end's order: echoes and leakage, gains and phases of the channels, image, filters,
-    constant; see :mod:`scarl_sionna.signal.front_end.chain`.
+    By definition of the front end's order: echoes and leakage, coupling, gains and phases of the channels, image,
+    filters, constant; see :mod:`scarl_sionna.signal.front_end.chain`.
     """
 
     def __init__(
@@ -118,6 +120,11 @@ class DeviceModel:
         """Return the place of a parameter of the device, or None if it is not fitted."""
         return self.names.index(name) if name in self.names else None
 
+    @property
+    def has_coupling(self) -> bool:
+        """Whether coupling between antennas is fitted."""
+        return any(COUPLING in name for name in self.names)
+
     def lengths(self, device: Array, own: Array) -> Array:
         """Return the length of every way, range bias included, shape (num_captures, num_tx, num_rx) [m].
 
@@ -126,12 +133,15 @@ class DeviceModel:
         device : ndarray of float64, shape (num_device,)
         own : ndarray of float64, shape (num_captures, 5)
         """
-        tx, rx = self.antennas(device)
-        point = self.places + own[:, :3]
-        there = np.linalg.norm(point[:, None] - tx, axis=2)
-        back = np.linalg.norm(point[:, None] - rx, axis=2)
+        there, back = self._ways(device, own)
         bias = 2.0 * self._value(device, "range_bias")
         return np.asarray(there[:, :, None] + back[:, None, :] + bias, dtype=np.float64)
+
+    def _ways(self, device: Array, own: Array) -> tuple[Array, Array]:
+        """Return the distances to the transmitters and receivers, shapes (num_captures, num_tx), (..., num_rx) [m]."""
+        tx, rx = self.antennas(device)
+        point = self.places + own[:, :3]
+        return np.linalg.norm(point[:, None] - tx, axis=2), np.linalg.norm(point[:, None] - rx, axis=2)
 
     def antennas(self, device: Array) -> tuple[Array, Array]:
         """Return the places of transmitters and receivers, shapes (num_tx, 3) and (num_rx, 3) [m, radar frame]."""
@@ -162,6 +172,24 @@ class DeviceModel:
             ends.append(10.0 ** (gain / 20.0) * np.exp(-1j * np.radians(phase)))  # a beat has the conjugate
         return np.asarray(np.outer(ends[0], ends[1]))
 
+    def coupling(self, device: Array, end: str) -> Complex:
+        """Return the coupling matrix of the antennas of an end, ``"tx"`` or ``"rx"``, ones on its diagonal.
+
+        As :class:`~scarl_sionna.core.specs.radar.impairments.ChannelErrors` has it: of fields, dimensionless.
+        """
+        out = np.eye(self.radar.num_tx if end == "tx" else self.radar.num_rx, dtype=np.complex128)
+        for row, column in zip(*np.nonzero(out == 0.0), strict=True):
+            parts = (self._value(device, f"{end}_coupling_{part}[{row},{column}]") for part in "iq")
+            out[row, column] = complex(*parts)
+        return out
+
+    def coupled(self, device: Array, data: Complex) -> Complex:
+        """Return what the channels make of pairs alone (..., num_tx, num_rx, num_samples), same shape [sqrt(W)]."""
+        if self.has_coupling:
+            both = (self.coupling(device, end).conj() for end in ("tx", "rx"))  # a beat has the conjugate
+            data = np.einsum("ik,lj,...ijn->...kln", *both, data, optimize=True)
+        return np.asarray(data * self.channels(device)[:, :, None])
+
     def value(self, device: Array, own: Array) -> Complex:
         """Return the mean raw data [sqrt(W)], shape (num_captures, num_tx, num_rx, num_samples).
 
@@ -176,14 +204,18 @@ class DeviceModel:
         turn = own[:, 4] - self.phase_per_metre * length.mean(axis=(1, 2))
         level = 10.0 ** ((self._value(device, "gain_db") + own[:, 3]) / 20.0) * self.amplitude
         strength = level * np.exp(1j * np.radians(turn % 360.0))
-        data = strength[:, None, None, None] * self.tones(length)
+        there, back = self._ways(device, own)
+        nearer = np.linalg.norm(self.places + own[:, :3], axis=1)[:, None, None] ** 2 / (
+            there[:, :, None] * back[:, None, :]
+        )
+        data = (strength[:, None, None] * nearer)[..., None] * self.tones(length)
         static = self._has_static[:, None, None, None]
         if self.index("leakage_length") is not None:
             way = self._value(device, "leakage_length")
             field = complex(self._value(device, "leakage_i"), self._value(device, "leakage_q")) * self.noise
             turn = np.exp(-1j * np.radians(self.phase_per_metre * way))
             data = data + static * (field * turn * self.tones(np.array(way)))
-        data = data * self.channels(device)[:, :, None]
+        data = self.coupled(device, data)
         if self.index("iq_gain_db") is not None:
             kept, image = image_factors(self.mixer(device))
             data = kept * data + image * np.conj(data)
@@ -232,6 +264,10 @@ def _device_parameters(radar: RadarSpec, settings: DeviceFitSettings) -> list[Pa
         if settings.antenna_std > 0.0:
             names = [f"{end}_{axis}[{number}]" for number in range(count) for axis in "yz"]
             out += [Parameter(name, "m", settings.antenna_std) for name in names]
+        if settings.coupling_std > 0.0:
+            pairs = [(row, column) for row in range(count) for column in range(count) if row != column]
+            names = [f"{end}{COUPLING}{part}[{row},{column}]" for row, column in pairs for part in "iq"]
+            out += [Parameter(name, "", settings.coupling_std) for name in names]
     if settings.mixer:
         out += [Parameter("iq_gain_db", "dB"), Parameter("iq_phase_deg", "deg")]
     if settings.leakage:

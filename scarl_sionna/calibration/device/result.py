@@ -19,7 +19,7 @@ from scarl_sionna.core.specs.radar.impairments import ChannelErrors, Leakage
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import watt_to_dbm
 
-from .model import OF_CAPTURE, DeviceModel
+from .model import COUPLING, OF_CAPTURE, DeviceModel
 from .noise import MeasuredNoise
 
 if TYPE_CHECKING:
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 NOT_IDENTIFIED = 0.9
-"""A parameter is not identified if the captures leave more than this share of what was not known before."""
+"""A parameter is not identified if the captures leave more than this share of what was not known before; coupling
+neither if they alone tell less than was known before."""
 SIGNIFICANT = 3.0
 """Imbalance of I and Q and a constant enter the specification from so many standard deviations on."""
 _MARGIN = 0.2
@@ -63,7 +64,8 @@ class DeviceFit(Described):
     names, units : tuple of str
         Of the parameters. Gains and phases are those beside the first transmitter and receiver; ``tx_y[1]`` is how far
         an antenna is from where it was stated; ``gain_db`` is power and gain over those stated; ``dc_i``, ``dc_q`` and
-        ``leakage_i``, ``leakage_q`` (the field in the middle of the band) are in units of a sample's noise.
+        ``leakage_i``, ``leakage_q`` (the field in the middle of the band) are in units of a sample's noise;
+        ``rx_coupling_i[0,1]`` is the real part of what reaches receiver 0 from antenna 1, as in `ChannelErrors`.
     values, std : ndarray of float64, shape (num_parameters,)
         In these units; infinite where nothing is known.
     covariance : ndarray of float64, shape (num_parameters, num_parameters)
@@ -104,18 +106,24 @@ class DeviceFit(Described):
         model: DeviceModel,
         device: Array,
         own: Array,
-        covariance: Array,
+        covariances: tuple[Array, Array],
         noise: MeasuredNoise,
         residuals: Sequence[CaptureResidual],
     ) -> DeviceFit:
-        """Return the result of a search at its minimum."""
+        """Return the result of a search at its minimum.
+
+        `covariances` are that of all parameters, and the standard deviations (num_device,) that those of the device
+        had without what is known of coupling beforehand.
+        """
+        covariance, alone = covariances
         count = len(device)
         misfit = max([1.0, *(item.over_noise for item in residuals if not item.held_out)])
         std = misfit * np.sqrt(np.diag(covariance))
         weak = [
             item.name
-            for item, one in zip(model.device, std, strict=False)
+            for item, one, by_data in zip(model.device, std[:count], misfit * alone, strict=True)
             if one > (NOT_IDENTIFIED * item.std if np.isfinite(item.std) else 1e3)
+            or (COUPLING in item.name and by_data > item.std)
         ]
         levels = count + len(OF_CAPTURE) * np.arange(len(own)) + OF_CAPTURE.index("level_db")
         place = model.places
@@ -163,7 +171,9 @@ class DeviceFit(Described):
     def _facts(self) -> Iterable[Row]:
         for name, unit, value, std in zip(self.names, self.units, self.values, self.std, strict=True):
             mark = ", not identified" if name in self.not_identified else ""
-            yield name, f"{value:.4g} +- {INTERVAL * std:.2g} {unit}{mark}"
+            if mark and COUPLING in name:
+                mark += f": needs at least {self.radar.num_tx if name[:2] == 'tx' else self.radar.num_rx} directions"
+            yield name, f"{value:.4g} +- {INTERVAL * std:.2g} {unit}".rstrip() + mark
         yield "noise_figure_db", f"{self.noise_figure_db:.3f} +- {INTERVAL * self.noise_figure_std_db:.2g} dB"
         for kind, held_out in (("fitted", False), ("held out", True)):
             found = [item.over_noise for item in self.residuals if item.held_out == held_out]
@@ -255,11 +265,16 @@ def _specification(model: DeviceModel, device: Array, std: Array, noise_figure_d
         return any(abs(device[place]) > SIGNIFICANT * std[place] for place in places)
 
     radar = model.radar
-    ends = {
+    ends: dict[str, tuple[Any, ...]] = {
         f"{end}_{kind}": tuple(value(f"{end}_{kind}[{number}]") for number in range(count))
         for end, count in (("tx", radar.num_tx), ("rx", radar.num_rx))
         for kind in ("gain_db", "phase_deg")
     }
+    if model.has_coupling:
+        for end, count in (("tx", radar.num_tx), ("rx", radar.num_rx)):
+            rows = model.coupling(device, end)
+            if count > 1:
+                ends[f"{end}_coupling"] = tuple(tuple((one.real, one.imag) for one in row) for row in rows.tolist())
     changes: dict[str, Any] = {
         "tx_power_dbm": radar.front_end.tx_power_dbm + value("gain_db"),
         "noise_figure_db": noise_figure_db,

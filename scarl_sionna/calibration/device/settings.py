@@ -20,6 +20,13 @@ class DeviceFitSettings(Spec):
     antenna_std: Metres = Field(
         0.0, ge=0.0, description="of each antenna's y and z about its stated place [m]; 0: places are not fitted"
     )
+    coupling_std: float = Field(
+        0.0,
+        ge=0.0,
+        le=1.0,
+        description="of the real and the imaginary part of what couples from one antenna into another, over what "
+        "reaches that one directly; 0: coupling is not fitted",
+    )
     pattern_std_db: Decibels = Field(
         0.5, ge=0.0, description="of the stated two-way pattern in a capture's direction [dB]"
     )
@@ -28,4 +35,4 @@ class DeviceFitSettings(Spec):
     dc_offset: bool = Field(True, description="whether a constant at the converter is fitted")
     max_range_bias: Metres = Field(1.0, gt=0.0, le=20.0, description="largest range bias that is looked for [m]")
     max_leakage_length: Metres = Field(1.0, gt=0.0, le=20.0, description="longest leakage, there and back [m]")
-    max_evaluations: int = Field(40, ge=1, le=1000, description="evaluations of the search")
+    max_evaluations: int = Field(200, ge=1, le=1000, description="evaluations of the search")

@@ -141,13 +141,14 @@ def add_leakage(model: DeviceModel, data: Complex, device: Array, own: Array) ->
     device[_place(model, "leakage_i")] = device[_place(model, "leakage_q")] = 0.0
     static = [number for number, item in enumerate(model.captures) if item.empty is None]
     rest = (data - model.value(device, own))[static].mean(axis=0).ravel()
-    channels, constant = model.channels(device)[:, :, None], np.ones((len(rest), 1), dtype=np.complex128)
+    pairs, constant = np.ones((model.radar.num_tx, model.radar.num_rx, 1)), np.ones((len(rest), 1), dtype=np.complex128)
     has_constant, step = model.index("dc_i") is not None, _cell(model) / (2.0 * GRID)
     before = best = float(np.linalg.norm(rest) ** 2)
     if has_constant:
         before = best = float(np.linalg.norm(rest - rest.mean()) ** 2)
     for length in np.arange(step / 4.0, model.settings.max_leakage_length + step, step):
-        column = (channels * model.filtered(model.tones(np.array(length)))).reshape(-1, 1)
+        way = model.filtered(model.tones(np.array(length)))
+        column = model.coupled(device, pairs * way).reshape(-1, 1)
         matrix = np.hstack([column, constant]) if has_constant else column
         solution = np.linalg.lstsq(matrix, rest, rcond=1e-9)[0]
         size = float(np.linalg.norm(rest - matrix @ solution) ** 2)
