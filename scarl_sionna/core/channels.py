@@ -62,6 +62,10 @@ class RadioChannels(
         What happened on the way, from the radio on: see `INTERACTIONS`; 0 beyond the path's depth.
     instance : ndarray of uint16, shape (num_stations, max_paths, depth)
         What it happened at: instance ids as in images, lidar and radar; 0 beyond the path's depth.
+    small_mirror : ndarray of bool, shape (num_stations, max_paths), or None
+        Whether a path comes over a flat face that is smaller than its first Fresnel zone, a facet of a curved body
+        among them: its coefficient is that of an endless mirror, most often too strong. None of datasets that were
+        written before it was stored.
     cfr : ndarray of complex64, shape (num_stations, num_station_antennas, num_antennas, num_subcarriers)
         Frequency response of the kept paths at ``spec.subcarrier_frequencies`` about the carrier.
     num_paths : ndarray of int32, shape (num_stations,)
@@ -69,7 +73,8 @@ class RadioChannels(
     gain_left_out : ndarray of float64, shape (num_stations,)
         Sum of abs(a)**2 of the paths that were found and not kept, mean over the pairs of antennas.
     diagnostics : mapping
-        Candidates of the solver, materials with values of another frequency, stations whose actor is not there.
+        Candidates of the solver, materials with values of another frequency, stations whose actor is not there, share
+        of the gain of all paths that were found that comes over small mirrors.
     """
 
     spec: RadioSpec
@@ -86,6 +91,7 @@ class RadioChannels(
     valid: npt.NDArray[np.bool_]
     interaction: npt.NDArray[np.uint8]
     instance: npt.NDArray[np.uint16]
+    small_mirror: npt.NDArray[np.bool_] | None
     cfr: npt.NDArray[np.complex64]
     num_paths: npt.NDArray[np.int32]
     gain_left_out: npt.NDArray[np.float64]

@@ -104,8 +104,11 @@ OBJECTS: tuple[Field, ...] = (
     Field("name", "", (OBJECT,), "", "name of the object in its scene", "json"),
 )
 
-LATER_OBJECTS = frozenset({"tight_center", "tight_size"})
-"""Fields of objects that datasets of the same schema version lack which were written before there were these."""
+LATER: Mapping[str, frozenset[str]] = {
+    "objects": frozenset({"tight_center", "tight_size"}),
+    "radio": frozenset({"small_mirror"}),
+}
+"""Fields, by table, that datasets of the same schema version lack which were written before there were these."""
 
 CAMERA: tuple[Field, ...] = (
     POSE,
@@ -272,6 +275,14 @@ RADIO: tuple[Field, ...] = (
         "from the radio on: 1 mirrored, 2 scattered, 4 refracted, 8 diffracted; 0 beyond the last",
     ),
     Field("instance", "uint16", _STEP, "", "instance id of what it happened at; 0 beyond the last"),
+    Field(
+        "small_mirror",
+        "bool",
+        _PATH,
+        "",
+        "whether a mirror on the way is a flat face smaller than its first Fresnel zone: the coefficient is that of an "
+        "endless one",
+    ),
     Field(
         "cfr",
         "complex64",

@@ -143,6 +143,7 @@ class Radio:
             "valid": np.zeros(paths, np.bool_),
             "interaction": np.zeros(steps, np.uint8),
             "instance": np.zeros(steps, np.uint16),
+            "small_mirror": np.zeros(paths, np.bool_),
             "num_paths": np.zeros(num, np.int32),
             "gain_left_out": np.zeros(num),
         }
@@ -167,6 +168,7 @@ class Radio:
         for name in ("doppler", *_DIRECTIONS):
             rows[name][station, :count] = getattr(found, name)[kept]
         rows["valid"][station, :count] = True
+        rows["small_mirror"][station, :count] = found.small_mirror[kept]
         rows["interaction"][station, :count, :depth] = found.kind[kept]
         part = found.part[kept]
         rows["instance"][station, :count, :depth] = np.where(part >= 0, instances[part], 0)

@@ -12,10 +12,11 @@ import scarl_sionna as ss
 from scarl_sionna.core.channels import INTERACTIONS, RadioChannels
 from scarl_sionna.core.errors import ParameterRangeError, PlacementError, ScarlWarning, UnknownNameError
 from scarl_sionna.core.prompt.profiles import plot_profiles
-from scarl_sionna.dataset import StoreOptions, write_dataset
+from scarl_sionna.dataset import StoreOptions, schema, write_dataset
 from scarl_sionna.dataset.encoding import encode_frame
 from scarl_sionna.dataset.formats import convert
 from scarl_sionna.dataset.readers.samples import FrameSamples
+from scarl_sionna.dataset.verify import verify
 from scarl_sionna.engine import variant
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.paths import links
@@ -179,6 +180,19 @@ def test_channels_come_back_from_a_dataset_as_they_were(tmp_path, frame, channel
     np.testing.assert_array_equal(item["radio:cfr"], channels.cfr)
     assert FrameSamples(dataset, ["radio:instance"]).signature()["radio:instance"].shape == channels.instance.shape
     assert ss.Rig.from_dict(mounts(True).to_dict()).to_dict() == mounts(True).to_dict()
+
+
+def test_a_dataset_from_before_small_mirrors_were_stored_is_read(tmp_path, frame, monkeypatch) -> None:
+    older = tuple(item for item in schema.RADIO if item.name != "small_mirror")
+    with monkeypatch.context() as patch:
+        patch.setattr(schema, "RADIO", older)
+        patch.setattr(schema, "TABLES", {**schema.TABLES, "radio": older})
+        patch.setattr(schema, "_NOT_STORED", schema._NOT_STORED | {"small_mirror"})
+        out = write_dataset(tmp_path / "out", mounts(True).to_dict(), {"street": [frame]})
+    assert verify(out).complete and "small_mirror" not in ss.open_dataset(out).manifest["schema"]["radio"]
+    again = ss.open_dataset(out)[0]
+    assert again.radio["radio"].small_mirror is None and again.to_frame().radios["radio"].small_mirror is None
+    assert "radio:small_mirror" not in FrameSamples(ss.open_dataset(out))[0]
 
 
 @pytest.mark.parametrize("kind", ["hdf5", "mcap"])

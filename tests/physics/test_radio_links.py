@@ -220,8 +220,25 @@ def test_the_radio_says_how_much_comes_over_small_mirrors(tmp_path) -> None:
     with pytest.warns(SmallMirrorWarning, match="12 % of the gain comes by 1 of 2 paths"):
         found = radio.observe(beside(tmp_path / "small", facade(0.5)), Mount(Pose([-4.0, 0.0, 2.0])), rng)
     assert found.diagnostics["small_mirror_share"] == pytest.approx(64.0 / (64.0 + 464.0), rel=1e-3)  # steel, 1/r**2
+    assert found.interaction[0, :2, 0].tolist() == [0, 1] and found.small_mirror[0].tolist()[:2] == [False, True]
+    assert found.small_mirror.shape == found.valid.shape and not found.small_mirror[~found.valid].any()
     large = radio.observe(beside(tmp_path / "large", facade(5.0)), Mount(Pose([-4.0, 0.0, 2.0])), rng)
-    assert large.diagnostics["small_mirror_share"] == 0.0
+    assert large.diagnostics["small_mirror_share"] == 0.0 and not large.small_mirror.any() and large.valid.sum() == 2
+
+
+def test_marked_paths_have_the_share_of_the_diagnostics(tmp_path) -> None:
+    """Of three stations and a wall for each, two of them smaller than their zones; all paths are kept."""
+    walls = [facade(width, centre) for width, centre in ((0.3, 0.0), (0.6, 8.0), (5.0, 20.0))]
+    stations = tuple(RadioStation(name=f"{x:g}", pose=Pose([x, 0.0, 2.0])) for x in (4.0, 20.0, 44.0))
+    radio = Radio(RadioSpec(frequency=5.9e9, stations=stations, array=VH), MANY)
+    with pytest.warns(SmallMirrorWarning):
+        found = radio.observe(beside(tmp_path, *walls), Mount(Pose([-4.0, 0.0, 2.0])), np.random.default_rng(0))
+    assert not found.gain_left_out.any() and found.small_mirror.any(axis=1).tolist() == [True, True, False]
+    mirrored = found.valid & (found.interaction[..., 0] == tracing.SPECULAR)
+    assert mirrored.any(axis=1).all()
+    gain = (np.abs(found.a.astype(np.complex128)) ** 2).sum(axis=(1, 2))
+    share = gain[found.small_mirror].sum() / gain.sum()
+    assert share == pytest.approx(found.diagnostics["small_mirror_share"], rel=1e-6)  # coefficients are complex64
 
 
 def test_surfaces_within_a_millimetre_give_one_path(tmp_path) -> None:

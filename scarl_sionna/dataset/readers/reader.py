@@ -395,14 +395,14 @@ class StoredFrame(Described):
         Instance, semantic, is_actor, world_from_box (N, 7), size (N, 3), twist (N, 6), counts, name, and, where the
         dataset has them, tight_center (N, 3) and tight_size (N, 3).
         """
-        from scarl_sionna.dataset.schema import LATER_OBJECTS, OBJECTS
+        from scarl_sionna.dataset.schema import LATER, OBJECTS
 
         count = int(self._array("objects/num_objects"))
         columns: dict[str, Any] = {"name": list(self.scene.meta(self.index)["objects"])}
         for item in OBJECTS:
             if item.storage == "array" and item.axes:
                 name = f"objects/{item.name}"
-                is_later = item.name in LATER_OBJECTS
+                is_later = item.name in LATER["objects"]
                 values = self.scene.read_array(self.index, name) if is_later else self._array(name)
                 if values is not None:
                     columns[item.name] = values[:count]

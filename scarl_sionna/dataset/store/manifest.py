@@ -236,10 +236,14 @@ def manifest_data(plan: DatasetPlan, shards: Mapping[str, list[list[Any] | None]
     }
 
 
-def without_later(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a manifest without the optional fields that are younger than its schema version."""
-    objects = {name: item for name, item in data["schema"]["objects"].items() if name not in schema.LATER_OBJECTS}
-    return {**data, "schema": {**data["schema"], "objects": objects}}
+def without_later(data: Mapping[str, Any], written: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a manifest without the fields younger than its schema version that one which was `written` lacks."""
+    tables = dict(data["schema"])
+    for table, names in schema.LATER.items():
+        lacking = names - set(written["schema"].get(table, ()))
+        if table in tables and lacking:
+            tables[table] = {name: item for name, item in tables[table].items() if name not in lacking}
+    return {**data, "schema": tables}
 
 
 def dump_manifest(data: Mapping[str, Any]) -> str:
