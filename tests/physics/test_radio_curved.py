@@ -22,8 +22,8 @@ REACH, HEIGHT = 10.0, 5.0
 def divergence(radius: float, across: bool) -> float:
     """Amplitude over a round mirror by that over a flat one, both ends as far from it: geometrical optics.
 
-    The radius lies in the plane of incidence, or across it [m]. G. L. James, *Geometrical Theory of Diffraction for
-    Electromagnetic Waves*, 1986, section 6: 1 / rho' = 1 / s + 2 / (R cos) or + 2 cos / R.
+    The radius R lies in the plane of incidence, or across it [m]: behind the mirror the wavefront has the curvature
+    1 / s + 2 / (R cos) or 1 / s + 2 cos / R.
     """
     way = np.hypot(REACH, HEIGHT)
     cosine = HEIGHT / way
