@@ -15,6 +15,7 @@ from tests.exports import RIG
 from tests.malformed import EVIL, Kind, evil_text, mutated
 from tests.malformed_captures import CAPTURES
 from tests.malformed_datasets import DATASETS
+from tests.osi_traces import Moving, truth, write_trace
 from tests.scenes import Thing, box, plane, write_scene
 
 REPO = Path(__file__).resolve().parents[1]
@@ -280,12 +281,17 @@ FCD = (
 )
 
 
+MOTIONS = ("t.csv", "path.csv", "f.xml", "f.xml.gz", "t.parquet", "t.osi")
+
+
 def _write_motion(folder: Path) -> None:
     import pandas
 
     (folder / "t.csv").write_text(TRACKS)
     (folder / "path.csv").write_text("".join(",".join(line.split(",")[:4]) + "\n" for line in TRACKS.splitlines()))
     (folder / "f.xml").write_text(FCD)
+    moving = [[Moving(1, (1.0 * step, 0.0, 0.8), velocity=(10.0, 0.0, 0.0))] for step in range(12)]
+    write_trace(folder / "t.osi", [truth(0.1 * step, one, host=1) for step, one in enumerate(moving)])
     (folder / "f.xml.gz").write_bytes(gzip.compress(FCD.encode(), mtime=0))
     pandas.DataFrame({"time": [0.0, 1.0, 2.0], "id": ["a"] * 3, "x": [0.0, 5, 10], "y": [0.0] * 3}).to_parquet(
         folder / "t.parquet"
@@ -297,7 +303,7 @@ def _read_motion(folder: Path) -> object:
     from scarl_sionna.scenario.motion.tables import read_table
 
     errors: list[ScarlError] = []
-    for name in ("t.csv", "path.csv", "f.xml", "f.xml.gz", "t.parquet"):
+    for name in MOTIONS:
         try:
             for trajectory in read_table(folder / name).values():
                 trajectory.pose(trajectory.start)
@@ -401,7 +407,7 @@ KINDS: Mapping[str, Kind] = {
     "actor": _kind(_write_actor, ("actor.toml", "bicycle.xml"), _read_actor, ENTITIES),
     "mesh": _kind(_write_mesh, MESHES, _read_mesh),
     "body": _kind(_write_body, ("person.glb", "leg.bvh"), _read_body),
-    "motion": _kind(_write_motion, ("t.csv", "path.csv", "f.xml", "f.xml.gz", "t.parquet"), _read_motion, ENTITIES),
+    "motion": _kind(_write_motion, MOTIONS, _read_motion, ENTITIES),
     "commonroad": _kind(_commonroad, ("c.xml",), _read_commonroad, ENTITIES),
     "numbers": Kind(_write_numbers, ("model.npz", "scan.npz", "scan.csv"), _read_numbers, _evil_numbers),
     **DATASETS,

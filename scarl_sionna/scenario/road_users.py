@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from scarl_sionna.core.errors import (
+    InputFileError,
     ParameterRangeError,
     ScarlWarning,
     ScenarioError,
     ScenarioFileError,
+    ScenarioTimeError,
     ScenarioValueError,
     TrajectoryFileError,
     UnknownNameError,
@@ -30,9 +32,11 @@ from .motion.motions import MARGIN, Setting
 from .randomize import draw_look
 from .spec.actors import TrafficSpec
 from .spec.light import name_error
+from .spec.motion import TableSpec
 from .spec.scenario import ScenarioSpec
 from .traffic.commonroad import read_commonroad
 from .traffic.fcd import read_fcd
+from .traffic.osi import HOST, about_trace, read_osi
 from .traffic.planned import BETWEEN, DEPTH, Conversion, PlannedActor, PresentTrajectory
 from .traffic.simulated import simulate_traffic
 from .traffic.sumo import run_sumo
@@ -80,7 +84,7 @@ def traffic_of(
         raise name_error(error, spec.place(*PATH_OF_TRAFFIC, "mix", error.name)) from error
     except ScenarioError:
         raise
-    except TrajectoryFileError as error:
+    except (InputFileError, TrajectoryFileError) as error:
         raise ScenarioFileError(str(error), spec.place(*PATH_OF_TRAFFIC, "file"), value=spec.traffic.file) from error
     except ParameterRangeError as error:
         raise ScenarioValueError(str(error), spec.place(*PATH_OF_TRAFFIC), value=error.value) from error
@@ -105,9 +109,44 @@ def _planned(
         assert lanes is not None
         return _apart(run_sumo(lanes, span, traffic, conversion=Conversion(setting.network)), given, setting)
     file = _file(spec, traffic)
-    if source == "fcd":
-        return read_fcd(file, span=span, ground=setting.network)
-    return read_commonroad(file, span=span, ground=setting.network)
+    taken = _driven_by(spec, file)
+    if source == "osi":
+        start, stop, host = about_trace(file)
+        _check_overlap(spec, traffic, (start, stop), setting)
+        found = read_osi(file, span=span, conversion=Conversion(setting.network))
+        taken |= {host} if HOST in taken else set()
+    else:
+        reader = read_fcd if source == "fcd" else read_commonroad
+        found = reader(file, span=span, ground=setting.network)
+    return [actor for actor in found if actor.name not in taken]
+
+
+def _driven_by(spec: ScenarioSpec, file: Path) -> set[str | None]:
+    """Return who of a file is the ego vehicle or an actor already, by a `table` of the same file."""
+    stated = [(EGO, spec.ego.trajectory)] if spec.ego is not None else []
+    stated += [(actor.name, actor.trajectory) for actor in spec.actors]
+    return {
+        motion.id or name
+        for name, motion in stated
+        if isinstance(motion, TableSpec) and spec.find(motion.file).resolve() == file.resolve()
+    }
+
+
+def _check_overlap(spec: ScenarioSpec, traffic: TrafficSpec, known: tuple[float, float], setting: Setting) -> None:
+    """Raise if a file is of none of the frames' times: its clock is another one."""
+    start, stop = known
+    if start <= setting.last and setting.first <= stop:
+        return
+    raise ScenarioTimeError(
+        f"'{traffic.file}' is of {start:.12g} to {stop:.12g} s, the frames are at {setting.first:.12g} to "
+        f"{setting.last:.12g} s",
+        spec.place(*PATH_OF_TRAFFIC, "file"),
+        f"set start_time: {start:.12g}",
+        value=traffic.file,
+        time=setting.first,
+        start=start,
+        stop=stop,
+    )
 
 
 def _looker(own: Sequence[Member], document: SceneDocument) -> Trajectory | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -21,7 +22,8 @@ from scarl_sionna.core.errors import (
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.untrusted.files import MEGABYTE, open_regular, read_bytes, read_text
 from scarl_sionna.scenario.traffic.fcd import MOST_RECORD_BYTES, model_of_type, read_fcd
-from scarl_sionna.scenario.traffic.planned import Ground, PlannedActor, lane_ground
+from scarl_sionna.scenario.traffic.osi import HOST, about_trace, read_osi
+from scarl_sionna.scenario.traffic.planned import Conversion, Ground, PlannedActor, lane_ground
 from scarl_sionna.scene.lanes import LaneNetwork
 from scarl_sionna.scene.motion.trajectory import StaticTrajectory, Trajectory, WaypointTrajectory
 
@@ -59,7 +61,8 @@ def read_table(
     path : str or Path
         ``.csv`` or ``.parquet`` with the columns ``time`` [s], ``id``, ``x``, ``y`` [m], and, where wanted, ``z`` [m],
         ``yaw_deg`` [deg], ``speed`` [m/s] (not used: speeds are derivatives) and ``model``; floating car data of SUMO
-        (``.xml``, ``.xml.gz``); or a scenario of CommonRoad (``.xml``).
+        (``.xml``, ``.xml.gz``); a trace of ASAM OSI (``.osi``, ``.mcap``), whose host vehicle is called ``ego``; or a
+        scenario of CommonRoad (``.xml``).
     ground, models
         Heights where a table has none, and bodies by model name, as for :func:`read_fcd`.
 
@@ -101,13 +104,17 @@ def read_table_actors(
 
             return read_commonroad(path, ground=ground, models=models)
         return read_fcd(path, ground=ground, models=models)
+    if path.suffix.lower() in (".osi", ".mcap"):
+        *_, host = about_trace(path)
+        found = read_osi(path, conversion=Conversion(ground, models=models))
+        return [replace(actor, name=HOST) if actor.name == host else actor for actor in found]
     if path.suffix.lower() == ".xosc":
         raise TrajectoryFileError(
             "OpenSCENARIO is not read", path, "write the motion as CSV, or run it in a player that writes positions"
         )
     if path.suffix.lower() not in (".csv", ".parquet"):
         raise TrajectoryFileError(
-            f"the format '{path.suffix}' is not known", path, "give .csv, .parquet, .xml or .xml.gz"
+            f"the format '{path.suffix}' is not known", path, "give .csv, .parquet, .xml, .xml.gz, .osi or .mcap"
         )
     columns = _csv(path) if path.suffix.lower() == ".csv" else _parquet(path)
     return _actors(path, columns, lane_ground(ground) if isinstance(ground, LaneNetwork) else ground, models)

@@ -151,7 +151,10 @@ class StaticSpec(Spec):
 
 
 class TableSpec(Spec):
-    """The motion that a file holds: CSV or Parquet, SUMO's floating car data, or CommonRoad."""
+    """The motion that a file holds: CSV or Parquet, SUMO's floating car data, a trace of OSI, or CommonRoad.
+
+    In a trace of OSI the host vehicle is also called ``ego``.
+    """
 
     kind: Literal["table"] = "table"
     file: str = Field(min_length=1, description="path, relative to the scenario's file")

@@ -24,7 +24,7 @@ from .planned import Conversion, Ground, PlannedActor, draw_variant
 
 MOST_RECORD_BYTES = 2000 * MEGABYTE
 """Size of a record of traffic on the disk [bytes]; it is read piece by piece."""
-_MOST_SAMPLES = 5_000_000
+MOST_SAMPLES = 5_000_000
 
 _WORDS = (
     ("bus", "bus"), ("coach", "bus"), ("truck", "lorry"), ("lorry", "lorry"), ("trailer", "lorry"), ("delivery",
@@ -202,8 +202,8 @@ def _read(path: Path) -> tuple[Samples, dict[str, tuple[str, bool]]]:
                     time = _number(element, "time", path, "timestep")
                 elif event == "end" and element.tag in ("vehicle", "person"):
                     num_samples += 1
-                    if num_samples > _MOST_SAMPLES:
-                        raise TrajectoryFileError(f"holds more than {_MOST_SAMPLES} samples", path, "cut it")
+                    if num_samples > MOST_SAMPLES:
+                        raise TrajectoryFileError(f"holds more than {MOST_SAMPLES} samples", path, "cut it")
                     name = str(element.get("id"))
                     where = f"{element.tag} '{name}' at {time:g} s"
                     row = [_number(element, key, path, where) for key in ("x", "y")]

@@ -1,4 +1,7 @@
-"""Traces of ASAM OSI: moving objects of ground truth, and recorded traffic from them. Needs the extra ``osi``."""
+"""Recorded traffic from traces of ASAM OSI, and moving objects of its messages.
+
+Traces ``.osi`` need no package, ``.mcap`` and messages the extra ``osi``.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,8 @@ from scarl_sionna.core.errors import TrajectoryFileError
 from scarl_sionna.core.packages import require
 from scarl_sionna.core.pose import Pose
 
-from .fcd import Samples, planned_from_samples
+from .fcd import MOST_SAMPLES, Samples, planned_from_samples
+from .osi_trace import TracedObject, TracedTruth, Triple, read_trace
 from .planned import Conversion, PlannedActor
 
 Array = npt.NDArray[np.float64]
@@ -32,6 +36,8 @@ MODELS = {
     "pedestrian": "adult_man",
 }
 """Actor models by kind; other kinds are a saloon."""
+HOST = "ego"
+"""Name of the host vehicle of a trace where motion is taken by name."""
 
 
 class MovingState(NamedTuple):
@@ -80,44 +86,97 @@ def moving_states(truth: Any) -> list[MovingState]:  # noqa: ANN401  # a message
         kind = str(item.type.name).lower()
         if kind == "vehicle" and item.has_field("vehicle_classification"):
             kind = f"vehicle.{item.vehicle_classification.type.name.lower()}"
-        place, angles, speed = _triple(base.position), base.orientation, base.velocity
-        turns = [0.0] * 3 if angles is None else [angles.yaw, angles.pitch, angles.roll]
-        velocity = _triple(speed) if base.has_field("velocity") else None
+        angles, velocity = base.orientation, base.velocity if base.has_field("velocity") else None
+        turns = (0.0, 0.0, 0.0) if angles is None else (angles.roll, angles.pitch, angles.yaw)
         rate = base.orientation_rate.yaw if base.has_field("orientation_rate") else 0.0
         height = base.dimension.height if base.has_field("dimension") else 0.0
-        if not np.isfinite([*place, *turns, *(velocity if velocity is not None else ()), rate, height]).all():
-            raise TrajectoryFileError(f"moving object {item.id.value} has a number that is not finite")
-        yaw, pitch, roll = np.remainder(np.array(turns) + np.pi, 2.0 * np.pi) - np.pi
-        centre = Pose.from_euler(place, float(yaw), float(pitch), float(roll))
-        found.append(MovingState(str(item.id.value), kind, centre, velocity, float(rate), float(height)))
+        speed = None if velocity is None else _triple(velocity)
+        found.append(_state(TracedObject(item.id.value, kind, _triple(base.position), turns, speed, rate, height)))
     return found
 
 
-def _triple(vector: Any) -> Array:  # noqa: ANN401
-    return np.zeros(3) if vector is None else np.array([vector.x, vector.y, vector.z], dtype=np.float64)
+def _state(one: TracedObject) -> MovingState:
+    """Return the state of an object; one with a number that is not finite is refused."""
+    velocity = None if one.velocity is None else np.array(one.velocity, dtype=np.float64)
+    numbers = (*one.position, *one.angles, one.yaw_rate, one.height, *(one.velocity or ()))
+    if not np.isfinite(numbers).all():
+        raise TrajectoryFileError(f"moving object {one.number} has a number that is not finite")
+    roll, pitch, yaw = (np.remainder(np.array(one.angles) + np.pi, 2.0 * np.pi) - np.pi).tolist()
+    centre = Pose.from_euler(one.position, yaw, pitch, roll)
+    return MovingState(str(one.number), one.kind, centre, velocity, float(one.yaw_rate), float(one.height))
 
 
-def read_ground_truth(path: str | Path) -> Iterator[tuple[float, Any]]:
-    """Yield time [s] and GroundTruth message of a trace, ``.osi`` or ``.mcap``, of ground truth or sensor views.
+def _triple(vector: Any) -> Triple:  # noqa: ANN401
+    return (0.0, 0.0, 0.0) if vector is None else (vector.x, vector.y, vector.z)
+
+
+class Instant(NamedTuple):
+    """One ground truth of a trace: its time [s], the host vehicle's number, and who moves."""
+
+    time: float
+    host: str | None
+    states: list[MovingState]
+
+
+def read_ground_truth(path: str | Path) -> Iterator[Instant]:
+    """Yield the instants of a trace, ``.osi`` or ``.mcap``, of ground truth or sensor views.
 
     Raises
     ------
     MissingPackageError
-        If betterosi is not installed.
+        If it is a ``.mcap`` and betterosi is not installed.
     TrajectoryFileError
         If the file is not there or no such trace.
     """
-    osi = require("betterosi", "osi")
+    path, row = Path(path), 0
+    truths = _instants_of_osi(path) if path.suffix.lower() == ".osi" else _instants_of_mcap(path)
+    try:
+        for row, instant in enumerate(truths, 1):  # noqa: B007  # the error says which
+            yield instant
+    except TrajectoryFileError as error:
+        if error.path is not None:
+            raise
+        raise TrajectoryFileError(f"message {row + 1}: {error}", path) from error
+
+
+def _instants_of_osi(path: Path) -> Iterator[Instant]:
+    truth: TracedTruth
+    for truth in read_trace(path):
+        host = None if truth.host is None else str(truth.host)
+        yield Instant(truth.time, host, [_state(one) for one in truth.objects])
+
+
+def _instants_of_mcap(path: Path) -> Iterator[Instant]:
     remedy = "give a trace of GroundTruth or SensorView, .osi or .mcap"
-    if Path(path).suffix not in (".osi", ".mcap"):
+    if path.suffix.lower() != ".mcap":
         raise TrajectoryFileError("is neither .osi nor .mcap", path, remedy)
+    osi = require("betterosi", "osi")
     try:
         for truth in osi.read(str(path), return_ground_truth=True):
-            yield truth.timestamp.seconds + 1e-9 * truth.timestamp.nanos, truth
+            host = str(truth.host_vehicle_id.value) if truth.has_field("host_vehicle_id") else None
+            time = truth.timestamp.seconds + 1e-9 * truth.timestamp.nanos
+            yield Instant(time, host, moving_states(truth))
     except TrajectoryFileError:
         raise
-    except Exception as error:  # the package raises what its readers of both formats raise
+    except Exception as error:  # the package raises what its readers raise
         raise TrajectoryFileError(f"cannot be read ({error})", path, remedy) from error
+
+
+def about_trace(path: str | Path) -> tuple[float, float, str | None]:
+    """Return the first and the last time of a trace [s], and the number of its host vehicle, None where none is told.
+
+    Raises
+    ------
+    MissingPackageError, TrajectoryFileError
+        As of :func:`read_ground_truth`; also if it holds no message.
+    """
+    start, stop, host = np.inf, -np.inf, None
+    for instant in read_ground_truth(path):
+        start, stop = min(start, instant.time), max(stop, instant.time)
+        host = instant.host if host is None else host
+    if start > stop:
+        raise TrajectoryFileError("holds no message", path, "give a trace of ground truth with moving objects")
+    return start, stop, host
 
 
 def read_osi(
@@ -142,9 +201,9 @@ def read_osi(
     Raises
     ------
     MissingPackageError
-        If betterosi is not installed (``pip install 'scarl-sionna[osi]'``).
+        If it is a ``.mcap`` and betterosi is not installed (``pip install 'scarl-sionna[osi]'``).
     TrajectoryFileError
-        If the file cannot be read.
+        If the file cannot be read, holds no moving object, or times do not rise; names the message.
 
     Warns
     -----
@@ -154,12 +213,22 @@ def read_osi(
     conversion = conversion or Conversion()
     samples: Samples = {}
     kinds: dict[str, tuple[str, bool]] = {}
-    for time, truth in read_ground_truth(path):
-        for one in moving_states(truth):
+    before, count = -np.inf, 0
+    for row, (time, _, states) in enumerate(read_ground_truth(path), 1):
+        if time <= before:
+            said = f"message {row} is of {time:.9g} s, the one before of {before:.9g} s"
+            raise TrajectoryFileError(said, path, "write messages in the order of their times")
+        before = time
+        count += len(states)
+        if count > MOST_SAMPLES:
+            raise TrajectoryFileError(f"holds more than {MOST_SAMPLES} states of objects", path, "cut it")
+        for one in states:
             x, y, z = one.foot.position.tolist()
             forward = one.centre.rotation[:, 0]
             angle = 90.0 - float(np.degrees(np.arctan2(forward[1], forward[0])))
             samples.setdefault(one.name, []).append((time, x, y, z, angle))
             kinds[one.name] = (one.model(conversion.types), one.kind == "pedestrian")
+    if not samples:
+        raise TrajectoryFileError("holds no moving object", path, "give a trace of ground truth with moving objects")
     as_they_are = replace(conversion, types={model: model for model, _ in kinds.values()})
     return planned_from_samples(samples, kinds, span, as_they_are, at_front=False)
