@@ -5,6 +5,7 @@ from .core.errors import ScarlError, ScarlWarning
 from .core.mount import Mount
 from .core.pose import Pose, Twist
 from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
+from .core.scans.radar import RadarScan
 from .core.settings.accuracy import Accuracy
 from .core.settings.auto import AutoSettings
 from .core.settings.mirrors import MirrorSettings
@@ -13,6 +14,7 @@ from .core.settings.radar import RadarSettings
 from .core.settings.radio import RadioSettings
 from .core.settings.raycast import RaycastSettings
 from .core.settings.sbr import SbrSettings
+from .core.settings.scanning import ScanningSettings
 from .core.settings.scatterers import ScattererSettings
 from .core.settings.sionna import SionnaSettings
 from .core.settings.warn import WarningLevels
@@ -25,6 +27,7 @@ from .core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, Tabl
 from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
 from .core.specs.lighting import Lighting
 from .core.specs.radar.antennas.element import AntennaElement
+from .core.specs.radar.antennas.fan import FanPattern
 from .core.specs.radar.antennas.grid import GridPattern
 from .core.specs.radar.antennas.radome import Radome, RadomeLayer
 from .core.specs.radar.array import AntennaArray
@@ -40,6 +43,7 @@ from .core.specs.radar.impairments import (
     PhaseNoise,
 )
 from .core.specs.radar.multiplexing import Bpm, Cdm, Ddm, Fdm, IdealMimo, Tdm
+from .core.specs.radar.scanning.spec import ScanningRadarSpec
 from .core.specs.radar.spec import RadarSpec
 from .core.specs.radar.waveform import Fmcw
 from .core.specs.radar.waveforms.coded import Ofdm, Pmcw
@@ -72,6 +76,7 @@ from .radar.paths import RadarPaths
 from .radar.points import point_targets
 from .radar.radome import RadomeEffect, radome_effect
 from .radar.rcs import rcs
+from .radar.scanning.turn import scan_paths
 from .radar.scatterers.compile import compile_scatterers
 from .radar.scatterers.model import ScattererModel
 from .radar.synthesis import synthesize
@@ -102,6 +107,7 @@ __all__ = [
     "RadarSettings",
     "RaycastSettings",
     "SbrSettings",
+    "ScanningSettings",
     "ScattererSettings",
     "Share",
     "SionnaSettings",
@@ -132,6 +138,7 @@ __all__ = [
     "DatasetStatistics",
     "Frame",
     "FrontEnd",
+    "FanPattern",
     "GridPattern",
     "HeterodyneReceiver",
     "IdealMimo",
@@ -159,6 +166,7 @@ __all__ = [
     "RadarClusters",
     "RadarNetwork",
     "RadarPaths",
+    "RadarScan",
     "RadarSpec",
     "RadarTracks",
     "RadioArray",
@@ -170,6 +178,7 @@ __all__ = [
     "Rig",
     "RisleyScan",
     "ScarlError",
+    "ScanningRadarSpec",
     "ScenarioSpec",
     "ScarlReceiver",
     "ScarlWarning",
@@ -217,6 +226,7 @@ __all__ = [
     "read_capture",
     "read_points",
     "retraced",
+    "scan_paths",
     "simulate",
     "solve_paths",
     "stage",

@@ -19,6 +19,7 @@ from .settings.radio import RadioSettings
 from .spec import FieldValue, Spec
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
+from .specs.radar.scanning.spec import ScanningRadarSpec
 from .specs.radar.spec import RadarSpec
 from .specs.radar.version_0_1 import lift_version_0_1
 from .specs.radio import RadioSpec
@@ -27,13 +28,18 @@ StateT = TypeVar("StateT", contravariant=True)
 """What a sensor looks at: for the built-in ones a state of the world, which stands above this package."""
 
 ENTRY_POINT_GROUP = "scarl.sensors"
-OWN: Mapping[str, str] = {"radar": "scarl_sionna.radar.sensor:Radar", "radio": "scarl_sionna.radio.sensor:Radio"}
+OWN: Mapping[str, str] = {
+    "radar": "scarl_sionna.radar.sensor:Radar",
+    "scanning_radar": "scarl_sionna.radar.scanning.sensor:ScanningRadar",
+    "radio": "scarl_sionna.radio.sensor:Radio",
+}
 """Sensors of this package: an installation from before there was one of them needs no new entry points for it."""
 
 SPEC_TYPES: Mapping[str, type[Spec]] = {
     "camera": CameraSpec,
     "lidar": LidarSpec,
     "radar": RadarSpec,
+    "scanning_radar": ScanningRadarSpec,
     "radio": RadioSpec,
 }
 """Specification of each built-in sensor kind. The class of another kind names its own as ``spec_type``."""
@@ -86,7 +92,11 @@ def spec_type(kind: str) -> type[Spec]:
         raise UnknownNameError("sensor kind", kind, {*SPEC_TYPES, *error.known}, error.remedy) from None
 
 
-SETTINGS_TYPES: Mapping[str, type[Spec]] = {"radar": RadarSettings, "radio": RadioSettings}
+SETTINGS_TYPES: Mapping[str, type[Spec]] = {
+    "radar": RadarSettings,
+    "scanning_radar": RadarSettings,
+    "radio": RadioSettings,
+}
 """Settings of each built-in sensor kind that has some. The class of another kind names its own as ``settings_type``."""
 
 

@@ -15,6 +15,7 @@ from .pose import Pose, Twist
 from .prompt.describe import Described, Row, field_rows, html_table, listed, quantity
 from .prompt.frames import frame_plot
 from .prompt.pictures import thumbnail
+from .scans.radar import RadarScan
 from .semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
@@ -276,7 +277,7 @@ class RadarFrame(
         return np.ascontiguousarray(scaled).view(np.complex64)[..., 0]
 
 
-SensorResult = ImageFrame | LidarScan | RadarFrame | RadioChannels
+SensorResult = ImageFrame | LidarScan | RadarFrame | RadioChannels | RadarScan
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -340,6 +341,8 @@ class Frame(Described):
         yield "vehicle_twist", repr(self.vehicle_twist)
         for name, found in (("radars", self.radars), ("images", self.images), ("lidars", self.lidars)):
             yield name, f"{len(found)}: {listed(found)}" if found else "none"
+        if self.radar_scans:
+            yield "radar_scans", f"{len(self.radar_scans)}: {listed(self.radar_scans)}"
         if self.radios:
             yield "radios", f"{len(self.radios)}: {listed(self.radios)}"
         counts = Counter(SEMANTIC_CLASSES[item.semantic] for item in self.objects)
@@ -395,6 +398,11 @@ class Frame(Described):
     def lidars(self) -> dict[str, LidarScan]:
         """Lidar scans by sensor name."""
         return self.of_type(LidarScan)
+
+    @property
+    def radar_scans(self) -> dict[str, RadarScan]:
+        """Turns of scanning radars by sensor name."""
+        return self.of_type(RadarScan)
 
     @property
     def radios(self) -> dict[str, RadioChannels]:

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from scarl_sionna.core.channels import RadioChannels
 from scarl_sionna.core.errors import OutputError
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
+from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.lidar import LidarSpec
 
@@ -241,6 +242,44 @@ RADAR: tuple[Field, ...] = (
     ),
 )
 
+SCANNING_RADAR: tuple[Field, ...] = (
+    POSE,
+    Field(
+        "azimuth",
+        "float64",
+        ("azimuth",),
+        "rad",
+        "where the antenna points in the middle of each ramp, sensor axes, left positive, not wrapped",
+    ),
+    Field("time", "float64", ("azimuth",), "s", "of that instant after the frame's timestamp"),
+    Field(
+        "azimuth_pose",
+        "float64",
+        ("azimuth", "pose"),
+        "m, 1",
+        "position x, y, z and quaternion w, x, y, z of the sensor in the world at that instant",
+    ),
+    Field(
+        "azimuth_twist",
+        "float64",
+        ("azimuth", "twist"),
+        "m/s, rad/s",
+        "linear and angular velocity of the sensor at that instant, world axes",
+    ),
+    Field(
+        "image",
+        "uint8",
+        ("azimuth", "range"),
+        "",
+        "power, in steps of the specification's image_step_db [dB] from floor_dbm on",
+    ),
+    Field("floor_dbm", "float64", (), "dBm", "power of the image's code 0"),
+    Field("num_saturated", "int64", (), "", "cells above the image's highest code"),
+    Field("num_paths", "int64", (), "", "propagation paths that were solved, over all azimuths"),
+    Field("diagnostics", "", (), "", "what the channel solver chose and left out", "json"),
+    Field("power", "float32", ("azimuth", "range"), "W", "power before it is coded; only with keep_power"),
+)
+
 _PATH, _STEP = ("station", "path"), ("station", "path", "interaction")
 
 RADIO: tuple[Field, ...] = (
@@ -316,6 +355,7 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
     "camera": CAMERA,
     "lidar": LIDAR,
     "radar": RADAR,
+    "scanning_radar": SCANNING_RADAR,
     "radio": RADIO,
 }
 
@@ -326,6 +366,7 @@ RESULT_TYPES: Mapping[type, str] = {
     ImageFrame: "camera",
     LidarScan: "lidar",
     RadarFrame: "radar",
+    RadarScan: "scanning_radar",
     RadioChannels: "radio",
 }
 """Table of each built-in result type."""
@@ -360,17 +401,17 @@ def check_fields(result_type: type, table: Iterable[Field]) -> None:
 def tables_of(rig: Mapping[str, Any]) -> dict[str, tuple[Field, ...]]:
     """Return the tables that a dataset of a rig states.
 
-    What only interferers bring stands there with them alone, and the table of radios with one alone: datasets without
-    them have the same bytes as before there were any.
+    What only interferers bring stands there with them alone, and the tables of radios and scanning radars with one
+    alone: datasets without them have the same bytes as before there were any.
     """
     mounts = rig["sensors"]
     heard = any((mount.get("settings") or {}).get("interferers") for mount in mounts)
-    talks = any(mount["kind"] == "radio" for mount in mounts)
+    absent = {"radio", "scanning_radar"} - {mount["kind"] for mount in mounts}
     left_out = frozenset() if heard else _OF_INTERFERERS
     return {
         name: tuple(item for item in items if item.name not in left_out)
         for name, items in TABLES.items()
-        if name != "radio" or talks
+        if name not in absent
     }
 
 

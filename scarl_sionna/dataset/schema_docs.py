@@ -20,6 +20,7 @@ _TITLES = {
     "camera": "Camera (`arrays/<scene>/<sensor>/`, `images/<scene>/<sensor>/`)",
     "lidar": "Lidar (`arrays/<scene>/<sensor>/`)",
     "radar": "Radar (`arrays/<scene>/<sensor>/`)",
+    "scanning_radar": "Scanning radar (`arrays/<scene>/<sensor>/`)",
     "radio": "Radio (`arrays/<scene>/<sensor>/`)",
 }
 _INTRODUCTION = """\
@@ -86,6 +87,7 @@ frame = ds[12]  # nothing is read yet; frames of all scenes in order
 frame.radar["front_center"].adc  # complex64; .adc_int: the codes; also ["front_center/radar"]
 frame.image["front_center"].depth  # float32 [m]; .rgb, .semantic, .instance, .normal, .flow
 frame.lidar["front_center"].position  # valid returns only
+frame.radar_scan  # by name, empty where the rig has no scanning radar; each with .image, .azimuth, .time and the rest
 frame.radio  # by name, empty where the rig has no radio; each with .cfr, .a, .tau, .doppler and the rest of the table
 frame.labels  # true boxes; .label_arrays: the same as columns
 frame.to_frame()  # the scarl_sionna.Frame that ss.observe returned
@@ -108,7 +110,7 @@ A reader reads every schema version up to its own, and refuses a newer one. A ne
 
 ## Sensors of other packages
 
-A sensor that is registered under the entry points `scarl.sensors` and returns an `ImageFrame`, `LidarScan`, `RadarFrame` or `RadioChannels` is stored
+A sensor that is registered under the entry points `scarl.sensors` and returns an `ImageFrame`, `LidarScan`, `RadarFrame`, `RadarScan` or `RadioChannels` is stored
 like a built-in one. One with a result of its own says on its class what is to be stored; without that, an export refuses it before
 anything is simulated:
 

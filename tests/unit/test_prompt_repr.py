@@ -116,6 +116,7 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         ChannelPlan((Share("sbr"),), mirrors=("road",)),
         PointScatterers([[1, 2, 3]], [[0, 0, 0]], 1.0),
         _channels(),
+        ss.scan_paths(ss.RadarPaths.empty(ss.Pose()), ss.ScanningRadarSpec()),
         dataset,
         capture,
         ss.MapCapture("raddet", RADAR, ("000001",), ("a note",), lambda frame: rda),

@@ -27,6 +27,7 @@ from .mirrors import MirrorSettings
 from .plan import ChannelPlan, of_mapping
 from .raycast import RaycastSettings
 from .sbr import SbrSettings
+from .scanning import ScanningSettings
 from .scatterers import ScattererSettings
 from .sionna import SionnaSettings
 from .warn import WarningLevels
@@ -100,17 +101,20 @@ class RadarSettings(Spec):
     weather_echoes: WeatherEchoSettings = Field(
         WeatherEchoSettings(), description="points that stand for rain, snow and spray where the weather is not clear"
     )
+    scanning: ScanningSettings = Field(
+        ScanningSettings(), description="knobs of the turn of a scanning radar; others have no use for them"
+    )
     warn_at: WarningLevels = Field(WarningLevels(), description="thresholds of warnings; they change no result")
     plan: Annotated[SkipValidation[ChannelPlan | None], BeforeValidator(_plan), PlainSerializer(_plan_data)] = Field(
         None, description="who computes what, for 'hybrid'"
     )
 
-    _quiet = ("interferers", "num_band_frequencies")
+    _quiet = ("interferers", "num_band_frequencies", "scanning")
 
     @model_serializer(mode="wrap")
     def _without_none(self, inner: SerializerFunctionWrapHandler) -> dict[str, object]:
         """Leave out what files of the first versions do not have, where it is not used."""
-        unused = {"interferers": self.interferers == (), "num_band_frequencies": self.num_band_frequencies == 1}
+        unused = {name: getattr(self, name) == type(self).model_fields[name].default for name in self._quiet}
         return {name: value for name, value in inner(self).items() if not unused.get(name, False)}
 
     @classmethod
@@ -210,6 +214,7 @@ _PARTS: Mapping[str, type[Spec]] = {
     "sionna": SionnaSettings,
     "sbr": SbrSettings,
     "scatterers": ScattererSettings,
+    "scanning": ScanningSettings,
     "weather_echoes": WeatherEchoSettings,
     "warn_at": WarningLevels,
 }

@@ -37,6 +37,7 @@ from .stored import (
     StoredImages,
     StoredLidar,
     StoredRadar,
+    StoredRadarScan,
     StoredRadio,
     StoredResult,
     SuiteMapping,
@@ -375,6 +376,11 @@ class StoredFrame(Described):
     def lidar(self) -> SuiteMapping[StoredLidar]:
         """Lidars by sensor name, or by the name of their suite."""
         return SuiteMapping("lidar", {n: r for n, r in self.results.items() if isinstance(r, StoredLidar)})
+
+    @cached_property
+    def radar_scan(self) -> SuiteMapping[StoredRadarScan]:
+        """Scanning radars by sensor name, or by the name of their suite: ``radar_scan["roof"].image``."""
+        return SuiteMapping("radar_scan", {n: r for n, r in self.results.items() if isinstance(r, StoredRadarScan)})
 
     @cached_property
     def radio(self) -> SuiteMapping[StoredRadio]:

@@ -17,7 +17,7 @@ from scarl_sionna.core.spec import FieldValue
 from scarl_sionna.core.units import watt_to_dbm
 from scarl_sionna.dataset.derived.boxes import EGO_OFFSET
 from scarl_sionna.dataset.formats.source import Frames
-from scarl_sionna.dataset.schema import CAMERA, LIDAR, RADIO
+from scarl_sionna.dataset.schema import CAMERA, LIDAR, RADIO, SCANNING_RADAR
 from scarl_sionna.signal.angle import range_doppler_angle
 from scarl_sionna.signal.processing import range_doppler, virtual_cube
 
@@ -35,9 +35,23 @@ FRAME_ITEMS = ("boxes", "box_semantic", "box_instance", "timestamp_ns", "world_f
 RADAR_ITEMS = ("adc", "adc_int", "cube", "range_doppler", "range_azimuth")
 IMAGE_ITEMS = tuple(item.name for item in CAMERA if item.name != "world_from_sensor")
 LIDAR_ITEMS = ("points", *(item.name for item in LIDAR if item.name not in ("world_from_sensor", "num_points")))
-RADIO_ITEMS = tuple(item.name for item in RADIO if item.storage == "array" and item.name != "world_from_sensor")
-ITEMS_OF_KIND = {"radar": RADAR_ITEMS, "camera": IMAGE_ITEMS, "lidar": LIDAR_ITEMS, "radio": RADIO_ITEMS}
-_SHOWN_OF_KIND = {"radar": ("adc_int",), "lidar": ("points",), "radio": ("a", "tau", "doppler", "valid", "cfr")}
+RADIO_ITEMS, SCAN_ITEMS = (
+    tuple(item.name for item in table if item.storage == "array" and item.name != "world_from_sensor")
+    for table in (RADIO, SCANNING_RADAR)
+)
+ITEMS_OF_KIND = {
+    "radar": RADAR_ITEMS,
+    "scanning_radar": SCAN_ITEMS,
+    "camera": IMAGE_ITEMS,
+    "lidar": LIDAR_ITEMS,
+    "radio": RADIO_ITEMS,
+}
+_SHOWN_OF_KIND = {
+    "radar": ("adc_int",),
+    "scanning_radar": ("image", "azimuth", "time"),
+    "lidar": ("points",),
+    "radio": ("a", "tau", "doppler", "valid", "cfr"),
+}
 """What is read of a sensor where nothing is asked for."""
 _BOX_ITEMS = ("boxes", "box_semantic", "box_instance")
 _FIXED_LENGTH = ("beat_signal",)
@@ -74,6 +88,7 @@ class FrameSamples:
         lidar          ``points`` float32 (N, 5): x, y, z [m, sensor frame], intensity, radial velocity [m/s]; or a
         field of
                        `LidarScan`, one row a return
+        scanning_radar a field of `RadarScan`: ``image``, ``azimuth``, ``time`` and the like
         radio          a field of `RadioChannels`: ``cfr``, ``a``, ``tau``, ``doppler``, ``valid`` and the like
         frame          ``boxes`` float32 (M, 10): x, y, z, length, width, height [m], yaw [rad], velocity over ground
         [m/s], along the
@@ -166,7 +181,8 @@ def box_arrays(frame: AnyFrame) -> dict[str, Array]:
 
 def kind_of(result: object) -> str:
     """Return the kind of a sensor's result, stored or in memory; "" for a kind of another package."""
-    for kind, name in (("radar", "adc_scale"), ("camera", "rgb"), ("lidar", "shot"), ("radio", "cfr")):
+    marks = {"radar": "adc_scale", "scanning_radar": "floor_dbm", "camera": "rgb", "lidar": "shot", "radio": "cfr"}
+    for kind, name in marks.items():
         if name in _field_names(result):
             return kind
     return ""

@@ -15,6 +15,7 @@ from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.registry import sensor_class
 from scarl_sionna.core.results import ImageFrame, LidarScan, RadarFrame, SensorResult
+from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.dataset import schema
 from scarl_sionna.dataset.codec import decode_depth
@@ -165,6 +166,17 @@ class StoredRadio(StoredResult):
         return RadioChannels(self.spec, self.world_from_sensor, **{name: getattr(self, name) for name in names})
 
 
+class StoredRadarScan(StoredResult):
+    """A stored turn of a scanning radar: the fields of `RadarScan`."""
+
+    table = schema.SCANNING_RADAR
+
+    def to_result(self) -> RadarScan:
+        """Return the turn with all arrays in memory."""
+        names = [item.name for item in fields(RadarScan) if item.name not in ("spec", "world_from_sensor")]
+        return RadarScan(self.spec, self.world_from_sensor, **{name: getattr(self, name) for name in names})
+
+
 class StoredLidar(StoredResult):
     """A lidar scan: the fields of `LidarScan`, one row a return."""
 
@@ -276,6 +288,7 @@ _BUILT_IN: Mapping[str, type[StoredResult]] = {
     "radar": StoredRadar,
     "lidar": StoredLidar,
     "camera": StoredImage,
+    "scanning_radar": StoredRadarScan,
     "radio": StoredRadio,
 }
 

@@ -275,14 +275,39 @@ def retraced(
     start = world.at(time).as_mount(mount)
 
     def paths_at(after: float) -> RadarPaths:
-        state = world.at(time + after)
-        if start.actor is None:
-            moved = Mount(_moved(start.pose, start.twist, after), start.twist)
-        else:
-            moved = state.mount(start.actor, start.actor_from_sensor)
-        return solve_paths(state, radar, moved, method, settings=settings, **cast("dict[str, Any]", fields))
+        moved = carried(world, start, time, after)
+        return solve_paths(
+            world.at(time + after), radar, moved, method, settings=settings, **cast("dict[str, Any]", fields)
+        )
 
     return paths_at
+
+
+def carried(world: World, start: Mount, time: float, after: float) -> Mount:
+    """Return the mount of a radar some time after an instant [s], of which `start` is.
+
+    One that rides on an actor follows the actor; another moves straight on and turns about its own origin.
+
+    Exact geometry of the trajectory.
+
+    Raises
+    ------
+    TimeRangeError
+        If the actor's trajectory is not known at that time.
+    """
+    if start.actor is None:
+        return straight_on(start, after)
+    trajectory = world.actor(start.actor).trajectory
+    vehicle = Mount(trajectory.pose(time + after), trajectory.twist(time + after), start.actor)
+    return vehicle if start.actor_from_sensor is None else vehicle.at(start.actor_from_sensor)
+
+
+def straight_on(mount: Mount, after: float) -> Mount:
+    """Return a mount some time later [s] that has moved straight on and turned about its own origin.
+
+    By definition of the twist.
+    """
+    return replace(mount, pose=_moved(mount.pose, mount.twist, after))
 
 
 def _moved(pose: Pose, twist: Twist, time: float) -> Pose:

@@ -170,7 +170,7 @@ class Transform:
             self._local.plans = [
                 finufft.Plan(
                     1 if self._grid.even else 3,
-                    self._shape if self._grid.even else 2,
+                    self._modes if self._grid.even else 2,
                     n_trans=len(batch.order),
                     eps=batch.eps,
                     isign=1,
@@ -182,6 +182,11 @@ class Transform:
                 for batch in self._batches
             ]
         return self._local.plans
+
+    @property
+    def _modes(self) -> tuple[int, ...]:
+        """Of the regular transform: of a single chirp there is one axis only."""
+        return self._shape if self._shape[0] > 1 else self._shape[1:]
 
     def signal(
         self, amplitude: npt.NDArray[np.complex128], length: Array, rate: Array, acceleration: Array, tx: int
@@ -229,7 +234,7 @@ class Transform:
                     weight = weight * over_bend[order % self._bend.count]
                 np.multiply(points, weight.astype(real), out=row)
             if self._grid.even:
-                plan.setpts(angle_y.astype(real), angle_x.astype(real))
+                plan.setpts(*(angle.astype(real) for angle in (angle_y, angle_x)[-len(self._modes) :]))
             else:
                 z, q = self._grid.z, self._grid.x + self._grid.y[:, None]
                 plan.setpts(2.0 * np.pi * angle_y, 2.0 * np.pi * angle_x, None, q.ravel(), z.ravel())

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import DecibelsIsotropic, Degrees
 
+from .antennas.fan import FanPattern
 from .antennas.grid import GridPattern
 
 Array = npt.NDArray[np.float64]
@@ -182,6 +183,6 @@ class DipolePattern(Spec):
 
 
 AntennaPattern = Annotated[
-    IsotropicPattern | CosinePattern | Tr38901Pattern | TablePattern | DipolePattern | GridPattern,
+    IsotropicPattern | CosinePattern | Tr38901Pattern | TablePattern | DipolePattern | FanPattern | GridPattern,
     Field(discriminator="kind"),
 ]

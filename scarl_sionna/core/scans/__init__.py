@@ -1,0 +1,1 @@
+"""Results of sensors that scan, each line of sight at a time of its own."""

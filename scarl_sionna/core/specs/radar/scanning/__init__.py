@@ -1,0 +1,1 @@
+"""Radars whose antenna turns: what they are, and some by name."""

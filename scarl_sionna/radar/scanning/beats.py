@@ -1,0 +1,208 @@
+"""Beat signals of a scanning radar: the paths of a block of its turn through the beam of every azimuth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.settings.accuracy import DEFAULT_ACCURACY, Accuracy
+from scarl_sionna.core.settings.scanning import ScanningSettings
+from scarl_sionna.core.specs.radar.scanning.spec import ScanningRadarSpec
+from scarl_sionna.core.specs.radar.spec import RadarSpec
+from scarl_sionna.radar.link import received_amplitude
+from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.synthesis.blocks import later
+from scarl_sionna.radar.synthesis.nufft import Box, Transform
+from scarl_sionna.radar.synthesis.phase import FrameGrid
+
+Array = npt.NDArray[np.float64]
+
+NEAREST = 0.1
+"""Points nearer than this to the antenna [m], within its aperture, do not count."""
+_ENDS = (np.min, np.max)
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Paths of one instant of a turn, for the azimuths around it.
+
+    Attributes
+    ----------
+    paths : RadarPaths
+        From the sensor's origin; the solver's frame has the sensor's z axis and its x axis in the azimuth `ahead`.
+    time : float
+        Of the paths after the turn's start [s].
+    ahead : float
+        [rad], sensor frame.
+    azimuths : ndarray of int64
+        Numbers of the azimuths.
+    """
+
+    paths: RadarPaths
+    time: float
+    ahead: float
+    azimuths: npt.NDArray[np.int64]
+
+
+def block_beats(
+    block: Block, radar: ScanningRadarSpec, settings: ScanningSettings, accuracy: Accuracy = DEFAULT_ACCURACY
+) -> npt.NDArray[np.complex64]:
+    r"""Return the beat signal of the ramps of a block, without noise.
+
+    Parameters
+    ----------
+    block : Block
+    radar : ScanningRadarSpec
+    settings : ScanningSettings
+        Its `beam_floor_db` and `num_pointings`.
+    accuracy : Accuracy
+        Its `synthesis_tolerance`.
+
+    Returns
+    -------
+    ndarray of complex64, shape (num_azimuths of the block, num_samples)
+        [sqrt(W)].
+
+    Notes
+    -----
+    Points move straight on from the block's time to the middle of each ramp's samples, and about it to second order in
+    time. The gain follows the antenna, which turns by :math:`\omega` a second, and the points during the ramp: with the
+    Lagrange polynomials :math:`l_m` of Chebyshev's nodes :math:`t_m` over the samples,
+
+    .. math:: s(t) = \sum_m l_m(t) \sum_p a_p\, g^2(\varphi_p(t_m) - \varphi_k - \omega t_m)\, e^{j \psi_p(t)}
+
+    References
+    ----------
+    .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
+    """
+    out = np.zeros((len(block.azimuths), radar.waveform.num_samples), dtype=np.complex64)
+    found = replace(block.paths, linear_motion=None)  # what is linear over a frame of some ms is not over a turn
+    if not found.num_paths:
+        return out
+    waits, is_up = radar.time[block.azimuths] - block.time, radar.is_up[block.azimuths]
+    near = _Near.of(block, radar, settings.beam_floor_db)
+    rates, bends = near.motion(found, float(waits.min()), float(waits.max()))
+    ramps = {up: _Ramp.of(radar.ramp(up), rates, bends, accuracy) for up in set(is_up.tolist())}
+    nodes, weights = _pointings(radar, settings.num_pointings)
+    turning = radar.azimuth_rate + near.spin
+    for row, number, after, up in zip(out, block.azimuths, waits.tolist(), is_up.tolist(), strict=True):
+        azimuth = float(radar.azimuth[number])
+        chosen = near.within(azimuth, after)
+        if len(chosen):
+            paths = later(found.select(chosen), after)
+            row += ramps[up].signal(paths, azimuth - block.ahead, (turning, nodes, weights))
+    return out
+
+
+def _pointings(radar: ScanningRadarSpec, count: int) -> tuple[Array, Array]:
+    """Return nodes of a ramp after the middle of its samples [s], and their weights over the samples.
+
+    Shapes (count,) and (count, num_samples); Chebyshev's nodes and Lagrange's polynomials of them.
+    """
+    nodes = np.cos((np.arange(count) + 0.5) * np.pi / count)
+    place = np.linspace(-1.0, 1.0, radar.waveform.num_samples)
+    half = (radar.waveform.num_samples - 1) / (2.0 * radar.waveform.sample_rate)
+    weights = np.ones((count, len(place)))
+    for row, own in zip(weights, nodes, strict=True):
+        for other in nodes[nodes != own]:
+            row *= (place - other) / (own - other)
+    return half * nodes, weights
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Directions of the paths of a block as time goes on, and how far beside the beam they count.
+
+    Attributes
+    ----------
+    offset, velocity : ndarray of float64, shape (num_paths, 3)
+        Along which paths leave, and how that moves relative to the sensor [m], [m/s], in the solver's frame.
+    spin : float
+        Of the sensor about its z axis [rad/s].
+    ahead, reach : float
+        [rad].
+    """
+
+    offset: Array
+    velocity: Array
+    spin: float
+    ahead: float
+    reach: float
+
+    @classmethod
+    def of(cls, block: Block, radar: ScanningRadarSpec, floor_db: float) -> _Near:
+        turn = block.paths.world_from_tx.rotation
+        mirror = block.paths.is_mirror_chain[:, None]
+        velocity = np.where(mirror, block.paths.filled("rx_velocity"), block.paths.filled("tx_velocity"))
+        reach = radar.beam_reach(floor_db) + 0.5 * abs(radar.azimuth_rate) * radar.waveform.ramp_time
+        spin = float(block.paths.tx_twist.angular @ turn[:, 2])
+        return cls(block.paths.end_vectors()[0] @ turn, np.nan_to_num(velocity) @ turn, spin, block.ahead, reach)
+
+    def motion(self, paths: RadarPaths, first: float, last: float) -> tuple[Array, Array]:
+        """Return rates [m/s] and accelerations [m/s2] between whose extremes those of all times in between lie.
+
+        In straight motion rates only grow, and a length bends most where its point is nearest.
+        """
+        ends = [later(paths.select(self._far(time)), time) for time in (first, last)]
+        rates = np.concatenate([one.length_rate for one in ends])
+        speed = np.einsum("pi,pi->p", self.velocity, self.velocity)
+        nearest = -np.einsum("pi,pi->p", self.offset, self.velocity) / np.maximum(speed, 1e-12)
+        there = self.offset + np.clip(nearest, first, last)[:, None] * self.velocity
+        distance = np.maximum(np.linalg.norm(there, axis=1), NEAREST)
+        across = np.linalg.norm(np.cross(self.offset, self.velocity), axis=1)
+        bends = [one.length_acceleration for one in ends]
+        return rates, np.concatenate([*bends, 2.0 * across**2 / distance**3])
+
+    def _far(self, after: float) -> npt.NDArray[np.bool_]:
+        """Return which points are not at the antenna itself some time after the block's [s]."""
+        return np.asarray(np.linalg.norm(self.offset + after * self.velocity, axis=1) > NEAREST)
+
+    def within(self, azimuth: float, after: float) -> npt.NDArray[np.int64]:
+        """Return the numbers of the paths that count at an azimuth some time after the block's [s]."""
+        moved = self.offset[:, :2] + after * self.velocity[:, :2]
+        away = np.arctan2(moved[:, 1], moved[:, 0]) - self.spin * after + self.ahead - azimuth
+        away -= 2.0 * np.pi * np.rint(away / (2.0 * np.pi))
+        return np.flatnonzero((np.abs(away) <= self.reach) & self._far(after))
+
+
+@dataclass(frozen=True, eq=False)
+class _Ramp:
+    """What makes the signals of ramps of one kind for the paths of a block."""
+
+    radar: RadarSpec
+    transform: Transform
+
+    @classmethod
+    def of(cls, radar: RadarSpec, rates: Array, bends: Array, accuracy: Accuracy) -> _Ramp:
+        corners = (np.repeat([one(rates) for one in _ENDS], 2), np.tile([one(bends) for one in _ENDS], 2))
+        tolerance = accuracy.synthesis_tolerance
+        return cls(radar, Transform(radar, Box.of(radar, *corners, tolerance), tolerance))
+
+    def signal(
+        self, paths: RadarPaths, ahead: float, pointings: tuple[float, Array, Array]
+    ) -> npt.NDArray[np.complex128]:
+        """Return the signal of one ramp [sqrt(W)].
+
+        `paths` are those of the middle of its samples, when the antenna points `ahead` of the solver's x axis [rad];
+        `pointings` are its rate [rad/s], nodes [s] and their weights over the samples.
+        """
+        before = float(FrameGrid(self.radar).ts_center)
+        bend = paths.length_acceleration
+        length = paths.length - before * (paths.length_rate - 0.5 * before * bend)
+        motion = length, paths.length_rate - before * bend, bend
+        turn = paths.world_from_tx.rotation
+        ends = [vector @ turn for vector in paths.end_vectors()]
+        moves = [np.nan_to_num(paths.filled(name)) @ turn for name in ("tx_velocity", "rx_velocity")]
+        for move in moves:
+            move[paths.is_mirror_chain] = 0.0
+        out = np.zeros(self.radar.num_samples, dtype=np.complex128)
+        rate, nodes, weights = pointings
+        for node, weight in zip(nodes.tolist(), weights, strict=True):
+            own = Pose.from_heading(np.zeros(3), ahead + rate * node).rotation
+            sent, heard = ((end + node * move) @ own for end, move in zip(ends, moves, strict=True))
+            amplitude = np.conj(received_amplitude(paths.a, sent, heard, self.radar))  # the beat is tx conj(rx)
+            out += weight * self.transform.signal(amplitude, *motion, 0)[0]
+        return out
