@@ -31,6 +31,9 @@ from .core.specs.radar.antennas.fan import FanPattern
 from .core.specs.radar.antennas.grid import GridPattern
 from .core.specs.radar.antennas.radome import Radome, RadomeLayer
 from .core.specs.radar.array import AntennaArray
+from .core.specs.radar.closed.device import ClosedRadarSpec, MapAxes
+from .core.specs.radar.closed.files import read_point_spread, write_point_spread
+from .core.specs.radar.closed.table import PointSpread
 from .core.specs.radar.converter import Adc
 from .core.specs.radar.front_end import FrontEnd
 from .core.specs.radar.impairments import (
@@ -67,6 +70,8 @@ from .loop.motion import ActorPose
 from .loop.session import Session
 from .loop.settings import SessionSettings
 from .radar.channel import plan_channel, solve_paths
+from .radar.closed.known import closed_radar_of
+from .radar.closed.maps import map_of_paths
 from .radar.interference.beat import synthesize_interference
 from .radar.interference.ways import one_way_paths
 from .radar.labels.labels import label_cells, label_paths, label_points
@@ -90,6 +95,7 @@ from .scene.document.staging import StagedActor
 from .signal.angle import range_doppler_angle
 from .signal.converter import quantize
 from .signal.detection import detect
+from .signal.detection.map_peaks import peaks_of_map
 from .signal.mitigation.hits import find_hits
 from .signal.mitigation.repair import mitigate
 from .signal.processing import range_doppler, virtual_cube
@@ -127,6 +133,7 @@ __all__ = [
     "Capture",
     "Cdm",
     "ChannelErrors",
+    "ClosedRadarSpec",
     "ChirpErrors",
     "Ddm",
     "Fdm",
@@ -152,6 +159,7 @@ __all__ = [
     "LidarSpec",
     "Lighting",
     "Mixer",
+    "MapAxes",
     "NetworkFrame",
     "PhaseNoise",
     "Radome",
@@ -159,6 +167,7 @@ __all__ = [
     "RadomeLayer",
     "radome_effect",
     "Pinhole",
+    "PointSpread",
     "PointStatistics",
     "PointTable",
     "Pose",
@@ -202,6 +211,7 @@ __all__ = [
     "compile_scatterers",
     "count_points",
     "dataset_statistics",
+    "closed_radar_of",
     "detect",
     "export",
     "find_hits",
@@ -215,8 +225,10 @@ __all__ = [
     "observe",
     "one_way_paths",
     "open_dataset",
+    "peaks_of_map",
     "point_table",
     "point_targets",
+    "map_of_paths",
     "quantize",
     "radar_cube",
     "range_doppler",
@@ -224,6 +236,7 @@ __all__ = [
     "rcs",
     "read_actor_model",
     "read_capture",
+    "read_point_spread",
     "read_points",
     "retraced",
     "scan_paths",
@@ -234,6 +247,7 @@ __all__ = [
     "synthesize_blocks",
     "synthesize_interference",
     "synthesize_network",
+    "write_point_spread",
     "track",
     "virtual_cube",
 ]

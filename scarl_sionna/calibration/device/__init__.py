@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from .capture import ReflectorCapture
 from .fit import fit_device
+from .point_map import PointMap
+from .point_spread import PointSpreadFit, fit_point_spread
 from .result import CaptureResidual, DeviceFit
 from .settings import DeviceFitSettings
 
-__all__ = ["CaptureResidual", "DeviceFit", "DeviceFitSettings", "ReflectorCapture", "fit_device"]
+__all__ = [
+    "CaptureResidual",
+    "DeviceFit",
+    "DeviceFitSettings",
+    "PointMap",
+    "PointSpreadFit",
+    "ReflectorCapture",
+    "fit_device",
+    "fit_point_spread",
+]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +14,7 @@ from pydantic import Field, model_validator
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.units import DecibelsIsotropic, Degrees
+from scarl_sionna.core.untrusted.csv_text import columns_of
 from scarl_sionna.core.untrusted.files import MEGABYTE, read_text
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class GridPattern(Spec):
             of angles is missing or there twice.
         """
         try:
-            columns = _columns(read_text(path, MOST_BYTES, "utf-8-sig"))
+            columns = columns_of(read_text(path, MOST_BYTES, "utf-8-sig"), _COLUMNS)
             return cls(**_gridded(columns), interpolation=interpolation)
         except ParameterRangeError:
             raise
@@ -225,42 +225,6 @@ def _moves(angle: npt.ArrayLike, angles_deg: tuple[float, ...], closed: bool) ->
     middle = 0.5 * (angles_deg[0] + angles_deg[-1])
     turned = degrees - 360.0 * np.floor((degrees - middle + 180.0) / 360.0)
     return np.asarray((turned >= angles_deg[0]) & (turned <= angles_deg[-1]))
-
-
-def _columns(text: str) -> dict[str, Array]:
-    """Return the columns of a table by name; lines that are empty or start with # do not count."""
-    head: list[str] = []
-    rows: list[list[float]] = []
-    for number, cells in enumerate(csv.reader(text.splitlines()), start=1):
-        cells = [cell.strip() for cell in cells]
-        if not any(cells) or cells[0].startswith("#"):
-            continue
-        if not head:
-            head = [cell.lower() for cell in cells]
-            missing = [name for name in _COLUMNS if name not in head]
-            if missing:
-                raise ValueError(f"line {number} has no column {missing[0]}; it has {', '.join(head)[:80]}")
-            continue
-        if len(cells) != len(head):
-            raise ValueError(f"line {number} has {len(cells)} values, the head line {len(head)}")
-        try:
-            rows.append([float(cell) for cell in cells])
-        except ValueError:
-            wrong = next(cell for cell in cells if not _is_number(cell))
-            raise ValueError(f"line {number} holds {wrong[:20]!r}, which is no number") from None
-        if not np.isfinite(rows[-1]).all():
-            raise ValueError(f"line {number} holds a value that is not finite")
-    if not rows:
-        raise ValueError("there is no line of numbers")
-    return dict(zip(head, np.array(rows).T, strict=True))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _gridded(columns: dict[str, Array]) -> dict[str, object]:
