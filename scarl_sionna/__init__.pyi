@@ -4,7 +4,7 @@ from .core.channels import RadioChannels
 from .core.errors import ScarlError, ScarlWarning
 from .core.mount import Mount
 from .core.pose import Pose, Twist
-from .core.results import Frame, ImageFrame, LidarScan, RadarFrame
+from .core.results import ClosedRadarFrame, Frame, ImageFrame, LidarScan, RadarFrame
 from .core.scans.radar import RadarScan
 from .core.settings.accuracy import Accuracy
 from .core.settings.auto import AutoSettings
@@ -93,6 +93,7 @@ from .scene.actors.mesh import actor_from_mesh
 from .scene.actors.model import ActorModel, read_actor_model
 from .scene.document.staging import StagedActor
 from .signal.angle import range_doppler_angle
+from .signal.closed_map import map_of_frame
 from .signal.converter import quantize
 from .signal.detection import detect
 from .signal.detection.map_peaks import peaks_of_map
@@ -133,6 +134,7 @@ __all__ = [
     "Capture",
     "Cdm",
     "ChannelErrors",
+    "ClosedRadarFrame",
     "ClosedRadarSpec",
     "ChirpErrors",
     "Ddm",
@@ -228,6 +230,7 @@ __all__ = [
     "peaks_of_map",
     "point_table",
     "point_targets",
+    "map_of_frame",
     "map_of_paths",
     "quantize",
     "radar_cube",

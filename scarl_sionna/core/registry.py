@@ -19,6 +19,7 @@ from .settings.radio import RadioSettings
 from .spec import FieldValue, Spec
 from .specs.camera import CameraSpec
 from .specs.lidar import LidarSpec
+from .specs.radar.closed.device import ClosedRadarSpec
 from .specs.radar.scanning.spec import ScanningRadarSpec
 from .specs.radar.spec import RadarSpec
 from .specs.radar.version_0_1 import lift_version_0_1
@@ -31,6 +32,7 @@ ENTRY_POINT_GROUP = "scarl.sensors"
 OWN: Mapping[str, str] = {
     "radar": "scarl_sionna.radar.sensor:Radar",
     "scanning_radar": "scarl_sionna.radar.scanning.sensor:ScanningRadar",
+    "closed_radar": "scarl_sionna.radar.closed.sensor:ClosedRadar",
     "radio": "scarl_sionna.radio.sensor:Radio",
 }
 """Sensors of this package: an installation from before there was one of them needs no new entry points for it."""
@@ -40,6 +42,7 @@ SPEC_TYPES: Mapping[str, type[Spec]] = {
     "lidar": LidarSpec,
     "radar": RadarSpec,
     "scanning_radar": ScanningRadarSpec,
+    "closed_radar": ClosedRadarSpec,
     "radio": RadioSpec,
 }
 """Specification of each built-in sensor kind. The class of another kind names its own as ``spec_type``."""
@@ -95,6 +98,7 @@ def spec_type(kind: str) -> type[Spec]:
 SETTINGS_TYPES: Mapping[str, type[Spec]] = {
     "radar": RadarSettings,
     "scanning_radar": RadarSettings,
+    "closed_radar": RadarSettings,
     "radio": RadioSettings,
 }
 """Settings of each built-in sensor kind that has some. The class of another kind names its own as ``settings_type``."""

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from .specs.radar.closed.device import ClosedRadarSpec
     from .specs.radar.spec import RadarSpec
 
 
@@ -277,7 +278,36 @@ class RadarFrame(
         return np.ascontiguousarray(scaled).view(np.complex64)[..., 0]
 
 
-SensorResult = ImageFrame | LidarScan | RadarFrame | RadioChannels | RadarScan
+@dataclass(frozen=True, eq=False, repr=False)
+class ClosedRadarFrame(Described):
+    """The map of a radar that gives no raw data, at one instant.
+
+    Attributes
+    ----------
+    spec : ClosedRadarSpec
+    world_from_sensor : Pose
+        Radar frame (x boresight, y left, z up) at the start of the frame.
+    power : ndarray of float32, shape (num_velocity, num_range, num_azimuth)
+        Of the cells in ``spec.axes``, in the device's unit: [W] times its gain.
+    num_paths : int
+        Paths that the map was made of.
+    diagnostics : mapping
+        What the solver chose and left out.
+    """
+
+    spec: ClosedRadarSpec
+    world_from_sensor: Pose
+    power: npt.NDArray[np.float32]
+    num_paths: int = 0
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+
+    def _facts(self) -> Iterable[Row]:
+        yield "power", f"float32 {self.power.shape} = (num_velocity, num_range, num_azimuth) [W, times the gain]"
+        yield "num_paths", str(self.num_paths)
+        yield "diagnostics", listed(self.diagnostics)
+
+
+SensorResult = ImageFrame | LidarScan | RadarFrame | RadioChannels | RadarScan | ClosedRadarFrame
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -343,6 +373,8 @@ class Frame(Described):
             yield name, f"{len(found)}: {listed(found)}" if found else "none"
         if self.radar_scans:
             yield "radar_scans", f"{len(self.radar_scans)}: {listed(self.radar_scans)}"
+        if self.closed_radars:
+            yield "closed_radars", f"{len(self.closed_radars)}: {listed(self.closed_radars)}"
         if self.radios:
             yield "radios", f"{len(self.radios)}: {listed(self.radios)}"
         counts = Counter(SEMANTIC_CLASSES[item.semantic] for item in self.objects)
@@ -403,6 +435,11 @@ class Frame(Described):
     def radar_scans(self) -> dict[str, RadarScan]:
         """Turns of scanning radars by sensor name."""
         return self.of_type(RadarScan)
+
+    @property
+    def closed_radars(self) -> dict[str, ClosedRadarFrame]:
+        """Maps of radars without raw data by sensor name."""
+        return self.of_type(ClosedRadarFrame)
 
     @property
     def radios(self) -> dict[str, RadioChannels]:

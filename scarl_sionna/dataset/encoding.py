@@ -20,7 +20,7 @@ from scarl_sionna.core.channels import RadioChannels
 from scarl_sionna.core.errors import DatasetError, OutputError, ParameterRangeError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.registry import SETTINGS_TYPES, SPEC_TYPES, lifted, sensor_class, spec_type
-from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, RadarFrame, SensorResult
+from scarl_sionna.core.results import ClosedRadarFrame, Frame, ImageFrame, LidarScan, RadarFrame, SensorResult
 from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.semantics import SEMANTIC_COLORS
 from scarl_sionna.core.spec import FieldValue, Spec
@@ -192,7 +192,7 @@ def _sensor_columns(
     schema.check_fields(type(result), known)
     columns: list[tuple[Field, Any]] = [(schema.POSE, pose_row(result.world_from_sensor))]
     extra: dict[str, Any] = {}
-    if isinstance(result, RadarFrame | RadarScan | RadioChannels):
+    if isinstance(result, RadarFrame | RadarScan | RadioChannels | ClosedRadarFrame):
         columns += _radar_columns(result, options) if isinstance(result, RadarFrame) else _arrays(result, known)
         extra["diagnostics"] = {key: value for key, value in result.diagnostics.items() if key not in NOT_DATA}
     elif isinstance(result, LidarScan):
@@ -216,7 +216,9 @@ def _radar_columns(result: RadarFrame, options: StoreOptions) -> Iterator[tuple[
             yield item, getattr(result, item.name)
 
 
-def _arrays(result: RadioChannels | RadarScan, table: tuple[Field, ...]) -> Iterator[tuple[Field, Any]]:
+def _arrays(
+    result: RadioChannels | RadarScan | ClosedRadarFrame, table: tuple[Field, ...]
+) -> Iterator[tuple[Field, Any]]:
     for item in table:
         if item is not schema.POSE and item.storage == "array" and getattr(result, item.name) is not None:
             yield item, getattr(result, item.name)
@@ -244,7 +246,7 @@ def _foreign_columns(name: str, result: SensorResult) -> tuple[str, list[tuple[F
         raise OutputError(
             f"cannot store the result of sensor '{name}' of type {type(result).__name__}; "
             "return an ImageFrame, LidarScan, "
-            "RadarFrame, RadarScan or RadioChannels, or a dataclass with `kind`, "
+            "RadarFrame, RadarScan, ClosedRadarFrame or RadioChannels, or a dataclass with `kind`, "
             "and declare `stored_fields` and `result_type` on the sensor's class "
             "(see docs/dataset.md)"
         )

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from scarl_sionna.core.channels import RadioChannels
 from scarl_sionna.core.errors import OutputError
-from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
+from scarl_sionna.core.results import ClosedRadarFrame, Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.lidar import LidarSpec
@@ -280,6 +280,15 @@ SCANNING_RADAR: tuple[Field, ...] = (
     Field("power", "float32", ("azimuth", "range"), "W", "power before it is coded; only with keep_power"),
 )
 
+CLOSED_RADAR: tuple[Field, ...] = (
+    POSE,
+    Field(
+        "power", "float32", ("velocity", "range", "azimuth"), "W", "map in the device's unit: received power times gain"
+    ),
+    Field("num_paths", "int32", (), "", "paths that the map was made of"),
+    Field("diagnostics", "", (), "", "what the channel solver chose and left out", "json"),
+)
+
 _PATH, _STEP = ("station", "path"), ("station", "path", "interaction")
 
 RADIO: tuple[Field, ...] = (
@@ -357,8 +366,11 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
     "radar": RADAR,
     "scanning_radar": SCANNING_RADAR,
     "radio": RADIO,
+    "closed_radar": CLOSED_RADAR,
 }
 
+_OF_SOME_RIGS = frozenset({"radio", "scanning_radar", "closed_radar"})
+"""Tables that only a rig with such a sensor has."""
 _OF_INTERFERERS = frozenset({"interference_hit", "interference_power"})
 """Fields of the radar that only a rig with interferers has."""
 
@@ -368,6 +380,7 @@ RESULT_TYPES: Mapping[type, str] = {
     RadarFrame: "radar",
     RadarScan: "scanning_radar",
     RadioChannels: "radio",
+    ClosedRadarFrame: "closed_radar",
 }
 """Table of each built-in result type."""
 
@@ -401,17 +414,17 @@ def check_fields(result_type: type, table: Iterable[Field]) -> None:
 def tables_of(rig: Mapping[str, Any]) -> dict[str, tuple[Field, ...]]:
     """Return the tables that a dataset of a rig states.
 
-    What only interferers bring stands there with them alone, and the tables of radios and scanning radars with one
-    alone: datasets without them have the same bytes as before there were any.
+    What only interferers bring stands there with them alone, and the tables of radios, scanning radars and radars
+    without raw data with one alone: datasets without them have the same bytes as before there were any.
     """
     mounts = rig["sensors"]
     heard = any((mount.get("settings") or {}).get("interferers") for mount in mounts)
-    absent = {"radio", "scanning_radar"} - {mount["kind"] for mount in mounts}
+    there = {mount["kind"] for mount in mounts}
     left_out = frozenset() if heard else _OF_INTERFERERS
     return {
         name: tuple(item for item in items if item.name not in left_out)
         for name, items in TABLES.items()
-        if name not in absent
+        if name not in _OF_SOME_RIGS or name in there
     }
 
 

@@ -22,6 +22,7 @@ _TITLES = {
     "radar": "Radar (`arrays/<scene>/<sensor>/`)",
     "scanning_radar": "Scanning radar (`arrays/<scene>/<sensor>/`)",
     "radio": "Radio (`arrays/<scene>/<sensor>/`)",
+    "closed_radar": "Radar without raw data (`arrays/<scene>/<sensor>/`)",
 }
 _INTRODUCTION = """\
 # The dataset
@@ -110,7 +111,7 @@ A reader reads every schema version up to its own, and refuses a newer one. A ne
 
 ## Sensors of other packages
 
-A sensor that is registered under the entry points `scarl.sensors` and returns an `ImageFrame`, `LidarScan`, `RadarFrame`, `RadarScan` or `RadioChannels` is stored
+A sensor that is registered under the entry points `scarl.sensors` and returns one of their results (`RadarFrame` for instance) is stored
 like a built-in one. One with a result of its own says on its class what is to be stored; without that, an export refuses it before
 anything is simulated:
 

@@ -25,14 +25,17 @@ from tests.lane_scene import lane_scene
 FLOATS = re.compile(r"[0-9.e+-]+(?:[, ]+[0-9.e+-]+){12,}")
 """More than twelve numbers in a row: an array, not facts."""
 
+SPREAD = {"range_offset": (-1.0, 0.0, 1.0), "range_response": ((0.0, 0.0), (1.0, 0.0), (0.0, 0.0))}
 NEEDED = {
     "Amplifier": {"p1db_dbm": -8.0},
+    "ClosedRadarSpec": {"spread": SPREAD, "axes": {"range": (0.0, 1.0)}},
     "GridPattern": {"azimuth_deg": (0.0, 1.0), "elevation_deg": (0.0, 1.0), "gain_dbi": ((0.0, 1.0), (0.0, 1.0))},
     "Interferer": {"radar": "awr1843boost"},
     "Leakage": {"length": 0.1, "level_db": -40.0},
     "PhaseNoise": {"mask": ((1e6, -95.0),)},
     "Radome": {"layers": ({"thickness": 3e-3, "relative_permittivity": 2.35},)},
     "RadomeLayer": {"thickness": 3e-3, "relative_permittivity": 2.35},
+    "PointSpread": SPREAD,
     "RadioSpec": {"stations": ({"name": "mast"},)},
     "RadioStation": {"name": "mast"},
 }
@@ -119,6 +122,9 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         ss.scan_paths(ss.RadarPaths.empty(ss.Pose()), ss.ScanningRadarSpec()),
         dataset,
         capture,
+        ss.ClosedRadarFrame(
+            ss.ClosedRadarSpec(**NEEDED["ClosedRadarSpec"]), ss.Pose(), np.zeros((1, 2, 1), np.float32)
+        ),
         ss.MapCapture("raddet", RADAR, ("000001",), ("a note",), lambda frame: rda),
         ss.point_table(dataset),
         ss.count_points(ss.point_table(dataset)),

@@ -33,6 +33,7 @@ from scarl_sionna.dataset.store.shards import ArrayInfo
 
 from .shard_files import ShardFiles
 from .stored import (
+    StoredClosedRadar,
     StoredImage,
     StoredImages,
     StoredLidar,
@@ -381,6 +382,11 @@ class StoredFrame(Described):
     def radar_scan(self) -> SuiteMapping[StoredRadarScan]:
         """Scanning radars by sensor name, or by the name of their suite: ``radar_scan["roof"].image``."""
         return SuiteMapping("radar_scan", {n: r for n, r in self.results.items() if isinstance(r, StoredRadarScan)})
+
+    @cached_property
+    def closed_radar(self) -> SuiteMapping[StoredClosedRadar]:
+        """Radars without raw data by sensor name, or by the name of their suite: ``closed_radar["front"].power``."""
+        return SuiteMapping("closed_radar", {n: r for n, r in self.results.items() if isinstance(r, StoredClosedRadar)})
 
     @cached_property
     def radio(self) -> SuiteMapping[StoredRadio]:

@@ -14,7 +14,7 @@ from scarl_sionna.core.channels import RadioChannels
 from scarl_sionna.core.errors import UnknownNameError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.registry import sensor_class
-from scarl_sionna.core.results import ImageFrame, LidarScan, RadarFrame, SensorResult
+from scarl_sionna.core.results import ClosedRadarFrame, ImageFrame, LidarScan, RadarFrame, SensorResult
 from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.spec import FieldValue, Spec
 from scarl_sionna.dataset import schema
@@ -177,6 +177,16 @@ class StoredRadarScan(StoredResult):
         return RadarScan(self.spec, self.world_from_sensor, **{name: getattr(self, name) for name in names})
 
 
+class StoredClosedRadar(StoredResult):
+    """A stored map of a radar without raw data: the fields of `ClosedRadarFrame`."""
+
+    table = schema.CLOSED_RADAR
+
+    def to_result(self) -> ClosedRadarFrame:
+        """Return the map in memory."""
+        return ClosedRadarFrame(self.spec, self.world_from_sensor, self.power, self.num_paths, self.diagnostics)
+
+
 class StoredLidar(StoredResult):
     """A lidar scan: the fields of `LidarScan`, one row a return."""
 
@@ -290,6 +300,7 @@ _BUILT_IN: Mapping[str, type[StoredResult]] = {
     "camera": StoredImage,
     "scanning_radar": StoredRadarScan,
     "radio": StoredRadio,
+    "closed_radar": StoredClosedRadar,
 }
 
 

@@ -22,6 +22,7 @@ from scarl_sionna.radar.link import path_amplitude
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.phase import FrameGrid, delay_terms, phasor
 from scarl_sionna.signal.angle import RangeDopplerAngle
+from scarl_sionna.signal.closed_map import with_axes
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -144,17 +145,7 @@ def map_of_paths(
             count, strongest = int((power > most).sum()), 10.0 * np.log10(power.max() / most)
             warnings.warn(f"{count} cells are up to {strongest:.1f} dB above full scale and are cut", ScarlWarning, 2)
             power = np.minimum(power, most)
-    axes = device.axes
-    return RangeDopplerAngle(
-        data=(power * device.gain).astype(np.float32),
-        range=np.array(axes.range),
-        radial_velocity=np.array(axes.radial_velocity),
-        azimuth=np.radians(axes.azimuth_deg),
-        elevation=None,
-        radar=device.radar,
-        range_doppler=None,
-        noise_power=device.noise_power * device.gain,
-    )
+    return with_axes((power * device.gain).astype(np.float32), device)
 
 
 def _with_noise(field: Complex, power: Array, device: ClosedRadarSpec, rng: np.random.Generator) -> Array:
