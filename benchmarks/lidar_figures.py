@@ -30,12 +30,12 @@ def draw(
     cnr_of_target: Callable[[LidarSpec, np.ndarray], np.ndarray],
 ) -> None:
     """Write all figures into a folder."""
-    draw_points(roof, folder / "lidar_points.png")
-    draw_range_views(front, folder / "lidar_intensity.png")
+    draw_points(roof, folder / "lidar_points.webp")
+    draw_range_views(front, folder / "lidar_intensity.webp")
     draw_beats(front, folder / "lidar_beat.png")
     draw_precision(results, folder / "lidar_precision.png")
     draw_weather(weathers, cnr_of_target, folder / "lidar_weather.png")
-    draw_maps(front, folder / "lidar_maps.png")
+    draw_maps(front, folder / "lidar_maps.webp")
 
 
 def draw_points(roof: Any, path: Path) -> None:

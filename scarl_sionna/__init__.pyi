@@ -93,9 +93,9 @@ from .scene.actors.mesh import actor_from_mesh
 from .scene.actors.model import ActorModel, read_actor_model
 from .scene.document.staging import StagedActor
 from .signal.angle import range_doppler_angle
-from .signal.closed_map import map_of_frame
 from .signal.converter import quantize
 from .signal.detection import detect
+from .signal.detection.closed_map import map_of_frame
 from .signal.detection.map_peaks import peaks_of_map
 from .signal.mitigation.hits import find_hits
 from .signal.mitigation.repair import mitigate

@@ -9,7 +9,7 @@ from scarl_sionna.core.prompt.arguments import expect
 from scarl_sionna.core.results import ClosedRadarFrame
 from scarl_sionna.core.specs.radar.closed.device import ClosedRadarSpec
 
-from .angle import RangeDopplerAngle
+from ..angle import RangeDopplerAngle
 
 
 def with_axes(power: npt.NDArray[np.float32], device: ClosedRadarSpec) -> RangeDopplerAngle:
