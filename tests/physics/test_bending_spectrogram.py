@@ -104,6 +104,20 @@ class Swing:
             "whole"
         ].power
 
+    def looked(self, radar: ss.RadarSpec, times: Array, looks: int) -> Array:
+        """Mean of `raycast` over looks from places within 14 cm, so that rays meet other points [W]."""
+        side = int(np.ceil(np.sqrt(looks)))
+
+        def place(time: float) -> Pose:
+            row, column = divmod(int(time / arm.PERIOD + 1e-6), side)
+            shift = 0.136 / side * (np.array([column, row]) - 0.5 * (side - 1))
+            return Pose(EYE + [0.0, *shift])
+
+        knobs = {"method": "raycast", "num_rays": 20_000, "hits_per_cell": None}
+        after = np.arange(looks) * arm.PERIOD
+        found = spectrograms(self.world, radar, place, times, looks=after, num_doppler_bins=BINS, **knobs)
+        return found["whole"].power
+
     def in_blocks(self, radar: ss.RadarSpec, times: Array, chirps: int) -> Array:
         """The same from raw data whose paths are solved again for blocks of chirps."""
         columns = []
@@ -213,27 +227,9 @@ def test_long_windows_need_paths_solved_again(swing):
 
 def test_spectrogram_of_rough_skin(swing):
     """`raycast` has random phases: the mean of looks goes to the sum of the powers of all points of the skin."""
-    radar, times = radar_of(16), np.linspace(0.0, arm.PERIOD, 10, endpoint=False)
+    radar, times = radar_of(16), np.linspace(0.0, arm.PERIOD, 6, endpoint=False)
     exact = swing.rough(radar, times)
 
-    def place(time: float) -> Pose:
-        """Another place for each look, so that rays meet other points."""
-        look = int(time / arm.PERIOD + 1e-6)
-        return Pose(EYE + [0.0, 0.034 * (look % 4 - 1.5), 0.034 * (look // 4 - 1.5)])
-
-    found = [
-        spectrograms(
-            swing.world,
-            radar,
-            place,
-            times,
-            looks=np.arange(looks) * arm.PERIOD,
-            num_doppler_bins=BINS,
-            method="raycast",
-            num_rays=20_000,
-            hits_per_cell=None,
-        )["whole"].power
-        for looks in (1, 16)
-    ]
+    found = [swing.looked(radar, times, looks) for looks in (1, 36)]
     assert alike(found[1], exact) > 0.99
     assert alike(found[0], exact) < 0.96  # one look is speckle
