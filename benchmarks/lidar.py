@@ -33,8 +33,8 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.atmosphere import Atmosphere
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.load import load_scene
 
 FRONT = Pose([2.45, 0.0, 0.7])  # vehicle_from_sensor: in the middle of the front bumper

@@ -14,8 +14,8 @@ from camera_lidar.lidar import camera_maps, detection_probability, range_view, s
 from camera_lidar.lidar.heterodyne.air import air_profile
 from scarl_sionna.core.specs.atmosphere import Atmosphere
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 
 VELOCITY = {"cmap": "RdBu_r", "vmin": -20.0, "vmax": 20.0}
 INTENSITY = {"cmap": "inferno", "vmin": -50.0, "vmax": -15.0}
@@ -30,12 +30,12 @@ def draw(
     cnr_of_target: Callable[[LidarSpec, np.ndarray], np.ndarray],
 ) -> None:
     """Write all figures into a folder."""
-    draw_points(roof, folder / "lidar_points.webp")
-    draw_range_views(front, folder / "lidar_intensity.webp")
+    draw_points(roof, folder / "lidar_points.png")
+    draw_range_views(front, folder / "lidar_intensity.png")
     draw_beats(front, folder / "lidar_beat.png")
     draw_precision(results, folder / "lidar_precision.png")
     draw_weather(weathers, cnr_of_target, folder / "lidar_weather.png")
-    draw_maps(front, folder / "lidar_maps.webp")
+    draw_maps(front, folder / "lidar_maps.png")
 
 
 def draw_points(roof: Any, path: Path) -> None:

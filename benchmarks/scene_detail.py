@@ -100,7 +100,7 @@ def one_level(arguments: argparse.Namespace) -> None:
     from camera_lidar import Camera, Lidar
     from scarl_sionna.core.pose import Pose
     from scarl_sionna.core.specs.camera import CameraSpec
-    from scarl_sionna.core.specs.lidar import LidarSpec
+    from scarl_sionna.core.specs.lidar.spec import LidarSpec
 
     warnings.simplefilter("ignore")
     with Clock() as clock:

@@ -22,9 +22,9 @@ from .core.settings.weather_echoes import WeatherEchoSettings
 from .core.specs.atmosphere import Atmosphere
 from .core.specs.camera import BrownConrady, CameraSpec, ImageSensor, KannalaBrandt, Pinhole
 from .core.specs.interferer import Interferer
-from .core.specs.lidar import LidarSpec
-from .core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, TableScan
-from .core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
+from .core.specs.lidar.pattern import RasterScan, RisleyScan, SpinningScan, TableScan
+from .core.specs.lidar.receiver import HeterodyneReceiver, PulsedReceiver, ScarlReceiver
+from .core.specs.lidar.spec import LidarSpec
 from .core.specs.lighting import Lighting
 from .core.specs.radar.antennas.element import AntennaElement
 from .core.specs.radar.antennas.fan import FanPattern
@@ -173,6 +173,7 @@ __all__ = [
     "PointStatistics",
     "PointTable",
     "Pose",
+    "PulsedReceiver",
     "RadarFrame",
     "RadarClusters",
     "RadarNetwork",

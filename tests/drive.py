@@ -15,7 +15,7 @@ from scarl_sionna.core.pose import CAMERA_OPTICAL_FROM_SENSOR, Pose, Twist
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.semantics import SEMANTIC_COLORS, semantic_id
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.dataset.formats.source import FrameSource, SceneFrames
 from scarl_sionna.fusion import Rig, SensorMount, count_labels

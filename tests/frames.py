@@ -9,7 +9,7 @@ import numpy as np
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.dataset.codec import decode_depth
 from scarl_sionna.fusion import Rig, SensorMount

@@ -26,7 +26,7 @@ from typing import Literal
 
 from scarl_sionna.batch import ExportSettings, export
 from scarl_sionna.core.errors import DatasetError
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.dataset import StoreOptions
 from scarl_sionna.dataset.verify import verify
 from scarl_sionna.fusion import Rig, SensorMount

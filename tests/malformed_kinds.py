@@ -345,7 +345,7 @@ def _write_numbers(folder: Path) -> None:
 
 def _read_numbers(folder: Path) -> object:
     from scarl_sionna.core.errors import ScarlError
-    from scarl_sionna.core.specs.lidar_pattern import TableScan
+    from scarl_sionna.core.specs.lidar.pattern import TableScan
     from scarl_sionna.radar.scatterers.model import ScattererModel
 
     errors: list[ScarlError] = []

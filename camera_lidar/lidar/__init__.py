@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from .beam import beam_radius
+from .detections import Detections
 from .heterodyne import (
-    Detections,
     detection_probability,
     estimate_beats,
     frequency_deviation,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.specs.lidar_receiver import ScarlReceiver
+from scarl_sionna.core.specs.lidar.receiver import ScarlReceiver
 
 from .returns import Echoes
 

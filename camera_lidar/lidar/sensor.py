@@ -12,21 +12,24 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.core.specs.atmosphere import Atmosphere
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver, PulsedReceiver, ScarlReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.rays.placement import check_placement
 from scarl_sionna.engine.spray import SprayCloud, spray_clouds
 from scarl_sionna.engine.world import WorldState
 from scarl_sionna.scene.tables import PartTable
 
-from .heterodyne import NO_ECHO, Detections, estimate_beats, receive_heterodyne, synthesize_beats
+from .detections import NO_ECHO, Detections
+from .heterodyne import estimate_beats, receive_heterodyne, synthesize_beats
 from .heterodyne.air import AirPeaks
-from .heterodyne.spray import FreePaths, dim_echoes, spray_peaks
+from .heterodyne.spray import spray_peaks
 from .motion import Motion, sensor_motion, shot_rays, to_timestamp
 from .pattern import shot_directions, shot_times
+from .pulsed import density_of_shots, estimate_waveforms, receive_pulsed, spray_cells, synthesize_waveforms
 from .receiver import Slots, receive
 from .returns import MIRRORED, Cast, Echoes, Shots, gather, join, place_in_group, trace
 from .rolling import RollingCaster
+from .spray import FreePaths, dim_echoes
 
 Array = npt.NDArray[np.float64]
 
@@ -35,7 +38,7 @@ RAYS_AT_ONCE = 1 << 20
 
 
 class Lidar:
-    """A scanning coherent lidar.
+    """A scanning lidar, coherent or pulsed.
 
     Parameters
     ----------
@@ -57,8 +60,9 @@ class Lidar:
             Sensor frame (x forward, y left, z up) at the state's time; its velocity enters the radial velocity and the
             motion during the scan.
         rng : numpy.random.Generator
-            All randomness of the receiver; the moments stand at :func:`camera_lidar.lidar.receiver.receive` and
-            :func:`camera_lidar.lidar.heterodyne.receive_heterodyne`.
+            All randomness of the receiver; the moments stand at :func:`camera_lidar.lidar.receiver.receive`,
+            :func:`camera_lidar.lidar.heterodyne.receive_heterodyne` and
+            :func:`camera_lidar.lidar.pulsed.receive_pulsed`.
 
         Raises
         ------
@@ -85,8 +89,11 @@ class Lidar:
         echoes = dim_echoes(self._trace(state, _caster(state, motion, times), shots), clouds, origins, directions)
         returns = gather(spec, echoes)
         wind = np.array([*state.world.weather.wind, 0.0])
+        if isinstance(spec.receiver, PulsedReceiver):
+            found, waveform = self._receive_pulses(echoes, returns, shots, clouds, parts, rng)
+            return replace(self._scan(mount.pose, motion, parts, returns, found), waveform=waveform)
         found, beats = self._receive(echoes, returns, shots, clouds, wind, rng)
-        return self._scan(mount.pose, motion, parts, returns, found, beats)
+        return replace(self._scan(mount.pose, motion, parts, returns, found), beat_signal=beats)
 
     def _trace(self, state: WorldState, cast: Cast, shots: Shots) -> Echoes:
         spec = self.spec
@@ -125,11 +132,32 @@ class Lidar:
             return estimate_beats(spec, beats, returns), beats
         spray: list[AirPeaks] = []
         if clouds:
-            nearest = np.full(spec.num_shots, np.inf)
-            np.minimum.at(nearest, echoes.shot, echoes.distance)
-            paths = FreePaths(shots.origins, shots.directions, air_velocity, nearest)
-            spray = spray_peaks(spec, clouds, paths, rng.spawn(1)[0])
+            spray = spray_peaks(spec, clouds, self._free_paths(echoes, shots, air_velocity), rng.spawn(1)[0])
         return receive_heterodyne(spec, returns, air_velocity, rng, spray), None
+
+    def _receive_pulses(
+        self,
+        echoes: Echoes,
+        returns: Echoes,
+        shots: Shots,
+        clouds: tuple[SprayCloud, ...],
+        parts: PartTable,
+        rng: np.random.Generator,
+    ) -> tuple[Detections, npt.NDArray[np.float32] | None]:
+        spec, receiver = self.spec, self.spec.receiver
+        assert isinstance(receiver, PulsedReceiver)
+        density = density_of_shots(spec, returns, parts.lidar_reflectance)
+        still = np.zeros(spec.num_shots)  # a pulse does not tell how the drops move
+        spray = spray_cells(spec, clouds, self._free_paths(echoes, shots, still)) if clouds else ()
+        if receiver.raw_signal:
+            waveform = synthesize_waveforms(spec, echoes, density, rng, spray)
+            return estimate_waveforms(spec, waveform, density, returns), waveform
+        return receive_pulsed(spec, returns, density, rng, spray), None
+
+    def _free_paths(self, echoes: Echoes, shots: Shots, air_velocity: Array) -> FreePaths:
+        nearest = np.full(self.spec.num_shots, np.inf)
+        np.minimum.at(nearest, echoes.shot, echoes.distance)
+        return FreePaths(shots.origins, shots.directions, air_velocity, nearest)
 
     def _scan(
         self,
@@ -138,7 +166,6 @@ class Lidar:
         parts: PartTable,
         returns: Echoes,
         found: Detections,
-        beats: npt.NDArray[np.complex64] | None,
     ) -> LidarScan:
         spec = self.spec
         surface = found.echo != NO_ECHO
@@ -175,7 +202,6 @@ class Lidar:
             return_index=place_in_group(found.shot).astype(np.uint8),
             reflectance=of_surface(parts.lidar_reflectance[part], np.float32),
             cnr=found.cnr.astype(np.float32),
-            beat_signal=beats,
         )
 
 

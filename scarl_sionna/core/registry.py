@@ -18,7 +18,7 @@ from .settings.radar import RadarSettings
 from .settings.radio import RadioSettings
 from .spec import FieldValue, Spec
 from .specs.camera import CameraSpec
-from .specs.lidar import LidarSpec
+from .specs.lidar.spec import LidarSpec
 from .specs.radar.closed.device import ClosedRadarSpec
 from .specs.radar.scanning.spec import ScanningRadarSpec
 from .specs.radar.spec import RadarSpec

@@ -18,7 +18,7 @@ from .prompt.pictures import thumbnail
 from .scans.radar import RadarScan
 from .semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS
 from .specs.camera import CameraSpec
-from .specs.lidar import LidarSpec
+from .specs.lidar.spec import LidarSpec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -135,7 +135,8 @@ class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velo
     distance : ndarray of float32, shape (num_points,)
         Along the ray [m].
     radial_velocity : ndarray of float32, shape (num_points,)
-        Positive when opening; from the target's and the sensor's motion [m/s]. NaN where a single chirp cannot tell.
+        Positive when opening; from the target's and the sensor's motion [m/s]. NaN where a
+        single chirp or a pulse cannot tell.
     intensity : ndarray of float32, shape (num_points,)
         Received power relative to a normally hit white diffuser at 1 m without atmosphere; a heterodyne receiver adds
         speckle and noise to it.
@@ -151,10 +152,12 @@ class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velo
     reflectance : ndarray of float32, shape (num_points,)
         Diffuse reflectance of the surface at the lidar's wavelength.
     cnr : ndarray of float32, shape (num_points,)
-        Measured carrier-to-noise ratio of the beat after the transform of one chirp, linear; NaN if the receiver has
-        none.
+        Measured carrier-to-noise ratio of the beat after the transform of one chirp, of a pulse its squared peak over
+        the noise's variance, linear; NaN if the receiver has none.
     beat_signal : ndarray of complex64, shape (num_shots, 2, num_samples), or None
         Up and down chirp of every shot in units of the noise's standard deviation a sample; only on request.
+    waveform : ndarray of float32, shape (num_shots, num_samples), or None
+        Filtered output of a pulsed receiver over time, in photoelectrons of the pulse's peak; only on request.
     object_points : ndarray of int32, shape (num_objects,), or None
         Returns of each object, in the order of `Frame.objects`.
     """
@@ -175,6 +178,7 @@ class LidarScan(Described, units={"position": "m", "distance": "m", "radial_velo
     reflectance: npt.NDArray[np.float32] | None = None
     cnr: npt.NDArray[np.float32] | None = None
     beat_signal: npt.NDArray[np.complex64] | None = None
+    waveform: npt.NDArray[np.float32] | None = None
     object_points: npt.NDArray[np.int32] | None = None
 
     @property

@@ -15,7 +15,7 @@ from scarl_sionna.core.errors import OutputError
 from scarl_sionna.core.results import ClosedRadarFrame, Frame, ImageFrame, LidarScan, ObjectState, RadarFrame
 from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.spec import Spec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 
 SCHEMA_VERSION = 3
 """Raised when a reader of the version before could not read, or would misread, what is written.
@@ -107,6 +107,7 @@ OBJECTS: tuple[Field, ...] = (
 
 LATER: Mapping[str, frozenset[str]] = {
     "objects": frozenset({"tight_center", "tight_size"}),
+    "lidar": frozenset({"waveform"}),
     "radio": frozenset({"small_mirror"}),
 }
 """Fields, by table, that datasets of the same schema version lack which were written before there were these."""
@@ -196,6 +197,7 @@ LIDAR: tuple[Field, ...] = (
         "",
         "up and down chirp of every shot, in units of the noise's standard deviation",
     ),
+    Field("waveform", "float32", ("shot", "sample"), "", "filtered output of a pulsed receiver, photoelectrons"),
     Field("object_points", "int32", (OBJECT,), "", "returns of the object"),
 )
 

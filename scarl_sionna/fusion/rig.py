@@ -21,8 +21,8 @@ from scarl_sionna.core.registry import lifted, settings_type, spec_type
 from scarl_sionna.core.settings.radar import QUALITIES, RadarSettings
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_pattern import RasterScan
+from scarl_sionna.core.specs.lidar.pattern import RasterScan
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.untrusted.checked import Table, Text, checked
 from scarl_sionna.core.untrusted.yaml_text import read_yaml

@@ -15,7 +15,7 @@ from scarl_sionna.cli import app
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.dataset import open_dataset
 from scarl_sionna.fusion import Rig, SensorMount

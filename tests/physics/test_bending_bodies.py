@@ -18,7 +18,7 @@ from examples.breathing_person import BREATH, BREATHS, Gltf, breathing, capsule,
 from scarl_sionna.core.errors import MeshError, ParameterRangeError, ScenarioError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.radar.pattern import IsotropicPattern
 from scarl_sionna.engine.load import load_scene, stage
 from scarl_sionna.engine.world import World

@@ -9,12 +9,13 @@ from camera_lidar.lidar import beam_radius, mean_cnr, noise_factor, received_pow
 from camera_lidar.lidar.heterodyne import estimate, receive_heterodyne
 from camera_lidar.lidar.heterodyne.beat import estimate_beats, synthesize_beats
 from camera_lidar.lidar.heterodyne.detection import beat_limits
-from camera_lidar.lidar.heterodyne.link import background_noise_ratio, full_scale_cnr, photon_energy, saturated
+from camera_lidar.lidar.heterodyne.link import background_noise_ratio, full_scale_cnr, saturated
+from camera_lidar.lidar.photons import photon_energy
 from camera_lidar.lidar.returns import Echoes
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.specs.atmosphere import Atmosphere, fog_extinction, rain_extinction
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from tests.oracles.coherent_lidar import C, H, Q, clipped_fundamental, gaussian_overlap, photoelectrons
 
 IDEAL = HeterodyneReceiver(thermal_current_density=0.0, intensity_noise_db=None, speckle=False)

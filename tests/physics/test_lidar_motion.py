@@ -15,8 +15,8 @@ from camera_lidar.lidar.rolling import RollingCaster
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_pattern import SpinningScan
+from scarl_sionna.core.specs.lidar.pattern import SpinningScan
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.world import World
 from tests.scenes import Thing, ball, box, plane, write_scene

@@ -11,8 +11,8 @@ from camera_lidar import Lidar
 from camera_lidar.lidar.scan import pane_reflectance, pane_transmittance
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_pattern import RasterScan
+from scarl_sionna.core.specs.lidar.pattern import RasterScan
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.load import load_scene
 from tests.scenes import Material, Thing, box, plane, write_scene
 

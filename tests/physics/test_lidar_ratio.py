@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from camera_lidar.lidar.heterodyne.spray import MEDIAN_VOLUME, backscatter_of, extinction_of
+from camera_lidar.lidar.spray import MEDIAN_VOLUME, backscatter_of, extinction_of
 from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.specs.atmosphere import Atmosphere, fog_extinction, rain_extinction, snow_extinction
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.lidar_ratio import (
     FOG_LIDAR_RATIO,
     SNOW_LIDAR_RATIO,

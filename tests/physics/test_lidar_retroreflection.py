@@ -11,7 +11,7 @@ from camera_lidar import Lidar
 from camera_lidar.lidar import return_intensity
 from scarl_sionna.core.errors import MaterialError
 from scarl_sionna.core.pose import Pose
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.weather import Weather
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.scene.materials.wet import WET_BEADS, WET_DARKENING

@@ -13,7 +13,7 @@ from camera_lidar.lidar import camera_maps, range_view, shot_directions
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.load import load_scene
 from tests.scenes import Material, Thing, ball, box, plane, write_scene
 

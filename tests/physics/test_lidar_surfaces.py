@@ -14,8 +14,8 @@ from scarl_sionna.core.errors import MaterialError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.world import World
 from tests.scenes import Material, Thing, box, plane, write_scene

@@ -11,7 +11,7 @@ import trimesh
 import scarl_sionna as ss
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.fusion import Rig, SensorMount
 from tests.scenes import Thing, box, plane, write_scene

@@ -7,13 +7,13 @@ import pytest
 
 from camera_lidar.camera.falling import add_falling
 from camera_lidar.lidar import Lidar
-from camera_lidar.lidar.heterodyne.spray import extinction_of
+from camera_lidar.lidar.spray import extinction_of
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.specs.atmosphere import Atmosphere, snow_extinction
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.weather import WEATHER_PRESETS, Spray, Weather, fog_water_of, visibility_of
 from scarl_sionna.engine.spray import spray_clouds
 from tests.weather_street import street

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
+from camera_lidar.lidar import Detections
 from camera_lidar.lidar.heterodyne import receive_heterodyne
 from camera_lidar.lidar.heterodyne.beat import estimate_beats, synthesize_beats
 from camera_lidar.lidar.heterodyne.detection import peaks_per_cell, threshold
 from camera_lidar.lidar.heterodyne.link import mean_cnr
-from camera_lidar.lidar.heterodyne.tones import Detections, Tones, paired
+from camera_lidar.lidar.heterodyne.tones import Tones, paired
 from camera_lidar.lidar.returns import Echoes
 from scarl_sionna.core.specs.atmosphere import Atmosphere
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from tests.oracles.foggy_lidar import Chirps, foggy_shots
 
 AIR_SPEED = -10.0

@@ -6,16 +6,22 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from camera_lidar.lidar import detection_probability, frequency_deviation, mean_cnr, range_deviation, velocity_deviation
+from camera_lidar.lidar import (
+    Detections,
+    detection_probability,
+    frequency_deviation,
+    mean_cnr,
+    range_deviation,
+    velocity_deviation,
+)
 from camera_lidar.lidar.heterodyne import receive_heterodyne
 from camera_lidar.lidar.heterodyne.air import air_profile
 from camera_lidar.lidar.heterodyne.beat import estimate_beats, synthesize_beats
 from camera_lidar.lidar.heterodyne.detection import threshold
-from camera_lidar.lidar.heterodyne.tones import Detections
 from camera_lidar.lidar.returns import Echoes
 from scarl_sionna.core.specs.atmosphere import Atmosphere
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from tests.oracles.coherent_lidar import fisher_frequency_deviation, joint_detection, marcum_tail
 
 NUM = 100_000

@@ -8,7 +8,7 @@ import pytest
 
 from camera_lidar.lidar.receiver import Slots, receive
 from camera_lidar.lidar.returns import Echoes
-from scarl_sionna.core.specs.lidar_receiver import ScarlReceiver
+from scarl_sionna.core.specs.lidar.receiver import ScarlReceiver
 
 NUM = 200_000
 SPEC = ScarlReceiver()

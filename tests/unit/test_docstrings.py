@@ -31,7 +31,7 @@ FURTHER = (
     "scarl_sionna.scene.motion.trajectory", "scarl_sionna.scene.materials.table", "scarl_sionna.radar.weather.clutter",
     "camera_lidar.lidar.heterodyne.link", "camera_lidar.lidar.heterodyne.detection", "camera_lidar.lidar.returns",
     "camera_lidar.lidar.heterodyne.statistical", "camera_lidar.lidar.heterodyne.air", "camera_lidar.lidar.beam",
-    "camera_lidar.lidar.heterodyne.tones", "camera_lidar.lidar.heterodyne.beat", "camera_lidar.lidar.heterodyne.spray",
+    "camera_lidar.lidar.heterodyne.tones", "camera_lidar.lidar.heterodyne.beat", "camera_lidar.lidar.spray",
 )  # fmt: skip # a table
 """Modules that users call by their own name."""
 LEAST = 0.9

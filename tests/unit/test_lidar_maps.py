@@ -13,7 +13,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.results import LidarScan
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 
 SPEC = LidarSpec(azimuth_fov_deg=(-30, 30), elevation_fov_deg=(-10, 10), num_azimuth=3, num_elevation=2)
 CAMERA = CameraSpec(width=100, height=60, horizontal_fov_deg=90.0)  # focal length 50 px

@@ -8,7 +8,7 @@ import pytest
 from camera_lidar.lidar.pattern import shot_directions
 from camera_lidar.lidar.scan import radial_velocity, return_intensity
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 
 
 def test_raster_runs_from_the_first_azimuth_line_by_line_from_the_lowest() -> None:

@@ -14,7 +14,7 @@ from scarl_sionna.core.errors import PlacementError
 from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose, Twist
 from scarl_sionna.core.results import LidarScan
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.engine.world import WorldState
 from tests.scenes import Thing, box, plane, write_scene

@@ -10,9 +10,9 @@ import pytest
 
 from camera_lidar.lidar import shot_directions, shot_times, threshold
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
-from scarl_sionna.core.specs.lidar import MAX_RAW_BYTES, LidarSpec
-from scarl_sionna.core.specs.lidar_pattern import RasterScan, RisleyScan, SpinningScan, TableScan
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver, ScarlReceiver
+from scarl_sionna.core.specs.lidar.pattern import RasterScan, RisleyScan, SpinningScan, TableScan
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver, ScarlReceiver
+from scarl_sionna.core.specs.lidar.spec import MAX_RAW_BYTES, LidarSpec
 
 
 def degrees(spec: LidarSpec) -> tuple[np.ndarray, np.ndarray]:

@@ -401,9 +401,10 @@ def test_every_field_of_the_made_frame_is_there() -> None:
     """The round trip above is worth something only if no optional field is left out.
 
     Those of other radars are in tests/integration/test_interference_export.py: only a rig with interferers has them.
+    The waveforms of a pulsed lidar are in tests/unit/test_pulsed_lidar.py.
     """
     results = FRAMES[0].results
-    elsewhere = {"interference_hit", "interference_power"}
+    elsewhere = {"interference_hit", "interference_power", "waveform"}
     for name in ("front/camera", "front/lidar", "radar"):
         own = [item.name for item in fields(results[name]) if item.name not in elsewhere]
         assert all(getattr(results[name], item) is not None for item in own), name

@@ -13,11 +13,8 @@ from .detection import (
 )
 from .link import mean_cnr, noise_factor, received_power
 from .statistical import estimate, receive_heterodyne
-from .tones import NO_ECHO, Detections
 
 __all__ = [
-    "NO_ECHO",
-    "Detections",
     "detection_probability",
     "estimate",
     "estimate_beats",

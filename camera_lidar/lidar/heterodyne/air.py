@@ -12,13 +12,14 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from camera_lidar.lidar.detections import NO_ECHO
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .detection import UNIFORM_CELL_CNR, frequency_deviation, peaks_per_cell, threshold
 from .link import mean_cnr
-from .tones import NO_ECHO, Tones, fold
+from .tones import Tones, fold
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from camera_lidar.lidar.detections import NO_ECHO, Detections, keep_strongest, match
 from camera_lidar.lidar.returns import Echoes, join
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .air import air_profile
 from .detection import beat_limits, threshold
 from .link import full_scale_cnr, mean_cnr
-from .tones import NO_ECHO, Detections, Tones, fold, keep_strongest, paired
+from .tones import Tones, fold, paired
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -28,8 +29,6 @@ _PADDING = 4
 looked for."""
 _REFINEMENTS = (0.25, 0.1, 0.02)
 """Half widths of the parabolas through the power's logarithm by which a peak is found [lines], one after the other."""
-_MATCH_CELLS = 2.0
-"""A detection belongs to the return that lies within so many resolution cells of it in both beats."""
 
 
 def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, rng: np.random.Generator) -> Signal:
@@ -168,7 +167,7 @@ def estimate_beats(spec: LidarSpec, signal: Signal, returns: Echoes) -> Detectio
                 nothing = np.full(len(shot), NO_ECHO)
                 chirps[chirp].append(Tones(shot + start, sign * tone[0][shot], tone[1][shot] + 1.0, nothing))
     found = keep_strongest(paired(spec, join(chirps[0]), join(chirps[1])), spec.max_returns)
-    return replace(found, echo=_match(spec, found, returns))
+    return replace(found, echo=match(spec, found, returns))
 
 
 Tone = tuple[Array, Array, npt.NDArray[np.bool_]]
@@ -223,20 +222,3 @@ def _coefficient(signal: npt.NDArray[np.complex128], place: Array, sample: Index
     """Return the Fourier coefficient of each signal at its own place in lines of the transform."""
     turn = np.exp(-2j * np.pi * np.mod(place[:, None] / len(sample) * sample, 1.0))
     return np.einsum("ns,ns->n", turn, signal)
-
-
-def _match(spec: LidarSpec, found: Detections, returns: Echoes) -> Index:
-    """Return the nearest return of the same shot, in cells of range and of velocity resolution, or `NO_ECHO`."""
-    echo = np.full(len(found.shot), NO_ECHO)
-    best = np.full(len(found.shot), _MATCH_CELLS)
-    first, stop = (np.searchsorted(returns.shot, found.shot, side=side) for side in ("left", "right"))
-    for place in range(int((stop - first).max(initial=0))):
-        row = np.flatnonzero(first + place < stop)
-        candidate = first[row] + place
-        away = np.maximum(
-            np.abs(returns.distance[candidate] - found.distance[row]) / spec.range_resolution,
-            np.abs(returns.radial_velocity[candidate] - found.radial_velocity[row]) / spec.velocity_resolution,
-        )
-        nearer = away < best[row]
-        echo[row[nearer]], best[row[nearer]] = candidate[nearer], away[nearer]
-    return echo

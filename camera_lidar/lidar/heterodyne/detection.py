@@ -16,8 +16,8 @@ from scipy.special import gammaincc
 from scipy.stats import ncx2
 
 from scarl_sionna.core.errors import ParameterRangeError
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 Array = npt.NDArray[np.float64]

@@ -13,26 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from camera_lidar.lidar.beam import beam_radius
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
-from scarl_sionna.core.units import BOLTZMANN, SPEED_OF_LIGHT
+from camera_lidar.lidar.photons import ELEMENTARY_CHARGE, SUN_TEMPERATURE, photon_energy
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
+from scarl_sionna.core.units import BOLTZMANN
 
 Array = npt.NDArray[np.float64]
-
-PLANCK = 6.626_070_15e-34
-"""Planck constant [J s] (SI, exact)."""
-ELEMENTARY_CHARGE = 1.602_176_634e-19
-"""Elementary charge [C] (SI, exact)."""
-SUN_TEMPERATURE = 5772.0
-"""Effective temperature of the sun [K] (IAU 2015 Resolution B3)."""
-
-
-def photon_energy(wavelength: float) -> float:
-    """Return the energy of a photon [J] at a wavelength [m].
-
-    By definition, h c / wavelength (SI 2019, exact constants).
-    """
-    return PLANCK * SPEED_OF_LIGHT / wavelength
 
 
 def received_power(spec: LidarSpec, intensity: npt.ArrayLike, distance: npt.ArrayLike) -> Array:

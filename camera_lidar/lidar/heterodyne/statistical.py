@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaincc, gammainccinv
 
+from camera_lidar.lidar.detections import NO_ECHO, Detections, keep_strongest
 from camera_lidar.lidar.returns import Echoes, join, place_in_group
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .air import AirPeaks, air_tones, weather_peaks
@@ -27,7 +28,7 @@ from .detection import (
     threshold,
 )
 from .link import mean_cnr, saturated
-from .tones import NO_ECHO, Detections, Tones, fold, from_beats, keep_strongest, paired, single
+from .tones import Tones, fold, from_beats, paired, single
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

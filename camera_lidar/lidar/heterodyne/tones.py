@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from camera_lidar.lidar.returns import place_in_group, take
-from scarl_sionna.core.specs.lidar import LidarSpec
-from scarl_sionna.core.specs.lidar_receiver import HeterodyneReceiver
+from camera_lidar.lidar.detections import NO_ECHO, Detections
+from camera_lidar.lidar.returns import place_in_group
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .detection import beat_limits
@@ -17,36 +18,6 @@ from .link import mean_cnr
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
-
-NO_ECHO = -1
-"""Echo of a detection that is not from one surface: fog, rain, noise, or tones of two surfaces taken for one."""
-
-
-@dataclass(frozen=True, eq=False)
-class Detections:
-    """What a receiver reports, by shot and distance.
-
-    Attributes
-    ----------
-    shot : ndarray of int64, shape (num_detections,)
-    echo : ndarray of int64, shape (num_detections,)
-        Row of the returns that it comes from, or `NO_ECHO`.
-    distance : ndarray of float64, shape (num_detections,)
-        Measured [m].
-    radial_velocity : ndarray of float64, shape (num_detections,)
-        Measured [m/s]; NaN for a single chirp.
-    cnr : ndarray of float64, shape (num_detections,)
-        Measured carrier-to-noise ratio, linear.
-    intensity : ndarray of float64, shape (num_detections,)
-        Measured, in the unit of the returns.
-    """
-
-    shot: Index
-    echo: Index
-    distance: Array
-    radial_velocity: Array
-    cnr: Array
-    intensity: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,22 +109,6 @@ def from_beats(spec: LidarSpec, up: Array, down: Array) -> tuple[Array, Array, n
     velocity = spec.wavelength / 4.0 * (up + down)
     valid = (distance > 0.0) & (distance <= spec.max_distance) & (np.abs(velocity) <= receiver.max_velocity)
     return distance, velocity, valid
-
-
-def keep_strongest(found: Detections, number: int) -> Detections:
-    """Return the `number` strongest detections of each shot, by shot and distance."""
-    order = np.argsort(found.shot, kind="stable")  # fast: all but a few are in order
-    shot = found.shot[order]
-    equal = np.flatnonzero(np.diff(shot) == 0)
-    if equal.size == 0:
-        return take(found, order)
-    shared = np.zeros(order.size, dtype=bool)
-    shared[equal] = shared[equal + 1] = True
-    rows = order[shared]
-    rows = rows[np.lexsort((-found.cnr[rows], found.shot[rows]))]
-    rows = rows[place_in_group(found.shot[rows]) < number]
-    kept = np.concatenate([order[~shared], rows])
-    return take(found, kept[np.lexsort((found.distance[kept], found.shot[kept]))])
 
 
 def _strongest(tones: Tones, number: int) -> tuple[Index, Index]:

@@ -54,7 +54,7 @@ _SHOWN_OF_KIND = {
 }
 """What is read of a sensor where nothing is asked for."""
 _BOX_ITEMS = ("boxes", "box_semantic", "box_instance")
-_FIXED_LENGTH = ("beat_signal",)
+_FIXED_LENGTH = ("beat_signal", "waveform")
 
 
 @dataclass(frozen=True)

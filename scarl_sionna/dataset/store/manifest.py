@@ -16,7 +16,7 @@ from scarl_sionna.core.errors import DatasetError, ParameterRangeError
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SEMANTIC_COLORS
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.specs.radar.waveform import Fmcw
 from scarl_sionna.core.untrusted.checked import checked

@@ -13,7 +13,7 @@ from scarl_sionna.core.prompt.axes import axes_or_new
 from scarl_sionna.core.results import ObjectState
 from scarl_sionna.core.spec import Spec
 from scarl_sionna.core.specs.camera import CameraSpec
-from scarl_sionna.core.specs.lidar import LidarSpec
+from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 
 from .ground import View, actor_color, ground_picture
