@@ -1,10 +1,11 @@
 """Recordings of a real radar, read and processed by this project, beside the same radar simulated.
 
 python benchmarks/validation/captures.py FOLDER [--figure docs/figures/captures.png]
+python benchmarks/validation/captures.py FOLDER --fit "new data"         the preset's `Adc.response`
 
 FOLDER: ``pipe-no-vibration-1000-1-256-1`` of the public project OnurhanTALAN/mmwave-signal-processing, five recordings
 of an AWR1642 with mmWave Studio's logs (4 MB each; none of them is in this repository). The preset `awr1642` was fitted
-to three other recordings of that project, of another day.
+to three other recordings of that project, of another day, in its folder ``new data``.
 """
 
 from __future__ import annotations
@@ -32,6 +33,12 @@ BINS = (0, 5, 20, 60, 120, 200)
 """Range bins at which the noise floor is compared."""
 TARGET_BINS = slice(5, 40)
 """Where the target is looked for: behind the leakage, in the room."""
+
+
+FITTED = ("pipe", "phone", "vantilator")
+"""Recordings of ``new data`` that the preset is fitted to, each without vibration."""
+KNOTS = (0, 2, 5, 10, 15, 20, 25, *range(28, 229, 4), 232, 235, 238, 240, 242, 244, 246, 248, 250, 253)
+"""Range bins between which the response of the converter is linear, in decibels; the pass band ripples every 16."""
 
 
 class Look(NamedTuple):
@@ -83,12 +90,16 @@ def recorded(folder: Path) -> tuple[ss.RadarSpec, list[Look]]:
     return burst.radar, found
 
 
+def preset_like(like: ss.RadarSpec) -> ss.RadarSpec:
+    """Return the preset with one transmitter and the chirps of the recordings."""
+    fields = ("num_chirps", "idle_time", "ramp_time", "bandwidth", "adc_start_time", "sampling_frequency")
+    chirps = {name: getattr(like.waveform, name) for name in fields}
+    return ss.RadarSpec.preset("awr1642").with_(tx_positions=((0.0, 0.0, 0.0),), **chirps)
+
+
 def simulated(like: ss.RadarSpec, seen: Sequence[Look]) -> list[Look]:
     """Return the same bursts by the preset: a point where the target stands, as strong as it was."""
-    wave = like.waveform
-    preset = ss.RadarSpec.preset("awr1642")
-    fields = ("num_chirps", "idle_time", "ramp_time", "bandwidth", "adc_start_time", "sampling_frequency")
-    radar = preset.with_(tx_positions=((0.0, 0.0, 0.0),), **{name: getattr(wave, name) for name in fields})
+    radar = preset_like(like)
     found, rcs = [], 1.0
     for number, one in enumerate(seen):
         for _ in range(2):  # the level is linear in the cross-section: the second time it is the recorded one
@@ -100,6 +111,35 @@ def simulated(like: ss.RadarSpec, seen: Sequence[Look]) -> list[Look]:
             rcs *= float(one.power[:, one.target].mean() / this.power[:, one.target].mean())
         found.append(this)
     return found
+
+
+def response(like: ss.RadarSpec, log: Path, folder: Path, bursts: int = 8) -> list[tuple[int, float]]:
+    """Return the preset's `Adc.response` by range bin [dB]: noise floors of the three recordings, by least squares.
+
+    Their own log is of other chirps: `log` is that of a later recording, of as many samples as fast. The median of the
+    three, since the phone moved; 0 dB in the mean of bins 100 to 200, whose level full scale makes.
+    """
+    floors = []
+    for name in FITTED:
+        file = folder / f"{name}-no-vibration-256adc-1chirp-1000frames-1ms.bin"
+        codes = ss.read_capture(file, "dca1000", config=log).burst()[0].adc_int.astype(np.float64)
+        floors.append(look(codes[..., 0] + 1j * codes[..., 1]).floor)
+    silent = ss.point_targets([[2.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 1e-6, preset_like(like), Pose())
+    count = like.num_samples
+    basis = np.stack([np.interp(np.arange(count), KNOTS, row, period=count) for row in np.eye(len(KNOTS))], axis=1)
+    gain = np.zeros(len(KNOTS))
+    for _ in range(3):  # the window smears notches, so one step does not reach them
+        points = tuple((knot / count, float(value)) for knot, value in zip(KNOTS, gain, strict=True))
+        radar, made = preset_like(like).with_(response=points), []
+        for number in range(bursts):
+            rng = np.random.default_rng(number)
+            codes = ss.quantize(ss.synthesize(silent, radar, rng), radar, rng)[0].astype(np.float64)
+            made.append(look(codes[..., 0] + 1j * codes[..., 1]).floor)
+        missing = np.median(decibels(np.array(floors) / np.mean(made, axis=0)), axis=0)
+        level = missing[100:200].mean()
+        gain = gain + np.linalg.lstsq(basis, missing - level, rcond=None)[0]
+    print(f"level of bins 100 to 200 over the preset's: {level:.2f} dB")
+    return [(knot, round(float(value), 1)) for knot, value in zip(KNOTS, gain, strict=True)]
 
 
 def decibels(power: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -136,16 +176,7 @@ WHAT = {
     "phase": ("phase from chirp to chirp over what the noise gives", "1"),
 }
 """Quantity and unit of each row."""
-NEAR_ZERO = (
-    "the recorded floor falls by 1.5 dB from 0.8 to 5 MHz in all eight recordings, also where nothing moves; "
-    "white noise behind two high passes and a low pass of order 1 to 4 does not, fitted to the rest of the band within "
-    "0.2 to 0.3 dB"
-)
 WHY = {
-    "fall": NEAR_ZERO,
-    "rise": NEAR_ZERO,
-    "edge": "the device's decimation filter leaves nothing from 9.2 to 9.7 MHz; here filters of positive and negative "
-    "beat frequencies go over into each other in the upper fifth of the band, where no target is processed",
     "channels": "1.8 to 4.3 dB among five recordings of one device, 0.8 to 2.1 among the three fitted to: echoes of "
     "the room in the target's cell, not gains of channels, which stay",
     "phase": "1 % and more above the noise in the recordings: something moves or drifts by a tenth of a milliradian, "
@@ -208,7 +239,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--figure", type=Path)
+    parser.add_argument("--fit", type=Path, metavar="FOLDER", help="print the preset's response, nothing else")
     arguments = parser.parse_args()
+    if arguments.fit is not None:
+        print(response(recorded(arguments.folder)[0], arguments.folder / "LogFile_0.txt", arguments.fit))
+        return
     run("captures", functools.partial(rows, arguments.folder))
     if arguments.figure is not None:
         draw(arguments.folder, arguments.figure)

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import scarl_sionna as ss
 from benchmarks.measured_rcs import FAR_SETTINGS, alone, azimuths
-from benchmarks.validation.people import mean_db, powers
+from benchmarks.validation.people import by_sector, mean_db, powers, run_of
 from benchmarks.validation.vehicles import SECTORS, in_sector, lobe
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.radar.rcs import actor_parts, load_body, scattering_matrix
@@ -42,8 +42,17 @@ def people(folder: Path) -> None:
 def bicycle(folder: Path) -> None:
     """Print a bicycle near broadside, finely and from three distances."""
     world = alone("bicycle", "light", STANDS, folder)
-    found = 10.0 * np.log10(powers(world, 0.0, np.radians(np.arange(84.0, 96.01, 0.5)), 10.0)[:, 0])
-    print("84 to 96 deg, every half degree:", mean_db(found), "largest", round(found.max(), 1), "dBsm")
+    kept = run_of("bicycle", "light")
+    aspect, level = np.asarray(kept["azimuth_deg"]), np.asarray(kept["rcs_dbsm"])
+    folded = np.minimum(np.abs(aspect - 90.0), np.abs(aspect - 270.0))
+    steps = np.arange(-5.75, 6.0, 0.5)
+    found = 10.0 * np.log10(powers(world, 0.0, np.radians(np.r_[90.0 + steps, 270.0 + steps]), 10.0)[:, 0])
+    print(
+        "within 6 deg of both broadsides, every half degree:", mean_db(found), "largest", round(found.max(), 1), "dBsm"
+    )
+    flash, wings = 10.0 ** (mean_db(found) / 10.0), np.mean(10.0 ** (level[(folded > 6.0) & (folded <= 30.0)] / 10.0))
+    side = 10.0 * np.log10(0.2 * flash + 0.8 * wings)
+    print("side over oblique:", round(side - by_sector(aspect, level)["oblique"], 2), "dB")
     for distance in (10.0, 30.0, 100.0):
         found = 10.0 * np.log10(powers(world, 0.0, np.radians(np.arange(88.5, 91.6, 0.25)), distance)[:, 0])
         print(f"within 1.5 deg, {distance:g} m: largest {found.max():.1f} dBsm")

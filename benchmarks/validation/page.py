@@ -40,7 +40,7 @@ NOTHING = {
     "azimuth resolution of TI's cascade": "its definition was not found",
     "micro-Doppler spans of walkers and wheels": "no measured number was found; against kinematics in "
     "[micro-Doppler](micro_doppler.md)",
-    "RadarScenes' RCS against range, points per object, misses of nuScenes": "asks for a dataset of the simulator: "
+    "RadarScenes' RCS and points per object against range, misses of nuScenes": "asks for a dataset of the simulator: "
     "`scarl-sionna stats` sets them [side by side](statistics.md)",
 }
 

@@ -20,7 +20,6 @@ class Source:
 _SURVEY = "second hand: elliott-dp/drone-companion, radar_dsp_ml_survey.md, Part H"
 _MATHWORKS = "second hand: tabled in MathWorks' bicyclistrcs.m"
 _WENGERTER = "second hand: thomaswengerter/FMCW_Radar_Target_Simulator"
-_OURS = "second hand: cited so in scene/materials/materials.toml"
 _ACCONEER = "Acconeer handbook, radar_principles.rst, values collected there from databases; 60 GHz, real part only"
 
 SOURCES = {
@@ -50,7 +49,11 @@ SOURCES = {
         "simulated by others",
         "second hand",
     ),
-    "owda": Source("Owda, Salmon, Sensors, 2020", "measured", "second hand: elliott-dp/drone-companion, survey B.12"),
+    "owda": Source(
+        "Owda, Salmon, Sensors, 2020 (50 people); 0.606 of 60 people in their paper of SPIE Security + Defence, 2020",
+        "measured",
+        "abstracts",
+    ),
     "belgiovane": Source("Belgiovane, Chen, EuCAP 2016, bicycle with rider", "measured", _MATHWORKS),
     "bicyclist": Source("T. Wengerter, Bicyclist.m, called measured there, +-3 dB", "measured", _WENGERTER),
     "geary": Source("Geary, motorcycle, as quoted by T. Wengerter in Bicyclist.m, +-3 dB", "measured", _WENGERTER),
@@ -71,7 +74,11 @@ SOURCES = {
         "bumper samples in W band, free space, 2015 (SafetyLit citjournalarticle_771166_9)", "measured", "abstract"
     ),
     "acconeer": Source("Acconeer handbook", "compiled", _ACCONEER),
-    "zhekov": Source("Zhekov, Franek, Pedersen, IEEE Antennas Propag. Mag., 2020", "measured", _OURS),
+    "zhekov": Source(
+        "Zhekov, Franek, Pedersen, IEEE Antennas Propag. Mag., 2020: 0.2 to 67 GHz, at 77 GHz by their Cole-Cole model",
+        "measured",
+        "abstract; second hand: indices of refraction in OpenMATERIAL, issue 10",
+    ),
     "foliage_73": Source("Rappaport, Deng, 73 GHz foliage, IEEE ICC Workshops 2015", "measured", "abstract"),
     "foliage_80": Source("Zavorka et al., IEEE Access, 2024, tree in leaf against bare", "measured", "abstract"),
     "birmingham": Source(

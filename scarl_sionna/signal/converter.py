@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+import scipy.fft
 
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.core.units import dbm_to_watt
@@ -46,6 +47,18 @@ def bow(values: npt.NDArray[np.float64], radar: RadarSpec) -> npt.NDArray[np.flo
     return np.asarray(values + radar.adc.inl_lsb * 1.5 * np.sqrt(3.0) * (share - share**3))
 
 
+def decimation(radar: RadarSpec, share: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return the amplitude that the converter's decimation leaves at shares of the sample rate, any shape.
+
+    `Adc.response`: gains in decibels, linear between its points. Periodic, since samples tell frequencies apart modulo
+    the sample rate; 1 where none is stated.
+    """
+    if not radar.adc.response:
+        return np.ones(np.shape(share))
+    places, gain_db = np.transpose(radar.adc.response)
+    return np.asarray(10.0 ** (np.interp(np.asarray(share, dtype=np.float64), places, gain_db, period=1.0) / 20.0))
+
+
 def quantize(
     adc: npt.NDArray[np.complexfloating], radar: RadarSpec, rng: np.random.Generator | None = None
 ) -> tuple[npt.NDArray[np.int16], float, int]:
@@ -53,7 +66,7 @@ def quantize(
 
     Parameters
     ----------
-    adc : ndarray of complex, any shape
+    adc : ndarray of complex, shape (..., num_samples)
         Beat signal [sqrt(W)].
     radar : RadarSpec
         Its converter has `bits` of each of I and Q; a tone of `full_scale_dbm` spans the whole range.
@@ -74,6 +87,9 @@ def quantize(
     -----
     Without clipping the error of I and of Q is uniform in +- half a step: its power is ``scale**2 / 6`` in all.
 
+    The noise of `enob` arises before the decimation, so `response` shapes it as it shapes the signal, as if each row
+    went on periodically; a filter that runs on differs over its own length at both ends.
+
     References
     ----------
     .. [1] W. R. Bennett, "Spectra of quantized signals", Bell Syst. Tech. J. 27(3), 1948.
@@ -85,6 +101,10 @@ def quantize(
     extra = converter_noise_power(radar) if rng is not None else 0.0
     if rng is not None and extra > 0.0:
         values += rng.normal(0.0, np.sqrt(0.5 * extra), values.shape)
+    if radar.adc.response:
+        gain = decimation(radar, np.arange(values.shape[-2]) / values.shape[-2])
+        rows = scipy.fft.ifft(scipy.fft.fft(values.view(np.complex128)[..., 0], axis=-1) * gain, axis=-1)
+        values = np.ascontiguousarray(rows)[..., None].view(np.float64)
     steps = np.rint(bow(values / scale, radar))
     if radar.adc.is_real:
         steps[..., 1] = 0.0

@@ -160,6 +160,37 @@ def test_noise_of_the_converter(bits, enob):
     assert 10 * np.log10(full_scale / np.mean(np.abs(error) ** 2)) == pytest.approx(expected, abs=0.15)
 
 
+RESPONSE = ((0.0, 0.0), (0.25, -1.5), (0.7, 0.5), (0.8, -12.0), (0.9, -6.0))
+
+
+def test_response_of_the_converter_weakens_tones_as_stated():
+    """Shares of the points, and 0.525: linear in decibels between them, -2.5 dB and 0.5 dB to 0.25 and 0.7."""
+    radar = RADAR.with_(response=RESPONSE)
+    n, amplitude = np.arange(400), np.sqrt(0.1 * dbm_to_watt(radar.adc.full_scale_dbm))
+    for share, gain_db in (*RESPONSE, (0.475, -0.5), (0.95, -3.0)):
+        tone = (amplitude * np.exp(2j * np.pi * share * n)).astype(np.complex64)
+        codes, scale, _ = ss.quantize(np.stack([tone, 2.0 * tone]), radar)
+        left = scale * (codes[..., 0] + 1j * codes[..., 1])
+        level = 20 * np.log10(np.abs((left * np.exp(-2j * np.pi * share * n)).mean(axis=1)) / amplitude)
+        assert level == pytest.approx([gain_db, gain_db + 20 * np.log10(2.0)], abs=0.01), share
+
+
+def test_response_of_the_converter_shapes_its_own_noise():
+    """Noise of `enob` arises before the decimation: 5 sigma of 4000 rows, a bin each."""
+    radar = RADAR.with_(response=RESPONSE, enob=9.0)
+    codes, scale, _ = ss.quantize(np.zeros((4000, 100), np.complex64), radar, np.random.default_rng(3))
+    power = (np.abs(np.fft.fft(scale * (codes[..., 0] + 1j * codes[..., 1]), axis=1)) ** 2).mean(axis=0) / 100
+    white = dbm_to_watt(radar.adc.full_scale_dbm) / (1.5 * 4.0**9)
+    for share, gain_db in RESPONSE:
+        assert power[round(100 * share)] == pytest.approx(white * 10 ** (gain_db / 10), rel=5.0 / np.sqrt(4000)), share
+
+
+@pytest.mark.parametrize("response", [((0.2, 0.0), (0.2, 1.0)), ((-0.1, 0.0),), ((0.0, 0.0), (1.0, 0.0))])
+def test_responses_that_are_none_are_refused(response):
+    with pytest.raises(ParameterRangeError, match="response"):
+        RADAR.with_(response=response)
+
+
 def test_third_harmonic_of_the_converter():
     radar = RADAR.with_(inl_lsb=8.0, bits=12)
     peak = 2047 * step_size(radar)

@@ -53,6 +53,23 @@ CASCADE = AntennaArray(
 RADIAL_RANGE = 103.0
 """Range of the radar of the RADIal dataset [m]: 512 bins (rpl.py: RangeBin / numSamplePerChirp * 103)."""
 
+AWR1642_RESPONSE = tuple(
+    (number / 256, gain)
+    for number, gain in (
+        (0, -0.2), (2, 0.0), (5, 1.2), (10, 1.5), (15, 1.5), (20, 2.2), (25, 1.1), (28, 1.0), (32, 1.1),
+        (36, 0.5), (40, 0.3), (44, 0.5), (48, 0.5), (52, -0.1), (56, 0.0), (60, 0.3), (64, 0.0), (68, -0.2),
+        (72, 0.2), (76, 0.1), (80, -0.3), (84, 0.0), (88, 0.2), (92, -0.1), (96, -0.4), (100, 0.1), (104, 0.1),
+        (108, -0.3), (112, 0.0), (116, 0.1), (120, -0.3), (124, -0.3), (128, 0.3), (132, -0.1), (136, -0.2),
+        (140, 0.0), (144, 0.2), (148, -0.1), (152, -0.1), (156, 0.3), (160, 0.0), (164, -0.1), (168, 0.2),
+        (172, 0.2), (176, -0.3), (180, 0.0), (184, 0.3), (188, -0.1), (192, -0.2), (196, 0.2), (200, 0.3),
+        (204, -0.2), (208, -0.1), (212, 0.2), (216, 0.0), (220, -0.4), (224, -0.1), (228, -0.2), (232, -1.3),
+        (235, -3.1), (238, -5.5), (240, -7.3), (242, -8.3), (244, -7.5), (246, -5.5), (248, -3.6), (250, -1.8),
+        (253, -1.2),
+    )
+)  # fmt: skip # a table
+"""What the band of an AWR1642 has beyond its high passes [dB], by range bin of 256: noise floors of three captures
+(benchmarks/validation/captures.py --fit). The notch lies between positive and negative beat frequencies."""
+
 PRESETS: Mapping[str, Mapping[str, Spec]] = {
     # Table 1 of SCaRL: the defaults of all parts
     "awr1843boost": {},
@@ -71,8 +88,9 @@ PRESETS: Mapping[str, Mapping[str, Spec]] = {
         ),
         "adc": Adc(bits=12),
     },
-    # Chirp, corners, leakage, levels of the channels, image, noise behind the filters and full scale are fitted to
-    # static captures of an AWR1642 (docs/front_end.md); power, noise figure and phase noise are as above
+    # Chirp, corners, leakage, levels of the channels, image, noise behind the filters, full scale and the response of
+    # the band are fitted to static captures of an AWR1642 (docs/front_end.md); power, noise figure and phase noise are
+    # as above
     "awr1642": {
         "waveform": Fmcw(bandwidth=29.982e12 * 25.6e-6, ramp_time=25.6e-6, num_samples=256, num_chirps=128),
         "array": AntennaArray(tx_positions=uniform_line(2, 4 * HALF_WAVE), rx_positions=uniform_line(4, HALF_WAVE)),
@@ -81,13 +99,13 @@ PRESETS: Mapping[str, Mapping[str, Spec]] = {
             tx_power_dbm=12.0,
             noise_figure_db=15.0,
             phase_noise=_falling(-93.0),
-            leakage=(Leakage(length=0.1, level_db=-45.5),),
+            leakage=(Leakage(length=0.1, level_db=-43.7),),
             channels=ChannelErrors(rx_gain_db=(0.6, -0.4, 0.3, -0.9)),
             mixer=Mixer(iq_gain_db=0.08),
             filters=IfFilter(high_pass=(175e3, 350e3), low_pass=9.4e6, low_pass_order=1),
-            dc_offset_dbm=-77.7,
+            dc_offset_dbm=-75.9,
         ),
-        "adc": Adc(full_scale_dbm=-23.0, enob=11.4),
+        "adc": Adc(full_scale_dbm=-23.1, enob=11.4, response=AWR1642_RESPONSE),
     },
     # TI MMWCAS-RF-EVM: four AWR2243 with one oscillator; AWR2243 data sheet: 13 dBm, 12 dB, -94 dBc/Hz at 1 MHz,
     # 77 to 81 GHz
