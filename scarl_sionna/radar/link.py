@@ -47,7 +47,9 @@ def received_amplitude(
     sent, heard = radar.array, (receiver or radar).array
     if not (sent.is_uniform and heard.is_uniform):
         return PairFields.of(a, tx_vector, rx_vector, radar, receiver).root_mean_square()
-    gain = field_gain(sent.pattern, tx_vector) * field_gain(heard.pattern, rx_vector)
+    gain = field_gain(sent.pattern, tx_vector)
+    alike = rx_vector is tx_vector and heard.pattern is sent.pattern
+    gain = gain * (gain if alike else field_gain(heard.pattern, rx_vector))
     entry = "VH".index(heard.polarization), "VH".index(sent.polarization)
     return np.asarray(a[:, entry[0], entry[1]] * (gain * np.sqrt(dbm_to_watt(radar.front_end.tx_power_dbm))))
 

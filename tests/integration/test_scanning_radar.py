@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import scarl_sionna as ss
+from scarl_sionna.batch import ExportSettings, export
 from scarl_sionna.core.errors import PlacementError
 from scarl_sionna.dataset import StoreOptions, write_dataset
+from scarl_sionna.dataset.formats import convert
 from scarl_sionna.dataset.readers.samples import FrameSamples
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.scanning.sensor import ScanningRadar
 from scarl_sionna.radar.synthesis.blocks import later
+from tests.exports import contents, scene_file
 from tests.scenes import Material, Thing, box, plane, write_scene
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 ROOF = ss.Pose([0.0, 0.0, 2.0])
 SPEC = ss.ScanningRadarSpec(
     waveform=ss.Fmcw(start_frequency=76e9, bandwidth=600e6, ramp_time=500e-6, num_chirps=1, num_samples=512),
@@ -148,6 +153,43 @@ def test_a_turn_comes_back_from_a_dataset_as_it_was(tmp_path, frame, scan) -> No
     np.testing.assert_array_equal(FrameSamples(dataset)[0]["roof/radar:image"], scan.image)
     assert dataset.rig == rig().to_dict() and Rig.from_dict(rig().to_dict()).to_dict() == rig().to_dict()
     frame.plot("roof")  # the contact sheet, which has no place for it
+
+
+@pytest.mark.parametrize("kind", ["hdf5", "mcap"])
+def test_other_formats_hold_the_image_or_leave_it_out(tmp_path, frame, scan, kind) -> None:
+    out = write_dataset(tmp_path / "out", rig().to_dict(), {"street": [frame]})
+    convert(out, kind, tmp_path / f"street.{kind}")
+    if kind == "hdf5":
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(tmp_path / "street.hdf5") as file:
+            np.testing.assert_array_equal(file["street/roof/radar/image"][0], scan.image)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_workers_export_the_same_bytes(tmp_path) -> None:
+    """A rig file, a scenario file, and the command: in this process, and in two that are spawned."""
+    scene = scene_file(tmp_path / "scene")
+    turning = ("roof/radar", "scanning_radar", SPEC.with_(num_azimuths=40), ROOF)
+    few = FAST.changed(num_rays=2_000, keep_power=False)
+    Rig("roof", (SensorMount(*turning, few),)).save(tmp_path / "rig.yaml")
+    text = f"scene: {scene}\nrig: rig.yaml\nname: drive\nnum_frames: 4\nframe_rate: 4.0\nseed: 3\n"
+    (tmp_path / "drive.yaml").write_text(text)
+    options = StoreOptions(shard_frames=2)
+    spec = ss.ScenarioSpec.load(tmp_path / "drive.yaml")
+    for name, workers in (("alone", 0), ("spread", 2)):
+        settings = ExportSettings(workers=workers, options=options)
+        assert export([spec], tmp_path / name, settings).num_made == 4
+    assert contents(tmp_path / "alone") == contents(tmp_path / "spread")
+    stored = ss.open_dataset(tmp_path / "alone")[3].radar_scan["roof"]
+    assert stored.image.shape == (40, SPEC.num_cells) and stored.image.max() > 100
+
+
+def test_the_example_rig_is_read_and_sees_the_street() -> None:
+    rig = Rig.load(EXAMPLES / "scanning_rig.yaml")
+    assert rig["roof/radar"].spec == ss.ScanningRadarSpec.preset("cts350x")
+    assert rig["roof/radar"].settings.scanning.num_blocks == 4
+    draft = rig.in_quality("draft")["roof/radar"].settings
+    assert (draft.method, draft.raycast.num_rays, draft.accuracy.tube_budget) == ("raycast", 300_000, 50_000)
 
 
 def test_power_is_left_out_unless_asked_for_and_datasets_without_one_say_nothing(tmp_path, world) -> None:

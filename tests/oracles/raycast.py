@@ -17,7 +17,7 @@ from scarl_sionna.signal.link import radar_gain
 def columns(state, radar, mount, knobs, reach):
     """Return point, velocity, length rate, magnitudes of VV, HH and VH, instance and number of every hit's ray."""
     fov = np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg)
-    grid = RayGrid.over(*fov, knobs.num_rays, staggered=knobs.grid == "staggered")
+    grid = RayGrid.over(*fov, knobs.num_rays, kind=knobs.grid)
     local = grid.directions(0, grid.num_rays)
     world = mount.pose.rotate(local)
     hits, parts, frequency = state.cast(mount.pose.position, world, reach), state.world.parts, radar.carrier_frequency

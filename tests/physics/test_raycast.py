@@ -227,3 +227,20 @@ def test_constant_rcs_per_hit_does_not_depend_on_distance(tmp_path) -> None:
     rcs, _ = _rcs(paths, radar, column=1)
     # gamma times the reference footprint of 4.34 cm2; metal takes less than 0.3 % at these angles.
     assert rcs == pytest.approx(np.full(len(rcs), 0.3 * 4.34e-4), rel=3e-3)
+
+
+def test_scattered_rays_stay_in_their_cells_and_hit_a_wall_along_the_line_of_sight_everywhere() -> None:
+    """Rays of one column meet a wall at one place; turned row by row they meet it at as many as there are rows."""
+    fov, width = np.radians(90.0), np.radians(90.0) / 100
+    rays = {
+        kind: RayGrid(fov, np.radians(20.0), 100, 40, kind).directions(0, 4000) for kind in ("staggered", "scattered")
+    }
+    azimuth = {kind: np.arctan2(ray[:, 1], ray[:, 0]) for kind, ray in rays.items()}
+    assert np.abs(azimuth["scattered"] - azimuth["staggered"]).max() <= 0.5 * width + 1e-12
+    np.testing.assert_allclose(rays["scattered"][:, 2], rays["staggered"][:, 2], rtol=0.0, atol=0.0)
+    # a wall 8 m aside: where along it rays arrive, between 20 and 60 m
+    gaps = {}
+    for kind, angle in azimuth.items():
+        along = np.unique(np.round(8.0 / np.tan(angle[angle > 0.05]), 9))
+        gaps[kind] = np.diff(along[(along > 20.0) & (along < 60.0)]).max()
+    assert gaps["scattered"] < 0.1 * gaps["staggered"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import scarl_sionna as ss
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, SpecError, UnknownNameError
@@ -102,6 +103,21 @@ def test_encoder_counts_rise_to_the_right() -> None:
         ss.RadarPaths.empty(ss.Pose()), SMALL.with_(rotation="counterclockwise", start_azimuth_deg=90.0)
     )
     assert left.encoder[0] == 4200
+
+
+def test_rows_of_oxford_are_read_as_their_documents_say(tmp_path) -> None:
+    """Decoded by the documents' words: int64 microseconds, uint16 counts of 5600 a turn, a flag, then cells."""
+    scan = ss.scan_paths(ss.RadarPaths.empty(ss.Pose()), ss.ScanningRadarSpec(), np.random.default_rng(1))
+    start = 1_547_131_046_353_776_000
+    Image.fromarray(scan.oxford_rows(start)).save(tmp_path / "scan.png")
+    rows = np.array(Image.open(tmp_path / "scan.png"))
+    assert rows.shape == (400, 3779) and rows.dtype == np.uint8
+    time = np.array([int.from_bytes(bytes(row[:8]), "little") for row in rows])
+    azimuth = np.array([int.from_bytes(bytes(row[8:10]), "little") for row in rows]) * np.pi / 2800.0
+    assert np.abs(time - (start / 1e3 + scan.time * 1e6)).max() <= 1.0
+    assert azimuth == pytest.approx(-scan.azimuth % (2.0 * np.pi), abs=1e-9)
+    assert (rows[:, 10] == 255).all()
+    np.testing.assert_array_equal(rows[:, 11:], scan.image)
 
 
 def test_pictures_from_above_put_targets_where_they_are_and_close_the_turn() -> None:

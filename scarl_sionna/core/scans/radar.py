@@ -78,6 +78,31 @@ class RadarScan(Described, units={"azimuth": "rad", "time": "s", "floor_dbm": "d
         counts = self.spec.encoder_counts
         return np.asarray(np.rint(-self.azimuth / (2.0 * np.pi) * counts).astype(np.int64) % counts, dtype=np.uint16)
 
+    def oxford_rows(self, timestamp_ns: int = 0) -> npt.NDArray[np.uint8]:
+        """Return the image as the Oxford Radar RobotCar and Boreas datasets keep it, a row an azimuth.
+
+        Saved as a PNG file, the readers of both open it.
+
+        Parameters
+        ----------
+        timestamp_ns : int
+            Of the frame [ns], to which the times of the azimuths are added.
+
+        Returns
+        -------
+        ndarray of uint8, shape (num_azimuths, 11 + num_cells)
+            Eight bytes of the time [us] and two of the encoder, little-endian, 255 for valid, then the image.
+
+        References
+        ----------
+        .. [1] github.com/utiasASRL/pyboreas, DATA_REFERENCE.md; github.com/ori-mrg/robotcar-dataset-sdk, radar.py.
+        """
+        when = (timestamp_ns + np.rint(self.time * 1e9).astype(np.int64)) // 1000
+        rows = len(self.time)
+        head = [when.astype("<i8").view(np.uint8), self.encoder.astype("<u2").view(np.uint8)]
+        valid = np.full((rows, 1), 255, dtype=np.uint8)
+        return np.concatenate([*(part.reshape(rows, -1) for part in head), valid, self.image], axis=1)
+
     def cartesian(self, cell: float = 0.25, reach: float | None = None) -> npt.NDArray[np.float32]:
         """Return the image from above, bilinear between azimuths and ranges, without correction of motion.
 

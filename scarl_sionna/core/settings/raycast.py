@@ -11,7 +11,7 @@ from scarl_sionna.core.spec import Spec
 
 RcsModel = Literal["footprint", "per_hit"]
 HitPhase = Literal["rough", "geometric"]
-GridKind = Literal["staggered", "regular"]
+GridKind = Literal["staggered", "scattered", "regular"]
 
 
 class RaycastSettings(Spec):
@@ -67,5 +67,6 @@ class RaycastSettings(Spec):
     grid: GridKind = Field(
         "staggered",
         description="'staggered': elevation shifted within the cell, column by column, so that a road is hit at all "
-        "distances; 'regular': through the centres of the cells",
+        "distances; 'scattered': azimuth as well, row by row, so that walls along the line of sight are, too; "
+        "'regular': through the centres of the cells",
     )

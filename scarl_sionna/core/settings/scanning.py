@@ -16,7 +16,7 @@ class ScanningSettings(Spec):
         ge=1,
         le=1024,
         description="times a turn at which paths are solved, each for the azimuths around it; between them everything "
-        "moves straight on; docs/scanning_radar.md, blocks",
+        "moves straight on; docs/scanning_radar.md, blocks and rays",
     )
     beam_floor_db: Decibels = Field(
         80.0,

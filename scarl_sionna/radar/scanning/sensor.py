@@ -34,7 +34,7 @@ Array = npt.NDArray[np.float64]
 MOST_FAN = math.pi
 """Widest field of view of one solve [rad]."""
 _TWO_WAY_HALF_DB = 3.0
-"""Half of the beam's reach to here, two-way, is the cell within which `raycast` thins its hits over direction."""
+"""The beam's reach to here, two-way, is the cell within which `raycast` thins its hits over direction: half a beam."""
 
 
 class ScanningRadar:
@@ -161,8 +161,9 @@ class ScanningRadar:
         """Return the settings of a solve over a sector [rad]: its share of the rays, cells finer than the beam."""
         rays = self.settings.raycast
         changes: dict[str, object] = {"num_rays": max(1, round(rays.num_rays * width / (2.0 * math.pi)))}
-        if "widest_cosine" not in rays.model_fields_set:
-            changes["widest_cosine"] = min(rays.widest_cosine, 0.5 * self.spec.beam_reach(_TWO_WAY_HALF_DB))
+        beam = self.spec.beam_reach(_TWO_WAY_HALF_DB)
+        own = {"widest_cosine": min(rays.widest_cosine, beam), "cells_per_resolution": 1.0, "grid": "scattered"}
+        changes |= {name: value for name, value in own.items() if name not in rays.model_fields_set}
         return self.settings.with_(raycast=rays.with_(**changes))
 
     @staticmethod

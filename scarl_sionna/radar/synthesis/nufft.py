@@ -14,6 +14,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import finufft
 import numpy as np
@@ -37,6 +38,8 @@ COARSE_ERROR = 5e-3
 """Terms that allow this error go to a transform of their own with a narrower kernel."""
 
 
+ROWS_AT_ONCE = 4
+"""Rows of amplitudes whose signals are made together: bounds the memory."""
 FFTW_ESTIMATE = 64
 """Plans chosen without timing: 0 (measure) is 1.7 times faster but takes over 1 s a size and may differ between two
 runs."""
@@ -113,6 +116,19 @@ class Box:
         )
         terms = tuple(num_nodes(phase, SERIES_SHARE * tolerance) for phase in phases)
         return cls(rates, bends, terms, phases)  # type: ignore[arg-type]
+
+
+class _Tones(NamedTuple):
+    """Paths as tones: phase factor, angles a sample and a chirp, and what the series needs, shape (num_paths,) each.
+
+    Of an uneven frame the angles are frequencies over z and q [Hz].
+    """
+
+    factor: npt.NDArray[np.complex128]
+    x: Array
+    y: Array
+    rate: Array
+    bend: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +208,26 @@ class Transform:
         self, amplitude: npt.NDArray[np.complex128], length: Array, rate: Array, acceleration: Array, tx: int
     ) -> npt.NDArray[np.complex128]:
         """Return the noise-free beat signal of one pair [sqrt(W)], shape (num_chirps, num_samples)."""
+        return next(iter(self.signals(amplitude[None], length, rate, tx, acceleration)))
+
+    def signals(
+        self,
+        amplitudes: npt.NDArray[np.complex128],
+        length: Array,
+        rate: Array,
+        tx: int,
+        acceleration: Array | None = None,
+    ) -> Iterator[npt.NDArray[np.complex128]]:
+        """Yield the signal for each row of amplitudes, shape (num_rows, num_paths), of the same paths.
+
+        They are straight if no acceleration is given.
+        """
+        bending = np.zeros_like(rate) if acceleration is None else acceleration
+        tones = self._tones(length, rate, bending, tx)
+        for first in range(0, len(amplitudes), ROWS_AT_ONCE):
+            yield from self._run(amplitudes[first : first + ROWS_AT_ONCE] * tones.factor, tones)
+
+    def _tones(self, length: Array, rate: Array, acceleration: Array, tx: int) -> _Tones:
         radar, grid = self._radar, self._grid
         delay, delay_rate, delay_acceleration = delay_terms(length, rate, acceleration)
         constant, over_x, over_y, middle_rate = grid.expand(delay, delay_rate, delay_acceleration, tx)
@@ -199,48 +235,40 @@ class Transform:
         turn_y = over_y * radar.doppler_interval
         bent = grid.bend(delay, delay_acceleration)
         if not grid.even:
-            return self._run(amplitude * phasor(constant), over_x - over_y, over_y, middle_rate, bent)
+            return _Tones(phasor(constant), over_x - over_y, over_y, middle_rate, bent)
         # the transform counts modes from -(N // 2); the middle of the samples lies half a mode higher if N is even
         half_x = 0.5 * (1 - radar.num_samples % 2)
         half_y = 0.5 * (1 - radar.num_chirps % 2)
-        strength = amplitude * phasor(constant + half_x * turn_x + half_y * turn_y)
-        return self._run(strength, _angle(turn_x), _angle(turn_y), middle_rate, bent)
+        factor = phasor(constant + half_x * turn_x + half_y * turn_y)
+        return _Tones(factor, _angle(turn_x), _angle(turn_y), middle_rate, bent)
 
-    def signals(
-        self, amplitudes: npt.NDArray[np.complex128], length: Array, rate: Array, tx: int
-    ) -> Iterator[npt.NDArray[np.complexfloating]]:
-        """Yield the signal for each row of amplitudes, shape (num_rows, num_paths), of the same straight paths."""
-        still = np.zeros_like(rate)
-        for amplitude in amplitudes:
-            yield self.signal(amplitude, length, rate, still, tx)
-
-    def _run(
-        self, strength: npt.NDArray[np.complex128], angle_x: Array, angle_y: Array, rate: Array, bend: Array
-    ) -> npt.NDArray[np.complex128]:
-        """Return the sum of all tones with their residual phase, shape (num_chirps, num_samples).
-
-        The tones are angles a sample and a chirp or, of an uneven frame, frequencies over z and q [Hz].
-        """
-        over_rate = self._rate.polynomials(rate)
-        over_bend = self._bend.polynomials(bend)
-        out = np.zeros(self._shape, dtype=np.complex128)
+    def _run(self, strengths: npt.NDArray[np.complex128], tones: _Tones) -> npt.NDArray[np.complex128]:
+        """Return the sums of all tones with their residual phase, shape (num_rows, num_chirps, num_samples)."""
+        over_rate = self._rate.polynomials(tones.rate)
+        over_bend = self._bend.polynomials(tones.bend)
+        out = np.zeros((len(strengths), *self._shape), dtype=np.complex128)
         for batch, plan in zip(self._batches, self._plans(), strict=True):
             real = np.float64 if batch.dtype == "complex128" else np.float32
-            points = strength.astype(batch.dtype)
-            strengths = np.empty((len(batch.order), len(points)), dtype=batch.dtype)
-            for row, order in zip(strengths, batch.order, strict=True):
+            if self._grid.even:
+                angles = (tones.y, tones.x)[-len(self._modes) :]
+                plan.setpts(*(angle.astype(real) for angle in angles))
+            else:
+                z, q = self._grid.z, self._grid.x + self._grid.y[:, None]
+                plan.setpts(2.0 * np.pi * tones.y, 2.0 * np.pi * tones.x, None, q.ravel(), z.ravel())
+            weights = []
+            for order in batch.order:
                 weight = over_rate[order // self._bend.count]
                 if self._bend.count > 1:
                     weight = weight * over_bend[order % self._bend.count]
-                np.multiply(points, weight.astype(real), out=row)
-            if self._grid.even:
-                plan.setpts(*(angle.astype(real) for angle in (angle_y, angle_x)[-len(self._modes) :]))
-            else:
-                z, q = self._grid.z, self._grid.x + self._grid.y[:, None]
-                plan.setpts(2.0 * np.pi * angle_y, 2.0 * np.pi * angle_x, None, q.ravel(), z.ravel())
-            spectra = plan.execute(strengths).reshape(batch.screens.shape)
-            spectra *= batch.screens
-            out += spectra.sum(axis=0)
+                weights.append(weight.astype(real))
+            for signal, strength in zip(out, strengths, strict=True):
+                points = strength.astype(batch.dtype)
+                weighted = np.empty((len(batch.order), len(points)), dtype=batch.dtype)
+                for row, weight in zip(weighted, weights, strict=True):
+                    np.multiply(points, weight, out=row)
+                spectra = plan.execute(weighted).reshape(batch.screens.shape)
+                spectra *= batch.screens
+                signal += spectra.sum(axis=0)
         return out
 
 

@@ -134,6 +134,8 @@ class RaycastKernel:
         self._arithmetic = _Complex(rays)
         cosines, sines, places = grid.columns()
         self._columns = rays.reals(np.stack([cosines, sines, places], axis=1))
+        turns = grid.row_turns()
+        self._turns = None if turns is None else rays.reals(np.stack([np.cos(turns), np.sin(turns)], axis=1))
         self._rotation = [rays.vector(column) for column in mount.pose.rotation.T]
         self._origin, self._own_velocity = rays.vector(mount.pose.position), rays.vector(mount.twist.linear)
         self._reach, self._gain = rays.real(reach), rays.real(float(radar_gain(radar.wavelength, 1.0)))
@@ -237,6 +239,10 @@ class RaycastKernel:
         sine = on.real(grid.height) * ((row + place) / on.real(grid.num_elevation) - 0.5)
         cosine = dr.sqrt(1.0 - sine * sine)
         x, y = cosine * cosine_azimuth, cosine * sine_azimuth
+        if self._turns is not None:
+            own = dr.gather(on.Real, self._turns, 2 * mi.UInt32(row))
+            other = dr.gather(on.Real, self._turns, 2 * mi.UInt32(row) + 1)
+            x, y = x * own - y * other, x * other + y * own
         across, left, up = self._rotation
         return on.Vector(x, y, sine), dr.fma(up, sine, dr.fma(left, y, across * x))
 

@@ -107,7 +107,7 @@ def solve_raycast(
     reach = radar.max_range if settings.max_distance is None else settings.max_distance
     check_antennas(state, radar, pose)
     fov = np.radians(radar.azimuth_fov_deg), np.radians(radar.elevation_fov_deg)
-    rays_of = RayGrid.over(*fov, knobs.num_rays, staggered=knobs.grid == "staggered")
+    rays_of = RayGrid.over(*fov, knobs.num_rays, kind=knobs.grid)
     chosen_ids = list(state.world.instances) if instances is None else ids_of(state.world, instances)
     _warn_of_small_objects(state, radar, pose, rays_of, reach, chosen_ids)
     owned = np.isin(state.world.parts.instance, chosen_ids)
