@@ -10,6 +10,8 @@ import yaml
 
 import scarl_sionna as ss
 from scarl_sionna.calibration.device import DeviceFitSettings, ReflectorCapture, fit_device
+from scarl_sionna.calibration.device.capture import mean_of
+from scarl_sionna.calibration.device.model import DeviceModel
 from scarl_sionna.calibration.errors import CalibrationError
 from scarl_sionna.core.errors import OutputError, ParameterRangeError
 from scarl_sionna.signal.angle import steering
@@ -172,6 +174,24 @@ def test_the_twin_couples_as_the_device_does() -> None:
         return 1.0 - float(abs(np.vdot(one, true)) / np.linalg.norm(one) / np.linalg.norm(true))
 
     assert apart(twin) < 1e-4 < 3e-3 < apart(alone)
+
+
+def test_the_model_is_the_raw_data_of_the_whole_chain() -> None:
+    """Couplings, channels and spreading of every pair against the synthesis, at the nearest and farthest aside."""
+    device = planted(15, coupling_std=0.1, antenna_std=0.0, has_leakage=False)
+    true = device.true.with_(mixer=None, dc_offset_dbm=None, filters=None)
+    place = np.array([1.0, 1.0, 0.2])
+    adc = ss.synthesize(
+        ss.point_targets([place], [[0.0, 0.0, 0.0]], 10.0, true, ss.Pose()), true, rng=None, method="direct"
+    )
+    item = ReflectorCapture(adc, place, 10.0)
+    stated = device.stated.with_(filters=None)
+    model = DeviceModel(stated, [item], COUPLED.with_(mixer=False, leakage=False, dc_offset=False), 1.0)
+    values = device.truth | {"range_bias": 0.0}
+    found = model.value(np.array([values[name] for name in model.names]), np.zeros((1, 5)))
+    data = mean_of(item, stated)[None]
+    factor = np.vdot(found, data) / np.vdot(found, found)
+    assert np.linalg.norm(data - factor * found) < 2e-6 * np.linalg.norm(data)
 
 
 def test_coupling_turns_directions_and_raises_sidelobes() -> None:
