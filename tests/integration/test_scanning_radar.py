@@ -19,6 +19,8 @@ from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.radar.link import received_power
 from scarl_sionna.radar.scanning.sensor import ScanningRadar
 from scarl_sionna.radar.synthesis.blocks import later
+from scarl_sionna.radar.weather.attenuation import weather_attenuation
+from scarl_sionna.radar.weather.clutter import falling, mean_clutter_power
 from tests.exports import contents, scene_file
 from tests.scenes import Material, Thing, box, plane, write_scene
 
@@ -213,6 +215,20 @@ def test_other_solvers_look_round(world: ss.World, method: str) -> None:
     state = world.at(0.25)
     found = ScanningRadar(SPEC, settings).observe(state, state.mount("ego", ROOF), np.random.default_rng(0))
     assert found.num_paths > 0 and found.power.max() > 0.0
+
+
+def test_rain_stands_in_the_image_with_its_mean_power(world: ss.World) -> None:
+    """The radar equation over the volume through the pencil beam; a cell of the Hann window holds 1.5 resolutions."""
+    dry = ss.ScanningRadarSpec(pattern=ss.FanPattern(), waveform=SPEC.waveform, num_azimuths=60, num_range_bins=None)
+    state = world.with_weather(ss.Weather(rain_rate=20.0)).at(0.25)
+    settings = FAST.changed(noise=False, num_rays=1, num_points=60_000)
+    scan = ScanningRadar(dry, settings).observe(state, ss.Pose([0.0, 0.0, 300.0]), np.random.default_rng(1))
+    drops = falling(state.world.weather, dry.ramp().carrier_frequency)[0].reflectivity
+    per_km = weather_attenuation(state.world.weather, dry.ramp().carrier_frequency, "V")
+    for near, far in ((10.0, 20.0), (20.0, 40.0)):
+        inside = (dry.range >= near) & (dry.range < far)
+        exact = mean_clutter_power(dry.ramp(), drops, near, far, per_km) / (far - near) * 1.5 * dry.range_resolution
+        assert 10.0 * np.log10(scan.power[:, inside].mean() / exact) == pytest.approx(0.0, abs=1.2)
 
 
 def test_a_radar_inside_a_mesh_is_refused(world: ss.World) -> None:

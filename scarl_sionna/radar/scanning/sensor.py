@@ -16,7 +16,7 @@ from scarl_sionna.core.mount import Mount
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.scans.radar import RadarScan
 from scarl_sionna.core.settings.radar import RadarSettings
-from scarl_sionna.core.specs.radar.scanning.spec import ScanningRadarSpec
+from scarl_sionna.core.specs.radar.scanning.spec import TWO_WAY_HALF_DB, ScanningRadarSpec
 from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.paths import RadarPaths
 from scarl_sionna.radar.synthesis.blocks import carried, straight_on
@@ -33,8 +33,6 @@ Array = npt.NDArray[np.float64]
 
 MOST_FAN = math.pi
 """Widest field of view of one solve [rad]."""
-_TWO_WAY_HALF_DB = 3.0
-"""The beam's reach to here, two-way, is the cell within which `raycast` thins its hits over direction: half a beam."""
 
 
 class ScanningRadar:
@@ -140,6 +138,7 @@ class ScanningRadar:
         count = math.ceil(width / MOST_FAN - 1e-9)
         part = width / count
         radar = self.spec.fan(math.degrees(part))
+        resolved = radar if drops is None else self.spec.fan(math.degrees(part), resolved=True)
         common = place.pose.compose(Pose.from_heading(np.zeros(3), ahead))
         found = []
         for number in range(count):
@@ -147,11 +146,9 @@ class ScanningRadar:
             turned = place.at(Pose.from_heading(np.zeros(3), ahead + middle))
             paths = solve_paths(state, radar, turned, settings=self._solver(part))
             rng = None if drops is None else drops.spawn(1)[0]
-            paths = through_weather(paths, state, radar, rng, place.twist, self.settings)
-            if count > 1:
-                vector = paths.end_vectors()[0] @ paths.world_from_tx.rotation
-                azimuth = azimuth_elevation(vector)[0]
-                paths = paths.select((azimuth >= -0.5 * part) & (azimuth < 0.5 * part))
+            paths = through_weather(paths, state, resolved, rng, place.twist, self.settings)
+            azimuth = azimuth_elevation(paths.end_vectors()[0] @ paths.world_from_tx.rotation)[0]
+            paths = paths.select((azimuth >= -0.5 * part) & (azimuth < 0.5 * part))
             # a turn about z changes neither theta-hat nor phi-hat, so the transfer stays
             found.append(replace(paths, world_from_tx=common, world_from_rx=common))
         whole = found[0] if count == 1 else RadarPaths.concatenate(found, found[0].diagnostics)
@@ -161,7 +158,7 @@ class ScanningRadar:
         """Return the settings of a solve over a sector [rad]: its share of the rays, cells finer than the beam."""
         rays = self.settings.raycast
         changes: dict[str, object] = {"num_rays": max(1, round(rays.num_rays * width / (2.0 * math.pi)))}
-        beam = self.spec.beam_reach(_TWO_WAY_HALF_DB)
+        beam = self.spec.beam_reach(TWO_WAY_HALF_DB)
         own = {"widest_cosine": min(rays.widest_cosine, beam), "cells_per_resolution": 1.0, "grid": "scattered"}
         changes |= {name: value for name, value in own.items() if name not in rays.model_fields_set}
         return self.settings.with_(raycast=rays.with_(**changes))

@@ -23,6 +23,8 @@ from .presets import CELLS_A_RESOLUTION, PRESETS
 Array = npt.NDArray[np.float64]
 Window = Literal["rect", "hann", "hamming", "blackman", "blackmanharris", "chebyshev", "taylor"]
 
+TWO_WAY_HALF_DB = 3.0
+"""The beam's reach to here, two-way, is half of its width."""
 _TABLE_STEP_DEG = 0.25
 """Of the table that stands for the beam's cut over elevation in all directions, which solvers choose by."""
 _REACH_STEP_DEG = 0.05
@@ -223,10 +225,11 @@ class ScanningRadarSpec(Spec):
             elevation_fov_deg=self.elevation_fov_deg,
         )
 
-    def fan(self, width_deg: float) -> RadarSpec:
+    def fan(self, width_deg: float, resolved: bool = False) -> RadarSpec:
         """Return the radar of one ramp that looks into all azimuths of a width at once, each with the beam's peak.
 
-        By it solvers choose what matters: the beam passes everything in this sector.
+        By it solvers choose what matters: the beam passes everything in this sector. `resolved`
+        gives it receivers so far apart that it tells directions apart as well as the beam does.
         """
         up = np.arange(-90.0, 90.0 + 1e-9, _TABLE_STEP_DEG)
         across = np.radians(np.arange(-180.0, 180.0, _REACH_STEP_DEG))
@@ -239,7 +242,11 @@ class ScanningRadarSpec(Spec):
             elevation_deg=tuple(up.tolist()),
             elevation_gain_dbi=tuple(gain.tolist()),
         )
-        return self.ramp().with_(pattern=level, azimuth_fov_deg=width_deg)
+        radar = self.ramp().with_(pattern=level, azimuth_fov_deg=width_deg)
+        if not resolved:
+            return radar
+        apart = min(radar.wavelength / (2.0 * self.beam_reach(TWO_WAY_HALF_DB)), radar.array.max_array_extent)
+        return radar.with_(rx_positions=((0.0, 0.0, 0.0), (0.0, apart, 0.0), (0.0, 0.0, apart)))
 
     def beam_reach(self, floor_db: float) -> float:
         """Return how far beside the boresight the two-way gain over azimuth is within a floor of its peak [rad].
