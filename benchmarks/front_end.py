@@ -80,7 +80,8 @@ def draw(path: Path) -> None:
     left.legend(title="simulated; dashed: theory", fontsize=8, title_fontsize=8)
     radar = ss.RadarSpec.preset("awr1642").with_(num_chirps=256, tx_positions=((0.0, 0.0, 0.0),))
     window = np.hanning(radar.num_samples) / np.hanning(radar.num_samples).sum()
-    for name, spec in (("ideal", radar.with_(front_end=radar.front_end.ideal(), enob=None)), ("awr1642", radar)):
+    ideal = radar.with_(front_end=radar.front_end.ideal(), enob=None, response=())
+    for name, spec in (("ideal", ideal), ("awr1642", radar)):
         rng = np.random.default_rng(3)
         paths = ss.point_targets([[2.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 1.0, spec, ss.Pose())
         codes, scale, _ = ss.quantize(ss.synthesize(paths, spec, rng), spec, rng)
