@@ -26,7 +26,7 @@ from harness import machine
 
 import scarl_sionna as ss
 from scarl_sionna.radar.link import received_power
-from scarl_sionna.radar.scanning.beats import Block, block_beats
+from scarl_sionna.radar.scanning.beats import Block, _bending, block_beats
 from scarl_sionna.radar.scanning.sensor import ScanningRadar
 from scarl_sionna.radar.synthesis.blocks import later
 from scarl_sionna.scenario.spec.scenario import ScenarioSpec
@@ -50,7 +50,7 @@ def mean_power(turn: list[Block]) -> np.ndarray:
     count = int(SPEC.max_range / CELL)
     out = np.zeros((SPEC.num_azimuths, count))
     for block in turn:
-        paths = replace(block.paths, linear_motion=None)
+        paths = _bending(block.paths)
         bearing = np.arctan2(*(paths.end_vectors()[0] @ paths.world_from_tx.rotation)[:, [1, 0]].T) + block.ahead
         for number in block.azimuths:
             away = np.angle(np.exp(1j * (bearing - SPEC.azimuth[number])))

@@ -17,6 +17,7 @@ from scarl_sionna.dataset.readers.samples import FrameSamples
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.fusion import Rig, SensorMount
 from scarl_sionna.radar.link import received_power
+from scarl_sionna.radar.scanning.beats import _bending
 from scarl_sionna.radar.scanning.sensor import ScanningRadar
 from scarl_sionna.radar.synthesis.blocks import later
 from scarl_sionna.radar.weather.attenuation import weather_attenuation
@@ -102,7 +103,7 @@ def expected_power(world: ss.World, blocks: int) -> np.ndarray:
     sensor = ScanningRadar(SPEC, FAST.changed(num_blocks=blocks, num_rays=150_000))
     out = np.zeros(SPEC.num_azimuths)
     for block in sensor._blocks(state, state.mount("ego", ROOF), None):
-        paths = replace(block.paths, linear_motion=None)
+        paths = _bending(block.paths)
         for number in block.azimuths:
             moved = later(paths, float(SPEC.time[number]) - block.time)
             turn = ss.Pose.from_heading(np.zeros(3), SPEC.azimuth[number] - block.ahead)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -238,3 +240,35 @@ def test_moving_ego_skews_the_image_as_its_geometry_says() -> None:
         assert found.azimuth_pose[number, :3] == pytest.approx(found.time[number] * velocity)
     still = scan(RADAR, places)
     assert np.abs(found.power - still.power).max() > 0.5 * still.power.max()
+
+
+def test_paths_beside_the_beam_are_left_out_where_they_move_to() -> None:
+    """The car turns by 8.6 deg within the turn and drives past: who is near the beam is told at each azimuth's time."""
+    places = np.array([[30.0, 4.0, 0.0], [-12.0, 6.0, 0.0], [3.0, -9.0, 0.0], [18.0, 15.0, 0.0]])
+    mount = ss.Mount(ss.Pose(), ss.Twist([16.0, 2.0, 0.0], [0.0, 0.0, 0.6]))
+    paths = ss.point_targets(places, [[0.0, 0.0, 0.0]] * 4, 1.0, RADAR.ramp(), mount)
+    block = Block(paths, 0.0, 0.0, np.arange(400))
+    near, every = (block_beats(block, RADAR, EXACT.scanning.with_(beam_floor_db=floor)) for floor in (80.0, 200.0))
+    assert 0.0 < np.abs(near - every).max() < 3e-4 * np.abs(every).max()  # -80 dB each, and the transform's tolerance
+
+
+def test_phases_of_paths_are_those_of_the_beat_signal() -> None:
+    """Transmit times conj(receive), as `synthesize` has it, here of an antenna that looks ahead and hardly turns."""
+    places = np.array([[40.0, 0.0, 0.0], [40.3, 0.2, 0.0], [41.0, -0.3, 0.0]])
+    paths = ss.point_targets(places, [[3.0, 0.0, 0.0]] * 3, 1.0, FINE.ramp(), ss.Pose())
+    turned = np.exp(1j * np.array([0.3, 2.0, -1.1]))[:, None, None]
+    paths = replace(paths, a=paths.a * turned)
+    found = block_beats(Block(paths, 0.0, 0.0, np.arange(1)), FINE, EXACT.scanning)[0]
+    exact = ss.synthesize(paths, FINE.ramp(), method="direct")[0, 0]
+    assert np.abs(found - exact).max() < 1e-3 * np.abs(exact).max()
+
+
+def test_what_is_linear_over_a_frame_is_not_over_a_turn() -> None:
+    """Paths of `raycast` keep to first order within some ms; over 0.2 s that is 0.5 m off at 30 m/s across."""
+    number = 320
+    time = RADAR.time[number]
+    place = np.array(at(RADAR, number, 8.0)) - time * np.array([20.0, 20.0, 0.0])
+    paths = ss.point_targets([place], [[20.0, 20.0, 0.0]], 1.0, RADAR.ramp(), ss.Pose())
+    flagged = replace(paths, linear_motion=np.array([True]), length_acceleration=np.zeros(1))
+    one, other = (ss.scan_paths(some, RADAR, settings=EXACT).power[number] for some in (paths, flagged))
+    assert one.argmax() == other.argmax() and np.allclose(one, other, rtol=1e-3, atol=1e-6 * one.max())

@@ -14,7 +14,7 @@ from scarl_sionna.core.settings.scanning import ScanningSettings
 from scarl_sionna.core.specs.radar.scanning.spec import ScanningRadarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.radar.link import received_amplitude
-from scarl_sionna.radar.paths import RadarPaths
+from scarl_sionna.radar.paths import RadarPaths, bend_of
 from scarl_sionna.radar.synthesis.blocks import later
 from scarl_sionna.radar.synthesis.nufft import Box, Transform
 from scarl_sionna.radar.synthesis.phase import FrameGrid
@@ -83,7 +83,7 @@ def block_beats(
     .. [1] A. G. Stove, "Linear FMCW radar techniques", IEE Proc. F 139(5), 1992.
     """
     out = np.zeros((len(block.azimuths), radar.waveform.num_samples), dtype=np.complex64)
-    found = replace(block.paths, linear_motion=None)  # what is linear over a frame of some ms is not over a turn
+    found = _bending(block.paths)
     if not found.num_paths:
         return out
     waits, is_up = radar.time[block.azimuths] - block.time, radar.is_up[block.azimuths]
@@ -105,6 +105,20 @@ def block_beats(
             ahead = azimuth - block.ahead
             out[row] += ramps[is_up[row]].signal(moment, after, (ahead + near.spin * after, turning, nodes, weights))
     return out
+
+
+def _bending(paths: RadarPaths) -> RadarPaths:
+    """Return paths whose lengths bend as those of points in straight motion do.
+
+    Some keep to first order, which serves a frame of some ms and not a turn.
+    """
+    linear = paths.filled("linear_motion")
+    if not linear.any():
+        return paths
+    names = ("tx_velocity", "rx_velocity")
+    bends = [bend_of(end, paths.filled(name)) for end, name in zip(paths.end_vectors(), names, strict=True)]
+    bend = np.where(linear & np.isfinite(sum(bends)), sum(bends), paths.length_acceleration)
+    return replace(paths, linear_motion=None, length_acceleration=bend)
 
 
 def _pointings(radar: ScanningRadarSpec, count: int) -> tuple[Array, Array]:
