@@ -27,7 +27,8 @@ THICKNESSES = np.arange(2.0e-3, 4.01e-3, 0.1e-3)
 SAMPLES = np.arange(1.0e-3, 6.01e-3, 0.1e-3)
 """Thicknesses among which those are looked for that the measured change asks for [m]."""
 OLD_CONCRETE = (
-    "an index of 2.55 - 0.084j at 57.5 GHz, 14 months after concreting, in a textbook's exercise (elitewritings.net)"
+    "an index of 2.55 - 0.084j at 57.5 GHz, 14 months after concreting, quoted in an exercise of a textbook, "
+    "its source not read"
 )
 SECOND = {
     "glass": ": Zhekov et al. and the Acconeer handbook",
