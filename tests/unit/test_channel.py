@@ -15,6 +15,7 @@ from scarl_sionna.core.errors import (
 from scarl_sionna.core.pose import Pose
 from scarl_sionna.core.semantics import SEMANTIC_CLASSES, SKY, semantic_id
 from scarl_sionna.core.settings.radar import RadarSettings
+from scarl_sionna.core.settings.raycast import GridKind
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.engine.load import load_scene
 from scarl_sionna.radar.channel import solve_paths
@@ -197,16 +198,18 @@ def test_a_grid_of_no_rays_or_no_field_of_view(azimuth_fov, elevation_fov, num_r
         RayGrid.over(azimuth_fov, elevation_fov, num_rays)
 
 
-@pytest.mark.parametrize("staggered", [True, False])
-def test_each_cell_has_one_ray(staggered: bool) -> None:
-    grid = RayGrid.over(2.0, 0.5, 5_000, staggered)
+@pytest.mark.parametrize("kind", ["staggered", "scattered", "regular"])
+def test_each_cell_has_one_ray(kind: GridKind) -> None:
+    grid = RayGrid.over(2.0, 0.5, 5_000, kind)
     rays = grid.directions(0, grid.num_rays)
     column = (np.arctan2(rays[:, 1], rays[:, 0]) / 2.0 + 0.5) * grid.num_azimuth
     row = (rays[:, 2] / (2 * np.sin(0.25)) + 0.5) * grid.num_elevation
-    cells = np.floor(row + 1e-9) * grid.num_azimuth + np.floor(column)
+    cells = np.floor(row + 1e-9) * grid.num_azimuth + np.floor(column + 1e-9)
     assert np.array_equal(cells, np.arange(grid.num_rays))
     centred = np.abs(row % 1.0 - 0.5) < 1e-9
-    assert centred.all() if not staggered else centred.mean() < 0.02
+    assert centred.all() if kind == "regular" else centred.mean() < 0.02
+    beside = np.abs(column % 1.0 - 0.5) > 1e-9
+    assert beside.mean() > 0.98 if kind == "scattered" else not beside.any()
 
 
 def test_batches_of_rays_join_to_the_whole_grid() -> None:
