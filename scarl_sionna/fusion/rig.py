@@ -108,12 +108,14 @@ class SensorMount(Described):
     def from_dict(cls, data: Mapping[str, Any]) -> SensorMount:
         """Return the mount of :meth:`to_dict`; `spec` and `settings` may leave out what keeps its default.
 
+        ``preset`` in `spec` names a sensor whose values the other fields then replace: ``{preset: hdl32e}``.
+
         Raises
         ------
         ParameterRangeError
             If a key is missing or unknown, or a value is not allowed.
         UnknownNameError
-            If there is no such kind of sensor.
+            If there is no such kind of sensor, or no such preset.
         """
         what = f"sensor '{data.get('name', '?')}'" if isinstance(data, Mapping) else "sensor"
         _check_keys(what, data, required={"name", "kind", "vehicle_from_sensor"}, optional={"spec", "settings"})
@@ -124,13 +126,21 @@ class SensorMount(Described):
         except ValueError as error:
             raise ParameterRangeError(what, repr(dict(data))[:80], "the form of Rig.to_dict()", str(error)) from error
         kind = form.kind
-        spec, settings = lifted(kind, form.spec or {}, form.settings)
+        fields = dict(form.spec or {})
+        named = _named_spec(kind, what, fields) if "preset" in fields else None
+        values, settings = lifted(kind, fields if named is None else {}, form.settings)
         try:
             place = Pose(pose["position"], pose.get("quaternion", _FACING_FRONT))
         except ParameterRangeError as error:
             where = f"{what} vehicle_from_sensor.{error.name}"
             raise ParameterRangeError(where, error.value, error.allowed, "keep to the form of Rig.to_dict()") from error
-        return cls(form.name, kind, spec_type(kind)(**spec), place, _settings_of(kind, what, settings))
+        return cls(
+            form.name,
+            kind,
+            spec_type(kind)(**values) if named is None else named,
+            place,
+            _settings_of(kind, what, settings),
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -356,6 +366,29 @@ def _suite_specs(quality: str, radar: RadarSpec | None) -> list[tuple[str, str, 
         ("lidar", "lidar", lidar),
         ("radar", "radar", radar),
     ]
+
+
+def _named_spec(kind: str, what: str, fields: Mapping[str, Any]) -> Spec:
+    """Return the specification that a preset names, with the other fields in place of its own."""
+    named, name = getattr(spec_type(kind), "preset", None), fields["preset"]
+    if named is None or not isinstance(name, str):
+        allowed = (
+            f"the name of a preset as text; sensors of kind '{kind}' {'have none' if named is None else 'have some'}"
+        )
+        raise ParameterRangeError(f"{what} spec.preset", repr(name), allowed, "give the fields of the specification")
+    return _changed(named(name), {name: value for name, value in fields.items() if name != "preset"})
+
+
+def _changed(spec: Spec, fields: Mapping[str, Any]) -> Spec:
+    """Return a specification with other values of some fields; a part of the same kind changes field by field."""
+    values = {}
+    for name, value in fields.items():
+        old = getattr(spec, name, None)
+        kind = getattr(old, "kind", None)
+        if isinstance(old, Spec) and isinstance(value, Mapping) and value.get("kind", kind) == kind:
+            value = _changed(old, {key: item for key, item in value.items() if key != "kind"})
+        values[name] = value
+    return spec.with_(**values) if values else spec
 
 
 def _settings_of(kind: str, what: str, data: object) -> Spec | None:

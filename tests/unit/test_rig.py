@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scarl_sionna.core.errors import ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose
+from scarl_sionna.core.registry import spec_type
 from scarl_sionna.core.settings.radar import RadarSettings
 from scarl_sionna.core.specs.camera import CameraSpec
+from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.specs.radar.spec import RadarSpec
 from scarl_sionna.fusion import Rig, SensorMount
@@ -170,3 +173,46 @@ def test_a_missing_file_and_an_unknown_preset_or_quality() -> None:
 
 def test_to_dict_is_plain_data() -> None:
     assert json.loads(json.dumps(Rig.scarl().to_dict())) == Rig.scarl().to_dict()
+
+
+def mount_of(kind: str, **spec: object) -> SensorMount:
+    place = {"name": "roof", "kind": kind, "vehicle_from_sensor": {"position": [0.0, 0.0, 1.9]}}
+    return SensorMount.from_dict({**place, "spec": spec})
+
+
+@pytest.mark.parametrize(
+    ("kind", "preset", "field", "value"),
+    [
+        ("lidar", "hdl32e", "max_distance", 60.0),
+        ("radar", "awr1642", "num_chirps", 24),
+        ("scanning_radar", "ras6", "rotation_rate", 2.0),
+    ],
+)
+def test_a_rig_file_names_devices(kind: str, preset: str, field: str, value: float, tmp_path: Path) -> None:
+    """A preset in a file, and fields that replace its own; what is saved is what it stands for."""
+    device = spec_type(kind).preset(preset)
+    assert mount_of(kind, preset=preset).spec == device
+    changed = mount_of(kind, preset=preset, **{field: value})
+    assert changed.spec == device.with_(**{field: value}) != device
+    Rig("one", (changed,)).save(tmp_path / "rig.yaml")
+    text = (tmp_path / "rig.yaml").read_text()
+    assert preset not in text and Rig.load(tmp_path / "rig.yaml")["roof"].spec == changed.spec
+
+
+def test_a_part_of_a_named_device_changes_field_by_field() -> None:
+    device = LidarSpec.preset("os1_64")
+    part = mount_of("lidar", preset="os1_64", receiver={"range_step": 0.0})
+    assert part.spec == device.with_(receiver=device.receiver.with_(range_step=0.0))
+    other = mount_of("lidar", preset="os1_64", receiver={"kind": "heterodyne"})
+    assert other.spec.receiver == HeterodyneReceiver() and other.spec.scan == device.scan
+    radar = mount_of("radar", preset="awr1642", noise_figure_db=9.0, waveform={"num_chirps": 16})
+    assert radar.spec == RadarSpec.preset("awr1642").with_(noise_figure_db=9.0, num_chirps=16)
+
+
+def test_a_device_that_is_not_known_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'hdl32e'"):
+        mount_of("lidar", preset="hdl32")
+    with pytest.raises(ParameterRangeError, match="as text"):
+        mount_of("lidar", preset=32)
+    with pytest.raises(ParameterRangeError, match="kind 'camera' have none"):
+        mount_of("camera", preset="day")
