@@ -252,8 +252,7 @@ def label_cells(
     limit = SIDELOBE_LIMIT * rd.noise_power if method == "sidelobes" else None
     cells, powers, rows = [], [], []
     groups = _groups(labels)
-    for number in range(len(groups.key)):
-        index = np.flatnonzero(groups.member == number)
+    for number, index in enumerate(groups.rows()):
         power = _synthesized(rd, paths.select(index)) if table is None else table.power(index, limit)
         filled = np.flatnonzero(power)
         cells.append(filled)
@@ -275,6 +274,11 @@ class _Groups:
     key: npt.NDArray[np.int64]
     member: npt.NDArray[np.int64]
 
+    def rows(self) -> list[npt.NDArray[np.int64]]:
+        """Return the paths of each group, rising."""
+        counts = np.bincount(self.member, minlength=len(self.key))
+        return np.split(np.argsort(self.member, kind="stable"), np.cumsum(counts)[:-1]) if len(counts) else []
+
 
 @dataclass(frozen=True, eq=False)
 class _Entries:
@@ -287,9 +291,9 @@ class _Entries:
 
 def _groups(labels: PathLabels) -> _Groups:
     """Return the groups of paths."""
-    both = np.stack([labels.instance.astype(np.int64), labels.is_ghost.astype(np.int64)], axis=1)
-    key, member = np.unique(both, axis=0, return_inverse=True)
-    return _Groups(key, member.reshape(-1))
+    both = 2 * labels.instance.astype(np.int64) + labels.is_ghost  # one number: rows of two sort many times as long
+    number, member = np.unique(both, return_inverse=True)
+    return _Groups(np.stack([number // 2, number % 2], axis=1), member.reshape(-1))
 
 
 def _synthesized(rd: RangeDoppler, paths: RadarPaths) -> Array:
@@ -304,7 +308,7 @@ def _assemble(
     entries: _Entries, groups: _Groups, semantic: npt.NDArray[np.uint8], shape: tuple[int, ...]
 ) -> CellLabels:
     """Return the maps from the power of groups in cells; `semantic` is the class of every path."""
-    order = np.lexsort((entries.group, entries.cell))
+    order = np.argsort(entries.cell * len(groups.key) + entries.group, kind="stable")  # runs, one a group, are merged
     cell, power, row = entries.cell[order], entries.power[order], entries.group[order]
     size = int(np.prod(shape))
     total = np.bincount(cell, weights=power, minlength=size)
@@ -315,9 +319,12 @@ def _assemble(
     # direct and multipath of one instance are neighbours in the order: sum them for the instance's share
     starts = np.flatnonzero((np.diff(cell, prepend=-1) != 0) | (np.diff(instance, prepend=-1) != 0))
     whole = np.add.reduceat(share, starts) if len(starts) else np.zeros(0)
-    rising = np.lexsort((-instance[starts], whole, cell[starts]))  # the strongest last, ties to the smaller instance
-    best = rising[np.diff(cell[starts][rising], append=-1) != 0]
-    where = cell[starts][best]
+    own = cell[starts]
+    first = np.flatnonzero(np.diff(own, prepend=-1) != 0)
+    most = np.maximum.reduceat(whole, first) if len(first) else np.zeros(0)
+    strongest = np.flatnonzero(whole == np.repeat(most, np.diff(np.append(first, len(own)))))
+    best = strongest[np.diff(own[strongest], prepend=-1) != 0]  # ties to the smaller instance
+    where = own[best]
     best_instance, best_semantic = np.zeros(size, np.int32), np.zeros(size, np.uint8)
     best_share = np.zeros(size, np.float32)
     best_instance[where] = instance[starts][best]
