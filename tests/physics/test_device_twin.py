@@ -12,6 +12,7 @@ import scarl_sionna as ss
 from scarl_sionna.calibration.device import DeviceFitSettings, ReflectorCapture, fit_device
 from scarl_sionna.calibration.device.capture import mean_of
 from scarl_sionna.calibration.device.model import DeviceModel
+from scarl_sionna.calibration.device.noise import MeasuredNoise
 from scarl_sionna.calibration.errors import CalibrationError
 from scarl_sionna.core.errors import OutputError, ParameterRangeError
 from scarl_sionna.signal.angle import steering
@@ -235,6 +236,25 @@ def test_coupling_needs_as_many_directions_as_antennas() -> None:
     assert "needs at least 4 directions" in text and "needs at least 2 directions" in text
     assert named(3, 0.1)[0] == every
     assert named(6, 0.1)[0] == set()
+
+
+def test_bins_of_weighed_noise_are_independent_but_for_what_filters_suppress() -> None:
+    """Noise through high passes that settle: all directions of the weighed bins have variance one, or none."""
+    nothing = ss.point_targets([[9.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], 1e-12, STATED, ss.Pose())
+    place = np.array([9.0, 0.0, 0.0])
+    captures = [
+        ReflectorCapture(ss.synthesize(nothing, STATED, rng=np.random.default_rng(seed), method="direct"), place, 0.0)
+        for seed in range(150)
+    ]
+    noise = MeasuredNoise.of(captures, STATED)
+    looks = noise.whitened(np.stack([mean_of(item, STATED) for item in captures]), captures).reshape(-1, 128)
+    variances = np.linalg.eigvalsh(looks.conj().T @ looks / len(looks))
+    assert np.all(variances[:2] < 1e-6)  # a constant, and nearly a line: high passes leave nothing of them
+    spread = np.sqrt(128 / len(looks))  # Marchenko and Pastur: of 128 equal variances from so many looks
+    assert variances[2] > (1.0 - spread) ** 2 - 0.1 and variances[-1] < (1.0 + spread) ** 2 + 0.1
+    without = replace(noise, apart=None)
+    looks = without.whitened(np.stack([mean_of(item, STATED) for item in captures]), captures).reshape(-1, 128)
+    assert abs(np.mean(looks[:, 0].conj() * looks[:, 1])) > 0.4  # neighbours at zero are alike, which is not weighed
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,8 @@ Complex = npt.NDArray[np.complex128]
 
 LEAST_EIGENVALUE = 1e-3
 """Of the noise's covariance behind the stated filters, over the largest: what they suppress further is not raised."""
+LEAST_CORRELATED = 0.05
+"""Of the correlation's eigenvalues: directions with less are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,8 @@ class MeasuredNoise:
         The same of noise that `whitening` was applied to: the same in all bins, if the filters are those stated [W].
     whitening : ndarray of complex128, shape (num_samples, num_samples), or None
         Makes noise behind the stated filters white again: filters that settle leave the bins of a chirp correlated.
+    apart : ndarray of complex128, shape (num_samples, num_samples), or None
+        Makes bins uncorrelated that `whitening` leaves correlated, where it does not raise what the filters suppress.
     num_looks : int
         Independent values that each is the mean of.
     """
@@ -45,6 +49,7 @@ class MeasuredNoise:
     power: Array
     white: Array
     whitening: Complex | None
+    apart: Complex | None
     num_looks: int
 
     @classmethod
@@ -59,7 +64,7 @@ class MeasuredNoise:
             looks += (len(chirps) - 1) * radar.num_tx
         if not np.all(total > 0.0):
             raise CalibrationError("chirps of a capture do not differ: raw data without noise cannot be weighed")
-        return cls(total[0] / looks, total[1] / looks, whitening, looks)
+        return cls(total[0] / looks, total[1] / looks, whitening, _apart(radar, whitening), looks)
 
     @property
     def amplitude(self) -> float:
@@ -78,7 +83,7 @@ class MeasuredNoise:
         num_tx = data.shape[-3]
         spread = np.array([_spread(item, num_tx) for item in captures])
         white = _transform(_applied(self.whitening, data))
-        return np.asarray(white / np.sqrt(spread[:, None, None, None] * self.white))
+        return _applied(self.apart, np.asarray(white / np.sqrt(spread[:, None, None, None] * self.white)))
 
     def figure_db(self, radar: RadarSpec, mixer: Mixer) -> tuple[float, float]:
         """Return the noise figure and its standard deviation [dB].
@@ -128,6 +133,24 @@ def _whitening(radar: RadarSpec) -> Complex | None:
     values, vectors = np.linalg.eigh(matrix.conj().T @ matrix)
     scale = 1.0 / np.sqrt(np.maximum(values, LEAST_EIGENVALUE * values[-1]))
     return np.asarray((vectors * scale) @ vectors.conj().T)
+
+
+def _apart(radar: RadarSpec, whitening: Complex | None) -> Complex | None:
+    """Return the inverse square root of the correlation of the bins of whitened noise.
+
+    What the filters suppress is not raised to the full, so that the bins that hold it are less than independent: nearly
+    all of two of them for high passes. What is left of it by less than `LEAST_CORRELATED` tells nothing.
+    """
+    matrix = filter_matrix(radar)
+    if whitening is None or matrix is None:
+        return None
+    rows = _transform(_applied(whitening, matrix))  # white noise through filters, whitening and transform
+    covariance = rows.conj().T @ rows
+    scale = 1.0 / np.sqrt(np.real(np.diag(covariance)))
+    values, vectors = np.linalg.eigh(covariance * scale * scale[:, None])
+    kept = values > LEAST_CORRELATED
+    inverse = np.where(kept, 1.0 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
+    return np.asarray((vectors * inverse) @ vectors.conj().T)
 
 
 def _applied(whitening: Complex | None, data: Complex) -> Complex:
