@@ -239,6 +239,13 @@ def gather(spec: LidarSpec, echoes: Echoes) -> Echoes:
     return strongest(echoes, spec.max_returns)
 
 
+def nearest_of(number: int, shot: Index, distance: Array) -> Array:
+    """Return the least distance in each of `number` shots [m], of rows of any order; infinite where there is none."""
+    nearest = np.full(number, np.inf)
+    np.minimum.at(nearest, shot, distance)
+    return nearest
+
+
 def strongest(echoes: Echoes, number: int) -> Echoes:
     """Return the `number` strongest echoes of each shot, by shot and distance."""
     new_shot = np.diff(echoes.shot, prepend=-1) != 0

@@ -27,7 +27,7 @@ from .motion import Motion, sensor_motion, shot_rays, to_timestamp
 from .pattern import shot_directions, shot_times
 from .pulsed import density_of_shots, estimate_waveforms, receive_pulsed, spray_cells, synthesize_waveforms
 from .receiver import Slots, receive
-from .returns import MIRRORED, Cast, Echoes, Shots, gather, join, place_in_group, trace
+from .returns import MIRRORED, Cast, Echoes, Shots, gather, join, nearest_of, place_in_group, trace
 from .rolling import RollingCaster
 from .spray import FreePaths, dim_echoes
 
@@ -155,8 +155,7 @@ class Lidar:
         return receive_pulsed(spec, returns, density, rng, spray), None
 
     def _free_paths(self, echoes: Echoes, shots: Shots, air_velocity: Array) -> FreePaths:
-        nearest = np.full(self.spec.num_shots, np.inf)
-        np.minimum.at(nearest, echoes.shot, echoes.distance)
+        nearest = nearest_of(self.spec.num_shots, echoes.shot, echoes.distance)
         return FreePaths(shots.origins, shots.directions, air_velocity, nearest)
 
     def _scan(

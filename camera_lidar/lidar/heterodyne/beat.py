@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from camera_lidar.lidar.detections import NO_ECHO, Detections, keep_strongest, match
-from camera_lidar.lidar.returns import Echoes, join
+from camera_lidar.lidar.returns import Echoes, join, nearest_of
 from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
@@ -73,8 +73,7 @@ def synthesize_beats(spec: LidarSpec, echoes: Echoes, air_velocity: Array, rng: 
         rng, echoes.number, receiver.speckle
     )
     first = np.searchsorted(echoes.shot, np.arange(spec.num_shots + 1))
-    nearest = np.full(spec.num_shots, np.inf)
-    np.minimum.at(nearest, echoes.shot, echoes.distance)
+    nearest = nearest_of(spec.num_shots, echoes.shot, echoes.distance)
     full_scale = np.sqrt(full_scale_cnr(spec) / number)
     step = max(_SAMPLES_AT_ONCE // (2 * number), 1)
     fog = receiver.backscatter and spec.atmosphere.weather_extinction(spec.wavelength) > 0.0

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy.special import gammaincc, gammainccinv
 
 from camera_lidar.lidar.detections import NO_ECHO, Detections, keep_strongest
-from camera_lidar.lidar.returns import Echoes, join, place_in_group
+from camera_lidar.lidar.returns import Echoes, join, nearest_of, place_in_group
 from scarl_sionna.core.specs.lidar.receiver import HeterodyneReceiver
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
@@ -127,8 +127,7 @@ def _weather(spec: LidarSpec, returns: Echoes, air_velocity: Array, rng: np.rand
     assert isinstance(receiver, HeterodyneReceiver)
     if not receiver.backscatter or spec.atmosphere.weather_extinction(spec.wavelength) == 0.0:
         return []
-    nearest = np.full(spec.num_shots, np.inf)
-    np.minimum.at(nearest, returns.shot, returns.distance)
+    nearest = nearest_of(spec.num_shots, returns.shot, returns.distance)
     number = 2 if receiver.chirps == "up_down" else 1
     return [weather_peaks(spec, nearest, air_velocity, rng) for _ in range(number)]
 

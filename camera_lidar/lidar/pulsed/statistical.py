@@ -6,19 +6,20 @@ One row a return; a waveform is made only of the stretch that the air fills.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from camera_lidar.lidar.detections import NO_ECHO, Detections, keep_strongest
-from camera_lidar.lidar.returns import Echoes, join, place_in_group, take
+from camera_lidar.lidar.returns import Echoes, join, nearest_of, place_in_group, take
 from camera_lidar.lidar.spray import CloudCells
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
 
 from .air import air_electrons, mean_profile, sample_step
 from .detection import filtered, level_of, noise_deviation, range_deviation, threshold_ratio
 from .link import full_scale, photoelectrons, pulse_spread, pulsed, speckle_cells
-from .waveform import SAMPLES_AT_ONCE, convolved, detected, peaks_in
+from .waveform import SAMPLES_AT_ONCE, convolved, detected, peaks_in, reported, through_filter
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -82,10 +83,10 @@ def receive_pulsed(
     false = take(false, np.flatnonzero(false.distance > filled * sample_step(spec)))
     drawn = [found, false]
     if filled:
-        nearest, measured = np.full((2, spec.num_shots), np.inf)
-        np.minimum.at(nearest, returns.shot, returns.distance)
-        np.minimum.at(measured, found.shot, found.distance)
-        of_air = _air_peaks(spec, nearest, density, filled, spray, air)
+        of_air = _air_peaks(
+            spec, nearest_of(spec.num_shots, returns.shot, returns.distance), density, filled, spray, air
+        )
+        measured = nearest_of(spec.num_shots, found.shot, found.distance)
         apart = of_air.distance < measured[of_air.shot] - spec.range_resolution
         drawn.append(take(of_air, np.flatnonzero(apart)))
     return keep_strongest(join(drawn), spec.max_returns)
@@ -97,15 +98,9 @@ def _reported(
     """Return detections of returns; heights are clipped and distances rounded as the receiver does."""
     height = np.minimum(height, full_scale(spec))
     unit = photoelectrons(spec, 1.0, returns.distance[rows])
-    step = pulsed(spec).range_step
-    if step > 0.0:
-        distance = np.round(distance / step) * step
     noise = np.maximum(noise_deviation(spec, density), 1e-300)
-    good = np.flatnonzero((distance > 0.0) & (distance <= spec.max_distance))
-    found = Detections(
-        returns.shot[rows], rows, distance, np.full(len(rows), np.nan), (height / noise) ** 2, height / unit
-    )
-    return take(found, good)
+    found = reported(spec, returns.shot[rows], rows, distance, (height, noise, unit))
+    return take(found, np.flatnonzero((found.distance > 0.0) & (found.distance <= spec.max_distance)))
 
 
 def _false_alarms(spec: LidarSpec, density: Array, rng: np.random.Generator) -> Detections:
@@ -119,11 +114,13 @@ def _false_alarms(spec: LidarSpec, density: Array, rng: np.random.Generator) -> 
     return Detections(shot, nothing, distance, np.full(len(shot), np.nan), ratio**2, intensity)
 
 
+@lru_cache(maxsize=16)
 def _mean_air(spec: LidarSpec) -> Array:
-    """Return the mean waveform of fog, rain and snow without a surface, shape (num_samples,)."""
+    """Return the mean waveform of fog, rain and snow without a surface, shape (num_samples,); read-only."""
     mean = convolved(spec, mean_profile(spec)[None], pulsed(spec).pulse_deviation)
-    silent = spec.with_(receiver=pulsed(spec).with_(noise=False, saturation_power=None))
-    return detected(silent, mean, np.zeros(1), np.random.default_rng(0))[0]
+    waveform = through_filter(spec, mean)[0]
+    waveform.setflags(write=False)
+    return waveform
 
 
 def _has_weather(spec: LidarSpec) -> bool:

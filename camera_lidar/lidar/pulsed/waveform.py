@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.special import ndtr
 
 from camera_lidar.lidar.detections import NO_ECHO, Detections, match
-from camera_lidar.lidar.returns import Echoes, join, take
+from camera_lidar.lidar.returns import Echoes, join, nearest_of, take
 from camera_lidar.lidar.spray import CloudCells
 from scarl_sionna.core.specs.lidar.spec import LidarSpec
 from scarl_sionna.core.units import SPEED_OF_LIGHT
@@ -63,8 +64,7 @@ def synthesize_waveforms(
     tens of photoelectrons or the amplifier's noise make it so. The filter is Gaussian, the output clips at full scale.
     """
     receiver = pulsed(spec)
-    nearest = np.full(spec.num_shots, np.inf)
-    np.minimum.at(nearest, echoes.shot, echoes.distance)
+    nearest = nearest_of(spec.num_shots, echoes.shot, echoes.distance)
     gain = np.ones(echoes.number)
     speckle, noise, drops = rng.spawn(3)
     if receiver.speckle:
@@ -119,10 +119,15 @@ def detected(spec: LidarSpec, mean: Array, density: Array, rng: np.random.Genera
     if receiver.noise:
         variance = excess_noise_factor(receiver) * mean + density[:, None] / receiver.sampling_frequency
         mean = mean + np.sqrt(variance / receiver.num_pulses) * rng.standard_normal(mean.shape)
+    return np.minimum(through_filter(spec, mean), full_scale(spec))
+
+
+def through_filter(spec: LidarSpec, samples: Array) -> Array:
+    """Return photoelectrons a sample through the receiver's filter, in those of a pulse's peak; shape kept."""
+    receiver = pulsed(spec)
     rate = receiver.sampling_frequency
     unit = math.hypot(receiver.pulse_deviation * rate, receiver.filter_deviation * rate, _SAMPLE)
-    output = convolved(spec, mean, receiver.filter_deviation) * (math.sqrt(2.0 * math.pi) * unit)
-    return np.minimum(output, full_scale(spec))
+    return convolved(spec, samples, receiver.filter_deviation) * (math.sqrt(2.0 * math.pi) * unit)
 
 
 def estimate_waveforms(spec: LidarSpec, waveform: Waveform, density: Array, returns: Echoes) -> Detections:
@@ -147,8 +152,7 @@ def estimate_waveforms(spec: LidarSpec, waveform: Waveform, density: Array, retu
         for first in range(0, len(waveform), step)
     ]
     found = join(blocks)
-    echo = match(spec, found, returns)
-    return Detections(found.shot, echo, found.distance, found.radial_velocity, found.cnr, found.intensity)
+    return replace(found, echo=match(spec, found, returns))
 
 
 def peaks_in(spec: LidarSpec, waveform: npt.NDArray[np.floating], density: Array, first_shot: int = 0) -> Detections:
@@ -209,14 +213,31 @@ def _lowest_on_the_way(samples: Array, place: Index) -> Array:
 
 
 def _reported(spec: LidarSpec, shot: Index, distance: Array, height: Array, noise: Array) -> Detections:
-    place = np.maximum(distance, 1e-3)
-    unit = photoelectrons(spec, 1.0, place)
+    unit = photoelectrons(spec, 1.0, np.maximum(distance, 1e-3))
+    return reported(spec, shot, np.full(len(shot), NO_ECHO), distance, (height, noise, unit))
+
+
+def reported(
+    spec: LidarSpec, shot: Index, echo: Index, distance: Array, peak: tuple[Array, Array, Array]
+) -> Detections:
+    """Return detections as the receiver puts them out: distances in its steps, intensity and ratio from the peak.
+
+    Parameters
+    ----------
+    spec : LidarSpec
+    shot, echo : ndarray of int64, shape (num_detections,)
+    distance : ndarray of float64, shape (num_detections,)
+        [m].
+    peak : tuple of ndarray of float64, shape (num_detections,) each
+        Height, standard deviation of the noise, and the height that a white diffuser across the beam at 1 m would have
+        from there [photoelectrons].
+    """
+    height, noise, unit = peak
     intensity = np.divide(height, unit, out=np.zeros_like(height), where=unit > 0.0)
     step = pulsed(spec).range_step
     if step > 0.0:
         distance = np.round(distance / step) * step
-    nothing = np.full(len(shot), NO_ECHO)
-    return Detections(shot, nothing, distance, np.full(len(shot), np.nan), (height / noise) ** 2, intensity)
+    return Detections(shot, echo, distance, np.full(len(shot), np.nan), (height / noise) ** 2, intensity)
 
 
 def _top(samples: Array, shot: Index, place: Index) -> tuple[Array, Array]:
