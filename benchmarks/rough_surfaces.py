@@ -43,7 +43,7 @@ def backscatter(frequency: float) -> None:
     print(f"| sigma0 [dB] | albedo | {' | '.join(f'{angle:g} deg' for angle in ANGLES)} | measured at 94 to 95 GHz |")
     print("|---|---|" + "---|" * len(ANGLES) + "---|")
     for name, measured in MEASURED.items():
-        albedo = diffuse_albedo(table[name], frequency)
+        albedo = table[name].volume_albedo or diffuse_albedo(table[name], frequency)
         channels: tuple[Channel, ...] = ("VV", "HV")
         for channel in channels:
             levels = 10.0 * np.log10(sigma0(table[name], frequency, np.radians(ANGLES), channel))

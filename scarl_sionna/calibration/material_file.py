@@ -41,7 +41,7 @@ def calibrated_materials(result: CalibrationResult) -> list[RadioMaterial]:
         )
         base = result.model.table[owner]
         if "scattering_coefficient" in values or ("roughness_rms" in values and _scatters(used.values(), owner)):
-            base = base.with_(diffuse_albedo=None)  # frames then read what was calibrated, not the table's albedo
+            base = base.with_(diffuse_albedo=None, volume_albedo=None)  # frames then read what was calibrated
         out.append(
             base.with_(
                 **values,

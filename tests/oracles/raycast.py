@@ -29,7 +29,10 @@ def columns(state, radar, mount, knobs, reach):
     up = hits.normal @ mount.pose.rotation[:, 2]
     horizontal_te = te_fraction_of_h(local[hits.ray, 2], hits.cos_incidence, up)
     vv, hh = te + horizontal_te * (tm - te), tm + horizontal_te * (te - tm)
-    rough = rough_ground(state.world, frequency, knobs)[hits.part] * hits.cos_incidence[:, None]
+    table, cosine = rough_ground(state.world, frequency, knobs)[hits.part], hits.cos_incidence
+    blade = np.nan_to_num(table[:, 2])  # of a deep layer: w H^2 / (8 mu)
+    spread = ((1.0 + 2.0 * cosine) / (1.0 + 2.0 * cosine * np.sqrt(1.0 - blade))) ** 2
+    rough = table[:, :2] * np.where(blade > 0.0, blade * spread / 8.0, cosine)[:, None]
     ground = ~np.isnan(rough[:, 0])
     vv[ground] = hh[ground] = rough[ground, 0]
     footprint = 4.34e-4 if knobs.rcs_model == "per_hit" else grid.solid_angle * hits.distance**2

@@ -16,7 +16,7 @@ from scarl_sionna.radar.channel import solve_paths
 from scarl_sionna.radar.channel.multipath.images import material_coefficients
 from scarl_sionna.radar.optics.body.parts import surface_of
 from scarl_sionna.scene.materials.fresnel import power_reflectance
-from scarl_sionna.scene.materials.rough import coherent_share, diffuse_albedo, sigma0
+from scarl_sionna.scene.materials.rough import coherent_share, diffuse_albedo, directional_albedo, escape, sigma0
 from scarl_sionna.scene.materials.table import builtin_materials
 from tests.scenes import Material, Thing, plane, write_scene
 
@@ -34,10 +34,15 @@ SETTINGS = {
 }
 
 
+def ground(folder, radio: str):
+    """Return the path of a scene of one ground below the radar."""
+    flat = Thing("ground", plane(24.0, 24.0, (HEIGHT, 0, 0), (-1, 0, 0)), "Roads", "own")
+    return write_scene(folder, [flat], materials={"own": Material(radio=radio)})
+
+
 @pytest.fixture(scope="module")
 def world(tmp_path_factory):
-    ground = Thing("ground", plane(24.0, 24.0, (HEIGHT, 0, 0), (-1, 0, 0)), "Roads", "own")
-    path = write_scene(tmp_path_factory.mktemp("rough"), [ground], materials={"own": Material(radio="asphalt")})
+    path = ground(tmp_path_factory.mktemp("rough"), "asphalt")
     toml = path.with_name("scene.toml")
     toml.write_text(toml.read_text().replace('radio = "asphalt"', 'radio = "asphalt"\nwets = 1.0'))
     return load_scene(path)
@@ -83,6 +88,18 @@ def test_every_solver_has_the_laws_sigma0(world, method, band) -> None:
 
 
 @pytest.mark.parametrize("method", SETTINGS)
+def test_a_deep_layer_has_the_laws_sigma0_in_every_solver(tmp_path, method) -> None:
+    """Grass; in the two bands Lambert's pattern would lie 2 dB apart from it."""
+    state = load_scene(ground(tmp_path, "grass"))
+    for band in BANDS:
+        power, expected, error = found_and_expected(state, method, band, 60.0)
+        tolerance = 5.0 * error if method == "sionna" else 0.03
+        assert tolerance < 0.2
+        for channel, entry in CHANNELS.items():
+            assert power[entry] / expected[channel] == pytest.approx(1.0, abs=tolerance), channel
+
+
+@pytest.mark.parametrize("method", SETTINGS)
 def test_water_reaches_every_solver(world, method) -> None:
     """The echo of the road rises as its reflectance along the normal does under the film, 7 dB."""
     wet = world.with_weather(Weather(wetness=1.0))
@@ -102,6 +119,30 @@ def test_sigma0_is_measured_where_it_was_measured() -> None:
     assert level("asphalt", 20.0) == pytest.approx(-12.0, abs=0.1)
     assert -8.0 < level("grass", 20.0) < level("grass", 25.0) < level("grass", 28.0) < -3.0
     assert all(-8.0 < level("soil", angle) < -3.0 for angle in (40.0, 60.0, 80.0))
+
+
+@pytest.mark.parametrize("albedo", [0.3, 0.6, 0.81, 0.95])
+def test_a_deep_layer_scatters_as_radiative_transfer_says(albedo) -> None:
+    """Chandrasekhar's integral equation of H, solved by iteration, and the energy 1 - sqrt(1 - w) H(mu) sent back."""
+    node, weight = np.polynomial.legendre.leggauss(200)
+    node, weight = (node + 1.0) / 2.0, weight / 2.0
+    exact, kernel = np.ones(200), weight * node / (node[:, None] + node)
+    for _ in range(400):
+        exact = 1.0 / (np.sqrt(1.0 - albedo) + albedo / 2.0 * kernel @ exact)
+    assert np.abs(escape(albedo, node) / exact - 1.0).max() < 0.041
+    grass = TABLE["grass"].with_(volume_albedo=albedo)
+    back = directional_albedo(grass, FREQUENCY, node[:, None], node)
+    sent = 2.0 * (back * node) @ weight  # over the hemisphere, of what arrives at each angle
+    assert sent == pytest.approx(1.0 - np.sqrt(1.0 - albedo) * exact, abs=0.05)
+    level = sigma0(grass, FREQUENCY, np.arcsin(node), "VV") / 0.7
+    assert level == pytest.approx(albedo / 2.0 * node * exact**2, rel=0.083)
+    assert level[0] / node[0] == pytest.approx(albedo / 2.0, rel=0.02)  # single scattering near grazing: water cloud
+
+
+def test_grass_stays_below_what_any_terrain_was_measured_at() -> None:
+    """All terrains at 94 to 95 GHz lie below 0 dB; Lambert's pattern through grass's level at 20 deg does not."""
+    levels = sigma0(TABLE["grass"], FREQUENCY, np.radians([20.0, 89.0]), "VV")
+    assert levels[1] < 1.0 < levels[0] / np.sin(np.radians(20.0)) ** 2
 
 
 def test_there_is_no_brewster_null_and_the_law_is_monotonic() -> None:

@@ -145,6 +145,11 @@ def test_a_users_file_adds_and_replaces(tmp_path) -> None:
             "[slush]\ncolour = 'white'\nrelative_permittivity = 1\nconductivity = 0\nsource = 's'\nuncertainty = 'u'\n",
             "colour",
         ),
+        (
+            "[turf]\nrelative_permittivity = 1.3\nconductivity = 1\ndiffuse_albedo = 0.5\nvolume_albedo = 0.8\n"
+            "source = 's'\nuncertainty = 'u'\n",
+            "not both",
+        ),
         ("slush = 3\n", "not a table"),
         ("[slush\n", "TOML"),
     ],

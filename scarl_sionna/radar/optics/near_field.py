@@ -98,7 +98,8 @@ def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
     .. math:: |a|^2 = \frac{\lambda^2}{(4 \pi)^2 L^2 R^2} \rho \cos\theta_i f_s A, \quad
               f_s = \frac{\cos\theta_s}{\pi}
 
-    for the area A, with Lambert's pattern and the albedo of :func:`.rough.diffuse_albedo`, and K of it is cross-polar.
+    for the area A, with Lambert's pattern and the albedo of :func:`.rough.directional_albedo`, and K of it is
+    cross-polar.
 
     References
     ----------
@@ -126,7 +127,7 @@ def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
     field = chain.reflected(seen, sent)
     arriving = dr.normalize(center - image)
     normal = normal * -dr.sign(dr.dot(normal, arriving))
-    reflected, onward, (strayed, *turn) = _bounced(on, surfaces, face, field, arriving, normal)
+    reflected, onward = _bounced(on, surfaces, face, field, arriving, normal)
     tx_velocity, rx_velocity = seen_velocity - rays.vector(near.tx.velocity), moving - rays.vector(near.rx.velocity)
     oblique, edges = None, []
     out, home = dr.norm(center - image), dr.norm(receiver - center)
@@ -168,7 +169,9 @@ def radiated(near: NearField, tubes: ImageTubes) -> dict[str, npt.NDArray[Any]]:
         for t, (re, im) in enumerate(on.component(receive[r], vector)):
             columns[f"re{r}{t}"] = re * factor[0] - im * factor[1]
             columns[f"im{r}{t}"] = re * factor[1] + im * factor[0]
-    cosines = dr.abs(dr.dot(normal, arriving)) * columns["cosine"] / np.pi
+    incidence = dr.abs(dr.dot(normal, arriving))
+    strayed, *turn = surfaces.scattered(face, incidence, columns["cosine"])
+    cosines = incidence * columns["cosine"] / np.pi
     level = 0.5 / wavenumber / (out * home) * kept_out * strayed * dr.sqrt(cosines)  # lambda / (4 pi) = 1 / (2 k)
     columns |= _scattered(dr, _spherical_basis(rays, near.tx.pose, arriving), field, level, turn)
     dr.eval(*columns.values())
@@ -240,7 +243,7 @@ class _Chain:
         def onward(number: DeviceArray, seen: DeviceArray, field: Field) -> tuple[DeviceArray, DeviceArray, Field]:
             (normal, offset), arriving = self.plane(number), dr.normalize(seen - self.image(number))
             lit = normal * -dr.sign(dr.dot(normal, arriving))
-            field, _, _ = _bounced(on, self._surfaces, self.face(number), field, arriving, lit)
+            field, _ = _bounced(on, self._surfaces, self.face(number), field, arriving, lit)
             return number + 1, seen - 2.0 * (dr.dot(normal, seen) - offset) * normal, field
 
         state = dr.zeros(mi.UInt32, self._count), seen, field
@@ -255,11 +258,11 @@ def _bounced(
     field: Field,
     arriving: DeviceArray,
     normal: DeviceArray,
-) -> tuple[Field, DeviceArray, tuple[DeviceArray, ...]]:
-    """Return the field that faces reflect, its direction, and the rest of what their roughness does."""
+) -> tuple[Field, DeviceArray]:
+    """Return the field that faces reflect, and its direction."""
     smooth, onward = reflected_field(on, partial(surfaces.coefficients, face), field, arriving, normal)
-    kept, *rest = surfaces.roughness(face)
-    return [(kept * re, kept * im) for re, im in smooth], onward, tuple(rest)
+    kept = surfaces.kept(face)
+    return [(kept * re, kept * im) for re, im in smooth], onward
 
 
 def _matrices(found: dict[str, npt.NDArray[Any]], real: str, imaginary: str) -> npt.NDArray[np.complex128]:

@@ -21,7 +21,7 @@ from scarl_sionna.engine.rays.face_rays import FaceRays
 from scarl_sionna.engine.rays.moving_faces import MovingFaces
 from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.scene.materials.fresnel import reflection, stack_reflection, transmission
-from scarl_sionna.scene.materials.rough import diffuse_albedo, height_loss
+from scarl_sionna.scene.materials.rough import diffuse_albedo, height_loss, layer_albedo
 
 from .fields import HOST, reflected_field
 
@@ -164,9 +164,11 @@ class FaceSurfaces:
                 passed[index] = np.stack([te.real, te.imag, tm.real, tm.imag], axis=1)
         self._coefficient, self._passed = rays.reals(columns), rays.reals(passed)
         kept = np.array([material.coherence for material in self.materials])
-        albedo = np.array([diffuse_albedo(material, frequency) for material in self.materials])
+        surface = np.array([diffuse_albedo(material, frequency) for material in self.materials])
+        layer = np.array([material.volume_albedo or 0.0 for material in self.materials])
+        albedo = np.where(layer > 0.0, layer, surface)
         crossed = np.array([material.xpd_coefficient for material in self.materials])
-        rough = np.stack([kept, np.sqrt(albedo), np.sqrt(1.0 - crossed), np.sqrt(crossed)], axis=1)
+        rough = np.stack([kept, surface, layer, np.sqrt(1.0 - crossed), np.sqrt(crossed)], axis=1)
         self._rough = rays.reals(rough)
         of_part = np.array([names.index(name) if name in names else 0 for name in table.material], dtype=np.uint32)
         scatters = np.array([name in names and albedo[names.index(name)] > 0.0 for name in table.material])
@@ -215,10 +217,23 @@ class FaceSurfaces:
         )
         return (te_re, te_im), (tm_re, tm_im)
 
-    def roughness(self, face: DeviceArray) -> tuple[DeviceArray, DeviceArray, DeviceArray, DeviceArray]:
-        """Return sqrt(1 - S^2), sqrt(rho), sqrt(1 - K) and sqrt(K).
+    def kept(self, face: DeviceArray) -> DeviceArray:
+        """Return what scattering leaves of the reflected field, sqrt(1 - S^2)."""
+        return self._of_material(face, 0)
 
-        S is the scattering, K the cross-polarisation coefficient, rho the diffuse albedo.
+    def scattered(
+        self, face: DeviceArray, arriving: DeviceArray, leaving: DeviceArray
+    ) -> tuple[DeviceArray, DeviceArray, DeviceArray]:
+        """Return sqrt(rho), sqrt(1 - K) and sqrt(K).
+
+        rho is the albedo between two directions of given cosines (:func:`.rough.directional_albedo`), K the
+        cross-polarisation coefficient.
         """
-        dr, row = self._rays.dr, 4 * self._material(face)
-        return tuple(dr.gather(self._rays.Real, self._rough, row + k) for k in range(4))  # type: ignore[return-value]
+        dr = self._rays.dr
+        layer = self._of_material(face, 2)
+        deep = layer_albedo(layer, arriving, dr.maximum(leaving, 1e-9))
+        albedo = dr.select(layer > 0.0, deep, self._of_material(face, 1))
+        return dr.sqrt(albedo), self._of_material(face, 3), self._of_material(face, 4)
+
+    def _of_material(self, face: DeviceArray, column: int) -> DeviceArray:
+        return self._rays.dr.gather(self._rays.Real, self._rough, 5 * self._material(face) + column)

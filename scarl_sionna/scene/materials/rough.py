@@ -11,6 +11,7 @@ from scarl_sionna.core.errors import ParameterRangeError
 from scarl_sionna.core.units import SPEED_OF_LIGHT
 
 from .fresnel import power_reflectance
+from .layers import Number
 from .table import RadioMaterial
 
 Channel = Literal["VV", "HH", "HV", "VH"]
@@ -92,7 +93,7 @@ def diffuse_albedo(material: RadioMaterial, frequency: float) -> float:
     ----------
     material : RadioMaterial
         Its `diffuse_albedo` counts where it states one (measured backscatter), else scattering coefficient, heights
-        and reflectance.
+        and reflectance; its `volume_albedo` does not count.
     frequency : float
         [Hz].
 
@@ -123,6 +124,77 @@ def diffuse_albedo(material: RadioMaterial, frequency: float) -> float:
     return material.diffuse_albedo
 
 
+def escape(albedo: Number, cosine: Number) -> Number:
+    r"""Return how much multiple scattering adds to what enters or leaves a deep layer of scatterers, 1 and more.
+
+    Parameters
+    ----------
+    albedo : float or array
+        Of one scatterer, 0 to 1; NumPy's and the engine's numbers alike.
+    cosine : float or array
+        Of the angle to the layer's normal.
+
+    Notes
+    -----
+    .. math:: H(\mu) \approx \frac{1 + 2 \mu}{1 + 2 \mu \sqrt{1 - w}}
+
+    Chandrasekhar's function [1]_ of isotropic scatterers in the form of [2]_, within 4.1 % of it for w up to 0.95.
+
+    References
+    ----------
+    .. [1] S. Chandrasekhar, *Radiative Transfer*, 1960, chapter V.
+    .. [2] B. Hapke, "Bidirectional reflectance spectroscopy: 1. Theory", J. Geophys. Res. 86(B4), 1981.
+    """
+    return (1.0 + 2.0 * cosine) / (1.0 + 2.0 * cosine * (1.0 - albedo) ** 0.5)
+
+
+def layer_albedo(albedo: Number, arriving: Number, leaving: Number) -> Number:
+    r"""Return the albedo of the Lambertian surface that would scatter as a deep layer does between two directions.
+
+    Parameters
+    ----------
+    albedo : float or array
+        Of one scatterer of the layer, 0 to 1; NumPy's and the engine's numbers alike.
+    arriving, leaving : float or array
+        Cosines of the angles to the layer's normal, at least one above 0.
+
+    Notes
+    -----
+    .. math:: \rho(\mu_i, \mu_s) = \frac{w}{4} \frac{H(\mu_i) H(\mu_s)}{\mu_i + \mu_s}
+
+    with H of :func:`escape`: isotropic scatterers, such as blades of all directions, in a layer through which nothing
+    is seen; how densely they stand does not count.
+    """
+    return 0.25 * albedo * escape(albedo, arriving) * escape(albedo, leaving) / (arriving + leaving)
+
+
+def directional_albedo(
+    material: RadioMaterial, frequency: float, arriving: npt.ArrayLike, leaving: npt.ArrayLike
+) -> npt.NDArray[np.float64]:
+    """Return the albedo of the Lambertian surface that would scatter as a material does between two directions.
+
+    Parameters
+    ----------
+    material : RadioMaterial
+        A deep layer where it has a `volume_albedo` (:func:`layer_albedo`; a film of water on its top leaves that as it
+        is), else a rough surface (:func:`diffuse_albedo`, the same for all directions).
+    frequency : float
+        [Hz].
+    arriving, leaving : array_like of float
+        Cosines of the angles to the normal; they broadcast.
+
+    Raises
+    ------
+    MaterialRangeError
+        If the material has no data at this frequency.
+    """
+    arriving, leaving = np.broadcast_arrays(np.asarray(arriving, float), np.asarray(leaving, float))
+    if material.volume_albedo is None:
+        return np.full(arriving.shape, diffuse_albedo(material, frequency))
+    material.at(frequency)
+    return np.asarray(layer_albedo(material.volume_albedo, arriving, np.maximum(leaving, 1e-9)))
+
+
 def sigma0(
     material: RadioMaterial, frequency: float, grazing: npt.ArrayLike, channel: Channel
 ) -> npt.NDArray[np.float64]:
@@ -148,7 +220,8 @@ def sigma0(
     -----
     .. math:: \sigma^0 = 4 \rho \sin^2\psi \, (1 - K_x) \quad\text{and}\quad 4 \rho \sin^2\psi \, K_x
 
-    Lambert's pattern with the albedo of :func:`diffuse_albedo`; the coherent reflection is not in it.
+    Lambert's pattern with the albedo of :func:`directional_albedo`: that of a deep layer rises as 1 / sin(psi) towards
+    grazing, so that its sigma0 falls as sin(psi). The coherent reflection is not in it.
 
     References
     ----------
@@ -158,4 +231,5 @@ def sigma0(
     if channel not in ("VV", "HH", "HV", "VH"):
         raise ParameterRangeError("channel", repr(channel), "'VV', 'HH', 'HV' or 'VH'")
     share = material.xpd_coefficient if channel in ("HV", "VH") else 1.0 - material.xpd_coefficient
-    return np.asarray(4.0 * diffuse_albedo(material, frequency) * np.sin(grazing) ** 2 * share)
+    sine = np.sin(grazing)
+    return np.asarray(4.0 * directional_albedo(material, frequency, sine, sine) * sine**2 * share)

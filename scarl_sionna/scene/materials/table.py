@@ -78,6 +78,13 @@ class RadioMaterial(Spec):
         description="share of the incident power that is scattered diffusely, from measured backscatter; None: from "
         "scattering_coefficient, roughness_rms and the reflectance along the normal",
     )
+    volume_albedo: float | None = Field(
+        None,
+        gt=0.0,
+        le=1.0,
+        description="of a deep layer of scatterers (grass): share that one blade scatters of what it meets; None: a "
+        "rough surface",
+    )
     xpd_coefficient: float = Field(0.0, ge=0.0, le=1.0, description="fraction of the diffuse power that is cross-polar")
     lidar_reflectance: float = Field(0.3, ge=0.0, le=1.0, description="diffuse, at 1550 nm; a scene may state its own")
     lidar_transmittance: float = Field(0.0, ge=0.0, le=1.0, description="of a pane, at 1550 nm and normal incidence")
@@ -91,6 +98,8 @@ class RadioMaterial(Spec):
             raise ValueError("frequency_range rising and positive [Hz]")
         if self.lidar_reflectance + self.lidar_transmittance > 1.0:
             raise ValueError("lidar_reflectance + lidar_transmittance <= 1")
+        if self.volume_albedo is not None and self.diffuse_albedo is not None:
+            raise ValueError("either diffuse_albedo (a rough surface) or volume_albedo (a deep layer), not both")
         return self
 
     def covers(self, frequency: float) -> bool:

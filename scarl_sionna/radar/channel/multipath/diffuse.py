@@ -5,6 +5,7 @@ Sionna RT samples the paths; what its amplitudes hold of Fresnel's coefficients 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from scarl_sionna.engine.paths.tracing import DIFFUSE, NONE, REFRACTION, SPECULA
 from scarl_sionna.engine.twins import ENGINE_THICKNESS, RADIO_FREQUENCY
 from scarl_sionna.radar.paths import bend_of
 from scarl_sionna.scene.materials.fresnel import power_reflectance
-from scarl_sionna.scene.materials.rough import diffuse_albedo
+from scarl_sionna.scene.materials.rough import directional_albedo
 
 from .images import Chain, spherical_basis
 from .station import Station
@@ -33,7 +34,7 @@ def diffuse_columns(
 
     A scattering point is the engine's, moved onto the float64 plane of its triangle; what lies before the first and
     behind the last of them is mirrored, so lengths are exact for every antenna. Amplitudes follow the law of
-    :func:`.rough.diffuse_albedo`, water on the surface included.
+    :func:`.rough.directional_albedo`, water on the surface included.
     """
     rows = np.flatnonzero((traced.kind == DIFFUSE).any(axis=1))
     kind, part, normal = traced.kind[rows], traced.part[rows], traced.normal[rows]
@@ -66,8 +67,8 @@ def diffuse_columns(
     rate = np.einsum("pdi,pdi->p", turn, surfaces) + arrive @ rx.velocity - travel[:, 0] @ tx.velocity
     to_tx = _turned(tx.rotation, travel[:, 0])
     to_rx = _turned(rx.rotation, -arrive)
-    cosine = np.abs(np.einsum("pdi,pdi->pd", travel[:, :-1], normal))
-    own = _by_albedo(state, traced.a[rows], kind, part, cosine, SPEED_OF_LIGHT / wavelength)
+    cosines = [np.abs(np.einsum("pdi,pdi->pd", way, normal)) for way in (travel[:, :-1], travel[:, 1:])]
+    own = _by_albedo(state, traced.a[rows], kind, part, cosines, SPEED_OF_LIGHT / wavelength)
     a = np.einsum("pri,pij,ptj->prt", to_rx, own, to_tx) * (wavelength * RADIO_FREQUENCY / SPEED_OF_LIGHT)
     out, home = tx_point - tx.position, rx_point - rx.position
     total = np.linalg.norm(out, axis=1) + inner + np.linalg.norm(home, axis=1)
@@ -96,14 +97,14 @@ def _by_albedo(
     a: npt.NDArray[np.complex128],
     kind: npt.NDArray[np.int32],
     part: npt.NDArray[np.int64],
-    cosine: Array,
+    cosines: Sequence[Array],
     frequency: float,
 ) -> npt.NDArray[np.complex128]:
     """Return Sionna RT's transfers with the albedo of each rough surface in place of S^2 |Gamma|^2, shape as `a`.
 
     Over both incident polarisations the engine's diffuse power is S^2 (|TE|^2 + |TM|^2), of the dry surface, at every
     surface that scatters. A path of one scattering has the same power for both; where mirrors are in the way, their
-    ratio stays that of the engine.
+    ratio stays that of the engine. `cosines` are those of the way in and of the way out, with the surface's normal.
     """
     names = np.array(state.world.parts.material)
     ratio, scatters = np.ones(kind.shape), kind == DIFFUSE
@@ -111,8 +112,9 @@ def _by_albedo(
         material = state.world.materials[str(name)]
         rows = scatters & (names[np.maximum(part, 0)] == name)
         engine = material.with_(water_film=0.0, thickness=material.thickness or ENGINE_THICKNESS)
-        te, tm = power_reflectance(engine, RADIO_FREQUENCY, cosine[rows])
-        ratio[rows] = 2.0 * diffuse_albedo(material, frequency) / (material.scattering_coefficient**2 * (te + tm))
+        te, tm = power_reflectance(engine, RADIO_FREQUENCY, cosines[0][rows])
+        albedo = directional_albedo(material, frequency, *(cosine[rows] for cosine in cosines))
+        ratio[rows] = 2.0 * albedo / (material.scattering_coefficient**2 * (te + tm))
     result = a * np.sqrt(ratio.prod(axis=1))[:, None, None]
     single = np.count_nonzero(kind, axis=1) == 1
     columns = np.sum(np.abs(result[single]) ** 2, axis=1, keepdims=True)

@@ -55,11 +55,12 @@ def rough_ground(world: World, frequency: float, knobs: RaycastSettings) -> npt.
 
     Returns
     -------
-    ndarray of float64, shape (num_parts, 2)
+    ndarray of float64, shape (num_parts, 3)
         Co- and cross-polar, times the cosine of incidence the RCS for each m2 of projected area, see
-        :func:`~scarl_sionna.scene.materials.rough.sigma0`.
+        :func:`~scarl_sionna.scene.materials.rough.sigma0`. Third: 0, or the albedo of the scatterers of a deep layer,
+        whose :func:`~scarl_sionna.scene.materials.rough.layer_albedo` then is a factor.
     """
-    result = np.full((len(world.parts.name), 2), np.nan)
+    result = np.full((len(world.parts.name), 3), np.nan)
     if not knobs.rough_ground:
         return result
     own = knobs.class_rcs if isinstance(knobs.class_rcs, Mapping) else _entries(knobs.class_rcs or BUILTIN_FILE)
@@ -67,8 +68,12 @@ def rough_ground(world: World, frequency: float, knobs: RaycastSettings) -> npt.
     ground = [semantic_id(name) for name in GROUND if name not in named]
     for part in np.flatnonzero(np.isin(world.parts.semantic, ground)):
         material = world.materials[world.parts.material[part]]
-        if material.covers(frequency) and (albedo := diffuse_albedo(material, frequency)) > 0.0:
-            result[part] = 4.0 * albedo * (1.0 - material.xpd_coefficient), 4.0 * albedo * material.xpd_coefficient
+        if not material.covers(frequency):
+            continue
+        albedo = 1.0 if material.volume_albedo else diffuse_albedo(material, frequency)
+        if albedo > 0.0:
+            crossed = material.xpd_coefficient
+            result[part] = 4.0 * albedo * (1.0 - crossed), 4.0 * albedo * crossed, material.volume_albedo or 0.0
     return result
 
 

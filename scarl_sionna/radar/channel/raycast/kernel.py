@@ -24,6 +24,7 @@ from scarl_sionna.engine.types import DeviceArray
 from scarl_sionna.radar.tuned import material_frequency
 from scarl_sionna.scene.materials.fresnel import film_of, te_fraction_of_h
 from scarl_sionna.scene.materials.layers import layers
+from scarl_sionna.scene.materials.rough import layer_albedo
 from scarl_sionna.scene.materials.table import RadioMaterial
 from scarl_sionna.signal.link import radar_gain
 
@@ -259,22 +260,23 @@ class RaycastKernel:
         """Return the powers of hits by the radar equation for unit antenna gains."""
         on, dr, mi = self._on, self._on.dr, self._on.mi
         row = hit.part * dr.opaque(mi.UInt32, self._width)
-        film_re, film_im, film_depth, re, im, depth, behind_re, behind_im, gamma, rough, rough_crossed, by_law = (
-            dr.gather(on.Real, self._table, row + k) for k in range(self._width)
-        )
+        column = [dr.gather(on.Real, self._table, row + k) for k in range(self._width)]
+        film_re, film_im, film_depth, re, im, depth, behind_re, behind_im = column[:8]
+        gamma, rough, rough_crossed, layer, by_law = column[8:]
         pair = self._arithmetic.pair
         media = pair(film_re, film_im), pair(re, im), pair(behind_re, behind_im)
         (te, tm), _ = layers(self._arithmetic, media, (film_depth, depth), hit.cosine)
         te, tm = dr.squared_norm(te), dr.squared_norm(tm)
         normal_up = dr.dot(hit.normal, self._rotation[2])
         fraction = te_fraction_of_h(hit.local.z, hit.cosine, normal_up, self._arithmetic)
-        law = by_law > 0.0
-        vertical = dr.select(law, rough * hit.cosine, te + fraction * (tm - te))
-        horizontal = dr.select(law, rough * hit.cosine, tm + fraction * (te - tm))
+        law, deep = by_law > 0.0, layer_albedo(layer, hit.cosine, dr.maximum(hit.cosine, 1e-9))
+        scattered = hit.cosine * dr.select(layer > 0.0, deep, 1.0)
+        vertical = dr.select(law, rough * scattered, te + fraction * (tm - te))
+        horizontal = dr.select(law, rough * scattered, tm + fraction * (te - tm))
         squared = hit.distance * hit.distance
         power = self._gain / (squared * squared) * gamma * (self._footprint + self._solid_angle * squared)
         gives = (power > 0.0) & (vertical + horizontal > 0.0) & (hit.distance < self._reach)
-        return _Reflected(power * vertical, power * horizontal, power * rough_crossed * hit.cosine, gives)
+        return _Reflected(power * vertical, power * horizontal, power * rough_crossed * scattered, gives)
 
     def _require(self, face: npt.NDArray[np.int32]) -> None:
         """Raise if a material that is hit has no data."""
