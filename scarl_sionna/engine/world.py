@@ -30,6 +30,7 @@ from scarl_sionna.scene.document.staging import stage as stage_document
 from scarl_sionna.scene.lanes import SIGNAL_COLORS
 from scarl_sionna.scene.materials.table import MaterialTable
 from scarl_sionna.scene.materials.wet import wet_surfaces
+from scarl_sionna.scene.motion.articulation import joints_on_ground
 from scarl_sionna.scene.motion.trajectory import Motion, Trajectory, is_present
 from scarl_sionna.scene.tables import Actor, InstanceInfo, RayHits, part_table
 
@@ -37,6 +38,7 @@ from .instances import Shapes, check_bodies, describe_instance
 from .rays.bent_faces import BentFaces, bent_faces
 from .rays.cast import Target, cast_rays
 from .rays.enclosure import is_enclosed, is_left_behind
+from .rays.footing import Footing
 from .rays.geometry import Triangles, upright_box
 from .twins import MeshData, Twin
 from .types import MitsubaObject
@@ -69,6 +71,11 @@ class World(Described):
         self._triangles = Triangles.from_meshes(
             [mesh.vertices for mesh in self._meshes.values()], [mesh.faces for mesh in self._meshes.values()]
         )
+        footing = Footing(self._triangles, self.parts.actor < 0)
+        self._entries = [
+            replace(entry, joints=joints_on_ground(entry.joints, footing)) if entry.joints else entry
+            for entry in self._entries
+        ]
         self.actors = tuple(
             Actor.of(entry, number, entry.trajectory)
             for number, entry in enumerate(self._entries, start=1)

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from scarl_sionna.core.errors import InputTypeError, ParameterRangeError, UnknownNameError
 from scarl_sionna.core.pose import Pose, Twist
 
-from .footprints import FootPrints, steps_forward
+from .footprints import FootPrints, Ground, steps_forward
 from .gait import SEGMENTS, WalkingGait, walking_gait
 from .pedalling import PEDALLING_SEGMENTS, Cadence, PedallingLegs
 from .trajectory import Motion, Trajectory, forward_speeds, known_until
@@ -243,7 +243,8 @@ class Walk:
     """A walking person.
 
     `shapes` holds the segment of each shape, which is modelled in that segment's frame, see `gait.SEGMENTS`. Without
-    `prints` the feet are those of a steady way straight ahead, which slide where the way is another.
+    `prints` the feet are those of a steady way straight ahead, which slide where the way is another; without `ground`
+    they stand at the height of the actor's origin.
     """
 
     shapes: Mapping[str, str]
@@ -252,6 +253,7 @@ class Walk:
     phase: Accumulated
     phase_offset: float = 0.0
     prints: FootPrints | None = None
+    ground: Ground | None = None
     changes_shape: bool = True
 
     @property
@@ -303,13 +305,27 @@ def joints_on(joints: Sequence[Joint], trajectory: Trajectory) -> tuple[Joint, .
             found.append(replace(joint, rolling=rolling))
         elif isinstance(joint, Walk):
             phase = joint.phase.on(trajectory)
-            prints = _prints(trajectory, joint.gait, phase, joint.phase_offset)
+            prints = _prints(trajectory, joint.gait, phase, joint.phase_offset, joint.ground)
             found.append(replace(joint, trajectory=trajectory, phase=phase, prints=prints))
         elif isinstance(joint, Pedal):
             found.append(replace(joint, trajectory=trajectory, turned=joint.turned.on(trajectory)))
         else:
             raise InputTypeError("joint", joint, "a Wheel, Walk or Pedal")
     return tuple(found)
+
+
+def joints_on_ground(joints: Sequence[Joint], ground: Ground) -> tuple[Joint, ...]:
+    """Return the same joints of an actor whose feet, if it walks, stand on a ground."""
+    return tuple(
+        replace(
+            joint,
+            ground=ground,
+            prints=joint.prints and _prints(joint.trajectory, joint.gait, joint.phase, joint.phase_offset, ground),
+        )
+        if isinstance(joint, Walk)
+        else joint
+        for joint in joints
+    )
 
 
 def joints_from_tables(
@@ -385,11 +401,13 @@ def _walk(table: Mapping[str, Any], what: str, shapes: Sequence[str], trajectory
     return Walk(found, gait, trajectory, phase, offset, _prints(trajectory, gait, phase, offset))
 
 
-def _prints(trajectory: Trajectory, gait: WalkingGait, phase: Accumulated, offset: float) -> FootPrints | None:
+def _prints(
+    trajectory: Trajectory, gait: WalkingGait, phase: Accumulated, offset: float, ground: Ground | None = None
+) -> FootPrints | None:
     """Return the prints of somebody whose next steps are known; None for who goes backward, or where nobody knows."""
     if np.isfinite(known_until(trajectory)) or not steps_forward(trajectory):
         return None
-    return FootPrints(trajectory, gait, lambda time: phase.at(time) + offset)
+    return FootPrints(trajectory, gait, lambda time: phase.at(time) + offset, ground)
 
 
 def _segments(shapes: Sequence[str], pattern: re.Pattern[str], segments: Sequence[str], what: str) -> dict[str, str]:

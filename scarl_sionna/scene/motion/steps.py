@@ -26,6 +26,9 @@ MIDSTANCE = 0.2
 """Phase after its strike at which a foot's ankle is below the middle of the body [cycles]."""
 REACH = 0.9985
 """Largest distance of hip and ankle over the leg's length that the hips' height is made for."""
+_EDGE = 12
+"""A foot that goes up does so early, and one that goes down late, so that it clears the edge between: by this power of
+the way that is left, or done."""
 _HEEL, _TOE = (-0.25, -0.25), (0.8, -0.25)
 """x and z of the ends of the sole in the frame of a foot, in its length."""
 _X, _Y, _ = np.eye(3)
@@ -43,12 +46,15 @@ class FootPrint:
         Its derivative, in the walker's axes [m/s]: a print rests in the world while the walker moves.
     yaw, yaw_rate : float
         Where the toes point [rad], and its derivative [rad/s].
+    pitch : float
+        By how much the toes point down, on a slope [rad].
     """
 
     position: Array
     velocity: Array
     yaw: float = 0.0
     yaw_rate: float = 0.0
+    pitch: float = 0.0
 
 
 Prints = Mapping[str, tuple[FootPrint, FootPrint]]
@@ -123,7 +129,17 @@ def foot_motion(prints: tuple[FootPrint, FootPrint], curve: Array, rate: Array, 
     level = Motion(
         Pose.from_euler(position, yaw=last.yaw + way * turn), Twist(velocity, np.array([0.0, 0.0, yaw_rate]))
     )
-    x, z, dx, dz = 0.0, -_HEEL[1] * foot + curve[3] * leg, 0.0, rate[3] * leg
+    over, over_rate = 0.0, 0.0
+    if ahead[2] != 0.0:
+        left, sign = (1.0 - way, 1.0) if ahead[2] > 0.0 else (way, -1.0)
+        hill, slope = sign * (left - left**_EDGE), _EDGE * left ** (_EDGE - 1) - 1.0
+        over = ahead[2] * hill
+        over_rate = (following.velocity[2] - last.velocity[2]) * hill + ahead[2] * slope * rate[2]
+    if last.pitch != 0.0 or following.pitch != 0.0:
+        tilt = following.pitch - last.pitch
+        level = level.then(Motion.about(_Y, last.pitch + way * tilt, rate[2] * tilt))
+    x, z, dx = 0.0, -_HEEL[1] * foot + curve[3] * leg + over, 0.0
+    dz = rate[3] * leg + over_rate
     for (px, pz), angle, speed in ((_TOE, curve[0], rate[0]), (_HEEL, -curve[1], -rate[1])):
         s, c = math.sin(angle), math.cos(angle)  # the ankle about a pivot: pivot - R(angle) pivot
         x += foot * (px - c * px - s * pz)
